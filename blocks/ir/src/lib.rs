@@ -1,0 +1,1 @@
+//! The typed instruction set the engines run

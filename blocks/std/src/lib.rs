@@ -1,0 +1,1 @@
+//! System blocks: pure functions of state, time and inputs

@@ -1,0 +1,1 @@
+//! STL/AWL text to blocks and diagnostics

@@ -1,0 +1,3 @@
+//! The driver process that is the CP
+
+fn main() {}

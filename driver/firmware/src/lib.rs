@@ -1,0 +1,1 @@
+//! A whole CP as one sans-IO machine

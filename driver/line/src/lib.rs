@@ -1,0 +1,1 @@
+//! Serial lines: device, pty, TCP, and the simulated line

@@ -1,0 +1,1 @@
+//! Serial protocols as sans-IO machines

@@ -1,0 +1,1 @@
+//! What two binaries must agree on: the plugin interface, repr(C) only

@@ -1,0 +1,1 @@
+//! The handling blocks of the VIPA CP 240

@@ -1,0 +1,1 @@
+//! Write a block in Rust: one safe trait, one export macro

@@ -1,0 +1,1 @@
+//! The CPU: memory, process image, scan loop, diagnostic buffer, access port, reference engine

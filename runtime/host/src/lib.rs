@@ -1,0 +1,1 @@
+//! Loads plugins; starts and supervises driver processes

@@ -1,0 +1,3 @@
+//! The ob1 command
+
+fn main() {}

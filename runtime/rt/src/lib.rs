@@ -1,0 +1,1 @@
+//! Fenced operating-system calls: scheduling, locking memory, sleeping to a deadline

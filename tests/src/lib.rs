@@ -1,0 +1,1 @@
+//! What crosses two crates: the whole-station simulation and the end-to-end tests

@@ -1,0 +1,3 @@
+//! demo, test, bench, sim, ci: the same on a desk and in CI
+
+fn main() {}
