@@ -1,1 +1,13 @@
-//! The typed instruction set the engines run
+//! The typed instruction set the engines run: the only word between the STL compiler and the engines.
+//!
+//! A [`Program`] is a set of code blocks and data blocks. A statement ([`Stmt`]) is one STL statement: its operation, its operand in
+//! typed form, and where it came from (network and line). Nothing here remembers mnemonics or source text; nothing here
+//! knows how an engine represents memory.
+
+mod op;
+mod place;
+mod program;
+
+pub use op::{AccuOp, BitTest, Compare, Convert, Jump, Logic, MathFn, NumberFormat, Op, Shift, StatusBit, WordLogic};
+pub use place::{AddressRegister, DbRegister, Number, Operand, Place, Pointer, Width};
+pub use program::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Program, Stmt, Symbol, Target};

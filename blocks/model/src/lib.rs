@@ -1,1 +1,21 @@
-//! Addresses, S7 data types, big-endian cells, block interfaces and faults
+//! The vocabulary of an S7 program: areas and addresses, data types and their layout, big-endian cells,
+//! blocks and their interfaces, and the faults a program can raise.
+//!
+//! This crate knows no source text, no engine and no operating system.
+
+mod address;
+mod block;
+pub mod cells;
+mod fault;
+mod interface;
+mod layout;
+mod s5time;
+mod types;
+
+pub use address::{Area, BitAddr};
+pub use block::{BlockId, BlockKind};
+pub use fault::{Event, Fault, FaultKind, Site};
+pub use interface::{Interface, Param, Section};
+pub use layout::{Component, Layout, align_to};
+pub use s5time::{S5Time, TimerKind};
+pub use types::{DataType, Dimension, Field};

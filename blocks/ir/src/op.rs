@@ -1,0 +1,363 @@
+//! The operations, each one STL statement. Meaning: "Statement List (STL) for S7-300 and S7-400" reference.
+
+use ob1_model::{BitAddr, TimerKind};
+
+use crate::{AddressRegister, Call, DbRegister, Number, Operand, Place};
+
+/// Combination of a bit with the result of logic operation (RLO).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Logic {
+    And,
+    Or,
+    Xor,
+}
+
+/// A condition of the status word, as an operand of `U O X` (`==0 >0 <0 <>0 >=0 <=0 UO OV OS BIE`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "named as the reference names them")]
+pub enum StatusBit {
+    Zero,
+    Positive,
+    Negative,
+    NotZero,
+    NotNegative,
+    NotPositive,
+    Unordered,
+    Overflow,
+    StoredOverflow,
+    BinaryResult,
+}
+
+/// What a bit statement scans.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BitTest {
+    /// A bit in memory.
+    Bit(Place),
+    /// A timer's state.
+    Timer(Number),
+    /// A counter's state: 1 when its value is not 0.
+    Counter(Number),
+    /// A condition of the status word.
+    Status(StatusBit),
+}
+
+/// The number formats of arithmetic and comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "the letters of the reference: I, D, R")]
+pub enum NumberFormat {
+    Int,
+    DInt,
+    Real,
+}
+
+/// Comparison of ACCU2 with ACCU1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Compare {
+    Equal,
+    NotEqual,
+    Greater,
+    Less,
+    GreaterEqual,
+    LessEqual,
+}
+
+/// Arithmetic of ACCU2 with ACCU1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum AccuOp {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    /// `MOD`, DINT only.
+    Mod,
+}
+
+/// Word logic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum WordLogic {
+    And,
+    Or,
+    Xor,
+}
+
+/// Shifts and rotates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Shift {
+    /// `SLW`.
+    LeftWord,
+    /// `SRW`.
+    RightWord,
+    /// `SSI`: right with sign, integer.
+    RightInt,
+    /// `SLD`.
+    LeftDWord,
+    /// `SRD`.
+    RightDWord,
+    /// `SSD`: right with sign, double integer.
+    RightDInt,
+    /// `RLD`.
+    RotateLeft,
+    /// `RRD`.
+    RotateRight,
+}
+
+/// Conversions of ACCU1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "German mnemonics of the reference")]
+pub enum Convert {
+    Bti,
+    Itb,
+    Btd,
+    Dtb,
+    Itd,
+    Dtr,
+    Rnd,
+    RndPlus,
+    RndMinus,
+    Trunc,
+    Invi,
+    Invd,
+    Negi,
+    Negd,
+    Negr,
+    Abs,
+    /// Swap the two bytes of ACCU1-L.
+    Taw,
+    /// Reverse the four bytes of ACCU1.
+    Tad,
+}
+
+/// Floating-point functions of ACCU1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "mnemonics of the reference")]
+pub enum MathFn {
+    Sqr,
+    Sqrt,
+    Ln,
+    Exp,
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+}
+
+/// Jump conditions; German mnemonics in the documentation of each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Jump {
+    /// `SPA`.
+    Always,
+    /// `SPB`: RLO = 1.
+    IfRlo,
+    /// `SPBN`: RLO = 0.
+    IfNotRlo,
+    /// `SPBB`: RLO = 1, and RLO into BR.
+    IfRloSaveBr,
+    /// `SPBNB`: RLO = 0, and RLO into BR.
+    IfNotRloSaveBr,
+    /// `SPBI`: BR = 1.
+    IfBr,
+    /// `SPBIN`: BR = 0.
+    IfNotBr,
+    /// `SPO`: OV = 1.
+    IfOverflow,
+    /// `SPS`: OS = 1, and OS := 0.
+    IfStoredOverflow,
+    /// `SPZ`: result = 0.
+    IfZero,
+    /// `SPN`: result <> 0.
+    IfNotZero,
+    /// `SPP`: result > 0.
+    IfPositive,
+    /// `SPM`: result < 0.
+    IfNegative,
+    /// `SPPZ`: result >= 0.
+    IfNotNegative,
+    /// `SPMZ`: result <= 0.
+    IfNotPositive,
+    /// `SPU`: unordered, overflow in a division.
+    IfUnordered,
+}
+
+/// One statement's operation. Jump targets are statement indices in the same block.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Op {
+    /// `U UN O ON X XN operand`.
+    Scan {
+        /// And, or, exclusive or.
+        logic: Logic,
+        /// Scan for 0.
+        negate: bool,
+        /// What is scanned.
+        test: BitTest,
+    },
+    /// `U( UN( O( ON( X( XN(`.
+    Open {
+        /// How the bracket's result will be combined.
+        logic: Logic,
+        /// Negated.
+        negate: bool,
+    },
+    /// `)`.
+    Close,
+    /// `O` without operand: and before or.
+    OrBranch,
+    /// `=`.
+    Assign(Place),
+    /// `S`.
+    Set(Place),
+    /// `R`.
+    Reset(Place),
+    /// `FP` with its edge memory bit.
+    EdgePositive(Place),
+    /// `FN` with its edge memory bit.
+    EdgeNegative(Place),
+    /// `SET`.
+    SetRlo,
+    /// `CLR`.
+    ClearRlo,
+    /// `NOT`.
+    NotRlo,
+    /// `SAVE`.
+    SaveRlo,
+
+    /// `L operand`.
+    Load(Operand),
+    /// `L constant`: the 32 bits loaded into ACCU1.
+    LoadConst(u32),
+    /// `T operand`.
+    Transfer(Operand),
+    /// `L STW`.
+    LoadStatus,
+    /// `T STW`.
+    TransferStatus,
+    /// `L T n`: the time as integer in units of its base.
+    LoadTimer(Number),
+    /// `LC T n`: as BCD with its base.
+    LoadTimerBcd(Number),
+    /// `L Z n`.
+    LoadCounter(Number),
+    /// `LC Z n`.
+    LoadCounterBcd(Number),
+    /// `L DBLG`, `L DILG`.
+    LoadDbLength(DbRegister),
+    /// `L DBNO`, `L DINO`.
+    LoadDbNumber(DbRegister),
+
+    /// `+I -I *I /I +D .. +R .. MOD`.
+    Arithmetic(NumberFormat, AccuOp),
+    /// `+ constant`: to ACCU1 as INT (word constant) or DINT (`L#`); no flags.
+    AddConst {
+        /// Int or DInt.
+        format: NumberFormat,
+        /// What is added.
+        value: i32,
+    },
+    /// `==I <>D >=R ...`.
+    Compare(NumberFormat, Compare),
+    /// `UW OW XOW`; the constant form combines with ACCU1 instead of ACCU2.
+    WordLogic(WordLogic, Option<u16>),
+    /// `UD OD XOD`.
+    DWordLogic(WordLogic, Option<u32>),
+    /// Shift or rotate by a constant or, without one, by ACCU2-L-L.
+    Shift(Shift, Option<u8>),
+    /// `RLDA`: rotate left through CC1 by one.
+    RotateLeftCc1,
+    /// `RRDA`.
+    RotateRightCc1,
+    /// Conversions.
+    Convert(Convert),
+    /// Floating-point functions.
+    Math(MathFn),
+    /// `TAK`: exchange ACCU1 and ACCU2.
+    ExchangeAccus,
+    /// `PUSH`.
+    Push,
+    /// `POP`.
+    Pop,
+    /// `ENT`.
+    Enter,
+    /// `LEAVE`.
+    Leave,
+    /// `INC n`, ACCU1-L-L.
+    Increment(u8),
+    /// `DEC n`.
+    Decrement(u8),
+
+    /// `LAR1`, `LAR2` from ACCU1.
+    LoadAr(AddressRegister),
+    /// `LAR1 P#..`: the whole 32-bit pointer.
+    LoadArConst(AddressRegister, u32),
+    /// `LAR1 MD 20`.
+    LoadArFrom(AddressRegister, Operand),
+    /// `LAR1 AR2`.
+    CopyAr2ToAr1,
+    /// `TAR1`, `TAR2` into ACCU1.
+    TransferAr(AddressRegister),
+    /// `TAR1 MD 20`.
+    TransferArTo(AddressRegister, Operand),
+    /// `TAR1 AR2`.
+    CopyAr1ToAr2,
+    /// `TAR`: exchange AR1 and AR2.
+    ExchangeArs,
+    /// `+AR1` from ACCU1-L.
+    AddAr(AddressRegister),
+    /// `+AR1 P#..`.
+    AddArConst(AddressRegister, BitAddr),
+
+    /// `AUF DB n`, `AUF DI n`.
+    OpenDb(DbRegister, Number),
+    /// `TDB`: exchange the data block registers.
+    ExchangeDbs,
+
+    /// `SI SV SE SS SA T n`, time in ACCU1-L.
+    StartTimer(TimerKind, Number),
+    /// `R T n`.
+    ResetTimer(Number),
+    /// `FR T n`.
+    EnableTimer(Number),
+    /// `ZV Z n`.
+    CountUp(Number),
+    /// `ZR Z n`.
+    CountDown(Number),
+    /// `S Z n`, BCD value in ACCU1-L.
+    SetCounter(Number),
+    /// `R Z n`.
+    ResetCounter(Number),
+    /// `FR Z n`.
+    EnableCounter(Number),
+
+    /// A jump to the statement with this index.
+    Jump(Jump, u32),
+    /// `LOOP`: ACCU1-L := ACCU1-L - 1, jump when not 0.
+    Loop(u32),
+    /// `SPL`: jump over ACCU1-LL into the list of `SPA`s that follows; beyond the list to this statement.
+    JumpList {
+        /// Targets of the list, in order.
+        targets: Box<[u32]>,
+        /// Where a number beyond the list goes.
+        otherwise: u32,
+    },
+
+    /// `CALL`, `UC`, `CC`.
+    Call(Box<Call>),
+    /// `BE`, `BEA`.
+    End,
+    /// `BEB`: end when RLO = 1.
+    EndIf,
+    /// `MCRA`.
+    McrActivate,
+    /// `MCRD`.
+    McrDeactivate,
+    /// `MCR(`.
+    McrOpen,
+    /// `)MCR`.
+    McrClose,
+    /// `NOP 0`, `NOP 1`, `BLD n`.
+    Nop,
+}

@@ -1,0 +1,132 @@
+//! Blocks, calls and the whole program.
+
+use ob1_model::{BlockId, Component, DataType, Interface};
+
+use crate::{Number, Op, Operand};
+
+/// One statement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stmt {
+    /// What it does.
+    pub op: Op,
+    /// Network number, from 1.
+    pub network: u16,
+    /// Source line, from 1.
+    pub line: u32,
+}
+
+/// Who is called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// A block known by number.
+    Block(BlockId),
+    /// `UC FC [MW 2]`, `UC FB [..]`, or a block given by parameter.
+    Indirect(ob1_model::BlockKind, Number),
+    /// A multi-instance: `CALL #pump`: the FB and where its instance begins within the caller's.
+    Local(BlockId, ob1_model::BitAddr),
+}
+
+/// How it is called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CallMode {
+    /// `CALL`: with parameters.
+    Call,
+    /// `UC`: no parameters.
+    Unconditional,
+    /// `CC`: no parameters, when RLO = 1.
+    Conditional,
+}
+
+/// An actual parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Arg {
+    /// Not supplied (allowed for an FB's parameters: the instance keeps its value).
+    Open,
+    /// A constant of an elementary type, right-aligned in 32 bits.
+    Const(u32),
+    /// A constant of a composed type (STRING, DATE_AND_TIME, pointer, ANY), as laid-out bytes.
+    Bytes(Box<[u8]>),
+    /// An operand. M, E, A, L and DBX through the DB register go by reference; fully qualified data operands (`InDb`), peripheral,
+    /// indirect and instance operands are copied before and after the call, as STEP 7 does.
+    Operand(Operand),
+    /// A timer, counter or block number.
+    Number(Number),
+}
+
+/// A call statement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Call {
+    /// `CALL`, `UC`, `CC`.
+    pub mode: CallMode,
+    /// Who.
+    pub target: Target,
+    /// Instance data block of an FB.
+    pub instance: Option<Number>,
+    /// One entry per formal of the callee's interface, in its order; empty for `UC`/`CC`.
+    pub args: Vec<Arg>,
+}
+
+/// A block of statements.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CodeBlock {
+    /// Kind and number.
+    pub id: BlockId,
+    /// The name of its header or symbol, when it has one.
+    pub name: Option<String>,
+    /// Parameters and variables. `temp_bytes` counts declared local data.
+    pub interface: Interface,
+    /// The statements; running past the last one ends the block.
+    pub code: Vec<Stmt>,
+    /// Index into [`Program::sources`].
+    pub source: u32,
+}
+
+/// What a data block is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DataKind {
+    /// A global data block.
+    Global,
+    /// The instance of a function block.
+    Instance(BlockId),
+}
+
+/// A data block.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DataBlock {
+    /// The number, from 1.
+    pub number: u16,
+    /// The name of its header or symbol.
+    pub name: Option<String>,
+    /// Global or instance.
+    pub kind: DataKind,
+    /// The load values; its length is the data block's length.
+    pub bytes: Vec<u8>,
+    /// Named components, for `DB10.name` in tools.
+    pub components: Vec<Component>,
+    /// `READ_ONLY`.
+    pub read_only: bool,
+}
+
+/// A name of the symbol table, for tools.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Symbol {
+    /// The name without quotes.
+    pub name: String,
+    /// What it stands for, as written: `M 1.0`, `DB 10`.
+    pub address: String,
+    /// Its type, when the table gives one.
+    pub ty: Option<DataType>,
+}
+
+/// A compiled program.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Program {
+    /// Code blocks, any order, each id once.
+    pub blocks: Vec<CodeBlock>,
+    /// Data blocks, any order, each number once.
+    pub data: Vec<DataBlock>,
+    /// Symbols.
+    pub symbols: Vec<Symbol>,
+    /// Names of the source files.
+    pub sources: Vec<String>,
+}

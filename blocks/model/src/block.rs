@@ -1,0 +1,79 @@
+//! Block kinds and numbers.
+
+use std::fmt;
+
+/// What a block is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum BlockKind {
+    /// Organization block: called by the operating system.
+    Ob,
+    /// Function block: has an instance data block.
+    Fb,
+    /// Function: no memory of its own.
+    Fc,
+    /// System function block.
+    Sfb,
+    /// System function.
+    Sfc,
+    /// Data block.
+    Db,
+}
+
+impl BlockKind {
+    /// The two or three letters in front of the number.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            BlockKind::Ob => "OB",
+            BlockKind::Fb => "FB",
+            BlockKind::Fc => "FC",
+            BlockKind::Sfb => "SFB",
+            BlockKind::Sfc => "SFC",
+            BlockKind::Db => "DB",
+        }
+    }
+
+    /// True for blocks that run on an instance data block.
+    #[must_use]
+    pub const fn has_instance(self) -> bool {
+        matches!(self, BlockKind::Fb | BlockKind::Sfb)
+    }
+
+    /// The kind of a repr value, as it comes over a plugin's table.
+    #[must_use]
+    pub const fn from_repr(value: u8) -> Option<Self> {
+        Some(match value {
+            0 => BlockKind::Ob,
+            1 => BlockKind::Fb,
+            2 => BlockKind::Fc,
+            3 => BlockKind::Sfb,
+            4 => BlockKind::Sfc,
+            5 => BlockKind::Db,
+            _ => return None,
+        })
+    }
+}
+
+/// A block by kind and number: `FC 9`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct BlockId {
+    /// The kind.
+    pub kind: BlockKind,
+    /// The number, 0 to 65535 (data blocks from 1).
+    pub number: u16,
+}
+
+impl BlockId {
+    /// A block's name.
+    #[must_use]
+    pub const fn new(kind: BlockKind, number: u16) -> Self {
+        Self { kind, number }
+    }
+}
+
+impl fmt::Display for BlockId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.kind.name(), self.number)
+    }
+}

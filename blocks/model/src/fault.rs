@@ -1,0 +1,283 @@
+//! Faults of a program and the events of the diagnostic buffer, numbered as an S7-300 numbers them.
+//!
+//! Event numbers are those of the "System Software for S7-300/400" reference (event classes 2, 3 and 4); class F is free
+//! for "events of modules other than CPUs" and holds our own.
+
+use std::fmt;
+
+use crate::BlockId;
+
+/// Where in the program something happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Site {
+    /// The block.
+    pub block: BlockId,
+    /// Network number, from 1; 0 when the source has none.
+    pub network: u16,
+    /// Source line, from 1; 0 for blocks that are not compiled from source.
+    pub line: u32,
+}
+
+impl fmt::Display for Site {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.block)?;
+        if self.network > 0 {
+            write!(f, ", network {}", self.network)?;
+        }
+        if self.line > 0 {
+            write!(f, ", line {}", self.line)?;
+        }
+        Ok(())
+    }
+}
+
+/// What a statement did wrong. Programming errors call OB 121, access errors OB 122; without that OB the CPU goes to STOP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultKind {
+    /// 2521h: a digit above 9 where a BCD number is expected.
+    BcdConversion,
+    /// 2522h: read outside the area.
+    AreaLengthRead,
+    /// 2523h: write outside the area.
+    AreaLengthWrite,
+    /// 2524h: a pointer with an area code that names no readable area.
+    AreaRead,
+    /// 2525h: a pointer with an area code that names no writable area.
+    AreaWrite,
+    /// 2526h: a timer the CPU does not have.
+    TimerNumber,
+    /// 2527h: a counter the CPU does not have.
+    CounterNumber,
+    /// 2528h: a word or double word read through a pointer whose bit part is not 0.
+    AlignmentRead,
+    /// 2529h: a word or double word written through a pointer whose bit part is not 0.
+    AlignmentWrite,
+    /// 2530h: write to a write-protected global data block.
+    WriteProtectedDb,
+    /// 2531h: write to a write-protected instance data block.
+    WriteProtectedDi,
+    /// 2532h: `AUF DB` with a number that cannot be.
+    DbNumber,
+    /// 2533h: `AUF DI` with a number that cannot be.
+    DiNumber,
+    /// 2534h: call of an FC with a number that cannot be.
+    FcNumber,
+    /// 2535h: call of an FB with a number that cannot be.
+    FbNumber,
+    /// 253Ah: the data block is not loaded.
+    DbNotLoaded,
+    /// 253Ch: the function is not loaded.
+    FcNotLoaded,
+    /// 253Dh: the system function does not exist.
+    SfcNotLoaded,
+    /// 253Eh: the function block is not loaded.
+    FbNotLoaded,
+    /// 253Fh: the system function block does not exist.
+    SfbNotLoaded,
+    /// 2942h: peripheral read without a module, or the module does not answer.
+    PeripheralRead,
+    /// 2943h: peripheral write without a module, or the module does not answer.
+    PeripheralWrite,
+    /// 2575h (ours): blocks nested deeper than the CPU allows, or no local data left.
+    NestingDepth,
+}
+
+impl FaultKind {
+    /// The event number.
+    #[must_use]
+    pub const fn number(self) -> u16 {
+        match self {
+            FaultKind::BcdConversion => 0x2521,
+            FaultKind::AreaLengthRead => 0x2522,
+            FaultKind::AreaLengthWrite => 0x2523,
+            FaultKind::AreaRead => 0x2524,
+            FaultKind::AreaWrite => 0x2525,
+            FaultKind::TimerNumber => 0x2526,
+            FaultKind::CounterNumber => 0x2527,
+            FaultKind::AlignmentRead => 0x2528,
+            FaultKind::AlignmentWrite => 0x2529,
+            FaultKind::WriteProtectedDb => 0x2530,
+            FaultKind::WriteProtectedDi => 0x2531,
+            FaultKind::DbNumber => 0x2532,
+            FaultKind::DiNumber => 0x2533,
+            FaultKind::FcNumber => 0x2534,
+            FaultKind::FbNumber => 0x2535,
+            FaultKind::DbNotLoaded => 0x253A,
+            FaultKind::FcNotLoaded => 0x253C,
+            FaultKind::SfcNotLoaded => 0x253D,
+            FaultKind::FbNotLoaded => 0x253E,
+            FaultKind::SfbNotLoaded => 0x253F,
+            FaultKind::NestingDepth => 0x2575,
+            FaultKind::PeripheralRead => 0x2942,
+            FaultKind::PeripheralWrite => 0x2943,
+        }
+    }
+
+    /// The organization block that handles it: 121 or 122.
+    #[must_use]
+    pub const fn ob(self) -> u16 {
+        match self {
+            FaultKind::PeripheralRead | FaultKind::PeripheralWrite => 122,
+            _ => 121,
+        }
+    }
+
+    /// The fault of an event number, as a plugin raises it.
+    #[must_use]
+    pub fn from_number(number: u16) -> Option<Self> {
+        Self::ALL.into_iter().find(|k| k.number() == number)
+    }
+
+    /// Every fault.
+    pub const ALL: [FaultKind; 23] = [
+        FaultKind::BcdConversion,
+        FaultKind::AreaLengthRead,
+        FaultKind::AreaLengthWrite,
+        FaultKind::AreaRead,
+        FaultKind::AreaWrite,
+        FaultKind::TimerNumber,
+        FaultKind::CounterNumber,
+        FaultKind::AlignmentRead,
+        FaultKind::AlignmentWrite,
+        FaultKind::WriteProtectedDb,
+        FaultKind::WriteProtectedDi,
+        FaultKind::DbNumber,
+        FaultKind::DiNumber,
+        FaultKind::FcNumber,
+        FaultKind::FbNumber,
+        FaultKind::DbNotLoaded,
+        FaultKind::FcNotLoaded,
+        FaultKind::SfcNotLoaded,
+        FaultKind::FbNotLoaded,
+        FaultKind::SfbNotLoaded,
+        FaultKind::PeripheralRead,
+        FaultKind::PeripheralWrite,
+        FaultKind::NestingDepth,
+    ];
+}
+
+/// A fault with what is needed to explain it: the number that was wrong and the size it was held against.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// What went wrong.
+    pub kind: FaultKind,
+    /// The block, timer, counter or area byte concerned.
+    pub number: u32,
+}
+
+impl Fault {
+    /// A fault about `number`.
+    #[must_use]
+    pub const fn new(kind: FaultKind, number: u32) -> Self {
+        Self { kind, number }
+    }
+}
+
+/// An entry's meaning in the diagnostic buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Event(pub u16);
+
+impl Event {
+    /// STOP to STARTUP.
+    pub const STARTUP: Event = Event(0x4301);
+    /// STARTUP to RUN.
+    pub const RUN: Event = Event(0x4302);
+    /// STOP asked for by an operator (`ob1 ctl stop`, end of a run).
+    pub const STOP_OPERATOR: Event = Event(0x4304);
+    /// Memory reset by an operator.
+    pub const MEMORY_RESET: Event = Event(0x4307);
+    /// STOP by SFC 46.
+    pub const STOP_PROGRAM: Event = Event(0x4543);
+    /// STOP by a programming error without OB 121.
+    pub const STOP_PROGRAMMING_ERROR: Event = Event(0x4562);
+    /// STOP by an access error without OB 122.
+    pub const STOP_ACCESS_ERROR: Event = Event(0x4563);
+    /// STOP by a time error: watchdog without OB 80, or twice in one cycle.
+    pub const STOP_TIME_ERROR: Event = Event(0x4568);
+    /// Cycle time exceeded.
+    pub const CYCLE_TIME_EXCEEDED: Event = Event(0x3501);
+    /// A plugin block panicked (ours).
+    pub const PLUGIN_PANIC: Event = Event(0xF101);
+    /// A plugin block asked for STOP or broke the rules of the interface (ours).
+    pub const PLUGIN_STOP: Event = Event(0xF102);
+    /// An entry written by a plugin block (ours).
+    pub const PLUGIN_ENTRY: Event = Event(0xF103);
+    /// A driver process ended (ours).
+    pub const DRIVER_LOST: Event = Event(0xF201);
+    /// A driver process is up (ours).
+    pub const DRIVER_UP: Event = Event(0xF202);
+    /// A CP's shared memory holds something that cannot be (ours).
+    pub const SEGMENT_GARBAGE: Event = Event(0xF203);
+    /// A CP reports an error of its line or its parameters (ours).
+    pub const CP_ERROR: Event = Event(0xF204);
+    /// A CP's error is gone (ours).
+    pub const CP_ERROR_GONE: Event = Event(0xF205);
+
+    /// The event's text.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self.0 {
+            0x4301 => "mode transition from STOP to STARTUP",
+            0x4302 => "mode transition from STARTUP to RUN",
+            0x4304 => "STOP by operator",
+            0x4307 => "memory reset by operator",
+            0x4543 => "STOP by the program (SFC 46)",
+            0x4562 => "STOP by programming error, OB 121 not loaded",
+            0x4563 => "STOP by access error, OB 122 not loaded",
+            0x4568 => "STOP by time error",
+            0x3501 => "cycle time exceeded",
+            0x2521 => "BCD conversion error",
+            0x2522 => "area length error when reading",
+            0x2523 => "area length error when writing",
+            0x2524 => "area error when reading",
+            0x2525 => "area error when writing",
+            0x2526 => "timer number error",
+            0x2527 => "counter number error",
+            0x2528 => "alignment error when reading",
+            0x2529 => "alignment error when writing",
+            0x2530 => "write error, data block is write-protected",
+            0x2531 => "write error, instance data block is write-protected",
+            0x2532 => "block number error when opening a data block",
+            0x2533 => "block number error when opening an instance data block",
+            0x2534 => "block number error when calling an FC",
+            0x2535 => "block number error when calling an FB",
+            0x253A => "data block not loaded",
+            0x253C => "FC not loaded",
+            0x253D => "SFC not available",
+            0x253E => "FB not loaded",
+            0x253F => "SFB not available",
+            0x2575 => "blocks nested too deep",
+            0x2942 => "peripheral access error when reading",
+            0x2943 => "peripheral access error when writing",
+            0xF101 => "STOP, a plugin block panicked",
+            0xF102 => "STOP by a plugin block",
+            0xF103 => "entry of a plugin block",
+            0xF201 => "driver process ended",
+            0xF202 => "driver process is up",
+            0xF203 => "a CP's shared memory is not valid",
+            0xF204 => "a CP reports an error",
+            0xF205 => "a CP's error is gone",
+            _ => "event",
+        }
+    }
+}
+
+impl From<FaultKind> for Event {
+    fn from(kind: FaultKind) -> Self {
+        Event(kind.number())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_fault_has_a_number_and_a_text_of_its_own() {
+        for (i, kind) in FaultKind::ALL.into_iter().enumerate() {
+            assert_eq!(FaultKind::from_number(kind.number()), Some(kind));
+            assert_ne!(Event::from(kind).text(), "event", "{kind:?}");
+            assert!(!FaultKind::ALL[..i].iter().any(|k| k.number() == kind.number()), "{kind:?} twice");
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! What a block takes and gives.
+
+use crate::{BitAddr, DataType};
+
+/// The declaration section of a parameter or variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Section {
+    /// `VAR_INPUT`.
+    Input,
+    /// `VAR_OUTPUT`.
+    Output,
+    /// `VAR_IN_OUT`.
+    InOut,
+    /// `VAR`: kept in the instance data block.
+    Static,
+    /// `VAR_TEMP`: local data.
+    Temp,
+    /// The function value, `RET_VAL`.
+    Return,
+}
+
+/// One declared parameter or variable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Param {
+    /// The name as declared; names compare without regard to case.
+    pub name: String,
+    /// Other spellings the manuals print for the same parameter (`ENDE_KOM`, `ENDE_KOMM`).
+    pub aliases: Vec<String>,
+    /// Where it is declared.
+    pub section: Section,
+    /// Its type.
+    pub ty: DataType,
+    /// Where it lies: in the instance data block (inputs to statics of an FB), in the local data (temps). Zero for the
+    /// parameters of an FC, which are references.
+    pub at: BitAddr,
+    /// Initial value as laid-out bytes.
+    pub initial: Option<Vec<u8>>,
+}
+
+impl Param {
+    /// A parameter without aliases and initial value.
+    #[must_use]
+    pub fn new(name: &str, section: Section, ty: DataType) -> Self {
+        Self { name: name.to_owned(), aliases: Vec::new(), section, ty, at: BitAddr(0), initial: None }
+    }
+
+    /// True when `name` is this parameter's name or one of its other spellings.
+    #[must_use]
+    pub fn is_called(&self, name: &str) -> bool {
+        self.name.eq_ignore_ascii_case(name) || self.aliases.iter().any(|a| a.eq_ignore_ascii_case(name))
+    }
+}
+
+/// A block's interface: parameters in declaration order, then statics and temps.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Interface {
+    /// All declarations.
+    pub params: Vec<Param>,
+    /// Bytes of the instance data block (FB), 0 for others.
+    pub instance_bytes: u32,
+    /// Bytes of declared local data.
+    pub temp_bytes: u32,
+}
+
+impl Interface {
+    /// The parameters a caller supplies or receives, in order: inputs, outputs, in/outs and the return value.
+    /// Their position in this iterator is the parameter index of a call.
+    pub fn formals(&self) -> impl Iterator<Item = &Param> {
+        self.params.iter().filter(|p| !matches!(p.section, Section::Static | Section::Temp))
+    }
+
+    /// A formal parameter by any of its names, with its index.
+    #[must_use]
+    pub fn formal(&self, name: &str) -> Option<(usize, &Param)> {
+        self.formals().enumerate().find(|(_, p)| p.is_called(name))
+    }
+
+    /// Any declaration by name.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<&Param> {
+        self.params.iter().find(|p| p.is_called(name))
+    }
+}

@@ -1,0 +1,190 @@
+//! The STEP 7 data layout: BOOLs fill bits, bytes lie anywhere, everything longer on an even byte; arrays, structures
+//! and strings begin on an even byte and are padded to one.
+
+use crate::{BitAddr, DataType, Field};
+
+/// One addressable component of a laid-out type: `sub[3].name`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Component {
+    /// The path from the outermost name: `sub[3].name`.
+    pub path: String,
+    /// Elementary or string type found there.
+    pub ty: DataType,
+    /// Its address from the start.
+    pub at: BitAddr,
+}
+
+/// Builds a layout declaration by declaration.
+#[derive(Clone, Debug, Default)]
+pub struct Layout {
+    next_bit: u32,
+}
+
+/// `bit` rounded up to a multiple of `step` bits.
+#[must_use]
+pub const fn align_to(bit: u32, step: u32) -> u32 {
+    bit.next_multiple_of(step)
+}
+
+impl Layout {
+    /// An empty layout at byte 0.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { next_bit: 0 }
+    }
+
+    /// Places one declaration and returns its address.
+    pub fn place(&mut self, ty: &DataType) -> BitAddr {
+        let at = align_to(self.next_bit, Self::alignment(ty));
+        self.next_bit = at + Self::bits(ty);
+        BitAddr(at)
+    }
+
+    /// Ends a section (inputs, outputs, ...): the next declaration starts on an even byte.
+    pub fn end_section(&mut self) {
+        self.next_bit = align_to(self.next_bit, 16);
+    }
+
+    /// Bytes used so far, padded to an even number.
+    #[must_use]
+    pub const fn bytes(&self) -> u32 {
+        align_to(self.next_bit, 16) / 8
+    }
+
+    /// Alignment in bits.
+    #[must_use]
+    pub const fn alignment(ty: &DataType) -> u32 {
+        match ty.elementary_bits() {
+            Some(bits) if bits < 16 => bits,
+            _ => 16,
+        }
+    }
+
+    /// Size in bits, padding of composed types included.
+    #[must_use]
+    pub fn bits(ty: &DataType) -> u32 {
+        if let Some(bits) = ty.elementary_bits() {
+            return bits;
+        }
+        match ty {
+            DataType::DateAndTime => 64,
+            DataType::String(n) => align_to((u32::from(*n) + 2) * 8, 16),
+            DataType::Pointer => 48,
+            DataType::Any => 80,
+            DataType::Struct(fields) => {
+                let mut inner = Layout::new();
+                for field in fields {
+                    inner.place(&field.ty);
+                }
+                inner.bytes() * 8
+            }
+            DataType::Array(dims, element) => {
+                // The last dimension is packed; each row of it starts on an even byte.
+                let (last, outer) = match dims.split_last() {
+                    Some((last, outer)) => (last.len(), outer.iter().map(|d| d.len()).product::<u32>()),
+                    None => (0, 0),
+                };
+                align_to(last.saturating_mul(Self::stride(element)), 16).saturating_mul(outer)
+            }
+            // Block, timer and counter numbers are words where they are stored at all.
+            _ => 16,
+        }
+    }
+
+    /// Distance in bits between two elements of an array.
+    #[must_use]
+    pub fn stride(element: &DataType) -> u32 {
+        align_to(Self::bits(element), Self::alignment(element))
+    }
+
+    /// All elementary components of `ty` at `base`, in address order.
+    pub fn components(path: &str, ty: &DataType, base: BitAddr, out: &mut Vec<Component>) {
+        match ty {
+            DataType::Struct(fields) => Self::struct_components(path, fields, base, out),
+            DataType::Array(dims, element) => {
+                let row_bits = dims.last().map_or(0, |d| align_to(d.len().saturating_mul(Self::stride(element)), 16));
+                let count: u32 = dims.iter().map(|d| d.len()).product();
+                let per_row = dims.last().map_or(1, |d| d.len()).max(1);
+                for i in 0..count {
+                    let at = base.0 + i / per_row * row_bits + i % per_row * Self::stride(element);
+                    Self::components(&format!("{path}[{}]", index_text(dims, i)), element, BitAddr(at), out);
+                }
+            }
+            _ => out.push(Component { path: path.to_owned(), ty: ty.clone(), at: base }),
+        }
+    }
+
+    fn struct_components(path: &str, fields: &[Field], base: BitAddr, out: &mut Vec<Component>) {
+        let mut inner = Layout::new();
+        for field in fields {
+            let at = BitAddr(base.0 + inner.place(&field.ty).0);
+            let path = if path.is_empty() { field.name.clone() } else { format!("{path}.{}", field.name) };
+            Self::components(&path, &field.ty, at, out);
+        }
+    }
+}
+
+fn index_text(dims: &[crate::Dimension], mut flat: u32) -> String {
+    let mut indices = Vec::with_capacity(dims.len());
+    for dim in dims.iter().rev() {
+        let len = dim.len().max(1);
+        indices.push((i64::from(dim.low) + i64::from(flat % len)).to_string());
+        flat /= len;
+    }
+    indices.reverse();
+    indices.join(",")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Dimension;
+
+    fn field(name: &str, ty: DataType) -> Field {
+        Field { name: name.into(), ty, initial: None }
+    }
+
+    #[test]
+    fn bits_then_bytes_then_words() {
+        let mut layout = Layout::new();
+        let places: Vec<_> = [
+            DataType::Bool,
+            DataType::Bool,
+            DataType::Byte,
+            DataType::Bool,
+            DataType::Int,
+            DataType::Byte,
+            DataType::Real,
+        ]
+        .iter()
+        .map(|ty| layout.place(ty).to_string())
+        .collect();
+        assert_eq!(places, ["0.0", "0.1", "1.0", "2.0", "4.0", "6.0", "8.0"]);
+        assert_eq!(layout.bytes(), 12);
+    }
+
+    #[test]
+    fn arrays_of_bool_take_whole_rows() {
+        let dims = vec![Dimension { low: 1, high: 2 }, Dimension { low: 0, high: 9 }];
+        let ty = DataType::Array(dims, Box::new(DataType::Bool));
+        assert_eq!(Layout::bits(&ty), 64 - 32);
+        let mut out = Vec::new();
+        Layout::components("a", &ty, BitAddr(0), &mut out);
+        assert_eq!(out.len(), 20);
+        assert_eq!((out[10].path.as_str(), out[10].at.to_string().as_str()), ("a[2,0]", "2.0"));
+    }
+
+    #[test]
+    fn strings_and_structs_are_even() {
+        assert_eq!(Layout::bits(&DataType::String(3)), 48);
+        let ty = DataType::Struct(vec![
+            field("x", DataType::Bool),
+            field("y", DataType::Struct(vec![field("z", DataType::Byte)])),
+        ]);
+        assert_eq!(Layout::bits(&ty), 32);
+        let mut out = Vec::new();
+        Layout::components("s", &ty, BitAddr(16), &mut out);
+        let flat: Vec<_> = out.iter().map(|c| format!("{} {}", c.path, c.at)).collect();
+        assert_eq!(flat, ["s.x 2.0", "s.y.z 4.0"]);
+    }
+}
