@@ -1,0 +1,243 @@
+//! What the CPU is given: a clock, modules, and native blocks, all as trait objects. It knows nothing of plugins,
+//! drivers or operating systems.
+
+use ob1_model::{BlockId, Event, FaultKind, Interface, TimerKind};
+
+/// Nanoseconds since the runtime started.
+pub type Nanos = u64;
+
+/// The only source of time: real or virtual.
+pub trait Clock {
+    /// The time now. Never goes back.
+    fn now(&mut self) -> Nanos;
+
+    /// Told at safe points how many statements have been executed since the last time. A virtual clock charges time for them, so that a
+    /// loop on a timer ends and the watchdog fires; a real clock ignores it.
+    fn executed(&mut self, statements: u64);
+}
+
+/// Why a module cannot be accessed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ModuleError {
+    /// Its driver is down.
+    Absent,
+    /// The bytes lie outside its registers.
+    Outside,
+    /// The mailbox is empty, or still full.
+    Busy,
+    /// It has no such record, mailbox or line.
+    NoRecord,
+}
+
+/// A module's state, for programs and tools.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ModuleStatus {
+    /// True while its driver answers.
+    pub present: bool,
+    /// Counts the driver's starts.
+    pub generation: u32,
+    /// LED bits, meaning by module type (CP 240: bit 0 PW, 1 ER, 2 TxD, 3 RxD).
+    pub leds: u32,
+}
+
+/// Something a module reports by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ModuleEvent {
+    /// What the diagnostic buffer says.
+    pub event: Event,
+    /// Raises OB 82 when true.
+    pub diagnostic_interrupt: bool,
+    /// Bytes of diagnostic data or of the text, meaning by event.
+    pub data: [u8; 16],
+    /// How many of them.
+    pub len: u8,
+}
+
+/// Counters a module keeps, by name, for reports.
+pub type ModuleCounters<'a> = &'a mut dyn FnMut(&'static str, u64);
+
+/// A module on the back plane as the CPU sees it: input and output registers at a logical address, records, a mailbox, events.
+///
+/// All methods but `counters` run on the scan thread: they neither block nor allocate, and make no system call but a doorbell.
+/// Offsets count from the module's first byte.
+pub trait Module: Send {
+    /// Bytes of input registers (CP to CPU).
+    fn input_bytes(&self) -> u16;
+    /// Bytes of output registers (CPU to CP).
+    fn output_bytes(&self) -> u16;
+    /// Once a scan, before the process image of the inputs is read.
+    fn begin_scan(&mut self, now: Nanos);
+    /// Reads input registers. An absent driver's registers read 0 and this is `Ok`, unless the station file says `absent = "fault"`.
+    fn read(&mut self, at: u16, into: &mut [u8]) -> Result<(), ModuleError>;
+    /// Writes output registers; the bytes of one call reach the module together.
+    fn write(&mut self, at: u16, from: &[u8]) -> Result<(), ModuleError>;
+    /// Once a scan, after the process image of the outputs is written: rings the doorbell where one is due.
+    fn end_scan(&mut self, now: Nanos);
+    /// The CPU went to RUN (true: parameters are sent again) or to STOP (the CPU writes zeros itself).
+    fn cpu_state(&mut self, run: bool);
+    /// The next event, if any.
+    fn poll_event(&mut self) -> Option<ModuleEvent>;
+    /// State for programs and tools.
+    fn status(&self) -> ModuleStatus;
+    /// Posts to the mailbox.
+    fn mailbox_post(&mut self, from: &[u8]) -> Result<(), ModuleError>;
+    /// Takes from the mailbox.
+    fn mailbox_take(&mut self, into: &mut [u8]) -> Result<(), ModuleError>;
+    /// Reads a record; returns its length.
+    fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError>;
+    /// Writes a record.
+    fn record_write(&mut self, record: u8, from: &[u8]) -> Result<(), ModuleError>;
+    /// Reports counters; not on the scan path.
+    fn counters(&self, _each: ModuleCounters<'_>) {}
+}
+
+/// A block is to be left at once: the CPU goes to STOP, or the run ends. Comes back unchanged through every caller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Abort;
+
+/// Why a native block's request was refused; the block decides what that means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NativeError {
+    /// The CPU is going to STOP: return [`Abort`].
+    Abort,
+    /// No such parameter, or of another kind.
+    NoParam,
+    /// Outside the area.
+    Outside,
+    /// The data block does not exist.
+    NoDb,
+    /// The data block number cannot be.
+    DbNumber,
+    /// The data block is write-protected.
+    ReadOnly,
+    /// No module at this address.
+    NoModule,
+    /// The module's answer.
+    Module(ModuleError),
+    /// The block to call does not exist or its arguments do not match.
+    NoBlock,
+    /// No timer or counter of this number.
+    NoTimer,
+}
+
+/// Memory a native block may name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NativeArea {
+    /// Process image of the inputs.
+    Input,
+    /// Process image of the outputs.
+    Output,
+    /// Bit memory.
+    Memory,
+    /// A data block.
+    Db(u16),
+    /// The instance of the running FB.
+    Instance,
+    /// Local data of the caller.
+    CallerLocal,
+}
+
+/// An actual parameter of a call a native block makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NativeArg {
+    /// Not supplied.
+    Open,
+    /// A value, right-aligned; timer, counter and block numbers too.
+    Value(u32),
+    /// An operand by bit address.
+    Operand(NativeArea, u32),
+}
+
+/// The running FB's instance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Instance {
+    /// Data block number.
+    pub db: u16,
+    /// First byte in it.
+    pub offset: u32,
+    /// Bytes.
+    pub len: u32,
+}
+
+/// A timer as programs see it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TimerState {
+    /// What a scan gives.
+    pub output: bool,
+    /// True while it runs.
+    pub running: bool,
+    /// Remaining time as S5TIME.
+    pub remaining: u16,
+}
+
+/// The running organization block.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ObInfo {
+    /// Its number.
+    pub number: u16,
+    /// Its priority class.
+    pub priority: u8,
+    /// Start information as in its local data.
+    pub start: [u8; 20],
+}
+
+/// What a native block can ask of the CPU during its call. The plugin interface (`ob1-abi`) mirrors these functions one by one;
+/// meanings are documented there.
+#[expect(missing_docs, reason = "documented at the function of the same name in ob1_abi::HostTable")]
+pub trait NativeContext {
+    fn param_get(&mut self, index: u32) -> Result<u32, NativeError>;
+    fn param_set(&mut self, index: u32, value: u32) -> Result<(), NativeError>;
+    fn param_read(&mut self, index: u32, at: u32, into: &mut [u8]) -> Result<(), NativeError>;
+    fn param_write(&mut self, index: u32, at: u32, from: &[u8]) -> Result<(), NativeError>;
+    fn param_given(&mut self, index: u32) -> bool;
+
+    fn area_read(&mut self, area: NativeArea, at: u32, into: &mut [u8]) -> Result<(), NativeError>;
+    fn area_write(&mut self, area: NativeArea, at: u32, from: &[u8]) -> Result<(), NativeError>;
+    fn bit_get(&mut self, area: NativeArea, bit: u32) -> Result<bool, NativeError>;
+    fn bit_set(&mut self, area: NativeArea, bit: u32, value: bool) -> Result<(), NativeError>;
+    fn area_len(&mut self, area: NativeArea) -> Result<u32, NativeError>;
+    fn instance(&mut self) -> Option<Instance>;
+    /// Data blocks in the DB and DI registers of the caller, 0 for none.
+    fn registers(&mut self) -> (u16, u16);
+    fn set_br(&mut self, br: bool);
+
+    fn timer_run(&mut self, number: u16, kind: TimerKind, rlo: bool, s5time: u16) -> Result<(), NativeError>;
+    fn timer_reset(&mut self, number: u16) -> Result<(), NativeError>;
+    fn timer_get(&mut self, number: u16) -> Result<TimerState, NativeError>;
+    fn counter_get(&mut self, number: u16) -> Result<u16, NativeError>;
+    fn counter_set(&mut self, number: u16, value: u16) -> Result<(), NativeError>;
+
+    /// Base address and status of the module at exactly this logical base address.
+    fn module_info(&mut self, address: u32) -> Result<(ModuleStatus, u16, u16), NativeError>;
+    fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), NativeError>;
+    fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), NativeError>;
+    fn mailbox_post(&mut self, address: u32, from: &[u8]) -> Result<(), NativeError>;
+    fn mailbox_take(&mut self, address: u32, into: &mut [u8]) -> Result<(), NativeError>;
+    fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, NativeError>;
+    fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError>;
+
+    fn call_block(&mut self, id: BlockId, instance_db: u16, args: &[NativeArg]) -> Result<(), NativeError>;
+    fn now(&mut self) -> Nanos;
+    fn ob_info(&mut self) -> ObInfo;
+    fn attend(&mut self) -> Result<(), Abort>;
+    fn raise_fault(&mut self, kind: FaultKind, number: u32) -> Result<(), Abort>;
+    fn diagnostic_interrupt(&mut self, address: u32, data: &[u8]) -> Result<(), NativeError>;
+    fn diag_entry(&mut self, number: u16, text: &str);
+    /// Enters the text, marks the CPU for STOP; the block then returns [`Abort`]. `event` tells a panic from a request.
+    fn stop(&mut self, event: Event, text: &str) -> Abort;
+    fn log(&mut self, level: u8, text: &str);
+}
+
+/// A block that is not made of statements: of a plugin, of the standard library, of the user, in Rust or C.
+pub trait NativeBlock: Send {
+    /// Kind and number under which it is loaded.
+    fn id(&self) -> BlockId;
+    /// Its name, for lists.
+    fn name(&self) -> &str;
+    /// Its parameters.
+    fn interface(&self) -> &Interface;
+    /// A start-up: state the block keeps for the station is zeroed.
+    fn reset(&self);
+    /// Runs it. `&self`, because a block may come to be called again from a block it called.
+    fn call(&self, cx: &mut dyn NativeContext) -> Result<(), Abort>;
+}
