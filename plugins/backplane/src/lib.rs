@@ -1,1 +1,55 @@
-//! A module as the CPU sees it, over a shared-memory or a heap segment
+//! A module as the CPU sees it, over a shared-memory or a heap segment.
+//!
+//! A [`Segment`] lies between the CPU and the driver process of one CP, in the place of the back plane of a rack. It has
+//! two ends: [`CpuSide`] belongs to the scan, [`CpSide`] to the driver. Neither waits for the other, neither believes
+//! what the other has written, and neither allocates or makes a system call after its construction.
+//!
+//! The crate knows neither the CPU nor the firmware: what the registers mean is agreed elsewhere. The memory map is in
+//! [`layout`] and, for drivers in other languages, in `docs/backplane.md`.
+//!
+//! ```
+//! use ob1_backplane::{CpSide, CpuSide, Freshness, Segment};
+//!
+//! let segment = Segment::heap();
+//! let mut cpu = CpuSide::create(&segment, 16)?;
+//! let mut cp = CpSide::attach(&segment)?;
+//! cpu.write_outputs(&[1, 0, 0, 30]);
+//! let mut registers = [0; 16];
+//! assert_eq!(cp.read_outputs(&mut registers), Freshness::Fresh);
+//! assert_eq!(registers[..4], [1, 0, 0, 30]);
+//! # Ok::<(), ob1_backplane::SegmentError>(())
+//! ```
+// Memory that two processes share is reached through raw pointers; all of it is in `segment`, `cells` and `io_image`.
+#![allow(unsafe_code)]
+
+mod bytes;
+mod cells;
+mod counters;
+mod cp_side;
+mod cpu_side;
+mod events;
+mod fault;
+mod header;
+pub mod layout;
+mod mailbox;
+#[cfg(not(loom))]
+mod memfd;
+mod monitor;
+mod record;
+mod registers;
+mod segment;
+mod seqlock;
+mod sync;
+mod words;
+
+pub use counters::{Counter, Counters};
+pub use cp_side::{ChangeMark, CpSide};
+pub use cpu_side::CpuSide;
+pub use events::{Event, EventKind};
+pub use fault::{Fault, SegmentError, TooLong};
+pub use mailbox::Mail;
+pub use monitor::Monitor;
+pub use record::{Params, Record};
+pub use segment::Segment;
+pub use seqlock::Freshness;
+pub use words::{CpuState, DriverState, Leds, ModemInputs, ModemOutputs};

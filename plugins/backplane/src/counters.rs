@@ -1,0 +1,164 @@
+//! The counters of a CP: they only grow, over all restarts of its driver, and tell where each telegram went.
+
+use crate::layout::COUNTER_WORDS;
+use crate::sync::{AtomicU64, Ordering, Words};
+
+macro_rules! counters {
+    ($($(#[$doc:meta])* $name:ident = $text:literal,)*) => {
+        /// What is counted. The position in the segment is the number of the variant.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[repr(usize)]
+        pub enum Counter {
+            $($(#[$doc])* $name,)*
+        }
+
+        impl Counter {
+            /// All counters, in their order in the segment.
+            pub const ALL: &'static [Self] = &[$(Self::$name,)*];
+
+            /// Name for reports.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$name => $text,)*
+                }
+            }
+        }
+    };
+}
+
+counters! {
+    /// Send orders taken over completely from the CPU.
+    OrdersAccepted = "orders_accepted",
+    /// Orders finished: the protocol's last acknowledgement has arrived.
+    TelegramsSent = "telegrams_sent",
+    /// Orders finished with an error.
+    SendErrors = "send_errors",
+    /// Orders dropped by a reset of the CP.
+    OrdersAborted = "orders_aborted",
+    /// Orders that lay in the buffers of a driver when it died.
+    OrdersLost = "orders_lost",
+    /// Telegrams of the partner received completely and free of errors.
+    TelegramsReceived = "telegrams_received",
+    /// Received telegrams handed over completely to the CPU.
+    TelegramsDelivered = "telegrams_delivered",
+    /// Received telegrams dropped by a reset of the CP.
+    ReceiveAborted = "receive_aborted",
+    /// Received telegrams that lay in the buffers of a driver when it died.
+    ReceiveLost = "receive_lost",
+    /// Attempts of the partner that failed: parity, frame, check sum, time.
+    ReceiveErrors = "receive_errors",
+    /// Telegrams rejected because a buffer was full.
+    RejectedFull = "rejected_full",
+    /// Bytes sent on the line.
+    BytesTx = "bytes_tx",
+    /// Bytes received from the line.
+    BytesRx = "bytes_rx",
+    /// Times the line failed: device gone, connection broken.
+    LineFaults = "line_faults",
+    /// Times the line was opened again.
+    LineRestarts = "line_restarts",
+    /// Times a driver has attached.
+    DriverStarts = "driver_starts",
+}
+
+const _: () = assert!(Counter::ALL.len() <= COUNTER_WORDS);
+
+/// All counters at one time. They are read one by one: two of them may be a telegram apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters([u64; Counter::ALL.len()]);
+
+impl Counters {
+    /// One counter.
+    #[must_use]
+    pub fn get(&self, counter: Counter) -> u64 {
+        self.0.get(counter as usize).copied().unwrap_or(0)
+    }
+
+    /// Orders the CP has accepted and not finished yet: in its buffers or on the line. If the driver dies now, they are
+    /// lost in the CP.
+    #[must_use]
+    pub fn open_orders(&self) -> u64 {
+        use Counter::{OrdersAborted, OrdersAccepted, OrdersLost, SendErrors, TelegramsSent};
+        self.open(OrdersAccepted, [TelegramsSent, SendErrors, OrdersAborted, OrdersLost])
+    }
+
+    /// Telegrams received and not yet delivered to the CPU. If the driver dies now, they are lost in the CP.
+    #[must_use]
+    pub fn open_receives(&self) -> u64 {
+        use Counter::{ReceiveAborted, ReceiveLost, TelegramsDelivered, TelegramsReceived};
+        self.open(TelegramsReceived, [TelegramsDelivered, ReceiveAborted, ReceiveLost])
+    }
+
+    fn open<const N: usize>(&self, begun: Counter, ended: [Counter; N]) -> u64 {
+        ended.into_iter().fold(self.get(begun), |open, counter| open.saturating_sub(self.get(counter)))
+    }
+
+    pub(crate) fn read(cells: &Words<COUNTER_WORDS>) -> Self {
+        let mut values = [0; Counter::ALL.len()];
+        for (value, cell) in values.iter_mut().zip(&cells.0) {
+            *value = cell.load(Ordering::Relaxed);
+        }
+        Self(values)
+    }
+}
+
+fn cell(cells: &Words<COUNTER_WORDS>, counter: Counter) -> Option<&AtomicU64> {
+    cells.0.get(counter as usize)
+}
+
+/// Adds to one counter. There is one writer at a time, so no read-modify-write instruction is needed.
+#[inline]
+pub(crate) fn add(cells: &Words<COUNTER_WORDS>, counter: Counter, count: u64) {
+    if let Some(cell) = cell(cells, counter) {
+        cell.store(cell.load(Ordering::Relaxed).wrapping_add(count), Ordering::Relaxed);
+    }
+}
+
+/// Books what a dead driver had in its buffers as lost. Doing it twice changes nothing.
+pub(crate) fn book_lost(cells: &Words<COUNTER_WORDS>) {
+    let now = Counters::read(cells);
+    add(cells, Counter::OrdersLost, now.open_orders());
+    add(cells, Counter::ReceiveLost, now.open_receives());
+}
+
+#[cfg(all(test, not(loom)))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_open_when_the_driver_dies_is_lost_once() {
+        let cells = Words::default();
+        add(&cells, Counter::OrdersAccepted, 10);
+        add(&cells, Counter::TelegramsSent, 6);
+        add(&cells, Counter::SendErrors, 1);
+        add(&cells, Counter::OrdersAborted, 1);
+        add(&cells, Counter::TelegramsReceived, 5);
+        add(&cells, Counter::TelegramsDelivered, 4);
+        let before = Counters::read(&cells);
+        assert_eq!((before.open_orders(), before.open_receives()), (2, 1));
+        book_lost(&cells);
+        book_lost(&cells);
+        let after = Counters::read(&cells);
+        assert_eq!((after.get(Counter::OrdersLost), after.get(Counter::ReceiveLost)), (2, 1));
+        assert_eq!((after.open_orders(), after.open_receives()), (0, 0));
+    }
+
+    #[test]
+    fn counters_that_contradict_each_other_are_no_panic() {
+        let cells = Words::default();
+        add(&cells, Counter::TelegramsSent, u64::MAX);
+        add(&cells, Counter::SendErrors, u64::MAX);
+        add(&cells, Counter::TelegramsSent, 2);
+        book_lost(&cells);
+        assert_eq!(Counters::read(&cells).open_orders(), 0);
+    }
+
+    #[test]
+    fn names_are_distinct() {
+        for (index, counter) in Counter::ALL.iter().enumerate() {
+            assert_eq!(*counter as usize, index);
+            assert!(Counter::ALL.iter().skip(index + 1).all(|other| other.name() != counter.name()));
+        }
+    }
+}

@@ -1,0 +1,262 @@
+//! The driver's end of a segment: the CP's side of the back plane. It believes the CPU side as little as that believes
+//! the driver.
+
+use crate::bytes::copy_out;
+use crate::cells::{IO_WORDS, PARAMS_WORDS, RECORD_WORDS, SegmentCells};
+use crate::counters::{self, Counter, Counters, book_lost};
+use crate::events::{Event, Producer};
+use crate::fault::{Fault, SegmentError, TooLong};
+use crate::header;
+use crate::layout::JSON_BYTES;
+use crate::mailbox::{Mail, Poster, Taker};
+use crate::record::{Params, Record, read_params, read_record, write_record};
+use crate::registers::{IoBytes, RegisterWriter};
+use crate::segment::Segment;
+use crate::seqlock::{Freshness, SeqReader};
+use crate::sync::{Ordering, fence};
+use crate::words::{CpuState, DriverState, Leds, ModemInputs, ModemOutputs};
+
+/// A point in the CPU side's history, for [`CpSide::prepare_sleep`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChangeMark(u64);
+
+/// The driver's end of a segment. There is one at a time.
+pub struct CpSide {
+    segment: Segment,
+    io: IoBytes,
+    generation: u64,
+    inputs: RegisterWriter,
+    outputs: SeqReader<IO_WORDS>,
+    record: SeqReader<RECORD_WORDS>,
+    params: Box<SeqReader<PARAMS_WORDS>>,
+    json: Box<[u8; JSON_BYTES]>,
+    events: Producer,
+    post: Poster,
+    take: Taker,
+}
+
+impl CpSide {
+    /// Attaches a driver: checks the header, clears what an earlier driver has left (its input registers read 0, orders in
+    /// its buffers are booked as lost, a mail to it is thrown away), shows [`DriverState::Starting`] and makes the next
+    /// generation, which tells the CPU side that all this is done. Events an earlier driver has completed stay.
+    ///
+    /// # Errors
+    /// [`SegmentError::Header`] if this is no segment of this layout version.
+    pub fn attach(segment: &Segment) -> Result<Self, SegmentError> {
+        let cells = segment.cells();
+        let io = header::check(cells)?;
+        cells.doorbell.sleeping.store(0, Ordering::Relaxed);
+        cells.cp.state.store(DriverState::Starting.to_word(), Ordering::Relaxed);
+        cells.cp.leds.store(0, Ordering::Relaxed);
+        cells.cp.modem_inputs.store(0, Ordering::Relaxed);
+        let mut inputs = RegisterWriter::new(io);
+        inputs.clear(&cells.inputs.registers);
+        book_lost(&cells.counters);
+        counters::add(&cells.counters, Counter::DriverStarts, 1);
+        let events = Producer::resume(&cells.events);
+        let post = Poster::resume(&cells.mail_to_cpu);
+        let take = Taker::resume(&cells.mail_to_cp);
+        // 0 is kept for "never attached".
+        let generation = cells.cp.generation.load(Ordering::Relaxed).wrapping_add(1).max(1);
+        // Pairs with the load(Acquire) in `Monitor::generation`.
+        cells.cp.generation.store(generation, Ordering::Release);
+        Ok(Self {
+            segment: segment.clone(),
+            io,
+            generation,
+            inputs,
+            outputs: SeqReader::new(),
+            record: SeqReader::new(),
+            params: Box::new(SeqReader::new()),
+            json: Box::new([0; JSON_BYTES]),
+            events,
+            post,
+            take,
+        })
+    }
+
+    #[inline]
+    fn cells(&self) -> &SegmentCells {
+        self.segment.cells()
+    }
+
+    /// Register bytes each way.
+    #[must_use]
+    pub fn io_bytes(&self) -> usize {
+        self.io.get()
+    }
+
+    /// The number of this driver, counted by attachments; never 0.
+    #[must_use]
+    pub fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Where the CPU side is now. Take it first in each pass, then look at everything, then [`Self::prepare_sleep`].
+    #[inline]
+    #[must_use]
+    pub fn changes(&self) -> ChangeMark {
+        // Pairs with the store(Release) in `CpuSide::changed`: all changes up to this mark are visible behind it.
+        ChangeMark(self.cells().outputs.changes.load(Ordering::Acquire))
+    }
+
+    /// Announces sleep. True: nothing has changed since `seen`, and the CPU side rings for the next change: wait on the
+    /// doorbell. False: there is something new, go round again. Either way [`Self::awake`] ends it.
+    #[must_use]
+    pub fn prepare_sleep(&mut self, seen: ChangeMark) -> bool {
+        let cells = self.segment.cells();
+        cells.doorbell.sleeping.store(1, Ordering::Relaxed);
+        // The other half is in `CpuSide::take_doorbell`.
+        fence(Ordering::SeqCst);
+        if cells.outputs.changes.load(Ordering::Relaxed) == seen.0 {
+            return true;
+        }
+        cells.doorbell.sleeping.store(0, Ordering::Relaxed);
+        false
+    }
+
+    /// Takes the announcement back: the driver is at work. A byte may lie in the doorbell all the same.
+    pub fn awake(&mut self) {
+        self.cells().doorbell.sleeping.store(0, Ordering::Relaxed);
+    }
+
+    /// Whether the output registers have changed since [`Self::read_outputs`] was last fresh.
+    #[inline]
+    #[must_use]
+    pub fn outputs_changed(&self) -> bool {
+        self.outputs.is_outdated(&self.cells().outputs.registers)
+    }
+
+    /// Copies the output registers into `into` (as far as either reaches). A stale copy is whole, only not the newest.
+    #[inline]
+    pub fn read_outputs(&mut self, into: &mut [u8]) -> Freshness {
+        let freshness = self.outputs.read(&self.segment.cells().outputs.registers, self.io.words());
+        let len = into.len().min(self.io.get());
+        copy_out(self.outputs.last(), into.get_mut(..len).unwrap_or_default());
+        freshness
+    }
+
+    /// Reads of the output registers that had to keep the last copy.
+    #[must_use]
+    pub fn stale_reads(&self) -> u64 {
+        self.outputs.stale()
+    }
+
+    /// Writes the input registers; true if that changed anything. Bytes that `data` does not reach keep their value, bytes
+    /// beyond `io_bytes` are ignored.
+    #[inline]
+    pub fn write_inputs(&mut self, data: &[u8]) -> bool {
+        self.inputs.write(&self.segment.cells().inputs.registers, data)
+    }
+
+    /// Whether parameters have been transferred since [`Self::read_params`] was last fresh.
+    #[must_use]
+    pub fn params_changed(&self) -> bool {
+        self.params.is_outdated(&self.cells().params)
+    }
+
+    /// The parameter record. Its revision is 0 if there was no transfer yet.
+    ///
+    /// # Errors
+    /// [`Fault::ParameterLength`] if it claims more text than there is room.
+    pub fn read_params(&mut self) -> Result<Params<'_>, Fault> {
+        read_params(&mut self.params, &self.segment.cells().params, &mut self.json)
+    }
+
+    /// Whether the CPU has written a record since [`Self::read_record`] was last fresh.
+    #[must_use]
+    pub fn record_changed(&self) -> bool {
+        self.record.is_outdated(&self.cells().record.record)
+    }
+
+    /// The record the CPU has written last (SFC 58). Its revision is 0 if there was none yet.
+    ///
+    /// # Errors
+    /// [`Fault::RecordLength`] if it claims to be longer than there is room.
+    pub fn read_record(&mut self) -> Result<Record, Fault> {
+        read_record(&mut self.record, &self.segment.cells().record)
+    }
+
+    /// Shows a diagnostic record (the CPU reads it by SFC 51 or 59).
+    ///
+    /// # Errors
+    /// [`TooLong`] beyond 240 bytes; then nothing is written.
+    pub fn write_diagnosis(&mut self, number: u32, data: &[u8]) -> Result<(), TooLong> {
+        write_record(&self.cells().diagnosis, number, data)
+    }
+
+    /// Emits an event; false if the ring is full: it is counted as lost.
+    pub fn emit_event(&mut self, event: Event) -> bool {
+        self.events.emit(&self.segment.cells().events, event)
+    }
+
+    /// Posts a mail to the CPU; false if it has not taken the last one yet.
+    ///
+    /// # Errors
+    /// [`Fault::Mailbox`] if the CPU's counter has no meaning.
+    pub fn post_mail(&mut self, mail: &Mail) -> Result<bool, Fault> {
+        self.post.post(&self.segment.cells().mail_to_cpu, self.generation, mail)
+    }
+
+    /// Takes the mail of the CPU, if there is one.
+    ///
+    /// # Errors
+    /// [`Fault::Mailbox`] if the CPU's counter has no meaning.
+    pub fn take_mail(&mut self) -> Result<Option<Mail>, Fault> {
+        self.take.take(&self.segment.cells().mail_to_cp, self.generation)
+    }
+
+    /// Adds to a counter.
+    #[inline]
+    pub fn count(&mut self, counter: Counter, count: u64) {
+        counters::add(&self.cells().counters, counter, count);
+    }
+
+    /// The counters of this CP, those of earlier drivers included.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        Counters::read(&self.cells().counters)
+    }
+
+    /// Shows the driver's state.
+    pub fn set_state(&mut self, state: DriverState) {
+        self.cells().cp.state.store(state.to_word(), Ordering::Release);
+    }
+
+    /// Shows the LEDs.
+    pub fn set_leds(&mut self, leds: Leds) {
+        self.cells().cp.leds.store(leds.to_word(), Ordering::Relaxed);
+    }
+
+    /// Shows the modem lines.
+    pub fn set_modem_inputs(&mut self, lines: ModemInputs) {
+        self.cells().cp.modem_inputs.store(lines.to_word(), Ordering::Relaxed);
+    }
+
+    /// Modem lines as the CPU wants them.
+    #[must_use]
+    pub fn modem_outputs(&self) -> ModemOutputs {
+        ModemOutputs::from_word(self.cells().cpu.modem_outputs.load(Ordering::Acquire))
+    }
+
+    /// State of the CPU.
+    ///
+    /// # Errors
+    /// [`Fault::CpuState`] if the word has no meaning.
+    pub fn cpu_state(&self) -> Result<CpuState, Fault> {
+        CpuState::from_word(self.cells().cpu.state.load(Ordering::Acquire))
+    }
+
+    /// A number the CPU changes with every scan.
+    #[must_use]
+    pub fn cpu_heartbeat(&self) -> u64 {
+        self.cells().cpu.heartbeat.load(Ordering::Relaxed)
+    }
+
+    /// One more pass of the driver's loop. A driver that sleeps long wakes up now and then to do this.
+    #[inline]
+    pub fn beat(&mut self) {
+        let heartbeat = &self.cells().cp.heartbeat;
+        heartbeat.store(heartbeat.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,213 @@
+//! The CPU's end of a segment. It belongs to the scan: it allocates nothing, waits for nobody, makes no system call,
+//! and believes nothing.
+
+use crate::bytes::copy_out;
+use crate::cells::{IO_WORDS, RECORD_WORDS, SegmentCells};
+use crate::events::{Consumer, Event};
+use crate::fault::{Fault, SegmentError, TooLong};
+use crate::header;
+use crate::layout::PARAMETER_BYTES;
+use crate::mailbox::{Mail, Poster, Taker};
+use crate::monitor::Monitor;
+use crate::record::{Record, read_record, write_params, write_record};
+use crate::registers::{IoBytes, RegisterWriter};
+use crate::segment::Segment;
+use crate::seqlock::{Freshness, SeqReader};
+use crate::sync::{Ordering, fence};
+use crate::words::{CpuState, ModemOutputs};
+
+/// The CPU's end of a segment. There is one for each segment.
+pub struct CpuSide {
+    monitor: Monitor,
+    io: IoBytes,
+    outputs: RegisterWriter,
+    inputs: SeqReader<IO_WORDS>,
+    diagnosis: SeqReader<RECORD_WORDS>,
+    events: Consumer,
+    post: Poster,
+    take: Taker,
+    changes: u64,
+    bell_due: bool,
+}
+
+impl CpuSide {
+    /// Makes an empty segment for a module with `io_bytes` register bytes each way (8 to 64). Nobody may be attached yet.
+    ///
+    /// # Errors
+    /// [`SegmentError::IoBytes`] if a module cannot have so many.
+    pub fn create(segment: &Segment, io_bytes: usize) -> Result<Self, SegmentError> {
+        let io = IoBytes::new(io_bytes).ok_or(SegmentError::IoBytes(io_bytes))?;
+        header::format(segment.cells(), io);
+        Ok(Self {
+            monitor: Monitor::new(segment.clone()),
+            io,
+            outputs: RegisterWriter::new(io),
+            inputs: SeqReader::new(),
+            diagnosis: SeqReader::new(),
+            events: Consumer::new(),
+            post: Poster::new(),
+            take: Taker::new(),
+            changes: 0,
+            bell_due: false,
+        })
+    }
+
+    /// State, generation, LEDs, counters: what only looks. Clones of it may go to other threads.
+    #[inline]
+    #[must_use]
+    pub fn monitor(&self) -> &Monitor {
+        &self.monitor
+    }
+
+    /// Register bytes each way.
+    #[must_use]
+    pub fn io_bytes(&self) -> usize {
+        self.io.get()
+    }
+
+    #[inline]
+    fn cells(&self) -> &SegmentCells {
+        self.monitor.cells()
+    }
+
+    /// Tells the driver that something has changed: the doorbell protocol counts on one call after each change.
+    #[inline]
+    fn changed(&mut self) {
+        self.changes = self.changes.wrapping_add(1);
+        self.cells().outputs.changes.store(self.changes, Ordering::Release);
+        self.bell_due = true;
+    }
+
+    /// Writes the output registers; true if that changed anything (if not, nothing is touched). Bytes that `data` does
+    /// not reach keep their value, bytes beyond `io_bytes` are ignored.
+    #[inline]
+    pub fn write_outputs(&mut self, data: &[u8]) -> bool {
+        let changed = self.outputs.write(&self.monitor.cells().outputs.registers, data);
+        if changed {
+            self.changed();
+        }
+        changed
+    }
+
+    /// Copies the input registers into `into` (as far as either reaches). A stale copy is whole, only not the newest.
+    #[inline]
+    pub fn read_inputs(&mut self, into: &mut [u8]) -> Freshness {
+        let freshness = self.inputs.read(&self.monitor.cells().inputs.registers, self.io.words());
+        if let ([low, high, ..], (16, [to_low, to_high])) =
+            (self.inputs.last(), (self.io.get(), into.as_chunks_mut().0))
+        {
+            *to_low = low.to_ne_bytes();
+            *to_high = high.to_ne_bytes();
+        } else {
+            let len = into.len().min(self.io.get());
+            copy_out(self.inputs.last(), into.get_mut(..len).unwrap_or_default());
+        }
+        freshness
+    }
+
+    /// Reads of the input registers that had to keep the last copy.
+    #[must_use]
+    pub fn stale_reads(&self) -> u64 {
+        self.inputs.stale()
+    }
+
+    /// Whether the driver sleeps and has to be woken for what was written since the last call; at most one true for
+    /// each sleep. Call it once a scan, after the last write; it costs nothing when nothing was written.
+    #[inline]
+    pub fn take_doorbell(&mut self) -> bool {
+        if !self.bell_due {
+            return false;
+        }
+        self.bell_due = false;
+        // Either we see the driver's flag, or the driver, behind its own fence in `CpSide::prepare_sleep`, sees our
+        // change: both fences are SeqCst, one of them comes first.
+        fence(Ordering::SeqCst);
+        let sleeping = &self.cells().doorbell.sleeping;
+        if sleeping.load(Ordering::Relaxed) == 0 {
+            return false;
+        }
+        sleeping.store(0, Ordering::Relaxed);
+        true
+    }
+
+    /// Transfers parameters: the module's 16 bytes and the driver's configuration as JSON text. A driver notices every
+    /// transfer, also one of the same content.
+    ///
+    /// # Errors
+    /// [`TooLong`] if the text does not fit; then nothing is written.
+    pub fn write_params(&mut self, bytes: &[u8; PARAMETER_BYTES], json: &[u8]) -> Result<(), TooLong> {
+        write_params(&self.cells().params, bytes, json)?;
+        self.changed();
+        Ok(())
+    }
+
+    /// Writes a data record to the CP (SFC 58). The CP sees the last one written.
+    ///
+    /// # Errors
+    /// [`TooLong`] beyond 240 bytes; then nothing is written.
+    pub fn write_record(&mut self, number: u32, data: &[u8]) -> Result<(), TooLong> {
+        write_record(&self.cells().record, number, data)?;
+        self.changed();
+        Ok(())
+    }
+
+    /// The diagnostic record of the CP (SFC 51, 59).
+    ///
+    /// # Errors
+    /// [`Fault::RecordLength`] if it claims to be longer than there is room.
+    pub fn read_diagnosis(&mut self) -> Result<Record, Fault> {
+        read_record(&mut self.diagnosis, &self.monitor.cells().diagnosis)
+    }
+
+    /// Takes the oldest event of the CP. A driver can produce as fast as this is called: bound the calls a scan.
+    ///
+    /// # Errors
+    /// [`Fault::EventRing`] or [`Fault::Event`]; the next call goes on behind it.
+    #[inline]
+    pub fn poll_event(&mut self) -> Result<Option<Event>, Fault> {
+        self.events.poll(&self.monitor.cells().events)
+    }
+
+    /// Posts a mail to the CP; false if it has not taken the last one yet.
+    ///
+    /// # Errors
+    /// [`Fault::Mailbox`] if the CP's counter has no meaning; that lasts until a new driver attaches.
+    pub fn post_mail(&mut self, mail: &Mail) -> Result<bool, Fault> {
+        let posted = self.post.post(&self.monitor.cells().mail_to_cp, self.monitor.generation(), mail)?;
+        if posted {
+            self.changed();
+        }
+        Ok(posted)
+    }
+
+    /// Takes the mail of the CP, if there is one. What a driver has posted before it was restarted is thrown away.
+    ///
+    /// # Errors
+    /// [`Fault::Mailbox`] if the CP's counter has no meaning; that lasts until a new driver attaches.
+    pub fn take_mail(&mut self) -> Result<Option<Mail>, Fault> {
+        let mail = self.take.take(&self.monitor.cells().mail_to_cpu, self.monitor.generation())?;
+        if mail.is_some() {
+            self.changed();
+        }
+        Ok(mail)
+    }
+
+    /// Tells the CP the state of the CPU.
+    pub fn set_cpu_state(&mut self, state: CpuState) {
+        self.cells().cpu.state.store(state.to_word(), Ordering::Release);
+        self.changed();
+    }
+
+    /// Drives modem lines of the CP.
+    pub fn set_modem_outputs(&mut self, lines: ModemOutputs) {
+        self.cells().cpu.modem_outputs.store(lines.to_word(), Ordering::Release);
+        self.changed();
+    }
+
+    /// One more scan. Does not wake the driver.
+    #[inline]
+    pub fn beat(&mut self) {
+        let heartbeat = &self.cells().cpu.heartbeat;
+        heartbeat.store(heartbeat.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+    }
+}

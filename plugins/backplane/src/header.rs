@@ -1,0 +1,63 @@
+//! Making a segment and judging one that somebody else has made.
+
+use crate::cells::SegmentCells;
+use crate::fault::SegmentError;
+use crate::layout::{COUNTER_WORDS, EVENT_SLOTS, JSON_BYTES, LAYOUT_VERSION, MAGIC, RECORD_BYTES, SEGMENT_BYTES};
+use crate::registers::IoBytes;
+use crate::sync::{AtomicU64, Ordering};
+
+/// Empties the segment and writes its header, the version last: who finds that finds everything else.
+pub(crate) fn format(cells: &SegmentCells, io: IoBytes) {
+    let header = &cells.header;
+    header.version.store(0, Ordering::Release);
+    clear(cells);
+    for (cell, word, _) in fixed_words(cells) {
+        cell.store(word, Ordering::Relaxed);
+    }
+    header.io_bytes.store(io.get() as u64, Ordering::Relaxed);
+    // Pairs with the load(Acquire) in `check`.
+    header.version.store(LAYOUT_VERSION, Ordering::Release);
+}
+
+/// Checks the header and answers the register bytes it tells.
+pub(crate) fn check(cells: &SegmentCells) -> Result<IoBytes, SegmentError> {
+    // Pairs with the last store(Release) in `format`.
+    let version = cells.header.version.load(Ordering::Acquire);
+    if version != LAYOUT_VERSION {
+        return Err(SegmentError::Header { field: "header.version", found: version });
+    }
+    for (cell, word, field) in fixed_words(cells) {
+        let found = cell.load(Ordering::Relaxed);
+        if found != word {
+            return Err(SegmentError::Header { field, found });
+        }
+    }
+    let found = cells.header.io_bytes.load(Ordering::Relaxed);
+    let io = usize::try_from(found).ok().and_then(IoBytes::new);
+    io.ok_or(SegmentError::Header { field: "header.io_bytes", found })
+}
+
+/// The words of the header that are the same in every segment of this version.
+fn fixed_words(cells: &SegmentCells) -> [(&AtomicU64, u64, &'static str); 6] {
+    let header = &cells.header;
+    [
+        (&header.magic, MAGIC, "header.magic"),
+        (&header.total_bytes, SEGMENT_BYTES as u64, "header.total_bytes"),
+        (&header.json_bytes, JSON_BYTES as u64, "header.json_bytes"),
+        (&header.record_bytes, RECORD_BYTES as u64, "header.record_bytes"),
+        (&header.event_slots, EVENT_SLOTS as u64, "header.event_slots"),
+        (&header.counter_words, COUNTER_WORDS as u64, "header.counter_words"),
+    ]
+}
+
+/// Zero in every word. A model's segment is always new.
+#[cfg(loom)]
+fn clear(_cells: &SegmentCells) {}
+
+/// Zero in every word.
+#[cfg(not(loom))]
+fn clear(cells: &SegmentCells) {
+    for cell in crate::cells::as_words(cells) {
+        cell.store(0, Ordering::Relaxed);
+    }
+}

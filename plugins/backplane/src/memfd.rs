@@ -1,0 +1,81 @@
+//! Shared memory as a sealed memfd: nobody who holds it can cut it, so nobody can kill us with SIGBUS.
+
+use core::ffi::CStr;
+use core::ptr::NonNull;
+use std::io;
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
+use std::path::{Path, PathBuf};
+
+use memmap2::{MmapOptions, MmapRaw};
+use rustix::fs::{self, FallocateFlags, MemfdFlags, Mode, OFlags, SealFlags};
+use rustix::io::Errno;
+
+use crate::fault::SegmentError;
+
+/// Seals a file must carry before we map it: its size is what it is, for ever.
+const NEEDED_SEALS: SealFlags = SealFlags::SHRINK.union(SealFlags::GROW);
+
+/// A mapped file of fixed size, and its descriptor.
+pub(crate) struct SharedMemory {
+    map: MmapRaw,
+    file: OwnedFd,
+}
+
+impl SharedMemory {
+    /// A new anonymous file of `len` bytes, all allocated and zero, sealed and mapped.
+    pub(crate) fn create(name: &CStr, len: usize) -> Result<Self, SegmentError> {
+        let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
+        let file = fs::memfd_create(name, flags).map_err(|source| failed("making the segment", source))?;
+        // fallocate also sets the size; without the pages a full machine would answer the first write with SIGBUS.
+        fs::fallocate(&file, FallocateFlags::empty(), 0, len as u64)
+            .map_err(|source| failed("allocating the segment", source))?;
+        fs::fcntl_add_seals(&file, NEEDED_SEALS | SealFlags::SEAL)
+            .map_err(|source| failed("sealing the segment", source))?;
+        Self::map(file, len)
+    }
+
+    /// Opens and maps a file of exactly `len` bytes. Seals first, then the size: the other way round it could still be
+    /// cut in between.
+    pub(crate) fn open(path: &Path, len: usize) -> Result<Self, SegmentError> {
+        let flags = OFlags::RDWR | OFlags::CLOEXEC | OFlags::NONBLOCK;
+        let file = fs::open(path, flags, Mode::empty()).map_err(|source| failed("opening the segment", source))?;
+        // Files that know no seals (a disk, a device) answer EINVAL: they are not sealed.
+        let seals = fs::fcntl_get_seals(&file).map_err(|_| SegmentError::NotSealed)?;
+        if !seals.contains(NEEDED_SEALS) {
+            return Err(SegmentError::NotSealed);
+        }
+        let found = fs::fstat(&file).map_err(|source| failed("looking at the segment", source))?.st_size;
+        if u64::try_from(found) != Ok(len as u64) {
+            return Err(SegmentError::Size { found: u64::try_from(found).unwrap_or(0), expected: len as u64 });
+        }
+        Self::map(file, len)
+    }
+
+    fn map(file: OwnedFd, len: usize) -> Result<Self, SegmentError> {
+        let map = MmapOptions::new().len(len).map_raw(&file);
+        let map = map.map_err(|source| SegmentError::Io { action: "mapping the segment", source })?;
+        Ok(Self { map, file })
+    }
+
+    /// Start of the mapping: page-aligned.
+    pub(crate) fn start(&self) -> Result<NonNull<u8>, SegmentError> {
+        NonNull::new(self.map.as_mut_ptr()).ok_or_else(|| failed("mapping the segment", Errno::FAULT))
+    }
+
+    /// Its length in bytes.
+    pub(crate) fn len(&self) -> usize {
+        self.map.len()
+    }
+
+    pub(crate) fn path(&self) -> PathBuf {
+        PathBuf::from(format!("/proc/{}/fd/{}", std::process::id(), self.file.as_raw_fd()))
+    }
+
+    pub(crate) fn descriptor(&self) -> BorrowedFd<'_> {
+        self.file.as_fd()
+    }
+}
+
+fn failed(action: &'static str, source: Errno) -> SegmentError {
+    SegmentError::Io { action, source: io::Error::from(source) }
+}

@@ -1,0 +1,131 @@
+//! The memory of a segment: on the heap of one process, or in a file that two processes map.
+
+use core::ptr::NonNull;
+use std::fmt;
+use std::sync::Arc;
+
+use crate::cells::SegmentCells;
+#[cfg(not(loom))]
+use crate::cells::as_words;
+#[cfg(not(loom))]
+use crate::{fault::SegmentError, layout::SEGMENT_BYTES, memfd::SharedMemory, sync::Ordering};
+
+/// A segment. Clones are handles of the same memory; it goes when the last handle and the last end are gone.
+#[derive(Clone)]
+pub struct Segment {
+    /// Points into what `keep` holds, for as long as `keep` lives.
+    cells: NonNull<SegmentCells>,
+    keep: Keep,
+}
+
+#[derive(Clone)]
+enum Keep {
+    Heap(#[expect(dead_code, reason = "held only to keep the memory")] Arc<SegmentCells>),
+    #[cfg(not(loom))]
+    Shared(Arc<SharedMemory>),
+}
+
+// SAFETY: the pointer leads to memory that `keep` keeps in place, and there is nothing but atomics in it, which may be
+// used from any thread.
+unsafe impl Send for Segment {}
+// SAFETY: as for Send.
+unsafe impl Sync for Segment {}
+
+impl Segment {
+    /// A segment on the heap: for tests, for the simulation in one thread, for Miri and loom.
+    #[must_use]
+    pub fn heap() -> Self {
+        let memory = Arc::new(SegmentCells::default());
+        Self { cells: NonNull::from(&*memory), keep: Keep::Heap(memory) }
+    }
+
+    /// The cells, for this crate's ends.
+    #[inline]
+    pub(crate) fn cells(&self) -> &SegmentCells {
+        // SAFETY: `cells` points to a `SegmentCells` in memory kept alive by `keep`: an `Arc` of it, or a mapping that
+        // is large and aligned enough (checked in `from_shared`) and whose file is sealed against shrinking. It
+        // consists of atomics only, so any content is valid, also while other threads or processes write to it.
+        unsafe { self.cells.as_ref() }
+    }
+}
+
+#[cfg(not(loom))]
+impl Segment {
+    /// A new shared segment: an anonymous file, fully allocated and sealed against any change of its size.
+    ///
+    /// # Errors
+    /// What the system says when it has no memory or no descriptor left.
+    pub fn create_shared() -> Result<Self, SegmentError> {
+        Self::from_shared(SharedMemory::create(c"ob1-backplane", SEGMENT_BYTES)?)
+    }
+
+    /// Opens a shared segment that another process has made, through a path like `/proc/PID/fd/N`.
+    ///
+    /// # Errors
+    /// [`SegmentError::NotSealed`] or [`SegmentError::Size`] for a file that could be cut under our feet or is no
+    /// segment; what the system says when it cannot be opened.
+    pub fn open(path: &std::path::Path) -> Result<Self, SegmentError> {
+        Self::from_shared(SharedMemory::open(path, SEGMENT_BYTES)?)
+    }
+
+    fn from_shared(memory: SharedMemory) -> Result<Self, SegmentError> {
+        let cells: NonNull<SegmentCells> = memory.start()?.cast();
+        if memory.len() < size_of::<SegmentCells>() || !cells.is_aligned() {
+            return Err(SegmentError::Size { found: memory.len() as u64, expected: SEGMENT_BYTES as u64 });
+        }
+        Ok(Self { cells, keep: Keep::Shared(Arc::new(memory)) })
+    }
+
+    /// The path under which another process of the same user opens this segment, as long as this process lives; `None`
+    /// for a segment on the heap.
+    #[must_use]
+    pub fn path(&self) -> Option<std::path::PathBuf> {
+        match &self.keep {
+            Keep::Heap(_) => None,
+            Keep::Shared(memory) => Some(memory.path()),
+        }
+    }
+
+    /// The descriptor of a shared segment, for a runtime that passes it on.
+    #[must_use]
+    pub fn descriptor(&self) -> Option<std::os::fd::BorrowedFd<'_>> {
+        match &self.keep {
+            Keep::Heap(_) => None,
+            Keep::Shared(memory) => Some(memory.descriptor()),
+        }
+    }
+
+    /// Fills the segment with noise, word by word: what a driver gone mad may do. For tests of those who live with it.
+    pub fn scribble(&self, mut noise: impl FnMut(usize) -> u64) {
+        for (index, cell) in as_words(self.cells()).iter().enumerate() {
+            cell.store(noise(index * 8), Ordering::Relaxed);
+        }
+    }
+
+    /// Reads one word by its offset in the memory map, as a foreign driver would; `None` outside or off a word's
+    /// boundary. For tests and tools.
+    #[must_use]
+    pub fn peek(&self, offset: usize) -> Option<u64> {
+        self.word(offset).map(|cell| cell.load(Ordering::Acquire))
+    }
+
+    /// Writes one word by its offset in the memory map; false outside or off a word's boundary. For tests and tools.
+    pub fn poke(&self, offset: usize, word: u64) -> bool {
+        self.word(offset).map(|cell| cell.store(word, Ordering::Release)).is_some()
+    }
+
+    fn word(&self, offset: usize) -> Option<&crate::sync::AtomicU64> {
+        offset.is_multiple_of(8).then(|| as_words(self.cells()).get(offset / 8)).flatten()
+    }
+}
+
+impl fmt::Debug for Segment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = match self.keep {
+            Keep::Heap(_) => "heap",
+            #[cfg(not(loom))]
+            Keep::Shared(_) => "shared",
+        };
+        f.debug_tuple("Segment").field(&kind).finish()
+    }
+}

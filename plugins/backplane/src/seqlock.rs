@@ -1,0 +1,125 @@
+//! The bounded sequence lock: one writer, one reader, and neither ever waits for the other.
+//!
+//! The writer makes the sequence odd, writes, and makes it even again. The reader takes a copy between two looks at
+//! the sequence; if a writer came between, it tries again, at most [`TRIES`] times, and then keeps the copy it has.
+//! A writer killed half way leaves an odd sequence behind: readers keep their last copy until the next writer has
+//! put a *whole* new content in place, because that one stays odd until it is done.
+
+use crate::sync::{AtomicU64, Ordering, Words, fence, spin_loop};
+
+/// How often a reader tries before it keeps its last copy.
+pub(crate) const TRIES: u32 = 4;
+
+/// Whether a read saw the writer's newest complete content.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
+pub enum Freshness {
+    /// The copy is what the writer had completed last.
+    Fresh,
+    /// A writer was busy (or died) in every try: the copy is the reader's own last one.
+    Stale,
+}
+
+/// Sequence and data of one sequence lock, as they lie in the segment.
+#[repr(C)]
+#[derive(Default)]
+pub(crate) struct SeqCell<const N: usize> {
+    pub(crate) sequence: AtomicU64,
+    pub(crate) data: Words<N>,
+}
+
+impl<const N: usize> SeqCell<N> {
+    /// Replaces the first words of the content. There must be one writer at a time.
+    ///
+    /// What a dead writer left odd goes on to the next odd number, not to an even one: nobody may take the half-written
+    /// content for whole.
+    #[inline]
+    pub(crate) fn write(&self, words: impl Iterator<Item = u64>) {
+        let before = self.sequence.load(Ordering::Relaxed);
+        let odd = before.wrapping_add(1).wrapping_add(before & 1);
+        self.sequence.store(odd, Ordering::Relaxed);
+        // Pairs with the reader's fence(Acquire): who reads one of the words below reads `odd` (or later) afterwards.
+        fence(Ordering::Release);
+        for (cell, word) in self.data.0.iter().zip(words) {
+            cell.store(word, Ordering::Relaxed);
+        }
+        // Pairs with the reader's first load (Acquire): who reads this even number reads all the words above.
+        self.sequence.store(odd.wrapping_add(1), Ordering::Release);
+    }
+
+    /// One try: copies the first `into.len()` words and answers the sequence they belong to, or `None` if a writer was
+    /// at work (then `into` holds anything).
+    #[inline]
+    fn try_read(&self, into: &mut [u64]) -> Option<u64> {
+        let before = self.sequence.load(Ordering::Acquire);
+        if before & 1 == 1 {
+            return None;
+        }
+        for (word, cell) in into.iter_mut().zip(&self.data.0) {
+            *word = cell.load(Ordering::Relaxed);
+        }
+        fence(Ordering::Acquire);
+        (self.sequence.load(Ordering::Relaxed) == before).then_some(before)
+    }
+}
+
+/// The reading end of one sequence lock: its own last copy, and how often it had to live on that.
+pub(crate) struct SeqReader<const N: usize> {
+    last: [u64; N],
+    sequence: u64,
+    stale: u64,
+}
+
+impl<const N: usize> SeqReader<N> {
+    /// A reader that has seen nothing: its last copy is all zero.
+    pub(crate) const fn new() -> Self {
+        Self { last: [0; N], sequence: 0, stale: 0 }
+    }
+
+    /// Brings the first `words` words of the copy up to date, if the writer lets us.
+    #[inline]
+    pub(crate) fn read(&mut self, cell: &SeqCell<N>, words: usize) -> Freshness {
+        // 16 bytes of registers are by far the most frequent size: two loads instead of a loop.
+        if words == 2 { self.read_words(cell, 2) } else { self.read_words(cell, words.min(N)) }
+    }
+
+    #[inline(always)]
+    fn read_words(&mut self, cell: &SeqCell<N>, words: usize) -> Freshness {
+        let mut copy = [0; N];
+        let (Some(copy), Some(last)) = (copy.get_mut(..words), self.last.get_mut(..words)) else {
+            return Freshness::Stale;
+        };
+        for _ in 0..TRIES {
+            if let Some(sequence) = cell.try_read(copy) {
+                last.copy_from_slice(copy);
+                self.sequence = sequence;
+                return Freshness::Fresh;
+            }
+            spin_loop();
+        }
+        self.stale = self.stale.wrapping_add(1);
+        Freshness::Stale
+    }
+
+    /// The reader's copy.
+    #[inline]
+    pub(crate) fn last(&self) -> &[u64; N] {
+        &self.last
+    }
+
+    /// The (even) sequence the copy belongs to; 0 as long as nothing was read.
+    pub(crate) fn sequence(&self) -> u64 {
+        self.sequence
+    }
+
+    /// Whether the writer has started anything since the copy was taken.
+    #[inline]
+    pub(crate) fn is_outdated(&self, cell: &SeqCell<N>) -> bool {
+        cell.sequence.load(Ordering::Relaxed) != self.sequence
+    }
+
+    /// How many reads kept the last copy.
+    pub(crate) fn stale(&self) -> u64 {
+        self.stale
+    }
+}

@@ -1,0 +1,33 @@
+//! The only door to atomics: `core` in the product, `loom` in the model test, so that loom sees the real code.
+
+#[cfg(not(loom))]
+pub(crate) use core::{
+    hint::spin_loop,
+    sync::atomic::{AtomicU64, Ordering, fence},
+};
+
+#[cfg(loom)]
+pub(crate) use loom::{
+    hint::spin_loop,
+    sync::atomic::{AtomicU64, Ordering, fence},
+};
+
+/// `N` atomic words in a row, all zero at first.
+#[repr(transparent)]
+pub(crate) struct Words<const N: usize>(pub(crate) [AtomicU64; N]);
+
+impl<const N: usize> Default for Words<N> {
+    fn default() -> Self {
+        Self(core::array::from_fn(|_| AtomicU64::new(0)))
+    }
+}
+
+/// Words nobody uses: they carry a block to its full size. They are atomics too, so that a reference to a block
+/// never covers plain memory. The model has no use for them.
+#[cfg(not(loom))]
+pub(crate) type Pad<const N: usize> = Words<N>;
+
+/// See the product's `Pad`.
+#[cfg(loom)]
+#[derive(Default)]
+pub(crate) struct Pad<const N: usize>;

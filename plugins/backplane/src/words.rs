@@ -1,0 +1,203 @@
+//! State words of the segment: what they mean, and that anything else is a fault.
+
+use crate::fault::Fault;
+
+/// State of the driver process, as it says itself; `Absent` is set by the runtime when it has seen the driver's end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DriverState {
+    /// No driver is attached.
+    #[default]
+    Absent,
+    /// Attached, not ready yet.
+    Starting,
+    /// No parameters have arrived yet.
+    NoParameters,
+    /// The parameters are refused; the code is the driver's reason.
+    ParameterError(u32),
+    /// At work.
+    Ready,
+    /// The line cannot be opened or is gone; the code is the operating system's error number.
+    LineError(u32),
+}
+
+impl DriverState {
+    pub(crate) fn to_word(self) -> u64 {
+        let (state, code) = match self {
+            Self::Absent => (0, 0),
+            Self::Starting => (1, 0),
+            Self::NoParameters => (2, 0),
+            Self::ParameterError(code) => (3, code),
+            Self::Ready => (4, 0),
+            Self::LineError(code) => (5, code),
+        };
+        u64::from(code) << 32 | state
+    }
+
+    pub(crate) fn from_word(word: u64) -> Result<Self, Fault> {
+        let code = (word >> 32) as u32;
+        match word & 0xffff_ffff {
+            0 => Ok(Self::Absent),
+            1 => Ok(Self::Starting),
+            2 => Ok(Self::NoParameters),
+            3 => Ok(Self::ParameterError(code)),
+            4 => Ok(Self::Ready),
+            5 => Ok(Self::LineError(code)),
+            _ => Err(Fault::DriverState(word)),
+        }
+    }
+}
+
+/// Operating state of the CPU.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CpuState {
+    /// STOP: the outputs are 0.
+    #[default]
+    Stop,
+    /// The start-up OB runs.
+    Startup,
+    /// RUN.
+    Run,
+}
+
+impl CpuState {
+    pub(crate) fn to_word(self) -> u64 {
+        match self {
+            Self::Stop => 0,
+            Self::Startup => 1,
+            Self::Run => 2,
+        }
+    }
+
+    pub(crate) fn from_word(word: u64) -> Result<Self, Fault> {
+        match word {
+            0 => Ok(Self::Stop),
+            1 => Ok(Self::Startup),
+            2 => Ok(Self::Run),
+            _ => Err(Fault::CpuState(word)),
+        }
+    }
+}
+
+/// The LEDs on the front of a CP.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Leds {
+    /// PW: the CP is supplied.
+    pub power: bool,
+    /// TxD: it sends.
+    pub transmit: bool,
+    /// RxD: it receives.
+    pub receive: bool,
+    /// ER (CP 240) or SF (CP 341): error.
+    pub error: bool,
+}
+
+impl Leds {
+    pub(crate) fn to_word(self) -> u64 {
+        bits([self.power, self.transmit, self.receive, self.error])
+    }
+
+    /// Unknown bits mean nothing and are dropped.
+    pub(crate) fn from_word(word: u64) -> Self {
+        let [power, transmit, receive, error] = flags(word);
+        Self { power, transmit, receive, error }
+    }
+}
+
+/// Modem lines the CPU drives.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ModemOutputs {
+    /// The CPU drives RTS (otherwise it is the driver's own affair).
+    pub drive_rts: bool,
+    /// Request to send.
+    pub rts: bool,
+    /// The CPU drives DTR (otherwise it is the driver's own affair).
+    pub drive_dtr: bool,
+    /// Data terminal ready.
+    pub dtr: bool,
+}
+
+impl ModemOutputs {
+    pub(crate) fn to_word(self) -> u64 {
+        bits([self.drive_rts, self.rts, self.drive_dtr, self.dtr])
+    }
+
+    pub(crate) fn from_word(word: u64) -> Self {
+        let [drive_rts, rts, drive_dtr, dtr] = flags(word);
+        Self { drive_rts, rts, drive_dtr, dtr }
+    }
+}
+
+/// State of the modem lines at the CP, in the bit order of the status byte of FC 8 V24_STAT (CTS is bit 0).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ModemInputs {
+    /// Clear to send.
+    pub cts: bool,
+    /// Data set ready.
+    pub dsr: bool,
+    /// Ring indicator.
+    pub ri: bool,
+    /// Carrier detect.
+    pub cd: bool,
+    /// The CP's own data terminal ready.
+    pub dtr: bool,
+    /// The CP's own request to send.
+    pub rts: bool,
+}
+
+impl ModemInputs {
+    pub(crate) fn to_word(self) -> u64 {
+        bits([self.cts, self.dsr, self.ri, self.cd, self.dtr, self.rts])
+    }
+
+    pub(crate) fn from_word(word: u64) -> Self {
+        let [cts, dsr, ri, cd, dtr, rts] = flags(word);
+        Self { cts, dsr, ri, cd, dtr, rts }
+    }
+}
+
+/// The flags as bits, the first one in bit 0.
+fn bits<const N: usize>(flags: [bool; N]) -> u64 {
+    flags.iter().rev().fold(0, |word, flag| word << 1 | u64::from(*flag))
+}
+
+fn flags<const N: usize>(word: u64) -> [bool; N] {
+    std::array::from_fn(|bit| word >> bit & 1 == 1)
+}
+
+#[cfg(all(test, not(loom)))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_survive_the_word() {
+        use DriverState::*;
+        for state in [Absent, Starting, NoParameters, ParameterError(7), Ready, LineError(u32::MAX)] {
+            assert_eq!(DriverState::from_word(state.to_word()), Ok(state));
+        }
+        for state in [CpuState::Stop, CpuState::Startup, CpuState::Run] {
+            assert_eq!(CpuState::from_word(state.to_word()), Ok(state));
+        }
+    }
+
+    #[test]
+    fn a_word_without_meaning_is_a_fault() {
+        assert_eq!(DriverState::from_word(6), Err(Fault::DriverState(6)));
+        assert_eq!(DriverState::from_word(u64::MAX), Err(Fault::DriverState(u64::MAX)));
+        assert_eq!(CpuState::from_word(3), Err(Fault::CpuState(3)));
+        assert_eq!(CpuState::from_word(1 << 32), Err(Fault::CpuState(1 << 32)));
+    }
+
+    #[test]
+    fn lamps_and_lines_have_their_bits() {
+        assert_eq!(Leds { power: true, ..Leds::default() }.to_word(), 1);
+        assert_eq!(Leds { error: true, ..Leds::default() }.to_word(), 8);
+        assert_eq!(ModemInputs { cts: true, rts: true, ..ModemInputs::default() }.to_word(), 0b10_0001);
+        assert_eq!(ModemInputs { cd: true, ..ModemInputs::default() }.to_word(), 8);
+        assert_eq!(ModemOutputs { drive_rts: true, dtr: true, ..ModemOutputs::default() }.to_word(), 9);
+        for word in 0..64 {
+            assert_eq!(ModemInputs::from_word(word).to_word(), word);
+            assert_eq!(ModemOutputs::from_word(word).to_word(), word & 15);
+            assert_eq!(Leds::from_word(word).to_word(), word & 15);
+        }
+    }
+}
