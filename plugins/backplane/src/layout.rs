@@ -50,6 +50,8 @@ pub enum Writer {
     Cp,
     /// The driver sets it, the CPU side takes it back.
     Both,
+    /// Any program outside.
+    Anyone,
 }
 
 /// One line of the memory map.
@@ -65,7 +67,7 @@ pub struct Field {
     pub writer: Writer,
 }
 
-const fn field(offset: usize, size: usize, name: &'static str, writer: Writer) -> Field {
+pub(crate) const fn field(offset: usize, size: usize, name: &'static str, writer: Writer) -> Field {
     Field { offset, size, name, writer }
 }
 

@@ -2,7 +2,8 @@
 //!
 //! A [`Segment`] lies between the CPU and the driver process of one CP, in the place of the back plane of a rack. It has
 //! two ends: [`CpuSide`] belongs to the scan, [`CpSide`] to the driver. Neither waits for the other, neither believes
-//! what the other has written, and neither allocates or makes a system call after its construction.
+//! what the other has written, and neither allocates or makes a system call after its construction. [`IoImage`] is
+//! the simpler memory of `di do ai ao` modules, open to any program.
 //!
 //! The crate knows neither the CPU nor the firmware: what the registers mean is agreed elsewhere. The memory map is in
 //! [`layout`] and, for drivers in other languages, in `docs/backplane.md`.
@@ -30,6 +31,10 @@ mod cpu_side;
 mod events;
 mod fault;
 mod header;
+#[cfg(not(loom))]
+mod io_image;
+#[cfg(not(loom))]
+pub mod io_layout;
 pub mod layout;
 mod mailbox;
 #[cfg(not(loom))]
@@ -47,6 +52,8 @@ pub use cp_side::{ChangeMark, CpSide};
 pub use cpu_side::CpuSide;
 pub use events::{Event, EventKind};
 pub use fault::{Fault, SegmentError, TooLong};
+#[cfg(not(loom))]
+pub use io_image::{IoField, IoImage};
 pub use mailbox::Mail;
 pub use monitor::Monitor;
 pub use record::{Params, Record};
