@@ -1,0 +1,261 @@
+//! The contract between a protocol and whoever pumps it: inputs, outputs, time.
+
+/// Nanoseconds since the start of the CP. Virtual in tests and simulations, monotonic in the driver process.
+pub type Nanos = u64;
+
+/// One millisecond in [`Nanos`].
+pub const MS: Nanos = 1_000_000;
+
+/// One second in [`Nanos`].
+pub const SECOND: Nanos = 1_000 * MS;
+
+/// Longest telegram of the CP 240, bytes of user data: its send and receive buffers hold 1024 bytes. [S0 "Properties"]
+pub const TELEGRAM_MAX: usize = 1024;
+
+/// A serial protocol.
+///
+/// Laws for the caller:
+/// * `now` never goes backwards.
+/// * When the returned deadline is reached, call with [`Input::Tick`]. A call before it is harmless. An input that
+///   arrives at or after the deadline without a tick before it is taken as having been in time: a late pump causes no
+///   false time-outs.
+/// * `None` means: only an input can change anything.
+/// * When [`Sink::room`] grows (the CPU has taken a telegram), call with [`Input::Tick`].
+///
+/// The work of one step is bounded by the bytes handed in plus one telegram.
+pub trait Machine {
+    /// Takes one input at time `now`; the result is the next deadline.
+    ///
+    /// The very first step must be a [`Input::Tick`]: some CPs put a character on the line when they start.
+    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos>;
+
+    /// Whether an order is running, that is, accepted and not yet answered by [`Sink::sent`].
+    fn busy(&self) -> bool;
+}
+
+/// What happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input<'a> {
+    /// Time has passed, or the receive buffer has become free; nothing else.
+    Tick,
+    /// Characters came in, in this order; `now` is the end of the last one. A character that the line could not read is
+    /// not among them: a [`Input::LineFault`] stands in its place.
+    Rx(&'a [u8]),
+    /// The last bit of everything handed to [`Sink::transmit`] has left the line. A line reports it before any character
+    /// that came in later. A line without a partner swallows its output and reports this all the same.
+    TxDone,
+    /// The line could not read a character, or is gone.
+    LineFault(LineFault),
+    /// The modem lines have changed.
+    Modem(ModemLines),
+    /// The CPU wants something.
+    Order(Order<'a>),
+}
+
+/// An order of the CPU; one send at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order<'a> {
+    /// Send this telegram. The machine copies it. The end is told by [`Sink::sent`], exactly once an order.
+    ///
+    /// While an order is running a second one is answered at once with [`SendError::Busy`]; the first goes on.
+    Send(&'a [u8]),
+    /// Drop the running order (if any: [`Sink::sent`] with [`SendError::Aborted`]) and what is being received, and go
+    /// back to idle. The RESET of the CPU, or new parameters.
+    Abort,
+}
+
+/// What a line can suffer. The first four stand in the place of a character.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineFault {
+    /// Wrong parity bit.
+    Parity,
+    /// Stop bit missing.
+    Framing,
+    /// Characters were lost because nobody fetched them.
+    Overrun,
+    /// The line was at 0 for longer than a character.
+    Break,
+    /// The device was pulled or the connection ended (open circuit). What is written from now on is swallowed.
+    Gone,
+    /// The device or the connection is there again.
+    Back,
+}
+
+/// Modem lines as the CP sees them; `true` is ON.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ModemLines {
+    /// Clear to send: the partner (or modem) accepts characters.
+    pub cts: bool,
+    /// Data set ready.
+    pub dsr: bool,
+    /// Ring indicator.
+    pub ri: bool,
+    /// Carrier detect.
+    pub cd: bool,
+}
+
+/// Where a machine puts its results. Called only inside [`Machine::step`].
+pub trait Sink {
+    /// Puts characters on the line, behind those handed over before.
+    fn transmit(&mut self, bytes: &[u8]);
+
+    /// Takes back what was handed to [`Sink::transmit`] and has not yet begun to leave; the result is how many
+    /// characters will not be sent. Used when the partner interrupts a telegram. A line that cannot do it answers 0
+    /// and sends all. In either case [`Input::TxDone`] comes when the line has fallen silent.
+    fn take_back(&mut self) -> usize {
+        0
+    }
+
+    /// Bytes that a received telegram may have now; 0: no receive buffer is free.
+    fn room(&self) -> usize;
+
+    /// A telegram is complete and, where the protocol has that, acknowledged. (ASCII-fragmented: a block of at most
+    /// 12 bytes.) Never longer than [`Sink::room`] was just before, never empty.
+    fn deliver(&mut self, telegram: &[u8]);
+
+    /// The running order has ended, or a second one was refused as [`SendError::Busy`].
+    fn sent(&mut self, outcome: Result<(), SendError>);
+
+    /// Something worth the LED `ER`, a diagnostic entry or a line of the trace.
+    fn report(&mut self, event: Event);
+
+    /// Sets the modem line RTS (hardware flow control: ON while the CP can take characters).
+    fn rts(&mut self, on: bool) {
+        let _ = on;
+    }
+}
+
+/// Why an order failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SendError {
+    /// The partner did not answer within QVZ (ASCII: did not release the flow control).
+    AckDelay,
+    /// The partner refused (NAK) until the permitted repetitions were used up.
+    Repetitions,
+    /// The partner answered with something that is no answer, or the line broke off, until repetitions were used up.
+    Frame,
+    /// The telegram is longer than the machine's buffer; nothing was sent.
+    TooLong,
+    /// Dropped by [`Order::Abort`].
+    Aborted,
+    /// Another order is running; this one was not taken.
+    Busy,
+}
+
+impl SendError {
+    /// The CP's error code for the CPU. [S0 "Content and structure of the indicator word ANZW"]
+    ///
+    /// 07h acknowledgement delay, 0Ah repetitions exceeded, 0Ch frame error, 17h too long, 00h re-initialised.
+    pub fn code(self) -> u8 {
+        match self {
+            Self::AckDelay => 0x07,
+            Self::Repetitions => 0x0A,
+            Self::Frame => 0x0C,
+            Self::TooLong => 0x17,
+            Self::Aborted | Self::Busy => 0x00,
+        }
+    }
+}
+
+/// An occurrence: where the machine was, and what met it there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// What the machine was doing.
+    pub phase: Phase,
+    /// What happened.
+    pub what: What,
+}
+
+/// What a machine is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Nothing: neither an order nor a telegram.
+    Idle,
+    /// Setting up a connection: STX is out, the answer is awaited.
+    Connect,
+    /// Characters of a telegram are leaving.
+    Output,
+    /// The telegram is out, its acknowledgement is awaited.
+    Acknowledge,
+    /// A telegram is coming in.
+    Receive,
+}
+
+/// What happened in a [`Phase`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum What {
+    /// A character that has no meaning here.
+    Unexpected(u8),
+    /// The partner sent NAK.
+    Nak,
+    /// The partner did not answer within QVZ, or did not release the flow control in time.
+    AckDelay,
+    /// Both partners wanted to send at the same time; `yielded` tells whether this side gave way.
+    Conflict {
+        /// This side has low priority and receives first.
+        yielded: bool,
+    },
+    /// The n-th repetition begins (1 = the first).
+    Repetition(u16),
+    /// All permitted repetitions are used up; the order fails.
+    Exhausted,
+    /// ZVZ ran out within a telegram.
+    CharacterDelay,
+    /// DLE was followed by a character that is neither DLE nor ETX.
+    BadDle(u8),
+    /// The block check character differs.
+    BadCheck {
+        /// Computed from what came in.
+        computed: u8,
+        /// Received.
+        received: u8,
+    },
+    /// No receive buffer is free.
+    NoBuffer,
+    /// A telegram is longer than the buffer, or than the room in it.
+    TooLong,
+    /// A telegram without user data; acknowledged, not delivered.
+    Empty,
+    /// The partner did not repeat a refused telegram in time (CP 341).
+    NoRepetition,
+    /// The line suffered.
+    Line(LineFault),
+}
+
+impl Event {
+    /// Number in the event classes 7 (send) and 8 (receive) of the 3964(R) and ASCII driver; `None` where these have no
+    /// number. [reference 3.9, 3.10]
+    pub fn number(self) -> Option<u16> {
+        use Phase::{Acknowledge, Connect, Output};
+        Some(match (self.what, self.phase) {
+            (What::Repetition(1), _) => 0x0701,
+            (What::Unexpected(_) | What::Nak, Connect) => 0x0702,
+            (What::AckDelay, Connect) => 0x0703,
+            (What::Unexpected(_), Output) => 0x0704,
+            (What::Nak, Output) => 0x0705,
+            (What::Unexpected(_) | What::Nak, Acknowledge) => 0x0706,
+            (What::AckDelay, Acknowledge) => 0x0707,
+            (What::AckDelay, _) => 0x0708,
+            (What::Exhausted, Connect) => 0x0709,
+            (What::Exhausted, _) => 0x070A,
+            (What::Unexpected(_), _) => 0x0802,
+            (What::BadDle(_), _) => 0x0805,
+            (What::CharacterDelay, _) => 0x0806,
+            (What::BadCheck { .. }, _) => 0x0808,
+            (What::NoBuffer, _) => 0x080A,
+            (What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun), _) => 0x080C,
+            (What::Line(LineFault::Break), _) => 0x080D,
+            (What::TooLong, _) => 0x0816,
+            _ => return None,
+        })
+    }
+
+    /// Whether the LED `ER` lights for 4 s: open circuit, overflow, parity and framing errors. [S0 "LEDs"]
+    pub fn lights_er(self) -> bool {
+        match self.what {
+            What::NoBuffer | What::TooLong => true,
+            What::Line(fault) => fault != LineFault::Back,
+            _ => false,
+        }
+    }
+}
