@@ -193,7 +193,7 @@ impl CpSide {
     /// Posts a mail to the CPU; false if it has not taken the last one yet.
     ///
     /// # Errors
-    /// [`Fault::Mailbox`] if the CPU's counter has no meaning.
+    /// [`Fault::Mailbox`] if the CPU's counter has no meaning; the mailbox is emptied.
     pub fn post_mail(&mut self, mail: &Mail) -> Result<bool, Fault> {
         self.post.post(&self.segment.cells().mail_to_cpu, self.generation, mail)
     }
@@ -201,7 +201,7 @@ impl CpSide {
     /// Takes the mail of the CPU, if there is one.
     ///
     /// # Errors
-    /// [`Fault::Mailbox`] if the CPU's counter has no meaning.
+    /// [`Fault::Mailbox`] if the CPU's counter has no meaning; the mailbox is emptied.
     pub fn take_mail(&mut self) -> Result<Option<Mail>, Fault> {
         self.take.take(&self.segment.cells().mail_to_cp, self.generation)
     }

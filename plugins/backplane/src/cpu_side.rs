@@ -26,6 +26,8 @@ pub struct CpuSide {
     events: Consumer,
     post: Poster,
     take: Taker,
+    state: CpuState,
+    modem: ModemOutputs,
     changes: u64,
     bell_due: bool,
 }
@@ -47,9 +49,25 @@ impl CpuSide {
             events: Consumer::new(),
             post: Poster::new(),
             take: Taker::new(),
+            state: CpuState::Stop,
+            modem: ModemOutputs::default(),
             changes: 0,
             bell_due: false,
         })
+    }
+
+    /// Writes everything of the CPU side once more, header included, but for the parameters and the record, of which it
+    /// keeps no copy. Call it before a driver is started again, and transfer the parameters: the last one may have
+    /// written where it had no business. Without such damage it changes nothing.
+    pub fn restore(&mut self) {
+        let cells = self.monitor.cells();
+        header::write(cells, self.io);
+        self.outputs.rewrite(&cells.outputs.registers);
+        self.events.publish(&cells.events);
+        self.post.publish(&cells.mail_to_cp);
+        self.take.publish(&cells.mail_to_cpu);
+        self.set_modem_outputs(self.modem);
+        self.set_cpu_state(self.state);
     }
 
     /// State, generation, LEDs, counters: what only looks. Clones of it may go to other threads.
@@ -171,7 +189,7 @@ impl CpuSide {
     /// Posts a mail to the CP; false if it has not taken the last one yet.
     ///
     /// # Errors
-    /// [`Fault::Mailbox`] if the CP's counter has no meaning; that lasts until a new driver attaches.
+    /// [`Fault::Mailbox`] if the CP's counter has no meaning; the mailbox is emptied.
     pub fn post_mail(&mut self, mail: &Mail) -> Result<bool, Fault> {
         let posted = self.post.post(&self.monitor.cells().mail_to_cp, self.monitor.generation(), mail)?;
         if posted {
@@ -183,7 +201,7 @@ impl CpuSide {
     /// Takes the mail of the CP, if there is one. What a driver has posted before it was restarted is thrown away.
     ///
     /// # Errors
-    /// [`Fault::Mailbox`] if the CP's counter has no meaning; that lasts until a new driver attaches.
+    /// [`Fault::Mailbox`] if the CP's counter has no meaning; the mailbox is emptied.
     pub fn take_mail(&mut self) -> Result<Option<Mail>, Fault> {
         let mail = self.take.take(&self.monitor.cells().mail_to_cpu, self.monitor.generation())?;
         if mail.is_some() {
@@ -194,12 +212,14 @@ impl CpuSide {
 
     /// Tells the CP the state of the CPU.
     pub fn set_cpu_state(&mut self, state: CpuState) {
+        self.state = state;
         self.cells().cpu.state.store(state.to_word(), Ordering::Release);
         self.changed();
     }
 
     /// Drives modem lines of the CP.
     pub fn set_modem_outputs(&mut self, lines: ModemOutputs) {
+        self.modem = lines;
         self.cells().cpu.modem_outputs.store(lines.to_word(), Ordering::Release);
         self.changed();
     }

@@ -180,7 +180,12 @@ impl Consumer {
 
     fn advance(&mut self, cells: &EventCells, to: u64) {
         self.consumed = to;
+        self.publish(cells);
+    }
+
+    /// Shows how far the consumer is.
+    pub(crate) fn publish(&self, cells: &EventCells) {
         // Pairs with the producer's load(Acquire) of `consumed`.
-        cells.consumed.store(to, Ordering::Release);
+        cells.consumed.store(self.consumed, Ordering::Release);
     }
 }

@@ -22,7 +22,7 @@ pub enum Fault {
     /// An event of an unknown kind, or with more data than fits; it is dropped.
     #[error("an event with the head word {0:#x} has no meaning")]
     Event(u64),
-    /// The counters of a mailbox contradict each other.
+    /// The counters of a mailbox contradict each other; the mail in it is dropped.
     #[error("a mailbox's counters contradict each other ({posted} posted, {taken} taken)")]
     Mailbox {
         /// Mails posted.

@@ -8,20 +8,24 @@ use crate::sync::{AtomicU64, Ordering};
 
 /// Empties the segment and writes its header, the version last: who finds that finds everything else.
 pub(crate) fn format(cells: &SegmentCells, io: IoBytes) {
-    let header = &cells.header;
-    header.version.store(0, Ordering::Release);
+    cells.header.version.store(0, Ordering::Release);
     clear(cells);
+    write(cells, io);
+}
+
+/// Writes the header.
+pub(crate) fn write(cells: &SegmentCells, io: IoBytes) {
     for (cell, word, _) in fixed_words(cells) {
         cell.store(word, Ordering::Relaxed);
     }
-    header.io_bytes.store(io.get() as u64, Ordering::Relaxed);
+    cells.header.io_bytes.store(io.get() as u64, Ordering::Relaxed);
     // Pairs with the load(Acquire) in `check`.
-    header.version.store(LAYOUT_VERSION, Ordering::Release);
+    cells.header.version.store(LAYOUT_VERSION, Ordering::Release);
 }
 
 /// Checks the header and answers the register bytes it tells.
 pub(crate) fn check(cells: &SegmentCells) -> Result<IoBytes, SegmentError> {
-    // Pairs with the last store(Release) in `format`.
+    // Pairs with the last store(Release) in `write`.
     let version = cells.header.version.load(Ordering::Acquire);
     if version != LAYOUT_VERSION {
         return Err(SegmentError::Header { field: "header.version", found: version });

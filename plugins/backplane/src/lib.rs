@@ -60,3 +60,7 @@ pub use record::{Params, Record};
 pub use segment::Segment;
 pub use seqlock::Freshness;
 pub use words::{CpuState, DriverState, Leds, ModemInputs, ModemOutputs};
+
+// Over heap segments only and without any system interface, so that Miri can run them.
+#[cfg(all(test, not(loom)))]
+mod tests;

@@ -1,6 +1,7 @@
 //! The mailbox: one mail of 32 bytes each way at a time (a CP 341 exchanges its telegrams in such pieces).
 //!
-//! The poster owns the mail while `posted == taken`, the taker while `posted == taken + 1`; anything else is a fault.
+//! The poster owns the mail while `posted == taken`, the taker while `posted == taken + 1`; anything else is a fault:
+//! who finds it takes over the other side's number, and the mailbox is empty.
 //! A mail carries the generation of the driver it belongs to: what an earlier driver has posted, or was to get, is
 //! thrown away.
 
@@ -42,16 +43,26 @@ impl Poster {
         match self.posted.wrapping_sub(taken) {
             0 => {}
             1 => return Ok(false),
-            _ => return Err(Fault::Mailbox { posted: self.posted, taken }),
+            _ => {
+                let fault = Fault::Mailbox { posted: self.posted, taken };
+                self.posted = taken;
+                self.publish(cells);
+                return Err(fault);
+            }
         }
         cells.generation.store(generation, Ordering::Relaxed);
         for (cell, word) in cells.data.0.iter().zip(words_of(mail)) {
             cell.store(word, Ordering::Relaxed);
         }
         self.posted = self.posted.wrapping_add(1);
+        self.publish(cells);
+        Ok(true)
+    }
+
+    /// Shows how far the poster is.
+    pub(crate) fn publish(&self, cells: &MailboxCells) {
         // Pairs with the taker's load(Acquire) of `posted`.
         cells.posted.store(self.posted, Ordering::Release);
-        Ok(true)
     }
 }
 
@@ -80,15 +91,25 @@ impl Taker {
         match posted.wrapping_sub(self.taken) {
             0 => return Ok(None),
             1 => {}
-            _ => return Err(Fault::Mailbox { posted, taken: self.taken }),
+            _ => {
+                let fault = Fault::Mailbox { posted, taken: self.taken };
+                self.taken = posted;
+                self.publish(cells);
+                return Err(fault);
+            }
         }
         let mine = cells.generation.load(Ordering::Relaxed) == generation;
         let words = cells.data.0.each_ref().map(|cell| cell.load(Ordering::Relaxed));
         self.taken = posted;
-        // Pairs with the poster's load(Acquire) of `taken`.
-        cells.taken.store(self.taken, Ordering::Release);
+        self.publish(cells);
         let mut mail = [0; MAIL_BYTES];
         copy_out(&words, &mut mail);
         Ok(mine.then_some(mail))
+    }
+
+    /// Shows how far the taker is.
+    pub(crate) fn publish(&self, cells: &MailboxCells) {
+        // Pairs with the poster's load(Acquire) of `taken`.
+        cells.taken.store(self.taken, Ordering::Release);
     }
 }

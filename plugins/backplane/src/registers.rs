@@ -40,6 +40,11 @@ impl RegisterWriter {
     /// Puts zeros into all registers, whatever there was, and ends what a dead writer may have left half-way.
     pub(crate) fn clear(&mut self, cell: &SeqCell<IO_WORDS>) {
         self.last = [0; IO_WORDS];
+        self.rewrite(cell);
+    }
+
+    /// Writes what it has written last once more, into all registers.
+    pub(crate) fn rewrite(&mut self, cell: &SeqCell<IO_WORDS>) {
         cell.write(self.last.into_iter());
     }
 

@@ -1,0 +1,136 @@
+//! The image of the process I/O modules.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use super::{Noise, ROUNDS};
+use crate::IoImage;
+use crate::io_layout::{
+    AT_OUTPUTS, AT_SEQUENCE, IO_AREA_BYTES, IO_FIELDS, IO_IMAGE_BYTES, IO_LAYOUT_VERSION, IO_MAGIC,
+};
+
+#[test]
+fn the_header_tells_where_everything_is() {
+    let field = IoImage::heap().field();
+    let words: Vec<u64> = (0..7).map(|index| field.peek(index * 8).unwrap()).collect();
+    assert_eq!(words, [IO_MAGIC, IO_LAYOUT_VERSION, 0x1000, 0x100, 1024, 0x600, 1024]);
+    let mut end = 0;
+    for field in IO_FIELDS {
+        assert!(field.offset >= end && field.offset.is_multiple_of(8), "{}", field.name);
+        end = field.offset + field.size;
+    }
+    assert!(end <= IO_IMAGE_BYTES);
+    assert_eq!((field.peek(3), field.peek(IO_IMAGE_BYTES)), (None, None));
+}
+
+#[test]
+fn bytes_cross_at_every_offset_and_length() {
+    let mut image = IoImage::heap();
+    let field = image.field();
+    let mut noise = Noise(1);
+    let (mut inputs, mut outputs) = ([0_u8; IO_AREA_BYTES], [0_u8; IO_AREA_BYTES]);
+    for _ in 0..ROUNDS.min(3000) {
+        let offset = noise.next() as usize % IO_AREA_BYTES;
+        let len = (noise.next() as usize % 40).min(IO_AREA_BYTES - offset);
+        let data: Vec<u8> = (0..len).map(|_| noise.next() as u8).collect();
+        assert_eq!(field.write_inputs(offset, &data), len);
+        inputs[offset..offset + len].copy_from_slice(&data);
+        assert_eq!(image.write_outputs(offset, &data), len);
+        outputs[offset..offset + len].copy_from_slice(&data);
+        let from = offset.saturating_sub(9);
+        let mut seen = [0; 60];
+        let inside = image.read_inputs(from, &mut seen);
+        assert_eq!(seen[..inside], inputs[from..from + inside]);
+        assert_eq!(field.read_outputs(from, &mut seen), inside);
+        assert_eq!(seen[..inside], outputs[from..from + inside]);
+    }
+    let mut all = [0; IO_AREA_BYTES];
+    assert_eq!(image.read_inputs(0, &mut all), IO_AREA_BYTES);
+    assert_eq!(all, inputs);
+    assert_eq!(field.read_outputs(0, &mut all), IO_AREA_BYTES);
+    assert_eq!(all, outputs);
+}
+
+#[test]
+fn what_lies_outside_is_nothing() {
+    let mut image = IoImage::heap();
+    let field = image.field();
+    let mut seen = [0xee; 4];
+    field.write_inputs(1022, &[1, 2, 3, 4]);
+    assert_eq!(image.read_inputs(1022, &mut seen), 2);
+    assert_eq!(seen, [1, 2, 0, 0]);
+    for offset in [1024, 5000, usize::MAX] {
+        seen = [0xee; 4];
+        assert_eq!(image.read_inputs(offset, &mut seen), 0);
+        assert_eq!(seen, [0; 4]);
+        assert_eq!(image.write_outputs(offset, &[1; 4]), 0);
+        assert_eq!(field.write_inputs(offset, &[1; 4]), 0);
+    }
+    assert_eq!(image.write_outputs(1021, &[7; 9]), 3);
+    assert_eq!(field.read_outputs(1020, &mut seen), 4);
+    assert_eq!(seen, [0, 7, 7, 7]);
+}
+
+#[test]
+fn an_unchanged_output_leaves_the_sequence_alone() {
+    let mut image = IoImage::heap();
+    let field = image.field();
+    let sequence = || field.peek(AT_SEQUENCE).unwrap();
+    assert_eq!(sequence(), 0);
+    image.write_outputs(3, &[1, 2]);
+    assert_eq!(sequence(), 2);
+    image.write_outputs(3, &[1, 2]);
+    image.write_outputs(100, &[0; 20]);
+    image.write_outputs(3, &[]);
+    assert_eq!(sequence(), 2);
+    image.scan_done(77);
+    assert_eq!((field.scan(), sequence()), (77, 2));
+}
+
+#[test]
+fn any_content_is_legal() {
+    for seed in 0..20 {
+        let mut image = IoImage::heap();
+        let field = image.field();
+        let mut noise = Noise(seed);
+        field.scribble(|_| noise.next());
+        let mut all = [0; IO_AREA_BYTES + 8];
+        assert_eq!(image.read_inputs(0, &mut all), IO_AREA_BYTES);
+        assert!(all.iter().any(|byte| *byte != 0));
+        image.write_outputs(0, &[seed as u8 + 1; IO_AREA_BYTES]);
+        image.scan_done(seed);
+        assert_eq!(field.read_outputs(0, &mut all), IO_AREA_BYTES);
+        assert_eq!(all[..IO_AREA_BYTES], [seed as u8 + 1; IO_AREA_BYTES]);
+        assert_eq!(field.peek(AT_SEQUENCE).unwrap() % 2, 0);
+    }
+}
+
+#[test]
+fn outputs_of_one_write_belong_together_under_the_sequence() {
+    let mut image = IoImage::heap();
+    let field = image.field();
+    let ended = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let reader = scope.spawn(|| {
+            let mut whole = 0_u64;
+            loop {
+                let last = ended.load(Ordering::Acquire);
+                let before = field.peek(AT_SEQUENCE).unwrap();
+                let words: Vec<u64> = (0..4).map(|index| field.peek(AT_OUTPUTS + 8 * index).unwrap()).collect();
+                std::sync::atomic::fence(Ordering::Acquire);
+                if before.is_multiple_of(2) && field.peek(AT_SEQUENCE) == Some(before) {
+                    assert!(words.iter().all(|word| *word == words[0]), "{words:?}");
+                    whole += 1;
+                }
+                if last {
+                    return whole;
+                }
+            }
+        });
+        for number in 1..=ROUNDS {
+            image.write_outputs(0, &number.to_le_bytes().repeat(4));
+        }
+        ended.store(true, Ordering::Release);
+        assert!(reader.join().unwrap() > 0);
+    });
+}

@@ -1,0 +1,57 @@
+//! What both ends promise, over heap segments. Whatever needs a file or a process is in `tests/`.
+
+mod doorbell;
+mod ends;
+mod garbage;
+mod image;
+mod registers;
+mod restart;
+
+use crate::{CpSide, CpuSide, Segment};
+
+/// Rounds of the tests that hammer: few where each step is interpreted.
+const ROUNDS: u64 = if cfg!(miri) { 60 } else { 200_000 };
+
+/// A fresh segment with both its ends.
+fn both_ends(io_bytes: usize) -> (Segment, CpuSide, CpSide) {
+    let segment = Segment::heap();
+    let cpu = CpuSide::create(&segment, io_bytes).expect("a legal number of register bytes");
+    let cp = CpSide::attach(&segment).expect("a segment just made");
+    (segment, cpu, cp)
+}
+
+/// Offset of a field of the memory map.
+fn at(name: &str) -> usize {
+    let field = crate::layout::FIELDS.iter().find(|field| field.name == name);
+    field.unwrap_or_else(|| panic!("no field {name}")).offset
+}
+
+/// Numbers without pattern, the same for the same seed (splitmix64).
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+}
+
+#[test]
+fn the_memory_map_has_no_overlap_and_no_odd_corner() {
+    let mut end = 0;
+    for field in crate::layout::FIELDS {
+        assert!(field.offset >= end, "{} lies over its neighbour", field.name);
+        assert!(field.offset.is_multiple_of(8) && field.size.is_multiple_of(8), "{}", field.name);
+        end = field.offset + field.size;
+    }
+    assert!(end <= crate::layout::SEGMENT_BYTES);
+    // What one side writes often shares no pair of cache lines with what the other side writes often.
+    let line = |name: &str| at(name) / 128;
+    assert_ne!(line("outputs.sequence"), line("inputs.sequence"));
+    assert_ne!(line("cpu.heartbeat"), line("cp.heartbeat"));
+    assert_ne!(line("mail_to_cp.posted"), line("mail_to_cp.taken"));
+    assert_ne!(line("events.produced"), line("events.consumed"));
+}
