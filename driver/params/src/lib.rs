@@ -1,1 +1,26 @@
-//! Parameter records: named keys and the 16 parameter bytes, one table for both
+//! Parameter records: named keys and the 16 parameter bytes, one table for both.
+//!
+//! The station file writes parameters as named keys or as the raw bytes of a hardware configuration; the firmware takes
+//! the bytes. Both go through [`table`], which holds what the manual prints: which byte, which codes, which range, which
+//! default. [`Cp240`] is the same thing typed.
+//!
+//! ```
+//! use ob1_params::{Cp240, Value};
+//!
+//! let cp = Cp240::from_keys([("protocol", Value::from("3964r")), ("baud", Value::Int(115_200))])?;
+//! assert_eq!(cp.encode(), [0x0E, 0x04, 0x13, 0, 0, 10, 25, 100, 5, 6, 0, 0, 0, 0, 0, 0]);
+//! assert_eq!(Cp240::decode(&cp.encode())?, cp);
+//! # Ok::<(), ob1_params::ParamError>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod cp240;
+mod error;
+mod line;
+mod record;
+pub mod table;
+
+pub use cp240::{Ascii, Cp240, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
+pub use error::ParamError;
+pub use line::{Flow, LineSettings, Parity, StopBits};
+pub use record::Value;

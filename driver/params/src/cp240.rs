@@ -1,0 +1,506 @@
+//! The 16 parameter bytes of a CP 240, typed.
+
+use crate::error::ParamError;
+use crate::line::{Flow, LineSettings, Parity, StopBits};
+use crate::record::{self, Record, Value};
+use crate::table::{Field, Layout, PROTOCOLS};
+
+/// The parameters of a CP 240. Only [`Cp240::decode`] and [`Cp240::from_keys`] check the ranges given at the fields;
+/// [`Cp240::encode`] cuts a value outside of them to what fits its byte.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cp240 {
+    /// Baud rate, one of the table's.
+    pub baud: u32,
+    /// Data bits, 5..8.
+    pub data_bits: u8,
+    /// Parity bit.
+    pub parity: Parity,
+    /// Stop bits.
+    pub stop_bits: StopBits,
+    /// The protocol and what belongs to it.
+    pub protocol: Protocol,
+}
+
+/// Protocol and its own parameters.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// 01h ASCII, 11h ASCII-fragmented.
+    Ascii(Ascii),
+    /// 02h STX/ETX.
+    StxEtx(StxEtx),
+    /// 03h 3964, 04h 3964R, 05h and 06h the same with RK 512.
+    S3964(S3964),
+    /// 0Ah..0Dh, 1Ch, 1Dh.
+    Modbus(Modbus),
+}
+
+/// Parameters of ASCII. Times in milliseconds, multiples of 20.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Ascii {
+    /// Telegrams go to the CPU in blocks of 12 bytes as they come in.
+    pub fragmented: bool,
+    /// Flow control.
+    pub flow: Flow,
+    /// ZNA, 0..5100: pause after the last bit before the order is done.
+    pub zna_ms: u16,
+    /// ZVZ, 0..5100: pause that ends a telegram; 0: about two character times.
+    pub zvz_ms: u16,
+    /// Number of receive buffers, 1..250.
+    pub receive_buffers: u8,
+}
+
+/// Parameters of STX/ETX. Times in milliseconds, multiples of 20.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StxEtx {
+    /// Flow control.
+    pub flow: Flow,
+    /// ZNA, 0..5100.
+    pub zna_ms: u16,
+    /// TMO, 20..5100: longest time between two telegrams.
+    pub tmo_ms: u16,
+    /// Number of start characters in use, 0..2.
+    pub start_flags: u8,
+    /// The start characters.
+    pub start: [u8; 2],
+    /// Number of end characters in use, 0..2.
+    pub end_flags: u8,
+    /// The end characters.
+    pub end: [u8; 2],
+}
+
+/// Parameters of 3964(R), with and without RK 512. Times in milliseconds, multiples of 20.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct S3964 {
+    /// 3964R: with block check character.
+    pub bcc: bool,
+    /// With RK 512 on top.
+    pub rk512: bool,
+    /// ZNA, 0..5100.
+    pub zna_ms: u16,
+    /// ZVZ, 0..5100; 0: about two character times.
+    pub zvz_ms: u16,
+    /// QVZ, 0..5100.
+    pub qvz_ms: u16,
+    /// BWZ, 0..5100: from the acknowledgement of a request telegram to STX of the answer telegram.
+    pub bwz_ms: u16,
+    /// Repetitions of STX after the first attempt.
+    pub stx_repetitions: u8,
+    /// DBL: attempts to send a block.
+    pub dbl: u8,
+    /// Who gives way when both want to send.
+    pub priority: Priority,
+}
+
+/// Priority of 3964(R).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Priority {
+    /// Gives way.
+    Low,
+    /// Goes first.
+    High,
+}
+
+/// Parameters of the Modbus modes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Modbus {
+    /// Which of them.
+    pub kind: ModbusKind,
+    /// Slave address, 1..255.
+    pub address: u8,
+    /// For internal tests.
+    pub debug: bool,
+    /// Wait of the master in milliseconds, 1..60000; 0: see [`Modbus::wait_auto_ms`].
+    pub wait_ms: u16,
+}
+
+/// The Modbus modes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ModbusKind {
+    /// 0Ah.
+    MasterAscii,
+    /// 0Bh.
+    MasterRtu,
+    /// 0Ch.
+    SlaveAsciiShort,
+    /// 0Dh.
+    SlaveRtuShort,
+    /// 1Ch.
+    SlaveAsciiLong,
+    /// 1Dh.
+    SlaveRtuLong,
+}
+
+impl ModbusKind {
+    const NAMES: [(Self, &'static str); 6] = [
+        (Self::MasterAscii, "modbus-master-ascii"),
+        (Self::MasterRtu, "modbus-master-rtu"),
+        (Self::SlaveAsciiShort, "modbus-slave-ascii-short"),
+        (Self::SlaveRtuShort, "modbus-slave-rtu-short"),
+        (Self::SlaveAsciiLong, "modbus-slave-ascii-long"),
+        (Self::SlaveRtuLong, "modbus-slave-rtu-long"),
+    ];
+}
+
+impl Modbus {
+    /// The computed wait at this baud rate, milliseconds. [S0 "Delay time"]
+    pub fn wait_auto_ms(&self, baud: u32) -> u32 {
+        use ModbusKind::{MasterAscii, SlaveAsciiLong, SlaveAsciiShort};
+        let per_baud =
+            if matches!(self.kind, MasterAscii | SlaveAsciiShort | SlaveAsciiLong) { 2_926_000 } else { 5_190_000 };
+        50 + per_baud / baud.max(1)
+    }
+}
+
+impl Cp240 {
+    /// What the CP works with when nobody has sent it parameters: 9600 baud, ASCII, 8 data bits, even parity, 1 stop bit,
+    /// no flow control, ZNA 0, ZVZ 200 ms, 1 receive buffer. [S0 "Note to default parameter!"]
+    ///
+    /// Not the default of the ASCII table, which has no parity.
+    pub fn unconfigured() -> Self {
+        Self {
+            baud: 9600,
+            data_bits: 8,
+            parity: Parity::Even,
+            stop_bits: StopBits::One,
+            protocol: Protocol::Ascii(Ascii {
+                fragmented: false,
+                flow: Flow::None,
+                zna_ms: 0,
+                zvz_ms: 200,
+                receive_buffers: 1,
+            }),
+        }
+    }
+
+    /// The defaults of a protocol as printed in its table; `protocol` is a name of
+    /// [`PROTOCOLS`](crate::table::PROTOCOLS).
+    pub fn defaults(protocol: &str) -> Result<Self, ParamError> {
+        Self::from_keys([("protocol", Value::from(protocol))])
+    }
+
+    /// Reads the 16 bytes. Every code is checked; bits that are reserved must be 0.
+    pub fn decode(bytes: &[u8; 16]) -> Result<Self, ParamError> {
+        let (name, layout) = record::protocol(bytes)?;
+        for field in layout.fields() {
+            record::value(bytes, field)?;
+        }
+        record::check_reserved(bytes, layout)?;
+        Reader { bytes, layout }.read(name)
+    }
+
+    /// Writes the 16 bytes.
+    pub fn encode(&self) -> [u8; 16] {
+        let (layout, keys) = self.rows();
+        let mut bytes = [0; 16];
+        bytes[1] = PROTOCOLS.iter().find(|(n, ..)| *n == self.protocol_name()).map_or(0, |(_, code, _)| *code);
+        for field in layout.fields() {
+            if let Some((_, value)) = keys.iter().find(|(key, _)| *key == field.key) {
+                // A value out of range leaves the default: `decode` of the result is always possible.
+                if record::set_value(&mut bytes, field, value).is_err() {
+                    record::set_code(&mut bytes, field, field.default);
+                }
+            }
+        }
+        bytes
+    }
+
+    /// Reads named keys. `protocol` must be among them; what is missing has the table's default.
+    ///
+    /// # Errors
+    /// An unknown key (with the nearest known one), a key of another protocol, a key given twice, a value out of range.
+    pub fn from_keys<'a>(keys: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
+        let keys: Vec<(&str, Value)> = keys.into_iter().collect();
+        for (n, (key, value)) in keys.iter().enumerate() {
+            if keys[..n].iter().any(|(k, _)| k == key) {
+                return Err(ParamError {
+                    byte: None,
+                    key: (*key).into(),
+                    value: value.to_string(),
+                    allowed: "each key once".into(),
+                    remedy: "remove one of the two lines".into(),
+                });
+            }
+        }
+        let (name, code, layout) = find_protocol(&keys)?;
+        let mut bytes = record::defaults(layout, code);
+        for (key, value) in keys.iter().filter(|(key, _)| *key != "protocol") {
+            match layout.fields().iter().find(|f| f.key == *key) {
+                Some(field) => record::set_value(&mut bytes, field, value)?,
+                None => return Err(unknown_key(key, value, name, layout)),
+            }
+        }
+        Reader { bytes: &bytes, layout }.read(name)
+    }
+
+    /// All parameters as named keys, `protocol` and `baud` first: the other form of the bytes.
+    pub fn to_keys(&self) -> Vec<(&'static str, Value)> {
+        let mut keys = self.rows().1;
+        keys.insert(0, ("protocol", Value::from(self.protocol_name())));
+        keys
+    }
+
+    /// The parameters in words, one line each: key, value, meaning.
+    pub fn describe(&self) -> String {
+        let (layout, keys) = self.rows();
+        let mut text = format!("{:<16} = \"{}\"\n", "protocol", self.protocol_name());
+        for (key, value) in &keys {
+            let meaning = layout.fields().iter().find(|f| f.key == *key).map_or("", |f| f.text);
+            text += &format!("{key:<16} = {:<10} # {meaning}\n", value.to_string());
+        }
+        text
+    }
+
+    /// Name of the protocol, as `protocol = ` takes it.
+    pub fn protocol_name(&self) -> &'static str {
+        match &self.protocol {
+            Protocol::Ascii(p) if p.fragmented => "ascii-fragmented",
+            Protocol::Ascii(_) => "ascii",
+            Protocol::StxEtx(_) => "stx-etx",
+            Protocol::S3964(p) => match (p.bcc, p.rk512) {
+                (false, false) => "3964",
+                (true, false) => "3964r",
+                (false, true) => "3964-rk512",
+                (true, true) => "3964r-rk512",
+            },
+            Protocol::Modbus(p) => ModbusKind::NAMES.iter().find(|(k, _)| *k == p.kind).map_or("", |(_, name)| name),
+        }
+    }
+
+    /// How the line is to be set.
+    pub fn line_settings(&self) -> LineSettings {
+        let flow = match &self.protocol {
+            Protocol::Ascii(p) => p.flow,
+            Protocol::StxEtx(p) => p.flow,
+            Protocol::S3964(_) | Protocol::Modbus(_) => Flow::None,
+        };
+        LineSettings {
+            baud: self.baud,
+            data_bits: self.data_bits,
+            parity: self.parity,
+            stop_bits: self.stop_bits,
+            flow,
+        }
+    }
+
+    /// Time of one character on the line, nanoseconds.
+    pub fn char_time_ns(&self) -> u64 {
+        self.line_settings().char_time_ns()
+    }
+
+    /// Number of receive buffers: the parameter for ASCII; 250 telegrams otherwise. [S0 "Properties"]
+    pub fn receive_buffers(&self) -> u8 {
+        match &self.protocol {
+            Protocol::Ascii(p) => p.receive_buffers,
+            _ => 250,
+        }
+    }
+
+    /// Layout and the values of its rows in the order of the table.
+    fn rows(&self) -> (Layout, Vec<(&'static str, Value)>) {
+        let int = |n: u16| Value::Int(n.into());
+        let byte = |n: u8| Value::Int(n.into());
+        let parity = match self.parity {
+            Parity::None => "none",
+            Parity::Odd => "odd",
+            Parity::Even => "even",
+        };
+        let stop_bits = match self.stop_bits {
+            StopBits::One => Value::Int(1),
+            StopBits::OneAndHalf => Value::from("1.5"),
+            StopBits::Two => Value::Int(2),
+        };
+        let mut rows = vec![
+            ("baud", Value::Int(self.baud.into())),
+            ("data_bits", byte(self.data_bits)),
+            ("parity", Value::from(parity)),
+            ("stop_bits", stop_bits),
+        ];
+        let flow = |flow: Flow| match flow {
+            Flow::None => Value::from("none"),
+            Flow::Hardware => Value::from("hardware"),
+            Flow::XonXoff => Value::from("xon-xoff"),
+        };
+        let layout = match &self.protocol {
+            Protocol::Ascii(p) => {
+                rows.extend([
+                    ("flow", flow(p.flow)),
+                    ("zna_ms", int(p.zna_ms)),
+                    ("zvz_ms", int(p.zvz_ms)),
+                    ("receive_buffers", byte(p.receive_buffers)),
+                ]);
+                Layout::Ascii
+            }
+            Protocol::StxEtx(p) => {
+                rows.extend([
+                    ("flow", flow(p.flow)),
+                    ("zna_ms", int(p.zna_ms)),
+                    ("tmo_ms", int(p.tmo_ms)),
+                    ("start_flags", byte(p.start_flags)),
+                    ("start_flag_1", byte(p.start[0])),
+                    ("start_flag_2", byte(p.start[1])),
+                    ("end_flags", byte(p.end_flags)),
+                    ("end_flag_1", byte(p.end[0])),
+                    ("end_flag_2", byte(p.end[1])),
+                ]);
+                Layout::StxEtx
+            }
+            Protocol::S3964(p) => {
+                let priority = if p.priority == Priority::High { "high" } else { "low" };
+                rows.extend([
+                    ("zna_ms", int(p.zna_ms)),
+                    ("zvz_ms", int(p.zvz_ms)),
+                    ("qvz_ms", int(p.qvz_ms)),
+                    ("bwz_ms", int(p.bwz_ms)),
+                    ("stx_repetitions", byte(p.stx_repetitions)),
+                    ("dbl", byte(p.dbl)),
+                    ("priority", Value::from(priority)),
+                ]);
+                Layout::S3964
+            }
+            Protocol::Modbus(p) => {
+                rows.extend([
+                    ("address", byte(p.address)),
+                    ("debug", Value::from(if p.debug { "on" } else { "off" })),
+                    ("wait_ms", int(p.wait_ms)),
+                ]);
+                Layout::Modbus
+            }
+        };
+        (layout, rows)
+    }
+}
+
+/// The typed form of a record whose fields are known to be valid.
+struct Reader<'a> {
+    bytes: &'a Record,
+    layout: Layout,
+}
+
+impl Reader<'_> {
+    fn value(&self, key: &str) -> Result<Value, ParamError> {
+        let field: Option<&Field> = self.layout.fields().iter().find(|f| f.key == key);
+        // A key that the layout does not have can only be a mistake in this file; the round-trip test walks them all.
+        field.map_or(Ok(Value::Int(0)), |field| record::value(self.bytes, field))
+    }
+
+    fn int(&self, key: &str) -> Result<u32, ParamError> {
+        match self.value(key)? {
+            Value::Int(number) => Ok(u32::try_from(number).unwrap_or(0)),
+            Value::Str(_) => Ok(0),
+        }
+    }
+
+    fn byte(&self, key: &str) -> Result<u8, ParamError> {
+        Ok(self.int(key)? as u8)
+    }
+
+    fn word(&self, key: &str) -> Result<u16, ParamError> {
+        Ok(self.int(key)? as u16)
+    }
+
+    fn is(&self, key: &str, name: &str) -> Result<bool, ParamError> {
+        Ok(self.value(key)? == Value::from(name))
+    }
+
+    fn flow(&self) -> Result<Flow, ParamError> {
+        Ok(match self.value("flow")? {
+            Value::Str(name) if name == "hardware" => Flow::Hardware,
+            Value::Str(name) if name == "xon-xoff" => Flow::XonXoff,
+            _ => Flow::None,
+        })
+    }
+
+    fn read(&self, name: &str) -> Result<Cp240, ParamError> {
+        let protocol = match self.layout {
+            Layout::Ascii => Protocol::Ascii(Ascii {
+                fragmented: name == "ascii-fragmented",
+                flow: self.flow()?,
+                zna_ms: self.word("zna_ms")?,
+                zvz_ms: self.word("zvz_ms")?,
+                receive_buffers: self.byte("receive_buffers")?,
+            }),
+            Layout::StxEtx => Protocol::StxEtx(StxEtx {
+                flow: self.flow()?,
+                zna_ms: self.word("zna_ms")?,
+                tmo_ms: self.word("tmo_ms")?,
+                start_flags: self.byte("start_flags")?,
+                start: [self.byte("start_flag_1")?, self.byte("start_flag_2")?],
+                end_flags: self.byte("end_flags")?,
+                end: [self.byte("end_flag_1")?, self.byte("end_flag_2")?],
+            }),
+            Layout::S3964 => Protocol::S3964(S3964 {
+                bcc: name.starts_with("3964r"),
+                rk512: name.ends_with("rk512"),
+                zna_ms: self.word("zna_ms")?,
+                zvz_ms: self.word("zvz_ms")?,
+                qvz_ms: self.word("qvz_ms")?,
+                bwz_ms: self.word("bwz_ms")?,
+                stx_repetitions: self.byte("stx_repetitions")?,
+                dbl: self.byte("dbl")?,
+                priority: if self.is("priority", "high")? { Priority::High } else { Priority::Low },
+            }),
+            Layout::Modbus => Protocol::Modbus(Modbus {
+                kind: ModbusKind::NAMES.iter().find(|(_, n)| *n == name).map_or(ModbusKind::MasterRtu, |(k, _)| *k),
+                address: self.byte("address")?,
+                debug: self.is("debug", "on")?,
+                wait_ms: self.word("wait_ms")?,
+            }),
+        };
+        let parity = if self.is("parity", "even")? {
+            Parity::Even
+        } else if self.is("parity", "odd")? {
+            Parity::Odd
+        } else {
+            Parity::None
+        };
+        let stop_bits = match self.value("stop_bits")? {
+            Value::Int(2) => StopBits::Two,
+            Value::Int(_) => StopBits::One,
+            Value::Str(_) => StopBits::OneAndHalf,
+        };
+        Ok(Cp240 { baud: self.int("baud")?, data_bits: self.byte("data_bits")?, parity, stop_bits, protocol })
+    }
+}
+
+fn find_protocol(keys: &[(&str, Value)]) -> Result<(&'static str, u8, Layout), ParamError> {
+    let names = || PROTOCOLS.iter().map(|(name, ..)| *name);
+    let error = |value: String, remedy: String| ParamError {
+        byte: Some(1),
+        key: "protocol".into(),
+        value,
+        allowed: names().collect::<Vec<_>>().join(", "),
+        remedy,
+    };
+    let given = match keys.iter().find(|(key, _)| *key == "protocol") {
+        None => return Err(error("nothing".into(), "add `protocol = \"...\"`".into())),
+        Some((_, Value::Int(number))) => number.to_string(),
+        Some((_, Value::Str(text))) => text.to_ascii_lowercase(),
+    };
+    PROTOCOLS.iter().find(|(name, ..)| *name == given).copied().ok_or_else(|| {
+        let remedy = match record::nearest(&given, names()) {
+            Some(name) => format!("did you mean \"{name}\"?"),
+            None => "choose one of them".into(),
+        };
+        error(format!("\"{given}\""), remedy)
+    })
+}
+
+fn unknown_key(key: &str, value: &Value, protocol: &str, layout: Layout) -> ParamError {
+    let own = || layout.fields().iter().map(|f| f.key);
+    let foreign = Layout::ALL.iter().any(|l| l.fields().iter().any(|f| f.key == key));
+    let remedy = if foreign {
+        format!("`{key}` belongs to another protocol; remove it")
+    } else {
+        match record::nearest(key, own()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => "remove it".into(),
+        }
+    };
+    ParamError {
+        byte: None,
+        key: key.into(),
+        value: value.to_string(),
+        allowed: format!("with protocol \"{protocol}\": {}", own().collect::<Vec<_>>().join(", ")),
+        remedy,
+    }
+}

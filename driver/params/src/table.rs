@@ -1,0 +1,235 @@
+//! The parameter tables of the CP 240 manual, as data. Everything else in this crate walks these rows.
+//!
+//! [S0 "Structure of the parameter bytes of ASCII"], [S0 "Structure of parameter bytes for STX/ETX"],
+//! [S0 "Structure of parameter bytes for 3964(R) / 3964(R) with RK512"], [S0 "Modbus - Parameterization"].
+
+/// The four parameter layouts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// ASCII and ASCII-fragmented.
+    Ascii,
+    /// STX/ETX.
+    StxEtx,
+    /// 3964, 3964R, each with and without RK 512.
+    S3964,
+    /// All Modbus modes.
+    Modbus,
+}
+
+/// How the bits of a field are written as a value of the station file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// One of these names; the first row that matches counts in either direction, so the code to write stands first.
+    Choice(&'static [(&'static str, u8)]),
+    /// A number, `min..=max`.
+    Number {
+        /// Smallest.
+        min: u16,
+        /// Largest.
+        max: u16,
+    },
+    /// A time in milliseconds, kept in ticks of 20 ms, `min..=255`.
+    Ticks {
+        /// Smallest number of ticks.
+        min: u16,
+    },
+}
+
+/// One row of a table.
+#[derive(Clone, Copy, Debug)]
+pub struct Field {
+    /// Key in the station file.
+    pub key: &'static str,
+    /// Parameter byte.
+    pub byte: usize,
+    /// Lowest bit in the byte.
+    pub shift: u8,
+    /// Number of bits; 16: this byte (high) and the next one (low), as all words of an S7.
+    pub bits: u8,
+    /// How it is written.
+    pub kind: Kind,
+    /// Default code.
+    pub default: u16,
+    /// What it means, for people.
+    pub text: &'static str,
+}
+
+/// Tick of the times in the parameter bytes, milliseconds.
+pub const TICK_MS: u16 = 20;
+
+/// Protocol codes (byte 1). [S0 "Parameter description"]
+pub const PROTOCOLS: &[(&str, u8, Layout)] = &[
+    ("ascii", 0x01, Layout::Ascii),
+    ("stx-etx", 0x02, Layout::StxEtx),
+    ("3964", 0x03, Layout::S3964),
+    ("3964r", 0x04, Layout::S3964),
+    ("3964-rk512", 0x05, Layout::S3964),
+    ("3964r-rk512", 0x06, Layout::S3964),
+    ("modbus-master-ascii", 0x0A, Layout::Modbus),
+    ("modbus-master-rtu", 0x0B, Layout::Modbus),
+    ("modbus-slave-ascii-short", 0x0C, Layout::Modbus),
+    ("modbus-slave-rtu-short", 0x0D, Layout::Modbus),
+    ("ascii-fragmented", 0x11, Layout::Ascii),
+    ("modbus-slave-ascii-long", 0x1C, Layout::Modbus),
+    ("modbus-slave-rtu-long", 0x1D, Layout::Modbus),
+];
+
+/// Baud rates. 00h is the default; written out, 9600 is 09h. 76800 and 115200 stand in this order in the manual.
+const BAUD: Kind = Kind::Choice(&[
+    ("9600", 0x09),
+    ("9600", 0x00),
+    ("150", 0x01),
+    ("300", 0x02),
+    ("600", 0x03),
+    ("1200", 0x04),
+    ("1800", 0x05),
+    ("2400", 0x06),
+    ("4800", 0x07),
+    ("7200", 0x08),
+    ("14400", 0x0A),
+    ("19200", 0x0B),
+    ("38400", 0x0C),
+    ("57600", 0x0D),
+    ("115200", 0x0E),
+    ("76800", 0x0F),
+]);
+
+const BAUD_MODBUS: Kind = Kind::Choice(&[
+    ("9600", 0x09),
+    ("9600", 0x00),
+    ("2400", 0x06),
+    ("4800", 0x07),
+    ("14400", 0x0A),
+    ("19200", 0x0B),
+    ("38400", 0x0C),
+]);
+
+const DATA_BITS: Kind = Kind::Choice(&[("5", 0b00), ("6", 0b01), ("7", 0b10), ("8", 0b11)]);
+/// Both 10b and 11b are printed as "even".
+const PARITY: Kind = Kind::Choice(&[("none", 0b00), ("odd", 0b01), ("even", 0b10), ("even", 0b11)]);
+/// The Modbus table knows 11b alone as "even".
+const PARITY_MODBUS: Kind = Kind::Choice(&[("none", 0b00), ("odd", 0b01), ("even", 0b11)]);
+const STOP_BITS: Kind = Kind::Choice(&[("1", 0b01), ("1.5", 0b10), ("2", 0b11)]);
+const FLOW: Kind = Kind::Choice(&[("none", 0b00), ("hardware", 0b01), ("xon-xoff", 0b10)]);
+const BYTE: Kind = Kind::Number { min: 0, max: 255 };
+const FLAGS: Kind = Kind::Number { min: 0, max: 2 };
+const TICKS: Kind = Kind::Ticks { min: 0 };
+
+const fn bits(
+    key: &'static str,
+    byte: usize,
+    shift: u8,
+    bits: u8,
+    kind: Kind,
+    default: u16,
+    text: &'static str,
+) -> Field {
+    Field { key, byte, shift, bits, kind, default, text }
+}
+
+const fn whole(key: &'static str, byte: usize, kind: Kind, default: u16, text: &'static str) -> Field {
+    bits(key, byte, 0, 8, kind, default, text)
+}
+
+const BAUD_ROW: Field = whole("baud", 0, BAUD, 0x00, "baud rate, bit/s");
+const DATA_BITS_ROW: Field = bits("data_bits", 2, 0, 2, DATA_BITS, 0b11, "data bits of a character");
+const PARITY_ROW: Field = bits("parity", 2, 2, 2, PARITY, 0b00, "parity bit");
+const STOP_BITS_ROW: Field = bits("stop_bits", 2, 4, 2, STOP_BITS, 0b01, "stop bits");
+const FLOW_ROW: Field = bits("flow", 2, 6, 2, FLOW, 0b00, "flow control");
+const ZNA_ROW: Field = whole("zna_ms", 4, TICKS, 0, "ZNA: pause before the next command is executed");
+const ZVZ_ROW: Field =
+    whole("zvz_ms", 5, TICKS, 10, "ZVZ: longest pause between two characters of a telegram; 0: two character times");
+
+const ASCII: &[Field] = &[
+    BAUD_ROW,
+    DATA_BITS_ROW,
+    PARITY_ROW,
+    STOP_BITS_ROW,
+    FLOW_ROW,
+    ZNA_ROW,
+    ZVZ_ROW,
+    whole("receive_buffers", 6, Kind::Number { min: 1, max: 250 }, 1, "number of receive buffers"),
+];
+
+const STX_ETX: &[Field] = &[
+    BAUD_ROW,
+    DATA_BITS_ROW,
+    PARITY_ROW,
+    STOP_BITS_ROW,
+    FLOW_ROW,
+    ZNA_ROW,
+    whole("tmo_ms", 5, Kind::Ticks { min: 1 }, 10, "TMO: longest pause between two telegrams"),
+    whole("start_flags", 6, FLAGS, 1, "number of start characters"),
+    whole("start_flag_1", 7, BYTE, 0x02, "first start character"),
+    whole("start_flag_2", 8, BYTE, 0x00, "second start character"),
+    whole("end_flags", 9, FLAGS, 1, "number of end characters"),
+    whole("end_flag_1", 10, BYTE, 0x03, "first end character"),
+    whole("end_flag_2", 11, BYTE, 0x00, "second end character"),
+];
+
+const S3964: &[Field] = &[
+    BAUD_ROW,
+    DATA_BITS_ROW,
+    PARITY_ROW,
+    STOP_BITS_ROW,
+    ZNA_ROW,
+    ZVZ_ROW,
+    whole("qvz_ms", 6, TICKS, 25, "QVZ: longest wait for the acknowledgement of the partner"),
+    whole("bwz_ms", 7, TICKS, 100, "BWZ: longest wait from the acknowledged request to the answer telegram (RK 512)"),
+    // The table prints 5, the description 3. [reference 10, row 7]
+    whole("stx_repetitions", 8, BYTE, 5, "repetitions of STX after the first attempt"),
+    whole("dbl", 9, BYTE, 6, "DBL: attempts to send a block"),
+    whole("priority", 10, Kind::Choice(&[("low", 0), ("high", 1)]), 0, "who gives way when both want to send"),
+];
+
+const MODBUS: &[Field] = &[
+    whole("baud", 0, BAUD_MODBUS, 0x00, "baud rate, bit/s"),
+    DATA_BITS_ROW,
+    bits("parity", 2, 2, 2, PARITY_MODBUS, 0b00, "parity bit"),
+    STOP_BITS_ROW,
+    whole("address", 4, Kind::Number { min: 1, max: 255 }, 1, "slave address"),
+    whole("debug", 5, Kind::Choice(&[("off", 0), ("on", 1)]), 0, "for internal tests; leave it off"),
+    bits(
+        "wait_ms",
+        6,
+        0,
+        16,
+        Kind::Number { min: 0, max: 60_000 },
+        0,
+        "wait of the master; 0: computed from the baud rate",
+    ),
+];
+
+impl Layout {
+    /// The rows of this layout, byte 1 (the protocol) left out.
+    pub fn fields(self) -> &'static [Field] {
+        match self {
+            Self::Ascii => ASCII,
+            Self::StxEtx => STX_ETX,
+            Self::S3964 => S3964,
+            Self::Modbus => MODBUS,
+        }
+    }
+
+    /// All layouts.
+    pub const ALL: [Self; 4] = [Self::Ascii, Self::StxEtx, Self::S3964, Self::Modbus];
+}
+
+impl Field {
+    /// What may stand here, for people: `5, 6, 7, 8`, `1..250`, `0..5100 in steps of 20`.
+    pub fn allowed(&self) -> String {
+        match self.kind {
+            Kind::Choice(names) => {
+                let mut list: Vec<&str> = Vec::new();
+                for (name, _) in names {
+                    if !list.contains(name) {
+                        list.push(name);
+                    }
+                }
+                list.join(", ")
+            }
+            Kind::Number { min, max } => format!("{min}..{max}"),
+            Kind::Ticks { min } => format!("{}..{} in steps of {TICK_MS}", min * TICK_MS, 255 * TICK_MS),
+        }
+    }
+}
