@@ -67,6 +67,7 @@ pub struct Field {
     pub writer: Writer,
 }
 
+#[cfg(not(loom))]
 pub(crate) const fn field(offset: usize, size: usize, name: &'static str, writer: Writer) -> Field {
     Field { offset, size, name, writer }
 }

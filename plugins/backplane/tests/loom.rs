@@ -1,0 +1,177 @@
+//! Every interleaving and every legal reordering of the exchanges between both ends, explored by loom.
+//!
+//! `RUSTFLAGS="--cfg loom" cargo test -p ob1-backplane --test loom --release`, with a target directory of its own.
+#![cfg(loom)]
+
+use loom::sync::Notify;
+use loom::thread;
+use ob1_backplane::{CpSide, CpuSide, CpuState, Event, EventKind, Freshness, Segment};
+use std::sync::Arc;
+
+/// Preemptions explored; what goes wrong with sequence locks and doorbells goes wrong with two.
+const PREEMPTIONS: usize = 3;
+
+fn explore(test: impl Fn(CpuSide, CpSide) + Send + Sync + 'static) {
+    let mut model = loom::model::Builder::new();
+    model.preemption_bound = Some(PREEMPTIONS);
+    model.check(move || {
+        let segment = Segment::heap();
+        let cpu = CpuSide::create(&segment, 16).expect("a legal number of register bytes");
+        let cp = CpSide::attach(&segment).expect("a segment just made");
+        test(cpu, cp);
+    });
+}
+
+/// Registers whose halves belong together.
+fn registers(number: u8) -> [u8; 16] {
+    let mut registers = [number; 16];
+    registers[8..].fill(number ^ 0xff);
+    registers
+}
+
+/// The number in registers that are whole; 0 in those that were never written.
+fn number_of(seen: &[u8; 16]) -> u8 {
+    let number = seen[0];
+    assert!(*seen == registers(number) || *seen == [0; 16], "a torn read: {seen:?}");
+    number
+}
+
+#[test]
+fn no_read_of_the_registers_is_torn_or_goes_back() {
+    explore(|mut cpu, mut cp| {
+        let writer = thread::spawn(move || {
+            cpu.write_outputs(&registers(1));
+            cpu.write_outputs(&registers(2));
+        });
+        let (mut seen, mut last) = ([0; 16], 0);
+        for _ in 0..2 {
+            let freshness = cp.read_outputs(&mut seen);
+            let number = number_of(&seen);
+            assert!(number >= last, "{number} after {last}");
+            assert!(freshness == Freshness::Fresh || number == last);
+            last = number;
+        }
+        writer.join().unwrap();
+        assert_eq!(cp.read_outputs(&mut seen), Freshness::Fresh);
+        assert_eq!(number_of(&seen), 2);
+    });
+}
+
+#[test]
+fn an_answer_never_overtakes_its_question() {
+    explore(|mut cpu, mut cp| {
+        let driver = thread::spawn(move || {
+            let mut seen = [0; 16];
+            let _ = cp.read_outputs(&mut seen);
+            if number_of(&seen) == 1 {
+                cp.write_inputs(&registers(7));
+            }
+        });
+        let mut seen = [0; 16];
+        let _ = cpu.read_inputs(&mut seen);
+        assert_eq!(number_of(&seen), 0, "the question is not asked yet");
+        cpu.write_outputs(&registers(1));
+        let _ = cpu.read_inputs(&mut seen);
+        assert!(matches!(number_of(&seen), 0 | 7));
+        driver.join().unwrap();
+    });
+}
+
+#[test]
+fn a_driver_never_sleeps_through_a_change() {
+    explore(|mut cpu, mut cp| {
+        // The pipe. Should the driver sleep while nobody rings, loom finds a deadlock.
+        let bell = Arc::new(Notify::new());
+        let rung = Arc::clone(&bell);
+        let driver = thread::spawn(move || {
+            let mut seen = [0; 16];
+            loop {
+                let mark = cp.changes();
+                let _ = cp.read_outputs(&mut seen);
+                if number_of(&seen) == 1 {
+                    break;
+                }
+                if cp.prepare_sleep(mark) {
+                    rung.wait();
+                }
+                cp.awake();
+            }
+        });
+        cpu.write_outputs(&registers(1));
+        if cpu.take_doorbell() {
+            bell.notify();
+        }
+        driver.join().unwrap();
+    });
+}
+
+#[test]
+fn a_change_of_state_wakes_as_a_change_of_registers_does() {
+    explore(|mut cpu, mut cp| {
+        let bell = Arc::new(Notify::new());
+        let rung = Arc::clone(&bell);
+        let driver = thread::spawn(move || {
+            loop {
+                let mark = cp.changes();
+                if cp.cpu_state() == Ok(CpuState::Run) {
+                    break;
+                }
+                if cp.prepare_sleep(mark) {
+                    rung.wait();
+                }
+                cp.awake();
+            }
+        });
+        cpu.set_cpu_state(CpuState::Run);
+        if cpu.take_doorbell() {
+            bell.notify();
+        }
+        driver.join().unwrap();
+    });
+}
+
+#[test]
+fn mails_arrive_whole_and_once() {
+    explore(|mut cpu, mut cp| {
+        let driver = thread::spawn(move || {
+            let mut taken = 0;
+            for _ in 0..2 {
+                if let Some(mail) = cp.take_mail().expect("no contradiction") {
+                    taken += 1;
+                    assert_eq!(mail, [taken; 32]);
+                }
+            }
+            (cp, taken)
+        });
+        let mut posted = 0;
+        for _ in 0..2 {
+            posted += u8::from(cpu.post_mail(&[posted + 1; 32]).expect("no contradiction"));
+        }
+        let (mut cp, taken) = driver.join().unwrap();
+        let rest = cp.take_mail().expect("no contradiction");
+        assert_eq!(rest, (posted > taken).then_some([posted; 32]));
+    });
+}
+
+#[test]
+fn events_arrive_whole_and_in_order() {
+    explore(|mut cpu, mut cp| {
+        let event = |number: u8| Event::new(u64::from(number), EventKind::Message, u32::from(number), &[number; 16]);
+        let driver = thread::spawn(move || (1..=3).map(|number| u64::from(!cp.emit_event(event(number)))).sum::<u64>());
+        let mut last = 0;
+        for _ in 0..2 {
+            if let Some(seen) = cpu.poll_event().expect("no contradiction") {
+                last += 1;
+                assert_eq!(seen, event(last), "nothing is lost while there is room");
+            }
+        }
+        let lost = driver.join().unwrap();
+        assert_eq!(cpu.monitor().events_lost(), lost);
+        let mut rest = 0;
+        while let Some(seen) = cpu.poll_event().expect("no contradiction") {
+            rest += 1;
+            assert!(seen.code > u32::from(last) && seen == event(seen.code as u8));
+        }
+        assert_eq!(u64::from(last) + rest + lost, 3);
+    });
+}

@@ -1,0 +1,203 @@
+//! Shared segments: what is refused at the door, and what a killed process leaves behind.
+
+use std::fs::File;
+use std::io::{self, Write};
+use std::os::fd::AsFd;
+use std::os::unix::process::parent_id;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread;
+
+use ob1_backplane::{CpSide, CpuSide, DriverState, Freshness, IoField, IoImage, Segment, SegmentError, layout};
+use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, fcntl_get_seals, memfd_create};
+
+#[test]
+fn both_ends_meet_in_a_shared_segment() {
+    let made = Segment::create_shared().unwrap();
+    let mut cpu = CpuSide::create(&made, 16).unwrap();
+    let opened = Segment::open(&made.path().unwrap()).unwrap();
+    let mut cp = CpSide::attach(&opened).unwrap();
+    let mut seen = [0; 16];
+    cpu.write_outputs(&[0x11; 16]);
+    cpu.write_params(&[1; 16], b"{}").unwrap();
+    assert_eq!(cp.read_outputs(&mut seen), Freshness::Fresh);
+    assert_eq!((seen, cp.read_params().unwrap().json), ([0x11; 16], &b"{}"[..]));
+    cp.write_inputs(&[0x22; 16]);
+    assert_eq!(cpu.read_inputs(&mut seen), Freshness::Fresh);
+    assert_eq!(seen, [0x22; 16]);
+    // The maker's mapping outlives the maker's handle, and the driver's outlives both.
+    drop((made, cpu));
+    assert_eq!(cp.read_outputs(&mut seen), Freshness::Fresh);
+    assert_eq!(seen, [0x11; 16]);
+    assert_eq!(Segment::heap().path(), None);
+    assert!(Segment::heap().descriptor().is_none() && opened.descriptor().is_some());
+}
+
+#[test]
+fn nobody_can_change_the_size_of_a_segment() {
+    let segment = Segment::create_shared().unwrap();
+    let image = IoImage::create_shared().unwrap();
+    for path in [segment.path().unwrap(), image.path().unwrap()] {
+        let file = File::options().read(true).write(true).open(path).unwrap();
+        let size = file.metadata().unwrap().len();
+        for len in [0, 1, size - 1, size + 1, 1 << 20] {
+            assert_eq!(file.set_len(len).unwrap_err().kind(), io::ErrorKind::PermissionDenied, "{len}");
+        }
+        let seals = fcntl_get_seals(&file).unwrap();
+        assert!(seals.contains(SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL));
+        assert!(fcntl_add_seals(&file, SealFlags::WRITE).is_err(), "nor lock us out");
+        assert_eq!(file.metadata().unwrap().len(), size);
+    }
+    assert_eq!(segment_size(&segment), layout::SEGMENT_BYTES as u64);
+}
+
+fn segment_size(segment: &Segment) -> u64 {
+    let file = File::from(segment.descriptor().unwrap().as_fd().try_clone_to_owned().unwrap());
+    file.metadata().unwrap().len()
+}
+
+/// A memfd of some size with some seals, and its path.
+fn foreign(len: u64, seals: SealFlags) -> (File, PathBuf) {
+    use std::os::fd::AsRawFd;
+    let file = File::from(memfd_create("foreign", MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING).unwrap());
+    file.set_len(len).unwrap();
+    fcntl_add_seals(&file, seals).unwrap();
+    let path = PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()));
+    (file, path)
+}
+
+#[test]
+fn a_file_that_could_be_cut_under_our_feet_is_refused() {
+    let size = layout::SEGMENT_BYTES as u64;
+    for seals in [SealFlags::empty(), SealFlags::GROW, SealFlags::SHRINK, SealFlags::SEAL] {
+        let (_file, path) = foreign(size, seals);
+        assert!(matches!(Segment::open(&path), Err(SegmentError::NotSealed)), "{seals:?}");
+        assert!(matches!(IoField::open(&path), Err(SegmentError::NotSealed)), "{seals:?}");
+    }
+    let (_file, path) = foreign(size, SealFlags::GROW | SealFlags::SHRINK);
+    assert!(Segment::open(&path).is_ok(), "another maker's segment need not be sealed any further");
+    // A file on a disk knows no seals.
+    let mut on_disk = tempfile::NamedTempFile::new_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    on_disk.write_all(&vec![0; layout::SEGMENT_BYTES]).unwrap();
+    assert!(matches!(Segment::open(on_disk.path()), Err(SegmentError::NotSealed)));
+    assert!(matches!(Segment::open(Path::new("/dev/null")), Err(SegmentError::NotSealed)));
+}
+
+#[test]
+fn a_file_of_another_size_is_refused() {
+    let seals = SealFlags::GROW | SealFlags::SHRINK;
+    let size = layout::SEGMENT_BYTES as u64;
+    for len in [0, 1, size - 1, size + 1, size * 2] {
+        let (_file, path) = foreign(len, seals);
+        let refused = Segment::open(&path).err();
+        let named = matches!(refused, Some(SegmentError::Size { found, expected }) if (found, expected) == (len, size));
+        assert!(named, "{len}: {refused:?}");
+        assert!(matches!(IoField::open(&path), Err(SegmentError::Size { .. })));
+    }
+}
+
+#[test]
+fn a_path_that_leads_nowhere_is_refused() {
+    assert!(matches!(Segment::open(Path::new("/proc/self/fd/999999")), Err(SegmentError::Io { .. })));
+    assert!(matches!(Segment::open(Path::new("/proc/self/fd")), Err(SegmentError::Io { .. })));
+}
+
+#[test]
+fn a_segment_of_the_right_size_and_no_content_is_refused() {
+    let (_file, path) = foreign(layout::SEGMENT_BYTES as u64, SealFlags::GROW | SealFlags::SHRINK);
+    let segment = Segment::open(&path).unwrap();
+    assert!(matches!(CpSide::attach(&segment), Err(SegmentError::Header { field: "header.version", found: 0 })));
+    let (_file, path) = foreign(0x1000, SealFlags::GROW | SealFlags::SHRINK);
+    assert!(matches!(IoField::open(&path), Err(SegmentError::Header { field: "image.version", found: 0 })));
+}
+
+#[test]
+fn the_image_is_seen_by_its_path() {
+    let mut image = IoImage::create_shared().unwrap();
+    let field = IoField::open(&image.path().unwrap()).unwrap();
+    image.write_outputs(5, b"outputs");
+    field.write_inputs(9, b"inputs");
+    image.scan_done(3);
+    let (mut outputs, mut inputs) = ([0; 7], [0; 6]);
+    field.read_outputs(5, &mut outputs);
+    image.read_inputs(9, &mut inputs);
+    assert_eq!((&outputs, &inputs, field.scan()), (b"outputs", b"inputs", 3));
+}
+
+/// Tells the child process which segment to open, and so that it is the child.
+const ROLE: &str = "OB1_BACKPLANE_TEST_SEGMENT";
+
+/// Registers whose words follow from the first one.
+fn fill(number: u64) -> [u8; 64] {
+    let mut registers = [0; 64];
+    for (index, chunk) in registers.chunks_mut(8).enumerate() {
+        chunk.copy_from_slice(&number.wrapping_mul(2 * index as u64 + 1).to_le_bytes());
+    }
+    registers
+}
+
+/// The child: a driver that writes as fast as it can, until it is killed or left alone.
+fn write_for_ever(path: &Path) {
+    let parent = parent_id();
+    let mut cp = CpSide::attach(&Segment::open(path).unwrap()).unwrap();
+    cp.set_state(DriverState::Ready);
+    let mut number = 0_u64;
+    while parent_id() == parent {
+        for _ in 0..10_000 {
+            number += 1;
+            cp.write_inputs(&fill(number));
+        }
+    }
+}
+
+struct Killed(Child);
+
+impl Drop for Killed {
+    fn drop(&mut self) {
+        // It may have ended already: nothing to do then.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_driver_killed_in_the_middle_of_a_write_harms_nobody() {
+    if let Some(path) = std::env::var_os(ROLE) {
+        return write_for_ever(Path::new(&path));
+    }
+    let segment = Segment::create_shared().unwrap();
+    let mut cpu = CpuSide::create(&segment, 64).unwrap();
+    let monitor = cpu.monitor().clone();
+    let sequence = layout::FIELDS.iter().find(|field| field.name == "inputs.sequence").unwrap().offset;
+    let mut in_the_middle = 0;
+    for round in 1..=25_u64 {
+        let child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "a_driver_killed_in_the_middle_of_a_write_harms_nobody"])
+            .env(ROLE, segment.path().unwrap())
+            .stdout(Stdio::null())
+            .spawn();
+        let mut child = Killed(child.unwrap());
+        let mut registers = [0; 64];
+        let mut fresh = 0;
+        while fresh < 10 + 3 * round || monitor.generation() != round {
+            let freshness = cpu.read_inputs(&mut registers);
+            let number = u64::from_le_bytes(registers[..8].try_into().unwrap());
+            assert_eq!(registers, fill(number), "a torn read");
+            fresh += u64::from(freshness == Freshness::Fresh && number > 0);
+            assert_eq!(child.0.try_wait().unwrap(), None, "the driver has ended by itself");
+            thread::yield_now();
+        }
+        drop(child);
+        let left_odd = segment.peek(sequence).unwrap() % 2 == 1;
+        in_the_middle += u64::from(left_odd);
+        let last = registers;
+        let freshness = cpu.read_inputs(&mut registers);
+        assert_eq!(freshness, if left_odd { Freshness::Stale } else { Freshness::Fresh });
+        assert!(!left_odd || registers == last, "its own last copy");
+        monitor.driver_gone();
+        assert_eq!(cpu.read_inputs(&mut registers), Freshness::Fresh);
+        assert_eq!(registers, [0; 64]);
+        assert_eq!(monitor.driver_state(), Ok(DriverState::Absent));
+    }
+    println!("{in_the_middle} of 25 drivers died in the middle of a write");
+}
