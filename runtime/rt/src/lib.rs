@@ -8,14 +8,12 @@
 #![allow(unsafe_code)]
 
 mod clock;
-mod doorbell;
 mod fence;
 mod posture;
 mod stack;
 mod usage;
 
 pub use clock::{MonotonicClock, sleep_until};
-pub use doorbell::{Doorbell, doorbell};
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use posture::{Grant, Outcome, Posture, lock_memory, pin_to, raise_priority, set_timer_slack};
 pub use stack::{PREFAULT_BYTES, THREAD_STACK_BYTES, block_signals, prefault_stack, spawn, warm_heap};

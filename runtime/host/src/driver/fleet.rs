@@ -1,0 +1,338 @@
+//! All drivers of a station, and the thread that watches them.
+
+use std::io;
+use std::os::fd::OwnedFd;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread::{Builder, JoinHandle};
+
+use ob1_backplane::{Monitor, Segment};
+use ob1_cpu::{Clock, Nanos};
+use rtrb::{Consumer, Producer, RingBuffer};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fs::Timespec;
+
+use super::Doorbell;
+use super::process::{DriverCommand, Process};
+use crate::supervisor::{Exit, Input, Phase, Report, Request, Supervisor, Times};
+
+const MS: Nanos = 1_000_000;
+
+/// How often the heartbeats are looked at while all drivers are up.
+const LOOK: Nanos = 100 * MS;
+/// The same while one is starting: so long its first sign of life may go unseen.
+const LOOK_STARTING: Nanos = 5 * MS;
+/// Reports the scan has not fetched yet; more are dropped.
+const REPORTS: usize = 32;
+/// Stack of the supervisor thread, in bytes.
+const STACK: usize = 256 * 1024;
+
+/// How long drivers get between end of file on stdin and SIGKILL.
+pub const STOP_WAIT: Nanos = 2_000 * MS;
+
+/// What the module on the scan thread gets of its driver.
+#[derive(Debug)]
+pub struct DriverPort {
+    /// To wake it.
+    pub doorbell: Doorbell,
+    /// What the supervisor reports, for [`ob1_cpu::Module::poll_event`]. Wait-free; bounded.
+    pub reports: Consumer<Report>,
+    /// What any thread may look at.
+    pub status: Arc<DriverStatus>,
+}
+
+/// A driver as tools see it. Updated by the supervisor thread.
+#[derive(Debug, Default)]
+pub struct DriverStatus {
+    pid: AtomicU32,
+    starts: AtomicU32,
+    losses: AtomicU32,
+}
+
+impl DriverStatus {
+    /// Its process, 0 when there is none.
+    #[must_use]
+    pub fn pid(&self) -> u32 {
+        self.pid.load(Ordering::Relaxed)
+    }
+
+    /// Processes that have shown life so far.
+    #[must_use]
+    pub fn starts(&self) -> u32 {
+        self.starts.load(Ordering::Relaxed)
+    }
+
+    /// Processes that have ended without being asked to.
+    #[must_use]
+    pub fn losses(&self) -> u32 {
+        self.losses.load(Ordering::Relaxed)
+    }
+}
+
+/// Drivers to be started.
+#[derive(Debug, Default)]
+pub struct Fleet {
+    drivers: Vec<Driver>,
+}
+
+#[derive(Debug)]
+struct Driver {
+    command: DriverCommand,
+    segment: Segment,
+    monitor: Monitor,
+    doorbell: Doorbell,
+    stdin: OwnedFd,
+    supervisor: Supervisor,
+    process: Option<Process>,
+    last_beat: u64,
+    reports: Producer<Report>,
+    status: Arc<DriverStatus>,
+}
+
+impl Fleet {
+    /// No drivers.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a driver for a shared segment; `monitor` looks at the same segment.
+    ///
+    /// # Errors
+    /// What the system says when no descriptor is left.
+    pub fn add(
+        &mut self,
+        command: DriverCommand,
+        segment: Segment,
+        monitor: Monitor,
+        times: Times,
+    ) -> io::Result<DriverPort> {
+        let (doorbell, stdin) = Doorbell::new()?;
+        let (producer, consumer) = RingBuffer::new(REPORTS);
+        let status = Arc::new(DriverStatus::default());
+        let port = DriverPort { doorbell: doorbell.clone(), reports: consumer, status: Arc::clone(&status) };
+        self.drivers.push(Driver {
+            command,
+            segment,
+            monitor,
+            doorbell,
+            stdin,
+            supervisor: Supervisor::new(times),
+            process: None,
+            last_beat: 0,
+            reports: producer,
+            status,
+        });
+        Ok(port)
+    }
+
+    /// Starts the supervisor thread, which starts the drivers. Call it from an ordinary thread: the new one inherits its scheduling.
+    ///
+    /// # Errors
+    /// What the system says when it has no thread or descriptor left.
+    pub fn start(self, clock: impl Clock + Send + 'static) -> io::Result<RunningFleet> {
+        let (stop, stopped) = io::pipe()?.into_ends();
+        let thread = Builder::new()
+            .name("ob1-supervisor".into())
+            .stack_size(STACK)
+            .spawn(move || Watch { drivers: self.drivers, clock, stopped }.run())?;
+        Ok(RunningFleet { stop: Some(stop), thread: Some(thread) })
+    }
+}
+
+/// Both ends of a std pipe as plain descriptors.
+trait IntoEnds {
+    /// (write end, read end)
+    fn into_ends(self) -> (OwnedFd, OwnedFd);
+}
+
+impl IntoEnds for (io::PipeReader, io::PipeWriter) {
+    fn into_ends(self) -> (OwnedFd, OwnedFd) {
+        (self.1.into(), self.0.into())
+    }
+}
+
+/// Drivers under supervision. Dropping it stops them.
+#[derive(Debug)]
+pub struct RunningFleet {
+    /// Closed to ask the thread to stop.
+    stop: Option<OwnedFd>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl RunningFleet {
+    /// Stops the drivers: end of file on their stdin, up to [`STOP_WAIT`] for them to end, then SIGKILL. Returns when all are gone.
+    pub fn stop(mut self) {
+        self.halt();
+    }
+
+    fn halt(&mut self) {
+        drop(self.stop.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Drop for RunningFleet {
+    fn drop(&mut self) {
+        self.halt();
+    }
+}
+
+/// The state of the supervisor thread.
+struct Watch<C> {
+    drivers: Vec<Driver>,
+    clock: C,
+    stopped: OwnedFd,
+}
+
+impl<C: Clock> Watch<C> {
+    fn run(mut self) {
+        loop {
+            let now = self.clock.now();
+            let mut wake_at = now + LOOK;
+            for driver in &mut self.drivers {
+                wake_at = wake_at.min(driver.attend(now));
+            }
+            let timeout = wake_at.saturating_sub(self.clock.now());
+            if self.sleep(timeout) {
+                break;
+            }
+        }
+        self.stop();
+    }
+
+    /// Sleeps until a driver ends or the time is over; true when the station stops.
+    fn sleep(&self, timeout: Nanos) -> bool {
+        let timeout = Timespec { tv_sec: (timeout / 1_000_000_000) as i64, tv_nsec: (timeout % 1_000_000_000) as i64 };
+        let mut fds = vec![PollFd::new(&self.stopped, PollFlags::IN)];
+        fds.extend(self.drivers.iter().filter_map(|d| Some(PollFd::new(d.process.as_ref()?.pidfd(), PollFlags::IN))));
+        // An interrupted poll is a short sleep.
+        let _ = poll(&mut fds, Some(&timeout));
+        fds.first().is_some_and(|stop| !stop.revents().is_empty())
+    }
+
+    fn stop(&mut self) {
+        for driver in &mut self.drivers {
+            driver.supervisor.stop();
+            // Under its number now stands the read end: rings of a scan thread that still runs go nowhere.
+            let _ = driver.doorbell.hang_up(&driver.stdin);
+        }
+        let give_up = self.clock.now() + STOP_WAIT;
+        while self.drivers.iter_mut().any(|d| !d.has_ended()) {
+            let left = give_up.saturating_sub(self.clock.now());
+            if left == 0 {
+                break;
+            }
+            let timeout = Timespec { tv_sec: (left / 1_000_000_000) as i64, tv_nsec: (left % 1_000_000_000) as i64 };
+            let mut fds: Vec<_> = self
+                .drivers
+                .iter()
+                .filter_map(|d| Some(PollFd::new(d.process.as_ref()?.pidfd(), PollFlags::IN)))
+                .collect();
+            let _ = poll(&mut fds, Some(&timeout));
+        }
+        for driver in &mut self.drivers {
+            driver.end();
+        }
+    }
+}
+
+impl Driver {
+    /// Feeds the machine with what has happened and does what it asks; returns when it wants to be looked at again.
+    fn attend(&mut self, now: Nanos) -> Nanos {
+        let mut input = self.observe();
+        loop {
+            let step = self.supervisor.step(now, input);
+            if let Some(report) = step.report {
+                self.report(report);
+            }
+            input = match step.request {
+                Some(Request::Spawn) => self.spawn(),
+                Some(Request::Kill) => {
+                    tracing::warn!(driver = %self.command.name, "gives no sign of life, killed");
+                    if let Some(process) = &mut self.process {
+                        process.kill();
+                    }
+                    Input::Tick
+                }
+                None => {
+                    let look = match self.supervisor.phase() {
+                        Phase::Starting => LOOK_STARTING,
+                        Phase::Down | Phase::Up => LOOK,
+                    };
+                    return step.deadline.unwrap_or(Nanos::MAX).min(now + look);
+                }
+            };
+        }
+    }
+
+    fn observe(&mut self) -> Input {
+        if let Some(exit) = self.process.as_mut().and_then(Process::ended) {
+            self.process = None;
+            self.status.pid.store(0, Ordering::Relaxed);
+            // Before the next start: the segment no longer shows what the dead one left.
+            self.monitor.driver_gone();
+            return Input::Exited(exit);
+        }
+        let beat = self.monitor.cp_heartbeat();
+        if self.process.is_some() && beat != self.last_beat {
+            self.last_beat = beat;
+            return Input::Heartbeat;
+        }
+        Input::Tick
+    }
+
+    fn spawn(&mut self) -> Input {
+        let Some(path) = self.segment.path() else {
+            tracing::error!(driver = %self.command.name, "its segment is not shared memory");
+            return Input::Exited(Exit::NotStarted(0));
+        };
+        self.last_beat = self.monitor.cp_heartbeat();
+        match Process::start(&self.command, &path, &self.stdin) {
+            Ok(process) => {
+                self.status.pid.store(process.id(), Ordering::Relaxed);
+                self.process = Some(process);
+                Input::Spawned
+            }
+            Err(error) => {
+                let program = self.command.program.display();
+                tracing::error!(driver = %self.command.name, "{program} cannot be started: {error}");
+                Input::Exited(Exit::NotStarted(error.raw_os_error().unwrap_or(0)))
+            }
+        }
+    }
+
+    fn report(&mut self, report: Report) {
+        match report {
+            Report::Up(starts) => {
+                self.status.starts.store(starts, Ordering::Relaxed);
+                tracing::info!(driver = %self.command.name, pid = self.status.pid(), "up, start {starts}");
+            }
+            Report::Lost(exit) => {
+                self.status.losses.fetch_add(1, Ordering::Relaxed);
+                tracing::warn!(driver = %self.command.name, "lost: {exit}");
+            }
+        }
+        // A scan that fetches nothing for 32 reports has other troubles; the counters above are still right.
+        let _ = self.reports.push(report);
+    }
+
+    fn has_ended(&mut self) -> bool {
+        if self.process.as_mut().is_some_and(|p| p.ended().is_some()) {
+            self.process = None;
+        }
+        self.process.is_none()
+    }
+
+    fn end(&mut self) {
+        if let Some(mut process) = self.process.take() {
+            tracing::warn!(driver = %self.command.name, "does not end, killed");
+            process.kill();
+            process.wait();
+        }
+        self.status.pid.store(0, Ordering::Relaxed);
+        self.monitor.driver_gone();
+    }
+}

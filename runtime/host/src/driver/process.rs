@@ -1,0 +1,88 @@
+//! One driver process: how it is started, and how it ended.
+
+use std::ffi::OsString;
+use std::io;
+use std::os::fd::OwnedFd;
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+
+use rustix::process::{Pid, PidfdFlags, pidfd_open};
+
+use crate::supervisor::Exit;
+
+/// How a driver is started.
+#[derive(Clone, Debug)]
+pub struct DriverCommand {
+    /// The module's name, for thread-safe logs and lists.
+    pub name: String,
+    /// The program, `ob1-cp`.
+    pub program: PathBuf,
+    /// Arguments besides `--segment PATH`.
+    pub args: Vec<OsString>,
+}
+
+/// A process that runs, and the descriptor that says when it no longer does.
+#[derive(Debug)]
+pub(super) struct Process {
+    child: Child,
+    pidfd: OwnedFd,
+}
+
+impl Process {
+    /// Starts it. No `pre_exec`, so that std uses posix_spawn: a fork of a process with locked memory would cost the scan milliseconds.
+    pub(super) fn start(command: &DriverCommand, segment: &std::path::Path, stdin: &OwnedFd) -> io::Result<Self> {
+        let mut child = Command::new(&command.program)
+            .arg("--segment")
+            .arg(segment)
+            .args(&command.args)
+            .stdin(Stdio::from(stdin.try_clone()?))
+            .stdout(Stdio::null())
+            .process_group(0)
+            .spawn()?;
+        match pidfd_open(Pid::from_child(&child), PidfdFlags::empty()) {
+            Ok(pidfd) => Ok(Self { child, pidfd }),
+            Err(error) => {
+                let _ = child.kill();
+                let _ = child.wait();
+                Err(error.into())
+            }
+        }
+    }
+
+    pub(super) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Readable when the process has ended.
+    pub(super) fn pidfd(&self) -> &OwnedFd {
+        &self.pidfd
+    }
+
+    pub(super) fn kill(&mut self) {
+        // An error means that it has ended by itself meanwhile; its end is seen either way.
+        let _ = self.child.kill();
+    }
+
+    /// How it ended, if it has.
+    pub(super) fn ended(&mut self) -> Option<Exit> {
+        match self.child.try_wait() {
+            Ok(status) => status.map(exit_of),
+            // Somebody else has waited for it: it is gone all the same.
+            Err(_) => Some(Exit::Code(-1)),
+        }
+    }
+
+    /// Waits for its end.
+    pub(super) fn wait(&mut self) {
+        let _ = self.child.wait();
+    }
+}
+
+fn exit_of(status: ExitStatus) -> Exit {
+    match (status.code(), status.signal()) {
+        (Some(code), _) => Exit::Code(code),
+        (None, Some(signal)) => Exit::Signal(signal),
+        (None, None) => Exit::Code(-1),
+    }
+}

@@ -1,0 +1,304 @@
+//! When a driver process is started, given up, killed, and started again: a pure machine in virtual time.
+//!
+//! It knows no process. [`crate::driver`] feeds it with what pidfds and heartbeats say and does what it asks for; the whole-station
+//! simulation does the same with virtual drivers.
+//!
+//! ```
+//! use ob1_host::supervisor::{Exit, Input, Request, Supervisor, Times};
+//!
+//! let mut driver = Supervisor::new(Times::default());
+//! assert_eq!(driver.step(0, Input::Tick).request, Some(Request::Spawn));
+//! driver.step(1, Input::Spawned);
+//! driver.step(2, Input::Heartbeat);
+//! let died = driver.step(3, Input::Exited(Exit::Signal(9)));
+//! assert_eq!(died.request, Some(Request::Spawn), "the first restart does not wait");
+//! ```
+
+use std::fmt;
+
+use ob1_cpu::{ModuleEvent, Nanos};
+use ob1_model::Event;
+
+/// A millisecond in [`Nanos`].
+const MS: Nanos = 1_000_000;
+
+/// The supervisor's times, in nanoseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Times {
+    /// A driver that is up and gives no sign of life for this long hangs and is killed. Default 1 s.
+    pub hang: Nanos,
+    /// A driver that has been started must give its first sign of life within this time. Default 5 s.
+    pub start: Nanos,
+    /// The first wait that is not zero; each further one is twice as long. Default 50 ms.
+    pub first_wait: Nanos,
+    /// The longest wait between two starts. Default 1 s.
+    pub longest_wait: Nanos,
+    /// A driver that has been up this long starts again without a wait when it dies. Default 5 s.
+    pub healthy: Nanos,
+}
+
+impl Default for Times {
+    fn default() -> Self {
+        Self { hang: 1000 * MS, start: 5000 * MS, first_wait: 50 * MS, longest_wait: 1000 * MS, healthy: 5000 * MS }
+    }
+}
+
+/// How a driver process ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// By itself, with this status.
+    Code(i32),
+    /// By a signal from outside.
+    Signal(i32),
+    /// Killed by the supervisor because it hung.
+    Hung,
+    /// It could not be started at all; the operating system's error number.
+    NotStarted(i32),
+}
+
+impl fmt::Display for Exit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Exit::Code(code) => write!(f, "exit status {code}"),
+            Exit::Signal(signal) => write!(f, "signal {signal}"),
+            Exit::Hung => write!(f, "hung, killed"),
+            Exit::NotStarted(errno) => write!(f, "no start, os {errno}"),
+        }
+    }
+}
+
+/// What the supervisor is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// Time has passed.
+    Tick,
+    /// The process asked for runs.
+    Spawned,
+    /// The process has ended, or could not be started ([`Exit::NotStarted`]).
+    Exited(Exit),
+    /// The driver's heartbeat has changed.
+    Heartbeat,
+}
+
+/// What the supervisor wants done, at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// Start a process; answer with [`Input::Spawned`] or [`Input::Exited`].
+    Spawn,
+    /// Kill it (SIGKILL); its end is told as [`Input::Exited`] with whatever the system says.
+    Kill,
+}
+
+/// What the CPU's diagnostic buffer is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Report {
+    /// The driver is up for the n-th time.
+    Up(u32),
+    /// The driver is gone.
+    Lost(Exit),
+}
+
+impl Report {
+    /// The report as the module passes it to the CPU. The data is text.
+    #[must_use]
+    pub fn to_event(self) -> ModuleEvent {
+        let (event, text) = match self {
+            Report::Up(starts) => (Event::DRIVER_UP, format!("start {starts}")),
+            Report::Lost(exit) => (Event::DRIVER_LOST, exit.to_string()),
+        };
+        let mut data = [0; 16];
+        let len = text.len().min(data.len());
+        for (to, from) in data.iter_mut().zip(text.bytes()) {
+            *to = from;
+        }
+        ModuleEvent { event, diagnostic_interrupt: false, data, len: len as u8 }
+    }
+}
+
+/// The outcome of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Step {
+    /// To do now.
+    pub request: Option<Request>,
+    /// To report.
+    pub report: Option<Report>,
+    /// When to call with [`Input::Tick`] at the latest; `None`: only when something happens.
+    pub deadline: Option<Nanos>,
+}
+
+/// Where a driver is, with the data that is legal there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// No process; the next start is due at this time.
+    Down { start_at: Nanos },
+    /// [`Request::Spawn`] is out.
+    Spawning,
+    /// A process without a sign of life so far.
+    Starting { since: Nanos },
+    /// At work.
+    Up { since: Nanos, last_beat: Nanos },
+    /// [`Request::Kill`] is out.
+    Killed,
+    /// No start is wanted any more; the process may still be there.
+    Stopped,
+}
+
+/// What a caller may want to show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// No process.
+    Down,
+    /// A process that has not answered yet.
+    Starting,
+    /// At work.
+    Up,
+}
+
+/// The supervisor of one driver.
+#[derive(Clone, Debug)]
+pub struct Supervisor {
+    times: Times,
+    state: State,
+    /// Starts without health in between, counted after the first: decides the wait.
+    failures: u32,
+    starts: u32,
+}
+
+impl Supervisor {
+    /// A supervisor whose first [`Input::Tick`] starts the driver.
+    #[must_use]
+    pub fn new(times: Times) -> Self {
+        Self { times, state: State::Down { start_at: 0 }, failures: 0, starts: 0 }
+    }
+
+    /// Processes that have shown life so far.
+    #[must_use]
+    pub fn starts(&self) -> u32 {
+        self.starts
+    }
+
+    /// Where the driver is.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        match self.state {
+            State::Down { .. } | State::Spawning | State::Stopped => Phase::Down,
+            State::Starting { .. } => Phase::Starting,
+            State::Up { .. } | State::Killed => Phase::Up,
+        }
+    }
+
+    /// No start is wanted any more: the station stops. Whatever comes is ignored from here on.
+    pub fn stop(&mut self) {
+        self.state = State::Stopped;
+    }
+
+    /// One input at the time `now`.
+    pub fn step(&mut self, now: Nanos, input: Input) -> Step {
+        let (request, report) = match self.state {
+            State::Down { start_at } => self.down(now, start_at),
+            State::Spawning => self.spawning(now, input),
+            State::Starting { since } => self.starting(now, input, since),
+            State::Up { since, last_beat } => self.up(now, input, since, last_beat),
+            State::Killed => self.killed(now, input),
+            State::Stopped => (None, None),
+        };
+        Step { request, report, deadline: self.deadline() }
+    }
+
+    fn deadline(&self) -> Option<Nanos> {
+        match self.state {
+            State::Down { start_at } => Some(start_at),
+            State::Starting { since } => Some(since.saturating_add(self.times.start)),
+            State::Up { last_beat, .. } => Some(last_beat.saturating_add(self.times.hang)),
+            State::Spawning | State::Killed | State::Stopped => None,
+        }
+    }
+
+    fn down(&mut self, now: Nanos, start_at: Nanos) -> (Option<Request>, Option<Report>) {
+        if now < start_at {
+            return (None, None);
+        }
+        self.state = State::Spawning;
+        (Some(Request::Spawn), None)
+    }
+
+    fn spawning(&mut self, now: Nanos, input: Input) -> (Option<Request>, Option<Report>) {
+        match input {
+            Input::Spawned => {
+                self.state = State::Starting { since: now };
+                (None, None)
+            }
+            // Reported once, not at every attempt: a missing program would fill the diagnostic buffer.
+            Input::Exited(exit) => {
+                let first = self.failures == 0;
+                let (request, _) = self.lost(now, exit);
+                (request, first.then_some(Report::Lost(exit)))
+            }
+            Input::Tick | Input::Heartbeat => (None, None),
+        }
+    }
+
+    fn starting(&mut self, now: Nanos, input: Input, since: Nanos) -> (Option<Request>, Option<Report>) {
+        match input {
+            Input::Heartbeat => {
+                self.state = State::Up { since: now, last_beat: now };
+                self.starts = self.starts.saturating_add(1);
+                (None, Some(Report::Up(self.starts)))
+            }
+            Input::Exited(exit) => {
+                let first = self.failures == 0;
+                let (request, _) = self.lost(now, exit);
+                (request, first.then_some(Report::Lost(exit)))
+            }
+            Input::Tick if now >= since.saturating_add(self.times.start) => self.kill(),
+            Input::Tick | Input::Spawned => (None, None),
+        }
+    }
+
+    fn up(&mut self, now: Nanos, input: Input, since: Nanos, last_beat: Nanos) -> (Option<Request>, Option<Report>) {
+        if now.saturating_sub(since) >= self.times.healthy {
+            self.failures = 0;
+        }
+        match input {
+            Input::Heartbeat => {
+                self.state = State::Up { since, last_beat: now };
+                (None, None)
+            }
+            Input::Exited(exit) => self.lost(now, exit),
+            Input::Tick if now >= last_beat.saturating_add(self.times.hang) => self.kill(),
+            Input::Tick | Input::Spawned => (None, None),
+        }
+    }
+
+    fn killed(&mut self, now: Nanos, input: Input) -> (Option<Request>, Option<Report>) {
+        match input {
+            Input::Exited(_) => self.lost(now, Exit::Hung),
+            Input::Tick | Input::Spawned | Input::Heartbeat => (None, None),
+        }
+    }
+
+    fn kill(&mut self) -> (Option<Request>, Option<Report>) {
+        self.state = State::Killed;
+        (Some(Request::Kill), None)
+    }
+
+    /// The process is gone: the next start is due at once, or after the wait that the failures so far demand.
+    fn lost(&mut self, now: Nanos, exit: Exit) -> (Option<Request>, Option<Report>) {
+        let start_at = now.saturating_add(self.wait());
+        self.failures = self.failures.saturating_add(1);
+        self.state = State::Down { start_at };
+        let (request, _) = self.down(now, start_at);
+        (request, Some(Report::Lost(exit)))
+    }
+
+    /// 0, then the first wait, twice as long each time, up to the longest.
+    fn wait(&self) -> Nanos {
+        let Some(doublings) = self.failures.checked_sub(1) else { return 0 };
+        let factor = 1u64.checked_shl(doublings).unwrap_or(Nanos::MAX);
+        self.times.first_wait.saturating_mul(factor).min(self.times.longest_wait)
+    }
+}
+
+#[cfg(test)]
+#[path = "supervisor_tests.rs"]
+mod tests;

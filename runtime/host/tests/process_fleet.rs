@@ -1,0 +1,58 @@
+//! The fleet with processes that are no drivers: programs that end at once, and one that is missing. (Real drivers: the tests crate.)
+
+use std::path::PathBuf;
+
+use ob1_backplane::{CpuSide, Segment};
+use ob1_cpu::{Clock, Nanos};
+use ob1_host::driver::{DriverCommand, DriverPort, Fleet};
+use ob1_host::supervisor::{Exit, Report, Times};
+
+/// Counts its readings, a millisecond each: the fleet asks often enough for time to pass.
+struct Ticking(Nanos);
+
+impl Clock for Ticking {
+    fn now(&mut self) -> Nanos {
+        self.0 += 1_000_000;
+        self.0
+    }
+
+    fn executed(&mut self, _statements: u64) {}
+}
+
+fn fleet_of(program: &str) -> (Fleet, DriverPort) {
+    let segment = Segment::create_shared().expect("memory");
+    let cpu = CpuSide::create(&segment, 16).expect("16 bytes");
+    let command = DriverCommand { name: "cp".into(), program: PathBuf::from(program), args: Vec::new() };
+    let mut fleet = Fleet::new();
+    let port = fleet.add(command, segment, cpu.monitor().clone(), Times::default()).expect("descriptors");
+    (fleet, port)
+}
+
+fn next_report(port: &mut DriverPort) -> Report {
+    loop {
+        if let Ok(report) = port.reports.pop() {
+            return report;
+        }
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_process_that_ends_at_once_is_reported_with_its_status() {
+    let (fleet, mut port) = fleet_of("/bin/false");
+    let running = fleet.start(Ticking(0)).expect("a thread");
+    assert_eq!(next_report(&mut port), Report::Lost(Exit::Code(1)));
+    running.stop();
+    assert_eq!((port.status.pid(), port.status.starts(), port.status.losses()), (0, 0, 1));
+}
+
+#[test]
+fn a_missing_program_is_reported_with_the_systems_error() {
+    let (fleet, mut port) = fleet_of("/nonexistent/ob1-cp");
+    let running = fleet.start(Ticking(0)).expect("a thread");
+    assert_eq!(next_report(&mut port), Report::Lost(Exit::NotStarted(2)));
+    running.stop();
+    assert!(port.reports.pop().is_err(), "reported once");
+    // The bell is hung up, and ringing it still does no harm.
+    port.doorbell.ring();
+}
