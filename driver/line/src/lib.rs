@@ -1,1 +1,26 @@
-//! Serial lines: device, pty, TCP, and the simulated line
+//! Serial lines as a CP sees them: a serial device, a pty, TCP, and the simulated line.
+//!
+//! A line is described by a [`LineSpec`] (`serial:/dev/ttyUSB0`, `pty:PATH`, `tcp:HOST:PORT`, `tcp-listen:[ADDR:]PORT`)
+//! and opened as a [`RealLine`]. From then on it is one non-blocking object that never ends the process: a device that
+//! vanishes or a peer that closes is reported as [`LineEvent::Gone`], and the line heals by itself.
+//!
+//! The crate reads no clock. Whoever owns the line passes the time in, polls the descriptors of
+//! [`Line::poll_fds`] no longer than [`Line::deadline`] says, and then takes events until there are none left.
+
+// Two ioctls that no crate wraps (see `sys`), and the borrowed descriptor of a serial port.
+#![allow(unsafe_code)]
+
+mod line;
+mod link;
+mod parmrk;
+mod real;
+mod settings;
+pub mod sim;
+mod spec;
+mod sys;
+
+pub use line::{Line, LineEvent, LineFault, ModemLines, Nanos, PollFds};
+pub use parmrk::{Decoded, Mark, ParmrkDecoder};
+pub use real::{RETRY, RealLine};
+pub use settings::{Flow, LineSettings, Parity, SettingsError, StopBits, Warning};
+pub use spec::{LineSpec, SpecError};

@@ -1,0 +1,99 @@
+//! What differs between the kinds of line: how it is opened, what it can be set to, and when it is gone.
+
+mod pty;
+mod serial;
+mod tcp_client;
+mod tcp_common;
+mod tcp_listener;
+
+use std::io;
+
+use crate::line::{ModemLines, Nanos, PollFds};
+use crate::settings::{LineSettings, Warning};
+use crate::spec::LineSpec;
+
+/// What trying to open a line came to.
+pub(crate) enum Opened {
+    /// It is open.
+    Yes(Vec<Warning>),
+    /// Not yet (a connection is being made, or nobody has called yet): ask again when a descriptor is ready, or at the
+    /// time given.
+    Waiting(Option<Nanos>),
+}
+
+/// One kind of line. Everything is non-blocking; an error of `read` or `write` other than "would block" means that the
+/// line is gone, and so does reading nothing.
+pub(crate) trait Link {
+    /// Opens, or goes on with opening.
+    fn open(&mut self, now: Nanos, settings: &LineSettings) -> io::Result<Opened>;
+
+    /// Applies changed settings to the open line.
+    fn apply(&mut self, settings: &LineSettings) -> io::Result<Vec<Warning>>;
+
+    /// Closes what is open; `open` may follow.
+    fn close(&mut self);
+
+    /// The descriptors to wait for, open or waiting.
+    fn poll_fds<'a>(&'a self, want_write: bool, fds: &mut PollFds<'a>);
+
+    /// Reads what is there, without faults decoded.
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize>;
+
+    /// Writes what there is room for.
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize>;
+
+    /// Whether `read` delivers PARMRK sequences.
+    fn marks_faults(&self) -> bool {
+        false
+    }
+
+    /// Whether everything written has left the line; `None`: cannot say, compute it.
+    fn drained(&mut self) -> Option<bool> {
+        None
+    }
+
+    /// Drops what the device still has to send; the result is how many bytes.
+    fn take_back(&mut self) -> usize {
+        0
+    }
+
+    /// Whether bytes for which there is no room are lost instead of waiting: a wire that nobody listens to.
+    fn drops_when_full(&self) -> bool {
+        false
+    }
+
+    /// Something else to do while the line is open (turn callers away).
+    fn housekeeping(&mut self) {}
+
+    /// The longest pause between attempts to open.
+    fn slowest_retry(&self) -> Nanos {
+        crate::RETRY
+    }
+
+    /// Modem lines, where they exist.
+    fn modem_lines(&mut self) -> Option<ModemLines> {
+        None
+    }
+
+    /// Sets RTS and DTR, where they exist.
+    fn set_modem_lines(&mut self, _rts: bool, _dtr: bool) {}
+}
+
+/// The link of a spec; nothing is opened yet.
+pub(crate) fn of(spec: &LineSpec) -> Box<dyn Link> {
+    match spec {
+        LineSpec::Serial(path) => Box::new(serial::SerialLink::new(path.clone())),
+        LineSpec::Pty(path) => Box::new(pty::PtyLink::new(path.clone())),
+        LineSpec::Tcp { host, port } => Box::new(tcp_client::ClientLink::new(host.clone(), *port)),
+        LineSpec::Listen(address) => Box::new(tcp_listener::ListenerLink::new(*address)),
+    }
+}
+
+/// What neither a pty nor TCP can do of these settings.
+fn not_a_wire(kind: &str, settings: &LineSettings) -> Vec<Warning> {
+    let plain = LineSettings { baud: settings.baud, ..LineSettings::default() };
+    if *settings == plain {
+        return Vec::new();
+    }
+    vec![Warning(format!("{kind} carries 8 bits a character: of {settings} only the baud rate counts, as time"))]
+}

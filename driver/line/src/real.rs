@@ -1,0 +1,353 @@
+//! A real line: one [`Link`] with what all kinds share: the send buffer, the time the last bit leaves, faults, and
+//! coming back.
+
+use std::io;
+
+use crate::line::{Line, LineEvent, LineFault, ModemLines, Nanos, PollFds};
+use crate::link::{self, Link, Opened};
+use crate::parmrk::{Mark, ParmrkDecoder};
+use crate::settings::{LineSettings, Parity, SettingsError, Warning};
+use crate::spec::LineSpec;
+
+/// Pause between two attempts to open a line, in nanoseconds. A TCP client doubles it up to 2 s.
+pub const RETRY: Nanos = 500_000_000;
+
+/// Bytes that may wait for the line: the longest telegram of a CP (1024 bytes, every one a doubled DLE, and its frame),
+/// and room for the answers beside it.
+const TX_BYTES: usize = 4096;
+/// Raw bytes taken from the descriptor in one read.
+const RX_BYTES: usize = 1024;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    /// Closed; the next attempt is due then.
+    Down(Nanos),
+    /// Being opened; look again when ready, or then.
+    Opening(Option<Nanos>),
+    /// Usable.
+    Up,
+    /// The settings are refused: waits for others.
+    Refused,
+}
+
+/// A serial device, pty or TCP connection.
+///
+/// `TxDone` means: the bytes have been written and the last bit has left. A UART that tells when its shift register is
+/// empty is asked; otherwise, and on a pty or TCP, it is the time the characters take at the configured baud rate.
+/// The bytes themselves reach the partner on a pty or TCP at once, not one by one.
+pub struct RealLine {
+    spec: LineSpec,
+    link: Box<dyn Link>,
+    settings: LineSettings,
+    state: State,
+    pause: Nanos,
+    /// Events to hand out before anything else.
+    announce: Option<LineEvent>,
+    /// The reason given last, so that an attempt that fails for the same reason is not told again.
+    reason: String,
+
+    tx: Box<[u8; TX_BYTES]>,
+    tx_begin: usize,
+    tx_end: usize,
+    /// Something was written for which `TxDone` has not come yet.
+    sending: bool,
+    /// The computed end of the last bit.
+    sent_at: Nanos,
+
+    rx: Box<[u8; RX_BYTES]>,
+    rx_begin: usize,
+    rx_end: usize,
+    decoder: ParmrkDecoder,
+    fault: Option<LineFault>,
+    may_read: bool,
+    may_write: bool,
+}
+
+impl RealLine {
+    /// A line that will be opened by the first [`Line::next_event`].
+    pub fn new(spec: &LineSpec) -> Self {
+        Self {
+            spec: spec.clone(),
+            link: link::of(spec),
+            settings: LineSettings::default(),
+            state: State::Down(0),
+            pause: RETRY,
+            announce: None,
+            reason: String::new(),
+            tx: Box::new([0; TX_BYTES]),
+            tx_begin: 0,
+            tx_end: 0,
+            sending: false,
+            sent_at: 0,
+            rx: Box::new([0; RX_BYTES]),
+            rx_begin: 0,
+            rx_end: 0,
+            decoder: ParmrkDecoder::default(),
+            fault: None,
+            may_read: false,
+            may_write: true,
+        }
+    }
+
+    /// Where the line leads to.
+    pub const fn spec(&self) -> &LineSpec {
+        &self.spec
+    }
+
+    /// Whether the line can be used.
+    pub fn is_up(&self) -> bool {
+        self.state == State::Up
+    }
+
+    fn try_open(&mut self, now: Nanos) -> Option<LineEvent> {
+        match self.link.open(now, &self.settings) {
+            Ok(Opened::Yes(warnings)) => Some(self.up(warnings)),
+            Ok(Opened::Waiting(until)) => {
+                self.state = State::Opening(until);
+                // Told once. A connection that is being made tells its end soon enough.
+                if until.is_none() && self.reason.is_empty() {
+                    "waiting for the partner to connect".clone_into(&mut self.reason);
+                    return Some(LineEvent::Gone(self.reason.clone()));
+                }
+                None
+            }
+            Err(error) => self.gone(now, &error),
+        }
+    }
+
+    fn up(&mut self, warnings: Vec<Warning>) -> LineEvent {
+        self.state = State::Up;
+        self.pause = RETRY;
+        self.reason.clear();
+        self.forget();
+        (self.may_read, self.may_write) = (true, true);
+        LineEvent::Up(warnings)
+    }
+
+    /// Drops what was under way in both directions. `TxDone` for it still comes, by the clock.
+    fn forget(&mut self) {
+        (self.tx_begin, self.tx_end) = (0, 0);
+        (self.rx_begin, self.rx_end, self.fault) = (0, 0, None);
+        self.decoder.reset();
+    }
+
+    fn gone(&mut self, now: Nanos, error: &io::Error) -> Option<LineEvent> {
+        self.link.close();
+        self.forget();
+        self.state = State::Down(now + self.pause);
+        self.pause = (self.pause * 2).min(self.link.slowest_retry());
+        let reason = error.to_string();
+        if reason == self.reason {
+            return None;
+        }
+        self.reason.clone_from(&reason);
+        Some(LineEvent::Gone(reason))
+    }
+
+    /// Writes what waits; an error means that the line is gone.
+    fn flush(&mut self) -> io::Result<()> {
+        while self.may_write && self.tx_begin < self.tx_end {
+            match self.link.write(&self.tx[self.tx_begin..self.tx_end]) {
+                Ok(n) => self.tx_begin += n,
+                Err(e) if e.kind() == io::ErrorKind::WouldBlock && self.link.drops_when_full() => {
+                    self.tx_begin = self.tx_end;
+                }
+                Err(e) if e.kind() == io::ErrorKind::WouldBlock => self.may_write = false,
+                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+                Err(e) => return Err(e),
+            }
+        }
+        if self.tx_begin == self.tx_end {
+            (self.tx_begin, self.tx_end) = (0, 0);
+        }
+        Ok(())
+    }
+
+    /// Whether the last bit of everything is out; otherwise moves the time to look again.
+    fn tx_done(&mut self, now: Nanos) -> bool {
+        if !self.sending || self.tx_end > 0 || now < self.sent_at {
+            return false;
+        }
+        if self.state == State::Up && self.link.drained() == Some(false) {
+            self.sent_at = now + self.settings.time_of(1).max(200_000);
+            return false;
+        }
+        self.sending = false;
+        true
+    }
+
+    /// The next event out of the bytes already read.
+    fn decode(&mut self, buffer: &mut [u8]) -> Option<LineEvent> {
+        if let Some(fault) = self.fault.take() {
+            return Some(LineEvent::Fault(fault));
+        }
+        let raw = &self.rx[self.rx_begin..self.rx_end];
+        if !self.link.marks_faults() {
+            let n = raw.len().min(buffer.len());
+            buffer[..n].copy_from_slice(&raw[..n]);
+            self.rx_begin += n;
+            return (n > 0).then_some(LineEvent::Rx(n));
+        }
+        let done = self.decoder.decode(raw, buffer);
+        self.rx_begin += done.used;
+        let fault = done.mark.map(|mark| match mark {
+            Mark::Break => LineFault::Break,
+            Mark::Faulty(_) if self.settings.parity == Parity::None => LineFault::Framing,
+            Mark::Faulty(_) => LineFault::Parity,
+        });
+        if done.written == 0 {
+            return fault.map(LineEvent::Fault);
+        }
+        self.fault = fault;
+        Some(LineEvent::Rx(done.written))
+    }
+
+    fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<LineEvent>> {
+        loop {
+            if let Some(event) = self.decode(buffer) {
+                return Ok(Some(event));
+            }
+            if !self.may_read {
+                return Ok(None);
+            }
+            (self.rx_begin, self.rx_end) = (0, 0);
+            match self.link.read(&mut self.rx[..]) {
+                Ok(0) => return Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the other end closed the line")),
+                Ok(n) => {
+                    self.rx_end = n;
+                    self.may_read = n == RX_BYTES;
+                }
+                Err(e) if e.kind() == io::ErrorKind::WouldBlock => self.may_read = false,
+                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+                Err(e) => return Err(e),
+            }
+        }
+    }
+}
+
+impl Line for RealLine {
+    fn apply(&mut self, settings: &LineSettings) -> Result<(), SettingsError> {
+        if let Err(error) = settings.check() {
+            self.link.close();
+            self.forget();
+            self.state = State::Refused;
+            self.reason = error.to_string();
+            self.announce = Some(LineEvent::Gone(self.reason.clone()));
+            return Err(error);
+        }
+        self.settings = *settings;
+        match self.state {
+            State::Up => match self.link.apply(settings) {
+                Ok(warnings) => self.announce = Some(self.up(warnings)),
+                // Found again, and told, by the next attempt, which is due at once.
+                Err(error) => {
+                    self.announce = self.gone(0, &error);
+                    self.state = State::Down(0);
+                }
+            },
+            State::Refused => self.state = State::Down(0),
+            State::Down(_) | State::Opening(_) => {}
+        }
+        Ok(())
+    }
+
+    fn poll_fds<'a>(&'a self, fds: &mut PollFds<'a>) {
+        if matches!(self.state, State::Up | State::Opening(_)) {
+            self.link.poll_fds(self.tx_begin < self.tx_end, fds);
+        }
+    }
+
+    fn ready(&mut self) {
+        (self.may_read, self.may_write) = (true, true);
+        match &mut self.state {
+            State::Up => self.link.housekeeping(),
+            State::Opening(until) => *until = Some(0),
+            State::Down(_) | State::Refused => {}
+        }
+    }
+
+    fn next_event(&mut self, now: Nanos, buffer: &mut [u8]) -> Option<LineEvent> {
+        if let Some(event) = self.announce.take() {
+            return Some(event);
+        }
+        let due = match self.state {
+            State::Down(at) | State::Opening(Some(at)) => now >= at,
+            State::Opening(None) | State::Refused | State::Up => false,
+        };
+        if due && let Some(event) = self.try_open(now) {
+            return Some(event);
+        }
+        if self.state == State::Up
+            && let Err(error) = self.flush()
+        {
+            return self.gone(now, &error);
+        }
+        if self.tx_done(now) {
+            return Some(LineEvent::TxDone);
+        }
+        if self.state != State::Up {
+            return None;
+        }
+        match self.receive(buffer) {
+            Ok(event) => event,
+            Err(error) => self.gone(now, &error),
+        }
+    }
+
+    fn deadline(&self) -> Option<Nanos> {
+        if self.announce.is_some() {
+            return Some(0);
+        }
+        let open = match self.state {
+            State::Down(at) => Some(at),
+            State::Opening(until) => until,
+            State::Refused | State::Up => None,
+        };
+        let sent = (self.sending && self.tx_end == 0).then_some(self.sent_at);
+        open.into_iter().chain(sent).min()
+    }
+
+    fn write(&mut self, now: Nanos, bytes: &[u8]) -> usize {
+        if self.state != State::Up {
+            // Swallowed, as on a wire that leads nowhere.
+            self.sent_at = self.sent_at.max(now) + self.settings.time_of(bytes.len());
+            self.sending |= !bytes.is_empty();
+            return bytes.len();
+        }
+        if self.tx_begin > 0 && self.tx_end + bytes.len() > TX_BYTES {
+            self.tx.copy_within(self.tx_begin..self.tx_end, 0);
+            self.tx_end -= self.tx_begin;
+            self.tx_begin = 0;
+        }
+        let n = bytes.len().min(TX_BYTES - self.tx_end);
+        self.tx[self.tx_end..self.tx_end + n].copy_from_slice(&bytes[..n]);
+        self.tx_end += n;
+        if n > 0 {
+            self.sent_at = self.sent_at.max(now) + self.settings.time_of(n);
+            self.sending = true;
+        }
+        // At once, not at the next turn of the loop. A failure stays in the buffer and is told by `next_event`.
+        let _ = self.flush();
+        n
+    }
+
+    fn take_back(&mut self, now: Nanos) -> usize {
+        let waiting = self.tx_end - self.tx_begin;
+        (self.tx_begin, self.tx_end) = (0, 0);
+        let taken = waiting + if self.state == State::Up { self.link.take_back() } else { 0 };
+        if taken > 0 {
+            // The character in the shift register still leaves.
+            let rest = self.sent_at.saturating_sub(self.settings.time_of(taken));
+            self.sent_at = rest.max(now + self.settings.time_of(1));
+        }
+        taken
+    }
+
+    fn modem_lines(&mut self) -> Option<ModemLines> {
+        self.link.modem_lines()
+    }
+
+    fn set_modem_lines(&mut self, rts: bool, dtr: bool) {
+        self.link.set_modem_lines(rts, dtr);
+    }
+}

@@ -1,0 +1,1 @@
+//! The simulated line: two partners, virtual time, faults.

@@ -1,0 +1,305 @@
+//! Real ptys and loopback TCP: opening, bytes both ways, the end of transmission, going and coming back.
+//!
+//! Nothing sleeps here: the tests wait in `poll` for the event itself. The deadline only ends a test that has failed.
+
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use ob1_line::{Line, LineEvent, LineSettings, Nanos, Parity, PollFds, RealLine};
+use rustix::event::{Timespec, poll};
+use serialport::SerialPort;
+
+/// A line and the clock of its owner.
+struct Bench {
+    line: RealLine,
+    start: Instant,
+    guard: Instant,
+    received: Vec<u8>,
+}
+
+impl Bench {
+    fn new(spec: &str) -> Self {
+        let line = RealLine::new(&spec.parse().unwrap());
+        let start = Instant::now();
+        Self { line, start, guard: start + Duration::from_secs(20), received: Vec::new() }
+    }
+
+    fn now(&self) -> Nanos {
+        self.start.elapsed().as_nanos() as Nanos
+    }
+
+    /// The next event that is no received bytes; those are collected.
+    fn event(&mut self) -> LineEvent {
+        self.run(|_| false).expect("an event")
+    }
+
+    /// Until so many bytes are there.
+    fn receive(&mut self, n: usize) -> Vec<u8> {
+        let event = self.run(|received| received.len() >= n);
+        assert_eq!(event, None, "while waiting for {n} bytes, having {:?}", self.received);
+        std::mem::take(&mut self.received)
+    }
+
+    fn run(&mut self, enough: impl Fn(&[u8]) -> bool) -> Option<LineEvent> {
+        loop {
+            let mut buffer = [0; 64];
+            while let Some(event) = self.line.next_event(self.now(), &mut buffer) {
+                match event {
+                    LineEvent::Rx(n) => self.received.extend_from_slice(&buffer[..n]),
+                    other => return Some(other),
+                }
+            }
+            if enough(&self.received) {
+                return None;
+            }
+            assert!(Instant::now() < self.guard, "nothing happened; received so far {:?}", self.received);
+            let due = self.line.deadline().map_or(1_000_000_000, |at| at.saturating_sub(self.now()));
+            let mut fds = PollFds::default();
+            self.line.poll_fds(&mut fds);
+            let mut entries: Vec<_> = fds.into_entries().collect();
+            let timeout = Timespec::try_from(Duration::from_nanos(due.min(1_000_000_000))).unwrap();
+            if poll(&mut entries, Some(&timeout)).unwrap() > 0 {
+                drop(entries);
+                self.line.ready();
+            }
+        }
+    }
+}
+
+fn up() -> LineEvent {
+    LineEvent::Up(Vec::new())
+}
+
+fn pty_in(dir: &tempfile::TempDir) -> (PathBuf, String) {
+    let path = dir.path().join("line");
+    let spec = format!("pty:{}", path.display());
+    (path, spec)
+}
+
+#[test]
+fn a_pty_is_published_and_removed() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, spec) = pty_in(&dir);
+    let mut a = Bench::new(&spec);
+    assert_eq!(a.event(), up());
+    assert!(std::fs::read_link(&path).unwrap().starts_with("/dev/pts"));
+    drop(a);
+    assert!(path.symlink_metadata().is_err(), "removed with the line");
+
+    std::os::unix::fs::symlink("/dev/pts/99999", &path).unwrap();
+    let mut a = Bench::new(&spec);
+    assert_eq!(a.event(), up(), "the link an earlier process left is replaced");
+    assert_ne!(std::fs::read_link(&path).unwrap(), PathBuf::from("/dev/pts/99999"));
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "no file is left beside it");
+}
+
+#[test]
+fn a_file_in_the_place_of_the_pty_is_not_touched() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, spec) = pty_in(&dir);
+    std::fs::write(&path, "mine").unwrap();
+    let mut a = Bench::new(&spec);
+    let LineEvent::Gone(why) = a.event() else { panic!("it must not open") };
+    assert!(why.contains("is not replaced"), "{why}");
+    assert_eq!(std::fs::read(&path).unwrap(), b"mine");
+    std::fs::remove_file(&path).unwrap();
+    assert_eq!(a.event(), up(), "and it opens once the way is free");
+}
+
+#[test]
+fn every_byte_goes_both_ways_between_a_pty_and_a_serial_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, spec) = pty_in(&dir);
+    let mut a = Bench::new(&spec);
+    assert_eq!(a.event(), up());
+    let mut b = Bench::new(&format!("serial:{}", path.display()));
+    assert_eq!(b.event(), up());
+
+    // FFh is the escape of PARMRK, the control characters are what a tty that is not raw would swallow.
+    let all: Vec<u8> = (0..=255).collect();
+    assert_eq!(a.line.write(a.now(), &all), 256);
+    assert_eq!(b.receive(256), all);
+    assert_eq!(b.line.write(b.now(), &all), 256);
+    assert_eq!(a.receive(256), all);
+    assert_eq!(a.event(), LineEvent::TxDone);
+    assert_eq!(b.event(), LineEvent::TxDone);
+}
+
+#[test]
+fn transmission_lasts_as_long_as_its_characters() {
+    let dir = tempfile::tempdir().unwrap();
+    let (_, spec) = pty_in(&dir);
+    let mut line = RealLine::new(&spec.parse().unwrap());
+    let settings = LineSettings { baud: 1200, parity: Parity::Even, ..LineSettings::default() };
+    line.apply(&settings).unwrap();
+    let mut buffer = [0; 64];
+    // Virtual time from here on: 12 characters of 11 bits at 1200 baud last 110 ms, although a pty takes them at once.
+    assert!(matches!(line.next_event(0, &mut buffer), Some(LineEvent::Up(w)) if w.len() == 1), "8E1 is not for a pty");
+    assert_eq!(line.write(1_000, b"twelve chars"), 12);
+    assert_eq!(line.next_event(2_000, &mut buffer), None);
+    assert_eq!(line.deadline(), Some(110_001_000));
+    assert_eq!(line.next_event(110_000_999, &mut buffer), None);
+    assert_eq!(line.next_event(110_001_000, &mut buffer), Some(LineEvent::TxDone));
+    assert_eq!(line.deadline(), None);
+}
+
+#[test]
+fn a_line_that_cannot_have_parity_says_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, spec) = pty_in(&dir);
+    let mut a = Bench::new(&spec);
+    assert_eq!(a.event(), up());
+    let mut b = Bench::new(&format!("serial:{}", path.display()));
+    let settings = LineSettings { parity: Parity::Even, data_bits: 7, ..LineSettings::default() };
+    b.line.apply(&settings).unwrap();
+    let LineEvent::Up(warnings) = b.event() else { panic!("it opens all the same") };
+    let text = format!("{warnings:?}");
+    assert!(text.contains("parity Even") && text.contains("data bits 7"), "{text}");
+
+    let one_and_a_half = LineSettings { stop_bits: ob1_line::StopBits::OneAndHalf, ..LineSettings::default() };
+    assert!(b.line.apply(&one_and_a_half).is_err());
+    assert!(matches!(b.event(), LineEvent::Gone(why) if why.contains("1.5 stop bits")));
+    b.line.apply(&LineSettings::default()).unwrap();
+    assert_eq!(b.event(), up(), "other settings heal it");
+}
+
+#[test]
+fn a_partner_that_leaves_and_comes_back_is_no_event_on_a_pty() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, spec) = pty_in(&dir);
+    let mut a = Bench::new(&spec);
+    assert_eq!(a.event(), up());
+    for round in 0..3u8 {
+        // A foreign program, that opens the path as a device.
+        let mut partner = serialport::new(path.to_string_lossy(), 9600)
+            .exclusive(false)
+            .timeout(Duration::from_secs(20))
+            .open_native()
+            .unwrap();
+        partner.write_all(&[round, 0xFF]).unwrap();
+        assert_eq!(a.receive(2), [round, 0xFF]);
+        a.line.write(a.now(), &[round]);
+        let mut one = [0xAA];
+        partner.read_exact(&mut one).unwrap();
+        assert_eq!(one, [round]);
+        assert_eq!(a.event(), LineEvent::TxDone);
+        drop(partner);
+    }
+}
+
+#[test]
+fn a_serial_line_survives_the_loss_of_its_device() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, spec) = pty_in(&dir);
+    let mut b = Bench::new(&format!("serial:{}", path.display()));
+    assert!(matches!(b.event(), LineEvent::Gone(why) if why.contains("No such file")), "not there yet");
+    for round in 0..2u8 {
+        let mut a = Bench::new(&spec);
+        assert_eq!(a.event(), up());
+        assert_eq!(b.event(), up());
+        a.line.write(a.now(), &[round]);
+        assert_eq!(b.receive(1), [round]);
+        drop(a);
+        assert!(matches!(b.event(), LineEvent::Gone(_)));
+    }
+    // Swallowed, and the end comes by the clock: a protocol does not hang on a line that is gone.
+    b.line.write(b.now(), b"into the void");
+    let mut events = vec![b.event()];
+    if events[0] != LineEvent::TxDone {
+        events.push(b.event());
+    }
+    assert_eq!(events.last(), Some(&LineEvent::TxDone));
+}
+
+#[test]
+fn a_serial_device_belongs_to_one_program() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, spec) = pty_in(&dir);
+    let mut a = Bench::new(&spec);
+    assert_eq!(a.event(), up());
+    let mut b = Bench::new(&format!("serial:{}", path.display()));
+    assert_eq!(b.event(), up());
+    let mut c = Bench::new(&format!("serial:{}", path.display()));
+    let LineEvent::Gone(why) = c.event() else { panic!("two programs on one line") };
+    assert!(why.contains("lock"), "{why}");
+    drop(b);
+    assert_eq!(c.event(), up(), "free again");
+}
+
+#[test]
+fn a_tcp_client_comes_back() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut line = Bench::new(&format!("tcp:127.0.0.1:{}", server.local_addr().unwrap().port()));
+    for round in 0..2u8 {
+        assert_eq!(line.event(), up());
+        let (mut partner, _) = server.accept().unwrap();
+        partner.write_all(&[round, 0xFF, 0]).unwrap();
+        assert_eq!(line.receive(3), [round, 0xFF, 0]);
+        line.line.write(line.now(), b"abc");
+        let mut three = [0; 3];
+        partner.read_exact(&mut three).unwrap();
+        assert_eq!(&three, b"abc");
+        assert_eq!(line.event(), LineEvent::TxDone);
+        drop(partner);
+        assert!(matches!(line.event(), LineEvent::Gone(why) if why.contains("closed")));
+    }
+}
+
+#[test]
+fn a_refused_connection_is_told_and_tried_again() {
+    let server = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = server.local_addr().unwrap();
+    drop(server);
+    let mut line = Bench::new(&format!("tcp:localhost:{}", address.port()));
+    assert!(matches!(line.event(), LineEvent::Gone(why) if why.contains("refused")));
+    // The address that `localhost` stands for first may be either.
+    let server = TcpListener::bind(address).or_else(|_| TcpListener::bind(("::1", address.port()))).unwrap();
+    let six = TcpListener::bind(("::1", address.port()));
+    assert_eq!(line.event(), up());
+    drop((server, six));
+}
+
+#[test]
+fn a_listener_serves_one_client_at_a_time() {
+    let mut line = Bench::new("tcp-listen:0");
+    assert!(matches!(line.event(), LineEvent::Gone(why) if why.contains("waiting")));
+    let port = {
+        // The port the system chose: the only listening socket of this line.
+        let mut fds = PollFds::default();
+        line.line.poll_fds(&mut fds);
+        let entries: Vec<_> = fds.into_entries().collect();
+        assert_eq!(entries.len(), 1);
+        std::net::SocketAddr::try_from(rustix::net::getsockname(&entries[0]).unwrap()).unwrap().port()
+    };
+    for round in 0..2u8 {
+        let mut partner = TcpStream::connect(("127.0.0.1", port)).unwrap();
+        assert_eq!(line.event(), up());
+        // A second caller is turned away, the first is not disturbed.
+        let mut second = TcpStream::connect(("127.0.0.1", port)).unwrap();
+        partner.write_all(&[round]).unwrap();
+        assert_eq!(line.receive(1), [round]);
+        line.line.ready();
+        line.line.write(line.now(), b"x");
+        let mut one = [0];
+        partner.read_exact(&mut one).unwrap();
+        assert_eq!(line.event(), LineEvent::TxDone);
+        assert_eq!(second.read(&mut one).unwrap_or(0), 0, "closed");
+        drop(partner);
+        assert!(matches!(line.event(), LineEvent::Gone(_)));
+    }
+}
+
+#[test]
+fn modem_lines_are_absent_where_there_are_none() {
+    let dir = tempfile::tempdir().unwrap();
+    let (_, spec) = pty_in(&dir);
+    let mut a = Bench::new(&spec);
+    assert_eq!(a.event(), up());
+    a.line.set_modem_lines(true, true);
+    assert_eq!(a.line.modem_lines(), None);
+    // The other end of a pty has none either, and says so when asked through serialport.
+    let (_master, mut slave) = serialport::TTYPort::pair().unwrap();
+    assert!(slave.read_clear_to_send().is_err());
+}
