@@ -5,11 +5,17 @@
 //! be called again. Configuration plus the list of (time, input) determines everything, so a field log is a test.
 //!
 //! * [`machine`]: the contract all protocols share.
+//! * [`ascii`]: bare characters, telegrams end with a pause.
+//! * [`s3964`]: 3964 and 3964R.
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod ascii;
 pub mod machine;
+pub mod s3964;
 
+pub use ascii::Ascii;
 pub use machine::{
     Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,
 };
+pub use s3964::S3964;

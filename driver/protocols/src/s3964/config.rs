@@ -1,0 +1,104 @@
+//! What is set at a 3964(R) interface, and what differs between the CPs that speak it.
+
+use crate::machine::{MS, Nanos, SECOND, TELEGRAM_MAX};
+
+/// Who gives way in an initialisation conflict. The two partners must be set differently. [S0 "Priority"]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Priority {
+    /// Gives way: receives first, then starts its own order again.
+    Low,
+    /// Ignores the partner's STX and waits for DLE.
+    High,
+}
+
+/// Configuration of [`S3964`](super::S3964). Times in nanoseconds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// 3964R: blocks carry a block check character.
+    pub bcc: bool,
+    /// Who gives way.
+    pub priority: Priority,
+    /// ZVZ, character delay: longest time between two characters of a block, and from our DLE to the first of them.
+    /// 0: two character times. [S0 "Character delay time (ZVZ)"]
+    pub zvz: Nanos,
+    /// QVZ, acknowledgement delay: longest time from the last bit of STX, or of a block, to the partner's answer.
+    pub qvz: Nanos,
+    /// ZNA: pause between the end of an order and the STX of the next. [S0 "Time delay after command (ZNA)"]
+    pub zna: Nanos,
+    /// BWZ of the CP 240: from the acknowledged request telegram to STX of the answer telegram. Plain 3964(R) has neither
+    /// requests nor answers, so this machine carries it for RK 512 only. [S0 L1635]
+    pub bwz: Nanos,
+    /// Time of one character on the line.
+    pub char_time: Nanos,
+    /// Attempts to get a connection, the first included; at least 1.
+    pub connect_attempts: u16,
+    /// Attempts to get a block through, the first included; at least 1. Each has its own connection attempts.
+    pub block_attempts: u16,
+    /// Longest telegram, bytes of user data; the machine's own buffer is a further limit.
+    pub telegram_max: usize,
+    /// How long a partner that wants to send is kept waiting for a receive buffer before NAK; 0: not at all.
+    pub buffer_wait: Nanos,
+    /// One NAK at start puts the partner into idle.
+    pub nak_at_start: bool,
+    /// A character without meaning is answered by NAK when the line has fallen silent for ZVZ; otherwise at once.
+    pub nak_after_silence: bool,
+    /// BREAK ends the running order; otherwise it counts as an unreadable character.
+    pub break_ends_order: bool,
+    /// How long the repetition of a refused block is waited for before own orders go on; 0: back to idle at once.
+    pub repetition_wait: Nanos,
+}
+
+impl Config {
+    /// The CP 240 with the defaults of its parameter table: ZVZ 200 ms, QVZ 500 ms, BWZ 2 s, low priority, 5 repetitions of
+    /// STX, DBL 6. [S0 "Structure of parameter bytes for 3964(R) / 3964(R) with RK512"]
+    ///
+    /// A block is repeated 5 times like STX [S0 "Timeout times"], which is the default DBL with the first attempt included;
+    /// so DBL is taken as the number of attempts.
+    pub fn cp240(bcc: bool, char_time: Nanos) -> Self {
+        Self {
+            bcc,
+            priority: Priority::Low,
+            zvz: 200 * MS,
+            qvz: 500 * MS,
+            zna: 0,
+            bwz: 2 * SECOND,
+            char_time,
+            connect_attempts: 6,
+            block_attempts: 6,
+            // The text says 250 bytes, the technical data 1024. [reference 5.7]
+            telegram_max: TELEGRAM_MAX,
+            buffer_wait: 0,           // [S0 "Passive operation"]: not ready: NAK
+            nak_at_start: false,      // not mentioned
+            nak_after_silence: false, // [S0 "Passive operation"]: "it will transmit a NAK"
+            break_ends_order: false,  // not mentioned
+            repetition_wait: 0,       // [S0 "Data Link Escape"]: "wait for another connection request"
+        }
+    }
+
+    /// The CP 341 with its defaults: ZVZ 220 ms, QVZ 2 s (without BCC 550 ms), high priority, 6 attempts each, 4 s for the
+    /// repetition of a refused block, 400 ms for a receive buffer. [reference 5.2 to 5.4]
+    pub fn cp341(bcc: bool, char_time: Nanos) -> Self {
+        Self {
+            bcc,
+            priority: Priority::High,
+            zvz: 220 * MS,
+            qvz: if bcc { 2 * SECOND } else { 550 * MS },
+            zna: 0,
+            bwz: 0,
+            char_time,
+            connect_attempts: 6,
+            block_attempts: 6,
+            telegram_max: 4096,
+            buffer_wait: 400 * MS,
+            nak_at_start: true,
+            nak_after_silence: true,
+            break_ends_order: true,
+            repetition_wait: 4 * SECOND,
+        }
+    }
+
+    /// ZVZ in force.
+    pub(super) fn zvz(&self) -> Nanos {
+        if self.zvz == 0 { 2 * self.char_time } else { self.zvz }
+    }
+}

@@ -1,0 +1,269 @@
+//! 3964 and 3964R: point-to-point, each block acknowledged, both partners may begin.
+//!
+//! ```text
+//! sender     STX       data (DLE doubled) DLE ETX [BCC]
+//! receiver       DLE                                    DLE
+//! ```
+//!
+//! One machine plays both roles, as on the module: an order waits while a telegram comes in. The sending role is in
+//! [`send`], the receiving one in [`receive`]; [`codec`] knows the characters of a block, [`Config`] the differences
+//! between CPs. "Done" means that the partner's DLE after the block has come. If that DLE is lost the partner repeats
+//! the block, and it is delivered again: the procedure has no means to tell it from a new one.
+
+pub mod codec;
+mod config;
+mod receive;
+mod send;
+
+pub use config::{Config, Priority};
+
+use crate::machine::{
+    Event, Input, LineFault, MS, Machine, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,
+};
+use codec::NAK;
+use receive::Block;
+use send::Job;
+
+/// How often a partner that is kept waiting for a receive buffer is looked after. [reference 5.6]
+const BUFFER_POLL: Nanos = 50 * MS;
+
+/// A line that never reports the end of its output is taken to have ended it this long after the time it needed.
+const OUTPUT_GRACE: Nanos = SECOND;
+
+/// The 3964(R) procedure with a send and a receive buffer of `N` bytes each.
+#[derive(Clone, Debug)]
+pub struct S3964<const N: usize = TELEGRAM_MAX> {
+    config: Config,
+    state: State,
+    output: Output,
+    /// The running order; its telegram is in `tx`.
+    job: Option<Job>,
+    tx: [u8; N],
+    rx: [u8; N],
+    /// ZNA: no order begins before this.
+    pause_until: Nanos,
+}
+
+/// Where the procedure stands, with what is known there and nowhere else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Before the first step.
+    Start,
+    /// The line is free.
+    Idle,
+    /// A block was refused for the `refused`-th time; its repetition must begin before `until`. (CP 341)
+    Repetition { until: Nanos, refused: u16 },
+    /// The partner has sent STX and is kept waiting for a receive buffer until `until`. (CP 341)
+    Buffer { until: Nanos, poll: Nanos, refused: u16 },
+    /// Something without meaning came in; NAK follows when the line has been silent until `until`. (CP 341)
+    /// `disturbed`: it came while our block was leaving, which is then repeated.
+    Silence { until: Nanos, disturbed: Option<What> },
+    /// STX is out, DLE must come before `expiry` (QVZ).
+    Connect { expiry: Nanos },
+    /// The block is leaving.
+    Output,
+    /// The block is out, DLE must come before `expiry` (QVZ).
+    Acknowledge { expiry: Nanos },
+    /// DLE is out, the next character must come before `expiry` (ZVZ).
+    Receive { block: Block, expiry: Nanos },
+}
+
+/// What this side has on the line.
+#[derive(Clone, Copy, Debug, Default)]
+struct Output {
+    /// Handed over and not yet reported as out.
+    in_flight: bool,
+    /// When the last bit is out at the earliest.
+    end: Nanos,
+    /// The last character handed over was a NAK to something without meaning.
+    nak: bool,
+}
+
+impl Output {
+    /// Everything has left, reported or by the time it takes.
+    fn is_out(&self, now: Nanos) -> bool {
+        !self.in_flight || now >= self.end
+    }
+}
+
+impl<const N: usize> S3964<N> {
+    /// A machine before its first step.
+    pub fn new(config: Config) -> Self {
+        Self {
+            config,
+            state: State::Start,
+            output: Output::default(),
+            job: None,
+            tx: [0; N],
+            rx: [0; N],
+            pause_until: 0,
+        }
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    fn transmit(&mut self, now: Nanos, bytes: &[u8], out: &mut dyn Sink) {
+        self.output.end = self.output.end.max(now) + self.config.char_time * bytes.len() as u64;
+        self.output.in_flight = true;
+        self.output.nak = false;
+        out.transmit(bytes);
+    }
+
+    /// Interrupts our output.
+    fn take_back(&mut self, now: Nanos, out: &mut dyn Sink) {
+        let saved = self.config.char_time * out.take_back() as u64;
+        self.output.end = self.output.end.saturating_sub(saved).max(now);
+    }
+
+    /// Begins, or begins again, to wait for silence before NAK.
+    fn silence(&mut self, now: Nanos, disturbed: Option<What>) {
+        self.state = State::Silence { until: now + self.config.zvz(), disturbed };
+    }
+
+    /// When a timer that begins with the end of our output expires if that end is never reported.
+    fn expiry_unreported(&self, time: Nanos) -> Nanos {
+        self.output.end + OUTPUT_GRACE + time
+    }
+
+    fn report(&self, phase: Phase, what: What, out: &mut dyn Sink) {
+        out.report(Event { phase, what });
+    }
+
+    fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+        match self.state {
+            State::Start => {
+                self.state = State::Idle;
+                if self.config.nak_at_start {
+                    self.transmit(now, &[NAK], out);
+                }
+            }
+            State::Repetition { until, .. } if now >= until => {
+                self.report(Phase::Idle, What::NoRepetition, out);
+                self.state = State::Idle;
+            }
+            State::Buffer { until, poll, refused } => self.buffer_tick(now, until, poll, refused, out),
+            State::Silence { until, disturbed } if now >= until => self.silent(now, disturbed, out),
+            State::Connect { expiry } if now >= expiry => self.connect_failed(now, What::AckDelay, out),
+            State::Output if now >= self.expiry_unreported(0) => self.output_done(now),
+            State::Acknowledge { expiry } if now >= expiry => self.block_failed(now, What::AckDelay, out),
+            State::Receive { block, expiry } if now >= expiry => self.character_delay(now, block, out),
+            _ => {}
+        }
+    }
+
+    fn character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) {
+        match self.state {
+            State::Start | State::Idle => self.idle_character(now, byte, 0, out),
+            State::Repetition { refused, .. } => self.idle_character(now, byte, refused, out),
+            State::Buffer { .. } => self.unexpected(now, What::Unexpected(byte), out),
+            State::Silence { disturbed, .. } => self.silence(now, disturbed),
+            State::Connect { .. } => self.connect_character(now, byte, out),
+            State::Output => self.output_character(now, byte, out),
+            State::Acknowledge { .. } => self.acknowledge_character(now, byte, out),
+            State::Receive { block, .. } => self.receive_character(now, block, byte, out),
+        }
+    }
+
+    fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut dyn Sink) {
+        let what = What::Line(fault);
+        if matches!(fault, LineFault::Gone | LineFault::Back) {
+            // An open circuit has no other effect than silence: QVZ, ZVZ and the repetitions deal with it.
+            return self.report(self.phase(), what, out);
+        }
+        match self.state {
+            State::Start | State::Idle | State::Repetition { .. } | State::Buffer { .. } => {
+                self.unexpected(now, what, out);
+            }
+            State::Silence { disturbed, .. } => self.silence(now, disturbed),
+            State::Connect { .. } | State::Output | State::Acknowledge { .. }
+                if fault == LineFault::Break && self.config.break_ends_order =>
+            {
+                // [reference 5.3]: BREAK: back to idle, 080Dh.
+                self.report(self.phase(), what, out);
+                self.take_back(now, out);
+                self.end(now, Err(SendError::Frame), out);
+            }
+            State::Connect { .. } => self.connect_failed(now, what, out),
+            State::Output => self.output_disturbed(now, what, out),
+            State::Acknowledge { .. } => self.block_failed(now, what, out),
+            State::Receive { block, .. } => self.receive_unreadable(now, block, what, out),
+        }
+    }
+
+    /// The last bit of everything handed over is out: the times of the partner begin. [S0 "Timeout times"]
+    fn tx_done(&mut self, now: Nanos) {
+        self.output = Output { in_flight: false, end: now, nak: false };
+        match &mut self.state {
+            State::Connect { expiry } => *expiry = now + self.config.qvz,
+            State::Output => self.output_done(now),
+            State::Receive { block, expiry } if !block.begun() => *expiry = now + self.config.zvz(),
+            _ => {}
+        }
+    }
+
+    fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Sink) {
+        match order {
+            Order::Abort => {
+                self.take_back(now, out);
+                self.state = State::Idle;
+                self.pause_until = now;
+                if self.job.take().is_some() {
+                    out.sent(Err(SendError::Aborted));
+                }
+            }
+            Order::Send(_) if self.job.is_some() => out.sent(Err(SendError::Busy)),
+            Order::Send(telegram) => match self.tx.get_mut(..telegram.len()) {
+                Some(buffer) if telegram.len() <= self.config.telegram_max => {
+                    buffer.copy_from_slice(telegram);
+                    self.job = Some(Job::new(telegram.len()));
+                }
+                _ => out.sent(Err(SendError::TooLong)),
+            },
+        }
+    }
+
+    fn phase(&self) -> Phase {
+        match self.state {
+            State::Start | State::Idle | State::Repetition { .. } | State::Silence { .. } => Phase::Idle,
+            State::Connect { .. } => Phase::Connect,
+            State::Output => Phase::Output,
+            State::Acknowledge { .. } => Phase::Acknowledge,
+            State::Buffer { .. } | State::Receive { .. } => Phase::Receive,
+        }
+    }
+
+    fn deadline(&self) -> Option<Nanos> {
+        match self.state {
+            State::Start => Some(0),
+            State::Idle => self.job.as_ref().map(|_| self.pause_until),
+            State::Repetition { until, .. } | State::Silence { until, .. } => Some(until),
+            State::Buffer { until, poll, .. } => Some(until.min(poll)),
+            State::Connect { expiry } | State::Acknowledge { expiry } | State::Receive { expiry, .. } => Some(expiry),
+            State::Output => Some(self.expiry_unreported(0)),
+        }
+    }
+}
+
+impl<const N: usize> Machine for S3964<N> {
+    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+        match input {
+            Input::Tick => self.tick(now, out),
+            Input::Rx(bytes) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
+            Input::TxDone => self.tx_done(now),
+            Input::LineFault(fault) => self.fault(now, fault, out),
+            Input::Modem(_) => {} // The procedure needs no accompanying signals.
+            Input::Order(order) => self.order(now, order, out),
+        }
+        if self.state == State::Idle && self.job.is_some() && now >= self.pause_until {
+            self.connect(now, out);
+        }
+        self.deadline()
+    }
+
+    fn busy(&self) -> bool {
+        self.job.is_some()
+    }
+}

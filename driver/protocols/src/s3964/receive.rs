@@ -1,0 +1,170 @@
+//! The receiving role: accept a connection, take the block in, check it, acknowledge or refuse it.
+
+use super::codec::{DLE, Decoder, NAK, STX, Step};
+use super::{BUFFER_POLL, S3964, State};
+use crate::machine::{Nanos, Phase, Sink, What};
+
+/// A block that is coming in; its user data are in the machine's `rx`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Block {
+    decoder: Decoder,
+    /// Bytes of user data so far.
+    len: usize,
+    /// Characters so far, unreadable ones included.
+    characters: usize,
+    /// An error has been noted (and reported): the block will be refused at its end.
+    bad: bool,
+    /// How often this block has been refused before.
+    refused: u16,
+}
+
+impl Block {
+    /// Its first character has come.
+    pub(super) fn begun(&self) -> bool {
+        self.characters > 0
+    }
+}
+
+impl<const N: usize> S3964<N> {
+    /// A character while the line is free. `refused`: a block was refused that often and its repetition is awaited.
+    pub(super) fn idle_character(&mut self, now: Nanos, byte: u8, refused: u16, out: &mut dyn Sink) {
+        match byte {
+            STX => self.connection_asked(now, refused, out),
+            NAK => {} // [S0 "Passive operation"]: NAK is not answered.
+            other => self.unexpected(now, What::Unexpected(other), out),
+        }
+    }
+
+    /// [S0 "Passive operation"]: a character that is not STX while a connection request is expected: NAK.
+    pub(super) fn unexpected(&mut self, now: Nanos, what: What, out: &mut dyn Sink) {
+        self.report(Phase::Idle, what, out);
+        if self.config.nak_after_silence {
+            self.silence(now, None);
+        } else if !self.output.nak || self.output.is_out(now) {
+            // One NAK at a time: what comes in while one is leaving is answered by it.
+            self.transmit(now, &[NAK], out);
+            self.output.nak = true;
+        }
+    }
+
+    /// The partner has sent STX.
+    pub(super) fn connection_asked(&mut self, now: Nanos, refused: u16, out: &mut dyn Sink) {
+        if out.room() > 0 {
+            self.accept(now, refused, out);
+        } else if self.config.buffer_wait > 0 {
+            // [reference 5.4]: up to 400 ms for a buffer. (CP 341)
+            let until = now + self.config.buffer_wait;
+            self.state = State::Buffer { until, poll: now + BUFFER_POLL, refused };
+        } else {
+            // [S0 "Data Link Escape (DLE-character)"]: STX while it is not ready: NAK.
+            self.refuse_connection(now, out);
+        }
+    }
+
+    fn accept(&mut self, now: Nanos, refused: u16, out: &mut dyn Sink) {
+        self.transmit(now, &[DLE], out);
+        let block = Block { decoder: Decoder::new(self.config.bcc), len: 0, characters: 0, bad: false, refused };
+        self.state = State::Receive { block, expiry: self.expiry_unreported(self.config.zvz()) };
+    }
+
+    fn refuse_connection(&mut self, now: Nanos, out: &mut dyn Sink) {
+        self.report(Phase::Idle, What::NoBuffer, out);
+        self.transmit(now, &[NAK], out);
+        self.state = State::Idle;
+    }
+
+    /// A partner is kept waiting for a buffer. (CP 341)
+    pub(super) fn buffer_tick(&mut self, now: Nanos, until: Nanos, poll: Nanos, refused: u16, out: &mut dyn Sink) {
+        if out.room() > 0 {
+            self.accept(now, refused, out);
+        } else if now >= until {
+            self.refuse_connection(now, out);
+        } else if now >= poll {
+            self.state = State::Buffer { until, poll: now + BUFFER_POLL, refused };
+        }
+    }
+
+    /// A character of the block. ZVZ begins again with each. [S0 "Timeout times"]
+    pub(super) fn receive_character(&mut self, now: Nanos, mut block: Block, byte: u8, out: &mut dyn Sink) {
+        block.characters += 1;
+        match block.decoder.push(byte) {
+            Step::More => {}
+            Step::Data(byte) => match self.rx.get_mut(block.len) {
+                Some(place) if block.len < self.config.telegram_max => {
+                    *place = byte;
+                    block.len += 1;
+                }
+                _ => self.note(&mut block, What::TooLong, out),
+            },
+            Step::BadDle(other) => self.note(&mut block, What::BadDle(other), out),
+            Step::End { check } => {
+                if let Some((computed, received)) = check
+                    && computed != received
+                {
+                    self.note(&mut block, What::BadCheck { computed, received }, out);
+                }
+                return self.block_complete(now, block, out);
+            }
+        }
+        self.state = State::Receive { block, expiry: now + self.config.zvz() };
+    }
+
+    /// A character of the block that could not be read: the block will be refused, and is received to its end.
+    /// [reference 5.4]
+    pub(super) fn receive_unreadable(&mut self, now: Nanos, mut block: Block, what: What, out: &mut dyn Sink) {
+        block.characters += 1;
+        self.note(&mut block, what, out);
+        if block.decoder.unreadable() {
+            return self.block_complete(now, block, out);
+        }
+        self.state = State::Receive { block, expiry: now + self.config.zvz() };
+    }
+
+    /// Notes the first error of a block.
+    fn note(&self, block: &mut Block, what: What, out: &mut dyn Sink) {
+        if !block.bad {
+            block.bad = true;
+            self.report(Phase::Receive, what, out);
+        }
+    }
+
+    fn block_complete(&mut self, now: Nanos, mut block: Block, out: &mut dyn Sink) {
+        match out.room() {
+            0 => self.note(&mut block, What::NoBuffer, out),
+            room if block.len > room => self.note(&mut block, What::TooLong, out),
+            _ => {}
+        }
+        if block.bad {
+            return self.refuse_block(now, block, out);
+        }
+        self.transmit(now, &[DLE], out);
+        self.state = State::Idle;
+        if block.len == 0 {
+            self.report(Phase::Receive, What::Empty, out);
+        } else {
+            out.deliver(&self.rx[..block.len]);
+        }
+    }
+
+    /// [S0 "Block check character (BCC-Byte)"]: NAK instead of DLE.
+    fn refuse_block(&mut self, now: Nanos, block: Block, out: &mut dyn Sink) {
+        self.transmit(now, &[NAK], out);
+        let refused = block.refused + 1;
+        self.state = if self.config.repetition_wait == 0 {
+            // [S0 "Data Link Escape (DLE-character)"]: NAK, and wait for another connection request.
+            State::Idle
+        } else if refused < self.config.block_attempts {
+            State::Repetition { until: self.output.end + self.config.repetition_wait, refused }
+        } else {
+            self.report(Phase::Receive, What::Exhausted, out);
+            State::Idle
+        };
+    }
+
+    /// [S0 "Passive operation"]: ZVZ is exceeded at reception: NAK, and wait for a new connection.
+    pub(super) fn character_delay(&mut self, now: Nanos, mut block: Block, out: &mut dyn Sink) {
+        self.note(&mut block, What::CharacterDelay, out);
+        self.transmit(now, &[NAK], out);
+        self.state = State::Idle;
+    }
+}
