@@ -1,3 +1,65 @@
-//! demo, test, bench, sim, ci: the same on a desk and in CI
+//! `cargo xtask`: every chore of the project, the same on a desk and in CI.
+//!
+//! A verb is one module with a `run`; this file only picks it. A verb that fails prints one line that says which step failed
+//! and leaves the output of the tool above it.
 
-fn main() {}
+mod arch;
+mod cargo;
+mod ci;
+mod demo;
+mod failure;
+mod figures;
+mod loom_miri;
+mod python;
+mod shell;
+mod test;
+
+use std::process::ExitCode;
+
+use failure::Failure;
+
+const USAGE: &str = "\
+usage: cargo xtask VERB [...]
+
+  demo [--for 20s] [--dirty]      the two stations of examples/two-stations, live, with a verdict
+  test [--release] [FILTER]       all tests: plugins, binaries and partners are built and handed to them
+  sim [--seeds N] [--seed S] [--minutes M] [-- ...]
+                                  the whole station in virtual time, with line faults and driver kills
+  bench [...]                     the figures of the README, next to the floor of this machine
+  arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files from their table
+  ci                              what .ci/run does
+  fmt                             formats the workspace
+  help                            this text
+";
+
+fn main() -> ExitCode {
+    let mut args = std::env::args().skip(1);
+    let verb = args.next().unwrap_or_default();
+    let rest: Vec<String> = args.collect();
+    let done = match verb.as_str() {
+        "demo" => demo::run(&rest),
+        "test" => test::run(&rest),
+        "sim" => figures::sim(&rest),
+        "bench" => figures::bench(&rest),
+        "arch" => arch::run(&rest),
+        "ci" => ci::ci(&rest),
+        "fmt" => ci::fmt(&rest),
+        "help" | "--help" | "-h" => {
+            print!("{USAGE}");
+            Ok(())
+        }
+        "" => Err(Failure::Usage("no verb".into())),
+        other => Err(Failure::Usage(format!("unknown verb `{other}`"))),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure::Usage(what)) => {
+            eprint!("xtask: {what}\n\n{USAGE}");
+            ExitCode::from(2)
+        }
+        Err(Failure::Step(what)) => {
+            eprintln!("xtask: {what}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! Which crate may know which: direct edges from a table, and ways that must not exist over any number of edges.
+//!
+//! Normal and build dependencies count, as resolved for this machine; what only tests use does not.
+
+use super::Finding;
+use super::tree::Tree;
+
+/// What a crate may depend on directly, and the invariant that says so.
+struct Row {
+    name: &'static str,
+    may_need: &'static [&'static str],
+    rule: &'static str,
+}
+
+const fn row(name: &'static str, rule: &'static str, may_need: &'static [&'static str]) -> Row {
+    Row { name, may_need, rule }
+}
+
+/// Every member of the workspace but `ob1-tests`, which may see everything.
+const TABLE: &[Row] = &[
+    row("ob1-model", "invariant 2", &[]),
+    row("ob1-ir", "invariant 3", &["ob1-model"]),
+    row("ob1-stl", "invariant 3", &["ob1-model", "ob1-ir", "strsim", "thiserror"]),
+    row("ob1-std", "invariant 2", &["ob1-model"]),
+    row("ob1-cpu", "invariant 2", &["ob1-model", "ob1-ir", "hdrhistogram", "rtrb"]),
+    row("ob1-rt", "invariant 4", &["ob1-cpu", "libc", "rustix", "seccompiler", "thiserror"]),
+    row(
+        "ob1-host",
+        "invariant 4",
+        &[
+            "ob1-model",
+            "ob1-cpu",
+            "ob1-abi",
+            "ob1-backplane",
+            "libc",
+            "libloading",
+            "rtrb",
+            "rustix",
+            "thiserror",
+            "tracing",
+        ],
+    ),
+    row(
+        "ob1",
+        "invariant 2",
+        &[
+            "ob1-model",
+            "ob1-ir",
+            "ob1-stl",
+            "ob1-std",
+            "ob1-cpu",
+            "ob1-rt",
+            "ob1-host",
+            "ob1-backplane",
+            "ob1-params",
+            "clap",
+            "hdrhistogram",
+            "parking_lot",
+            "rtrb",
+            "rustix",
+            "serde",
+            "serde_json",
+            "signal-hook",
+            "strsim",
+            "tempfile",
+            "thiserror",
+            "toml",
+            "tracing",
+            "tracing-subscriber",
+        ],
+    ),
+    row("ob1-abi", "invariant 9", &[]),
+    row("ob1-sdk", "invariant 9", &["ob1-abi"]),
+    row("ob1-backplane", "invariant 7", &["loom", "memmap2", "rustix", "thiserror"]),
+    row("ob1-cp240", "invariant 9", &["ob1-sdk"]),
+    row("ob1-example-rust-blocks", "invariant 9", &["ob1-sdk"]),
+    row("ob1-params", "invariant 11", &["strsim", "thiserror"]),
+    row("ob1-protocols", "invariant 1", &[]),
+    row("ob1-firmware", "invariant 1", &["ob1-params", "ob1-protocols"]),
+    row("ob1-line", "invariant 4", &["libc", "rustix", "serialport", "thiserror"]),
+    row(
+        "ob1-cp",
+        "invariant 4",
+        &[
+            "ob1-params",
+            "ob1-firmware",
+            "ob1-line",
+            "ob1-backplane",
+            "ob1-rt",
+            "clap",
+            "rustix",
+            "serde_json",
+            "signal-hook",
+            "thiserror",
+            "tracing",
+            "tracing-subscriber",
+        ],
+    ),
+    row("xtask", "tools", &["serde_json"]),
+];
+
+/// The one member without a row.
+const SEES_ALL: &str = "ob1-tests";
+
+/// Compares the direct edges with the table; a member without a row, and a row without a member, are findings too.
+pub(super) fn direct(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for (name, node) in tree.graph.crates.iter().filter(|(_, node)| !node.folder.is_empty()) {
+        let Some(row) = TABLE.iter().find(|row| row.name == name) else {
+            if name != SEES_ALL {
+                findings.push(Finding {
+                    place: node.folder.clone(),
+                    rule: "invariant 2",
+                    what: format!("`{name}` has no row in the table of edges (xtask/src/arch/edges.rs)"),
+                });
+            }
+            continue;
+        };
+        for need in node.needs.iter().filter(|need| !row.may_need.contains(&need.as_str())) {
+            findings.push(Finding {
+                place: format!("{}/Cargo.toml", node.folder),
+                rule: row.rule,
+                what: format!(
+                    "the edge {name} -> {need} is not allowed; `{name}` may need: {}",
+                    row.may_need.join(", ")
+                ),
+            });
+        }
+    }
+    for row in TABLE.iter().filter(|row| !tree.graph.crates.contains_key(row.name)) {
+        let what = format!("the table of edges names `{}`, which does not exist", row.name);
+        findings.push(Finding { place: "xtask/src/arch/edges.rs".into(), rule: row.rule, what });
+    }
+    findings
+}
+
+/// No way may lead from one of the first to one of the second, not even through crates that are not ours.
+const NO_WAY: &[(&str, &[&str], &[&str])] = &[
+    // The CPU, the language and the system blocks know no plugin, no driver, no operating system.
+    (
+        "invariant 2",
+        &["ob1-cpu", "ob1-ir", "ob1-model", "ob1-std", "ob1-stl"],
+        &[
+            "libc",
+            "rustix",
+            "libloading",
+            "memmap2",
+            "serialport",
+            "serde",
+            "tracing",
+            "getrandom",
+            "ob1-abi",
+            "ob1-sdk",
+            "ob1-backplane",
+            "ob1-host",
+            "ob1-rt",
+            "ob1-line",
+            "ob1-protocols",
+            "ob1-firmware",
+        ],
+    ),
+    ("invariant 3", &["ob1-stl"], &["ob1-cpu", "ob1-host", "ob1-rt"]),
+    ("invariant 3", &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-ir"], &["ob1-stl"]),
+    // A protocol machine, and the firmware around it, see nothing but bytes and times.
+    (
+        "invariant 1",
+        &["ob1-protocols", "ob1-firmware", "ob1-params"],
+        &[
+            "libc",
+            "rustix",
+            "memmap2",
+            "serialport",
+            "tracing",
+            "ob1-abi",
+            "ob1-backplane",
+            "ob1-line",
+            "ob1-cpu",
+            "ob1-rt",
+        ],
+    ),
+    // Shared memory is no serialisation format.
+    ("invariant 7", &["ob1-backplane"], &["serde", "bincode", "parking_lot"]),
+    // Everything a plugin does goes through the host's functions.
+    (
+        "invariant 9",
+        &["ob1-cp240", "ob1-example-rust-blocks", "ob1-sdk", "ob1-abi"],
+        &["libc", "rustix", "ob1-backplane", "ob1-cpu", "ob1-model", "parking_lot", "tracing"],
+    ),
+    // Only `line` opens a device, only `host` loads a plugin, and the driver process knows no CPU but for the clock in `rt`.
+    ("invariant 4", &["ob1", "ob1-host", "ob1-rt", "ob1-backplane"], &["serialport", "ob1-line"]),
+    ("invariant 4", &["ob1-cp", "ob1-line", "ob1-backplane", "ob1-rt"], &["libloading"]),
+    ("invariant 2", &["ob1-cp"], &["ob1-host", "ob1-stl", "ob1-abi"]),
+];
+
+/// Looks for ways that must not exist.
+pub(super) fn reach(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for (rule, starts, ends) in NO_WAY {
+        for start in starts.iter() {
+            for end in ends.iter() {
+                if let Some(way) = tree.graph.way(start, end) {
+                    let what = format!("`{start}` must not reach `{end}`, but does: {}", way.join(" -> "));
+                    findings.push(Finding { place: (*start).to_owned(), rule, what });
+                }
+            }
+        }
+    }
+    findings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The graph the table describes, and one more edge.
+    fn tree_with(from: &str, to: &str) -> Tree {
+        let mut tree = Tree::of(&[]);
+        for row in TABLE {
+            tree.graph.crates.entry(row.name.to_owned()).or_default().folder = format!("somewhere/{}", row.name);
+        }
+        tree.graph.crates.entry(from.to_owned()).or_default().needs.push(to.to_owned());
+        tree
+    }
+
+    #[test]
+    fn an_allowed_edge_is_silent() {
+        let tree = tree_with("ob1-cpu", "ob1-ir");
+        assert_eq!(direct(&tree), []);
+        assert_eq!(reach(&tree), []);
+    }
+
+    #[test]
+    fn an_edge_outside_the_table_is_named_with_its_invariant() {
+        let findings = direct(&tree_with("ob1-cpu", "ob1-backplane"));
+        assert_eq!(findings.len(), 1);
+        assert_eq!(findings[0].rule, "invariant 2");
+        assert!(findings[0].what.contains("ob1-cpu -> ob1-backplane"), "{}", findings[0]);
+    }
+
+    #[test]
+    fn a_way_through_a_foreign_crate_is_found() {
+        let mut tree = tree_with("ob1-cpu", "hdrhistogram");
+        tree.graph.crates.entry("hdrhistogram".to_owned()).or_default().needs.push("libc".to_owned());
+        assert_eq!(direct(&tree), []);
+        let findings = reach(&tree);
+        assert_eq!(findings.len(), 1);
+        assert!(findings[0].what.contains("ob1-cpu -> hdrhistogram -> libc"), "{}", findings[0]);
+    }
+
+    #[test]
+    fn a_new_crate_must_be_entered() {
+        let mut tree = tree_with("ob1-cpu", "ob1-ir");
+        tree.graph.crates.entry("ob1-jit".to_owned()).or_default().folder = "runtime/jit".to_owned();
+        tree.graph.crates.remove("ob1-stl");
+        let findings = direct(&tree);
+        assert!(findings.iter().any(|finding| finding.what.contains("`ob1-jit` has no row")));
+        assert!(findings.iter().any(|finding| finding.what.contains("`ob1-stl`, which does not exist")));
+    }
+}

@@ -1,0 +1,243 @@
+//! The fences clippy guards: what a crate may not call or name, as one table from which the clippy.toml files are written.
+//!
+//! A crate's clippy.toml replaces the one at the root, so each repeats its common part. The files are what clippy reads; this
+//! guard sees that they are what the table says (`cargo xtask arch --bless` writes them), and that no product code has a hole
+//! cut into its fence with an `allow`. Test code obeys too; where it must not (data files, threads of a model), the test says
+//! `#![expect(clippy::disallowed_methods, reason = "...")]`.
+
+use super::Finding;
+use super::mask::has_word;
+use super::tree::Tree;
+use crate::cargo;
+use crate::failure::{Outcome, step};
+
+/// One thing a crate is kept from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Ban {
+    /// Reading a clock.
+    Clock,
+    /// Starting or pausing a thread.
+    Threads,
+    /// Locks that another thread can hold, and channels built on them.
+    Locks,
+    /// Files.
+    Disk,
+    /// Sockets.
+    Net,
+    /// Other processes, and what this one was started with.
+    Process,
+    /// Collections whose order is another one at each start.
+    Hash,
+}
+
+impl Ban {
+    /// What the message says.
+    fn reason(self) -> &'static str {
+        match self {
+            Self::Clock => "invariant 4: only ob1 and ob1-cp read the clock; here the time is handed in",
+            Self::Threads => "invariants 2, 9, 11: one thread runs everything",
+            Self::Locks => "invariants 7, 8: no lock that another thread can hold",
+            Self::Disk => "invariant 4: only ob1 and ob1-cp touch the disk",
+            Self::Net => "invariants 2, 4: no sockets here",
+            Self::Process => "invariants 2, 4, 11: no processes and no environment here",
+            Self::Hash => "invariant 11: its order differs at each start; take a BTreeMap or an index",
+        }
+    }
+
+    fn methods(self) -> &'static [&'static str] {
+        match self {
+            Self::Clock => &["std::time::Instant::now", "std::time::SystemTime::now"],
+            Self::Threads => &[
+                "std::thread::spawn",
+                "std::thread::scope",
+                "std::thread::sleep",
+                "std::thread::park",
+                "std::thread::park_timeout",
+                "std::thread::Builder::spawn",
+            ],
+            Self::Locks => &["std::sync::mpsc::channel", "std::sync::mpsc::sync_channel"],
+            Self::Disk => &[
+                "std::fs::canonicalize",
+                "std::fs::copy",
+                "std::fs::create_dir",
+                "std::fs::create_dir_all",
+                "std::fs::hard_link",
+                "std::fs::metadata",
+                "std::fs::read",
+                "std::fs::read_dir",
+                "std::fs::read_link",
+                "std::fs::read_to_string",
+                "std::fs::remove_dir",
+                "std::fs::remove_dir_all",
+                "std::fs::remove_file",
+                "std::fs::rename",
+                "std::fs::write",
+                "std::fs::File::create",
+                "std::fs::File::create_new",
+                "std::fs::File::open",
+                "std::fs::File::options",
+                "std::fs::OpenOptions::new",
+                "std::path::Path::exists",
+                "std::path::Path::is_dir",
+                "std::path::Path::is_file",
+            ],
+            Self::Process => &[
+                "std::env::args",
+                "std::env::current_dir",
+                "std::env::var",
+                "std::env::var_os",
+                "std::env::vars",
+                "std::process::abort",
+                "std::process::exit",
+            ],
+            Self::Net | Self::Hash => &[],
+        }
+    }
+
+    fn types(self) -> &'static [&'static str] {
+        match self {
+            Self::Clock => &["std::time::Instant", "std::time::SystemTime"],
+            Self::Locks => &["std::sync::Condvar", "std::sync::Mutex", "std::sync::RwLock"],
+            Self::Net => &[
+                "std::net::TcpListener",
+                "std::net::TcpStream",
+                "std::net::UdpSocket",
+                "std::os::unix::net::UnixDatagram",
+                "std::os::unix::net::UnixListener",
+                "std::os::unix::net::UnixStream",
+            ],
+            Self::Process => &["std::process::Command"],
+            Self::Hash => &["std::collections::HashMap", "std::collections::HashSet", "std::hash::RandomState"],
+            Self::Threads | Self::Disk => &[],
+        }
+    }
+}
+
+use Ban::{Clock, Disk, Hash, Locks, Net, Process, Threads};
+
+/// Everything: such a crate is a pure function of what it is given.
+const ALL: &[Ban] = &[Clock, Threads, Locks, Disk, Net, Process, Hash];
+
+/// Crate folders and what each is kept from.
+const FENCES: &[(&str, &[Ban])] = &[
+    ("blocks/ir", ALL),
+    ("blocks/model", ALL),
+    ("blocks/std", ALL),
+    ("blocks/stl", ALL),
+    ("driver/firmware", ALL),
+    ("driver/params", ALL),
+    ("driver/protocols", ALL),
+    ("examples/rust-blocks", ALL),
+    ("plugins/abi", ALL),
+    ("plugins/cp240", ALL),
+    ("plugins/sdk", ALL),
+    ("runtime/cpu", ALL),
+    // It maps files that others made, through rustix.
+    ("plugins/backplane", &[Clock, Threads, Locks, Disk, Net, Hash]),
+    // It is handed the time; its pty has a name on the disk, and TCP is one of its lines.
+    ("driver/line", &[Clock, Threads, Hash]),
+    // It may start processes and load plugins; its supervisor is a machine that is handed the time.
+    ("runtime/host", &[Clock, Disk, Net, Hash]),
+    // It is the clock, and it reads /proc.
+    ("runtime/rt", &[Net, Process, Hash]),
+];
+
+/// What every clippy.toml says.
+const COMMON: &str = "avoid-breaking-exported-api = false\n";
+
+/// The clippy.toml of a crate with these bans.
+fn clippy_toml(bans: &[Ban]) -> String {
+    let mut text =
+        String::from("# Written by `cargo xtask arch --bless` from the table in xtask/src/arch/fences.rs.\n");
+    text.push_str(COMMON);
+    for (key, paths) in [("methods", Ban::methods as fn(Ban) -> &'static [&'static str]), ("types", Ban::types)] {
+        text.push_str(&format!("\ndisallowed-{key} = [\n"));
+        for ban in bans {
+            for path in paths(*ban) {
+                // Without std in its dependencies a crate cannot name the path, which is no fault of the table.
+                text.push_str(&format!(
+                    "    {{ path = \"{path}\", reason = \"{}\", allow-invalid = true }},\n",
+                    ban.reason()
+                ));
+            }
+        }
+        text.push_str("]\n");
+    }
+    text
+}
+
+/// Writes all clippy.toml files.
+pub(super) fn bless() -> Outcome {
+    for (folder, bans) in FENCES {
+        let path = cargo::root().join(folder).join("clippy.toml");
+        std::fs::write(&path, clippy_toml(bans)).map_err(|why| step(format!("{}: {why}", path.display())))?;
+    }
+    Ok(())
+}
+
+/// Compares the files with the table.
+pub(super) fn check(tree: &Tree) -> Vec<Finding> {
+    let text_of = |path: &str| tree.files.iter().find(|file| file.path == path).map(|file| file.text.as_str());
+    let mut findings = Vec::new();
+    for (folder, bans) in FENCES {
+        let place = format!("{folder}/clippy.toml");
+        if text_of(&place) != Some(clippy_toml(bans).as_str()) {
+            let what = "is not what the table of fences says (`cargo xtask arch --bless` writes it)".to_owned();
+            findings.push(Finding { place, rule: "invariant 4", what });
+        }
+    }
+    findings
+}
+
+/// Files of product code that may cut a hole into their crate's fence, and why.
+const HOLES: &[(&str, &str)] = &[];
+
+/// An `allow` or `expect` of the fence lints outside test code.
+pub(super) fn holes(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for file in tree.rust().filter(|file| FENCES.iter().any(|(folder, _)| file.is_in(&[folder]))) {
+        for (number, line, test) in file.code_lines() {
+            let lint = ["disallowed_methods", "disallowed_types"].into_iter().find(|lint| has_word(line, lint));
+            if let Some(lint) = lint.filter(|_| !test && !HOLES.iter().any(|(path, _)| file.path == *path)) {
+                findings.push(Finding {
+                    place: format!("{}:{number}", file.path),
+                    rule: "invariant 4",
+                    what: format!("`{lint}` is switched off in product code: the fence has a hole"),
+                });
+            }
+        }
+    }
+    findings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fence_that_was_lowered_is_found() {
+        let files: Vec<(String, String)> =
+            FENCES.iter().map(|(folder, bans)| (format!("{folder}/clippy.toml"), clippy_toml(bans))).collect();
+        let mut borrowed: Vec<(&str, &str)> = files.iter().map(|(path, text)| (path.as_str(), text.as_str())).collect();
+        assert_eq!(check(&Tree::of(&borrowed)), []);
+        borrowed[0].1 = COMMON;
+        borrowed.pop();
+        let places: Vec<String> = check(&Tree::of(&borrowed)).into_iter().map(|finding| finding.place).collect();
+        assert_eq!(places, ["blocks/ir/clippy.toml", "runtime/rt/clippy.toml"]);
+    }
+
+    #[test]
+    fn a_hole_in_product_code_is_found() {
+        let source = "#[allow(clippy::disallowed_types)]\nfn a() {}\n#[cfg(test)]\n#[expect(clippy::disallowed_types)]\nmod b {}\n";
+        let findings = holes(&Tree::of(&[("runtime/cpu/src/a.rs", source), ("runtime/ob1/src/a.rs", source)]));
+        assert_eq!(findings.len(), 1);
+        assert_eq!(findings[0].place, "runtime/cpu/src/a.rs:1");
+    }
+
+    #[test]
+    fn the_text_is_toml_clippy_reads() {
+        let text = clippy_toml(&[Clock]);
+        assert!(text.contains("disallowed-types = [\n    { path = \"std::time::Instant\", reason = \"invariant 4"));
+        assert!(text.ends_with("]\n"));
+    }
+}

@@ -1,0 +1,114 @@
+//! Rules of the house: what a test never does, the workspace's lints in every crate, and the size of a room.
+
+use super::Finding;
+use super::mask::has_word;
+use super::tree::Tree;
+
+/// Sleeps in tests that are allowed, with the reason: file, why.
+const SLEEPS: &[(&str, &str)] = &[];
+
+/// No test is left out, and none sleeps: a sleep is either too short on a busy machine or too long on all others.
+pub(super) fn tests(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let mut found = |place: String, what: &str| {
+        findings.push(Finding { place, rule: "tests", what: what.to_owned() });
+    };
+    for file in tree.rust() {
+        for (number, line, test) in file.code_lines() {
+            let place = || format!("{}:{number}", file.path);
+            let attribute = line.trim_start();
+            let ignores =
+                attribute.starts_with("#[") && has_word(attribute, "ignore") && !attribute.starts_with("#[doc");
+            if ignores {
+                found(place(), "`#[ignore]`: a test runs or is not there");
+            }
+            let sleeps = line.contains("thread::sleep") || line.contains("park_timeout") || has_word(line, "sleep(");
+            if test && sleeps && !SLEEPS.iter().any(|(path, _)| file.path == *path) {
+                found(place(), "a sleep in a test: wait for the thing itself, with a deadline as a guard");
+            }
+        }
+    }
+    for file in tree.files.iter().filter(|file| file.path.ends_with(".py") && file.is_in(&["tests"])) {
+        for (index, line) in file.text.lines().enumerate().filter(|(_, line)| line.contains("sleep(")) {
+            let comment = line.trim_start().starts_with('#');
+            if !comment {
+                found(
+                    format!("{}:{}", file.path, index + 1),
+                    "a sleep in a partner: wait for the line, with a deadline",
+                );
+            }
+        }
+    }
+    findings
+}
+
+/// Every member inherits the lints of the workspace; one that does not is outside every fence the compiler guards.
+pub(super) fn workspace_lints(tree: &Tree) -> Vec<Finding> {
+    let manifests = tree.files.iter().filter(|file| file.path.ends_with("/Cargo.toml"));
+    let without = manifests.filter(|file| {
+        let packed: String = file.text.split_whitespace().collect();
+        packed.contains("[package]") && !packed.contains("[lints]workspace=true")
+    });
+    let finding = |place: &str| Finding {
+        place: place.to_owned(),
+        rule: "invariant 5",
+        what: "`[lints] workspace = true` is missing".to_owned(),
+    };
+    without.map(|file| finding(&file.path)).collect()
+}
+
+/// Past this many lines without its tests a file wants a second room.
+const LONG: usize = 800;
+
+/// Names long files.
+pub(super) fn long_files(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for file in tree.rust() {
+        let lines = file.code_lines().filter(|(_, _, test)| !test).count();
+        let is_test = file.path.starts_with("tests/");
+        if !is_test && lines > LONG {
+            let what = format!("{lines} lines without tests: it wants a second room");
+            findings.push(Finding { place: file.path.clone(), rule: "style", what });
+        }
+    }
+    findings
+}
+
+#[cfg(test)]
+mod unit {
+    use super::*;
+
+    #[test]
+    fn no_test_is_ignored_or_sleeps() {
+        let tree = Tree::of(&[
+            (
+                "a/src/lib.rs",
+                "std::thread::sleep(x);\n#[cfg(test)]\nmod tests {\n    #[test]\n    #[ignore = \"slow\"]\n    fn a() {}\n}",
+            ),
+            ("a/tests/b.rs", "// thread::sleep\nfn b() { thread::sleep(x); }"),
+            ("tests/peers/p.py", "# time.sleep(1)\ntime.sleep(1)\n"),
+        ]);
+        let places: Vec<String> = tests(&tree).into_iter().map(|finding| finding.place).collect();
+        assert_eq!(places, ["a/src/lib.rs:5", "a/tests/b.rs:2", "tests/peers/p.py:2"]);
+    }
+
+    #[test]
+    fn every_member_inherits_the_lints() {
+        let tree = Tree::of(&[
+            ("a/Cargo.toml", "[package]\nname = \"a\"\n\n[lints]\nworkspace = true\n"),
+            ("b/Cargo.toml", "[package]\nname = \"b\"\n"),
+        ]);
+        assert_eq!(workspace_lints(&tree).len(), 1);
+        assert_eq!(workspace_lints(&tree)[0].place, "b/Cargo.toml");
+    }
+
+    #[test]
+    fn only_what_is_no_test_makes_a_file_long() {
+        let tests = format!("#[cfg(test)]\nmod tests {{\n{}}}\n", "fn a() {}\n".repeat(LONG));
+        let long = "fn a() {}\n".repeat(LONG);
+        let tree = Tree::of(&[("a/src/a.rs", tests.as_str()), ("a/src/b.rs", long.as_str())]);
+        let findings = long_files(&tree);
+        assert_eq!(findings.len(), 1);
+        assert_eq!(findings[0].place, "a/src/b.rs");
+    }
+}

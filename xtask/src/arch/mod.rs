@@ -1,0 +1,95 @@
+//! `cargo xtask arch`: the guards of the invariants, as far as the compiler and clippy do not guard them already.
+//!
+//! A guard is a function from the checkout to findings. A finding names the place, the invariant (the number in ARCHITECTURE.md)
+//! and what is wrong. Each guard's own tests feed it a breach and see it found.
+
+mod citations;
+mod edges;
+mod fences;
+mod house_rules;
+mod mask;
+mod purity;
+mod tree;
+
+use std::fmt;
+
+use crate::failure::{Failure, Outcome, step};
+use tree::Tree;
+
+/// Something that is not as the architecture says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Finding {
+    /// `path:line`, or the crate.
+    place: String,
+    /// Which rule: `invariant 5`, `style`, ...
+    rule: &'static str,
+    /// What is wrong, and what to do.
+    what: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}: {}", self.place, self.rule, self.what)
+    }
+}
+
+/// A guard, and the name it has in the table of ARCHITECTURE.md.
+struct Guard {
+    name: &'static str,
+    check: fn(&Tree) -> Vec<Finding>,
+    /// A warning is printed but does not fail.
+    warning: bool,
+}
+
+const GUARDS: &[Guard] = &[
+    guard("edges", edges::direct),
+    guard("reach", edges::reach),
+    guard("no-alloc", purity::no_std_without_alloc),
+    guard("fences", fences::check),
+    guard("fence-holes", fences::holes),
+    guard("unsafe", purity::unsafe_code),
+    guard("statics", purity::plugin_statics),
+    guard("citations", citations::check),
+    guard("tests", house_rules::tests),
+    guard("lints", house_rules::workspace_lints),
+    Guard { name: "rooms", check: house_rules::long_files, warning: true },
+];
+
+const fn guard(name: &'static str, check: fn(&Tree) -> Vec<Finding>) -> Guard {
+    Guard { name, check, warning: false }
+}
+
+/// `cargo xtask arch [--bless]`: runs all guards; with `--bless` first writes the clippy.toml files anew from their table.
+///
+/// # Errors
+/// When a guard finds something.
+pub(crate) fn run(args: &[String]) -> Outcome {
+    match args {
+        [] => {}
+        [flag] if flag == "--bless" => fences::bless()?,
+        _ => return Err(Failure::Usage("arch takes nothing but --bless".into())),
+    }
+    let tree = Tree::read()?;
+    let mut breaches = 0;
+    for guard in GUARDS {
+        let findings = (guard.check)(&tree);
+        let verdict = match (findings.is_empty(), guard.warning) {
+            (true, _) => "holds",
+            (false, true) => "warns",
+            (false, false) => "BROKEN",
+        };
+        println!("{:<12} {verdict}", guard.name);
+        for finding in &findings {
+            println!("    {finding}");
+        }
+        if !guard.warning {
+            breaches += findings.len();
+        }
+    }
+    if breaches == 0 {
+        println!("arch: {} guards hold over {} files", GUARDS.len(), tree.files.len());
+        Ok(())
+    } else {
+        Err(step(format!("arch: {breaches} breaches")))
+    }
+}

@@ -1,0 +1,187 @@
+//! Guards over source text: no allocation in the protocols, unsafe code only behind its fence, no state in plugins.
+
+use super::Finding;
+use super::mask::has_word;
+use super::tree::{File, Tree};
+
+/// Crates that are `no_std` and never ask for `alloc`.
+const NO_ALLOC: &[(&str, &str)] = &[("driver/protocols", "invariant 1"), ("plugins/abi", "invariant 9")];
+
+/// `#![no_std]` at the crate root and no `extern crate` outside tests: then `Vec`, `String` and `Box` have no name.
+pub(super) fn no_std_without_alloc(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for (folder, rule) in NO_ALLOC {
+        let root = format!("{folder}/src/lib.rs");
+        let declared = tree.rust().find(|file| file.path == root).is_some_and(|file| {
+            file.code.lines().any(|line| matches!(line.trim(), "#![no_std]" | "#![cfg_attr(not(test), no_std)]"))
+        });
+        if !declared {
+            findings.push(Finding { place: root, rule, what: "`#![no_std]` is missing".into() });
+        }
+        for file in tree.rust().filter(|file| file.is_in(&[folder])) {
+            for (number, line, test) in file.code_lines() {
+                if !test && has_word(line, "extern") && has_word(line, "crate") {
+                    let what = "`extern crate` brings std or alloc back: this crate does without".to_owned();
+                    findings.push(Finding { place: format!("{}:{number}", file.path), rule, what });
+                }
+            }
+        }
+    }
+    findings
+}
+
+/// Crates with unsafe code: fenced, each block with its SAFETY line (clippy sees to that).
+const UNSAFE_CRATES: &[&str] = &["plugins/backplane", "plugins/sdk", "runtime/rt", "runtime/host", "driver/line"];
+
+/// Files elsewhere that need it, and why.
+const UNSAFE_FILES: &[(&str, &str)] = &[];
+
+/// `unsafe`, or leave to write it, outside the fence.
+pub(super) fn unsafe_code(tree: &Tree) -> Vec<Finding> {
+    let exempt = |file: &File| file.is_in(UNSAFE_CRATES) || UNSAFE_FILES.iter().any(|(path, _)| file.path == *path);
+    let mut findings = Vec::new();
+    for file in tree.rust().filter(|file| !exempt(file)) {
+        for (number, line, _) in file.code_lines() {
+            let leave = has_word(line, "unsafe_code") && (has_word(line, "allow") || has_word(line, "expect"));
+            if has_unsafe_code(line) || leave {
+                findings.push(Finding {
+                    place: format!("{}:{number}", file.path),
+                    rule: "invariant 5",
+                    what: format!("unsafe code outside {}", UNSAFE_CRATES.join(", ")),
+                });
+            }
+        }
+    }
+    findings
+}
+
+/// `unsafe` anywhere but in the type of a function pointer, which is no code: `unsafe extern "C" fn(...)`.
+fn has_unsafe_code(line: &str) -> bool {
+    line.match_indices("unsafe").any(|(at, word)| {
+        let rest = line[at + word.len()..].trim_start();
+        let rest = rest.strip_prefix("extern").map_or(rest, str::trim_start);
+        has_word(&line[at..], word) && !rest.starts_with("fn(")
+    }) && has_word(line, "unsafe")
+}
+
+/// Crates that end up in a plugin.
+const PLUGIN_CRATES: &[&str] = &["plugins/cp240", "plugins/sdk", "examples"];
+
+/// Mutable statics that are allowed, with the reason: file, name of the static.
+const PLUGIN_STATICS: &[(&str, &str, &str)] = &[];
+
+/// Types a static can be changed through.
+const CELLS: &[&str] = &[
+    "Cell",
+    "RefCell",
+    "UnsafeCell",
+    "OnceCell",
+    "LazyCell",
+    "OnceLock",
+    "LazyLock",
+    "Once",
+    "Mutex",
+    "RwLock",
+    "SyncUnsafeCell",
+];
+
+/// What else a plugin has no business with; clippy refuses most of it too, but a plugin of a user has no clippy.toml of ours.
+const PLUGIN_WORDS: &[&str] = &["thread_local", "Instant", "SystemTime"];
+
+/// No mutable statics, threads or clocks in plugins: one loaded .so serves many stations.
+pub(super) fn plugin_statics(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for file in tree.rust().filter(|file| file.is_in(PLUGIN_CRATES)) {
+        for (number, line, test) in file.code_lines() {
+            if test {
+                continue;
+            }
+            let place = format!("{}:{number}", file.path);
+            let kept = mutable_static(line)
+                .filter(|name| !PLUGIN_STATICS.iter().any(|(path, allowed, _)| file.path == *path && name == allowed));
+            if let Some(name) = kept {
+                let what = format!("`{name}` outlives the call: state belongs to the host, per station and module");
+                findings.push(Finding { place: place.clone(), rule: "invariant 9", what });
+            }
+            let thread = line.contains("thread::").then_some("thread");
+            if let Some(word) = PLUGIN_WORDS.iter().copied().find(|word| has_word(line, word)).or(thread) {
+                let what = format!("`{word}` in a plugin: it has no thread and no clock of its own");
+                findings.push(Finding { place, rule: "invariant 9", what });
+            }
+        }
+    }
+    findings
+}
+
+/// The name of the static this line declares, if it can change.
+fn mutable_static(line: &str) -> Option<&str> {
+    let rest = line.trim_start();
+    let declaration = rest.split_once("static ").filter(|(before, _)| {
+        before.is_empty() || before.ends_with(' ') && (before.starts_with("pub") || before.starts_with("unsafe"))
+    })?;
+    let (name, kind) = declaration.1.split_once(':')?;
+    let kind = kind.split('=').next().unwrap_or(kind);
+    let words = || kind.split(|c: char| !c.is_alphanumeric() && c != '_');
+    let changes = words().any(|word| CELLS.contains(&word) || word.starts_with("Atomic"));
+    match name.trim().strip_prefix("mut ") {
+        Some(name) => Some(name.trim()),
+        None => changes.then_some(name.trim()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ABI: (&str, &str) = ("plugins/abi/src/lib.rs", "#![no_std]\n");
+
+    #[test]
+    fn no_std_is_demanded_and_alloc_refused() {
+        let good =
+            Tree::of(&[ABI, ("driver/protocols/src/lib.rs", "//! x\n#![no_std]\n#[cfg(test)]\nextern crate std;\n")]);
+        assert_eq!(no_std_without_alloc(&good), []);
+        let std = Tree::of(&[ABI, ("driver/protocols/src/lib.rs", "// #![no_std]\n")]);
+        assert_eq!(no_std_without_alloc(&std).len(), 1);
+        let alloc = Tree::of(&[ABI, ("driver/protocols/src/lib.rs", "#![no_std]\nextern crate alloc;\n")]);
+        assert_eq!(no_std_without_alloc(&alloc)[0].place, "driver/protocols/src/lib.rs:2");
+    }
+
+    #[test]
+    fn unsafe_stays_behind_its_fence() {
+        let tree = Tree::of(&[
+            ("plugins/backplane/src/a.rs", "#![allow(unsafe_code)]\nunsafe { x() }"),
+            ("runtime/cpu/src/a.rs", "// unsafe\nlet a = \"unsafe\";\nunsafe { x() }"),
+            ("driver/firmware/src/a.rs", "#[allow(unsafe_code)]\nfn a() {}"),
+            ("plugins/cp240/src/a.rs", "#[unsafe(no_mangle)]\nfn a() {}"),
+            (
+                "plugins/abi/src/a.rs",
+                "struct A { f: unsafe extern \"C\" fn(u8), g: unsafe fn() }\n#![deny(unsafe_code)]",
+            ),
+            ("plugins/abi/src/b.rs", "unsafe extern \"C\" fn g() {}"),
+        ]);
+        let places: Vec<String> = unsafe_code(&tree).into_iter().map(|finding| finding.place).collect();
+        assert_eq!(
+            places,
+            [
+                "runtime/cpu/src/a.rs:3",
+                "driver/firmware/src/a.rs:1",
+                "plugins/cp240/src/a.rs:1",
+                "plugins/abi/src/b.rs:1",
+            ]
+        );
+    }
+
+    #[test]
+    fn a_plugin_keeps_nothing() {
+        let found = |source: &str| plugin_statics(&Tree::of(&[("plugins/cp240/src/a.rs", source)])).len();
+        assert_eq!(found("static NAMES: [&str; 2] = [X, Y];\nfn f(x: &'static str) {}"), 0);
+        assert_eq!(found("static mut COUNT: u32 = 0;"), 1);
+        assert_eq!(found("pub(crate) static COUNT: AtomicU32 = AtomicU32::new(0);"), 1);
+        assert_eq!(found("    static LAST: std::sync::Mutex<u8> = x();"), 1);
+        assert_eq!(found("thread_local!(x);"), 1);
+        assert_eq!(found("std::thread::spawn(x);"), 1);
+        assert_eq!(found("let t = std::time::Instant::now();"), 1);
+        assert_eq!(found("#[cfg(test)]\nmod tests {\n static A: AtomicU8 = x();\n}"), 0);
+        assert_eq!(plugin_statics(&Tree::of(&[("runtime/host/src/a.rs", "static mut A: u8 = 0;")])), []);
+    }
+}

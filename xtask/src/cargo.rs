@@ -1,0 +1,86 @@
+//! cargo, asked and called: where the checkout is, where artifacts land, which crate depends on which.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::failure::{Outcome, step};
+use crate::shell;
+
+/// Root of the checkout: the folder above this crate.
+pub(crate) fn root() -> &'static Path {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.parent().unwrap_or(here)
+}
+
+/// `cargo ARGS`, in the checkout. The variables that `cargo run` set for xtask itself are taken away again: build scripts that
+/// look at them would otherwise build anew each time.
+pub(crate) fn cargo(args: &[&str]) -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    for (key, _) in std::env::vars_os() {
+        let name = key.to_string_lossy();
+        if name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_") || name == "CARGO_PRIMARY_PACKAGE" {
+            command.env_remove(&key);
+        }
+    }
+    command.args(args).current_dir(root());
+    command
+}
+
+/// `cargo metadata`, whole: packages and the graph resolved for this machine (the crates of other systems stay on the registry).
+pub(crate) fn metadata() -> Outcome<Value> {
+    let version = shell::read(Command::new("rustc").arg("-vV").current_dir(root()))?;
+    let host =
+        version.lines().find_map(|line| line.strip_prefix("host: ")).ok_or_else(|| step("rustc names no host"))?;
+    ask(&["--filter-platform", host])
+}
+
+/// `cargo metadata` of the members alone, without their dependencies.
+pub(crate) fn members() -> Outcome<Value> {
+    ask(&["--no-deps"])
+}
+
+fn ask(flags: &[&str]) -> Outcome<Value> {
+    let text = shell::read(cargo(&["metadata", "--quiet", "--format-version", "1"]).args(flags))?;
+    serde_json::from_str(&text).map_err(|why| step(format!("cargo metadata: {why}")))
+}
+
+/// The folder that holds `debug` and `release`.
+pub(crate) fn target_dir() -> Outcome<PathBuf> {
+    let text = shell::read(&mut cargo(&["metadata", "--format-version", "1", "--no-deps"]))?;
+    let metadata: Value = serde_json::from_str(&text).map_err(|why| step(format!("cargo metadata: {why}")))?;
+    let folder =
+        metadata["target_directory"].as_str().ok_or_else(|| step("cargo metadata names no target directory"))?;
+    Ok(PathBuf::from(folder))
+}
+
+/// How things are built: the folder below the target directory, and the flag that asks for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Profile {
+    Debug,
+    Release,
+}
+
+impl Profile {
+    /// The folder its artifacts lie in.
+    pub(crate) fn folder(self) -> Outcome<PathBuf> {
+        Ok(target_dir()?.join(match self {
+            Self::Debug => "debug",
+            Self::Release => "release",
+        }))
+    }
+
+    /// What cargo wants to hear for it.
+    pub(crate) fn flags(self) -> &'static [&'static str] {
+        match self {
+            Self::Debug => &[],
+            Self::Release => &["--release"],
+        }
+    }
+}
+
+/// The elements of a JSON array; nothing for anything else.
+pub(crate) fn list(value: &Value) -> &[Value] {
+    value.as_array().map_or(&[], Vec::as_slice)
+}

@@ -1,0 +1,28 @@
+//! The two ways a verb ends badly.
+
+use std::fmt;
+
+/// Why a verb did not succeed.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The command line was wrong: exit code 2.
+    Usage(String),
+    /// A step failed: exit code 1.
+    Step(String),
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Usage(what) | Self::Step(what) => f.write_str(what),
+        }
+    }
+}
+
+/// What a verb returns.
+pub(crate) type Outcome<T = ()> = Result<T, Failure>;
+
+/// A failed step, from anything that can be printed.
+pub(crate) fn step(what: impl Into<String>) -> Failure {
+    Failure::Step(what.into())
+}

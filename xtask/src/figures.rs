@@ -1,0 +1,38 @@
+//! `cargo xtask sim` and `cargo xtask bench`: release runs of the two programs in the tests crate.
+
+use crate::cargo::{Profile, cargo};
+use crate::failure::Outcome;
+use crate::shell;
+
+/// `cargo xtask sim [--seeds N] [--seed S] [--minutes M] [-- ...]`: the whole station in virtual time. Options are the program's own.
+///
+/// # Errors
+/// When it cannot be built or a seed fails; the program prints the command that replays it.
+pub(crate) fn sim(args: &[String]) -> Outcome {
+    release_run("sim", &["ob1-cp240", "ob1-tests"], args)
+}
+
+/// `cargo xtask bench`: the figures of the README with the floor measured in the same run.
+///
+/// # Errors
+/// When it cannot be built or run.
+pub(crate) fn bench(args: &[String]) -> Outcome {
+    release_run("bench", &["ob1", "ob1-cp", "ob1-cp240", "ob1-tests"], args)
+}
+
+/// Builds `packages` with their plugins and binaries and runs the program `name` of the tests crate beside them.
+fn release_run(name: &str, packages: &[&str], args: &[String]) -> Outcome {
+    let mut build = cargo(&["build", "--release"]);
+    for package in packages {
+        build.args(["--package", package]);
+    }
+    shell::run(&mut build)?;
+    let folder = Profile::Release.folder()?;
+    let mut program = std::process::Command::new(folder.join(name));
+    program
+        .args(args.iter().filter(|arg| *arg != "--"))
+        .env("OB1_UNDER_XTASK", "1")
+        .env("OB1_PLUGIN_DIR", &folder)
+        .env("OB1_BIN_DIR", &folder);
+    shell::run(&mut program)
+}

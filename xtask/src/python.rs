@@ -1,0 +1,63 @@
+//! The Python the foreign partners run under: a virtual environment of the checkout, with what they need pinned.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::failure::{Outcome, step};
+use crate::{cargo, shell};
+
+/// What the partners need, one pinned package a line; comments and empty lines do not count.
+const REQUIREMENTS: &str = "tests/peers/requirements.txt";
+/// Copy of the requirements the environment was made for; when it differs the environment is made anew.
+const STAMP: &str = "ob1-requirements.txt";
+
+/// The interpreter of `.venv`, made first if it is missing or was made for other requirements.
+///
+/// # Errors
+/// When Python, its `venv` module or a package cannot be had: the partners are part of the tests, so the run fails.
+pub(crate) fn interpreter() -> Outcome<PathBuf> {
+    let root = cargo::root();
+    let venv = root.join(".venv");
+    let python = venv.join("bin/python");
+    let wanted = fs::read_to_string(root.join(REQUIREMENTS)).map_err(|why| step(format!("{REQUIREMENTS}: {why}")))?;
+    if fs::read_to_string(venv.join(STAMP)).is_ok_and(|made_for| made_for == wanted) && runs(&python) {
+        return Ok(python);
+    }
+    if !runs(Path::new("python3")) {
+        return Err(step("no `python3` here: the partners in tests/peers need one (apt install python3 python3-venv)"));
+    }
+    let needs_pip = packages(&wanted).next().is_some();
+    let mut make = Command::new("python3");
+    make.args(["-m", "venv", "--clear"]).args((!needs_pip).then_some("--without-pip")).arg(&venv);
+    shell::run(&mut make)
+        .map_err(|why| step(format!("{why}: is the venv module there (apt install python3-venv)?")))?;
+    if needs_pip {
+        let mut install = Command::new(&python);
+        install
+            .args(["-m", "pip", "install", "--disable-pip-version-check", "--quiet", "-r"])
+            .arg(root.join(REQUIREMENTS));
+        shell::run(&mut install)?;
+    }
+    fs::write(venv.join(STAMP), wanted).map_err(|why| step(format!(".venv/{STAMP}: {why}")))?;
+    Ok(python)
+}
+
+fn runs(python: &Path) -> bool {
+    shell::works(Command::new(python).args(["-c", "import sys; sys.exit(sys.version_info < (3, 8))"]))
+}
+
+fn packages(requirements: &str) -> impl Iterator<Item = &str> {
+    requirements.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::packages;
+
+    #[test]
+    fn comments_are_no_packages() {
+        assert_eq!(packages("# none\n\n  \n").count(), 0);
+        assert_eq!(packages("# one\npyserial==3.5\n").collect::<Vec<_>>(), ["pyserial==3.5"]);
+    }
+}
