@@ -68,7 +68,10 @@ fn has_unsafe_code(line: &str) -> bool {
 const PLUGIN_CRATES: &[&str] = &["plugins/cp240", "plugins/sdk", "examples"];
 
 /// Mutable statics that are allowed, with the reason: file, name of the static.
-const PLUGIN_STATICS: &[(&str, &str, &str)] = &[];
+const PLUGIN_STATICS: &[(&str, &str, &str)] = &[
+    ("plugins/sdk/src/panic.rs", "MESSAGE", "invariant 9 itself: the hook copies the message into a fixed buffer"),
+    ("plugins/sdk/src/panic.rs", "LEN", "the length of that message"),
+];
 
 /// Types a static can be changed through.
 const CELLS: &[&str] = &[
