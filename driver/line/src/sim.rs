@@ -1,1 +1,240 @@
-//! The simulated line: two partners, virtual time, faults.
+//! The simulated line: two ends, virtual time, faults.
+//!
+//! Characters take their time: start bit, data bits, parity bit and stop bits at the baud rate. What is written at one end
+//! comes out at the other when its last bit does, and [`SimEvent::TxDone`] tells the writer when everything is out. The
+//! same configuration, seed and calls give the same events to the nanosecond; events of the same instant come in a
+//! fixed order (TxDone before received characters, end A before end B).
+//!
+//! The line enforces the law of time. It is broken by writing into a half-duplex line while the other end is sending,
+//! and by going back in time. A strict line panics then; another counts it ([`SimLine::violations`]) and lets the
+//! characters collide.
+//!
+//! The owner asks [`SimLine::next_event`] for the time of the next event, sets its clock to it, and takes the events with
+//! [`SimLine::pop`] until there are none left.
+//!
+//! ```
+//! use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
+//!
+//! // 9600 baud, 8 data bits, no parity, 1 stop bit: 20 half bits.
+//! let mut line = SimLine::new(SimConfig::new(9600, 20), 1);
+//! line.write(End::A, 0, b"Hi");
+//! assert_eq!(line.next_event(), Some(1_041_667));
+//! let mut buffer = [0; 16];
+//! assert_eq!(line.pop(1_041_667, &mut buffer), Some((End::B, SimEvent::Rx(1))));
+//! assert_eq!(buffer[0], b'H');
+//! ```
+
+mod direction;
+mod faults;
+mod rng;
+
+use crate::line::{LineFault, Nanos};
+use direction::Direction;
+pub use faults::FaultRates;
+pub use rng::SplitMix64;
+
+/// One end of the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum End {
+    /// The first.
+    A,
+    /// The second.
+    B,
+}
+
+impl End {
+    /// Both ends.
+    pub const BOTH: [Self; 2] = [Self::A, Self::B];
+
+    /// The opposite end.
+    pub fn other(self) -> Self {
+        match self {
+            Self::A => Self::B,
+            Self::B => Self::A,
+        }
+    }
+}
+
+/// What an end of the line sees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SimEvent {
+    /// So many characters were received and stand at the beginning of the buffer.
+    Rx(usize),
+    /// A character that could not be read, in its place between the others.
+    Fault(LineFault),
+    /// The last bit of everything written at this end is out.
+    TxDone,
+    /// The other end has switched its RTS, which is this end's CTS (null modem).
+    Cts(bool),
+}
+
+/// What the line is like.
+#[derive(Debug, Clone)]
+pub struct SimConfig {
+    /// Time of one character.
+    pub char_time: Nanos,
+    /// Two-wire line: only one end may send at a time.
+    pub half_duplex: bool,
+    /// Panic when the law of time is broken.
+    pub strict: bool,
+    /// Characters that follow the first within this time come together with it, at most this much late. 0: each comes at its
+    /// own time, and only an owner that is late itself gets several at once.
+    pub coalesce: Nanos,
+    /// What goes wrong.
+    pub faults: FaultRates,
+    /// Nothing goes wrong with characters that begin at or after this.
+    pub faults_until: Nanos,
+}
+
+impl SimConfig {
+    /// A full-duplex strict line without faults. `half_bits` is the length of a character in half bits, start and stop bits
+    /// included: 20 for 8N1, 22 for 8E1, 23 for 8E1.5.
+    pub fn new(baud: u32, half_bits: u32) -> Self {
+        Self {
+            char_time: (u64::from(half_bits) * 500_000_000).div_ceil(u64::from(baud.max(1))),
+            half_duplex: false,
+            strict: true,
+            coalesce: 0,
+            faults: FaultRates::NONE,
+            faults_until: Nanos::MAX,
+        }
+    }
+}
+
+/// A line between two ends.
+#[derive(Debug, Clone)]
+pub struct SimLine {
+    config: SimConfig,
+    rng: SplitMix64,
+    /// By the end that sends.
+    directions: [Direction; 2],
+    now: Nanos,
+    violations: u64,
+    cut: bool,
+}
+
+impl SimLine {
+    /// A line with nothing on it. The seed determines all faults.
+    pub fn new(config: SimConfig, seed: u64) -> Self {
+        Self {
+            config,
+            rng: SplitMix64::new(seed),
+            directions: [Direction::default(), Direction::default()],
+            now: 0,
+            violations: 0,
+            cut: false,
+        }
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &SimConfig {
+        &self.config
+    }
+
+    /// Changes what goes wrong from now on.
+    pub fn set_faults(&mut self, faults: FaultRates, until: Nanos) {
+        self.config.faults = faults;
+        self.config.faults_until = until;
+    }
+
+    /// Changes the baud rate or character frame for what is written from now on. Both ends must agree: a line has one.
+    pub fn set_char_time(&mut self, char_time: Nanos) {
+        self.config.char_time = char_time;
+    }
+
+    /// Pulls the cable (true) or puts it back. What is written while it is pulled is lost; it takes its time all the same.
+    pub fn set_cut(&mut self, cut: bool) {
+        self.cut = cut;
+    }
+
+    /// How often the law of time was broken (0 on a strict line, which panics).
+    pub fn violations(&self) -> u64 {
+        self.violations
+    }
+
+    /// Sends characters from `end`, behind those that are still leaving.
+    pub fn write(&mut self, end: End, now: Nanos, bytes: &[u8]) {
+        self.advance(now);
+        if bytes.is_empty() {
+            return;
+        }
+        let collides = self.config.half_duplex && self.directions[end.other() as usize].is_sending(now);
+        if collides {
+            self.violation("both ends of a half-duplex line send at the same time");
+        }
+        let Self { config, rng, directions, cut, .. } = self;
+        directions[end as usize].write(config, rng, now, bytes, *cut, collides);
+    }
+
+    /// Takes back the characters of `end` that have not begun to leave; the result is how many.
+    pub fn take_back(&mut self, end: End, now: Nanos) -> usize {
+        self.advance(now);
+        self.directions[end as usize].take_back(now, self.config.char_time)
+    }
+
+    /// Switches RTS of `end`; the other end sees it as CTS at the same instant.
+    pub fn set_rts(&mut self, end: End, now: Nanos, on: bool) {
+        self.advance(now);
+        self.directions[end as usize].set_rts(now, on);
+    }
+
+    /// Whether characters of `end` are on the line or waiting to be.
+    pub fn is_sending(&self, end: End, now: Nanos) -> bool {
+        self.directions[end as usize].is_sending(now)
+    }
+
+    /// When the next event happens.
+    pub fn next_event(&self) -> Option<Nanos> {
+        let [a, b] = &self.directions;
+        let coalesce = self.config.coalesce;
+        [a.next_done(), b.next_done(), a.next_arrival(coalesce), b.next_arrival(coalesce)].into_iter().flatten().min()
+    }
+
+    /// Takes the next event that has happened by `now`, with the end that sees it. Received characters that follow each
+    /// other without another event between them come together. `buffer` must not be empty.
+    pub fn pop(&mut self, now: Nanos, buffer: &mut [u8]) -> Option<(End, SimEvent)> {
+        self.advance(now);
+        let coalesce = self.config.coalesce;
+        let mut first: Option<(Nanos, bool, End)> = None;
+        for end in End::BOTH {
+            let direction = &self.directions[end as usize];
+            if let Some(at) = direction.next_done() {
+                first = first.into_iter().chain([(at, false, end)]).min();
+            }
+            if let Some(at) = direction.next_arrival(coalesce) {
+                // Seen by the other end: so the order A before B is that of the end that sees it.
+                first = first.into_iter().chain([(at, true, end.other())]).min();
+            }
+        }
+        let (at, arrival, end) = first.filter(|(at, ..)| *at <= now)?;
+        if !arrival {
+            self.directions[end as usize].take_done();
+            return Some((end, SimEvent::TxDone));
+        }
+        // Not past an event that comes between.
+        let mut limit = now;
+        for other in End::BOTH {
+            let direction = &self.directions[other as usize];
+            limit = limit.min(direction.next_done().unwrap_or(now));
+            if other == end {
+                limit = limit.min(direction.next_arrival(coalesce).unwrap_or(now));
+            }
+        }
+        Some((end, self.directions[end.other() as usize].take_arrivals(limit.max(at), buffer)))
+    }
+
+    fn advance(&mut self, now: Nanos) {
+        if now < self.now {
+            self.violation("time goes back");
+        }
+        self.now = self.now.max(now);
+    }
+
+    fn violation(&mut self, what: &str) {
+        assert!(!self.config.strict, "simulated line at {} ns: {what}", self.now);
+        self.violations += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests;

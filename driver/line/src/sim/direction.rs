@@ -1,0 +1,147 @@
+//! One direction of the line: what one end has sent and the other has not yet seen.
+
+use std::collections::VecDeque;
+
+use super::faults::Fate;
+use super::{SimConfig, SimEvent, SplitMix64};
+use crate::line::{LineFault, Nanos};
+
+/// A character, or what became of it, on its way.
+#[derive(Debug, Clone, Copy)]
+struct Item {
+    /// When it began to leave.
+    begin: Nanos,
+    /// When its last bit arrives.
+    arrival: Nanos,
+    what: What,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum What {
+    Byte(u8),
+    Fault(LineFault),
+    Cts(bool),
+}
+
+#[derive(Debug, Clone, Default)]
+pub(super) struct Direction {
+    items: VecDeque<Item>,
+    /// When the last bit handed over is out.
+    busy_until: Nanos,
+    /// The writer has not yet been told that everything is out.
+    owes_done: bool,
+    /// Arrival of the last item: nothing arrives out of order.
+    last_arrival: Nanos,
+}
+
+impl Direction {
+    pub(super) fn is_sending(&self, now: Nanos) -> bool {
+        now < self.busy_until
+    }
+
+    pub(super) fn next_done(&self) -> Option<Nanos> {
+        self.owes_done.then_some(self.busy_until)
+    }
+
+    pub(super) fn take_done(&mut self) {
+        self.owes_done = false;
+    }
+
+    /// When the next items are handed on: the first, and what follows it within `coalesce`.
+    pub(super) fn next_arrival(&self, coalesce: Nanos) -> Option<Nanos> {
+        let first = self.items.front()?.arrival;
+        if coalesce == 0 {
+            return Some(first);
+        }
+        self.items.back().map(|last| last.arrival.min(first.saturating_add(coalesce)))
+    }
+
+    pub(super) fn write(
+        &mut self,
+        config: &SimConfig,
+        rng: &mut SplitMix64,
+        now: Nanos,
+        bytes: &[u8],
+        cut: bool,
+        collides: bool,
+    ) {
+        let mut begin = self.busy_until.max(now);
+        for &byte in bytes {
+            let fate = if cut {
+                Fate::Lost
+            } else if collides {
+                Fate::Unreadable(LineFault::Framing)
+            } else if begin >= config.faults_until {
+                Fate::Whole
+            } else {
+                config.faults.draw(rng)
+            };
+            let time = config.char_time;
+            match fate {
+                Fate::Whole => self.push(begin, time, 0, What::Byte(byte)),
+                Fate::Flip(mask) => self.push(begin, time, 0, What::Byte(byte ^ mask)),
+                Fate::Lost => {}
+                Fate::Doubled => {
+                    self.push(begin, time, 0, What::Byte(byte));
+                    self.push(begin, time, 0, What::Byte(byte));
+                }
+                Fate::Late(delay) => self.push(begin, time, delay, What::Byte(byte)),
+                Fate::Unreadable(fault) => self.push(begin, time, 0, What::Fault(fault)),
+            }
+            begin += time;
+        }
+        self.busy_until = begin;
+        self.owes_done = true;
+    }
+
+    /// No two characters arrive within less than a character time.
+    fn push(&mut self, begin: Nanos, time: Nanos, delay: Nanos, what: What) {
+        let arrival = (begin + time).max(self.last_arrival + time) + delay;
+        self.last_arrival = arrival;
+        self.items.push_back(Item { begin, arrival, what });
+    }
+
+    pub(super) fn set_rts(&mut self, now: Nanos, on: bool) {
+        // A level does not wait for the characters on the line.
+        let place = self.items.partition_point(|item| item.arrival <= now);
+        self.items.insert(place, Item { begin: now, arrival: now, what: What::Cts(on) });
+    }
+
+    pub(super) fn take_back(&mut self, now: Nanos, char_time: Nanos) -> usize {
+        let waiting = self.busy_until.saturating_sub(now) / char_time.max(1);
+        self.busy_until -= waiting * char_time;
+        while self.items.back().is_some_and(|item| item.begin >= self.busy_until && !matches!(item.what, What::Cts(_)))
+        {
+            self.items.pop_back();
+        }
+        if waiting > 0 {
+            self.last_arrival = self.items.back().map_or(now, |item| item.arrival);
+        }
+        waiting as usize
+    }
+
+    /// Characters that have arrived by `limit`, up to the first thing that is none; or that thing, if it stands first.
+    pub(super) fn take_arrivals(&mut self, limit: Nanos, buffer: &mut [u8]) -> SimEvent {
+        let mut taken = 0;
+        while let Some(item) = self.items.front().filter(|item| item.arrival <= limit) {
+            match item.what {
+                What::Byte(byte) => match buffer.get_mut(taken) {
+                    Some(place) => *place = byte,
+                    None => break,
+                },
+                _ if taken > 0 => break,
+                What::Fault(fault) => {
+                    self.items.pop_front();
+                    return SimEvent::Fault(fault);
+                }
+                What::Cts(on) => {
+                    self.items.pop_front();
+                    return SimEvent::Cts(on);
+                }
+            }
+            taken += 1;
+            self.items.pop_front();
+        }
+        SimEvent::Rx(taken)
+    }
+}

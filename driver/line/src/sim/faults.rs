@@ -1,0 +1,87 @@
+//! What goes wrong on the line, and how often.
+
+use super::rng::SplitMix64;
+use crate::line::{LineFault, Nanos};
+
+/// Rates of faults, each in characters per million. A character suffers at most one of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FaultRates {
+    /// One bit of the character is inverted, unnoticed.
+    pub flip: u32,
+    /// The character is lost.
+    pub lose: u32,
+    /// The character comes twice.
+    pub double: u32,
+    /// The character, and what follows, comes later by up to [`Self::delay_max`].
+    pub delay: u32,
+    /// The character comes as a parity error.
+    pub parity: u32,
+    /// The character comes as a framing error.
+    pub framing: u32,
+    /// The character comes as a break.
+    pub break_: u32,
+    /// Longest delay.
+    pub delay_max: Nanos,
+}
+
+impl FaultRates {
+    /// Nothing goes wrong.
+    pub const NONE: Self =
+        Self { flip: 0, lose: 0, double: 0, delay: 0, parity: 0, framing: 0, break_: 0, delay_max: 0 };
+
+    /// Everything goes wrong at the same rate, in characters per million; delays up to 300 ms.
+    pub fn all(rate: u32) -> Self {
+        Self {
+            flip: rate,
+            lose: rate,
+            double: rate,
+            delay: rate,
+            parity: rate,
+            framing: rate,
+            break_: rate,
+            delay_max: 300_000_000,
+        }
+    }
+
+    /// What happens to the next character.
+    pub(super) fn draw(&self, rng: &mut SplitMix64) -> Fate {
+        if *self == Self::NONE {
+            return Fate::Whole;
+        }
+        let draw = rng.next_u64();
+        let mut dice = (u128::from(draw) * 1_000_000 >> 64) as u32;
+        let mut hit = |rate: u32| {
+            let hit = dice < rate;
+            dice = dice.wrapping_sub(rate);
+            hit
+        };
+        if hit(self.flip) {
+            Fate::Flip(1 << (draw & 7))
+        } else if hit(self.lose) {
+            Fate::Lost
+        } else if hit(self.double) {
+            Fate::Doubled
+        } else if hit(self.delay) {
+            Fate::Late(rng.below(self.delay_max) + 1)
+        } else if hit(self.parity) {
+            Fate::Unreadable(LineFault::Parity)
+        } else if hit(self.framing) {
+            Fate::Unreadable(LineFault::Framing)
+        } else if hit(self.break_) {
+            Fate::Unreadable(LineFault::Break)
+        } else {
+            Fate::Whole
+        }
+    }
+}
+
+/// What happens to a character.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Fate {
+    Whole,
+    Flip(u8),
+    Lost,
+    Doubled,
+    Late(Nanos),
+    Unreadable(LineFault),
+}
