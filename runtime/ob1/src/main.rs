@@ -1,3 +1,2 @@
-//! The ob1 command
-
+//! The ob1 command.
 fn main() {}

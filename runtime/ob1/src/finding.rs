@@ -1,0 +1,152 @@
+//! Findings about files: place, number, what is wrong and what to do; as text with a caret and as JSON.
+
+use std::fmt::{self, Write as _};
+use std::ops::Range;
+
+use serde::Serialize;
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// It cannot be used as it is.
+    Error,
+    /// It can, but is probably not meant so.
+    Warning,
+    /// A matter of style.
+    Lint,
+}
+
+impl Level {
+    /// The word in front of a message.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Level::Error => "error",
+            Level::Warning => "warning",
+            Level::Lint => "lint",
+        }
+    }
+}
+
+/// One thing to tell about a file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// How bad.
+    pub level: Level,
+    /// Its number: `S...` STL, `C...` station file, `L...` loading, `P...` plugins. Stable.
+    pub code: String,
+    /// The file, as it was named.
+    pub file: String,
+    /// Line from 1; 0: the file as a whole.
+    pub line: u32,
+    /// Column from 1, in characters.
+    pub column: u32,
+    /// What is wrong.
+    pub message: String,
+    /// What to do about it; may be empty.
+    pub remedy: String,
+    /// Ready text with the source line and a caret.
+    #[serde(skip)]
+    pub text: String,
+}
+
+impl Finding {
+    /// A finding about the file as a whole.
+    #[must_use]
+    pub fn whole(level: Level, code: &str, file: &str, message: impl Into<String>, remedy: impl Into<String>) -> Self {
+        let (message, remedy) = (message.into(), remedy.into());
+        let mut text = format!("{file}: {} {code}: {message}\n", level.name());
+        if !remedy.is_empty() {
+            let _ = writeln!(text, "  = {remedy}");
+        }
+        Self { level, code: code.into(), file: file.into(), line: 0, column: 0, message, remedy, text }
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+/// A text file with its name, to find lines and columns in.
+#[derive(Clone, Copy, Debug)]
+pub struct Text<'a> {
+    /// As it was named.
+    pub file: &'a str,
+    /// Its content.
+    pub text: &'a str,
+}
+
+impl Text<'_> {
+    /// A finding at a range of bytes of this file.
+    #[must_use]
+    pub fn finding(&self, level: Level, code: &str, at: Range<usize>, message: String, remedy: String) -> Finding {
+        let start = floor(self.text, at.start);
+        let end = floor(self.text, at.end.max(start));
+        let before = self.text.get(..start).unwrap_or_default();
+        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        let line = before.matches('\n').count() as u32 + 1;
+        let lead = self.text.get(line_start..start).unwrap_or_default();
+        let shown = self.text.get(line_start..).unwrap_or_default().lines().next().unwrap_or_default();
+        let marked = self.text.get(start..end).unwrap_or_default().lines().next().unwrap_or_default();
+        let column = lead.chars().count() as u32 + 1;
+        // Tabs stay tabs, so that the caret stands under its character however wide the terminal makes them.
+        let indent: String = lead.chars().map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
+        let carets = "^".repeat(marked.chars().count().max(1));
+        let gutter = " ".repeat(line.to_string().len());
+        let mut text = format!("{}:{line}:{column}: {} {code}: {message}\n", self.file, level.name());
+        let _ = writeln!(text, "{gutter} |\n{line} | {shown}\n{gutter} | {indent}{carets}");
+        if !remedy.is_empty() {
+            let _ = writeln!(text, "{gutter} = {remedy}");
+        }
+        Finding { level, code: code.into(), file: self.file.into(), line, column, message, remedy, text }
+    }
+}
+
+fn floor(text: &str, mut at: usize) -> usize {
+    at = at.min(text.len());
+    while !text.is_char_boundary(at) {
+        at -= 1;
+    }
+    at
+}
+
+/// The known word nearest to `word`, if one is near enough to be meant.
+#[must_use]
+pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
+    let allowed = (word.chars().count() / 3).clamp(1, 3);
+    known
+        .into_iter()
+        .map(|k| (strsim::damerau_levenshtein(word, k), k))
+        .filter(|(distance, _)| *distance <= allowed)
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, k)| k)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_caret_stands_under_its_character() {
+        let file = Text { file: "a.toml", text: "x = 1\n\tname = \"ü\" # ü\n" };
+        let found = file.finding(Level::Error, "C001", 7..11, "no".into(), "yes".into());
+        assert_eq!((found.line, found.column), (2, 2));
+        assert_eq!(found.text, "a.toml:2:2: error C001: no\n  |\n2 | \tname = \"ü\" # ü\n  | \t^^^^\n  = yes\n");
+    }
+
+    #[test]
+    fn a_range_outside_or_amid_a_character_is_clipped() {
+        let file = Text { file: "a", text: "ü" };
+        assert_eq!(file.finding(Level::Lint, "C001", 1..1, String::new(), String::new()).column, 1);
+        assert_eq!(file.finding(Level::Lint, "C001", 90..99, String::new(), String::new()).column, 2);
+    }
+
+    #[test]
+    fn near_words() {
+        assert_eq!(nearest("min_cylce", ["min_cycle", "watchdog"]), Some("min_cycle"));
+        assert_eq!(nearest("colour", ["min_cycle", "watchdog"]), None);
+    }
+}

@@ -1,0 +1,5 @@
+//! The `ob1` command as a library: the station file, the build of a station, and what the subcommands do. The binary is thin, and the
+//! whole-station simulation reads the same station files through this crate.
+
+pub mod finding;
+pub mod station;

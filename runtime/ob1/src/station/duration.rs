@@ -1,0 +1,70 @@
+//! Times as a station file and the command line write them: `1ms`, `250us`, `1.5s`, `8h`.
+
+use std::time::Duration;
+
+const UNITS: [(&str, u64); 7] = [
+    ("ns", 1),
+    ("us", 1_000),
+    ("µs", 1_000),
+    ("ms", 1_000_000),
+    ("s", 1_000_000_000),
+    ("min", 60_000_000_000),
+    ("h", 3_600_000_000_000),
+];
+
+/// Reads a time: a number, with decimals if need be, and a unit (`ns us µs ms s min h`).
+///
+/// # Errors
+/// What is wrong, in one sentence that shows how to write it.
+pub fn parse_duration(text: &str) -> Result<Duration, String> {
+    let text = text.trim();
+    let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (number, unit) = text.split_at(digits);
+    let unit = unit.trim();
+    let Some((_, scale)) = UNITS.iter().find(|(name, _)| *name == unit) else {
+        return Err(if unit.is_empty() {
+            format!("\"{text}\" has no unit; write it like \"10ms\" (ns, us, ms, s, min, h)")
+        } else {
+            format!("\"{unit}\" is no unit of time; use ns, us, ms, s, min or h")
+        });
+    };
+    let (whole, decimals) = number.split_once('.').unwrap_or((number, ""));
+    if number.is_empty() || (whole.is_empty() && decimals.is_empty()) || decimals.contains('.') {
+        return Err(format!("\"{text}\" has no number; write it like \"10ms\""));
+    }
+    let too_long = || format!("\"{text}\" is too long; at most 24h");
+    let whole: u64 = if whole.is_empty() { 0 } else { whole.parse().map_err(|_| too_long())? };
+    let mut nanos = whole.checked_mul(*scale).ok_or_else(too_long)?;
+    let mut place = *scale;
+    for digit in decimals.bytes() {
+        // Decimals finer than a nanosecond say nothing.
+        place /= 10;
+        nanos += u64::from(digit - b'0') * place;
+    }
+    if nanos > 24 * 3_600_000_000_000 {
+        return Err(too_long());
+    }
+    Ok(Duration::from_nanos(nanos))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times() {
+        let nanos = |text| parse_duration(text).map(|d| d.as_nanos());
+        assert_eq!(nanos("1ms"), Ok(1_000_000));
+        assert_eq!(nanos("250 us"), Ok(250_000));
+        assert_eq!(nanos("250µs"), Ok(250_000));
+        assert_eq!(nanos("1.5s"), Ok(1_500_000_000));
+        assert_eq!(nanos(".5s"), Ok(500_000_000));
+        assert_eq!(nanos("0ms"), Ok(0));
+        assert_eq!(nanos("1.0000000001ns"), Ok(1));
+        assert_eq!(nanos("8h"), Ok(8 * 3_600_000_000_000));
+        for wrong in ["", "10", "ms", "1 fortnight", "1.2.3s", "-1s", "25h", "99999999999999999999s", "."] {
+            let error = parse_duration(wrong).expect_err(wrong);
+            assert!(error.contains('"'), "{error}");
+        }
+    }
+}

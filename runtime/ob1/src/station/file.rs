@@ -1,0 +1,105 @@
+//! The station file as it is written: one struct a table, unknown keys refused. What the values mean is `check`'s business.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+/// A value with its place in the file.
+pub(super) type Placed<T> = Spanned<T>;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StationFile {
+    pub(super) station: StationTable,
+    #[serde(default)]
+    pub(super) cpu: CpuTable,
+    #[serde(default)]
+    pub(super) program: ProgramTable,
+    #[serde(default)]
+    pub(super) plugin: Vec<PluginTable>,
+    #[serde(default)]
+    pub(super) module: Vec<Placed<ModuleTable>>,
+    #[serde(default)]
+    pub(super) process_io: ProcessIoTable,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StationTable {
+    pub(super) name: Placed<String>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CpuTable {
+    pub(super) min_cycle: Option<Placed<String>>,
+    pub(super) watchdog: Option<Placed<String>>,
+    #[serde(default)]
+    pub(super) process_image: ProcessImageTable,
+    pub(super) memory_bytes: Option<Placed<i64>>,
+    pub(super) timers: Option<Placed<i64>>,
+    pub(super) counters: Option<Placed<i64>>,
+    pub(super) local_bytes: Option<Placed<i64>>,
+    pub(super) accumulators: Option<Placed<i64>>,
+    pub(super) nesting_depth: Option<Placed<i64>>,
+    pub(super) clock_memory: Option<Placed<i64>>,
+    #[serde(default)]
+    pub(super) realtime: RealtimeTable,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ProcessImageTable {
+    pub(super) inputs: Option<Placed<i64>>,
+    pub(super) outputs: Option<Placed<i64>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RealtimeTable {
+    pub(super) priority: Option<Placed<i64>>,
+    #[serde(default)]
+    pub(super) affinity: Vec<Placed<i64>>,
+    #[serde(default)]
+    pub(super) lock_memory: bool,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ProgramTable {
+    #[serde(default)]
+    pub(super) sources: Vec<Placed<String>>,
+    pub(super) mnemonics: Option<Placed<String>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PluginTable {
+    pub(super) path: Placed<String>,
+    #[serde(default)]
+    pub(super) blocks: BTreeMap<Placed<String>, Placed<String>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ModuleTable {
+    #[serde(rename = "type")]
+    pub(super) kind: Placed<String>,
+    pub(super) name: Placed<String>,
+    pub(super) address: Option<Placed<i64>>,
+    pub(super) input_address: Option<Placed<i64>>,
+    pub(super) output_address: Option<Placed<i64>>,
+    pub(super) bytes: Option<Placed<i64>>,
+    pub(super) channels: Option<Placed<i64>>,
+    pub(super) params: Option<Placed<BTreeMap<Placed<String>, Placed<toml::Value>>>>,
+    pub(super) raw: Option<Placed<String>>,
+    pub(super) line: Option<Placed<String>>,
+    pub(super) absent: Option<Placed<String>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ProcessIoTable {
+    pub(super) stimulus: Option<Placed<String>>,
+}

@@ -1,0 +1,50 @@
+//! The station file: what a station is made of. Read, checked, and turned into a [`Station`].
+//!
+//! The format is documented in `docs/station-file.md`. Unknown keys are refused with the nearest known one; every finding names file,
+//! line and column; all checks that are not about the syntax of the file report together.
+
+mod check;
+mod duration;
+mod file;
+mod findings;
+mod line;
+mod modules;
+mod types;
+
+pub use duration::parse_duration;
+pub use line::{Line, LineError};
+pub use types::*;
+
+use std::path::Path;
+
+use crate::finding::Finding;
+
+/// Reads and checks a station file.
+///
+/// # Errors
+/// All findings, at least one of them an error.
+pub fn load(path: &Path) -> Result<Station, Vec<Finding>> {
+    let name = path.display().to_string();
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        let remedy = match error.kind() {
+            std::io::ErrorKind::NotFound => {
+                "name an existing station file, such as examples/two-stations/station-a.toml"
+            }
+            std::io::ErrorKind::InvalidData => "a station file is UTF-8 text",
+            _ => "make it readable for this user",
+        };
+        let message = format!("the station file cannot be read: {error}");
+        vec![Finding::whole(crate::finding::Level::Error, findings::UNREADABLE, &name, message, remedy)]
+    })?;
+    parse(&text, &name, path.parent().unwrap_or(Path::new("")))
+}
+
+/// Checks the text of a station file. `name` is its name in findings, `folder` what relative paths start from.
+///
+/// # Errors
+/// All findings, at least one of them an error.
+pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Station, Vec<Finding>> {
+    let source = crate::finding::Text { file: name, text };
+    let file: file::StationFile = toml::from_str(text).map_err(|error| vec![findings::of_toml(source, &error)])?;
+    check::check(&file, source, folder)
+}

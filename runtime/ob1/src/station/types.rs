@@ -1,0 +1,136 @@
+//! A station, checked: what `run`, `check` and the simulation build from.
+
+use std::path::PathBuf;
+
+use ob1_cpu::CpuConfig;
+use ob1_model::BlockId;
+use ob1_params::Cp240;
+
+use super::Line;
+
+/// Register bytes of a CP 240, each way.
+pub const CP240_BYTES: u16 = 16;
+
+/// A station file after all checks. Paths are relative to the current directory or absolute, no longer to the file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Station {
+    /// Its name: letters, digits, `-` and `_`.
+    pub name: String,
+    /// Sizes and rules of the CPU.
+    pub cpu: CpuConfig,
+    /// What is asked of the operating system for the scan thread.
+    pub realtime: Realtime,
+    /// How the sources are written.
+    pub mnemonics: Mnemonics,
+    /// The sources, in the order of the file.
+    pub sources: Vec<PathBuf>,
+    /// Plugins, in the order of the file.
+    pub plugins: Vec<Plugin>,
+    /// Modules, in the order of the file.
+    pub modules: Vec<ModuleConfig>,
+    /// A file of timed process inputs.
+    pub stimulus: Option<PathBuf>,
+}
+
+/// What is asked of the operating system for the scan thread.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Realtime {
+    /// SCHED_FIFO priority, 1 to 99; none: the ordinary scheduler.
+    pub priority: Option<u8>,
+    /// Cores the scan thread is bound to; empty: all.
+    pub affinity: Vec<usize>,
+    /// Lock the memory of the process.
+    pub lock_memory: bool,
+}
+
+/// The language of the mnemonics.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mnemonics {
+    /// `U UN O ON E A Z`.
+    #[default]
+    German,
+    /// `A AN O ON I Q C`.
+    International,
+}
+
+/// A plugin of a station.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Plugin {
+    /// As written: a path, or a bare name (`ob1_cp240`) that is searched for.
+    pub name: String,
+    /// The file, when `name` is a path; `None` for a bare name.
+    pub path: Option<PathBuf>,
+    /// Blocks that get another number: (number in the plugin, number in this station).
+    pub blocks: Vec<(BlockId, BlockId)>,
+}
+
+/// A module in its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModuleConfig {
+    /// Its name, unique in the station.
+    pub name: String,
+    /// Logical address of its first input byte.
+    pub input_address: u32,
+    /// Logical address of its first output byte.
+    pub output_address: u32,
+    /// How it reads while its driver is down.
+    pub absent: Absent,
+    /// What it is.
+    pub kind: ModuleKind,
+}
+
+/// What a module that does not answer looks like to the program.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Absent {
+    /// Its bytes read 0.
+    #[default]
+    Zero,
+    /// An access is a fault (OB 122, OB 85).
+    Fault,
+}
+
+/// What a module is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ModuleKind {
+    /// A CP 240 with its driver process.
+    Cp240 {
+        /// Its parameters; [`Cp240::encode`] gives the other form.
+        params: Box<Cp240>,
+        /// The parameter bytes as sent.
+        bytes: [u8; 16],
+        /// Where its serial line leads to.
+        line: Line,
+    },
+    /// Process inputs: `di` or `ai`.
+    Inputs {
+        /// Bytes.
+        bytes: u16,
+    },
+    /// Process outputs: `do` or `ao`.
+    Outputs {
+        /// Bytes.
+        bytes: u16,
+    },
+}
+
+impl ModuleConfig {
+    /// Bytes of input registers.
+    #[must_use]
+    pub fn input_bytes(&self) -> u16 {
+        match self.kind {
+            ModuleKind::Cp240 { .. } => CP240_BYTES,
+            ModuleKind::Inputs { bytes } => bytes,
+            ModuleKind::Outputs { .. } => 0,
+        }
+    }
+
+    /// Bytes of output registers.
+    #[must_use]
+    pub fn output_bytes(&self) -> u16 {
+        match self.kind {
+            ModuleKind::Cp240 { .. } => CP240_BYTES,
+            ModuleKind::Inputs { .. } => 0,
+            ModuleKind::Outputs { bytes } => bytes,
+        }
+    }
+}
