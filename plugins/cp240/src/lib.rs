@@ -1,1 +1,22 @@
-//! The handling blocks of the VIPA CP 240
+//! The handling blocks of the CP 240: FC 0 SEND, FC 1 RECEIVE, FC 9 SYNCHRON_RESET.
+//!
+//! They do the software handshake on the module's registers, as `docs/cp240-registers.md` writes it down from the manual. Each block
+//! is two things: a pure step function over (control bits, registers), and around it the reading and writing of parameters. A call does
+//! one phase of the handshake; the state between two calls lies in the parameters the program supplies (GESE, ANZ_INT, control bits),
+//! as on the original. Beside it [`state::CpState`] keeps per module which start of the CP a job belongs to, so that
+//! a job of a CP that was reset or whose process was killed is never taken for one of its successor.
+
+mod receive;
+mod registers;
+mod send;
+mod state;
+mod synchron;
+#[cfg(test)]
+mod tests;
+
+ob1_sdk::export_plugin! {
+    name: "cp240",
+    version: env!("CARGO_PKG_VERSION"),
+    module_state: state::CpState,
+    blocks: [send::Send, receive::Receive, synchron::SynchronReset],
+}

@@ -1,0 +1,171 @@
+//! The count words and what stands in them [S0 L1829-L1880], `docs/cp240-registers.md`.
+
+use ob1_sdk::{Abort, Cx, ModuleInfo, Refused, Reply};
+
+use crate::state::CpState;
+
+/// Bytes of the registers each way.
+pub(crate) const REGISTER_BYTES: usize = 16;
+/// Offset of the TX words; RX lies at 0.
+pub(crate) const TX: u32 = 2;
+/// Bytes of a telegram in one block.
+pub(crate) const BLOCK_BYTES: u16 = 12;
+/// Longest telegram: the CP's buffer.
+pub(crate) const TELEGRAM_MAX: u16 = 1024;
+/// `TX`: Modbus output area, `ANZ OR 4000h` [S0 L2311].
+pub(crate) const OUTPUT_AREA: u16 = 0x4000;
+/// `TX echo`: the order failed, the low byte says why. `TX`: that is understood.
+pub(crate) const FAILED: u16 = 0x2000;
+/// Bit of the system words; with the number of a start-up, that start-up in `TX echo` and its acknowledgement in `TX`.
+pub(crate) const SYSTEM: u16 = 0x8000;
+/// `RX`: start-up identifier. `RX echo`: acknowledged.
+pub(crate) const START_UP: u16 = 0x8001;
+/// `RX echo`: reset request.
+pub(crate) const RESET: u16 = 0x8002;
+/// `RX`: no valid parameters.
+pub(crate) const NO_PARAMETERS: u16 = 0x8003;
+
+/// The two words the CP writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Words {
+    /// Bytes of the received telegram still to be fetched.
+    pub(crate) rx: u16,
+    /// Echo of the count last sent.
+    pub(crate) tx_echo: u16,
+}
+
+/// A count word, sorted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Count {
+    /// 0 to 1024.
+    Bytes(u16),
+    /// The order failed, with the CP's error code.
+    Failed(u8),
+    /// A system word.
+    System,
+    /// Outside the rules: treated as absent.
+    Nonsense,
+}
+
+impl Count {
+    fn bytes(word: u16) -> Self {
+        if word <= TELEGRAM_MAX { Count::Bytes(word) } else { Count::Nonsense }
+    }
+}
+
+/// Sorts `RX`.
+pub(crate) fn rx_count(word: u16) -> Count {
+    if word & SYSTEM != 0 { Count::System } else { Count::bytes(word) }
+}
+
+/// Sorts `TX echo`. A CP that echoes the output-area bit with the count means the count.
+pub(crate) fn tx_count(word: u16) -> Count {
+    match word & !OUTPUT_AREA {
+        word if word & SYSTEM != 0 => Count::System,
+        word if word & 0xFF00 == FAILED => Count::Failed(word as u8),
+        word => Count::bytes(word),
+    }
+}
+
+impl Words {
+    pub(crate) fn from_bytes(bytes: [u8; 4]) -> Self {
+        let [a, b, c, d] = bytes;
+        Self { rx: u16::from_be_bytes([a, b]), tx_echo: u16::from_be_bytes([c, d]) }
+    }
+
+    /// The number of the start-up the CP shows, 1 to 255.
+    pub(crate) fn start_up(self) -> Option<u8> {
+        let number = self.tx_echo as u8;
+        (self.rx == START_UP && self.tx_echo & 0xFF00 == SYSTEM && number != 0).then_some(number)
+    }
+
+    /// True while the CP takes no order: start-up not acknowledged, or no valid parameters.
+    pub(crate) fn not_ready(self) -> bool {
+        self.start_up().is_some() || self.rx == NO_PARAMETERS
+    }
+}
+
+/// The module a block is called for, with the plugin's memory of it.
+pub(crate) struct Module<'a> {
+    pub(crate) address: u32,
+    pub(crate) info: ModuleInfo,
+    pub(crate) state: &'a CpState,
+}
+
+/// A block's access to the CP. Where there is no module, or a driver is down and the station says `absent = "fault"`, an access does
+/// what `L PEW` and `T PAW` do: event 2942h or 2943h, OB 122 or STOP; `None` when OB 122 has dealt with it.
+impl<'a> Module<'a> {
+    pub(crate) fn at(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<Self>, Abort> {
+        let address = address(adr);
+        let info = cx.module_info(address)?;
+        let Some(info) = read_access(cx, info, address)? else { return Ok(None) };
+        let state = cx.module_state(address)?;
+        Ok(read_access(cx, state, address)?.map(|state| Self { address, info, state }))
+    }
+
+    pub(crate) fn words(&self, cx: &mut Cx<'_, CpState>) -> Result<Option<Words>, Abort> {
+        let mut bytes = [0; 4];
+        Ok(read(cx, self.address, &mut bytes)?.then(|| Words::from_bytes(bytes)))
+    }
+
+    /// Writes bytes from an offset on, together. False when the access failed and OB 122 has dealt with it.
+    pub(crate) fn write(&self, cx: &mut Cx<'_, CpState>, offset: u32, bytes: &[u8]) -> Result<bool, Abort> {
+        match cx.io_write(self.address + offset, bytes)? {
+            Ok(()) => Ok(true),
+            Err(_) => cx.raise_fault(0x2943, self.address).map(|()| false),
+        }
+    }
+}
+
+/// The logical address: the manual declares it as INT, addresses count without a sign.
+pub(crate) fn address(adr: i16) -> u32 {
+    u32::from(adr as u16)
+}
+
+/// Reads registers; false when the access failed and OB 122 has dealt with it.
+pub(crate) fn read(cx: &mut Cx<'_, CpState>, address: u32, into: &mut [u8]) -> Result<bool, Abort> {
+    let done = cx.io_read(address, into)?;
+    Ok(read_access(cx, done, address)?.is_some())
+}
+
+fn read_access<T>(cx: &mut Cx<'_, CpState>, done: Result<T, Refused>, address: u32) -> Result<Option<T>, Abort> {
+    match done {
+        Ok(value) => Ok(Some(value)),
+        Err(_) => cx.raise_fault(0x2942, address).map(|()| None),
+    }
+}
+
+/// PAFE: what is wrong with the data block [S0 "Standard handling blocks for CPU 21x"].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Pafe {
+    /// All is well.
+    Ok = 0,
+    /// Data block not present.
+    Missing = 1,
+    /// Data block too short.
+    Short = 2,
+    /// Data block number outside the valid range.
+    Number = 3,
+}
+
+impl Pafe {
+    /// What the host's refusal means; `None` for a write-protected data block, which is no matter of PAFE.
+    pub(crate) fn of(refused: Refused) -> Option<Self> {
+        Some(match refused {
+            Refused::NoDb => Pafe::Missing,
+            Refused::DbNumber => Pafe::Number,
+            Refused::ReadOnly => return None,
+            _ => Pafe::Short,
+        })
+    }
+
+    /// Holds an area of a telegram against the length of its data block.
+    pub(crate) fn check(db_len: Reply<u32>, from: u16, bytes: u16) -> Result<Pafe, Abort> {
+        Ok(match db_len? {
+            Ok(len) if len >= u32::from(from) + u32::from(bytes) => Pafe::Ok,
+            Ok(_) => Pafe::Short,
+            Err(refused) => Pafe::of(refused).unwrap_or(Pafe::Ok),
+        })
+    }
+}

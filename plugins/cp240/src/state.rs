@@ -1,0 +1,44 @@
+//! What the blocks remember of a module beside the parameters the program supplies.
+
+use std::cell::Cell;
+
+use ob1_sdk::ModuleInfo;
+
+ob1_sdk::state! {
+    /// Per module and station, zeroed at every start-up.
+    pub(crate) struct CpState {
+        pub(crate) send: Claim,
+        pub(crate) receive: Claim,
+        /// The telegram that was being received does not fit together: wait until the CP has ended it.
+        pub(crate) discard: Cell<bool>,
+        /// Number of the start-up FC 9 has acknowledged last; 0 for none.
+        pub(crate) acknowledged: Cell<u8>,
+    }
+}
+
+ob1_sdk::state! {
+    /// A running job's claim: made with one start of the CP, void with any other. Control bits alone cannot tell: they may lie in a
+    /// retentive data block, or outside the bytes FC 9 clears (the manual's EnOcean program does that [S0 L3164]).
+    pub(crate) struct Claim {
+        running: Cell<bool>,
+        generation: Cell<u32>,
+    }
+}
+
+impl Claim {
+    /// A job starts on the CP as it is now.
+    pub(crate) fn take(&self, module: &ModuleInfo) {
+        self.running.set(true);
+        self.generation.set(module.generation);
+    }
+
+    /// The job is over, or everything before is forgotten.
+    pub(crate) fn release(&self) {
+        self.running.set(false);
+    }
+
+    /// True while the CP is the one the job was started on.
+    pub(crate) fn holds(&self, module: &ModuleInfo) -> bool {
+        self.running.get() && module.present && self.generation.get() == module.generation
+    }
+}

@@ -1,0 +1,163 @@
+//! FC 9 SYNCHRON_RESET: acknowledges the start-up identifier of the CP, resets it on request [S0 "SYNCHRON_"], [S0 L1057-L1110].
+
+use ob1_sdk::{Abort, Block, Cx, Kind, Param, TimerKind, interface};
+
+use crate::registers::{Module, NO_PARAMETERS, RESET, START_UP, SYSTEM, Words};
+use crate::state::CpState;
+
+interface! {
+    /// The parameters, in the manual's order.
+    pub(crate) mod synchron {
+        /// Logical address of the CP.
+        in     ADR: Int;
+        /// Timer of the delay; declared as WORD, called with `T2` [S0 L833].
+        in     TIMER_NR: TimerOrWord;
+        /// 1: start-up running; the program's start-up OB sets it, the block resets it.
+        in_out ANL: Bool;
+        /// A start-up has been acknowledged, the delay runs.
+        in_out NULL: Bool;
+        /// 1 resets the CP.
+        in_out RESET: Bool;
+        /// The byte with the control bits of SEND.
+        in_out STEUERB_S: Byte;
+        /// The byte with the control bits of RECEIVE.
+        in_out STEUERB_R: Byte;
+    }
+}
+
+/// The delay, S5T#100MS (ours: the manual gives the timer, not the time).
+const DELAY: u16 = 0x0010;
+
+/// The bits between two calls.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Bits {
+    pub(crate) anl: bool,
+    pub(crate) null: bool,
+    pub(crate) reset: bool,
+}
+
+/// What a call does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// Nothing to do, or nothing yet.
+    Wait,
+    /// Ask the CP for a start-up.
+    RequestReset,
+    /// Acknowledge the start-up of this number, and start the delay if it is another than before.
+    Acknowledge(u8, StartDelay),
+    /// Both directions are empty: end when the delay has run out.
+    EndAfterDelay,
+}
+
+/// Whether an acknowledgement is a new one.
+pub(crate) type StartDelay = bool;
+
+impl Bits {
+    /// The table of `docs/cp240-registers.md`. `acknowledged` is the number acknowledged since the CPU's start-up, 0 for none: with
+    /// it a NULL that was retentive is recognised.
+    pub(crate) fn step(self, words: Words, present: bool, acknowledged: u8) -> (Self, Step) {
+        let start_up = words.start_up();
+        let mut bits = self;
+        if !bits.anl {
+            if start_up.is_none() && !bits.reset {
+                return (bits, Step::Wait);
+            }
+            (bits.anl, bits.null) = (true, false);
+        }
+        let waiting = bits.null && acknowledged != 0;
+        match start_up {
+            Some(number) => {
+                bits.null = true;
+                (bits, Step::Acknowledge(number, !waiting || number != acknowledged))
+            }
+            None if waiting => {
+                let empty = words == Words { rx: 0, tx_echo: 0 };
+                (bits, if empty && present { Step::EndAfterDelay } else { Step::Wait })
+            }
+            // Without parameters a reset changes nothing.
+            None if words.rx == NO_PARAMETERS => (bits, Step::Wait),
+            None => (bits, Step::RequestReset),
+        }
+    }
+}
+
+/// FC 9.
+pub(crate) struct SynchronReset;
+
+impl Block for SynchronReset {
+    const KIND: Kind = Kind::Fc;
+    const NUMBER: u16 = 9;
+    const NAME: &'static str = "SYNCHRON_RESET";
+    const PARAMS: &'static [Param] = synchron::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let adr = cx.get(synchron::ADR)?;
+        let Some(module) = Module::at(cx, adr)? else { return Ok(()) };
+        let Some(words) = module.words(cx)? else { return Ok(()) };
+        let before =
+            Bits { anl: cx.get(synchron::ANL)?, null: cx.get(synchron::NULL)?, reset: cx.get(synchron::RESET)? };
+        let acknowledged = &module.state.acknowledged;
+        let (bits, step) = before.step(words, module.info.present, acknowledged.get());
+        if bits.anl != before.anl {
+            cx.set(synchron::ANL, bits.anl)?;
+        }
+        match step {
+            Step::Wait => {}
+            Step::RequestReset => {
+                module.write(cx, 0, &RESET.to_be_bytes())?;
+            }
+            Step::Acknowledge(number, start_delay) => {
+                let (rx, tx) = (START_UP.to_be_bytes(), (SYSTEM | u16::from(number)).to_be_bytes());
+                if !module.write(cx, 0, &[rx[0], rx[1], tx[0], tx[1]])? || (start_delay && !start_timer(cx)?) {
+                    return Ok(());
+                }
+                acknowledged.set(number);
+            }
+            Step::EndAfterDelay => return end_after_delay(cx, &module),
+        }
+        if bits.null != before.null {
+            cx.set(synchron::NULL, bits.null)?;
+        }
+        Ok(())
+    }
+}
+
+fn end_after_delay(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), Abort> {
+    let number = cx.get(synchron::TIMER_NR)?;
+    let Ok(timer) = cx.timer(number)? else { return timer_fault(cx, number) };
+    if !timer.output {
+        // A program that reset the timer in between only makes the delay longer.
+        return if timer.running { Ok(()) } else { start_timer(cx).map(drop) };
+    }
+    if !module.write(cx, 0, &[0; 4])? {
+        return Ok(());
+    }
+    let _known_above = cx.timer_run(number, TimerKind::OnDelay, false, DELAY)?;
+    module.state.acknowledged.set(0);
+    module.state.discard.set(false);
+    module.state.send.release();
+    module.state.receive.release();
+    cx.set(synchron::STEUERB_S, 0)?;
+    cx.set(synchron::STEUERB_R, 0)?;
+    cx.set(synchron::RESET, false)?;
+    cx.set(synchron::NULL, false)?;
+    cx.set(synchron::ANL, false)
+}
+
+/// Starts the delay with a fresh edge. False when there is no such timer and OB 121 has dealt with it.
+fn start_timer(cx: &mut Cx<'_, CpState>) -> Result<bool, Abort> {
+    let number = cx.get(synchron::TIMER_NR)?;
+    for rlo in [false, true] {
+        if cx.timer_run(number, TimerKind::OnDelay, rlo, DELAY)?.is_err() {
+            return timer_fault(cx, number).map(|()| false);
+        }
+    }
+    Ok(true)
+}
+
+/// What `SE T number` does with a timer the CPU does not have: event 2526h, OB 121 or STOP.
+fn timer_fault(cx: &mut Cx<'_, CpState>, number: u16) -> Result<(), Abort> {
+    cx.raise_fault(0x2526, u32::from(number))
+}

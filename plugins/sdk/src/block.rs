@@ -1,0 +1,41 @@
+//! What a block is.
+
+use crate::Cx;
+use crate::param::Param;
+use crate::reply::Abort;
+use crate::state::Zeroable;
+
+/// The kind of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Kind {
+    /// Organization block: called by the CPU, has no parameters.
+    Ob = ob1_abi::KIND_OB,
+    /// Function block: has an instance data block.
+    Fb = ob1_abi::KIND_FB,
+    /// Function.
+    Fc = ob1_abi::KIND_FC,
+}
+
+/// A block in Rust. Implemented for a unit type; listed in [`crate::export_plugin!`].
+pub trait Block {
+    /// What it is.
+    const KIND: Kind;
+    /// The number it wants; the station file may give it another.
+    const NUMBER: u16;
+    /// The name, as a manual would print it.
+    const NAME: &'static str;
+    /// Its parameters, from [`crate::interface!`].
+    const PARAMS: &'static [Param];
+    /// Memory of this block per station, zeroed at every start-up; `()` for none. Data that must survive belongs into the
+    /// instance data block.
+    type State: Zeroable;
+    /// The plugin's memory per module, the same type for all its blocks; `()` for none. See [`Cx::module_state`].
+    type Module: Zeroable;
+
+    /// Runs it.
+    ///
+    /// # Errors
+    /// [`Abort`], as the host gave it.
+    fn call(cx: &mut Cx<'_, Self::Module>, state: &Self::State) -> Result<(), Abort>;
+}

@@ -1,0 +1,87 @@
+//! Typed names of parameters and instance variables.
+
+use core::marker::PhantomData;
+
+/// `VAR_INPUT`.
+#[derive(Clone, Copy, Debug)]
+pub struct In;
+/// `VAR_OUTPUT`.
+#[derive(Clone, Copy, Debug)]
+pub struct Out;
+/// `VAR_IN_OUT`.
+#[derive(Clone, Copy, Debug)]
+pub struct InOut;
+/// `RET_VAL`.
+#[derive(Clone, Copy, Debug)]
+pub struct Return;
+
+/// A section a block reads. All of them: an output of an FC is the caller's operand and keeps what was there.
+pub trait Readable {}
+/// A section a block writes.
+pub trait Writable {}
+
+impl Readable for In {}
+impl Readable for Out {}
+impl Readable for InOut {}
+impl Readable for Return {}
+impl Writable for Out {}
+impl Writable for InOut {}
+impl Writable for Return {}
+
+/// A formal parameter of type `T` in section `S`.
+#[derive(Debug)]
+pub struct Formal<T, S> {
+    index: u32,
+    _type: PhantomData<fn() -> (T, S)>,
+}
+
+impl<T, S> Clone for Formal<T, S> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T, S> Copy for Formal<T, S> {}
+
+impl<T, S> Formal<T, S> {
+    /// The formal of this index; [`crate::interface!`] counts them.
+    #[must_use]
+    pub const fn new(index: u32) -> Self {
+        Self { index, _type: PhantomData }
+    }
+
+    /// Its place among the block's parameters.
+    #[must_use]
+    pub const fn index(self) -> u32 {
+        self.index
+    }
+}
+
+/// An instance variable of type `T` that is no parameter.
+#[derive(Debug)]
+pub struct Static<T> {
+    bit: u32,
+    _type: PhantomData<fn() -> T>,
+}
+
+impl<T> Clone for Static<T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T> Copy for Static<T> {}
+
+impl<T> Static<T> {
+    /// The variable at this bit address of the instance; [`crate::interface!`] lays them out.
+    #[must_use]
+    pub const fn new(bit: u32) -> Self {
+        Self { bit, _type: PhantomData }
+    }
+
+    /// Its bit address (byte * 8 + bit) from the instance's first byte.
+    #[must_use]
+    pub const fn bit_address(self) -> u32 {
+        self.bit
+    }
+}

@@ -1,0 +1,81 @@
+//! What comes back from the host.
+
+use ob1_abi::{self as abi, Status};
+
+/// The CPU is on its way to STOP, or the run ends: the block is left at once. Made by the host alone; pass it on with `?`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use = "return it: the CPU is going to STOP"]
+pub struct Abort(pub(crate) ());
+
+/// Why the host refused a request; the block decides what that means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refused {
+    /// No such parameter, or not of the kind asked for; no instance in an FC.
+    NoParam,
+    /// The address lies outside its area; no timer or counter of this number.
+    Outside,
+    /// The data block does not exist.
+    NoDb,
+    /// The data block number cannot be: 0, or above what the CPU has.
+    DbNumber,
+    /// The data block is write-protected.
+    ReadOnly,
+    /// No module at this logical address, or it has no mailbox.
+    NoModule,
+    /// The module's driver is down.
+    Absent,
+    /// Nothing there now, or the mailbox still holds the last post.
+    Busy,
+    /// The module has no such record.
+    NoRecord,
+    /// The block to call does not exist, or its parameters do not match.
+    NoBlock,
+    /// A length that cannot be, or a status this version of the interface does not know.
+    BadArgument,
+}
+
+/// The host's answer: `Err(Abort)` is passed on with `?`, a refusal is the block's own affair.
+pub type Reply<T> = Result<Result<T, Refused>, Abort>;
+
+/// Sorts a status of the host.
+#[inline]
+pub(crate) fn reply(status: Status) -> Reply<()> {
+    match status {
+        abi::OK => Ok(Ok(())),
+        abi::ABORT => Err(Abort(())),
+        other => Ok(Err(refused(other))),
+    }
+}
+
+#[cold]
+fn refused(status: Status) -> Refused {
+    match status {
+        abi::NO_PARAM => Refused::NoParam,
+        abi::OUTSIDE => Refused::Outside,
+        abi::NO_DB => Refused::NoDb,
+        abi::DB_NUMBER => Refused::DbNumber,
+        abi::READ_ONLY => Refused::ReadOnly,
+        abi::NO_MODULE => Refused::NoModule,
+        abi::ABSENT => Refused::Absent,
+        abi::BUSY => Refused::Busy,
+        abi::NO_RECORD => Refused::NoRecord,
+        abi::NO_BLOCK => Refused::NoBlock,
+        _ => Refused::BadArgument,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_status_has_its_answer() {
+        assert_eq!(reply(abi::OK), Ok(Ok(())));
+        assert_eq!(reply(abi::ABORT), Err(Abort(())));
+        let refusals: Vec<_> = (-11..=-1).map(|status| reply(status).map(Result::unwrap_err)).collect();
+        for (i, refusal) in refusals.iter().enumerate() {
+            assert!(!refusals[..i].contains(refusal), "two statuses give {refusal:?}");
+        }
+        assert_eq!(reply(77), Ok(Err(Refused::BadArgument)));
+    }
+}
