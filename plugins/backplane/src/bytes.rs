@@ -2,34 +2,48 @@
 
 /// The bytes as words; the last word is filled up with zeros.
 pub(crate) fn words_of(bytes: &[u8]) -> impl Iterator<Item = u64> {
-    bytes.chunks(8).map(|chunk| {
-        let mut word = [0; 8];
-        overlay_word(&mut word, chunk);
-        u64::from_ne_bytes(word)
-    })
+    bytes.chunks(8).map(|chunk| merged(0, 0, chunk))
 }
 
 /// Writes `bytes` over the beginning of `words`; what lies behind stays, and so does what does not fit.
+#[inline]
 pub(crate) fn overlay(words: &mut [u64], bytes: &[u8]) {
     for (word, chunk) in words.iter_mut().zip(bytes.chunks(8)) {
-        let mut cell = word.to_ne_bytes();
-        overlay_word(&mut cell, chunk);
-        *word = u64::from_ne_bytes(cell);
-    }
-}
-
-fn overlay_word(word: &mut [u8; 8], chunk: &[u8]) {
-    for (to, from) in word.iter_mut().zip(chunk) {
-        *to = *from;
+        *word = merged(*word, 0, chunk);
     }
 }
 
 /// Copies the beginning of `words` into `bytes`; bytes without a word stay as they are.
+#[inline]
 pub(crate) fn copy_out(words: &[u64], bytes: &mut [u8]) {
     for (chunk, word) in bytes.chunks_mut(8).zip(words) {
-        for (to, from) in chunk.iter_mut().zip(word.to_ne_bytes()) {
-            *to = from;
-        }
+        extract(*word, 0, chunk);
+    }
+}
+
+/// `word` with `chunk` in the place of its bytes from `first` on.
+#[inline]
+pub(crate) fn merged(word: u64, first: usize, chunk: &[u8]) -> u64 {
+    // Whole words are the rule; the loop is for the ends.
+    if let (0, Ok(whole)) = (first, <[u8; 8]>::try_from(chunk)) {
+        return u64::from_ne_bytes(whole);
+    }
+    let mut bytes = word.to_ne_bytes();
+    for (to, from) in bytes.iter_mut().skip(first).zip(chunk) {
+        *to = *from;
+    }
+    u64::from_ne_bytes(bytes)
+}
+
+/// Copies the bytes of `word` from `first` on into `chunk`.
+#[inline]
+pub(crate) fn extract(word: u64, first: usize, chunk: &mut [u8]) {
+    if let (0, Ok(whole)) = (first, <&mut [u8; 8]>::try_from(&mut *chunk)) {
+        *whole = word.to_ne_bytes();
+        return;
+    }
+    for (to, from) in chunk.iter_mut().zip(word.to_ne_bytes().into_iter().skip(first)) {
+        *to = from;
     }
 }
 

@@ -111,15 +111,8 @@ impl CpuSide {
     #[inline]
     pub fn read_inputs(&mut self, into: &mut [u8]) -> Freshness {
         let freshness = self.inputs.read(&self.monitor.cells().inputs.registers, self.io.words());
-        if let ([low, high, ..], (16, [to_low, to_high])) =
-            (self.inputs.last(), (self.io.get(), into.as_chunks_mut().0))
-        {
-            *to_low = low.to_ne_bytes();
-            *to_high = high.to_ne_bytes();
-        } else {
-            let len = into.len().min(self.io.get());
-            copy_out(self.inputs.last(), into.get_mut(..len).unwrap_or_default());
-        }
+        let len = into.len().min(self.io.get());
+        copy_out(self.inputs.last(), into.get_mut(..len).unwrap_or_default());
         freshness
     }
 

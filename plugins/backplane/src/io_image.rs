@@ -13,6 +13,7 @@ use std::os::fd::BorrowedFd;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::bytes::{extract, merged};
 use crate::fault::SegmentError;
 use crate::io_layout::{
     AT_INPUT_BYTES, AT_INPUT_OFFSET, AT_INPUTS, AT_MAGIC, AT_OUTPUT_BYTES, AT_OUTPUT_OFFSET, AT_OUTPUTS, AT_SCAN,
@@ -258,23 +259,11 @@ fn pieces(inside: &Range<usize>) -> impl Iterator<Item = (usize, usize, Range<us
     })
 }
 
-/// `word` with `chunk` in the place of its bytes from `first` on.
-fn merged(word: u64, first: usize, chunk: &[u8]) -> u64 {
-    let mut bytes = word.to_ne_bytes();
-    for (to, from) in bytes.iter_mut().skip(first).zip(chunk) {
-        *to = *from;
-    }
-    u64::from_ne_bytes(bytes)
-}
-
 fn read_area(area: &[AtomicU64; AREA_WORDS], offset: usize, into: &mut [u8]) -> usize {
     let inside = clip(offset, into.len());
     for (index, first, place) in pieces(&inside) {
         if let (Some(cell), Some(chunk)) = (area.get(index), into.get_mut(place)) {
-            let word = cell.load(Ordering::Relaxed).to_ne_bytes();
-            for (to, from) in chunk.iter_mut().zip(word.into_iter().skip(first)) {
-                *to = from;
-            }
+            extract(cell.load(Ordering::Relaxed), first, chunk);
         }
     }
     into.get_mut(inside.len()..).unwrap_or_default().fill(0);

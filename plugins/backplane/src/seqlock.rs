@@ -47,19 +47,17 @@ impl<const N: usize> SeqCell<N> {
         self.sequence.store(odd.wrapping_add(1), Ordering::Release);
     }
 
-    /// One try: copies the first `into.len()` words and answers the sequence they belong to, or `None` if a writer was
-    /// at work (then `into` holds anything).
+    /// One try: takes a copy with `copy`, and answers the sequence it belongs to, or `None` if a writer was at work (then
+    /// the copy is anything).
     #[inline]
-    fn try_read(&self, into: &mut [u64]) -> Option<u64> {
+    fn try_read<T>(&self, copy: impl FnOnce(&[AtomicU64; N]) -> T) -> Option<(u64, T)> {
         let before = self.sequence.load(Ordering::Acquire);
         if before & 1 == 1 {
             return None;
         }
-        for (word, cell) in into.iter_mut().zip(&self.data.0) {
-            *word = cell.load(Ordering::Relaxed);
-        }
+        let content = copy(&self.data.0);
         fence(Ordering::Acquire);
-        (self.sequence.load(Ordering::Relaxed) == before).then_some(before)
+        (self.sequence.load(Ordering::Relaxed) == before).then_some((before, content))
     }
 }
 
@@ -79,19 +77,10 @@ impl<const N: usize> SeqReader<N> {
     /// Brings the first `words` words of the copy up to date, if the writer lets us.
     #[inline]
     pub(crate) fn read(&mut self, cell: &SeqCell<N>, words: usize) -> Freshness {
-        // 16 bytes of registers are by far the most frequent size: two loads instead of a loop.
-        if words == 2 { self.read_words(cell, 2) } else { self.read_words(cell, words.min(N)) }
-    }
-
-    #[inline(always)]
-    fn read_words(&mut self, cell: &SeqCell<N>, words: usize) -> Freshness {
-        let mut copy = [0; N];
-        let (Some(copy), Some(last)) = (copy.get_mut(..words), self.last.get_mut(..words)) else {
-            return Freshness::Stale;
-        };
         for _ in 0..TRIES {
-            if let Some(sequence) = cell.try_read(copy) {
-                last.copy_from_slice(copy);
+            // 16 bytes of registers are by far the most frequent size: two loads instead of a loop.
+            let sequence = if words == 2 { self.try_two(cell) } else { self.try_any(cell, words) };
+            if let Some(sequence) = sequence {
                 self.sequence = sequence;
                 return Freshness::Fresh;
             }
@@ -99,6 +88,28 @@ impl<const N: usize> SeqReader<N> {
         }
         self.stale = self.stale.wrapping_add(1);
         Freshness::Stale
+    }
+
+    #[inline]
+    fn try_two(&mut self, cell: &SeqCell<N>) -> Option<u64> {
+        let last = self.last.first_chunk_mut::<2>()?;
+        let (sequence, pair) = cell.try_read(|cells| {
+            let pair = cells.first_chunk::<2>()?;
+            Some(pair.each_ref().map(|cell| cell.load(Ordering::Relaxed)))
+        })?;
+        *last = pair?;
+        Some(sequence)
+    }
+
+    fn try_any(&mut self, cell: &SeqCell<N>, words: usize) -> Option<u64> {
+        let mut copy = [0; N];
+        let (sequence, ()) = cell.try_read(|cells| {
+            for (word, cell) in copy.iter_mut().zip(cells).take(words) {
+                *word = cell.load(Ordering::Relaxed);
+            }
+        })?;
+        self.last = copy;
+        Some(sequence)
     }
 
     /// The reader's copy.

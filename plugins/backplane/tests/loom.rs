@@ -1,5 +1,9 @@
 //! Every interleaving and every legal reordering of the exchanges between both ends, explored by loom.
 //!
+//! loom runs the loads of a thread in their order, so it cannot see a load that is delayed beyond a later store of its own
+//! thread. That `taken` and `consumed` are released behind the copy, and acquired before the slot is written again, rests
+//! on the argument at the code.
+//!
 //! `RUSTFLAGS="--cfg loom" cargo test -p ob1-backplane --test loom --release`, with a target directory of its own.
 #![cfg(loom)]
 

@@ -1,5 +1,8 @@
 //! Shared segments: what is refused at the door, and what a killed process leaves behind.
 
+// A test may open files; the product code of this crate does not.
+#![allow(clippy::disallowed_methods)]
+
 use std::fs::File;
 use std::io::{self, Write};
 use std::os::fd::AsFd;
