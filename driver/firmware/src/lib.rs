@@ -1,1 +1,25 @@
-//! A whole CP as one sans-IO machine
+//! A whole CP 240 as one sans-IO machine: registers towards the CPU, buffers, protocol, LEDs, counters.
+//!
+//! [`Cp240`] is pure in its inputs and their times: it knows no clock, no descriptor and no shared memory. Whoever owns
+//! one hands it what happened ([`CpInput`]) and carries out what it answers through a [`CpPort`]. The process `ob1-cp` does
+//! that with a back plane and a real line, the simulation with a heap segment and a simulated one, in virtual time.
+//!
+//! The registers are described in `docs/cp240-registers.md`.
+#![forbid(unsafe_code)]
+
+mod cp240;
+mod leds;
+mod port;
+mod protocol;
+mod receive;
+pub mod registers;
+mod ring;
+mod send;
+
+pub use cp240::Cp240;
+pub use leds::Leds;
+pub use ob1_params::LineSettings;
+pub use ob1_protocols::{LineFault, ModemLines, Nanos};
+pub use port::{CpCounter, CpEvent, CpInput, CpPort, LineInput, ParameterFault, StartReason};
+pub use registers::Registers;
+pub use ring::TELEGRAMS_MAX;

@@ -1,0 +1,423 @@
+//! The module: start-up, the two handshakes, the protocol, and the bookkeeping between them.
+
+use ob1_params::Cp240 as Parameters;
+use ob1_protocols::{Event, Input, LineFault, ModemLines, Nanos, Order, SendError, Sink, What};
+
+use crate::leds::{LedDriver, Leds};
+use crate::port::{CpCounter, CpEvent, CpInput, CpPort, LineInput, ParameterFault, StartReason};
+use crate::protocol::{Protocol, Setup};
+use crate::receive::{self, ReceiveSide};
+use crate::registers::{NO_PARAMETERS, RESET, Registers, STARTUP, SYSTEM, block, compose, rx_word, tx_word};
+use crate::ring::Ring;
+use crate::send::{self, SendSide};
+
+/// Parameter byte shown when the protocol is one this firmware does not have.
+const PROTOCOL_BYTE: u8 = 1;
+
+/// Where the module is on its way to work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// No parameters have come yet: all registers read 0.
+    Off,
+    /// No valid parameters; the byte that is wrong.
+    NoParameters(u8),
+    /// The start-up identifier is on show.
+    Identify,
+    /// It was acknowledged; the CPU's words have to go to 0.
+    Clearing,
+    /// At work.
+    Working,
+}
+
+/// A CP 240.
+///
+/// Laws for the owner:
+/// * time never goes backwards; [`CpInput::Tick`] at the latest when the time [`Cp240::step`] answered has come;
+/// * the output registers as they stand are handed in before the first [`CpInput::Parameters`]: what is in them is of an
+///   earlier life and must not be taken for an answer;
+/// * sixteen zeros as parameters stand for "none": the module then works with its defaults [S0 L2118].
+#[derive(Debug)]
+pub struct Cp240 {
+    phase: Phase,
+    /// Number of the start-up, 1 to 255.
+    number: u8,
+    /// A reset request stands in the registers and has been answered.
+    reset_seen: bool,
+    outputs: Registers,
+    shown: Registers,
+
+    setup: Option<Setup>,
+    receive_buffers: u8,
+    protocol: Protocol,
+    protocol_due: Option<Nanos>,
+    send: SendSide,
+    receive: ReceiveSide,
+
+    line_gone: bool,
+    /// The order was broken off because the line is gone.
+    line_broke_off: bool,
+    modem: Option<ModemLines>,
+    leds: LedDriver,
+    leds_shown: Leds,
+}
+
+impl Cp240 {
+    /// A module without parameters.
+    ///
+    /// `generation` counts the lives of this module, that is, the processes that were it. Start-ups of neighbouring lives
+    /// get numbers far apart, because a new process does not know how many resets the one before it has seen.
+    pub const fn new(generation: u64) -> Self {
+        Self {
+            phase: Phase::Off,
+            number: (generation.wrapping_mul(37) % 255) as u8,
+            reset_seen: false,
+            outputs: [0; 16],
+            shown: [0; 16],
+            setup: None,
+            receive_buffers: 1,
+            protocol: Protocol::None,
+            protocol_due: None,
+            send: SendSide::new(),
+            receive: ReceiveSide::new(),
+            line_gone: false,
+            line_broke_off: false,
+            modem: None,
+            leds: LedDriver::new(),
+            leds_shown: Leds::NONE,
+        }
+    }
+
+    /// Takes one input at time `now`; the result is when [`CpInput::Tick`] is due.
+    pub fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
+        match input {
+            CpInput::Tick => {
+                if self.protocol_due.is_some_and(|due| now >= due) {
+                    self.drive(now, Input::Tick, port);
+                }
+            }
+            CpInput::Outputs(outputs) => {
+                self.outputs = *outputs;
+                self.look(now, port);
+            }
+            CpInput::Line(line) => self.line(now, line, port),
+            CpInput::CpuRun(true) => {}
+            CpInput::CpuRun(false) => {
+                // The rest of a telegram will not come any more, whatever the registers show.
+                if self.send.discard() {
+                    port.event(now, CpEvent::OrderDiscarded { code: None });
+                }
+            }
+            CpInput::Parameters(bytes) => self.parametrise(now, bytes, port),
+        }
+        self.publish(port);
+        let leds = self.leds.at(now);
+        if leds != self.leds_shown {
+            self.leds_shown = leds;
+            port.leds(leds);
+        }
+        self.protocol_due.into_iter().chain(self.leds.deadline()).min()
+    }
+
+    /// Whether the CP works: parameters are valid and the CPU has acknowledged the start-up.
+    pub fn is_working(&self) -> bool {
+        self.phase == Phase::Working
+    }
+
+    /// Telegrams in the receive buffer.
+    pub fn received_waiting(&self) -> usize {
+        self.receive.ring.telegrams()
+    }
+
+    // ---- start-up ----
+
+    fn parametrise(&mut self, now: Nanos, bytes: &[u8; 16], port: &mut dyn CpPort) {
+        self.drop_all(port);
+        self.leds.power();
+        let decoded =
+            if bytes.iter().all(|b| *b == 0) { Ok(Parameters::unconfigured()) } else { Parameters::decode(bytes) };
+        let parameters = match decoded {
+            Ok(parameters) => parameters,
+            Err(error) => {
+                port.event(now, CpEvent::NoParameters(ParameterFault::Value(&error)));
+                return self.refuse(error.byte.map_or(0, |byte| byte as u8));
+            }
+        };
+        let Some(setup) = Setup::of(&parameters) else {
+            port.event(now, CpEvent::NoParameters(ParameterFault::Protocol(parameters.protocol_name())));
+            return self.refuse(PROTOCOL_BYTE);
+        };
+        self.setup = Some(setup);
+        self.receive_buffers = parameters.receive_buffers();
+        port.line_settings(&parameters.line_settings());
+        self.identify(now, StartReason::Parameters, port);
+    }
+
+    fn refuse(&mut self, byte: u8) {
+        self.setup = None;
+        self.phase = Phase::NoParameters(byte);
+    }
+
+    /// Drops everything in both directions, and the protocol with it.
+    fn drop_all(&mut self, port: &mut dyn CpPort) {
+        if !matches!(self.protocol, Protocol::None) {
+            port.take_back();
+        }
+        self.protocol = Protocol::None;
+        self.protocol_due = None;
+        if self.send.clear() {
+            port.count(CpCounter::OrdersAborted, 1);
+        }
+        let dropped = self.receive.clear(self.receive_buffers);
+        if dropped > 0 {
+            port.count(CpCounter::ReceiveAborted, dropped as u64);
+        }
+    }
+
+    /// Shows the start-up identifier with the next number.
+    fn identify(&mut self, now: Nanos, reason: StartReason, port: &mut dyn CpPort) {
+        self.drop_all(port);
+        self.number = next_number(self.number);
+        // A number that stands in the registers from before would be taken for the acknowledgement.
+        if tx_word(&self.outputs) == SYSTEM | u16::from(self.number) {
+            self.number = next_number(self.number);
+        }
+        self.phase = Phase::Identify;
+        port.event(now, CpEvent::Startup { number: self.number, reason });
+    }
+
+    fn work(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        let Some(setup) = &self.setup else { return };
+        self.receive.clear(self.receive_buffers);
+        self.protocol = setup.build();
+        self.phase = Phase::Working;
+        port.event(now, CpEvent::Working);
+        self.drive(now, Input::Tick, port);
+        if let Some(lines) = self.modem {
+            self.drive(now, Input::Modem(lines), port);
+        }
+    }
+
+    // ---- the CPU's registers ----
+
+    fn look(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        let (rx, tx) = (rx_word(&self.outputs), tx_word(&self.outputs));
+        let reset = rx == RESET;
+        let asked = reset && !self.reset_seen;
+        self.reset_seen = reset;
+        match self.phase {
+            Phase::Off | Phase::NoParameters(_) => {}
+            Phase::Identify | Phase::Clearing | Phase::Working if asked => {
+                self.identify(now, StartReason::ResetRequest, port);
+            }
+            Phase::Identify => {
+                if rx == STARTUP && tx == SYSTEM | u16::from(self.number) {
+                    self.phase = Phase::Clearing;
+                }
+            }
+            Phase::Clearing => {
+                if (rx, tx) == (0, 0) {
+                    self.work(now, port);
+                }
+            }
+            Phase::Working => {
+                self.look_send(now, port);
+                self.look_receive(now, port);
+            }
+        }
+    }
+
+    fn look_send(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        match self.send.look(tx_word(&self.outputs), block(&self.outputs)) {
+            send::Step::Wait | send::Step::Stored => {}
+            send::Step::Discarded => port.event(now, CpEvent::OrderDiscarded { code: None }),
+            send::Step::Refused => port.event(now, CpEvent::OrderDiscarded { code: Some(SendError::TooLong.code()) }),
+            send::Step::Complete => {
+                port.count(CpCounter::OrdersAccepted, 1);
+                port.event(now, CpEvent::Order(self.send.telegram()));
+                if self.line_gone && !self.protocol.is_acknowledged() {
+                    self.ended(now, Err(SendError::Frame), port);
+                } else {
+                    self.order(now, port);
+                }
+            }
+        }
+    }
+
+    fn look_receive(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        match self.receive.look(rx_word(&self.outputs)) {
+            receive::Step::Wait | receive::Step::Offered => {}
+            receive::Step::Delivered(length) => {
+                port.count(CpCounter::Delivered, 1);
+                port.event(now, CpEvent::Delivered(length));
+                // The buffer has become free: a protocol may have kept its partner waiting for that.
+                self.drive(now, Input::Tick, port);
+            }
+        }
+    }
+
+    /// Publishes the input registers if they have changed.
+    fn publish(&mut self, port: &mut dyn CpPort) {
+        let registers = match self.phase {
+            Phase::Off | Phase::Clearing => compose(0, 0, &[]),
+            Phase::NoParameters(byte) => compose(NO_PARAMETERS, SYSTEM | u16::from(byte), &[]),
+            Phase::Identify => compose(STARTUP, SYSTEM | u16::from(self.number), &[]),
+            Phase::Working => compose(self.receive.rest(), self.send.echo(), self.receive.block()),
+        };
+        if registers != self.shown {
+            self.shown = registers;
+            port.inputs(&registers);
+        }
+    }
+
+    // ---- the line and the protocol ----
+
+    fn line(&mut self, now: Nanos, line: LineInput<'_>, port: &mut dyn CpPort) {
+        match line {
+            LineInput::Rx(bytes) => {
+                self.leds.received(now);
+                port.count(CpCounter::BytesRx, bytes.len() as u64);
+            }
+            LineInput::TxDone => self.leds.transmit(false),
+            LineInput::Fault(LineFault::Gone) => {
+                self.line_gone = true;
+                self.leds.line(now, true);
+                port.count(CpCounter::LineFaults, 1);
+            }
+            LineInput::Fault(LineFault::Back) => {
+                self.line_gone = false;
+                self.leds.line(now, false);
+                port.count(CpCounter::LineRestarts, 1);
+            }
+            LineInput::Fault(_) => self.leds.error(now),
+            LineInput::Modem(lines) => self.modem = Some(lines),
+        }
+        // Before the CPU has acknowledged the start-up nothing is kept of what is received.
+        if self.phase != Phase::Working {
+            return;
+        }
+        self.drive(now, line.to_protocol(), port);
+        if self.line_gone && self.send.is_transmitting() && !self.protocol.is_acknowledged() {
+            self.line_broke_off = true;
+            self.drive(now, Protocol::ABORT, port);
+            self.line_broke_off = false;
+        }
+    }
+
+    /// Hands the complete telegram to the protocol.
+    fn order(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        let mut out = Outlet::new(now, &mut self.receive.ring, &mut self.leds, port);
+        let input = Input::Order(Order::Send(self.send.telegram()));
+        self.protocol_due = self.protocol.step(now, input, &mut out);
+        let outcome = out.outcome;
+        self.after_step(now, outcome, port);
+    }
+
+    fn drive(&mut self, now: Nanos, input: Input<'_>, port: &mut dyn CpPort) {
+        let mut out = Outlet::new(now, &mut self.receive.ring, &mut self.leds, port);
+        self.protocol_due = self.protocol.step(now, input, &mut out);
+        let outcome = out.outcome;
+        self.after_step(now, outcome, port);
+    }
+
+    fn after_step(&mut self, now: Nanos, outcome: Option<Result<(), SendError>>, port: &mut dyn CpPort) {
+        if let Some(outcome) = outcome {
+            self.ended(now, outcome, port);
+        }
+        // A telegram may have come: offer it if nothing else is on show.
+        if self.receive.rest() == 0 {
+            self.receive.look(rx_word(&self.outputs));
+        }
+    }
+
+    fn ended(&mut self, now: Nanos, outcome: Result<(), SendError>, port: &mut dyn CpPort) {
+        let outcome = match outcome {
+            Err(SendError::Aborted) if self.line_broke_off => Err(SendError::Frame),
+            other => other,
+        };
+        match outcome {
+            Ok(()) => {
+                port.count(CpCounter::Sent, 1);
+                port.event(now, CpEvent::Sent);
+            }
+            Err(error) => {
+                port.count(CpCounter::SendErrors, 1);
+                port.event(now, CpEvent::SendFailed(error.code()));
+            }
+        }
+        self.send.ended(outcome.map_err(SendError::code));
+        // The end is shown before a count that was left waiting is looked at.
+        self.publish(port);
+        self.send.look(tx_word(&self.outputs), block(&self.outputs));
+    }
+}
+
+/// 1 to 255, then 1 again.
+const fn next_number(number: u8) -> u8 {
+    if number == u8::MAX { 1 } else { number + 1 }
+}
+
+/// Where the protocol puts its results during one step.
+struct Outlet<'a> {
+    now: Nanos,
+    ring: &'a mut Ring,
+    leds: &'a mut LedDriver,
+    port: &'a mut dyn CpPort,
+    outcome: Option<Result<(), SendError>>,
+}
+
+impl<'a> Outlet<'a> {
+    fn new(now: Nanos, ring: &'a mut Ring, leds: &'a mut LedDriver, port: &'a mut dyn CpPort) -> Self {
+        Self { now, ring, leds, port, outcome: None }
+    }
+}
+
+impl Sink for Outlet<'_> {
+    fn transmit(&mut self, bytes: &[u8]) {
+        self.leds.transmit(true);
+        self.port.count(CpCounter::BytesTx, bytes.len() as u64);
+        self.port.transmit(bytes);
+    }
+
+    fn take_back(&mut self) -> usize {
+        self.port.take_back()
+    }
+
+    fn room(&self) -> usize {
+        self.ring.room()
+    }
+
+    fn deliver(&mut self, telegram: &[u8]) {
+        if self.ring.push(telegram) {
+            self.port.count(CpCounter::Received, 1);
+            self.port.event(self.now, CpEvent::Received(telegram));
+        } else {
+            // A protocol that does not ask for room first.
+            self.port.count(CpCounter::Rejected, 1);
+        }
+    }
+
+    fn sent(&mut self, outcome: Result<(), SendError>) {
+        self.outcome = Some(outcome);
+    }
+
+    fn report(&mut self, event: Event) {
+        if event.lights_er() && event.what != What::Line(LineFault::Gone) {
+            self.leds.error(self.now);
+        }
+        match event.what {
+            What::NoBuffer | What::TooLong => self.port.count(CpCounter::Rejected, 1),
+            What::CharacterDelay | What::BadDle(_) | What::BadCheck { .. } => {
+                self.port.count(CpCounter::ReceiveErrors, 1);
+            }
+            What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {
+                self.port.count(CpCounter::ReceiveErrors, 1);
+            }
+            _ => {}
+        }
+        self.port.event(self.now, CpEvent::Protocol(event));
+    }
+
+    fn rts(&mut self, on: bool) {
+        self.port.rts(on);
+    }
+}

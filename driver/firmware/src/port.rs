@@ -1,0 +1,163 @@
+//! What goes into a CP and what comes out: the plugs of the module.
+
+use ob1_params::{LineSettings, ParamError};
+use ob1_protocols::{Event, Input, LineFault, ModemLines, Nanos};
+
+use crate::leds::Leds;
+use crate::registers::Registers;
+
+/// Everything that can happen to a CP.
+#[derive(Debug, Clone, Copy)]
+pub enum CpInput<'a> {
+    /// Time has passed; nothing else.
+    Tick,
+    /// The CPU's output registers as they now stand.
+    Outputs(&'a Registers),
+    /// Something happened on the line.
+    Line(LineInput<'a>),
+    /// The CPU went to RUN or start-up (true) or to STOP (false).
+    CpuRun(bool),
+    /// Parameters: the CP starts anew with them. Sixteen zeros stand for "none", see [`crate::Cp240`].
+    Parameters(&'a [u8; 16]),
+}
+
+/// Everything that can happen on the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LineInput<'a> {
+    /// Characters came in; now is the end of the last one.
+    Rx(&'a [u8]),
+    /// The last bit of everything transmitted has left. A line that is gone reports it all the same.
+    TxDone,
+    /// A character could not be read, the line is gone, or it is back. A line that has never been there is gone: tell it
+    /// once at the start.
+    Fault(LineFault),
+    /// The modem lines have changed.
+    Modem(ModemLines),
+}
+
+impl<'a> LineInput<'a> {
+    pub(crate) const fn to_protocol(self) -> Input<'a> {
+        match self {
+            Self::Rx(bytes) => Input::Rx(bytes),
+            Self::TxDone => Input::TxDone,
+            Self::Fault(fault) => Input::LineFault(fault),
+            Self::Modem(lines) => Input::Modem(lines),
+        }
+    }
+}
+
+/// Where a CP puts what it does. All methods are called inside [`crate::Cp240::step`].
+pub trait CpPort {
+    /// Publishes the input registers, all sixteen bytes at once. Called only when they have changed.
+    fn inputs(&mut self, registers: &Registers);
+
+    /// Puts characters on the line, behind those before.
+    fn transmit(&mut self, bytes: &[u8]);
+
+    /// Takes back what has not yet begun to leave; the result is how many characters will not be sent.
+    fn take_back(&mut self) -> usize {
+        0
+    }
+
+    /// Sets baud rate, character frame and flow control; called once for each valid parameter record.
+    fn line_settings(&mut self, settings: &LineSettings);
+
+    /// Sets the modem line RTS.
+    fn rts(&mut self, on: bool) {
+        let _ = on;
+    }
+
+    /// The LEDs have changed.
+    fn leds(&mut self, leds: Leds);
+
+    /// Adds to a counter.
+    fn count(&mut self, counter: CpCounter, n: u64);
+
+    /// Something worth a diagnostic entry or a line of the trace.
+    fn event(&mut self, now: Nanos, event: CpEvent<'_>);
+}
+
+/// What a CP counts.
+///
+/// At every moment: orders accepted = sent + failed + aborted + the one under way; telegrams received = delivered +
+/// dropped + those in the buffer. What is under way when a CP is killed is lost in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum CpCounter {
+    /// Orders taken over completely from the CPU.
+    OrdersAccepted,
+    /// Orders ended well: acknowledged by the protocol.
+    Sent,
+    /// Orders ended with an error.
+    SendErrors,
+    /// Orders dropped by a reset or new parameters.
+    OrdersAborted,
+    /// Telegrams received completely and put into the buffer.
+    Received,
+    /// Telegrams handed over completely to the CPU.
+    Delivered,
+    /// Telegrams dropped from the buffer by a reset or new parameters.
+    ReceiveAborted,
+    /// Attempts to receive that failed: parity, frame, check character, time.
+    ReceiveErrors,
+    /// Telegrams rejected because the buffer was full.
+    Rejected,
+    /// Characters transmitted.
+    BytesTx,
+    /// Characters received.
+    BytesRx,
+    /// Times the line was found gone.
+    LineFaults,
+    /// Times it came back.
+    LineRestarts,
+}
+
+/// Why a CP shows a start-up identifier.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StartReason {
+    /// It has been given parameters: power-up, or STOP -> RUN of the CPU.
+    Parameters,
+    /// The CPU asked for it.
+    ResetRequest,
+}
+
+/// Why there are no valid parameters.
+#[derive(Debug, Clone, Copy)]
+pub enum ParameterFault<'a> {
+    /// A value is not allowed.
+    Value(&'a ParamError),
+    /// The protocol is known but this firmware does not have it yet.
+    Protocol(&'a str),
+}
+
+/// What a CP has to tell.
+#[derive(Debug, Clone, Copy)]
+pub enum CpEvent<'a> {
+    /// It shows start-up identifier number `number` and waits for the CPU.
+    Startup {
+        /// 1 to 255.
+        number: u8,
+        /// What led to it.
+        reason: StartReason,
+    },
+    /// The CPU has acknowledged; the CP works.
+    Working,
+    /// It cannot start.
+    NoParameters(ParameterFault<'a>),
+    /// The CPU has handed over this telegram.
+    Order(&'a [u8]),
+    /// The CPU gave up before a telegram was complete, or it is too long (17h).
+    OrderDiscarded {
+        /// 17h, or `None` if the CPU gave up.
+        code: Option<u8>,
+    },
+    /// The running order ended well.
+    Sent,
+    /// The running order ended with this code of the indicator word.
+    SendFailed(u8),
+    /// This telegram was received.
+    Received(&'a [u8]),
+    /// A telegram of this length was handed over to the CPU.
+    Delivered(usize),
+    /// The protocol met something.
+    Protocol(Event),
+}

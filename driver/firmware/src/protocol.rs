@@ -1,0 +1,90 @@
+//! From the parameters to the protocol machine.
+
+use ob1_params::{Ascii as AsciiParams, Cp240 as Parameters, Flow, Priority, Protocol as Chosen, S3964 as S3964Params};
+use ob1_protocols::{Ascii, Input, MS, Machine, Nanos, Order, S3964, Sink, ascii, s3964};
+
+/// How to build the machine of a parameter record.
+#[derive(Debug, Clone)]
+pub(crate) enum Setup {
+    Ascii(ascii::Config),
+    S3964(s3964::Config),
+}
+
+impl Setup {
+    /// `None`: this firmware does not have the protocol.
+    pub(crate) fn of(parameters: &Parameters) -> Option<Self> {
+        let char_time = parameters.char_time_ns();
+        match &parameters.protocol {
+            Chosen::Ascii(p) => Some(Self::Ascii(ascii_config(p, char_time))),
+            Chosen::S3964(p) if !p.rk512 => Some(Self::S3964(s3964_config(p, char_time))),
+            Chosen::S3964(_) | Chosen::StxEtx(_) | Chosen::Modbus(_) => None,
+        }
+    }
+
+    pub(crate) fn build(&self) -> Protocol {
+        match self {
+            Self::Ascii(config) => Protocol::Ascii(Ascii::new(config.clone())),
+            Self::S3964(config) => Protocol::S3964(S3964::new(config.clone())),
+        }
+    }
+}
+
+fn ascii_config(p: &AsciiParams, char_time: Nanos) -> ascii::Config {
+    ascii::Config {
+        fragmented: p.fragmented,
+        flow: match p.flow {
+            Flow::None => ascii::Flow::None,
+            Flow::Hardware => ascii::Flow::Hardware,
+            Flow::XonXoff => ascii::Flow::XonXoff,
+        },
+        zna: Nanos::from(p.zna_ms) * MS,
+        zvz: Nanos::from(p.zvz_ms) * MS,
+        ..ascii::Config::cp240(char_time)
+    }
+}
+
+fn s3964_config(p: &S3964Params, char_time: Nanos) -> s3964::Config {
+    s3964::Config {
+        priority: match p.priority {
+            Priority::Low => s3964::Priority::Low,
+            Priority::High => s3964::Priority::High,
+        },
+        zvz: Nanos::from(p.zvz_ms) * MS,
+        qvz: Nanos::from(p.qvz_ms) * MS,
+        zna: Nanos::from(p.zna_ms) * MS,
+        bwz: Nanos::from(p.bwz_ms) * MS,
+        // [S0 "STX repetitions"] counts the repetitions, [S0 "DBL"] the attempts.
+        connect_attempts: u16::from(p.stx_repetitions) + 1,
+        block_attempts: u16::from(p.dbl).max(1),
+        ..s3964::Config::cp240(p.bcc, char_time)
+    }
+}
+
+/// The protocol at work. The variants differ in size by little and there is one of it: no box.
+#[derive(Debug)]
+pub(crate) enum Protocol {
+    /// The CP does not work.
+    None,
+    Ascii(Ascii),
+    S3964(S3964),
+}
+
+impl Protocol {
+    /// One step; with no machine nothing happens.
+    pub(crate) fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+        match self {
+            Self::None => None,
+            Self::Ascii(machine) => machine.step(now, input, out),
+            Self::S3964(machine) => machine.step(now, input, out),
+        }
+    }
+
+    /// Whether the partner acknowledges telegrams. Where nobody does, an order on a line that is known to be gone must
+    /// not count as done because its last bit has "left".
+    pub(crate) const fn is_acknowledged(&self) -> bool {
+        matches!(self, Self::S3964(_))
+    }
+
+    /// Drops the running order.
+    pub(crate) const ABORT: Input<'static> = Input::Order(Order::Abort);
+}

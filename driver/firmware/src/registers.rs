@@ -1,0 +1,62 @@
+//! The sixteen bytes each way, and what their count words mean (docs/cp240-registers.md).
+
+/// Register bytes each way. [S0 L1839]
+pub const REGISTER_BYTES: usize = 16;
+
+/// Bytes of user data in one block. [S0 L1831]
+pub const BLOCK_BYTES: usize = 12;
+
+/// Longest telegram, and size of the send and of the receive buffer. [S0 L1827]
+pub const BUFFER_BYTES: usize = 1024;
+
+/// `RX`: start-up identifier; `RX echo`: the start-up is acknowledged.
+pub const STARTUP: u16 = 0x8001;
+
+/// `RX echo`: reset request.
+pub const RESET: u16 = 0x8002;
+
+/// `RX`: no valid parameters.
+pub const NO_PARAMETERS: u16 = 0x8003;
+
+/// Marks a system word.
+pub const SYSTEM: u16 = 0x8000;
+
+/// `TX echo`: the order ended with an error, the code is in the low byte; `TX`: seen.
+pub const FAILED: u16 = 0x2000;
+
+/// Bits 0 to 10 hold a count; a word with any other bit set is none.
+const COUNT_BITS: u16 = 0x07FF;
+
+/// The register bytes of one direction.
+pub type Registers = [u8; REGISTER_BYTES];
+
+/// First word (`RX`, `RX echo`), big-endian.
+pub(crate) const fn rx_word(registers: &Registers) -> u16 {
+    u16::from_be_bytes([registers[0], registers[1]])
+}
+
+/// Second word (`TX echo`, `TX`), big-endian.
+pub(crate) const fn tx_word(registers: &Registers) -> u16 {
+    u16::from_be_bytes([registers[2], registers[3]])
+}
+
+/// The block behind the words.
+pub(crate) fn block(registers: &Registers) -> &[u8] {
+    &registers[REGISTER_BYTES - BLOCK_BYTES..]
+}
+
+/// The registers with these words and this block, zeros behind it.
+pub(crate) fn compose(rx: u16, tx: u16, block: &[u8]) -> Registers {
+    let mut registers = [0; REGISTER_BYTES];
+    registers[..2].copy_from_slice(&rx.to_be_bytes());
+    registers[2..4].copy_from_slice(&tx.to_be_bytes());
+    for (to, from) in registers[4..].iter_mut().zip(block) {
+        *to = *from;
+    }
+    registers
+}
+
+/// A word as a count of bytes, possibly one that is too large for a telegram.
+pub(crate) const fn count(word: u16) -> Option<usize> {
+    if word & !COUNT_BITS == 0 { Some(word as usize) } else { None }
+}

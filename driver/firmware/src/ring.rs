@@ -1,0 +1,140 @@
+//! The receive buffer: whole telegrams in a ring of 1024 bytes [S0 "Communication via back plane bus"].
+
+use crate::registers::BUFFER_BYTES;
+
+/// Telegrams the buffer can hold at most. [S0 "Properties"]
+pub const TELEGRAMS_MAX: usize = 250;
+
+/// Received telegrams waiting for the CPU, oldest first.
+#[derive(Debug)]
+pub(crate) struct Ring {
+    bytes: [u8; BUFFER_BYTES],
+    /// Begin of the oldest telegram.
+    head: usize,
+    /// Bytes in use.
+    used: usize,
+    lengths: [u16; TELEGRAMS_MAX],
+    /// Place of the oldest length.
+    first: usize,
+    telegrams: usize,
+    /// Telegrams permitted by the parameters, 1 to 250.
+    limit: usize,
+}
+
+impl Ring {
+    pub(crate) const fn new() -> Self {
+        Self {
+            bytes: [0; BUFFER_BYTES],
+            head: 0,
+            used: 0,
+            lengths: [0; TELEGRAMS_MAX],
+            first: 0,
+            telegrams: 0,
+            limit: TELEGRAMS_MAX,
+        }
+    }
+
+    /// Empties the buffer and sets how many telegrams it may hold.
+    pub(crate) fn clear(&mut self, limit: u8) {
+        (self.head, self.used, self.first, self.telegrams) = (0, 0, 0, 0);
+        self.limit = usize::from(limit).clamp(1, TELEGRAMS_MAX);
+    }
+
+    /// Telegrams waiting.
+    pub(crate) const fn telegrams(&self) -> usize {
+        self.telegrams
+    }
+
+    /// Bytes the next telegram may have; 0: none is taken.
+    pub(crate) const fn room(&self) -> usize {
+        if self.telegrams < self.limit { BUFFER_BYTES - self.used } else { 0 }
+    }
+
+    /// Appends a telegram; false (and nothing is kept of it) if it is empty or there is no room.
+    pub(crate) fn push(&mut self, telegram: &[u8]) -> bool {
+        if telegram.is_empty() || telegram.len() > self.room() {
+            return false;
+        }
+        let begin = (self.head + self.used) % BUFFER_BYTES;
+        let straight = telegram.len().min(BUFFER_BYTES - begin);
+        let (front, back) = telegram.split_at(straight);
+        self.bytes[begin..begin + straight].copy_from_slice(front);
+        self.bytes[..back.len()].copy_from_slice(back);
+        self.used += telegram.len();
+        self.lengths[(self.first + self.telegrams) % TELEGRAMS_MAX] = telegram.len() as u16;
+        self.telegrams += 1;
+        true
+    }
+
+    /// Length of the oldest telegram.
+    pub(crate) fn oldest(&self) -> Option<usize> {
+        (self.telegrams > 0).then(|| usize::from(self.lengths[self.first]))
+    }
+
+    /// Copies out of the oldest telegram, from byte `at` on.
+    pub(crate) fn copy(&self, at: usize, into: &mut [u8]) {
+        for (offset, byte) in into.iter_mut().enumerate() {
+            *byte = self.bytes[(self.head + at + offset) % BUFFER_BYTES];
+        }
+    }
+
+    /// Drops the oldest telegram.
+    pub(crate) fn pop(&mut self) {
+        if let Some(length) = self.oldest() {
+            self.head = (self.head + length) % BUFFER_BYTES;
+            self.used -= length;
+            self.first = (self.first + 1) % TELEGRAMS_MAX;
+            self.telegrams -= 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::VecDeque;
+
+    #[test]
+    fn bytes_and_telegrams_are_limited() {
+        let mut ring = Ring::new();
+        ring.clear(250);
+        assert!(ring.push(&[7; 1024]));
+        assert_eq!(ring.room(), 0);
+        assert!(!ring.push(&[1]), "full");
+        ring.clear(2);
+        assert!(ring.push(&[1]) && ring.push(&[2]));
+        assert_eq!(ring.room(), 0, "two receive buffers are two telegrams");
+        ring.pop();
+        assert_eq!(ring.room(), 1023);
+        assert!(!ring.push(&[]), "there are no empty telegrams");
+    }
+
+    proptest! {
+        #[test]
+        fn telegrams_come_out_as_they_went_in(
+            lengths in proptest::collection::vec((1usize..=1024, any::<bool>()), 0..300),
+            limit in 1u8..=250,
+        ) {
+            let mut ring = Ring::new();
+            ring.clear(limit);
+            let mut model: VecDeque<Vec<u8>> = VecDeque::new();
+            for (n, (length, take)) in lengths.into_iter().enumerate() {
+                let telegram: Vec<u8> = (0..length).map(|i| (i * 7 + n) as u8).collect();
+                let used: usize = model.iter().map(Vec::len).sum();
+                let fits = model.len() < usize::from(limit) && used + length <= BUFFER_BYTES;
+                prop_assert_eq!(ring.push(&telegram), fits);
+                if fits {
+                    model.push_back(telegram);
+                }
+                if take && let Some(expected) = model.pop_front() {
+                    let mut out = vec![0; ring.oldest().unwrap()];
+                    ring.copy(0, &mut out);
+                    prop_assert_eq!(out, expected);
+                    ring.pop();
+                }
+                prop_assert_eq!(ring.telegrams(), model.len());
+            }
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! CPU -> CP: a telegram collected block by block, and how its order ends [S0 "Example SEND data"].
+
+use crate::registers::{BLOCK_BYTES, BUFFER_BYTES, FAILED, count};
+
+/// Error code of a telegram that is longer than the buffer. [S0 L1298]
+const TOO_LONG: u8 = 0x17;
+
+/// Where the CPU and the CP are with an order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    /// `TX echo` is 0; the next telegram may begin.
+    Idle,
+    /// Blocks arrive; `rest` is the count echoed last.
+    Collecting { rest: usize },
+    /// The order is with the protocol; `rest` stays on show.
+    Transmitting { rest: usize },
+    /// The error is on show until the CPU has seen it.
+    Failed(u8),
+    /// The CPU has seen it; its `TX` has to go to 0.
+    Closing,
+}
+
+/// What the CPU's count has brought about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// Nothing to do.
+    Wait,
+    /// A block was stored: the echo has changed.
+    Stored,
+    /// The telegram is complete, [`SendSide::telegram`] has it: start to transmit.
+    Complete,
+    /// The CPU gave up before the telegram was complete.
+    Discarded,
+    /// The telegram is too long.
+    Refused,
+}
+
+/// The send buffer and its handshake.
+#[derive(Debug)]
+pub(crate) struct SendSide {
+    state: State,
+    buffer: [u8; BUFFER_BYTES],
+    length: usize,
+}
+
+impl SendSide {
+    pub(crate) const fn new() -> Self {
+        Self { state: State::Idle, buffer: [0; BUFFER_BYTES], length: 0 }
+    }
+
+    /// Back to "nothing to send"; true if an order was with the protocol and will never be answered.
+    pub(crate) fn clear(&mut self) -> bool {
+        let aborted = self.is_transmitting();
+        self.state = State::Idle;
+        self.length = 0;
+        aborted
+    }
+
+    /// Whether an order is with the protocol.
+    pub(crate) const fn is_transmitting(&self) -> bool {
+        matches!(self.state, State::Transmitting { .. })
+    }
+
+    /// The complete telegram.
+    pub(crate) fn telegram(&self) -> &[u8] {
+        &self.buffer[..self.length]
+    }
+
+    /// `TX echo`.
+    pub(crate) const fn echo(&self) -> u16 {
+        match self.state {
+            State::Idle | State::Closing => 0,
+            State::Collecting { rest } | State::Transmitting { rest } => rest as u16,
+            State::Failed(code) => FAILED | code as u16,
+        }
+    }
+
+    /// Looks at `TX` and the block that came with it.
+    pub(crate) fn look(&mut self, tx: u16, block: &[u8]) -> Step {
+        match self.state {
+            State::Idle => match count(tx) {
+                None | Some(0) => Step::Wait,
+                Some(total) if total > BUFFER_BYTES => {
+                    self.state = State::Failed(TOO_LONG);
+                    Step::Refused
+                }
+                Some(total) => {
+                    self.length = 0;
+                    self.store(total, block)
+                }
+            },
+            State::Collecting { rest } => match count(tx) {
+                // The counts have run down: the last block is here.
+                Some(0) if rest <= BLOCK_BYTES => {
+                    self.state = State::Transmitting { rest };
+                    Step::Complete
+                }
+                Some(0) => {
+                    self.discard();
+                    Step::Discarded
+                }
+                Some(next) if rest > BLOCK_BYTES && next == rest - BLOCK_BYTES => self.store(next, block),
+                // The count echoed already, or one that does not follow: treated as absent.
+                _ => Step::Wait,
+            },
+            // A first count is left waiting.
+            State::Transmitting { .. } => Step::Wait,
+            State::Failed(_) => {
+                if tx != FAILED {
+                    return Step::Wait;
+                }
+                self.state = State::Closing;
+                Step::Stored
+            }
+            State::Closing => {
+                if tx == 0 {
+                    self.state = State::Idle;
+                }
+                Step::Wait
+            }
+        }
+    }
+
+    /// Drops a telegram that is not complete; true if there was one.
+    pub(crate) fn discard(&mut self) -> bool {
+        let collecting = matches!(self.state, State::Collecting { .. });
+        if collecting {
+            self.state = State::Idle;
+            self.length = 0;
+        }
+        collecting
+    }
+
+    /// The protocol is through with the order.
+    pub(crate) fn ended(&mut self, outcome: Result<(), u8>) {
+        if self.is_transmitting() {
+            self.state = match outcome {
+                Ok(()) => State::Idle,
+                Err(code) => State::Failed(code),
+            };
+            self.length = 0;
+        }
+    }
+
+    fn store(&mut self, rest: usize, block: &[u8]) -> Step {
+        let n = rest.min(BLOCK_BYTES).min(block.len());
+        self.buffer[self.length..self.length + n].copy_from_slice(&block[..n]);
+        self.length += n;
+        self.state = State::Collecting { rest };
+        Step::Stored
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BLOCK: [u8; 12] = *b"abcdefghijkl";
+
+    #[test]
+    fn thirty_bytes_are_30_18_6_0() {
+        let mut send = SendSide::new();
+        for (tx, echo) in [(30, 30), (30, 30), (18, 18), (6, 6)] {
+            send.look(tx, &BLOCK);
+            assert_eq!(send.echo(), echo);
+        }
+        assert_eq!(send.look(0, &BLOCK), Step::Complete);
+        assert_eq!(send.telegram(), b"abcdefghijklabcdefghijklabcdef");
+        assert_eq!(send.echo(), 6, "stays until the protocol is through");
+        assert_eq!(send.look(5, &BLOCK), Step::Wait, "left waiting");
+        send.ended(Ok(()));
+        assert_eq!(send.echo(), 0);
+        assert_eq!(send.look(5, &BLOCK), Step::Stored, "the one that waited");
+    }
+
+    #[test]
+    fn a_telegram_of_exactly_one_block() {
+        let mut send = SendSide::new();
+        assert_eq!(send.look(12, &BLOCK), Step::Stored);
+        assert_eq!(send.look(0, &BLOCK), Step::Complete);
+        assert_eq!(send.telegram(), BLOCK);
+    }
+
+    #[test]
+    fn zero_before_the_counts_have_run_down_discards() {
+        let mut send = SendSide::new();
+        send.look(13, &BLOCK);
+        assert_eq!(send.look(0, &BLOCK), Step::Discarded);
+        assert_eq!(send.echo(), 0);
+        assert_eq!(send.look(1, b"x"), Step::Stored, "the next one may follow");
+        assert_eq!(send.telegram(), b"x");
+    }
+
+    #[test]
+    fn words_that_are_no_count_are_absent() {
+        let mut send = SendSide::new();
+        for word in [0x8000, 0x8001, 0x2000, 0x2007, 0x4010, 0x0810, 0x1001, 0xFFFF] {
+            assert_eq!(send.look(word, &BLOCK), Step::Wait, "{word:04X}h");
+            assert_eq!(send.echo(), 0);
+        }
+        send.look(30, &BLOCK);
+        for word in [29, 12, 6, 31, 17, 1024, 0x8000, 0x4012] {
+            assert_eq!(send.look(word, &BLOCK), Step::Wait, "{word:04X}h does not follow 30");
+            assert_eq!(send.echo(), 30);
+        }
+    }
+
+    #[test]
+    fn too_long_is_refused_with_17h() {
+        for word in [1025, 0x07FF] {
+            let mut send = SendSide::new();
+            assert_eq!(send.look(word, &BLOCK), Step::Refused);
+            assert_eq!(send.echo(), 0x2017);
+        }
+        let mut send = SendSide::new();
+        assert_eq!(send.look(1024, &BLOCK), Step::Stored);
+    }
+
+    #[test]
+    fn a_failure_is_shown_until_it_is_acknowledged() {
+        let mut send = SendSide::new();
+        send.look(1, &BLOCK);
+        send.look(0, &BLOCK);
+        send.ended(Err(0x0A));
+        assert_eq!(send.echo(), 0x200A);
+        send.look(0, &BLOCK);
+        send.look(5, &BLOCK);
+        assert_eq!(send.echo(), 0x200A, "neither 0 nor a count acknowledges it");
+        send.look(FAILED, &BLOCK);
+        assert_eq!(send.echo(), 0);
+        assert_eq!(send.look(5, &BLOCK), Step::Wait, "0 comes first");
+        send.look(0, &BLOCK);
+        assert_eq!(send.look(5, &BLOCK), Step::Stored);
+    }
+}
