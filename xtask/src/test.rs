@@ -10,7 +10,7 @@
 //! | `OB1_BIN_DIR`     | folder of `ob1` and `ob1-cp`                                   |
 //! | `OB1_PYTHON`      | interpreter for `tests/peers`, with their packages             |
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::cargo::{self, Profile, cargo};
@@ -46,6 +46,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     };
 
     let mut summary = Vec::new();
+    summary.push(("partners", self_tests(&python)?));
     let mut closing = Vec::new();
     for mut command in test_commands(&wish)? {
         surroundings(&mut command);
@@ -74,6 +75,19 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     }
     println!("all tests passed");
     Ok(())
+}
+
+/// A partner that is wrong proves nothing: each script of `tests/peers` is tested against itself first.
+fn self_tests(python: &Path) -> Outcome<String> {
+    let folder = cargo::root().join("tests/peers");
+    let entries = std::fs::read_dir(&folder).map_err(|why| step(format!("{}: {why}", folder.display())))?;
+    let mut scripts: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    scripts.retain(|path| path.extension().is_some_and(|end| end == "py"));
+    scripts.sort();
+    for script in &scripts {
+        shell::run(Command::new(python).arg(script).arg("--selftest"))?;
+    }
+    Ok(format!("{} passed their self-tests", scripts.len()))
 }
 
 fn parse(args: &[String]) -> Outcome<Wish> {
