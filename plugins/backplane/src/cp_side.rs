@@ -9,7 +9,7 @@ use crate::fault::{Fault, SegmentError, TooLong};
 use crate::header;
 use crate::layout::JSON_BYTES;
 use crate::mailbox::{Mail, Poster, Taker};
-use crate::record::{Params, Record, read_params, read_record, write_record};
+use crate::record::{Params, Record, clear_record, read_params, read_record, write_record};
 use crate::registers::{IoBytes, RegisterWriter};
 use crate::segment::Segment;
 use crate::seqlock::{Freshness, SeqReader};
@@ -36,7 +36,8 @@ pub struct CpSide {
 }
 
 impl CpSide {
-    /// Attaches a driver: checks the header, clears what an earlier driver has left (its input registers read 0, orders in
+    /// Attaches a driver: checks the header, clears what an earlier driver has left (its input registers read 0, its diagnostic record is
+    /// empty, orders in
     /// its buffers are booked as lost, a mail to it is thrown away), shows [`DriverState::Starting`] and makes the next
     /// generation, which tells the CPU side that all this is done. Events an earlier driver has completed stay.
     ///
@@ -51,6 +52,7 @@ impl CpSide {
         cells.cp.modem_inputs.store(0, Ordering::Relaxed);
         let mut inputs = RegisterWriter::new(io);
         inputs.clear(&cells.inputs.registers);
+        clear_record(&cells.diagnosis);
         book_lost(&cells.counters);
         counters::add(&cells.counters, Counter::DriverStarts, 1);
         let events = Producer::resume(&cells.events);

@@ -1,7 +1,7 @@
 //! The memory map of a segment in numbers: what `docs/backplane.md` says and a driver in C or Python relies on.
 //!
 //! Every field is made of 64-bit words in the byte order of the machine. [`FIELDS`] names them all; a test holds the
-//! document, this table and the cells of [`crate::cells`] together.
+//! document, this table and the code together.
 
 /// The first word of a segment: the bytes `OB1BPLN` and a zero.
 pub const MAGIC: u64 = u64::from_ne_bytes(*b"OB1BPLN\0");

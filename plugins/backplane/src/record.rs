@@ -11,7 +11,7 @@ use crate::seqlock::{Freshness, SeqCell, SeqReader};
 pub struct Record {
     /// Number of the record, as in `RD_REC` and `WR_REC`.
     pub number: u32,
-    /// Changes with every record written; 0 before the first.
+    /// Changes with every record written (an attaching driver writes an empty one); 0 before the first.
     pub revision: u64,
     /// Whether it is the newest one.
     pub freshness: Freshness,
@@ -34,6 +34,11 @@ pub(crate) fn write_record(cells: &RecordCells, number: u32, data: &[u8]) -> Res
     }
     cells.record.write([u64::from(number), data.len() as u64].into_iter().chain(words_of(data)));
     Ok(())
+}
+
+/// Puts an empty record in the place of whatever there was, and ends what a dead writer may have left half-way.
+pub(crate) fn clear_record(cells: &RecordCells) {
+    cells.record.write([0, 0].into_iter());
 }
 
 /// Reads a record; the number is cut to 32 bits, the length is checked.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread;
 
-use ob1_backplane::{CpSide, CpuSide, DriverState, Freshness, IoField, IoImage, Segment, SegmentError, layout};
+use ob1_backplane::{CpSide, CpuSide, DriverState, Freshness, IoField, IoImage, Record, Segment, SegmentError, layout};
 use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, fcntl_get_seals, memfd_create};
 
 #[test]
@@ -130,13 +130,13 @@ fn the_image_is_seen_by_its_path() {
 /// Tells the child process which segment to open, and so that it is the child.
 const ROLE: &str = "OB1_BACKPLANE_TEST_SEGMENT";
 
-/// Registers whose words follow from the first one.
-fn fill(number: u64) -> [u8; 64] {
-    let mut registers = [0; 64];
-    for (index, chunk) in registers.chunks_mut(8).enumerate() {
+/// A content whose words follow from the first one.
+fn fill<const N: usize>(number: u64) -> [u8; N] {
+    let mut content = [0; N];
+    for (index, chunk) in content.chunks_mut(8).enumerate() {
         chunk.copy_from_slice(&number.wrapping_mul(2 * index as u64 + 1).to_le_bytes());
     }
-    registers
+    content
 }
 
 /// The child: a driver that writes as fast as it can, until it is killed or left alone.
@@ -144,11 +144,12 @@ fn write_for_ever(path: &Path) {
     let parent = parent_id();
     let mut cp = CpSide::attach(&Segment::open(path).unwrap()).unwrap();
     cp.set_state(DriverState::Ready);
-    let mut number = 0_u64;
+    // Made beforehand, so that it writes most of its time.
+    let contents: Vec<[u8; 240]> = (1..=1000).map(fill).collect();
     while parent_id() == parent {
-        for _ in 0..10_000 {
-            number += 1;
-            cp.write_inputs(&fill(number));
+        for content in &contents {
+            cp.write_inputs(&content[..64]);
+            cp.write_diagnosis(1, content).unwrap();
         }
     }
 }
@@ -171,36 +172,53 @@ fn a_driver_killed_in_the_middle_of_a_write_harms_nobody() {
     let segment = Segment::create_shared().unwrap();
     let mut cpu = CpuSide::create(&segment, 64).unwrap();
     let monitor = cpu.monitor().clone();
-    let sequence = layout::FIELDS.iter().find(|field| field.name == "inputs.sequence").unwrap().offset;
-    let mut in_the_middle = 0;
-    for round in 1..=25_u64 {
+    let is_odd = |name: &str| {
+        let field = layout::FIELDS.iter().find(|field| field.name == name).unwrap();
+        segment.peek(field.offset).unwrap() % 2 == 1
+    };
+    let mut killed_in_the_middle = 0;
+    for round in 1..=1000_u64 {
         let child = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "a_driver_killed_in_the_middle_of_a_write_harms_nobody"])
             .env(ROLE, segment.path().unwrap())
             .stdout(Stdio::null())
             .spawn();
         let mut child = Killed(child.unwrap());
-        let mut registers = [0; 64];
-        let mut fresh = 0;
-        while fresh < 10 + 3 * round || monitor.generation() != round {
+        let (mut registers, mut fresh) = ([0; 64], 0);
+        while fresh < 10 + round || monitor.generation() != round {
             let freshness = cpu.read_inputs(&mut registers);
             let number = u64::from_le_bytes(registers[..8].try_into().unwrap());
             assert_eq!(registers, fill(number), "a torn read");
             fresh += u64::from(freshness == Freshness::Fresh && number > 0);
+            whole_diagnosis(&mut cpu);
             assert_eq!(child.0.try_wait().unwrap(), None, "the driver has ended by itself");
             thread::yield_now();
         }
         drop(child);
-        let left_odd = segment.peek(sequence).unwrap() % 2 == 1;
-        in_the_middle += u64::from(left_odd);
-        let last = registers;
-        let freshness = cpu.read_inputs(&mut registers);
-        assert_eq!(freshness, if left_odd { Freshness::Stale } else { Freshness::Fresh });
-        assert!(!left_odd || registers == last, "its own last copy");
+        let last = (registers, whole_diagnosis(&mut cpu).data().to_vec());
+        let odd = (is_odd("inputs.sequence"), is_odd("diagnosis.sequence"));
+        let expected = |odd| if odd { Freshness::Stale } else { Freshness::Fresh };
+        assert_eq!(cpu.read_inputs(&mut registers), expected(odd.0));
+        assert!(!odd.0 || registers == last.0, "its own last copy");
+        let diagnosis = whole_diagnosis(&mut cpu);
+        assert_eq!((diagnosis.freshness, diagnosis.data()), (expected(odd.1), &last.1[..]));
         monitor.driver_gone();
         assert_eq!(cpu.read_inputs(&mut registers), Freshness::Fresh);
         assert_eq!(registers, [0; 64]);
         assert_eq!(monitor.driver_state(), Ok(DriverState::Absent));
+        killed_in_the_middle += u64::from(odd.0 || odd.1);
+        if round >= 20 && killed_in_the_middle >= 5 {
+            return;
+        }
     }
-    println!("{in_the_middle} of 25 drivers died in the middle of a write");
+    panic!("of 1000 drivers only {killed_in_the_middle} died in the middle of a write: this tests nothing");
+}
+
+/// The diagnostic record: empty or whole.
+fn whole_diagnosis(cpu: &mut CpuSide) -> Record {
+    let record = cpu.read_diagnosis().unwrap();
+    if let Some((first, _)) = record.data().split_first_chunk() {
+        assert_eq!(record.data(), fill::<240>(u64::from_le_bytes(*first)), "a torn record");
+    }
+    record
 }

@@ -53,7 +53,8 @@ fn a_parameter_length_without_room_is_a_fault() {
 #[test]
 fn records_cross_in_both_directions() {
     let (segment, mut cpu, mut cp) = both_ends(16);
-    assert_eq!(cpu.read_diagnosis().unwrap().revision, 0);
+    assert_eq!(cpu.read_diagnosis().unwrap().data(), &[]);
+    assert_eq!(cp.read_record().unwrap().revision, 0);
     assert!(!cp.record_changed());
     let long = [0x5a; layout::RECORD_BYTES];
     cp.write_diagnosis(1, &long).unwrap();

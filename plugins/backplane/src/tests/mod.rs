@@ -9,6 +9,7 @@ mod garbage;
 mod image;
 mod registers;
 mod restart;
+mod traffic;
 
 use crate::{CpSide, CpuSide, Segment};
 

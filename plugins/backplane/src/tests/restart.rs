@@ -12,6 +12,8 @@ fn a_new_driver_is_another_generation_and_starts_from_zero() {
     cpu.write_outputs(&[4; 16]);
     cpu.write_params(&[1; 16], b"{}").unwrap();
     cp.write_inputs(&[5; 16]);
+    cp.write_diagnosis(1, &[6; 16]).unwrap();
+    segment.poke(at("diagnosis.sequence"), segment.peek(at("diagnosis.sequence")).unwrap() + 1);
     cp.set_state(DriverState::Ready);
     cp.set_leds(Leds { power: true, ..Leds::default() });
     cp.set_modem_inputs(ModemInputs { rts: true, ..ModemInputs::default() });
@@ -26,6 +28,8 @@ fn a_new_driver_is_another_generation_and_starts_from_zero() {
     assert_eq!(cpu.read_inputs(&mut registers), Freshness::Fresh);
     assert_eq!(registers, [0; 16]);
     assert!(cp.outputs_changed() && cp.params_changed(), "what the CPU side says is new to it");
+    let diagnosis = cpu.read_diagnosis().unwrap();
+    assert_eq!((diagnosis.freshness, diagnosis.number, diagnosis.data()), (Freshness::Fresh, 0, &[][..]));
     assert_eq!(cp.read_outputs(&mut registers), Freshness::Fresh);
     assert_eq!(registers, [4; 16]);
     assert_eq!(cp.read_params().unwrap().json, b"{}");
