@@ -1,6 +1,39 @@
 //! The CPU: memory, process image, organization blocks, scan loop, diagnostic buffer, access port, and the reference engine
 //! that defines what a statement means.
+//!
+//! [`Cpu::new`] loads a compiled program, native blocks and modules; [`Cpu::cycle`] runs one cycle and says when the next is due.
+//! The CPU knows time only through the [`Clock`] it is given and never sleeps: the caller does.
 
+mod calendar;
+mod cells;
+mod config;
+mod cpu;
+mod diag;
+mod engine;
+mod error;
+mod load;
+mod log;
+mod machine;
+mod memory;
+mod modules;
+mod native;
+mod port;
 mod ports;
+mod statistics;
+mod timers;
 
+pub use config::{Command, CpuConfig, CycleEnd, ModuleSlot, OperatingState};
+pub use cpu::Cpu;
+pub use diag::{DIAG_ENTRIES, DIAG_TEXT, DiagEntry, ShortText};
+pub use error::LoadError;
+pub use log::{LOG_TEXT, LogLine, LogReader};
+pub use machine::Interrupt;
+pub use port::{AccessClient, Answer, Ask, Cell, CellWidth, PortError, Request, Response};
 pub use ports::*;
+pub use statistics::{Distribution, ScanStatistics};
+
+use diag::DiagBuffer;
+use machine::Context;
+use memory::Memory;
+use modules::{IoError, Modules};
+use statistics::Statistics;

@@ -226,6 +226,8 @@ pub trait NativeContext {
     /// Enters the text, marks the CPU for STOP; the block then returns [`Abort`]. `event` tells a panic from a request.
     fn stop(&mut self, event: Event, text: &str) -> Abort;
     fn log(&mut self, level: u8, text: &str);
+    /// Restarts the cycle monitoring (SFC 43). Not in the plugin interface; nothing by default.
+    fn retrigger_watchdog(&mut self) {}
 }
 
 /// A block that is not made of statements: of a plugin, of the standard library, of the user, in Rust or C.

@@ -1,0 +1,116 @@
+//! What a CPU is built with: sizes, cycle rules, and where its modules lie.
+
+use crate::Nanos;
+
+/// The sizes and rules of one CPU. The defaults are those of an S7-300.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CpuConfig {
+    /// Bytes of the process image of the inputs, 0 to 8192.
+    pub input_bytes: u32,
+    /// Bytes of the process image of the outputs, 0 to 8192.
+    pub output_bytes: u32,
+    /// Bytes of bit memory, 0 to 65536.
+    pub memory_bytes: u32,
+    /// Timers, 0 to 2048.
+    pub timers: u16,
+    /// Counters, 0 to 2048.
+    pub counters: u16,
+    /// Bytes of local data for all nested blocks together, 1024 to 1048576.
+    pub local_bytes: u32,
+    /// Accumulators: 2 (S7-300) or 4 (S7-400).
+    pub accumulators: u8,
+    /// Blocks nested in one another within a priority class, 1 to 64.
+    pub nesting_depth: u8,
+    /// Minimum cycle time; 0: the next cycle starts at once.
+    pub min_cycle: Nanos,
+    /// Cycle monitoring time; 0: none.
+    pub watchdog: Nanos,
+    /// The byte of bit memory that carries the clock pulses of 10 Hz (bit 0) to 0.5 Hz (bit 7).
+    pub clock_memory: Option<u16>,
+    /// Time of day at the runtime's time 0, in nanoseconds since 1990-01-01: the date in start information.
+    pub date_at_start: u64,
+    /// Items of the access port served in one scan, at least 1.
+    pub port_items_per_scan: u32,
+    /// Items the access port's rings hold, at least 1.
+    pub port_capacity: usize,
+    /// Peripheral reads answer from the process image of the inputs and peripheral writes land in that of the outputs: for
+    /// programs run without modules.
+    pub peripheral_from_image: bool,
+}
+
+impl Default for CpuConfig {
+    fn default() -> Self {
+        Self {
+            input_bytes: 128,
+            output_bytes: 128,
+            memory_bytes: 256,
+            timers: 256,
+            counters: 256,
+            local_bytes: 32 * 1024,
+            accumulators: 2,
+            nesting_depth: 24,
+            min_cycle: 0,
+            watchdog: 150_000_000,
+            clock_memory: None,
+            date_at_start: 0,
+            port_items_per_scan: 64,
+            port_capacity: 256,
+            peripheral_from_image: false,
+        }
+    }
+}
+
+/// Where a module's registers lie in the peripheral area.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ModuleSlot {
+    /// Its name in the station file, for messages.
+    pub name: String,
+    /// Logical address of its first input byte.
+    pub input_address: u32,
+    /// Logical address of its first output byte.
+    pub output_address: u32,
+}
+
+impl ModuleSlot {
+    /// A module whose inputs and outputs begin at the same address, as a CP's do.
+    #[must_use]
+    pub fn new(name: &str, address: u32) -> Self {
+        Self { name: name.to_owned(), input_address: address, output_address: address }
+    }
+}
+
+/// Operating states.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OperatingState {
+    /// The program does not run, outputs are 0. Access port and modules are served.
+    #[default]
+    Stop,
+    /// OB 100 (warm) or OB 102 (cold) runs.
+    Startup,
+    /// The cycle runs.
+    Run,
+}
+
+/// What an operator can ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// STOP to RUN, by a warm restart. Nothing happens in RUN.
+    Run,
+    /// To STOP.
+    Stop,
+    /// Warm restart: process images, bit memory, timers and counters are cleared, data blocks keep their values.
+    Warm,
+    /// Cold restart: as warm, and data blocks get their load values.
+    Cold,
+    /// Memory reset: STOP, everything as after loading, the diagnostic buffer stays.
+    Reset,
+}
+
+/// What a cycle leaves behind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CycleEnd {
+    /// When the next cycle is due. In the past or present: at once.
+    pub next_deadline: Nanos,
+    /// The state now.
+    pub state: OperatingState,
+}

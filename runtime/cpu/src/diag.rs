@@ -1,0 +1,170 @@
+//! The diagnostic buffer: the last hundred events, newest first, as a fixed ring.
+
+use std::fmt;
+
+use ob1_model::{Event, Site};
+
+use crate::Nanos;
+
+/// Entries the buffer holds.
+pub const DIAG_ENTRIES: usize = 100;
+/// Bytes of text an entry holds.
+pub const DIAG_TEXT: usize = 80;
+
+/// A short text of fixed size, cut at a character boundary.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct ShortText {
+    len: u8,
+    bytes: [u8; DIAG_TEXT],
+}
+
+impl ShortText {
+    /// As much of `text` as fits.
+    #[must_use]
+    pub fn new(text: &str) -> Self {
+        Self::join(&[text])
+    }
+
+    /// The pieces one after the other, as much as fits.
+    pub(crate) fn join(pieces: &[&str]) -> Self {
+        let mut joined = Self::default();
+        for piece in pieces {
+            let at = usize::from(joined.len);
+            let mut end = piece.len().min(DIAG_TEXT - at);
+            while !piece.is_char_boundary(end) {
+                end -= 1;
+            }
+            joined.bytes[at..at + end].copy_from_slice(&piece.as_bytes()[..end]);
+            joined.len = (at + end) as u8;
+        }
+        joined
+    }
+
+    /// The text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        std::str::from_utf8(&self.bytes[..usize::from(self.len)]).unwrap_or("")
+    }
+}
+
+impl Default for ShortText {
+    fn default() -> Self {
+        Self { len: 0, bytes: [0; DIAG_TEXT] }
+    }
+}
+
+impl fmt::Debug for ShortText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(self.as_str(), f)
+    }
+}
+
+/// One entry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DiagEntry {
+    /// Counts all entries since the CPU was built, from 1.
+    pub number: u64,
+    /// When.
+    pub time: Nanos,
+    /// What.
+    pub event: Event,
+    /// The statement, for errors of the program.
+    pub site: Option<Site>,
+    /// ACCU1 and ACCU2 at that statement.
+    pub accus: [u32; 2],
+    /// What the event is about: a block, timer or byte number, a module address, a time in milliseconds.
+    pub data: u32,
+    /// More, in words.
+    pub text: ShortText,
+}
+
+impl fmt::Display for DiagEntry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:04X}h {}", self.event.0, self.event.text())?;
+        if let Some(site) = self.site {
+            write!(f, " ({site}, ACCU1 {:08X}, ACCU2 {:08X}, number {})", self.accus[0], self.accus[1], self.data)?;
+        }
+        if !self.text.as_str().is_empty() {
+            write!(f, ": {}", self.text.as_str())?;
+        }
+        Ok(())
+    }
+}
+
+/// The ring.
+#[derive(Debug)]
+pub(crate) struct DiagBuffer {
+    entries: Box<[DiagEntry]>,
+    written: u64,
+}
+
+impl DiagBuffer {
+    pub(crate) fn new() -> Self {
+        let blank = DiagEntry {
+            number: 0,
+            time: 0,
+            event: Event(0),
+            site: None,
+            accus: [0; 2],
+            data: 0,
+            text: ShortText::default(),
+        };
+        Self { entries: vec![blank; DIAG_ENTRIES].into_boxed_slice(), written: 0 }
+    }
+
+    /// Enters `entry`; the buffer gives it its number.
+    pub(crate) fn push(&mut self, mut entry: DiagEntry) {
+        self.written += 1;
+        entry.number = self.written;
+        let slot = (self.written - 1) as usize % DIAG_ENTRIES;
+        self.entries[slot] = entry;
+    }
+
+    /// The `back`th entry, 0 the newest.
+    pub(crate) fn get(&self, back: usize) -> Option<&DiagEntry> {
+        let number = self.written.checked_sub(back as u64)?;
+        if number == 0 || back >= DIAG_ENTRIES {
+            return None;
+        }
+        self.entries.get((number - 1) as usize % DIAG_ENTRIES)
+    }
+
+    /// Newest first.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &DiagEntry> {
+        (0..DIAG_ENTRIES).map_while(|back| self.get(back))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keeps_the_newest_hundred() {
+        let mut buffer = DiagBuffer::new();
+        assert!(buffer.get(0).is_none());
+        let mut entry = DiagEntry {
+            number: 0,
+            time: 0,
+            event: Event::RUN,
+            site: None,
+            accus: [0; 2],
+            data: 0,
+            text: ShortText::new("x"),
+        };
+        for time in 0..250 {
+            entry.time = time;
+            buffer.push(entry);
+        }
+        let times: Vec<_> = buffer.iter().map(|e| e.time).collect();
+        assert_eq!(times, (150..250).rev().collect::<Vec<_>>());
+        assert_eq!(buffer.get(0).map(|e| e.number), Some(250));
+    }
+
+    #[test]
+    fn texts_are_cut_between_characters() {
+        let text = ShortText::new(&"ä".repeat(60));
+        assert_eq!(text.as_str(), "ä".repeat(40));
+        assert_eq!(ShortText::new(&format!("x{}", "ä".repeat(60))).as_str().len(), 79);
+    }
+}

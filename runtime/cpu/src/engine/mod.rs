@@ -1,0 +1,57 @@
+//! Engines: what executes a block. The reference engine defines what every statement means.
+
+mod arith;
+mod call;
+mod code;
+mod convert;
+mod lower;
+mod lower_call;
+mod regs;
+mod resolve;
+mod run;
+mod shift;
+mod slow;
+mod verify;
+
+use crate::memory::Db;
+use crate::{Abort, Context};
+
+pub(crate) use call::Frame;
+pub(crate) use lower::{Constants, Lowering, Signature, Signatures, lower};
+pub(crate) use lower_call::collect;
+pub(crate) use run::Reference;
+pub(crate) use verify::{verify, writes_param};
+
+/// A loaded block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Callee {
+    /// Statements, by index.
+    Code(u32),
+    /// A native block, by index.
+    Native(u32),
+}
+
+/// What a block finds when it is entered.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Entry {
+    /// Where the references to its actual parameters begin in the stack of references.
+    pub(crate) refs: u32,
+    /// Bit n: parameter n was supplied.
+    pub(crate) given: u64,
+    /// The DB register.
+    pub(crate) db: Db,
+    /// The DI register: the instance of an FB.
+    pub(crate) di: Db,
+    /// Address register 2: where the instance begins in it.
+    pub(crate) ar2: u32,
+    /// The caller's local data.
+    pub(crate) previous_local: u32,
+    /// Bytes of them.
+    pub(crate) previous_local_len: u32,
+}
+
+/// What executes blocks of statements. A fast engine takes this one's place later.
+pub(crate) trait Engine: Send {
+    /// Runs a block to its end or until the CPU goes to STOP.
+    fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort>;
+}

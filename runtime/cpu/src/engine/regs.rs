@@ -1,0 +1,162 @@
+//! The registers of the CPU and the status word.
+
+use ob1_ir::StatusBit;
+
+use super::Entry;
+use crate::memory::Db;
+
+/// `/FC`: a chain of bit logic is under way.
+pub(crate) const FC: u32 = 1;
+/// Result of logic operation.
+pub(crate) const RLO: u32 = 1 << 1;
+/// The bit last scanned or written.
+pub(crate) const STA: u32 = 1 << 2;
+/// Result of the AND in front of an OR.
+pub(crate) const OR: u32 = 1 << 3;
+/// Stored overflow.
+pub(crate) const OS: u32 = 1 << 4;
+/// Overflow.
+pub(crate) const OV: u32 = 1 << 5;
+/// Condition code 0 (`A0`).
+pub(crate) const CC0: u32 = 1 << 6;
+/// Condition code 1 (`A1`).
+pub(crate) const CC1: u32 = 1 << 7;
+/// Binary result.
+pub(crate) const BR: u32 = 1 << 8;
+
+/// Accumulators, address and data block registers, status word of the running block.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub(crate) struct Regs {
+    pub(crate) a1: u32,
+    pub(crate) a2: u32,
+    pub(crate) a3: u32,
+    pub(crate) a4: u32,
+    pub(crate) ar1: u32,
+    pub(crate) ar2: u32,
+    /// OS, OV, CC0, CC1 and BR in their places of the status word.
+    pub(crate) flags: u32,
+    pub(crate) rlo: bool,
+    pub(crate) fc: bool,
+    pub(crate) or: bool,
+    pub(crate) sta: bool,
+    /// Open brackets, eight bits each, the innermost lowest.
+    pub(crate) nest: u64,
+    pub(crate) db: Db,
+    pub(crate) di: Db,
+    /// The running block's local data.
+    pub(crate) local: u32,
+    pub(crate) local_len: u32,
+    /// The calling block's local data.
+    pub(crate) previous_local: u32,
+    pub(crate) previous_local_len: u32,
+    /// First reference to an actual parameter.
+    pub(crate) refs: u32,
+    /// Master control relay: open brackets as bits below a leading 1, the innermost lowest.
+    pub(crate) mcr: u32,
+    /// `MCRA` is in force.
+    pub(crate) mcr_active: bool,
+}
+
+impl Regs {
+    pub(crate) fn new(entry: &Entry, local: u32, local_len: u32) -> Self {
+        Self {
+            a1: 0,
+            a2: 0,
+            a3: 0,
+            a4: 0,
+            ar1: 0,
+            ar2: entry.ar2,
+            flags: 0,
+            rlo: false,
+            fc: false,
+            or: false,
+            sta: false,
+            nest: 0,
+            db: entry.db,
+            di: entry.di,
+            local,
+            local_len,
+            previous_local: entry.previous_local,
+            previous_local_len: entry.previous_local_len,
+            refs: entry.refs,
+            mcr: 1,
+            mcr_active: false,
+        }
+    }
+
+    /// The status word.
+    pub(crate) fn status_word(&self) -> u32 {
+        self.flags
+            | u32::from(self.fc) * FC
+            | u32::from(self.rlo) * RLO
+            | u32::from(self.sta) * STA
+            | u32::from(self.or) * OR
+    }
+
+    pub(crate) fn set_status_word(&mut self, word: u32) {
+        self.fc = word & FC != 0;
+        self.rlo = word & RLO != 0;
+        self.sta = word & STA != 0;
+        self.or = word & OR != 0;
+        self.flags = word & (OS | OV | CC0 | CC1 | BR);
+    }
+
+    /// A condition of the status word as an operand.
+    #[inline]
+    pub(crate) fn status_bit(&self, bit: StatusBit) -> bool {
+        status_bit(self.flags, bit)
+    }
+
+    /// The master control relay is off: assignments write 0, `S` and `R` nothing.
+    pub(crate) fn mcr_off(&self) -> bool {
+        self.mcr_active && self.mcr & 1 == 0
+    }
+
+    /// Takes over CC1, CC0 and OV of a result; OV also sets OS.
+    #[inline]
+    pub(crate) fn set_cc(&mut self, cc: u32) {
+        self.flags = with_cc(self.flags, cc);
+    }
+
+    /// A boolean result that begins or continues a chain: FC := 1, OR := 0, STA := RLO.
+    #[inline]
+    pub(crate) fn set_result(&mut self, rlo: bool) {
+        self.rlo = rlo;
+        self.sta = rlo;
+        self.or = false;
+        self.fc = true;
+    }
+
+    /// Ends a chain of bit logic: FC := 0, OR := 0, STA as given.
+    #[inline]
+    pub(crate) fn end_chain(&mut self, sta: bool) {
+        self.fc = false;
+        self.or = false;
+        self.sta = sta;
+    }
+}
+
+/// `flags` with CC1, CC0, OV of `cc`; OV also sets OS.
+#[inline]
+pub(crate) const fn with_cc(flags: u32, cc: u32) -> u32 {
+    flags & (OS | BR) | cc | (cc & OV) >> 1
+}
+
+/// A condition of the flags.
+#[inline]
+pub(crate) const fn status_bit(flags: u32, bit: StatusBit) -> bool {
+    let cc = flags & (CC1 | CC0);
+    match bit {
+        StatusBit::Zero => cc == 0,
+        StatusBit::Positive => cc == CC1,
+        StatusBit::Negative => cc == CC0,
+        StatusBit::NotZero => cc == CC1 || cc == CC0,
+        StatusBit::NotNegative => cc == 0 || cc == CC1,
+        StatusBit::NotPositive => cc == 0 || cc == CC0,
+        StatusBit::Unordered => cc == CC1 | CC0,
+        StatusBit::Overflow => flags & OV != 0,
+        StatusBit::StoredOverflow => flags & OS != 0,
+        StatusBit::BinaryResult => flags & BR != 0,
+    }
+}

@@ -1,0 +1,201 @@
+//! From an operand to a place in the arena or the peripheral area.
+
+use ob1_ir::{AddressRegister, DbRegister, Number, Place, Pointer, Width};
+use ob1_model::{Area, BitAddr, BlockKind, Fault, FaultKind};
+
+use super::regs::Regs;
+use crate::machine::Machine;
+use crate::memory::{Db, Range};
+
+/// The part of a pointer that is an address: 16 bits of byte, 3 of bit.
+pub(crate) const POINTER_BITS: u32 = 0x7_FFFF;
+
+/// Where an operand lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Where {
+    /// Bit address in the arena.
+    Arena(u32),
+    /// Byte and bit in the peripheral area.
+    Peripheral(u32),
+}
+
+pub(crate) const fn width_bits(width: Width) -> u8 {
+    match width {
+        Width::Bit => 1,
+        Width::Byte => 8,
+        Width::Word => 16,
+        Width::DWord => 32,
+    }
+}
+
+/// The place of `bits` bits (any number; above 1 they are whole bytes) for reading or writing.
+pub(crate) fn locate(place: Place, bits: u32, write: bool, r: &mut Regs, m: &Machine) -> Result<Where, Fault> {
+    match place {
+        Place::Fixed(area, at) => in_area(area, at.0, bits, write, r, m),
+        Place::InDb(number, at) => {
+            r.db = open(m, number, DbRegister::Db)?;
+            in_db(r.db, DbRegister::Db, at.0, bits, write)
+        }
+        Place::InDi(number, at) => {
+            r.di = open(m, number, DbRegister::Di)?;
+            in_db(r.di, DbRegister::Di, at.0, bits, write)
+        }
+        Place::Param { index, at } => Ok(Where::Arena(reference(index, r, m).wrapping_add(at.0))),
+        Place::Instance(at) => in_db(r.di, DbRegister::Di, (r.ar2 & POINTER_BITS).wrapping_add(at.0), bits, write),
+        Place::Memory(area, pointer) => {
+            let at = read_pointer(pointer, 32, r, m)? & POINTER_BITS;
+            aligned(at, bits, write)?;
+            in_area(area, at, bits, write, r, m)
+        }
+        Place::Register(area, register, offset) => {
+            let pointer = match register {
+                AddressRegister::Ar1 => r.ar1,
+                AddressRegister::Ar2 => r.ar2,
+            };
+            let at = pointer.wrapping_add(offset.0) & POINTER_BITS;
+            aligned(at, bits, write)?;
+            let area = match area {
+                Some(area) => area,
+                None => Area::from_pointer_code((pointer >> 24) as u8).ok_or_else(|| {
+                    Fault::new(if write { FaultKind::AreaWrite } else { FaultKind::AreaRead }, pointer >> 24)
+                })?,
+            };
+            in_area(area, at, bits, write, r, m)
+        }
+    }
+}
+
+/// The reference to the actual parameter `index`.
+#[inline]
+pub(crate) fn reference(index: u16, r: &Regs, m: &Machine) -> u32 {
+    m.refs.get(r.refs as usize + usize::from(index)).copied().unwrap_or(0)
+}
+
+fn aligned(at: u32, bits: u32, write: bool) -> Result<(), Fault> {
+    if bits > 1 && at & 7 != 0 {
+        return Err(Fault::new(if write { FaultKind::AlignmentWrite } else { FaultKind::AlignmentRead }, at / 8));
+    }
+    Ok(())
+}
+
+/// `bits` bits at `at` of an area.
+pub(crate) fn in_area(area: Area, at: u32, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<Where, Fault> {
+    let range = match area {
+        Area::Input => m.memory.inputs,
+        Area::Output => m.memory.outputs,
+        Area::Memory => m.memory.memory,
+        Area::Local => Range { at: r.local, len: r.local_len },
+        Area::PreviousLocal => Range { at: r.previous_local, len: r.previous_local_len },
+        Area::Db => return in_db(r.db, DbRegister::Db, at, bits, write),
+        Area::Di => return in_db(r.di, DbRegister::Di, at, bits, write),
+        Area::Peripheral => return Ok(Where::Peripheral(at)),
+    };
+    match range.locate(at / 8, bits.div_ceil(8)) {
+        Some(byte) => Ok(Where::Arena(byte * 8 + at % 8)),
+        None => Err(outside(at, write)),
+    }
+}
+
+fn outside(at: u32, write: bool) -> Fault {
+    Fault::new(if write { FaultKind::AreaLengthWrite } else { FaultKind::AreaLengthRead }, at / 8)
+}
+
+/// `bits` bits at `at` of the data block in a register.
+pub(crate) fn in_db(db: Db, register: DbRegister, at: u32, bits: u32, write: bool) -> Result<Where, Fault> {
+    let range = Range { at: db.at, len: db.len };
+    let Some(byte) = range.locate(at / 8, bits.div_ceil(8)) else {
+        return Err(outside(at, write));
+    };
+    if write && db.writable == 0 {
+        return Err(Fault::new(
+            match register {
+                DbRegister::Db => FaultKind::WriteProtectedDb,
+                DbRegister::Di => FaultKind::WriteProtectedDi,
+            },
+            u32::from(db.number),
+        ));
+    }
+    Ok(Where::Arena(byte * 8 + at % 8))
+}
+
+/// The data block `AUF DB/DI number` opens.
+pub(crate) fn open(m: &Machine, number: u16, register: DbRegister) -> Result<Db, Fault> {
+    if number == 0 {
+        let kind = match register {
+            DbRegister::Db => FaultKind::DbNumber,
+            DbRegister::Di => FaultKind::DiNumber,
+        };
+        return Err(Fault::new(kind, 0));
+    }
+    m.memory.db(number).ok_or(Fault::new(FaultKind::DbNotLoaded, u32::from(number)))
+}
+
+fn read_pointer(pointer: Pointer, bits: u8, r: &Regs, m: &Machine) -> Result<u32, Fault> {
+    match in_area(pointer.area, pointer.at.0, u32::from(bits), false, r, m)? {
+        Where::Arena(at) => Ok(m.memory.read_bits(at, bits)),
+        Where::Peripheral(byte) => Err(outside(byte, false)),
+    }
+}
+
+/// The number of a timer, counter or block.
+pub(crate) fn number(number: Number, r: &Regs, m: &Machine) -> Result<u16, Fault> {
+    match number {
+        Number::Fixed(n) => Ok(n),
+        Number::Memory(pointer) => read_pointer(pointer, 16, r, m).map(|n| n as u16),
+        Number::Param(index) => Ok(reference(index, r, m) as u16),
+        Number::Instance(BitAddr(at)) => {
+            match in_db(r.di, DbRegister::Di, (r.ar2 & POINTER_BITS).wrapping_add(at), 16, false)? {
+                Where::Arena(at) => Ok(m.memory.read_bits(at, 16) as u16),
+                Where::Peripheral(_) => Ok(0),
+            }
+        }
+    }
+}
+
+/// Reads up to 32 bits of an operand.
+pub(crate) fn read(place: Place, bits: u8, r: &mut Regs, m: &mut Machine) -> Result<u32, Fault> {
+    match locate(place, u32::from(bits), false, r, m)? {
+        Where::Arena(at) => Ok(m.memory.read_bits(at, bits)),
+        Where::Peripheral(at) => read_peripheral(m, at, bits),
+    }
+}
+
+/// Writes up to 32 bits of an operand.
+pub(crate) fn write(place: Place, bits: u8, value: u32, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
+    match locate(place, u32::from(bits), true, r, m)? {
+        Where::Arena(at) => {
+            m.memory.write_bits(at, bits, value);
+            Ok(())
+        }
+        Where::Peripheral(at) => write_peripheral(m, at, bits, value),
+    }
+}
+
+fn read_peripheral(m: &mut Machine, at: u32, bits: u8) -> Result<u32, Fault> {
+    let mut bytes = [0; 4];
+    let len = usize::from(bits.div_ceil(8));
+    m.io_read(at / 8, &mut bytes[4 - len..]).map_err(|_| Fault::new(FaultKind::PeripheralRead, at / 8))?;
+    let value = u32::from_be_bytes(bytes);
+    Ok(if bits == 1 { value >> (at % 8) & 1 } else { value })
+}
+
+fn write_peripheral(m: &mut Machine, at: u32, bits: u8, value: u32) -> Result<(), Fault> {
+    if bits == 1 {
+        // There are no peripheral bits.
+        return Err(Fault::new(FaultKind::PeripheralWrite, at / 8));
+    }
+    let len = usize::from(bits / 8);
+    m.io_write(at / 8, &value.to_be_bytes()[4 - len..]).map_err(|_| Fault::new(FaultKind::PeripheralWrite, at / 8))
+}
+
+/// The block kinds' "not loaded" and number faults.
+pub(crate) fn missing(kind: BlockKind, number: u16) -> Fault {
+    let fault = match kind {
+        BlockKind::Fb => FaultKind::FbNotLoaded,
+        BlockKind::Sfc => FaultKind::SfcNotLoaded,
+        BlockKind::Sfb => FaultKind::SfbNotLoaded,
+        BlockKind::Db => FaultKind::DbNotLoaded,
+        BlockKind::Fc | BlockKind::Ob => FaultKind::FcNotLoaded,
+    };
+    Fault::new(fault, u32::from(number))
+}

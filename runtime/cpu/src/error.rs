@@ -1,0 +1,137 @@
+//! Why a program or configuration cannot be loaded: numbered, with the place.
+
+use std::fmt;
+
+use ob1_model::{BlockId, Site};
+
+/// A reason to refuse a program, a configuration or a set of modules. [`LoadError::number`] is stable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LoadError {
+    /// L001: a size or number of the configuration is outside its range.
+    Config {
+        /// The field of [`crate::CpuConfig`].
+        field: &'static str,
+        /// What was asked for.
+        value: u64,
+        /// Largest value.
+        max: u64,
+    },
+    /// L002: a block is defined twice, or both in the program and in a library or plugin.
+    BlockTwice(BlockId),
+    /// L003: a call of a block that is not there.
+    MissingBlock {
+        /// Who is called.
+        block: BlockId,
+        /// The calling statement.
+        site: Site,
+    },
+    /// L004: a call whose arguments do not fit the called block's interface.
+    Arguments {
+        /// Who is called.
+        block: BlockId,
+        /// The calling statement.
+        site: Site,
+        /// What does not fit.
+        reason: String,
+    },
+    /// L005: a data block is larger than 65534 bytes.
+    DbTooLarge {
+        /// Its number.
+        number: u16,
+        /// Its length in bytes.
+        bytes: usize,
+    },
+    /// L006: an instance data block is shorter than its function block's data, or belongs to no loaded one.
+    Instance {
+        /// Its number.
+        number: u16,
+        /// The function block.
+        block: BlockId,
+    },
+    /// L007: two modules overlap.
+    ModuleOverlap {
+        /// The first.
+        first: String,
+        /// The second.
+        second: String,
+        /// The first common byte.
+        address: u32,
+        /// True for their outputs.
+        outputs: bool,
+    },
+    /// L008: a module reaches beyond peripheral byte 65535.
+    ModuleAddress {
+        /// Its name.
+        name: String,
+        /// Its first byte.
+        address: u32,
+    },
+    /// L009: the intermediate code is not sound: a jump out of the block, a parameter that does not exist, brackets nested too deep.
+    Code {
+        /// The statement.
+        site: Site,
+        /// What is wrong.
+        reason: String,
+    },
+    /// L010: all data blocks together need more memory than the CPU can address (256 MiB).
+    Memory {
+        /// Bytes needed.
+        bytes: usize,
+    },
+    /// L011: a data block number that cannot be.
+    DbNumber(u16),
+}
+
+impl LoadError {
+    /// The number in front of the message, `L003`.
+    #[must_use]
+    pub const fn number(&self) -> u16 {
+        match self {
+            LoadError::Config { .. } => 1,
+            LoadError::BlockTwice(_) => 2,
+            LoadError::MissingBlock { .. } => 3,
+            LoadError::Arguments { .. } => 4,
+            LoadError::DbTooLarge { .. } => 5,
+            LoadError::Instance { .. } => 6,
+            LoadError::ModuleOverlap { .. } => 7,
+            LoadError::ModuleAddress { .. } => 8,
+            LoadError::Code { .. } => 9,
+            LoadError::Memory { .. } => 10,
+            LoadError::DbNumber(_) => 11,
+        }
+    }
+}
+
+impl fmt::Display for LoadError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "L{:03}: ", self.number())?;
+        match self {
+            LoadError::Config { field, value, max } => write!(f, "CPU setting {field} = {value}: at most {max}"),
+            LoadError::BlockTwice(id) => write!(f, "{id} is there twice; renumber one of them or leave it out"),
+            LoadError::MissingBlock { block, site } => {
+                write!(f, "{site} calls {block}, which neither the program nor a library or plugin has")
+            }
+            LoadError::Arguments { block, site, reason } => write!(f, "{site}, call of {block}: {reason}"),
+            LoadError::DbTooLarge { number, bytes } => {
+                write!(f, "DB {number} has {bytes} bytes; a data block has at most 65534")
+            }
+            LoadError::Instance { number, block } => write!(
+                f,
+                "DB {number} cannot be an instance of {block}: the block is missing or needs more data than the DB has"
+            ),
+            LoadError::ModuleOverlap { first, second, address, outputs } => write!(
+                f,
+                "modules {first} and {second} both have {} byte {address}; give one of them another address",
+                if *outputs { "output" } else { "input" }
+            ),
+            LoadError::ModuleAddress { name, address } => {
+                write!(f, "module {name} at address {address} reaches beyond peripheral byte 65535")
+            }
+            LoadError::Code { site, reason } => write!(f, "{site}: {reason}"),
+            LoadError::Memory { bytes } => write!(f, "the program needs {bytes} bytes of memory; at most 256 MiB"),
+            LoadError::DbNumber(number) => write!(f, "there can be no DB {number}; numbers begin at 1"),
+        }
+    }
+}
+
+impl std::error::Error for LoadError {}

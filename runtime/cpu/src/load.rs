@@ -1,0 +1,206 @@
+//! Loading: program, native blocks and modules become a CPU, or a list of reasons why not.
+
+use ob1_ir::{DataKind, Op, Program};
+use ob1_model::{BlockId, BlockKind};
+
+use crate::engine::{
+    Callee, Constants, Lowering, Reference, Signature, Signatures, collect, lower, verify, writes_param,
+};
+use crate::log::LogWriter;
+use crate::machine::{Blocks, Interrupt, Machine, Watchdog};
+use crate::native::Native;
+use crate::port::AccessPort;
+use crate::timers::{Counter, Timer};
+use crate::{
+    Cpu, CpuConfig, DiagBuffer, LoadError, Memory, Module, ModuleSlot, Modules, NativeBlock, ObInfo, Statistics,
+};
+
+/// Most bytes of a data block.
+const DB_BYTES: usize = 65_534;
+/// References to actual parameters, for all nested calls together.
+const REFERENCES: usize = 8 * 1024;
+
+impl Cpu {
+    /// Loads a program. The CPU is in STOP; [`crate::Command::Run`] starts it.
+    ///
+    /// # Errors
+    /// Everything that is wrong, not only the first.
+    pub fn new(
+        config: CpuConfig,
+        program: &Program,
+        natives: Vec<Box<dyn NativeBlock>>,
+        modules: Vec<(ModuleSlot, Box<dyn Module>)>,
+    ) -> Result<Self, Vec<LoadError>> {
+        Self::load(config, program, natives, modules, false)
+    }
+
+    /// As [`Cpu::new`], but every statement is executed straight from the intermediate code, without the short forms of the run
+    /// loop. Slower; for comparing the two.
+    ///
+    /// # Errors
+    /// As [`Cpu::new`].
+    pub fn new_plain(
+        config: CpuConfig,
+        program: &Program,
+        natives: Vec<Box<dyn NativeBlock>>,
+        modules: Vec<(ModuleSlot, Box<dyn Module>)>,
+    ) -> Result<Self, Vec<LoadError>> {
+        Self::load(config, program, natives, modules, true)
+    }
+
+    fn load(
+        config: CpuConfig,
+        program: &Program,
+        natives: Vec<Box<dyn NativeBlock>>,
+        modules: Vec<(ModuleSlot, Box<dyn Module>)>,
+        plain: bool,
+    ) -> Result<Self, Vec<LoadError>> {
+        let mut errors = Vec::new();
+        check_config(&config, &mut errors);
+        check_data(program, &mut errors);
+        for block in &program.blocks {
+            verify(block, &mut errors);
+        }
+        let modules = Modules::new(modules, &mut errors);
+        let signatures = signatures(program, &natives, &mut errors);
+        check_instances(program, &signatures, &mut errors);
+        if !errors.is_empty() {
+            return Err(errors);
+        }
+
+        let mut constants = Constants::default();
+        for stmt in program.blocks.iter().flat_map(|b| &b.code) {
+            if let Op::Call(call) = &stmt.op {
+                collect(call, &signatures, &mut constants);
+            }
+        }
+        let memory = Memory::new(&config, &program.data, &constants.bytes).map_err(|error| vec![error])?;
+        let lowering = Lowering {
+            config: &config,
+            memory: &memory,
+            program,
+            signatures: &signatures,
+            constants: &constants,
+            plain,
+        };
+        let blocks = program.blocks.iter().map(|block| lower(block, &lowering, &mut errors)).collect();
+        if !errors.is_empty() {
+            return Err(errors);
+        }
+
+        let interrupt = Interrupt::default();
+        let blocks = Blocks {
+            engine: Box::new(Reference { blocks }),
+            natives: natives.into_iter().map(Native::new).collect(),
+            callees: signatures.0.iter().map(|s| (s.id, s.callee)).collect(),
+            signatures,
+            interrupt: interrupt.clone(),
+        };
+        let (port, client) = AccessPort::new(config.port_capacity);
+        let (log, reader) = LogWriter::new();
+        let machine = Machine {
+            memory,
+            timers: vec![Timer::default(); usize::from(config.timers)].into_boxed_slice(),
+            counters: vec![Counter::default(); usize::from(config.counters)].into_boxed_slice(),
+            modules,
+            diag: DiagBuffer::new(),
+            statistics: Statistics::new(),
+            log,
+            interrupt,
+            now: 0,
+            statements: 0,
+            pending: 0,
+            watchdog: Watchdog::default(),
+            stopping: false,
+            refs: vec![0; REFERENCES].into_boxed_slice(),
+            refs_top: 0,
+            frames: Vec::with_capacity(usize::from(config.nesting_depth) * 8),
+            scratch_top: 0,
+            local_top: 0,
+            depth: 0,
+            ob: ObInfo::default(),
+            native_caller: None,
+            config,
+        };
+        Ok(Cpu::assemble(machine, blocks, port, client, reader))
+    }
+}
+
+fn check_config(config: &CpuConfig, errors: &mut Vec<LoadError>) {
+    let mut check = |field: &'static str, value: u64, max: u64| {
+        if value > max {
+            errors.push(LoadError::Config { field, value, max });
+        }
+    };
+    check("input_bytes", u64::from(config.input_bytes), 8192);
+    check("output_bytes", u64::from(config.output_bytes), 8192);
+    check("memory_bytes", u64::from(config.memory_bytes), 65_536);
+    check("timers", u64::from(config.timers), 2048);
+    check("counters", u64::from(config.counters), 2048);
+    check("local_bytes", u64::from(config.local_bytes), 1 << 20);
+    check("nesting_depth", u64::from(config.nesting_depth), 64);
+    check("port_capacity", config.port_capacity as u64, 65_536);
+    if let Some(byte) = config.clock_memory {
+        check("clock_memory", u64::from(byte), u64::from(config.memory_bytes).saturating_sub(1));
+    }
+    let mut wrong = |field, value, max| errors.push(LoadError::Config { field, value, max });
+    if config.accumulators != 2 && config.accumulators != 4 {
+        wrong("accumulators", u64::from(config.accumulators), 4);
+    }
+    // Below these a CPU cannot run at all; the message names the largest value, the documentation the smallest.
+    if config.local_bytes < 1024 {
+        wrong("local_bytes", u64::from(config.local_bytes), 1 << 20);
+    }
+    if config.nesting_depth == 0 {
+        wrong("nesting_depth", 0, 64);
+    }
+    if config.port_capacity == 0 {
+        wrong("port_capacity", 0, 65_536);
+    }
+}
+
+fn check_data(program: &Program, errors: &mut Vec<LoadError>) {
+    let mut numbers: Vec<u16> = program.data.iter().map(|db| db.number).collect();
+    numbers.sort_unstable();
+    for pair in numbers.windows(2) {
+        if pair[0] == pair[1] {
+            errors.push(LoadError::BlockTwice(BlockId::new(BlockKind::Db, pair[0])));
+        }
+    }
+    for db in &program.data {
+        if db.number == 0 {
+            errors.push(LoadError::DbNumber(0));
+        }
+        if db.bytes.len() > DB_BYTES {
+            errors.push(LoadError::DbTooLarge { number: db.number, bytes: db.bytes.len() });
+        }
+    }
+}
+
+fn check_instances(program: &Program, signatures: &Signatures, errors: &mut Vec<LoadError>) {
+    for db in &program.data {
+        let DataKind::Instance(block) = db.kind else { continue };
+        let fits = signatures.find(block).is_some_and(|s| s.instance_bytes as usize <= db.bytes.len());
+        if !fits {
+            errors.push(LoadError::Instance { number: db.number, block });
+        }
+    }
+}
+
+fn signatures(program: &Program, natives: &[Box<dyn NativeBlock>], errors: &mut Vec<LoadError>) -> Signatures {
+    let mut list = Vec::with_capacity(program.blocks.len() + natives.len());
+    for (i, block) in (0u32..).zip(&program.blocks) {
+        let written = |formal: usize| writes_param(block, formal);
+        list.push(Signature::new(block.id, Callee::Code(i), &block.interface, &written));
+    }
+    for (i, native) in (0u32..).zip(natives) {
+        list.push(Signature::new(native.id(), Callee::Native(i), native.interface(), &|_| false));
+    }
+    list.sort_by_key(|s| s.id);
+    for pair in list.windows(2) {
+        if pair[0].id == pair[1].id {
+            errors.push(LoadError::BlockTwice(pair[0].id));
+        }
+    }
+    Signatures(list)
+}

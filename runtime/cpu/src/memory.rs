@@ -1,0 +1,218 @@
+//! The memory arena: every area and data block of the CPU in one flat piece with stable offsets.
+//!
+//! Order: inputs, outputs, bit memory, local data stack, call scratch, constants, data blocks. A bit address in the arena
+//! (byte * 8 + bit) fits 32 bits; references to actual parameters are such addresses.
+
+use ob1_ir::DataBlock;
+use ob1_model::cells;
+
+use crate::{CpuConfig, LoadError};
+
+/// Bytes for operands that calls copy in and out, for all nested calls together.
+pub(crate) const SCRATCH_BYTES: u32 = 16 * 1024;
+/// Bytes behind the last data block, so that a double word at the last byte of an area stays inside the arena.
+const TAIL: usize = 8;
+const MAX_BYTES: usize = 256 << 20;
+
+/// A piece of the arena.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Range {
+    /// First byte.
+    pub(crate) at: u32,
+    /// Bytes.
+    pub(crate) len: u32,
+}
+
+impl Range {
+    /// The arena byte of `len` bytes at `at` of this range, when they lie inside.
+    #[inline]
+    pub(crate) fn locate(self, at: u32, len: u32) -> Option<u32> {
+        (u64::from(at) + u64::from(len) <= u64::from(self.len)).then(|| self.at + at)
+    }
+
+    pub(crate) fn end(self) -> u32 {
+        self.at + self.len
+    }
+
+    pub(crate) fn bytes(self) -> std::ops::Range<usize> {
+        self.at as usize..self.end() as usize
+    }
+}
+
+/// A data block's place; also what a data block register holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
+pub(crate) struct Db {
+    /// First byte in the arena.
+    pub(crate) at: u32,
+    /// Bytes.
+    pub(crate) len: u32,
+    /// Bytes that may be written: `len`, or 0 when write-protected.
+    pub(crate) writable: u32,
+    /// The number, 0 for none.
+    pub(crate) number: u16,
+}
+
+/// The areas and their offsets.
+#[derive(Clone, Debug)]
+pub(crate) struct Memory {
+    pub(crate) bytes: Box<[u8]>,
+    pub(crate) inputs: Range,
+    pub(crate) outputs: Range,
+    pub(crate) memory: Range,
+    pub(crate) local: Range,
+    pub(crate) scratch: Range,
+    pub(crate) constants: Range,
+    /// Data blocks in ascending order of their numbers.
+    dbs: Box<[Db]>,
+    /// Number to index in `dbs`, +1; 0: not loaded.
+    by_number: Box<[u16]>,
+    /// Load values of all data blocks, for a cold restart.
+    load_values: Box<[u8]>,
+    all_dbs: Range,
+}
+
+impl Memory {
+    /// Lays out all areas; `constants` are the constants of calls.
+    pub(crate) fn new(config: &CpuConfig, data: &[DataBlock], constants: &[u8]) -> Result<Self, LoadError> {
+        let mut next = 0u32;
+        let mut area = |len: u32| {
+            let range = Range { at: next, len };
+            next += len.next_multiple_of(8);
+            range
+        };
+        let inputs = area(config.input_bytes);
+        let outputs = area(config.output_bytes);
+        let memory = area(config.memory_bytes);
+        let local = area(config.local_bytes);
+        let scratch = area(SCRATCH_BYTES);
+        let constants_range = area(u32::try_from(constants.len()).unwrap_or(u32::MAX / 2));
+        let first_db = next;
+
+        let mut sorted: Vec<&DataBlock> = data.iter().collect();
+        sorted.sort_by_key(|db| db.number);
+        let need = first_db as usize + sorted.iter().map(|db| db.bytes.len().next_multiple_of(8)).sum::<usize>();
+        if need + TAIL > MAX_BYTES {
+            return Err(LoadError::Memory { bytes: need });
+        }
+        let mut by_number = vec![0u16; sorted.last().map_or(0, |db| usize::from(db.number)) + 1];
+        let mut dbs = Vec::with_capacity(sorted.len());
+        let mut load_values = Vec::with_capacity(need - first_db as usize);
+        for block in sorted {
+            let len = u32::try_from(block.bytes.len()).unwrap_or(0);
+            let at = first_db + u32::try_from(load_values.len()).unwrap_or(0);
+            dbs.push(Db { at, len, writable: if block.read_only { 0 } else { len }, number: block.number });
+            by_number[usize::from(block.number)] = u16::try_from(dbs.len()).unwrap_or(0);
+            load_values.extend_from_slice(&block.bytes);
+            load_values.resize(load_values.len().next_multiple_of(8), 0);
+        }
+        let mut bytes = vec![0u8; need + TAIL].into_boxed_slice();
+        bytes[constants_range.bytes()].copy_from_slice(constants);
+        let all_dbs = Range { at: first_db, len: u32::try_from(load_values.len()).unwrap_or(0) };
+        bytes[all_dbs.bytes()].copy_from_slice(&load_values);
+        Ok(Self {
+            bytes,
+            inputs,
+            outputs,
+            memory,
+            local,
+            scratch,
+            constants: constants_range,
+            dbs: dbs.into_boxed_slice(),
+            by_number: by_number.into_boxed_slice(),
+            load_values: load_values.into_boxed_slice(),
+            all_dbs,
+        })
+    }
+
+    /// The data block of a number.
+    #[inline]
+    pub(crate) fn db(&self, number: u16) -> Option<Db> {
+        let index = usize::from(*self.by_number.get(usize::from(number))?);
+        self.dbs.get(index.checked_sub(1)?).copied()
+    }
+
+    pub(crate) fn slice(&self, range: Range) -> &[u8] {
+        &self.bytes[range.bytes()]
+    }
+
+    pub(crate) fn slice_mut(&mut self, range: Range) -> &mut [u8] {
+        &mut self.bytes[range.bytes()]
+    }
+
+    /// Clears both process images, bit memory and local data.
+    pub(crate) fn clear_areas(&mut self) {
+        let end = self.scratch.end() as usize;
+        self.bytes[..end].fill(0);
+    }
+
+    /// Gives every data block its load values.
+    pub(crate) fn reload_dbs(&mut self) {
+        self.bytes[self.all_dbs.bytes()].copy_from_slice(&self.load_values);
+    }
+
+    /// Reads up to 32 bits at a bit address of the arena; 0 outside.
+    #[inline]
+    pub(crate) fn read_bits(&self, at: u32, bits: u8) -> u32 {
+        let byte = (at / 8) as usize;
+        match bits {
+            1 => u32::from(cells::bit(&self.bytes, at as usize).unwrap_or(false)),
+            n => cells::get(&self.bytes, byte, usize::from(n / 8)).unwrap_or(0),
+        }
+    }
+
+    /// Writes up to 32 bits at a bit address of the arena; nothing outside.
+    #[inline]
+    pub(crate) fn write_bits(&mut self, at: u32, bits: u8, value: u32) {
+        let byte = (at / 8) as usize;
+        // Outside is impossible for references, which were checked when they were made; ignoring it is harmless.
+        let _ = match bits {
+            1 => cells::set_bit(&mut self.bytes, at as usize, value & 1 == 1),
+            n => cells::set(&mut self.bytes, byte, usize::from(n / 8), value),
+        };
+    }
+
+    /// Copies whole bytes within the arena.
+    pub(crate) fn copy(&mut self, from: u32, to: u32, len: u32) {
+        let (from, to, len) = (from as usize, to as usize, len as usize);
+        if from + len <= self.bytes.len() && to + len <= self.bytes.len() {
+            self.bytes.copy_within(from..from + len, to);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_ir::DataKind;
+
+    fn db(number: u16, bytes: &[u8], read_only: bool) -> DataBlock {
+        let kind = DataKind::Global;
+        DataBlock { number, name: None, kind, bytes: bytes.to_vec(), components: Vec::new(), read_only }
+    }
+
+    #[test]
+    fn areas_do_not_touch_and_dbs_get_their_load_values() {
+        let config = CpuConfig { input_bytes: 3, ..CpuConfig::default() };
+        let mut memory =
+            Memory::new(&config, &[db(20, &[1, 2, 3], true), db(3, &[9; 10], false)], &[0xAA, 0xBB]).unwrap();
+        assert_eq!(memory.outputs.at, 8, "areas begin on multiples of 8");
+        let (d3, d20) = (memory.db(3).unwrap(), memory.db(20).unwrap());
+        assert_eq!((d3.len, d3.writable, d20.len, d20.writable), (10, 10, 3, 0));
+        assert_eq!(d20.at, d3.at + 16);
+        assert_eq!(memory.db(4), None);
+        assert_eq!(memory.db(60_000), None);
+        assert_eq!(memory.slice(memory.constants), [0xAA, 0xBB]);
+        memory.write_bits(d3.at * 8, 32, 0);
+        memory.reload_dbs();
+        assert_eq!(memory.read_bits(d3.at * 8, 32), 0x0909_0909);
+    }
+
+    #[test]
+    fn ranges_check_their_end() {
+        let range = Range { at: 100, len: 4 };
+        assert_eq!(range.locate(2, 2), Some(102));
+        assert_eq!(range.locate(3, 2), None);
+        assert_eq!(range.locate(u32::MAX, 2), None);
+    }
+}

@@ -1,0 +1,184 @@
+//! The modules and the peripheral area: who answers at which byte.
+
+use crate::{LoadError, Memory, Module, ModuleError, ModuleSlot, ModuleStatus, Nanos};
+
+/// Bytes of the peripheral area.
+const PERIPHERAL_BYTES: u32 = 65_536;
+
+/// A module in its place.
+pub(crate) struct Plugged {
+    pub(crate) slot: ModuleSlot,
+    pub(crate) input_bytes: u32,
+    pub(crate) output_bytes: u32,
+    pub(crate) module: Box<dyn Module>,
+}
+
+/// Why a peripheral access failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum IoError {
+    /// No module has all of these bytes.
+    NoModule,
+    /// The module's answer.
+    Module(ModuleError),
+}
+
+/// All modules.
+pub(crate) struct Modules {
+    pub(crate) list: Vec<Plugged>,
+}
+
+impl Modules {
+    /// Puts the modules into their places; overlaps and addresses outside the peripheral area are refused.
+    pub(crate) fn new(modules: Vec<(ModuleSlot, Box<dyn Module>)>, errors: &mut Vec<LoadError>) -> Self {
+        let list: Vec<_> = modules
+            .into_iter()
+            .map(|(slot, module)| Plugged {
+                slot,
+                input_bytes: u32::from(module.input_bytes()),
+                output_bytes: u32::from(module.output_bytes()),
+                module,
+            })
+            .collect();
+        for (i, a) in list.iter().enumerate() {
+            for (address, len) in [(a.slot.input_address, a.input_bytes), (a.slot.output_address, a.output_bytes)] {
+                if u64::from(address) + u64::from(len) > u64::from(PERIPHERAL_BYTES) {
+                    errors.push(LoadError::ModuleAddress { name: a.slot.name.clone(), address });
+                }
+            }
+            for b in &list[..i] {
+                for outputs in [false, true] {
+                    if let Some(address) = common(b.range(outputs), a.range(outputs)) {
+                        let (first, second) = (b.slot.name.clone(), a.slot.name.clone());
+                        errors.push(LoadError::ModuleOverlap { first, second, address, outputs });
+                    }
+                }
+            }
+        }
+        Self { list }
+    }
+
+    /// Reads peripheral bytes that one module has.
+    pub(crate) fn read(&mut self, address: u32, into: &mut [u8]) -> Result<(), IoError> {
+        let end = u64::from(address) + into.len() as u64;
+        for plugged in &mut self.list {
+            let (first, len) = plugged.range(false);
+            if address >= first && end <= u64::from(first) + u64::from(len) {
+                return plugged.module.read((address - first) as u16, into).map_err(IoError::Module);
+            }
+        }
+        Err(IoError::NoModule)
+    }
+
+    /// Writes peripheral bytes that one module has.
+    pub(crate) fn write(&mut self, address: u32, from: &[u8]) -> Result<(), IoError> {
+        let end = u64::from(address) + from.len() as u64;
+        for plugged in &mut self.list {
+            let (first, len) = plugged.range(true);
+            if address >= first && end <= u64::from(first) + u64::from(len) {
+                return plugged.module.write((address - first) as u16, from).map_err(IoError::Module);
+            }
+        }
+        Err(IoError::NoModule)
+    }
+
+    /// The module whose registers begin at exactly this logical address.
+    pub(crate) fn at(&mut self, address: u32) -> Option<&mut Plugged> {
+        self.list.iter_mut().find(|p| p.slot.input_address == address || p.slot.output_address == address)
+    }
+
+    pub(crate) fn status(&self, index: usize) -> Option<ModuleStatus> {
+        Some(self.list.get(index)?.module.status())
+    }
+
+    pub(crate) fn begin_scan(&mut self, now: Nanos) {
+        for plugged in &mut self.list {
+            plugged.module.begin_scan(now);
+        }
+    }
+
+    pub(crate) fn end_scan(&mut self, now: Nanos) {
+        for plugged in &mut self.list {
+            plugged.module.end_scan(now);
+        }
+    }
+
+    pub(crate) fn cpu_state(&mut self, run: bool) {
+        for plugged in &mut self.list {
+            plugged.module.cpu_state(run);
+        }
+    }
+
+    /// Process image of the inputs. A module that does not answer reads as 0.
+    pub(crate) fn read_image(&mut self, memory: &mut Memory) {
+        let image = memory.inputs;
+        for plugged in &mut self.list {
+            let (first, len) = plugged.range(false);
+            let inside = image.len.saturating_sub(first).min(len);
+            if inside > 0 {
+                let at = (image.at + first) as usize;
+                let bytes = &mut memory.bytes[at..at + inside as usize];
+                if plugged.module.read(0, bytes).is_err() {
+                    bytes.fill(0);
+                }
+            }
+        }
+    }
+
+    /// Process image of the outputs.
+    pub(crate) fn write_image(&mut self, memory: &Memory) {
+        let image = memory.outputs;
+        for plugged in &mut self.list {
+            let (first, len) = plugged.range(true);
+            let inside = image.len.saturating_sub(first).min(len);
+            if inside > 0 {
+                let at = (image.at + first) as usize;
+                // A module that does not answer gets the image again in the next scan.
+                let _ = plugged.module.write(0, &memory.bytes[at..at + inside as usize]);
+            }
+        }
+    }
+
+    /// STOP: every output register of every module becomes 0.
+    pub(crate) fn outputs_off(&mut self) {
+        const ZEROS: [u8; 64] = [0; 64];
+        for plugged in &mut self.list {
+            let mut at = 0;
+            while at < plugged.output_bytes {
+                let len = (plugged.output_bytes - at).min(ZEROS.len() as u32);
+                // A module that does not answer has no outputs left to drive.
+                let _ = plugged.module.write(at as u16, &ZEROS[..len as usize]);
+                at += len;
+            }
+        }
+    }
+}
+
+impl Plugged {
+    fn range(&self, outputs: bool) -> (u32, u32) {
+        if outputs {
+            (self.slot.output_address, self.output_bytes)
+        } else {
+            (self.slot.input_address, self.input_bytes)
+        }
+    }
+}
+
+/// The first byte two ranges share.
+fn common((a, a_len): (u32, u32), (b, b_len): (u32, u32)) -> Option<u32> {
+    let first = a.max(b);
+    let end = (u64::from(a) + u64::from(a_len)).min(u64::from(b) + u64::from(b_len));
+    (u64::from(first) < end).then_some(first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::common;
+
+    #[test]
+    fn overlaps() {
+        assert_eq!(common((0, 4), (4, 4)), None);
+        assert_eq!(common((0, 5), (4, 4)), Some(4));
+        assert_eq!(common((4, 0), (4, 4)), None);
+        assert_eq!(common((256, 16), (260, 1)), Some(260));
+    }
+}

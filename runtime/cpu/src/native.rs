@@ -1,0 +1,497 @@
+//! Native blocks: what they can ask of the CPU during a call.
+
+use ob1_model::{BitAddr, BlockId, Event, Fault, FaultKind, Layout, Section, Site, TimerKind};
+
+use crate::engine::{Callee, Entry};
+use crate::machine::Context;
+use crate::memory::Range;
+use crate::timers::Counter;
+use crate::{
+    Abort, DiagEntry, Instance, IoError, ModuleStatus, Nanos, NativeArea, NativeArg, NativeBlock, NativeContext,
+    NativeError, ObInfo, ShortText, TimerState,
+};
+
+/// Bits of an address register that are an address.
+const POINTER_BITS: u32 = 0x7_FFFF;
+
+/// A formal parameter of a native block.
+#[derive(Clone, Copy, Debug)]
+struct Formal {
+    /// Bits; above 32 it is read as bytes.
+    bits: u32,
+    /// The reference is a number.
+    number: bool,
+    input: bool,
+    /// Bit in the instance.
+    at: u32,
+}
+
+/// A loaded native block.
+pub(crate) struct Native {
+    pub(crate) block: Box<dyn NativeBlock>,
+    id: BlockId,
+    formals: Box<[Formal]>,
+    has_instance: bool,
+    instance_bytes: u32,
+}
+
+impl Native {
+    pub(crate) fn new(block: Box<dyn NativeBlock>) -> Self {
+        let interface = block.interface();
+        let formals = interface
+            .formals()
+            .map(|p| Formal {
+                bits: Layout::bits(&p.ty),
+                number: p.ty.is_parameter_type(),
+                input: p.section == Section::Input,
+                at: p.at.0,
+            })
+            .collect();
+        let (id, instance_bytes) = (block.id(), interface.instance_bytes);
+        Self { id, formals, has_instance: id.kind.has_instance(), instance_bytes, block }
+    }
+}
+
+/// Calls a native block; the answer is the binary result it leaves.
+pub(crate) fn call(index: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
+    let Some(native) = cx.blocks.natives.get(index as usize) else { return Ok(true) };
+    let mut call = Call { cx, native, entry, br: true };
+    native.block.call(&mut call)?;
+    let br = call.br;
+    if cx.machine.stopping { Err(Abort) } else { Ok(br) }
+}
+
+/// A call in progress.
+struct Call<'a, 'c> {
+    cx: &'a mut Context<'c>,
+    native: &'a Native,
+    entry: &'a Entry,
+    br: bool,
+}
+
+/// Where a parameter is.
+enum Found {
+    /// A bit of the arena and its size.
+    Place(u32, u32),
+    Number(u32),
+}
+
+impl Call<'_, '_> {
+    #[inline]
+    fn formal(&self, index: u32) -> Result<Formal, NativeError> {
+        self.native.formals.get(index as usize).copied().ok_or(NativeError::NoParam)
+    }
+
+    #[inline]
+    fn find(&self, index: u32, write: bool) -> Result<Found, NativeError> {
+        let formal = self.formal(index)?;
+        if self.native.has_instance {
+            let at = self.instance_bit(formal.at, formal.bits, write)?;
+            return Ok(Found::Place(at, formal.bits));
+        }
+        if index < 64 && self.entry.given >> index & 1 == 0 {
+            return Err(NativeError::NoParam);
+        }
+        let reference = *self.cx.machine.refs.get((self.entry.refs + index) as usize).ok_or(NativeError::NoParam)?;
+        if formal.number {
+            return if write { Err(NativeError::NoParam) } else { Ok(Found::Number(reference)) };
+        }
+        if write && formal.input {
+            return Err(NativeError::NoParam);
+        }
+        Ok(Found::Place(reference, formal.bits))
+    }
+
+    /// The arena bit of `bits` bits at `at` of the instance.
+    fn instance_bit(&self, at: u32, bits: u32, write: bool) -> Result<u32, NativeError> {
+        let di = self.entry.di;
+        let at = (self.entry.ar2 & POINTER_BITS).wrapping_add(at);
+        let range = Range { at: di.at, len: di.len };
+        let byte = range.locate(at / 8, bits.div_ceil(8)).ok_or(NativeError::Outside)?;
+        if write && di.writable == 0 {
+            return Err(NativeError::ReadOnly);
+        }
+        Ok(byte * 8 + at % 8)
+    }
+
+    fn range(&self, area: NativeArea, write: bool) -> Result<Range, NativeError> {
+        let memory = &self.cx.machine.memory;
+        Ok(match area {
+            NativeArea::Input => memory.inputs,
+            NativeArea::Output => memory.outputs,
+            NativeArea::Memory => memory.memory,
+            NativeArea::Db(0) => return Err(NativeError::DbNumber),
+            NativeArea::Db(number) => {
+                let db = memory.db(number).ok_or(NativeError::NoDb)?;
+                if write && db.writable == 0 {
+                    return Err(NativeError::ReadOnly);
+                }
+                Range { at: db.at, len: db.len }
+            }
+            NativeArea::Instance => {
+                if !self.native.has_instance {
+                    return Err(NativeError::NoParam);
+                }
+                let at = self.instance_bit(0, self.native.instance_bytes * 8, write)? / 8;
+                Range { at, len: self.native.instance_bytes }
+            }
+            NativeArea::CallerLocal => Range { at: self.entry.previous_local, len: self.entry.previous_local_len },
+        })
+    }
+
+    fn site(&self) -> Site {
+        self.cx.machine.native_caller.unwrap_or(Site { block: self.native.id, network: 0, line: 0 })
+    }
+
+    fn module_error(error: IoError) -> NativeError {
+        match error {
+            IoError::NoModule => NativeError::NoModule,
+            IoError::Module(error) => NativeError::Module(error),
+        }
+    }
+}
+
+impl NativeContext for Call<'_, '_> {
+    #[inline]
+    fn param_get(&mut self, index: u32) -> Result<u32, NativeError> {
+        match self.find(index, false)? {
+            Found::Number(number) => Ok(number),
+            Found::Place(at, bits @ 0..=32) => Ok(self.cx.machine.memory.read_bits(at, bits as u8)),
+            Found::Place(..) => Err(NativeError::NoParam),
+        }
+    }
+
+    #[inline]
+    fn param_set(&mut self, index: u32, value: u32) -> Result<(), NativeError> {
+        match self.find(index, true)? {
+            Found::Place(at, bits @ 0..=32) => {
+                self.cx.machine.memory.write_bits(at, bits as u8, value);
+                Ok(())
+            }
+            _ => Err(NativeError::NoParam),
+        }
+    }
+
+    fn param_read(&mut self, index: u32, at: u32, into: &mut [u8]) -> Result<(), NativeError> {
+        let Found::Place(bit, bits) = self.find(index, false)? else { return Err(NativeError::NoParam) };
+        let range = Range { at: bit / 8, len: bits.div_ceil(8) };
+        let at = range.locate(at, into.len() as u32).ok_or(NativeError::Outside)? as usize;
+        into.copy_from_slice(&self.cx.machine.memory.bytes[at..at + into.len()]);
+        Ok(())
+    }
+
+    fn param_write(&mut self, index: u32, at: u32, from: &[u8]) -> Result<(), NativeError> {
+        let Found::Place(bit, bits) = self.find(index, true)? else { return Err(NativeError::NoParam) };
+        if bits < 8 {
+            return Err(NativeError::NoParam);
+        }
+        let range = Range { at: bit / 8, len: bits / 8 };
+        let at = range.locate(at, from.len() as u32).ok_or(NativeError::Outside)? as usize;
+        self.cx.machine.memory.bytes[at..at + from.len()].copy_from_slice(from);
+        Ok(())
+    }
+
+    fn param_given(&mut self, index: u32) -> bool {
+        self.formal(index).is_ok() && (index >= 64 || self.entry.given >> index & 1 == 1)
+    }
+
+    fn area_read(&mut self, area: NativeArea, at: u32, into: &mut [u8]) -> Result<(), NativeError> {
+        let at = self.range(area, false)?.locate(at, into.len() as u32).ok_or(NativeError::Outside)? as usize;
+        into.copy_from_slice(&self.cx.machine.memory.bytes[at..at + into.len()]);
+        Ok(())
+    }
+
+    fn area_write(&mut self, area: NativeArea, at: u32, from: &[u8]) -> Result<(), NativeError> {
+        let at = self.range(area, true)?.locate(at, from.len() as u32).ok_or(NativeError::Outside)? as usize;
+        self.cx.machine.memory.bytes[at..at + from.len()].copy_from_slice(from);
+        Ok(())
+    }
+
+    fn bit_get(&mut self, area: NativeArea, bit: u32) -> Result<bool, NativeError> {
+        let byte = self.range(area, false)?.locate(bit / 8, 1).ok_or(NativeError::Outside)?;
+        Ok(self.cx.machine.memory.read_bits(byte * 8 + bit % 8, 1) == 1)
+    }
+
+    fn bit_set(&mut self, area: NativeArea, bit: u32, value: bool) -> Result<(), NativeError> {
+        let byte = self.range(area, true)?.locate(bit / 8, 1).ok_or(NativeError::Outside)?;
+        self.cx.machine.memory.write_bits(byte * 8 + bit % 8, 1, u32::from(value));
+        Ok(())
+    }
+
+    fn area_len(&mut self, area: NativeArea) -> Result<u32, NativeError> {
+        self.range(area, false).map(|range| range.len)
+    }
+
+    fn instance(&mut self) -> Option<Instance> {
+        let (db, offset) = (self.entry.di.number, (self.entry.ar2 & POINTER_BITS) / 8);
+        self.native.has_instance.then_some(Instance { db, offset, len: self.native.instance_bytes })
+    }
+
+    fn registers(&mut self) -> (u16, u16) {
+        (self.entry.db.number, self.entry.di.number)
+    }
+
+    fn set_br(&mut self, br: bool) {
+        self.br = br;
+    }
+
+    fn timer_run(&mut self, number: u16, kind: TimerKind, rlo: bool, s5time: u16) -> Result<(), NativeError> {
+        let now = self.cx.machine.now;
+        let timer = self.cx.machine.timers.get_mut(usize::from(number)).ok_or(NativeError::NoTimer)?;
+        timer.run(kind, rlo, s5time, now).map_err(|_| NativeError::Outside)
+    }
+
+    fn timer_reset(&mut self, number: u16) -> Result<(), NativeError> {
+        self.cx.machine.timers.get_mut(usize::from(number)).ok_or(NativeError::NoTimer)?.reset();
+        Ok(())
+    }
+
+    fn timer_get(&mut self, number: u16) -> Result<TimerState, NativeError> {
+        let now = self.cx.machine.now;
+        self.cx.machine.timers.get(usize::from(number)).map(|t| t.state(now)).ok_or(NativeError::NoTimer)
+    }
+
+    fn counter_get(&mut self, number: u16) -> Result<u16, NativeError> {
+        self.cx.machine.counters.get(usize::from(number)).map(|c| c.value).ok_or(NativeError::NoTimer)
+    }
+
+    fn counter_set(&mut self, number: u16, value: u16) -> Result<(), NativeError> {
+        let counter = self.cx.machine.counters.get_mut(usize::from(number)).ok_or(NativeError::NoTimer)?;
+        if value > Counter::MAX {
+            return Err(NativeError::Outside);
+        }
+        counter.value = value;
+        Ok(())
+    }
+
+    fn module_info(&mut self, address: u32) -> Result<(ModuleStatus, u16, u16), NativeError> {
+        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
+        Ok((plugged.module.status(), plugged.input_bytes as u16, plugged.output_bytes as u16))
+    }
+
+    fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), NativeError> {
+        self.cx.machine.io_read(address, into).map_err(Self::module_error)
+    }
+
+    fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), NativeError> {
+        self.cx.machine.io_write(address, from).map_err(Self::module_error)
+    }
+
+    fn mailbox_post(&mut self, address: u32, from: &[u8]) -> Result<(), NativeError> {
+        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
+        plugged.module.mailbox_post(from).map_err(NativeError::Module)
+    }
+
+    fn mailbox_take(&mut self, address: u32, into: &mut [u8]) -> Result<(), NativeError> {
+        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
+        plugged.module.mailbox_take(into).map_err(NativeError::Module)
+    }
+
+    fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, NativeError> {
+        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
+        plugged.module.record_read(record, into).map_err(NativeError::Module)
+    }
+
+    fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError> {
+        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
+        plugged.module.record_write(record, from).map_err(NativeError::Module)
+    }
+
+    fn call_block(&mut self, id: BlockId, instance_db: u16, args: &[NativeArg]) -> Result<(), NativeError> {
+        let callee = self.cx.blocks.find(id).ok_or(NativeError::NoBlock)?;
+        self.attend().map_err(|Abort| NativeError::Abort)?;
+        let called = Called { id, callee, instance_db, args };
+        nested_call(self, &called)
+    }
+
+    fn now(&mut self) -> Nanos {
+        self.cx.machine.now
+    }
+
+    fn ob_info(&mut self) -> ObInfo {
+        self.cx.machine.ob
+    }
+
+    fn attend(&mut self) -> Result<(), Abort> {
+        let machine = &mut *self.cx.machine;
+        machine.pending = machine.pending.saturating_add(1);
+        if machine.pending >= crate::machine::STATEMENTS_PER_LOOK || machine.interrupt.is_due() {
+            return self.cx.attend();
+        }
+        if machine.stopping { Err(Abort) } else { Ok(()) }
+    }
+
+    fn raise_fault(&mut self, kind: FaultKind, number: u32) -> Result<(), Abort> {
+        let site = self.site();
+        self.cx.fault(Fault::new(kind, number), Some(site), [0; 2])
+    }
+
+    fn diagnostic_interrupt(&mut self, address: u32, data: &[u8]) -> Result<(), NativeError> {
+        if self.cx.machine.modules.at(address).is_none() {
+            return Err(NativeError::NoModule);
+        }
+        let mut first = [0; 4];
+        let len = data.len().min(4);
+        first[..len].copy_from_slice(&data[..len]);
+        self.cx.diagnostic_interrupt(address, first).map_err(|Abort| NativeError::Abort)
+    }
+
+    fn diag_entry(&mut self, number: u16, text: &str) {
+        let site = Some(self.site());
+        let machine = &mut *self.cx.machine;
+        let entry = DiagEntry {
+            number: 0,
+            time: machine.now,
+            event: Event::PLUGIN_ENTRY,
+            site,
+            accus: [0; 2],
+            data: u32::from(number),
+            text: ShortText::new(text),
+        };
+        machine.diag.push(entry);
+    }
+
+    fn stop(&mut self, event: Event, text: &str) -> Abort {
+        let site = Some(self.site());
+        let machine = &mut *self.cx.machine;
+        let entry =
+            DiagEntry { number: 0, time: machine.now, event, site, accus: [0; 2], data: 0, text: ShortText::new(text) };
+        machine.diag.push(entry);
+        machine.stopping = true;
+        Abort
+    }
+
+    fn log(&mut self, level: u8, text: &str) {
+        self.cx.machine.log(level, text);
+    }
+
+    fn retrigger_watchdog(&mut self) {
+        self.cx.look();
+        self.cx.retrigger_watchdog();
+    }
+}
+
+/// A call a native block makes.
+struct Called<'a> {
+    id: BlockId,
+    callee: Callee,
+    instance_db: u16,
+    args: &'a [NativeArg],
+}
+
+/// Supplies the parameters as a `CALL` does: references for an FC, copies through the instance for an FB.
+fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), NativeError> {
+    let Some(signature) = call.cx.blocks.signatures.find(called.id) else { return Err(NativeError::NoBlock) };
+    if called.args.len() != signature.formals.len() {
+        return Err(NativeError::NoBlock);
+    }
+    if call.cx.machine.depth >= call.cx.machine.config.nesting_depth {
+        let site = call.site();
+        let fault = Fault::new(FaultKind::NestingDepth, u32::from(call.cx.machine.depth));
+        return call.cx.fault(fault, Some(site), [0; 2]).map_err(|Abort| NativeError::Abort);
+    }
+    let tops = (call.cx.machine.refs_top, call.cx.machine.scratch_top);
+    let mut entry = Entry {
+        refs: tops.0,
+        given: 0,
+        db: call.entry.db,
+        di: call.entry.di,
+        ar2: call.entry.ar2,
+        previous_local: call.entry.previous_local,
+        previous_local_len: call.entry.previous_local_len,
+    };
+    for (i, arg) in called.args.iter().enumerate().take(64) {
+        entry.given |= u64::from(*arg != NativeArg::Open) << i;
+    }
+    let has_instance = called.id.kind.has_instance();
+    if has_instance {
+        let db = match called.instance_db {
+            0 => return Err(NativeError::DbNumber),
+            number => call.cx.machine.memory.db(number).ok_or(NativeError::NoDb)?,
+        };
+        if db.writable < signature.instance_bytes {
+            return Err(if db.writable == 0 && db.len > 0 { NativeError::ReadOnly } else { NativeError::NoBlock });
+        }
+        entry.di = db;
+        entry.ar2 = u32::from(ob1_model::Area::Db.pointer_code()) << 24;
+    }
+    for (i, (arg, formal)) in called.args.iter().zip(&signature.formals).enumerate() {
+        let operand = match *arg {
+            NativeArg::Operand(area, bit) => Some(operand(call, area, bit, formal.bits, formal.written)?),
+            _ => None,
+        };
+        let machine = &mut *call.cx.machine;
+        if has_instance {
+            let to = entry.di.at * 8 + formal.at;
+            if !matches!(formal.section, Section::Input | Section::InOut) {
+                continue;
+            }
+            match (*arg, operand) {
+                (NativeArg::Value(value), _) if formal.bits <= 32 => {
+                    machine.memory.write_bits(to, formal.bits as u8, value);
+                }
+                (_, Some(from)) if formal.bits <= 32 => {
+                    let value = machine.memory.read_bits(from, formal.bits as u8);
+                    machine.memory.write_bits(to, formal.bits as u8, value);
+                }
+                (_, Some(from)) => machine.memory.copy(from / 8, to / 8, formal.bits / 8),
+                (NativeArg::Open, None) => {}
+                _ => return Err(NativeError::NoBlock),
+            }
+            continue;
+        }
+        let reference = match (*arg, operand) {
+            (NativeArg::Value(value), _) if formal.number => value,
+            (NativeArg::Value(value), _) if formal.elementary => {
+                let at = machine.memory.scratch.locate(machine.scratch_top, 4).ok_or(NativeError::NoBlock)?;
+                machine.scratch_top += 4;
+                machine.memory.write_bits(at * 8, formal.bits as u8, value);
+                at * 8
+            }
+            (_, Some(at)) if formal.number => machine.memory.read_bits(at, 16),
+            (_, Some(at)) => at,
+            _ => return Err(NativeError::NoBlock),
+        };
+        let slot = machine.refs.get_mut(tops.0 as usize + i).ok_or(NativeError::NoBlock)?;
+        *slot = reference;
+        machine.refs_top = tops.0 + i as u32 + 1;
+    }
+    let caller = call.cx.machine.native_caller;
+    let result = match called.callee {
+        Callee::Code(block) => call.cx.blocks.engine.call(block, &entry, call.cx),
+        Callee::Native(index) => {
+            call.cx.machine.depth += 1;
+            let result = self::call(index, &entry, call.cx).map(|_| ());
+            call.cx.machine.depth -= 1;
+            result
+        }
+    };
+    call.cx.machine.native_caller = caller;
+    (call.cx.machine.refs_top, call.cx.machine.scratch_top) = tops;
+    result.map_err(|Abort| NativeError::Abort)?;
+    if has_instance {
+        for (arg, formal) in called.args.iter().zip(&signature.formals) {
+            let NativeArg::Operand(area, bit) = *arg else { continue };
+            if formal.section == Section::Input {
+                continue;
+            }
+            let to = operand(call, area, bit, formal.bits, true)?;
+            let from = entry.di.at * 8 + formal.at;
+            let memory = &mut call.cx.machine.memory;
+            if formal.bits <= 32 {
+                let value = memory.read_bits(from, formal.bits as u8);
+                memory.write_bits(to, formal.bits as u8, value);
+            } else {
+                memory.copy(from / 8, to / 8, formal.bits / 8);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The arena bit of an actual a native block supplies.
+fn operand(call: &Call<'_, '_>, area: NativeArea, bit: u32, bits: u32, write: bool) -> Result<u32, NativeError> {
+    let at = BitAddr(bit);
+    let byte = call.range(area, write)?.locate(at.byte(), bits.div_ceil(8)).ok_or(NativeError::Outside)?;
+    Ok(byte * 8 + u32::from(at.bit()))
+}

@@ -1,0 +1,178 @@
+//! The access port: everything that looks into a running station from outside goes through these two rings.
+//!
+//! Requests and responses are small `Copy` items. The CPU serves a bounded number of them at the cycle control point; the client side
+//! is `Send` and belongs to one thread (a socket server), which knows names and types (see [`crate::parse_item`]).
+
+use ob1_model::Area;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use crate::{Command, DiagEntry, ModuleStatus, OperatingState, ScanStatistics};
+
+/// A place the port can read and write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cell {
+    /// Inputs, outputs or bit memory, by bit address; `Area::Input`, `Output`, `Memory`.
+    Area(Area, u32),
+    /// A data block and a bit address in it.
+    Db(u16, u32),
+    /// Peripheral byte: read from the module's inputs, written to its outputs.
+    Peripheral(u32),
+    /// A timer's remaining time as S5TIME (read only).
+    Timer(u16),
+    /// A counter, 0 to 999.
+    Counter(u16),
+}
+
+/// How much of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum CellWidth {
+    Bit,
+    Byte,
+    Word,
+    DWord,
+}
+
+impl CellWidth {
+    /// Bits.
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        match self {
+            CellWidth::Bit => 1,
+            CellWidth::Byte => 8,
+            CellWidth::Word => 16,
+            CellWidth::DWord => 32,
+        }
+    }
+}
+
+/// What a client asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ask {
+    /// The value of a cell.
+    Read(Cell, CellWidth),
+    /// A new value for a cell. Inputs are overwritten by the next process image.
+    Write(Cell, CellWidth, u32),
+    /// A change of the operating state.
+    Command(Command),
+    /// The operating state.
+    State,
+    /// The diagnostic entry so many entries back, 0 the newest.
+    Diag(u32),
+    /// The scan statistics.
+    Statistics,
+    /// Starts the scan statistics anew.
+    ResetStatistics,
+    /// The module with this index in the order they were given to the CPU.
+    Module(u32),
+}
+
+/// Why a request was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PortError {
+    /// Outside the area.
+    Outside,
+    /// The data block is not loaded.
+    NoDb,
+    /// The data block is write-protected, or the cell cannot be written.
+    ReadOnly,
+    /// No such timer or counter.
+    NoTimer,
+    /// No module answers there.
+    NoModule,
+    /// No such diagnostic entry.
+    NoEntry,
+    /// A value that does not fit the cell.
+    Value,
+}
+
+/// What the CPU answers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "fixed-size items of a ring; boxing would allocate in the scan")]
+pub enum Answer {
+    /// A cell's value, right-aligned.
+    Value(u32),
+    /// Written, or the command is under way.
+    Done,
+    /// The operating state.
+    State(OperatingState),
+    /// A diagnostic entry.
+    Diag(DiagEntry),
+    /// Scan statistics.
+    Statistics(ScanStatistics),
+    /// A module's state.
+    Module(ModuleStatus),
+    /// Refused.
+    Refused(PortError),
+}
+
+/// A request with the client's own number, which comes back with the answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// Any number.
+    pub id: u32,
+    /// What is asked.
+    pub ask: Ask,
+}
+
+/// An answer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Response {
+    /// The request's number.
+    pub id: u32,
+    /// The answer.
+    pub answer: Answer,
+}
+
+/// The client's end of the port.
+#[derive(Debug)]
+pub struct AccessClient {
+    requests: Producer<Request>,
+    responses: Consumer<Response>,
+}
+
+impl AccessClient {
+    /// Posts a request; gives it back when the ring is full.
+    pub fn post(&mut self, request: Request) -> Result<(), Request> {
+        self.requests.push(request).map_err(|rtrb::PushError::Full(request)| request)
+    }
+
+    /// The next answer, if one is there. Answers come in the order of the requests.
+    pub fn take(&mut self) -> Option<Response> {
+        self.responses.pop().ok()
+    }
+
+    /// True when the CPU is gone.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.requests.is_abandoned()
+    }
+}
+
+/// The CPU's end.
+#[derive(Debug)]
+pub(crate) struct AccessPort {
+    requests: Consumer<Request>,
+    responses: Producer<Response>,
+}
+
+impl AccessPort {
+    pub(crate) fn new(capacity: usize) -> (Self, AccessClient) {
+        let (requests, from_client) = RingBuffer::new(capacity);
+        let (to_client, responses) = RingBuffer::new(capacity);
+        (Self { requests: from_client, responses: to_client }, AccessClient { requests, responses })
+    }
+
+    /// The next request, if there is one and room for its answer.
+    pub(crate) fn next(&mut self) -> Option<Request> {
+        if self.responses.is_full() {
+            return None;
+        }
+        self.requests.pop().ok()
+    }
+
+    pub(crate) fn answer(&mut self, id: u32, answer: Answer) {
+        // `next` has seen room for it, and this end is the only writer.
+        let _ = self.responses.push(Response { id, answer });
+    }
+}

@@ -1,0 +1,223 @@
+//! S5 timers: five kinds, started by edges, read as time passes. ["Timer Instructions" of the STL reference]
+//!
+//! A timer holds the time at which it runs out; nothing ticks. What it shows is a function of the CPU's own `now`.
+
+use ob1_model::{FaultKind, S5Time, TimerKind};
+
+use crate::{Nanos, TimerState};
+
+const NANOS_PER_MS: u64 = 1_000_000;
+
+/// One timer.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Timer {
+    kind: TimerKind,
+    /// Runs, unless `end` has passed.
+    running: bool,
+    /// RLO at the last start statement.
+    start_rlo: bool,
+    /// RLO at the last `FR`.
+    enable_rlo: bool,
+    /// The signal state beside the running time: elapsed on-delays, the input of an off-delay.
+    latched: bool,
+    /// Time base code, 0 to 3.
+    base: u16,
+    /// What is left while it does not run, in units of the base.
+    rest: u16,
+    /// When it runs out.
+    end: Nanos,
+}
+
+impl Default for Timer {
+    fn default() -> Self {
+        Self {
+            kind: TimerKind::Pulse,
+            running: false,
+            start_rlo: false,
+            enable_rlo: false,
+            latched: false,
+            base: 0,
+            rest: 0,
+            end: 0,
+        }
+    }
+}
+
+impl Timer {
+    fn unit(&self) -> Nanos {
+        u64::from(S5Time(self.base << 12).base_ms()) * NANOS_PER_MS
+    }
+
+    fn runs(&self, now: Nanos) -> bool {
+        self.running && now < self.end
+    }
+
+    /// Takes note of the end of the time, if it has come.
+    fn settle(&mut self, now: Nanos) {
+        if self.running && now >= self.end {
+            self.running = false;
+            self.rest = 0;
+            self.latched |= matches!(self.kind, TimerKind::OnDelay | TimerKind::RetentiveOnDelay);
+        }
+    }
+
+    fn start(&mut self, now: Nanos, time: u16) -> Result<(), FaultKind> {
+        let digits = S5Time(time).digits().ok_or(FaultKind::BcdConversion)?;
+        self.base = time >> 12 & 3;
+        self.end = now + u64::from(digits) * self.unit();
+        self.rest = digits as u16;
+        self.running = true;
+        self.latched = false;
+        self.settle(now);
+        Ok(())
+    }
+
+    /// Stops and keeps what is left of the time.
+    fn halt(&mut self, now: Nanos) {
+        self.rest = self.remaining(now);
+        self.running = false;
+    }
+
+    /// `SI SV SE SS SA` with the RLO and the S5TIME in ACCU1-L.
+    pub(crate) fn run(&mut self, kind: TimerKind, rlo: bool, time: u16, now: Nanos) -> Result<(), FaultKind> {
+        self.settle(now);
+        let rising = rlo && !self.start_rlo;
+        let falling = !rlo && self.start_rlo;
+        self.start_rlo = rlo;
+        self.kind = kind;
+        match kind {
+            TimerKind::Pulse | TimerKind::OnDelay => {
+                if rising {
+                    return self.start(now, time);
+                }
+                if !rlo {
+                    self.latched = false;
+                    if self.running {
+                        self.halt(now);
+                    }
+                }
+            }
+            TimerKind::ExtendedPulse => {
+                if rising {
+                    return self.start(now, time);
+                }
+            }
+            TimerKind::RetentiveOnDelay => {
+                // Once elapsed it must be reset before it can be started again.
+                if rising && !self.latched {
+                    return self.start(now, time);
+                }
+            }
+            TimerKind::OffDelay => {
+                if falling {
+                    return self.start(now, time);
+                }
+                if rising {
+                    self.running = false;
+                    self.rest = 0;
+                    self.latched = true;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// `R` with RLO = 1: time and signal state go to 0; edges are still remembered.
+    pub(crate) fn reset(&mut self) {
+        self.running = false;
+        self.latched = false;
+        self.rest = 0;
+    }
+
+    /// `FR`: a rising edge makes the next start statement with RLO = 1 (`SA`: 0) start again.
+    pub(crate) fn enable(&mut self, rlo: bool) {
+        if rlo && !self.enable_rlo {
+            self.start_rlo = self.kind == TimerKind::OffDelay;
+        }
+        self.enable_rlo = rlo;
+    }
+
+    /// The signal state, `U T n`.
+    #[inline]
+    pub(crate) fn output(&self, now: Nanos) -> bool {
+        match self.kind {
+            TimerKind::Pulse | TimerKind::ExtendedPulse => self.runs(now),
+            TimerKind::OnDelay | TimerKind::RetentiveOnDelay => self.latched || self.running && now >= self.end,
+            TimerKind::OffDelay => self.latched || self.runs(now),
+        }
+    }
+
+    /// Units of the base that are left, rounded up; `L T n`.
+    pub(crate) fn remaining(&self, now: Nanos) -> u16 {
+        if self.running { self.end.saturating_sub(now).div_ceil(self.unit()).min(999) as u16 } else { self.rest }
+    }
+
+    /// The remaining time as S5TIME; `LC T n`.
+    pub(crate) fn remaining_bcd(&self, now: Nanos) -> u16 {
+        self.base << 12 | to_bcd(self.remaining(now))
+    }
+
+    pub(crate) fn state(&self, now: Nanos) -> TimerState {
+        TimerState { output: self.output(now), running: self.runs(now), remaining: self.remaining_bcd(now) }
+    }
+}
+
+/// A counter. ["Counter Instructions" of the STL reference]
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Counter {
+    /// 0 to 999.
+    pub(crate) value: u16,
+    up_rlo: bool,
+    down_rlo: bool,
+    set_rlo: bool,
+    enable_rlo: bool,
+}
+
+impl Counter {
+    /// Largest value.
+    pub(crate) const MAX: u16 = 999;
+
+    /// `ZV`.
+    pub(crate) fn up(&mut self, rlo: bool) {
+        if rlo && !self.up_rlo && self.value < Self::MAX {
+            self.value += 1;
+        }
+        self.up_rlo = rlo;
+    }
+
+    /// `ZR`.
+    pub(crate) fn down(&mut self, rlo: bool) {
+        if rlo && !self.down_rlo && self.value > 0 {
+            self.value -= 1;
+        }
+        self.down_rlo = rlo;
+    }
+
+    /// `S Z n` with three BCD digits in ACCU1-L.
+    pub(crate) fn set(&mut self, rlo: bool, bcd: u16) -> Result<(), FaultKind> {
+        let rising = rlo && !self.set_rlo;
+        self.set_rlo = rlo;
+        if rising {
+            self.value = S5Time(bcd & 0x0FFF).digits().ok_or(FaultKind::BcdConversion)? as u16;
+        }
+        Ok(())
+    }
+
+    /// `FR`: a rising edge makes the next statement with RLO = 1 count or set again.
+    pub(crate) fn enable(&mut self, rlo: bool) {
+        if rlo && !self.enable_rlo {
+            (self.up_rlo, self.down_rlo, self.set_rlo) = (false, false, false);
+        }
+        self.enable_rlo = rlo;
+    }
+
+    /// `LC Z n`.
+    pub(crate) fn bcd(self) -> u16 {
+        to_bcd(self.value)
+    }
+}
+
+/// Three BCD digits.
+pub(crate) const fn to_bcd(value: u16) -> u16 {
+    (value / 100 % 10) << 8 | (value / 10 % 10) << 4 | value % 10
+}

@@ -1,0 +1,225 @@
+//! What the tests of the CPU share: a clock in virtual time, and programs written directly as intermediate code.
+#![allow(dead_code, unreachable_pub, reason = "each test crate uses its own part")]
+
+use ob1_cpu::{Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CycleEnd, Nanos, OperatingState};
+use ob1_ir::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Target, Width};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
+
+/// Virtual time: moves when told, and by a charge for each statement.
+#[derive(Debug, Default)]
+pub struct ManualClock {
+    pub now: Nanos,
+    pub ns_per_statement: u64,
+}
+
+impl Clock for ManualClock {
+    fn now(&mut self) -> Nanos {
+        self.now
+    }
+    fn executed(&mut self, statements: u64) {
+        self.now += statements * self.ns_per_statement;
+    }
+}
+
+pub const MS: Nanos = 1_000_000;
+
+pub fn fc(number: u16) -> BlockId {
+    BlockId::new(BlockKind::Fc, number)
+}
+
+pub fn fb(number: u16) -> BlockId {
+    BlockId::new(BlockKind::Fb, number)
+}
+
+pub fn ob(number: u16) -> BlockId {
+    BlockId::new(BlockKind::Ob, number)
+}
+
+pub fn place(area: Area, byte: u32, bit: u8) -> Place {
+    Place::Fixed(area, BitAddr::new(byte, bit))
+}
+
+pub fn m(byte: u32, bit: u8) -> Place {
+    place(Area::Memory, byte, bit)
+}
+
+pub fn operand(width: Width, place: Place) -> Operand {
+    Operand { width, place }
+}
+
+pub fn mb(byte: u32) -> Operand {
+    operand(Width::Byte, m(byte, 0))
+}
+
+pub fn mw(byte: u32) -> Operand {
+    operand(Width::Word, m(byte, 0))
+}
+
+pub fn md(byte: u32) -> Operand {
+    operand(Width::DWord, m(byte, 0))
+}
+
+pub fn l(byte: u32, bit: u8) -> Place {
+    place(Area::Local, byte, bit)
+}
+
+pub fn lw(byte: u32) -> Operand {
+    operand(Width::Word, l(byte, 0))
+}
+
+pub fn dbw(byte: u32) -> Operand {
+    operand(Width::Word, place(Area::Db, byte, 0))
+}
+
+pub fn in_db(db: u16, width: Width, byte: u32, bit: u8) -> Operand {
+    operand(width, Place::InDb(db, BitAddr::new(byte, bit)))
+}
+
+pub fn param(index: u16, width: Width) -> Operand {
+    operand(width, Place::Param { index, at: BitAddr(0) })
+}
+
+pub fn u(place: Place) -> Op {
+    Op::Scan { logic: ob1_ir::Logic::And, negate: false, test: ob1_ir::BitTest::Bit(place) }
+}
+
+pub fn un(place: Place) -> Op {
+    Op::Scan { logic: ob1_ir::Logic::And, negate: true, test: ob1_ir::BitTest::Bit(place) }
+}
+
+pub fn load(operand: Operand) -> Op {
+    Op::Load(operand)
+}
+
+pub fn transfer(operand: Operand) -> Op {
+    Op::Transfer(operand)
+}
+
+pub fn c(value: u32) -> Op {
+    Op::LoadConst(value)
+}
+
+/// `CALL block (args)`.
+pub fn call(target: BlockId, args: Vec<Arg>) -> Op {
+    Op::Call(Box::new(Call { mode: CallMode::Call, target: Target::Block(target), instance: None, args }))
+}
+
+/// `CALL fb, DB n (args)`.
+pub fn call_fb(target: BlockId, db: u16, args: Vec<Arg>) -> Op {
+    let instance = Some(ob1_ir::Number::Fixed(db));
+    Op::Call(Box::new(Call { mode: CallMode::Call, target: Target::Block(target), instance, args }))
+}
+
+/// `UC block`, `CC block`.
+pub fn uc(mode: CallMode, target: BlockId) -> Op {
+    Op::Call(Box::new(Call { mode, target: Target::Block(target), instance: None, args: Vec::new() }))
+}
+
+/// A block whose statement n stands in line n + 1.
+pub fn block(id: BlockId, interface: Interface, ops: Vec<Op>) -> CodeBlock {
+    let code = (1..).zip(ops).map(|(line, op)| Stmt { op, network: 1, line }).collect();
+    CodeBlock { id, name: None, interface, code, source: 0 }
+}
+
+/// An interface of parameters; those of an FB are laid out.
+pub fn interface(kind: BlockKind, params: &[(&str, Section, DataType)], temp_bytes: u32) -> Interface {
+    let mut layout = Layout::new();
+    let mut list: Vec<Param> = Vec::new();
+    for (name, section, ty) in params {
+        if list.last().is_some_and(|p| p.section != *section) {
+            layout.end_section();
+        }
+        let mut param = Param::new(name, *section, ty.clone());
+        if kind.has_instance() {
+            param.at = layout.place(ty);
+        }
+        list.push(param);
+    }
+    Interface { params: list, instance_bytes: layout.bytes(), temp_bytes }
+}
+
+pub fn db(number: u16, bytes: &[u8]) -> DataBlock {
+    let kind = DataKind::Global;
+    DataBlock { number, name: None, kind, bytes: bytes.to_vec(), components: Vec::new(), read_only: false }
+}
+
+pub fn instance_db(number: u16, of: BlockId, bytes: usize) -> DataBlock {
+    let kind = DataKind::Instance(of);
+    DataBlock { number, name: None, kind, bytes: vec![0; bytes], components: Vec::new(), read_only: false }
+}
+
+pub fn program(blocks: Vec<CodeBlock>, data: Vec<DataBlock>) -> Program {
+    Program { blocks, data, ..Program::default() }
+}
+
+/// OB 1 alone.
+pub fn ob1(ops: Vec<Op>) -> CodeBlock {
+    block(ob(1), Interface { temp_bytes: 20, ..Interface::default() }, ops)
+}
+
+/// A CPU with its clock.
+pub struct Bench {
+    pub cpu: Cpu,
+    pub clock: ManualClock,
+}
+
+impl Bench {
+    pub fn new(program: &Program) -> Self {
+        Self::with(Cpu::new(CpuConfig::default(), program, Vec::new(), Vec::new()).expect("the program loads"))
+    }
+
+    /// Starts a CPU; the first cycle has not run.
+    pub fn with(mut cpu: Cpu) -> Self {
+        cpu.request(Command::Run);
+        Self { cpu, clock: ManualClock { now: 0, ns_per_statement: 100 } }
+    }
+
+    pub fn cycle(&mut self) -> CycleEnd {
+        self.cpu.cycle(&mut self.clock)
+    }
+
+    /// A cycle that must leave the CPU in RUN.
+    pub fn run(&mut self) {
+        let end = self.cycle();
+        let why: Vec<_> = self.cpu.diagnostics().map(ToString::to_string).collect();
+        assert_eq!(end.state, OperatingState::Run, "{why:#?}");
+    }
+
+    pub fn cell(&mut self, area: Area, byte: u32, width: CellWidth) -> u32 {
+        self.cpu.read(Cell::Area(area, byte * 8), width).expect("the cell exists")
+    }
+
+    pub fn mb(&mut self, byte: u32) -> u32 {
+        self.cell(Area::Memory, byte, CellWidth::Byte)
+    }
+
+    pub fn mw(&mut self, byte: u32) -> u32 {
+        self.cell(Area::Memory, byte, CellWidth::Word)
+    }
+
+    pub fn md(&mut self, byte: u32) -> u32 {
+        self.cell(Area::Memory, byte, CellWidth::DWord)
+    }
+
+    pub fn m(&mut self, byte: u32, bit: u8) -> bool {
+        self.cpu.read(Cell::Area(Area::Memory, BitAddr::new(byte, bit).0), CellWidth::Bit).expect("a bit") == 1
+    }
+
+    pub fn set(&mut self, byte: u32, width: CellWidth, value: u32) {
+        self.cpu.write(Cell::Area(Area::Memory, byte * 8), width, value).expect("the cell exists");
+    }
+
+    pub fn set_m(&mut self, byte: u32, bit: u8, value: bool) {
+        let cell = Cell::Area(Area::Memory, BitAddr::new(byte, bit).0);
+        self.cpu.write(cell, CellWidth::Bit, u32::from(value)).expect("a bit");
+    }
+
+    pub fn dbw(&mut self, db: u16, byte: u32) -> u32 {
+        self.cpu.read(Cell::Db(db, byte * 8), CellWidth::Word).expect("the cell exists")
+    }
+
+    /// Event numbers in the diagnostic buffer, newest first.
+    pub fn events(&self) -> Vec<u16> {
+        self.cpu.diagnostics().map(|e| e.event.0).collect()
+    }
+}
