@@ -1,0 +1,69 @@
+//! Exit codes of the command: one table, printed by `ob1 --help`.
+
+/// How a command ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Exit {
+    /// All is well.
+    Ok = 0,
+    /// The command line is wrong, or `check` has found an error.
+    Usage = 1,
+    /// The station file, a source or the program was rejected.
+    Rejected = 2,
+    /// The CPU went to STOP because of a fault.
+    Fault = 3,
+    /// A plugin is missing, damaged or built for another interface.
+    Plugin = 4,
+    /// The station runs already, or does not run.
+    Running = 5,
+    /// The operating system refused something the station cannot do without.
+    System = 6,
+    /// A native block did not return; outputs were switched off.
+    Hung = 7,
+    /// A running station has refused a request of `get`, `set` or `ctl`.
+    Refused = 8,
+}
+
+/// The table as `ob1 --help` prints it.
+pub const TABLE: &str = "\
+Exit codes:
+  0  all is well
+  1  wrong command line, or `check` has found an error
+  2  station file, source or program rejected
+  3  the CPU went to STOP because of a fault
+  4  a plugin is missing, damaged or built for another interface
+  5  the station runs already (run), or does not run (get, set, ctl)
+  6  the operating system refused what the station needs
+  7  a native block did not return; outputs are off
+  8  the running station refused a request of get, set or ctl
+  With --fence-scan a forbidden system call ends the process by SIGSYS (shells show 159).";
+
+impl From<Exit> for std::process::ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(exit as u8)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_has_every_code() {
+        let all = [
+            Exit::Ok,
+            Exit::Usage,
+            Exit::Rejected,
+            Exit::Fault,
+            Exit::Plugin,
+            Exit::Running,
+            Exit::System,
+            Exit::Hung,
+            Exit::Refused,
+        ];
+        for (number, exit) in all.into_iter().enumerate() {
+            assert_eq!(exit as usize, number);
+            assert!(TABLE.contains(&format!("\n  {number}  ")), "code {number} is not in the table");
+        }
+    }
+}

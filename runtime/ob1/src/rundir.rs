@@ -1,0 +1,284 @@
+//! The runtime directory of a station: the control socket, links to what tools may open, and the proof that the station lives.
+//!
+//! `$XDG_RUNTIME_DIR/ob1/NAME`, or `/run/ob1/NAME` for root, or `/tmp/ob1-UID/NAME`; mode 0700. In it: `control.sock` (0600), `io` and
+//! `MODULE.segment` (links to `/proc/PID/fd/N`), and `pid`. Who holds the lock on `pid` owns the directory: the lock goes with its
+//! process, however that ends, so a leftover is known by being unlocked.
+
+use std::ffi::OsStr;
+use std::fs::{self, DirBuilder, File, OpenOptions};
+use std::io::{self, Write as _};
+use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _, OpenOptionsExt as _, PermissionsExt as _};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FlockOperation, flock};
+
+/// Name of the control socket in the directory.
+pub const SOCKET: &str = "control.sock";
+/// Name of the process I/O image.
+pub const IO: &str = "io";
+const PID: &str = "pid";
+/// Another owner may vanish between two looks; more often than this it does not.
+const ATTEMPTS: usize = 50;
+
+/// Why a runtime directory cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum RunDirError {
+    /// The station runs already.
+    #[error("the station \"{name}\" runs already, as process {pid} (directory {})", .path.display())]
+    Running {
+        /// The station.
+        name: String,
+        /// Its process, as it says itself.
+        pid: String,
+        /// Its directory.
+        path: PathBuf,
+    },
+    /// The directory belongs to somebody else or is open to others.
+    #[error("{} is not a directory of this user alone; remove it, or set XDG_RUNTIME_DIR", .0.display())]
+    Foreign(PathBuf),
+    /// The system refused.
+    #[error("runtime directory {}: {source}", .path.display())]
+    Io {
+        /// What was touched.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+fn at(path: &Path) -> impl FnOnce(io::Error) -> RunDirError + '_ {
+    move |source| RunDirError::Io { path: path.to_owned(), source }
+}
+
+/// The directories a station's directory may lie in, the preferred one first.
+#[must_use]
+pub fn bases() -> Vec<PathBuf> {
+    let user = rustix::process::getuid();
+    let mut bases = Vec::new();
+    if let Some(dir) = std::env::var_os("XDG_RUNTIME_DIR").filter(|d| Path::new(d).is_absolute()) {
+        bases.push(PathBuf::from(dir).join("ob1"));
+    }
+    if user.is_root() {
+        bases.push(PathBuf::from("/run/ob1"));
+    }
+    bases.push(PathBuf::from(format!("/tmp/ob1-{}", user.as_raw())));
+    bases
+}
+
+/// The directory of a running station, for tools: the first base that has its socket.
+#[must_use]
+pub fn find(name: &str) -> Option<PathBuf> {
+    bases().into_iter().map(|base| base.join(name)).find(|dir| dir.join(SOCKET).exists())
+}
+
+/// The runtime directory, owned. Dropping it removes it.
+#[derive(Debug)]
+pub struct RunDir {
+    path: PathBuf,
+    _lock: File,
+}
+
+impl RunDir {
+    /// Makes the directory of a station, or takes over what a dead runtime has left.
+    ///
+    /// # Errors
+    /// [`RunDirError`].
+    pub fn claim(name: &str) -> Result<Self, RunDirError> {
+        let mut last = None;
+        for base in bases() {
+            match private_dir(&base) {
+                Ok(()) => return Self::claim_in(&base, name),
+                Err(error) => last = Some(error),
+            }
+        }
+        Err(last.unwrap_or(RunDirError::Foreign(PathBuf::from("/tmp"))))
+    }
+
+    /// The same below a given directory.
+    ///
+    /// # Errors
+    /// [`RunDirError`].
+    pub fn claim_in(base: &Path, name: &str) -> Result<Self, RunDirError> {
+        let path = base.join(name);
+        for _ in 0..ATTEMPTS {
+            private_dir(&path)?;
+            let Some(lock) = lock_of(&path)? else {
+                let pid = fs::read_to_string(path.join(PID)).unwrap_or_default().trim().to_owned();
+                return Err(RunDirError::Running { name: name.to_owned(), pid, path });
+            };
+            // A janitor may have removed the directory between our opening and our locking.
+            if !still_there(&path, &lock) {
+                continue;
+            }
+            sweep(&path);
+            let mut owned = Self { path, _lock: lock };
+            owned.write_pid()?;
+            return Ok(owned);
+        }
+        Err(RunDirError::Io { path, source: io::Error::other("others keep creating and removing it") })
+    }
+
+    fn write_pid(&mut self) -> Result<(), RunDirError> {
+        let file = &mut self._lock;
+        file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id())).map_err(at(&self.path))
+    }
+
+    /// The directory.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Where the control socket goes.
+    #[must_use]
+    pub fn socket(&self) -> PathBuf {
+        self.path.join(SOCKET)
+    }
+
+    /// Publishes `target` (a `/proc/PID/fd/N`) under a name.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn link(&self, name: impl AsRef<OsStr>, target: &Path) -> Result<(), RunDirError> {
+        let link = self.path.join(name.as_ref());
+        std::os::unix::fs::symlink(target, &link).map_err(at(&link))
+    }
+}
+
+impl Drop for RunDir {
+    fn drop(&mut self) {
+        remove(&self.path);
+    }
+}
+
+/// Makes a directory of mode 0700, or checks that the one there is ours and no link.
+fn private_dir(path: &Path) -> Result<(), RunDirError> {
+    match DirBuilder::new().recursive(false).mode(0o700).create(path) {
+        Ok(()) => return Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+        Err(source) => return Err(at(path)(source)),
+    }
+    let found = fs::symlink_metadata(path).map_err(at(path))?;
+    let ours = found.is_dir() && found.uid() == rustix::process::getuid().as_raw();
+    if ours && found.permissions().mode() & 0o077 != 0 {
+        // Ours, but made with a wider mode by somebody's hand: close it.
+        fs::set_permissions(path, fs::Permissions::from_mode(0o700)).map_err(at(path))?;
+    }
+    if ours { Ok(()) } else { Err(RunDirError::Foreign(path.to_owned())) }
+}
+
+/// The lock of a directory; `None` while somebody else holds it.
+fn lock_of(dir: &Path) -> Result<Option<File>, RunDirError> {
+    let path = dir.join(PID);
+    let nofollow = rustix::fs::OFlags::NOFOLLOW.bits() as i32;
+    let opened = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .mode(0o600)
+        .custom_flags(nofollow)
+        .open(&path);
+    let file = match opened {
+        Ok(file) => file,
+        // Removed under our feet: the caller makes it again.
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            private_dir(dir)?;
+            return lock_of(dir);
+        }
+        Err(source) => return Err(at(&path)(source)),
+    };
+    match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => Ok(Some(file)),
+        Err(rustix::io::Errno::WOULDBLOCK) => Ok(None),
+        Err(errno) => Err(at(&path)(errno.into())),
+    }
+}
+
+/// Whether the locked file is still the one under its name.
+fn still_there(dir: &Path, lock: &File) -> bool {
+    let (Ok(named), Ok(held)) = (fs::metadata(dir.join(PID)), lock.metadata()) else { return false };
+    (named.dev(), named.ino()) == (held.dev(), held.ino())
+}
+
+/// Removes what a dead owner has left; the lock stays.
+fn sweep(dir: &Path) {
+    let Ok(entries) = fs::read_dir(dir) else { return };
+    for entry in entries.flatten().filter(|e| e.file_name() != PID) {
+        let _ = fs::remove_file(entry.path());
+    }
+}
+
+/// Removes a directory its caller owns.
+fn remove(dir: &Path) {
+    sweep(dir);
+    // The lock last: until then nobody else begins.
+    let _ = fs::remove_file(dir.join(PID));
+    let _ = fs::remove_dir(dir);
+}
+
+/// For the janitor: takes a dead station's directory over and keeps it while `work` runs; then removes it. False when it has a living
+/// owner or is gone.
+pub(crate) fn bury(dir: &Path, work: impl FnOnce()) -> bool {
+    if fs::symlink_metadata(dir).is_err() {
+        work();
+        return true;
+    }
+    let Ok(Some(lock)) = lock_of(dir) else { return false };
+    if !still_there(dir, &lock) {
+        return false;
+    }
+    work();
+    remove(dir);
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_owner_at_a_time() {
+        let base = tempfile::tempdir().expect("a directory");
+        let first = RunDir::claim_in(base.path(), "s").expect("free");
+        assert_eq!(fs::metadata(first.path()).expect("there").permissions().mode() & 0o777, 0o700);
+        match RunDir::claim_in(base.path(), "s") {
+            Err(RunDirError::Running { pid, .. }) => assert_eq!(pid, std::process::id().to_string()),
+            other => panic!("{other:?}"),
+        }
+        let path = first.path().to_owned();
+        drop(first);
+        assert!(!path.exists());
+        RunDir::claim_in(base.path(), "s").expect("free again");
+    }
+
+    #[test]
+    fn leftovers_are_swept() {
+        let base = tempfile::tempdir().expect("a directory");
+        let dir = base.path().join("s");
+        private_dir(&dir).expect("made");
+        fs::write(dir.join(SOCKET), "").expect("a leftover");
+        fs::write(dir.join(PID), "1\n").expect("a leftover");
+        std::os::unix::fs::symlink("/proc/1/fd/3", dir.join(IO)).expect("a leftover");
+        let owned = RunDir::claim_in(base.path(), "s").expect("nobody holds it");
+        assert!(!dir.join(SOCKET).exists() && fs::symlink_metadata(dir.join(IO)).is_err());
+        owned.link(IO, Path::new("/proc/self/fd/0")).expect("the name is free");
+        drop(owned);
+        assert!(!dir.exists());
+    }
+
+    #[test]
+    fn a_link_in_its_place_is_refused() {
+        let base = tempfile::tempdir().expect("a directory");
+        std::os::unix::fs::symlink("/tmp", base.path().join("s")).expect("a link");
+        assert!(matches!(RunDir::claim_in(base.path(), "s"), Err(RunDirError::Foreign(_))));
+    }
+
+    #[test]
+    fn a_living_station_is_not_buried() {
+        let base = tempfile::tempdir().expect("a directory");
+        let living = RunDir::claim_in(base.path(), "s").expect("free");
+        assert!(!bury(living.path(), || panic!("it lives")));
+        assert!(living.path().exists());
+    }
+}
