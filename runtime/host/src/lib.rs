@@ -4,4 +4,5 @@
 #![allow(unsafe_code)]
 
 pub mod driver;
+pub mod plugin;
 pub mod supervisor;

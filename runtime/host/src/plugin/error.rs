@@ -1,0 +1,98 @@
+//! Why a plugin is refused: numbered, with a remedy.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use ob1_model::BlockId;
+
+/// A plugin was refused.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}: plugin {}: {refusal}\n  remedy: {}", refusal.number(), path.display(), refusal.remedy())]
+pub struct PluginError {
+    /// The file, as it was named.
+    pub path: PathBuf,
+    /// The reason.
+    pub refusal: Refusal,
+}
+
+/// The reason of a refusal. Numbers and remedies are listed in `docs/plugins.md`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// The file cannot be found; what the system says.
+    Missing(String),
+    /// The file is no shared library for this machine, or needs one that is not there; what the loader says.
+    NotALibrary(String),
+    /// It has no function `ob1_plugin`.
+    NoSymbol,
+    /// It was built with another major version of the interface.
+    OtherMajor {
+        /// The plugin's.
+        major: u16,
+        /// And its minor version.
+        minor: u16,
+    },
+    /// Its table says something that cannot be.
+    Malformed(String),
+    /// Its `init` returned a status other than 0.
+    InitFailed(i32),
+    /// The station file gives a number to a block the plugin does not bring.
+    NoSuchBlock(BlockId),
+    /// The first block would get the id of another, or one of another kind.
+    SameNumber(BlockId, BlockId),
+}
+
+impl Refusal {
+    /// The number under which `docs/plugins.md` explains it.
+    #[must_use]
+    pub const fn number(&self) -> &'static str {
+        match self {
+            Refusal::Missing(_) => "P001",
+            Refusal::NotALibrary(_) => "P002",
+            Refusal::NoSymbol => "P003",
+            Refusal::OtherMajor { .. } => "P004",
+            Refusal::Malformed(_) => "P005",
+            Refusal::InitFailed(_) => "P006",
+            Refusal::NoSuchBlock(_) => "P007",
+            Refusal::SameNumber(..) => "P008",
+        }
+    }
+
+    /// What to do about it.
+    #[must_use]
+    pub const fn remedy(&self) -> &'static str {
+        match self {
+            Refusal::Missing(_) => "check `path` in the station file; relative paths count from the station file",
+            Refusal::NotALibrary(_) => "build the plugin for this machine (crate type cdylib, or `cc -shared -fPIC`)",
+            Refusal::NoSymbol => {
+                "export the blocks: `ob1_sdk::export_plugin!` in Rust, `const struct Ob1PluginTable *ob1_plugin(void)` in C"
+            }
+            Refusal::OtherMajor { .. } => "build the plugin anew with the sdk or the ob1.h of this ob1",
+            Refusal::Malformed(_) => "correct the plugin's table; ob1.h says what each field means",
+            Refusal::InitFailed(_) => "ask the plugin's maker what this status of its init function means",
+            Refusal::NoSuchBlock(_) => {
+                "give numbers only to blocks the plugin brings; `ob1 check --plugin FILE` lists them"
+            }
+            Refusal::SameNumber(..) => "give each block a number of its own, of its own kind",
+        }
+    }
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Refusal::Missing(reason) => write!(f, "cannot be opened ({reason})"),
+            Refusal::NotALibrary(reason) => write!(f, "cannot be loaded ({reason})"),
+            Refusal::NoSymbol => write!(f, "is no ob1 plugin: it has no function `{}`", ob1_abi::ENTRY_SYMBOL),
+            Refusal::OtherMajor { major, minor } => write!(
+                f,
+                "was built for plugin interface {major}.{minor}, this is {}.{}",
+                ob1_abi::ABI_MAJOR,
+                ob1_abi::ABI_MINOR
+            ),
+            Refusal::Malformed(what) => write!(f, "has a malformed table: {what}"),
+            Refusal::InitFailed(status) => write!(f, "refuses to start: its init returned {status}"),
+            Refusal::NoSuchBlock(id) => write!(f, "brings no {id}, but the station file gives it a number"),
+            Refusal::SameNumber(from, to) => write!(f, "{from} cannot become {to}"),
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! What all host functions share: the way to the frame, checked pointers, statuses.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use ob1_abi::{self as abi, CallContext, Status};
+use ob1_cpu::{Abort, ModuleError, NativeArea, NativeError};
+
+use crate::plugin::block::Frame;
+
+/// A status other than OK.
+pub(super) struct Refused(pub(super) Status);
+
+impl From<NativeError> for Refused {
+    #[cold]
+    fn from(error: NativeError) -> Self {
+        Self(match error {
+            NativeError::Abort => abi::ABORT,
+            NativeError::NoParam => abi::NO_PARAM,
+            NativeError::Outside | NativeError::NoTimer | NativeError::Module(ModuleError::Outside) => abi::OUTSIDE,
+            NativeError::NoDb => abi::NO_DB,
+            NativeError::DbNumber => abi::DB_NUMBER,
+            NativeError::ReadOnly => abi::READ_ONLY,
+            NativeError::NoModule => abi::NO_MODULE,
+            NativeError::Module(ModuleError::Absent) => abi::ABSENT,
+            NativeError::Module(ModuleError::Busy) => abi::BUSY,
+            NativeError::Module(ModuleError::NoRecord) => abi::NO_RECORD,
+            NativeError::NoBlock => abi::NO_BLOCK,
+        })
+    }
+}
+
+impl From<Abort> for Refused {
+    fn from(_: Abort) -> Self {
+        Self(abi::ABORT)
+    }
+}
+
+/// A pointer or a length that cannot be.
+pub(super) const BAD_ARGUMENT: Refused = Refused(abi::BAD_ARGUMENT);
+
+/// Runs a host function's body on the frame of the call.
+///
+/// # Safety
+/// `call` is null or the context of the entry that is running.
+#[inline]
+pub(super) unsafe fn with(
+    call: *mut CallContext,
+    body: impl for<'x> FnOnce(&mut Frame<'x>) -> Result<(), Refused>,
+) -> Status {
+    // SAFETY: `PluginBlock::call` made the context from its frame and does not touch it while the entry runs; nested calls have
+    // frames of their own. The body works for every lifetime, so nothing of it can stay in the frame.
+    let Some(frame) = (unsafe { call.cast::<Frame<'_>>().as_mut() }) else { return abi::BAD_ARGUMENT };
+    if frame.abort {
+        return abi::ABORT;
+    }
+    let status = match catch_unwind(AssertUnwindSafe(|| body(frame))) {
+        Ok(Ok(())) => return abi::OK,
+        Ok(Err(Refused(status))) => status,
+        Err(panic) => {
+            frame.panic = Some(panic);
+            abi::ABORT
+        }
+    };
+    if status == abi::ABORT {
+        frame.abort = true;
+    }
+    status
+}
+
+/// Bytes to copy into.
+///
+/// # Safety
+/// `into` is null or valid for writing `len` bytes until the host function returns.
+#[inline]
+pub(super) unsafe fn bytes_mut<'a>(into: *mut u8, len: u32) -> Result<&'a mut [u8], Refused> {
+    if len == 0 {
+        return Ok(&mut []);
+    }
+    if into.is_null() || len > i32::MAX as u32 {
+        return Err(BAD_ARGUMENT);
+    }
+    // SAFETY: not null; the rest is the caller's word.
+    Ok(unsafe { std::slice::from_raw_parts_mut(into, len as usize) })
+}
+
+/// Bytes to copy from.
+///
+/// # Safety
+/// `from` is null or valid for reading `len` bytes until the host function returns.
+#[inline]
+pub(super) unsafe fn bytes<'a>(from: *const u8, len: u32) -> Result<&'a [u8], Refused> {
+    if len == 0 {
+        return Ok(&[]);
+    }
+    if from.is_null() || len > i32::MAX as u32 {
+        return Err(BAD_ARGUMENT);
+    }
+    // SAFETY: not null; the rest is the caller's word.
+    Ok(unsafe { std::slice::from_raw_parts(from, len as usize) })
+}
+
+/// Writes a result.
+///
+/// # Safety
+/// `to` is null or valid for writing a `T`.
+#[inline]
+pub(super) unsafe fn put<T>(to: *mut T, value: T) -> Result<(), Refused> {
+    if to.is_null() || !to.is_aligned() {
+        return Err(BAD_ARGUMENT);
+    }
+    // SAFETY: not null and aligned; the rest is the caller's word.
+    unsafe { to.write(value) };
+    Ok(())
+}
+
+/// Checks the size a caller has set in a struct to be filled; larger ones belong to later minor versions, and their new fields
+/// keep what the caller has put there.
+///
+/// # Safety
+/// `to` is null or leads to a struct that begins with its size.
+#[inline]
+pub(super) unsafe fn sized<T>(to: *mut T) -> Result<(), Refused> {
+    if to.is_null() || !to.is_aligned() {
+        return Err(BAD_ARGUMENT);
+    }
+    // SAFETY: not null, aligned, begins with a u32 by the caller's word.
+    if unsafe { to.cast::<u32>().read() as usize } < size_of::<T>() { Err(BAD_ARGUMENT) } else { Ok(()) }
+}
+
+/// An area code with its data block.
+#[inline]
+pub(super) fn area(code: u8, db: u16) -> Result<NativeArea, Refused> {
+    Ok(match code {
+        abi::AREA_E => NativeArea::Input,
+        abi::AREA_A => NativeArea::Output,
+        abi::AREA_M => NativeArea::Memory,
+        abi::AREA_DB => NativeArea::Db(db),
+        abi::AREA_INSTANCE => NativeArea::Instance,
+        abi::AREA_L => NativeArea::CallerLocal,
+        _ => return Err(BAD_ARGUMENT),
+    })
+}

@@ -1,0 +1,89 @@
+//! Modules: registers, mailbox, records, and the plugin's memory for each.
+
+use std::ffi::c_void;
+
+use ob1_abi::{CallContext, ModuleInfo, Status};
+use ob1_cpu::NativeError;
+
+use super::edge::{bytes, bytes_mut, put, sized, with};
+
+pub(super) unsafe extern "C" fn info(call: *mut CallContext, address: u32, info: *mut ModuleInfo) -> Status {
+    // SAFETY: see the head of `host_table`; the same holds for every block of this file.
+    unsafe {
+        with(call, |frame| {
+            sized(info)?;
+            let (status, input_bytes, output_bytes) = frame.cx.module_info(address)?;
+            let address = u16::try_from(address).map_err(|_| NativeError::NoModule)?;
+            put(
+                info,
+                ModuleInfo {
+                    size: (*info).size,
+                    address,
+                    input_bytes,
+                    output_bytes,
+                    present: u8::from(status.present),
+                    reserved: 0,
+                    generation: status.generation,
+                },
+            )
+        })
+    }
+}
+
+pub(super) unsafe extern "C" fn state(call: *mut CallContext, address: u32, state: *mut *mut c_void) -> Status {
+    // SAFETY: as above.
+    unsafe { with(call, |frame| put(state, frame.memory.module(address).ok_or(NativeError::NoModule)?)) }
+}
+
+pub(super) unsafe extern "C" fn io_read(call: *mut CallContext, address: u32, into: *mut u8, len: u32) -> Status {
+    // SAFETY: as above.
+    unsafe { with(call, |frame| Ok(frame.cx.io_read(address, bytes_mut(into, len)?)?)) }
+}
+
+pub(super) unsafe extern "C" fn io_write(call: *mut CallContext, address: u32, from: *const u8, len: u32) -> Status {
+    // SAFETY: as above.
+    unsafe { with(call, |frame| Ok(frame.cx.io_write(address, bytes(from, len)?)?)) }
+}
+
+pub(super) unsafe extern "C" fn mailbox_post(
+    call: *mut CallContext,
+    address: u32,
+    from: *const u8,
+    len: u32,
+) -> Status {
+    // SAFETY: as above.
+    unsafe { with(call, |frame| Ok(frame.cx.mailbox_post(address, bytes(from, len)?)?)) }
+}
+
+pub(super) unsafe extern "C" fn mailbox_take(call: *mut CallContext, address: u32, into: *mut u8, len: u32) -> Status {
+    // SAFETY: as above.
+    unsafe { with(call, |frame| Ok(frame.cx.mailbox_take(address, bytes_mut(into, len)?)?)) }
+}
+
+pub(super) unsafe extern "C" fn record_read(
+    call: *mut CallContext,
+    address: u32,
+    record: u8,
+    into: *mut u8,
+    len: u32,
+    read: *mut u32,
+) -> Status {
+    // SAFETY: as above.
+    unsafe {
+        with(call, |frame| {
+            let copied = frame.cx.record_read(address, record, bytes_mut(into, len)?)?;
+            put(read, copied as u32)
+        })
+    }
+}
+
+pub(super) unsafe extern "C" fn record_write(
+    call: *mut CallContext,
+    address: u32,
+    record: u8,
+    from: *const u8,
+    len: u32,
+) -> Status {
+    // SAFETY: as above.
+    unsafe { with(call, |frame| Ok(frame.cx.record_write(address, record, bytes(from, len)?)?)) }
+}

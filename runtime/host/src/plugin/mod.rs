@@ -1,0 +1,155 @@
+//! Plugins: blocks that come as shared libraries behind the interface of `ob1-abi`.
+//!
+//! [`Plugin::load`] opens a library, checks its table before believing a byte of it, and never closes it again. One loaded library
+//! serves many stations: [`Plugin::station`] makes the native blocks of one station, with memory of their own.
+
+mod block;
+mod error;
+mod host_table;
+mod interface;
+mod memory;
+mod table;
+mod text;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::mem::ManuallyDrop;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use libloading::Library;
+use ob1_cpu::NativeBlock;
+use ob1_model::{BlockId, Interface};
+
+use block::PluginBlock;
+pub use error::{PluginError, Refusal};
+use memory::StationMemory;
+use table::{Code, PanicMessage};
+
+/// A block a plugin brings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlockInfo {
+    /// Kind and number it wants.
+    pub id: BlockId,
+    /// Its name, `SEND`.
+    pub name: String,
+    /// Its parameters; for an FB with the layout of the instance.
+    pub interface: Interface,
+}
+
+/// What a plugin says about itself: for the compiler, and for lists.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PluginInfo {
+    /// Its name, `cp240`.
+    pub name: String,
+    /// Its version.
+    pub version: String,
+    /// Major and minor version of the interface it was built with.
+    pub abi: (u16, u16),
+    /// Its blocks.
+    pub blocks: Vec<BlockInfo>,
+}
+
+/// A loaded plugin.
+#[derive(Debug)]
+pub struct Plugin {
+    path: PathBuf,
+    info: PluginInfo,
+    /// One for each block of `info`.
+    code: Vec<Code>,
+    module_state_size: usize,
+    panic_message: Option<PanicMessage>,
+    table_address: usize,
+}
+
+/// Everything loaded so far: a library is opened and initialised once in a process.
+static LOADED: Mutex<Vec<Arc<Plugin>>> = Mutex::new(Vec::new());
+
+impl Plugin {
+    /// Loads the shared library at `path`, or gives the plugin that was loaded from there before. Not for the scan thread.
+    ///
+    /// # Errors
+    /// A [`PluginError`] with a number and a remedy.
+    pub fn load(path: &Path) -> Result<Arc<Self>, PluginError> {
+        let refuse = |refusal| PluginError { path: path.to_owned(), refusal };
+        let file = path.canonicalize().map_err(|e| refuse(Refusal::Missing(e.to_string())))?;
+        let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = loaded.iter().find(|plugin| plugin.path == file) {
+            return Ok(Arc::clone(known));
+        }
+        // SAFETY: loading runs the library's constructors. That is what the station file asks for by naming it; a plugin is
+        // trusted with that (docs/plugins.md, "What is checked").
+        let library = unsafe { Library::new(&file) }.map_err(|e| refuse(Refusal::NotALibrary(e.to_string())))?;
+        // Never unloaded: blocks, texts and the panic hook of the plugin stay valid until the process ends.
+        let library = ManuallyDrop::new(library);
+        let table = table::open(&library).map_err(refuse)?;
+        if let Some(known) = loaded.iter().find(|plugin| plugin.table_address == table.address()) {
+            return Ok(Arc::clone(known));
+        }
+        let plugin = Arc::new(Self::read(&table, file).map_err(refuse)?);
+        table.init().map_err(refuse)?;
+        loaded.push(Arc::clone(&plugin));
+        Ok(plugin)
+    }
+
+    fn read(table: &table::Table, path: PathBuf) -> Result<Self, Refusal> {
+        let (blocks, code) = table.blocks()?.into_iter().unzip();
+        let info = PluginInfo { name: table.name()?, version: table.version()?, abi: table.abi(), blocks };
+        Ok(Self {
+            path,
+            info,
+            code,
+            module_state_size: table.module_state_size()?,
+            panic_message: table.panic_message(),
+            table_address: table.address(),
+        })
+    }
+
+    /// What the plugin says about itself.
+    #[must_use]
+    pub fn info(&self) -> &PluginInfo {
+        &self.info
+    }
+
+    /// The file it was loaded from.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The blocks for one station, under the numbers `renumber` gives them (their own where it says nothing), with memory for each
+    /// block and for each module at the logical base addresses `modules`.
+    ///
+    /// The blocks belong to one CPU, which runs them on one thread at a time.
+    ///
+    /// # Errors
+    /// [`Refusal::NoSuchBlock`] and [`Refusal::SameNumber`] for a `renumber` that cannot be.
+    pub fn station(
+        &self,
+        renumber: &BTreeMap<BlockId, BlockId>,
+        modules: &[u32],
+    ) -> Result<Vec<Box<dyn NativeBlock>>, PluginError> {
+        let refuse = |refusal| PluginError { path: self.path.clone(), refusal };
+        if let Some((from, _)) = renumber.iter().find(|(from, _)| !self.info.blocks.iter().any(|b| b.id == **from)) {
+            return Err(refuse(Refusal::NoSuchBlock(*from)));
+        }
+        let memory = Arc::new(StationMemory::new(self.module_state_size, modules));
+        let mut taken = BTreeSet::new();
+        let mut blocks: Vec<Box<dyn NativeBlock>> = Vec::new();
+        for (info, code) in self.info.blocks.iter().zip(&self.code) {
+            let id = renumber.get(&info.id).copied().unwrap_or(info.id);
+            if id.kind != info.id.kind || !taken.insert(id) {
+                return Err(refuse(Refusal::SameNumber(info.id, id)));
+            }
+            blocks.push(Box::new(PluginBlock::new(id, info, *code, self.panic_message, Arc::clone(&memory))));
+        }
+        Ok(blocks)
+    }
+}
+
+/// What the plugin at `path` brings, for `ob1 check --plugin`.
+///
+/// # Errors
+/// As [`Plugin::load`].
+pub fn describe(path: &Path) -> Result<PluginInfo, PluginError> {
+    Plugin::load(path).map(|plugin| plugin.info.clone())
+}

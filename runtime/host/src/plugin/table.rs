@@ -1,0 +1,191 @@
+//! Reads a plugin's table: sizes, counts, pointers, kinds and texts are checked before anything is built on them.
+
+use std::collections::BTreeSet;
+
+use libloading::Library;
+use ob1_abi::{self as abi, BlockDesc, ParamDesc, PluginEntry, PluginTable};
+use ob1_model::{BlockId, BlockKind};
+
+use super::error::Refusal;
+use super::{BlockInfo, interface};
+
+/// A block's entry and the bytes it keeps per station.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Code {
+    pub(super) entry: Entry,
+    pub(super) state_size: usize,
+}
+
+/// A block's entry, known to be there.
+pub(super) type Entry = unsafe extern "C" fn(
+    host: *const abi::HostTable,
+    call: *mut abi::CallContext,
+    state: *mut std::ffi::c_void,
+) -> abi::Status;
+
+/// Copies the message of the last panic.
+pub(super) type PanicMessage = unsafe extern "C" fn(into: *mut u8, len: u32) -> u32;
+
+/// More blocks or parameters than this are a mistake, not a plugin.
+const BLOCKS_MAX: u32 = 4096;
+const PARAMS_MAX: u32 = 1024;
+const TEXT_MAX: u32 = 256;
+const STATE_MAX: u32 = 16 << 20;
+
+/// The table of a plugin of our major version, its own fields checked.
+pub(super) struct Table {
+    table: &'static PluginTable,
+}
+
+/// Asks a library for its table.
+pub(super) fn open(library: &Library) -> Result<Table, Refusal> {
+    // SAFETY: the symbol's name is the interface's; a library that gives it another meaning is beyond any check.
+    let entry = unsafe { library.get::<PluginEntry>(abi::ENTRY_SYMBOL.as_bytes()) }.map_err(|_| Refusal::NoSymbol)?;
+    // SAFETY: a function of the type the interface names.
+    let table = unsafe { entry() };
+    if table.is_null() || !table.is_aligned() {
+        return Err(malformed("ob1_plugin returned no table"));
+    }
+    // Size and versions are the frozen part: they are there in every major version, and nothing else is read before they are known.
+    // SAFETY: not null, aligned, and at least these three fields long in every version of the interface.
+    let (size, major, minor) = unsafe { ((*table).size, (*table).abi_major, (*table).abi_minor) };
+    if major != abi::ABI_MAJOR {
+        return Err(Refusal::OtherMajor { major, minor });
+    }
+    if (size as usize) < size_of::<PluginTable>() {
+        return Err(malformed(format!("its size is {size}, it has at least {}", size_of::<PluginTable>())));
+    }
+    // SAFETY: static data of a library that is never unloaded, as large as our PluginTable.
+    Ok(Table { table: unsafe { &*table } })
+}
+
+impl Table {
+    pub(super) fn address(&self) -> usize {
+        std::ptr::from_ref(self.table).addr()
+    }
+
+    pub(super) fn abi(&self) -> (u16, u16) {
+        (self.table.abi_major, self.table.abi_minor)
+    }
+
+    pub(super) fn name(&self) -> Result<String, Refusal> {
+        word(self.table.name, "the plugin's name")
+    }
+
+    pub(super) fn version(&self) -> Result<String, Refusal> {
+        text(self.table.version, "the plugin's version")
+    }
+
+    pub(super) fn module_state_size(&self) -> Result<usize, Refusal> {
+        state_size(self.table.module_state_size, "module state")
+    }
+
+    pub(super) fn panic_message(&self) -> Option<PanicMessage> {
+        self.table.panic_message
+    }
+
+    /// Runs the plugin's `init`, if it has one.
+    pub(super) fn init(&self) -> Result<(), Refusal> {
+        let Some(init) = self.table.init else { return Ok(()) };
+        // SAFETY: a function of the type the interface names; called once, on the loading thread (Plugin::load holds the lock).
+        match unsafe { init() } {
+            abi::OK => Ok(()),
+            status => Err(Refusal::InitFailed(status)),
+        }
+    }
+
+    /// Blocks with their code; kind and number are each other's only ones.
+    pub(super) fn blocks(&self) -> Result<Vec<(BlockInfo, Code)>, Refusal> {
+        let (first, count) = (self.table.blocks, self.table.block_count);
+        if count == 0 || count > BLOCKS_MAX {
+            return Err(malformed(format!("it lists {count} blocks")));
+        }
+        let mut seen = BTreeSet::new();
+        let mut blocks = Vec::new();
+        for desc in entries(first, count, |desc| desc.size, "the list of blocks")? {
+            let (info, code) = block(desc)?;
+            if !seen.insert(info.id) {
+                return Err(malformed(format!("it brings {} twice", info.id)));
+            }
+            blocks.push((info, code));
+        }
+        Ok(blocks)
+    }
+}
+
+fn block(desc: &BlockDesc) -> Result<(BlockInfo, Code), Refusal> {
+    let kind = match desc.kind {
+        abi::KIND_OB => BlockKind::Ob,
+        abi::KIND_FB => BlockKind::Fb,
+        abi::KIND_FC => BlockKind::Fc,
+        other => return Err(malformed(format!("a block of kind {other}"))),
+    };
+    let id = BlockId::new(kind, desc.number);
+    let name = word(desc.name, &format!("the name of {id}"))?;
+    let Some(entry) = desc.entry else { return Err(malformed(format!("{id} {name} has no entry"))) };
+    if desc.param_count > PARAMS_MAX {
+        return Err(malformed(format!("{id} {name} has {} parameters", desc.param_count)));
+    }
+    let list = format!("the parameters of {id} {name}");
+    let params = entries(desc.params, desc.param_count, |param: &ParamDesc| param.size, &list)?;
+    let interface = interface::of(kind, params).map_err(|what| malformed(format!("{id} {name}: {what}")))?;
+    let state_size = state_size(desc.state_size, &name)?;
+    Ok((BlockInfo { id, name, interface }, Code { entry, state_size }))
+}
+
+/// The entries of a list whose elements say their own size: they may be larger than ours, when a later minor version built them.
+fn entries<T>(first: *const T, count: u32, size: fn(&T) -> u32, list: &str) -> Result<Vec<&'static T>, Refusal> {
+    let mut entries = Vec::new();
+    let mut next = first;
+    for _ in 0..count {
+        if next.is_null() || !next.is_aligned() {
+            return Err(malformed(format!("{list}: no pointer to them")));
+        }
+        // SAFETY: not null, aligned; static data of the plugin, by its word an array of `count` elements that begin with their size.
+        let bytes = unsafe { next.cast::<u32>().read() } as usize;
+        if bytes < size_of::<T>() || bytes > 64 * size_of::<T>() || !bytes.is_multiple_of(align_of::<T>()) {
+            return Err(malformed(format!("{list}: an entry of {bytes} bytes, it has at least {}", size_of::<T>())));
+        }
+        // SAFETY: as above, and the element is as large as our T.
+        let entry: &'static T = unsafe { &*next };
+        debug_assert_eq!(size(entry) as usize, bytes);
+        entries.push(entry);
+        next = next.wrapping_byte_add(bytes);
+    }
+    Ok(entries)
+}
+
+/// Text of the plugin: UTF-8 without control characters.
+pub(super) fn text(text: abi::Text, what: &str) -> Result<String, Refusal> {
+    if text.len == 0 {
+        return Ok(String::new());
+    }
+    if text.ptr.is_null() || text.len > TEXT_MAX {
+        return Err(malformed(format!("{what}: a text of {} bytes at {:p}", text.len, text.ptr)));
+    }
+    // SAFETY: not null; by the plugin's word that many bytes of static data.
+    let bytes = unsafe { std::slice::from_raw_parts(text.ptr, text.len as usize) };
+    match std::str::from_utf8(bytes) {
+        Ok(text) if !text.chars().any(char::is_control) => Ok(text.to_owned()),
+        _ => Err(malformed(format!("{what} is no UTF-8 text"))),
+    }
+}
+
+/// A text that must not be empty.
+pub(super) fn word(word: abi::Text, what: &str) -> Result<String, Refusal> {
+    match text(word, what)? {
+        empty if empty.trim().is_empty() => Err(malformed(format!("{what} is empty"))),
+        word => Ok(word),
+    }
+}
+
+fn state_size(bytes: u32, what: &str) -> Result<usize, Refusal> {
+    if bytes > STATE_MAX {
+        return Err(malformed(format!("{what} takes {bytes} bytes, {STATE_MAX} is the limit")));
+    }
+    Ok(bytes as usize)
+}
+
+fn malformed(what: impl Into<String>) -> Refusal {
+    Refusal::Malformed(what.into())
+}
