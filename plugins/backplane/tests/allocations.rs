@@ -1,0 +1,82 @@
+//! Neither end allocates after its construction: the scan and the driver's loop can rely on it.
+
+// A counting allocator cannot be written without.
+#![allow(unsafe_code)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use ob1_backplane::{Counter, CpSide, CpuSide, CpuState, DriverState, Event, EventKind, IoImage, Segment};
+
+thread_local! {
+    /// Allocations of this thread: what the test harness does beside it is its own affair.
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+struct Counting;
+
+// SAFETY: everything is left to the system's allocator; counting touches no memory of it.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // A thread that ends has no count any more, and needs none.
+        let _ = ALLOCATIONS.try_with(|count| count.set(count.get() + 1));
+        // SAFETY: the caller's promises are passed on unchanged.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promises are passed on unchanged.
+        unsafe { System.dealloc(block, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// One pass of everything a scan and a driver's loop do.
+fn pass(number: u64, cpu: &mut CpuSide, cp: &mut CpSide, image: &mut IoImage) {
+    let mut registers = [number as u8; 60];
+    cpu.write_outputs(&registers);
+    cpu.write_params(&[number as u8; 16], &[b' '; 4096]).unwrap();
+    cpu.write_record(1, &[1; 240]).unwrap();
+    cpu.post_mail(&[1; 32]).unwrap();
+    cpu.set_cpu_state(CpuState::Run);
+    let _ = cp.read_outputs(&mut registers);
+    assert_eq!(registers, [number as u8; 60]);
+    assert_eq!(cp.read_params().unwrap().json.len(), 4096);
+    assert_eq!(cp.read_record().unwrap().data().len(), 240);
+    assert!(cp.take_mail().unwrap().is_some());
+    assert!(cp.emit_event(Event::new(number, EventKind::Message, 1, &[1])));
+    cp.write_inputs(&registers);
+    cp.write_diagnosis(1, &[2; 240]).unwrap();
+    cp.post_mail(&[1; 32]).unwrap();
+    cp.set_state(DriverState::Ready);
+    cp.count(Counter::BytesTx, 1);
+    cp.beat();
+    assert!(cp.prepare_sleep(cp.changes()));
+    assert!(cpu.read_diagnosis().unwrap().data().len() == 240 && cpu.take_mail().unwrap().is_some());
+    assert!(cpu.poll_event().unwrap().is_some());
+    let _ = cpu.read_inputs(&mut registers);
+    let _ = (cpu.monitor().counters(), cpu.monitor().driver_state(), cpu.take_doorbell());
+    cpu.beat();
+    cp.awake();
+    image.read_inputs(3, &mut registers);
+    image.write_outputs(5, &[number as u8; 30]);
+    image.scan_done(number);
+}
+
+#[test]
+fn both_ends_and_the_image_allocate_nothing_at_work() {
+    let segment = Segment::create_shared().unwrap();
+    let mut cpu = CpuSide::create(&segment, 60).unwrap();
+    let mut cp = CpSide::attach(&segment).unwrap();
+    let mut image = IoImage::create_shared().unwrap();
+    let made = ALLOCATIONS.get();
+    assert!(made > 0, "the allocator counts");
+    for number in 1..=100 {
+        pass(number, &mut cpu, &mut cp, &mut image);
+    }
+    cpu.monitor().driver_gone();
+    cpu.restore();
+    assert_eq!(ALLOCATIONS.get(), made);
+}
