@@ -11,6 +11,7 @@ mod cpu;
 mod diag;
 mod engine;
 mod error;
+mod item;
 mod load;
 mod log;
 mod machine;
@@ -19,6 +20,7 @@ mod modules;
 mod native;
 mod port;
 mod ports;
+mod process_io;
 mod statistics;
 mod timers;
 
@@ -26,10 +28,12 @@ pub use config::{Command, CpuConfig, CycleEnd, ModuleSlot, OperatingState};
 pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_TEXT, DiagEntry, ShortText};
 pub use error::LoadError;
+pub use item::{Item, ItemError, ItemNames, parse_item};
 pub use log::{LOG_TEXT, LogLine, LogReader};
 pub use machine::Interrupt;
 pub use port::{AccessClient, Answer, Ask, Cell, CellWidth, PortError, Request, Response};
 pub use ports::*;
+pub use process_io::{IoBacking, IoKind, IoModule, Stimulus, StimulusOutside, StimulusStep, StimulusValue};
 pub use statistics::{Distribution, ScanStatistics};
 
 use diag::DiagBuffer;
