@@ -81,7 +81,7 @@ pub trait CpPort {
 ///
 /// At every moment: orders accepted = sent + failed + aborted + the one under way; telegrams received = delivered +
 /// dropped + those in the buffer. What is under way when a CP is killed is lost in it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum CpCounter {
     /// Orders taken over completely from the CPU.
     OrdersAccepted,

@@ -2,6 +2,8 @@
 //!
 //! Nothing sleeps here: the tests wait in `poll` for the event itself. The deadline only ends a test that has failed.
 
+#![allow(clippy::disallowed_methods, clippy::disallowed_types)] // a test owns its line, so it owns the clock
+
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;

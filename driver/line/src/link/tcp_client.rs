@@ -44,8 +44,11 @@ impl ClientLink {
         if let Ok(address) = self.host.parse::<IpAddr>() {
             return dial(SocketAddr::new(address, self.port), now);
         }
+        // The one thread of a driver, and only while a name is looked up: a name service that does not answer must not
+        // stop the CP.
         let (sender, receiver) = channel();
         let (host, port) = (self.host.clone(), self.port);
+        #[expect(clippy::disallowed_methods, reason = "getaddrinfo exists only blocking")]
         std::thread::Builder::new().name("resolve".into()).spawn(move || {
             let found = (host.as_str(), port).to_socket_addrs().and_then(|mut all| {
                 all.next().ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "the name has no address"))
