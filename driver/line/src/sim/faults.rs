@@ -49,7 +49,7 @@ impl FaultRates {
             return Fate::Whole;
         }
         let draw = rng.next_u64();
-        let mut dice = (u128::from(draw) * 1_000_000 >> 64) as u32;
+        let mut dice = ((u128::from(draw) * 1_000_000) >> 64) as u32;
         let mut hit = |rate: u32| {
             let hit = dice < rate;
             dice = dice.wrapping_sub(rate);

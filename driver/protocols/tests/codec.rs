@@ -1,0 +1,72 @@
+//! The block codec of 3964(R): check values, and that it undoes itself.
+
+use ob1_protocols::s3964::codec::{Decoder, Step, block, block_len, check_of};
+use proptest::prelude::*;
+
+/// Feeds the wire to a decoder; the user data and whether the check was right, if the block ended with the last byte.
+fn decode(wire: &[u8], bcc: bool) -> Option<(Vec<u8>, bool)> {
+    let mut decoder = Decoder::new(bcc);
+    let mut data = Vec::new();
+    for (n, byte) in wire.iter().enumerate() {
+        match decoder.push(*byte) {
+            Step::More => {}
+            Step::Data(byte) => data.push(byte),
+            Step::BadDle(_) => return None,
+            Step::End { check } => {
+                let good = check.is_none_or(|(computed, received)| computed == received);
+                return (n + 1 == wire.len()).then_some((data, good));
+            }
+        }
+    }
+    None
+}
+
+/// The check values of reference 5.1.
+#[test]
+fn check_values() {
+    let table: [(&[u8], &[u8]); 5] = [
+        (&[0x31], &[0x31, 0x10, 0x03, 0x22]),
+        (&[0x41, 0x42, 0x43], &[0x41, 0x42, 0x43, 0x10, 0x03, 0x53]),
+        (&[0x10], &[0x10, 0x10, 0x10, 0x03, 0x13]),
+        (&[0x10, 0x10], &[0x10, 0x10, 0x10, 0x10, 0x10, 0x03, 0x13]),
+        (&[0x02, 0x10, 0x03, 0x15], &[0x02, 0x10, 0x10, 0x03, 0x15, 0x10, 0x03, 0x07]),
+    ];
+    for (payload, wire) in table {
+        assert_eq!(block(payload, true).collect::<Vec<_>>(), wire);
+        assert_eq!(block(payload, false).collect::<Vec<_>>(), wire[..wire.len() - 1]);
+        assert_eq!(check_of(payload), wire[wire.len() - 1]);
+        assert_eq!(decode(wire, true), Some((payload.to_vec(), true)));
+    }
+}
+
+proptest! {
+    #[test]
+    fn a_block_decodes_to_its_payload(payload in proptest::collection::vec(prop_oneof![Just(0x10_u8), Just(0x03), any::<u8>()], 0..300), bcc: bool) {
+        let wire: Vec<u8> = block(&payload, bcc).collect();
+        prop_assert_eq!(wire.len(), block_len(&payload, bcc));
+        prop_assert_eq!(decode(&wire, bcc), Some((payload, true)));
+    }
+
+    /// One inverted bit is never taken for a good block with other user data.
+    #[test]
+    fn a_flipped_bit_is_seen(payload in proptest::collection::vec(any::<u8>(), 1..100), place: prop::sample::Index, bit in 0..8_u8) {
+        let mut wire: Vec<u8> = block(&payload, true).collect();
+        let place = place.index(wire.len());
+        wire[place] ^= 1 << bit;
+        if let Some((data, good)) = decode(&wire, true) {
+            prop_assert!(!good, "{:02X?} taken for {:02X?}", data, payload);
+        }
+    }
+
+    /// Whatever comes in, the decoder survives.
+    #[test]
+    fn any_bytes(wire in proptest::collection::vec(any::<u8>(), 0..300), bcc: bool) {
+        let mut decoder = Decoder::new(bcc);
+        for byte in wire {
+            decoder.push(byte);
+            if byte & 0x40 != 0 {
+                decoder.unreadable();
+            }
+        }
+    }
+}
