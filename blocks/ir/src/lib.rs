@@ -7,6 +7,7 @@
 mod op;
 mod place;
 mod program;
+mod text;
 
 pub use op::{AccuOp, BitTest, Compare, Convert, Jump, Logic, MathFn, NumberFormat, Op, Shift, StatusBit, WordLogic};
 pub use place::{AddressRegister, DbRegister, Number, Operand, Place, Pointer, Width};

@@ -2,7 +2,7 @@
 
 use ob1_model::{BitAddr, TimerKind};
 
-use crate::{AddressRegister, Call, DbRegister, Number, Operand, Place};
+use crate::{AddressRegister, Arg, Call, DbRegister, Number, Operand, Place, Target, Width};
 
 /// Combination of a bit with the result of logic operation (RLO).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -360,4 +360,73 @@ pub enum Op {
     McrClose,
     /// `NOP 0`, `NOP 1`, `BLD n`.
     Nop,
+}
+
+impl Op {
+    /// Shows `see` every place this operation reads or writes, those of pointers and numbers in memory included, with the width
+    /// of the access.
+    pub fn places(&self, see: &mut dyn FnMut(Place, Width)) {
+        let place = |p: Place, width: Width, see: &mut dyn FnMut(Place, Width)| {
+            if let Place::Memory(_, pointer) = p {
+                see(Place::Fixed(pointer.area, pointer.at), Width::DWord);
+            }
+            see(p, width);
+        };
+        match self {
+            Op::Scan { test: BitTest::Bit(p), .. }
+            | Op::Assign(p)
+            | Op::Set(p)
+            | Op::Reset(p)
+            | Op::EdgePositive(p)
+            | Op::EdgeNegative(p) => place(*p, Width::Bit, see),
+            Op::Load(o) | Op::Transfer(o) | Op::LoadArFrom(_, o) | Op::TransferArTo(_, o) => place(o.place, o.width, see),
+            Op::Call(call) => {
+                for arg in &call.args {
+                    if let Arg::Operand(o) = arg {
+                        place(o.place, o.width, see);
+                    }
+                }
+            }
+            _ => {}
+        }
+        self.numbers(&mut |number| match number {
+            Number::Memory(pointer) => see(Place::Fixed(pointer.area, pointer.at), Width::Word),
+            Number::Instance(at) => see(Place::Instance(*at), Width::Word),
+            Number::Fixed(_) | Number::Param(_) => {}
+        });
+    }
+
+    /// Shows `see` the number of every timer, counter and block this operation names.
+    pub fn numbers(&self, see: &mut dyn FnMut(&Number)) {
+        match self {
+            Op::Scan { test: BitTest::Timer(n) | BitTest::Counter(n), .. } => see(n),
+            Op::LoadTimer(n)
+            | Op::LoadTimerBcd(n)
+            | Op::LoadCounter(n)
+            | Op::LoadCounterBcd(n)
+            | Op::OpenDb(_, n)
+            | Op::StartTimer(_, n)
+            | Op::ResetTimer(n)
+            | Op::EnableTimer(n)
+            | Op::CountUp(n)
+            | Op::CountDown(n)
+            | Op::SetCounter(n)
+            | Op::ResetCounter(n)
+            | Op::EnableCounter(n) => see(n),
+            Op::Call(call) => {
+                if let Target::Indirect(_, n) = &call.target {
+                    see(n);
+                }
+                if let Some(n) = &call.instance {
+                    see(n);
+                }
+                for arg in &call.args {
+                    if let Arg::Number(n) = arg {
+                        see(n);
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
 }

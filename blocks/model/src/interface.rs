@@ -1,6 +1,6 @@
 //! What a block takes and gives.
 
-use crate::{BitAddr, DataType};
+use crate::{BitAddr, DataType, Layout};
 
 /// The declaration section of a parameter or variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -44,6 +44,12 @@ impl Param {
         Self { name: name.to_owned(), aliases: Vec::new(), section, ty, at: BitAddr(0), initial: None }
     }
 
+    /// True for an in/out parameter of a composed type: a function block keeps a POINTER to the actual in its instance.
+    #[must_use]
+    pub const fn is_pointer(&self) -> bool {
+        matches!(self.section, Section::InOut) && self.ty.is_composed()
+    }
+
     /// True when `name` is this parameter's name or one of its other spellings.
     #[must_use]
     pub fn is_called(&self, name: &str) -> bool {
@@ -69,6 +75,28 @@ impl Interface {
         self.params.iter().filter(|p| !matches!(p.section, Section::Static | Section::Temp))
     }
 
+    /// Places everything: the parameters and statics of a function block in its instance, each section from an even byte;
+    /// the temps in the local data. Sets the `at` of each declaration and both sizes. A composed in/out of a function
+    /// block lies in the instance as a POINTER of 6 bytes, as STEP 7 does it. The parameters of other blocks are references and
+    /// keep the address 0.
+    pub fn lay_out(&mut self, has_instance: bool) {
+        const IN_INSTANCE: [Section; 5] =
+            [Section::Input, Section::Output, Section::InOut, Section::Return, Section::Static];
+        let mut instance = Layout::new();
+        let mut temps = Layout::new();
+        for section in IN_INSTANCE.into_iter().filter(|_| has_instance) {
+            for param in self.params.iter_mut().filter(|p| p.section == section) {
+                param.at = instance.place(if param.is_pointer() { &DataType::Pointer } else { &param.ty });
+            }
+            instance.end_section();
+        }
+        for param in self.params.iter_mut().filter(|p| p.section == Section::Temp) {
+            param.at = temps.place(&param.ty);
+        }
+        self.instance_bytes = if has_instance { instance.bytes() } else { 0 };
+        self.temp_bytes = temps.bytes();
+    }
+
     /// A formal parameter by any of its names, with its index.
     #[must_use]
     pub fn formal(&self, name: &str) -> Option<(usize, &Param)> {
@@ -79,5 +107,31 @@ impl Interface {
     #[must_use]
     pub fn find(&self, name: &str) -> Option<&Param> {
         self.params.iter().find(|p| p.is_called(name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sections_begin_on_even_bytes() {
+        let param = |name, section, ty| Param::new(name, section, ty);
+        let mut interface = Interface {
+            params: vec![
+                param("a", Section::Input, DataType::Bool),
+                param("b", Section::Output, DataType::Bool),
+                param("c", Section::InOut, DataType::DateAndTime),
+                param("d", Section::Static, DataType::Byte),
+                param("t", Section::Temp, DataType::Word),
+            ],
+            ..Interface::default()
+        };
+        interface.lay_out(true);
+        let places: Vec<_> = interface.params.iter().map(|p| p.at.to_string()).collect();
+        assert_eq!(places, ["0.0", "2.0", "4.0", "10.0", "0.0"]);
+        assert_eq!((interface.instance_bytes, interface.temp_bytes), (12, 2));
+        interface.lay_out(false);
+        assert_eq!((interface.instance_bytes, interface.temp_bytes), (0, 2));
     }
 }

@@ -1,7 +1,7 @@
 //! The STEP 7 data layout: BOOLs fill bits, bytes lie anywhere, everything longer on an even byte; arrays, structures
 //! and strings begin on an even byte and are padded to one.
 
-use crate::{BitAddr, DataType, Field};
+use crate::{BitAddr, DataType, Dimension, Field};
 
 /// One addressable component of a laid-out type: `sub[3].name`.
 #[derive(Clone, Debug, PartialEq)]
@@ -97,6 +97,26 @@ impl Layout {
         align_to(Self::bits(element), Self::alignment(element))
     }
 
+    /// Where the element with these indices lies in an array; `None` when an index is missing or outside its bounds.
+    #[must_use]
+    pub fn element(dims: &[Dimension], element: &DataType, indices: &[i32]) -> Option<BitAddr> {
+        if dims.len() != indices.len() {
+            return None;
+        }
+        let (last, outer) = dims.split_last()?;
+        let offset = |dim: &Dimension, index: i32| {
+            (dim.low..=dim.high).contains(&index).then(|| i64::from(index).abs_diff(i64::from(dim.low)) as u32)
+        };
+        let mut row = 0u32;
+        for (dim, index) in outer.iter().zip(indices) {
+            row = row.checked_mul(dim.len())?.checked_add(offset(dim, *index)?)?;
+        }
+        let column = offset(last, *indices.last()?)?;
+        let row_bits = align_to(last.len().checked_mul(Self::stride(element))?, 16);
+        let at = row.checked_mul(row_bits)?.checked_add(column.checked_mul(Self::stride(element))?)?;
+        Some(BitAddr(at))
+    }
+
     /// All elementary components of `ty` at `base`, in address order.
     pub fn components(path: &str, ty: &DataType, base: BitAddr, out: &mut Vec<Component>) {
         match ty {
@@ -124,7 +144,7 @@ impl Layout {
     }
 }
 
-fn index_text(dims: &[crate::Dimension], mut flat: u32) -> String {
+fn index_text(dims: &[Dimension], mut flat: u32) -> String {
     let mut indices = Vec::with_capacity(dims.len());
     for dim in dims.iter().rev() {
         let len = dim.len().max(1);
@@ -138,7 +158,6 @@ fn index_text(dims: &[crate::Dimension], mut flat: u32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Dimension;
 
     fn field(name: &str, ty: DataType) -> Field {
         Field { name: name.into(), ty, initial: None }
@@ -172,6 +191,10 @@ mod tests {
         Layout::components("a", &ty, BitAddr(0), &mut out);
         assert_eq!(out.len(), 20);
         assert_eq!((out[10].path.as_str(), out[10].at.to_string().as_str()), ("a[2,0]", "2.0"));
+        let DataType::Array(dims, element) = &ty else { unreachable!() };
+        assert_eq!(Layout::element(dims, element, &[2, 3]), Some(out[13].at));
+        assert_eq!(Layout::element(dims, element, &[3, 0]), None);
+        assert_eq!(Layout::element(dims, element, &[1]), None);
     }
 
     #[test]

@@ -83,6 +83,12 @@ impl DataType {
         })
     }
 
+    /// True for types of more than four bytes or of several components.
+    #[must_use]
+    pub const fn is_composed(&self) -> bool {
+        self.elementary_bits().is_none() && !self.is_parameter_type()
+    }
+
     /// True for types that name a timer, counter or block instead of a value in memory.
     #[must_use]
     pub const fn is_parameter_type(&self) -> bool {

@@ -1,0 +1,466 @@
+//! The text form of a program, for listings: one line a statement, German mnemonics, operands in their typed form.
+//!
+//! It is made to be read and compared, not to be compiled again: jump targets are statement numbers, variables are addresses
+//! (`IN0`, `DIX+2.0`).
+
+use std::fmt::{self, Display, Formatter, Write as _};
+
+use ob1_model::{Area, BitAddr, Interface, Section, TimerKind};
+
+use crate::{
+    AccuOp, AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, Compare, Convert, DataBlock, DataKind, DbRegister,
+    Jump, Logic, MathFn, Number, NumberFormat, Op, Operand, Place, Pointer, Program, Shift, StatusBit, Target, Width,
+    WordLogic,
+};
+
+/// The letter of a width, `X B W D`.
+const fn letter(width: Width) -> &'static str {
+    match width {
+        Width::Bit => "X",
+        Width::Byte => "B",
+        Width::Word => "W",
+        Width::DWord => "D",
+    }
+}
+
+/// `MW`, `DBX`, `M`, `PB`: an area with a width.
+fn area_text(area: Area, width: Width) -> String {
+    let data = matches!(area, Area::Db | Area::Di);
+    let letter = if width == Width::Bit && !data { "" } else { letter(width) };
+    format!("{}{letter}", area.name())
+}
+
+/// `3.0` for a bit, `10` for everything else that lies on a whole byte.
+fn address(at: BitAddr, width: Width) -> String {
+    if width == Width::Bit || at.bit() != 0 { at.to_string() } else { at.byte().to_string() }
+}
+
+impl Display for Pointer {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.area.name(), self.at.byte())
+    }
+}
+
+impl Display for AddressRegister {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            AddressRegister::Ar1 => "AR1",
+            AddressRegister::Ar2 => "AR2",
+        })
+    }
+}
+
+impl Display for DbRegister {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            DbRegister::Db => "DB",
+            DbRegister::Di => "DI",
+        })
+    }
+}
+
+impl Display for Operand {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let width = self.width;
+        match self.place {
+            Place::Fixed(area, at) => write!(f, "{} {}", area_text(area, width), address(at, width)),
+            Place::InDb(db, at) => write!(f, "DB{db}.{} {}", area_text(Area::Db, width), address(at, width)),
+            Place::InDi(db, at) => write!(f, "DI{db}.{} {}", area_text(Area::Di, width), address(at, width)),
+            Place::Param { index, at } => write!(f, "PAR{index}{}+{}", letter(width), address(at, width)),
+            Place::Instance(at) => write!(f, "INST{}+{}", letter(width), address(at, width)),
+            Place::Memory(area, pointer) => write!(f, "{} [{}D {}]", area_text(area, width), pointer.area.name(), pointer.at.byte()),
+            Place::Register(Some(area), register, at) => write!(f, "{} [{register},P#{at}]", area_text(area, width)),
+            Place::Register(None, register, at) => write!(f, "{} [{register},P#{at}]", letter(width)),
+        }
+    }
+}
+
+impl Display for Number {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Number::Fixed(n) => write!(f, "{n}"),
+            Number::Memory(pointer) => write!(f, "[{}W {}]", pointer.area.name(), pointer.at.byte()),
+            Number::Param(index) => write!(f, "PAR{index}"),
+            Number::Instance(at) => write!(f, "INST+{}", at.byte()),
+        }
+    }
+}
+
+impl Display for BitTest {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            BitTest::Bit(place) => write!(f, "{}", Operand { width: Width::Bit, place: *place }),
+            BitTest::Timer(n) => write!(f, "T {n}"),
+            BitTest::Counter(n) => write!(f, "Z {n}"),
+            BitTest::Status(status) => f.write_str(match status {
+                StatusBit::Zero => "==0",
+                StatusBit::Positive => ">0",
+                StatusBit::Negative => "<0",
+                StatusBit::NotZero => "<>0",
+                StatusBit::NotNegative => ">=0",
+                StatusBit::NotPositive => "<=0",
+                StatusBit::Unordered => "UO",
+                StatusBit::Overflow => "OV",
+                StatusBit::StoredOverflow => "OS",
+                StatusBit::BinaryResult => "BIE",
+            }),
+        }
+    }
+}
+
+fn logic(logic: Logic, negate: bool) -> &'static str {
+    match (logic, negate) {
+        (Logic::And, false) => "U",
+        (Logic::And, true) => "UN",
+        (Logic::Or, false) => "O",
+        (Logic::Or, true) => "ON",
+        (Logic::Xor, false) => "X",
+        (Logic::Xor, true) => "XN",
+    }
+}
+
+const fn format_letter(format: NumberFormat) -> &'static str {
+    match format {
+        NumberFormat::Int => "I",
+        NumberFormat::DInt => "D",
+        NumberFormat::Real => "R",
+    }
+}
+
+const fn arithmetic(op: AccuOp) -> &'static str {
+    match op {
+        AccuOp::Add => "+",
+        AccuOp::Sub => "-",
+        AccuOp::Mul => "*",
+        AccuOp::Div => "/",
+        AccuOp::Mod => "MOD",
+    }
+}
+
+const fn relation(how: Compare) -> &'static str {
+    match how {
+        Compare::Equal => "==",
+        Compare::NotEqual => "<>",
+        Compare::Greater => ">",
+        Compare::Less => "<",
+        Compare::GreaterEqual => ">=",
+        Compare::LessEqual => "<=",
+    }
+}
+
+const fn word_logic(logic: WordLogic) -> &'static str {
+    match logic {
+        WordLogic::And => "U",
+        WordLogic::Or => "O",
+        WordLogic::Xor => "XO",
+    }
+}
+
+const fn shift(shift: Shift) -> &'static str {
+    match shift {
+        Shift::LeftWord => "SLW",
+        Shift::RightWord => "SRW",
+        Shift::RightInt => "SSI",
+        Shift::LeftDWord => "SLD",
+        Shift::RightDWord => "SRD",
+        Shift::RightDInt => "SSD",
+        Shift::RotateLeft => "RLD",
+        Shift::RotateRight => "RRD",
+    }
+}
+
+const fn convert(convert: Convert) -> &'static str {
+    match convert {
+        Convert::Bti => "BTI",
+        Convert::Itb => "ITB",
+        Convert::Btd => "BTD",
+        Convert::Dtb => "DTB",
+        Convert::Itd => "ITD",
+        Convert::Dtr => "DTR",
+        Convert::Rnd => "RND",
+        Convert::RndPlus => "RND+",
+        Convert::RndMinus => "RND-",
+        Convert::Trunc => "TRUNC",
+        Convert::Invi => "INVI",
+        Convert::Invd => "INVD",
+        Convert::Negi => "NEGI",
+        Convert::Negd => "NEGD",
+        Convert::Negr => "NEGR",
+        Convert::Abs => "ABS",
+        Convert::Taw => "TAW",
+        Convert::Tad => "TAD",
+    }
+}
+
+const fn math(function: MathFn) -> &'static str {
+    match function {
+        MathFn::Sqr => "SQR",
+        MathFn::Sqrt => "SQRT",
+        MathFn::Ln => "LN",
+        MathFn::Exp => "EXP",
+        MathFn::Sin => "SIN",
+        MathFn::Cos => "COS",
+        MathFn::Tan => "TAN",
+        MathFn::Asin => "ASIN",
+        MathFn::Acos => "ACOS",
+        MathFn::Atan => "ATAN",
+    }
+}
+
+const fn jump(jump: Jump) -> &'static str {
+    match jump {
+        Jump::Always => "SPA",
+        Jump::IfRlo => "SPB",
+        Jump::IfNotRlo => "SPBN",
+        Jump::IfRloSaveBr => "SPBB",
+        Jump::IfNotRloSaveBr => "SPBNB",
+        Jump::IfBr => "SPBI",
+        Jump::IfNotBr => "SPBIN",
+        Jump::IfOverflow => "SPO",
+        Jump::IfStoredOverflow => "SPS",
+        Jump::IfZero => "SPZ",
+        Jump::IfNotZero => "SPN",
+        Jump::IfPositive => "SPP",
+        Jump::IfNegative => "SPM",
+        Jump::IfNotNegative => "SPPZ",
+        Jump::IfNotPositive => "SPMZ",
+        Jump::IfUnordered => "SPU",
+    }
+}
+
+const fn timer(kind: TimerKind) -> &'static str {
+    match kind {
+        TimerKind::Pulse => "SI",
+        TimerKind::ExtendedPulse => "SV",
+        TimerKind::OnDelay => "SE",
+        TimerKind::RetentiveOnDelay => "SS",
+        TimerKind::OffDelay => "SA",
+    }
+}
+
+impl Display for Op {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let bit = |place: &Place| Operand { width: Width::Bit, place: *place };
+        let register = |r: &AddressRegister| if *r == AddressRegister::Ar1 { 1 } else { 2 };
+        match self {
+            Op::Scan { logic: l, negate, test } => write!(f, "{} {test}", logic(*l, *negate)),
+            Op::Open { logic: l, negate } => write!(f, "{}(", logic(*l, *negate)),
+            Op::Close => f.write_str(")"),
+            Op::OrBranch => f.write_str("O"),
+            Op::Assign(p) => write!(f, "= {}", bit(p)),
+            Op::Set(p) => write!(f, "S {}", bit(p)),
+            Op::Reset(p) => write!(f, "R {}", bit(p)),
+            Op::EdgePositive(p) => write!(f, "FP {}", bit(p)),
+            Op::EdgeNegative(p) => write!(f, "FN {}", bit(p)),
+            Op::SetRlo => f.write_str("SET"),
+            Op::ClearRlo => f.write_str("CLR"),
+            Op::NotRlo => f.write_str("NOT"),
+            Op::SaveRlo => f.write_str("SAVE"),
+            Op::Load(o) => write!(f, "L {o}"),
+            Op::LoadConst(v) => write!(f, "L DW#16#{v:X}"),
+            Op::Transfer(o) => write!(f, "T {o}"),
+            Op::LoadStatus => f.write_str("L STW"),
+            Op::TransferStatus => f.write_str("T STW"),
+            Op::LoadTimer(n) => write!(f, "L T {n}"),
+            Op::LoadTimerBcd(n) => write!(f, "LC T {n}"),
+            Op::LoadCounter(n) => write!(f, "L Z {n}"),
+            Op::LoadCounterBcd(n) => write!(f, "LC Z {n}"),
+            Op::LoadDbLength(r) => write!(f, "L {r}LG"),
+            Op::LoadDbNumber(r) => write!(f, "L {r}NO"),
+            Op::Arithmetic(_, AccuOp::Mod) => f.write_str("MOD"),
+            Op::Arithmetic(format, op) => write!(f, "{}{}", arithmetic(*op), format_letter(*format)),
+            Op::AddConst { format: NumberFormat::DInt, value } => write!(f, "+ L#{value}"),
+            Op::AddConst { value, .. } => write!(f, "+ {value}"),
+            Op::Compare(format, how) => write!(f, "{}{}", relation(*how), format_letter(*format)),
+            Op::WordLogic(l, None) => write!(f, "{}W", word_logic(*l)),
+            Op::WordLogic(l, Some(v)) => write!(f, "{}W W#16#{v:X}", word_logic(*l)),
+            Op::DWordLogic(l, None) => write!(f, "{}D", word_logic(*l)),
+            Op::DWordLogic(l, Some(v)) => write!(f, "{}D DW#16#{v:X}", word_logic(*l)),
+            Op::Shift(s, None) => f.write_str(shift(*s)),
+            Op::Shift(s, Some(n)) => write!(f, "{} {n}", shift(*s)),
+            Op::RotateLeftCc1 => f.write_str("RLDA"),
+            Op::RotateRightCc1 => f.write_str("RRDA"),
+            Op::Convert(c) => f.write_str(convert(*c)),
+            Op::Math(m) => f.write_str(math(*m)),
+            Op::ExchangeAccus => f.write_str("TAK"),
+            Op::Push => f.write_str("PUSH"),
+            Op::Pop => f.write_str("POP"),
+            Op::Enter => f.write_str("ENT"),
+            Op::Leave => f.write_str("LEAVE"),
+            Op::Increment(n) => write!(f, "INC {n}"),
+            Op::Decrement(n) => write!(f, "DEC {n}"),
+            Op::LoadAr(r) => write!(f, "LAR{}", register(r)),
+            Op::LoadArConst(r, v) => write!(f, "LAR{} {}", register(r), pointer_constant(*v)),
+            Op::LoadArFrom(r, o) => write!(f, "LAR{} {o}", register(r)),
+            Op::CopyAr2ToAr1 => f.write_str("LAR1 AR2"),
+            Op::TransferAr(r) => write!(f, "TAR{}", register(r)),
+            Op::TransferArTo(r, o) => write!(f, "TAR{} {o}", register(r)),
+            Op::CopyAr1ToAr2 => f.write_str("TAR1 AR2"),
+            Op::ExchangeArs => f.write_str("TAR"),
+            Op::AddAr(r) => write!(f, "+AR{}", register(r)),
+            Op::AddArConst(r, at) => write!(f, "+AR{} P#{at}", register(r)),
+            Op::OpenDb(r, n) => write!(f, "AUF {r} {n}"),
+            Op::ExchangeDbs => f.write_str("TDB"),
+            Op::StartTimer(kind, n) => write!(f, "{} T {n}", timer(*kind)),
+            Op::ResetTimer(n) => write!(f, "R T {n}"),
+            Op::EnableTimer(n) => write!(f, "FR T {n}"),
+            Op::CountUp(n) => write!(f, "ZV Z {n}"),
+            Op::CountDown(n) => write!(f, "ZR Z {n}"),
+            Op::SetCounter(n) => write!(f, "S Z {n}"),
+            Op::ResetCounter(n) => write!(f, "R Z {n}"),
+            Op::EnableCounter(n) => write!(f, "FR Z {n}"),
+            Op::Jump(j, to) => write!(f, "{} @{to}", jump(*j)),
+            Op::Loop(to) => write!(f, "LOOP @{to}"),
+            Op::JumpList { targets, otherwise } => {
+                f.write_str("SPL")?;
+                targets.iter().try_for_each(|to| write!(f, " @{to}"))?;
+                write!(f, " else @{otherwise}")
+            }
+            Op::Call(call) => write!(f, "{call}"),
+            Op::End => f.write_str("BEA"),
+            Op::EndIf => f.write_str("BEB"),
+            Op::McrActivate => f.write_str("MCRA"),
+            Op::McrDeactivate => f.write_str("MCRD"),
+            Op::McrOpen => f.write_str("MCR("),
+            Op::McrClose => f.write_str(")MCR"),
+            Op::Nop => f.write_str("NOP 0"),
+        }
+    }
+}
+
+/// `P#12.0`, `P#M 3.0`, or the bits where they are no pointer.
+fn pointer_constant(bits: u32) -> String {
+    let at = BitAddr(bits & 0x0007_FFFF);
+    match (bits >> 24, Area::from_pointer_code((bits >> 24) as u8)) {
+        (0, _) => format!("P#{at}"),
+        (_, Some(area)) => format!("P#{} {at}", area_text(area, Width::Bit)),
+        _ => format!("DW#16#{bits:X}"),
+    }
+}
+
+impl Display for Call {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(match self.mode {
+            CallMode::Call => "CALL ",
+            CallMode::Unconditional => "UC ",
+            CallMode::Conditional => "CC ",
+        })?;
+        match self.target {
+            Target::Block(id) => write!(f, "{id}")?,
+            Target::Indirect(kind, number) => write!(f, "{} {number}", kind.name())?,
+            Target::Local(id, at) => write!(f, "{id} INST+{}", at.byte())?,
+        }
+        if let Some(instance) = self.instance {
+            write!(f, ", DB {instance}")?;
+        }
+        if self.args.is_empty() {
+            return Ok(());
+        }
+        f.write_str(" (")?;
+        for (i, arg) in self.args.iter().enumerate() {
+            if i > 0 {
+                f.write_str(", ")?;
+            }
+            write!(f, "{arg}")?;
+        }
+        f.write_char(')')
+    }
+}
+
+impl Display for Arg {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Arg::Open => f.write_char('-'),
+            Arg::Const(v) => write!(f, "16#{v:X}"),
+            Arg::Bytes(bytes) => {
+                f.write_str("16#")?;
+                bytes.iter().try_for_each(|b| write!(f, "{b:02X}"))
+            }
+            Arg::Operand(o) => write!(f, "{o}"),
+            Arg::Number(n) => write!(f, "#{n}"),
+        }
+    }
+}
+
+const fn section(section: Section) -> &'static str {
+    match section {
+        Section::Input => "IN",
+        Section::Output => "OUT",
+        Section::InOut => "IN_OUT",
+        Section::Static => "STAT",
+        Section::Temp => "TEMP",
+        Section::Return => "RETURN",
+    }
+}
+
+fn interface(interface: &Interface, f: &mut Formatter<'_>) -> fmt::Result {
+    for param in &interface.params {
+        write!(f, "  {:<6} {:>7} {} : {}", section(param.section), param.at.to_string(), param.name, param.ty.name())?;
+        match &param.initial {
+            Some(bytes) => {
+                f.write_str(" := 16#")?;
+                bytes.iter().try_for_each(|b| write!(f, "{b:02X}"))?;
+                f.write_char('\n')?;
+            }
+            None => f.write_char('\n')?,
+        }
+    }
+    Ok(())
+}
+
+impl Display for CodeBlock {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.id)?;
+        if let Some(name) = &self.name {
+            write!(f, " \"{name}\"")?;
+        }
+        let Interface { instance_bytes, temp_bytes, .. } = self.interface;
+        writeln!(f, ": {} statements, instance {instance_bytes} bytes, local data {temp_bytes} bytes", self.code.len())?;
+        interface(&self.interface, f)?;
+        let mut network = 0;
+        for (at, stmt) in self.code.iter().enumerate() {
+            if stmt.network != network {
+                network = stmt.network;
+                writeln!(f, "  network {network}")?;
+            }
+            writeln!(f, "  {at:>5} line {:<5} {}", stmt.line, stmt.op)?;
+        }
+        Ok(())
+    }
+}
+
+impl Display for DataBlock {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "DB {}", self.number)?;
+        if let Some(name) = &self.name {
+            write!(f, " \"{name}\"")?;
+        }
+        if let DataKind::Instance(fb) = self.kind {
+            write!(f, ", instance of {fb}")?;
+        }
+        let protection = if self.read_only { ", read only" } else { "" };
+        writeln!(f, ": {} bytes{protection}", self.bytes.len())?;
+        for component in &self.components {
+            writeln!(f, "  {:>7} {} : {}", component.at.to_string(), component.path, component.ty.name())?;
+        }
+        // Rows of zeros say nothing.
+        for (row, bytes) in (0..).step_by(16).zip(self.bytes.chunks(16)).filter(|(_, b)| b.iter().any(|b| *b != 0)) {
+            write!(f, "  {row:>5}:")?;
+            bytes.iter().try_for_each(|b| write!(f, " {b:02X}"))?;
+            f.write_char('\n')?;
+        }
+        Ok(())
+    }
+}
+
+impl Display for Program {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        for block in &self.blocks {
+            writeln!(f, "{block}")?;
+        }
+        for data in &self.data {
+            writeln!(f, "{data}")?;
+        }
+        Ok(())
+    }
+}

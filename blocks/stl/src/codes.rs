@@ -1,0 +1,189 @@
+//! The table of diagnostics: every number with its text and remedy. `docs/stl-errors.md` is made from it.
+
+use crate::diagnostic::Severity;
+
+/// A row of the table.
+#[derive(Debug)]
+pub struct Code {
+    /// `S0123`.
+    pub number: &'static str,
+    /// Error, warning or lint.
+    pub severity: Severity,
+    /// What is wrong, in general.
+    pub title: &'static str,
+    /// What to do.
+    pub remedy: &'static str,
+}
+
+macro_rules! codes {
+    ($($(#[$group:meta])* $name:ident = $number:literal, $severity:ident, $title:literal, $remedy:literal;)*) => {
+        $(pub(crate) static $name: Code =
+            Code { number: $number, severity: Severity::$severity, title: $title, remedy: $remedy };)*
+        /// Every row, by number.
+        pub static ALL: &[&Code] = &[$(&$name),*];
+    };
+}
+
+codes! {
+    // Text
+    NOT_CLOSED = "S0001", Error, "A text, symbol, attribute list or parameter list is not closed.",
+        "Close it with the sign that belongs to the opening one.";
+    STRAY_CHARACTER = "S0002", Error, "A character that means nothing in STL.",
+        "Remove it. Comments begin with //, local names with #.";
+    SOURCE_TOO_LONG = "S0003", Error, "The source is longer than the compiler reads (64 MiB).",
+        "Split the source into several files.";
+    // Frames
+    OUTSIDE_BLOCK = "S0101", Error, "Text stands outside any block.",
+        "Begin a block first: ORGANIZATION_BLOCK OB 1, FUNCTION FC 1 : VOID, FUNCTION_BLOCK FB 1, DATA_BLOCK DB 1, TYPE UDT 1.";
+    BLOCK_NAME = "S0102", Error, "The name of a block is missing or does not fit its kind.",
+        "Write kind and number, as in FUNCTION FC 9 : VOID, or a symbol of the symbol table. Data blocks count from 1.";
+    DUPLICATE_BLOCK = "S0103", Error, "Two blocks have the same kind and number.",
+        "Give one of them another number, or remove it.";
+    ALSO_IN_LIBRARY = "S0104", Error, "A block of the program has the number of a library block.",
+        "Give one of them another number: the station file numbers library and plugin blocks.";
+    MISSING_END = "S0105", Error, "The end of a block, structure or section is missing.",
+        "Write the END_ word that belongs to it.";
+    WRONG_END = "S0106", Error, "A block is closed with the word of another kind.",
+        "Close each block with its own END_ word.";
+    RETURN_TYPE = "S0107", Error, "A function has no return type.",
+        "Write the type of the function value after the name, VOID when there is none.";
+    SECTION = "S0108", Error, "A declaration section does not belong into this kind of block.",
+        "Organization blocks have VAR_TEMP only, functions no VAR, data blocks a STRUCT.";
+    MISPLACED = "S0109", Error, "A word or statement stands where it cannot.",
+        "Remove it or move it.";
+    // Declarations
+    DECLARATION = "S0201", Error, "A declaration is not well formed.",
+        "Write name : TYPE; or name : TYPE := start value;";
+    MISSING_SEMICOLON = "S0202", Error, "A semicolon is missing after a declaration.",
+        "End each declaration with a semicolon.";
+    UNKNOWN_TYPE = "S0203", Error, "A word that is no data type.",
+        "Use an elementary type, STRING[n], ARRAY [..] OF, STRUCT, UDT n, FB n, or a parameter type.";
+    TYPE_DEPTH = "S0204", Error, "Types lie too deep in each other.",
+        "Flatten the structure.";
+    STRING_LENGTH = "S0205", Error, "The length of a STRING is not from 1 to 254.",
+        "Write STRING[n] with n from 1 to 254, or STRING alone for 254.";
+    ARRAY_BOUNDS = "S0206", Error, "The bounds of an ARRAY are not well formed.",
+        "Write ARRAY [low .. high] OF TYPE, at most six dimensions.";
+    TOO_LONG = "S0207", Error, "A type, data block, instance or the local data is longer than 65534 bytes.",
+        "Divide it among several data blocks.";
+    EMPTY_STRUCT = "S0208", Error, "A structure has no components.",
+        "Declare at least one component.";
+    TYPE_NOT_HERE = "S0209", Error, "A type cannot be declared here.",
+        "Parameter types (TIMER, BLOCK_DB, ...) are for inputs, POINTER for parameters, ANY also for temps, function blocks for VAR.";
+    DECLARED_TWICE = "S0210", Error, "A name is declared twice.",
+        "Rename one of them. Upper and lower case are the same.";
+    UNUSABLE_TYPE = "S0211", Error, "A UDT or FB used as a type is missing, wrong, or contains itself.",
+        "Correct the type named first.";
+    NO_STRUCTURE = "S0212", Error, "A data block or TYPE has no structure.",
+        "Write STRUCT .. END_STRUCT;, or for a data block UDT n or FB n.";
+    TOO_MUCH_DATA = "S0213", Error, "All declarations together take more memory than any CPU has.",
+        "Make arrays smaller.";
+    TOO_MANY_PARAMETERS = "S0214", Error, "A block has too many parameters.",
+        "Hand over a structure or a data block instead.";
+    INITIAL_VALUE = "S0215", Error, "A start value is not well formed or cannot stand here.",
+        "Write a constant, for arrays a list: 1, 2, 3(0). Functions, in/outs of composed types and temps have none.";
+    ASSIGNMENT = "S0216", Error, "An assignment in a data block is not well formed.",
+        "Write name := constant;";
+    // Statements and operands
+    UNKNOWN_MNEMONIC = "S0301", Error, "A word that is no mnemonic.",
+        "See the list of mnemonics; a call's parameters follow CALL directly.";
+    UNKNOWN_OPERAND = "S0302", Error, "A word that is no operand.",
+        "Write an address (M 1.0, DB10.DBW 20), #name for a declared name, \"name\" for a symbol.";
+    FOREIGN_MNEMONIC = "S0303", Error, "A word of the other set of mnemonics.",
+        "Choose the set with --mnemonics de or en; a source is written in one of them.";
+    OPERAND_MISSING = "S0304", Error, "An operand is missing.",
+        "Write what the statement works on.";
+    WRONG_OPERAND = "S0305", Error, "An operand does not fit its mnemonic.",
+        "Bits: M 1.0; bytes, words, double words: MB 1, MW 2, MD 4.";
+    TOO_MUCH = "S0306", Error, "Text is left over after a complete statement.",
+        "End the statement with ; or the end of the line; comments begin with //.";
+    ADDRESS = "S0307", Error, "An address is not well formed.",
+        "Bits are written byte.bit (M 3.0), everything else by its first byte (MW 10).";
+    NUMBER = "S0308", Error, "The number of a timer, counter or block is missing or too large.",
+        "Write it after the identifier: T 2, Z 5, DB 10.";
+    INDIRECT = "S0309", Error, "An indirect address is not well formed.",
+        "Write DBW [MD 184], AUF DB [MW 50], W [AR1,P#2.0].";
+    POINTER = "S0310", Error, "A pointer constant is not well formed.",
+        "Write P#12.0, P#M 3.0, P#DB10.DBX0.0 BYTE 12.";
+    UNKNOWN_LOCAL = "S0311", Error, "A name is not declared in the block.",
+        "Declare it in a VAR section of the block.";
+    UNKNOWN_SYMBOL = "S0312", Error, "A symbol is in no symbol table, or stands for something else.",
+        "Add the symbol table that has it, or write the address.";
+    COMPONENT = "S0313", Error, "A component is not there.",
+        "Use the names of the structure's declaration.";
+    ARRAY_INDEX = "S0314", Error, "The index of an array is not well formed or outside its bounds.",
+        "Write one number for each dimension: a[1,2].";
+    NO_DATA_BLOCK = "S0315", Error, "A data block whose components are named is not in the program.",
+        "Add the data block's source, or write DB10.DBW 20.";
+    NOT_SUPPORTED = "S0316", Error, "Legal STL that this compiler does not know yet.",
+        "Copy the value into a temp or the instance and use that.";
+    // Constants
+    CONSTANT = "S0401", Error, "A constant is not well formed or out of range.",
+        "Write it as the message says.";
+    CONSTANT_TYPE = "S0402", Error, "A constant does not fit the type it is for.",
+        "Write it as the message says.";
+    // Jumps and brackets
+    UNKNOWN_LABEL = "S0501", Error, "A label is not in the block.",
+        "Write the label, followed by a colon, before the statement to jump to. Upper and lower case differ.";
+    LABEL_ELSEWHERE = "S0502", Error, "A jump leaves its block.",
+        "Jumps stay within a block: call the other block, or put the label into this one.";
+    DUPLICATE_LABEL = "S0503", Error, "A label is there twice in a block.",
+        "Rename one of them.";
+    JUMP_LIST = "S0504", Error, "The list after SPL is empty or too long.",
+        "Write 1 to 255 SPA statements directly after SPL.";
+    BRACKETS = "S0505", Error, "Brackets do not match or are nested too deep.",
+        "Close each bracket in its block; at most 7 may be open, and 8 MCR(.";
+    // Calls
+    CALL_TARGET = "S0601", Error, "What is called is no block.",
+        "Call FC, FB, SFC, SFB by number or symbol, or a multi-instance by #name.";
+    NO_BLOCK = "S0602", Error, "A block that is called is neither in the program nor in the library.",
+        "Add its source, or load the plugin that has it, e.g. --plugin libob1_cp240.so";
+    INSTANCE = "S0603", Error, "The instance data block of a call is missing or wrong.",
+        "Write CALL FB 8, DB 50, where DB 50 is an instance of FB 8.";
+    ACTUAL_SYNTAX = "S0604", Error, "An actual parameter is not well formed or cannot stand here.",
+        "Write NAME := operand.";
+    STRAY_ACTUAL = "S0605", Error, "An actual parameter stands after no CALL.",
+        "Parameters follow the CALL's line directly, or stand in its brackets.";
+    UNKNOWN_PARAMETER = "S0606", Error, "The block called has no such parameter.",
+        "Use the names of its declaration.";
+    SUPPLIED_TWICE = "S0607", Error, "A parameter is supplied twice.",
+        "Remove one of them.";
+    MISSING_PARAMETER = "S0608", Error, "A function is called without one of its parameters.",
+        "Supply every parameter of a function, RET_VAL too; only those of function blocks may be left out.";
+    PARAMETER_TYPE = "S0609", Error, "An actual parameter does not fit its formal.",
+        "Supply an operand of the same width: a bit for BOOL, a word for INT and WORD.";
+    // Warnings
+    LONG_LABEL = "S0801", Warning, "A label is longer than the four characters STEP 7 allows.",
+        "Shorten it if the source is to go back to STEP 7.";
+    BEYOND_DATA_BLOCK = "S0802", Warning, "An address lies beyond the end of its data block.",
+        "Correct the address or lengthen the data block; as it is, the access ends in OB 121 or STOP.";
+    // Lints
+    CONSTANT_FOR_OUTPUT = "S0901", Lint, "A constant is supplied to an output.",
+        "What the block gives is lost; supply an operand.";
+    INSTANCE_MADE = "S0902", Lint, "An instance data block is in no source and is made with start values.",
+        "Nothing, or declare it: DATA_BLOCK DB 50 FB 8 BEGIN END_DATA_BLOCK.";
+}
+
+/// The page `docs/stl-errors.md`.
+#[must_use]
+pub fn page() -> String {
+    let mut out = String::from(
+        "# Diagnostics of the STL compiler\n\nMade from the table in `blocks/stl/src/codes.rs`; a test holds the two together \
+         (`UPDATE=1 cargo test -p ob1-stl` writes this page anew).\n\n| Number | Kind | What | Remedy |\n|---|---|---|---|\n",
+    );
+    for code in ALL {
+        out.push_str(&format!("| {} | {} | {} | {} |\n", code.number, code.severity.name(), code.title, code.remedy));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_rise_and_say_something() {
+        assert!(ALL.windows(2).all(|w| w[0].number < w[1].number));
+        assert!(ALL.iter().all(|c| c.title.ends_with('.') && !c.remedy.is_empty() && !c.title.contains('|')));
+    }
+}

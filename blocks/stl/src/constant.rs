@@ -1,0 +1,384 @@
+//! Constants: as written, and as the bits a cell of a given type stores.
+
+use ob1_model::{Area, BitAddr, DataType, Layout, S5Time};
+
+use crate::source::to_cp1252;
+use crate::time;
+
+/// A constant as written.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Constant {
+    /// `TRUE`, `FALSE`.
+    Bool(bool),
+    /// A decimal number without prefix.
+    Integer(i64),
+    /// `L#`.
+    DInt(i32),
+    /// `B#16#`, `W#16#`, `DW#16#`, `B#(..)`: value and its width in bits.
+    Bits(u32, u8),
+    /// `2#`, `16#`: as wide as it is used.
+    Radix(u32),
+    /// `C#`: three BCD digits.
+    Count(u16),
+    Real(f32),
+    S5Time(u16),
+    /// Milliseconds.
+    Time(i32),
+    /// Days since 1990-01-01.
+    Date(u16),
+    /// Milliseconds since midnight.
+    TimeOfDay(u32),
+    DateTime([u8; 8]),
+    /// Characters in CP1252.
+    Text(Vec<u8>),
+    Pointer(PointerConstant),
+}
+
+/// `P#12.0`, `P#M 3.0`, `P#DB10.DBX0.0 BYTE 12`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PointerConstant {
+    /// `None`: area-internal.
+    pub(crate) area: Option<Area>,
+    pub(crate) at: BitAddr,
+    /// 0 when no data block is named.
+    pub(crate) db: u16,
+    /// Type code and number of elements of an ANY.
+    pub(crate) any: Option<(u8, u16)>,
+}
+
+impl PointerConstant {
+    /// The 32-bit pointer.
+    pub(crate) fn bits(self) -> u32 {
+        self.area.map_or(0, |a| u32::from(a.pointer_code()) << 24) | self.at.0
+    }
+
+    /// The 6 bytes of a POINTER: data block, pointer.
+    pub(crate) fn pointer_bytes(self) -> Vec<u8> {
+        [&self.db.to_be_bytes()[..], &self.bits().to_be_bytes()].concat()
+    }
+
+    /// The 10 bytes of an ANY: 10h, type, count, data block, pointer. One BYTE when no type is written.
+    pub(crate) fn any_bytes(self) -> Vec<u8> {
+        let (code, count) = self.any.unwrap_or((2, 1));
+        [&[0x10, code], &count.to_be_bytes()[..], &self.pointer_bytes()].concat()
+    }
+}
+
+/// The type codes of an ANY [STL reference, "Format of the Parameter Type ANY"].
+pub(crate) const ANY_TYPES: [(&str, u8); 19] = [
+    ("BOOL", 0x01),
+    ("BYTE", 0x02),
+    ("CHAR", 0x03),
+    ("WORD", 0x04),
+    ("INT", 0x05),
+    ("DWORD", 0x06),
+    ("DINT", 0x07),
+    ("REAL", 0x08),
+    ("DATE", 0x09),
+    ("TIME_OF_DAY", 0x0A),
+    ("TOD", 0x0A),
+    ("TIME", 0x0B),
+    ("S5TIME", 0x0C),
+    ("DATE_AND_TIME", 0x0E),
+    ("DT", 0x0E),
+    ("STRING", 0x13),
+    ("COUNTER", 0x1C),
+    ("TIMER", 0x1D),
+    ("NIL", 0x00),
+];
+
+/// Parses a number without sign, or a constant with prefix. The error is the sentence to report.
+pub(crate) fn parse(text: &str, negative: bool) -> Result<Constant, String> {
+    let Some((prefix, body)) = text.split_once('#') else { return number(text, negative) };
+    let wrong = |what: &str| Err(format!("{} is no {what}", clip(text)));
+    match prefix.to_ascii_uppercase().as_str() {
+        "2" | "16" | "8" if !negative => match radix(prefix, body) {
+            Some(value) => Ok(Constant::Radix(value)),
+            None => wrong("number of at most 32 bits"),
+        },
+        "B" | "BYTE" => hex(body, 8).map_or_else(|| wrong("byte, B#16#0 to B#16#FF"), |v| Ok(Constant::Bits(v, 8))),
+        "W" | "WORD" => hex(body, 16).map_or_else(|| wrong("word, W#16#0 to W#16#FFFF"), |v| Ok(Constant::Bits(v, 16))),
+        "DW" | "DWORD" => {
+            hex(body, 32).map_or_else(|| wrong("double word, DW#16#0 to DW#16#FFFFFFFF"), |v| Ok(Constant::Bits(v, 32)))
+        }
+        "L" | "DINT" => decimal(body).map_or_else(|| wrong("double integer"), |v| Ok(Constant::DInt(v))),
+        "INT" => decimal(body).map_or_else(|| wrong("integer"), |v| Ok(Constant::Integer(i64::from(v)))),
+        "C" => match plain(body).filter(|v| *v <= 999) {
+            Some(v) => Ok(Constant::Count((v / 100 << 8 | v / 10 % 10 << 4 | v % 10) as u16)),
+            None => wrong("counter value, C#0 to C#999"),
+        },
+        "S5T" | "S5TIME" => {
+            let time = time::duration(body).and_then(|ms| u32::try_from(ms).ok()).and_then(S5Time::from_ms);
+            time.map_or_else(|| wrong("S5 time, S5T#10MS to S5T#2H46M30S"), |t| Ok(Constant::S5Time(t.0)))
+        }
+        "T" | "TIME" => time::signed_duration(body)
+            .map_or_else(|| wrong("time, T#-24D20H31M23S648MS to T#24D20H31M23S647MS"), |ms| Ok(Constant::Time(ms))),
+        "D" | "DATE" => {
+            time::date(body).map_or_else(|| wrong("date, D#1990-1-1 to D#2168-12-31"), |d| Ok(Constant::Date(d)))
+        }
+        "TOD" | "TIME_OF_DAY" => time::time_of_day(body)
+            .map_or_else(|| wrong("time of day, TOD#0:0:0.0 to TOD#23:59:59.999"), |ms| Ok(Constant::TimeOfDay(ms))),
+        "DT" | "DATE_AND_TIME" => time::date_and_time(body)
+            .map_or_else(|| wrong("date and time, DT#90-1-1-0:0:0.0"), |bytes| Ok(Constant::DateTime(bytes))),
+        _ => wrong("constant"),
+    }
+}
+
+fn clip(text: &str) -> String {
+    text.chars().take(40).collect()
+}
+
+fn number(text: &str, negative: bool) -> Result<Constant, String> {
+    let digits = text.replace('_', "");
+    if digits.contains(['.', 'e', 'E']) {
+        let value: f32 = digits.parse().map_err(|_| format!("{} is no real number", clip(text)))?;
+        if value.is_infinite() {
+            return Err(format!("{} is beyond the largest real number, 3.402823e+38", clip(text)));
+        }
+        return Ok(Constant::Real(if negative { -value } else { value }));
+    }
+    match digits.parse::<i64>() {
+        Ok(value) => Ok(Constant::Integer(if negative { -value } else { value })),
+        Err(_) => Err(format!("{} is no number of at most 32 bits", clip(text))),
+    }
+}
+
+fn radix(prefix: &str, body: &str) -> Option<u32> {
+    u32::from_str_radix(&body.replace('_', ""), prefix.parse().ok()?).ok()
+}
+
+/// `16#FF`, `2#01` or decimal digits, within `bits`.
+fn hex(body: &str, bits: u32) -> Option<u32> {
+    let value = match body.split_once('#') {
+        Some((prefix @ ("16" | "2" | "8"), digits)) => radix(prefix, digits)?,
+        Some(_) => return None,
+        None => plain(body)?,
+    };
+    (bits == 32 || value >> bits == 0).then_some(value)
+}
+
+fn plain(body: &str) -> Option<u32> {
+    body.replace('_', "").parse().ok()
+}
+
+fn decimal(body: &str) -> Option<i32> {
+    body.replace('_', "").parse().ok()
+}
+
+/// Characters of a text between its quotes; `$` escapes as in STEP 7.
+pub(crate) fn text(quoted: &str) -> Result<Vec<u8>, String> {
+    let inner = quoted.strip_prefix('\'').unwrap_or(quoted);
+    let inner = inner.strip_suffix('\'').unwrap_or(inner);
+    let mut out = Vec::with_capacity(inner.len());
+    let mut chars = inner.chars();
+    while let Some(c) = chars.next() {
+        let c = match c {
+            '$' => match chars.next() {
+                Some('L' | 'l' | 'N' | 'n') => '\n',
+                Some('P' | 'p') => '\u{c}',
+                Some('R' | 'r') => '\r',
+                Some('T' | 't') => '\t',
+                Some(high) if high.is_ascii_hexdigit() => {
+                    let low = chars.next().and_then(|c| c.to_digit(16));
+                    let byte = low.and_then(|low| Some(high.to_digit(16)? * 16 + low));
+                    out.push(byte.ok_or_else(|| "a character code after $ has two hexadecimal digits".to_owned())? as u8);
+                    continue;
+                }
+                Some(other) => other,
+                None => '$',
+            },
+            c => c,
+        };
+        out.push(to_cp1252(c).ok_or_else(|| format!("{c} is no character of the S7 (CP1252)"))?);
+    }
+    Ok(out)
+}
+
+/// What a constant becomes in a cell.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Encoded {
+    /// An elementary value, right-aligned.
+    Bits(u32),
+    /// A composed value, laid out.
+    Bytes(Vec<u8>),
+}
+
+impl Constant {
+    /// What `L` puts into ACCU1. An integer without prefix is 16 bits wide and not sign-extended.
+    pub(crate) fn load(&self) -> Result<u32, String> {
+        Ok(match self {
+            Constant::Integer(v) => u32::from(int16(*v)?),
+            Constant::DInt(v) | Constant::Time(v) => *v as u32,
+            Constant::Bits(v, _) | Constant::Radix(v) | Constant::TimeOfDay(v) => *v,
+            Constant::Count(v) | Constant::S5Time(v) | Constant::Date(v) => u32::from(*v),
+            Constant::Real(v) => v.to_bits(),
+            Constant::Text(bytes) if (1..=4).contains(&bytes.len()) => {
+                bytes.iter().fold(0, |acc, b| acc << 8 | u32::from(*b))
+            }
+            Constant::Text(_) => return Err("L takes a text of 1 to 4 characters".into()),
+            Constant::Pointer(p) if p.any.is_none() && p.db == 0 => p.bits(),
+            Constant::Pointer(_) => return Err("L takes a pointer without data block and length: P#DBX 0.0".into()),
+            Constant::Bool(_) => return Err("a truth value cannot be loaded; use SET or CLR".into()),
+            Constant::DateTime(_) => return Err("a date and time has 8 bytes and cannot be loaded".into()),
+        })
+    }
+
+    /// The constant as a value of type `ty`; the error says why it is none.
+    pub(crate) fn encode(&self, ty: &DataType) -> Result<Encoded, String> {
+        let encoded = match ty {
+            DataType::Bool => match self {
+                Constant::Bool(v) => Some(u32::from(*v)),
+                _ => None,
+            },
+            DataType::Byte | DataType::Char => self.byte(),
+            DataType::Word | DataType::Int | DataType::S5Time | DataType::Date | DataType::TimerOrWord => {
+                return self.word(ty).map(Encoded::Bits);
+            }
+            DataType::DWord | DataType::DInt | DataType::Time | DataType::TimeOfDay => self.double_word(),
+            DataType::Real => match self {
+                Constant::Real(v) => Some(v.to_bits()),
+                _ => None,
+            },
+            _ => return self.composed(ty).map(Encoded::Bytes).ok_or_else(|| refusal(ty)),
+        };
+        encoded.map(Encoded::Bits).ok_or_else(|| refusal(ty))
+    }
+
+    fn byte(&self) -> Option<u32> {
+        match self {
+            Constant::Bits(v, 8) => Some(*v),
+            Constant::Radix(v) if *v <= 0xFF => Some(*v),
+            Constant::Integer(v) => u8::try_from(*v).ok().map(u32::from),
+            Constant::Text(bytes) if bytes.len() == 1 => bytes.first().map(|b| u32::from(*b)),
+            _ => None,
+        }
+    }
+
+    fn word(&self, ty: &DataType) -> Result<u32, String> {
+        Ok(match self {
+            Constant::Integer(v) => u32::from(int16(*v)?),
+            Constant::Bits(v, 8 | 16) => *v,
+            Constant::Radix(v) if *v <= 0xFFFF => *v,
+            Constant::Count(v) | Constant::S5Time(v) | Constant::Date(v) => u32::from(*v),
+            _ => return Err(refusal(ty)),
+        })
+    }
+
+    fn double_word(&self) -> Option<u32> {
+        match self {
+            Constant::Integer(v) => i32::try_from(*v).ok().map(|v| v as u32),
+            Constant::DInt(v) | Constant::Time(v) => Some(*v as u32),
+            Constant::Bits(v, _) | Constant::Radix(v) | Constant::TimeOfDay(v) => Some(*v),
+            Constant::Pointer(p) if p.any.is_none() && p.db == 0 => Some(p.bits()),
+            _ => None,
+        }
+    }
+
+    fn composed(&self, ty: &DataType) -> Option<Vec<u8>> {
+        match (self, ty) {
+            (Constant::DateTime(bytes), DataType::DateAndTime) => Some(bytes.to_vec()),
+            (Constant::Text(text), DataType::String(max)) if text.len() <= usize::from(*max) => {
+                let mut bytes = vec![*max, text.len() as u8];
+                bytes.extend_from_slice(text);
+                bytes.resize(Layout::bits(ty) as usize / 8, 0);
+                Some(bytes)
+            }
+            (Constant::Pointer(p), DataType::Pointer) if p.any.is_none() && p.area.is_some() => Some(p.pointer_bytes()),
+            (Constant::Pointer(p), DataType::Any) if p.area.is_some() => Some(p.any_bytes()),
+            _ => None,
+        }
+    }
+}
+
+/// -32768 to 32767 as a word.
+fn int16(value: i64) -> Result<u16, String> {
+    i16::try_from(value).map(|v| v as u16).map_err(|_| {
+        format!("{value} does not fit 16 bits, -32768 to 32767; write L#{value} for a double integer, W#16# for a word")
+    })
+}
+
+fn refusal(ty: &DataType) -> String {
+    let example = match ty {
+        DataType::Bool => "TRUE or FALSE",
+        DataType::Byte => "B#16#0 to B#16#FF",
+        DataType::Char => "one character, 'A'",
+        DataType::Word => "W#16#0 to W#16#FFFF",
+        DataType::Int => "-32768 to 32767",
+        DataType::DWord => "DW#16#0 to DW#16#FFFFFFFF",
+        DataType::DInt => "L#5",
+        DataType::Real => "1.0 (with its decimal point)",
+        DataType::S5Time => "S5T#2S",
+        DataType::Time => "T#2S",
+        DataType::Date => "D#1994-3-15",
+        DataType::TimeOfDay => "TOD#12:30:0.0",
+        DataType::DateAndTime => "DT#94-3-15-12:30:0.0",
+        DataType::String(_) => "a text in quotes, not longer than the STRING",
+        DataType::Pointer => "P#M 3.0",
+        DataType::Any => "P#DB10.DBX0.0 BYTE 12",
+        _ => "no constant",
+    };
+    format!("a {} takes {example}", ty.name())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_l_loads() {
+        for (text, accu1) in [
+            ("5", 5),
+            ("W#16#0FF0", 0x0FF0),
+            ("B#16#6B", 0x6B),
+            ("DW#16#1234_5678", 0x1234_5678),
+            ("2#0101", 5),
+            ("L#-1", 0xFFFF_FFFF),
+            ("L#12345", 12_345),
+            ("S5T#2S500MS", 0x0250),
+            ("S5T#100MS", 0x0010),
+            ("T#1D_2H", 26 * 3_600_000),
+            ("C#127", 0x127),
+            ("D#1990-1-2", 1),
+            ("TOD#1:00:00.5", 3_600_500),
+            ("1.5", 0x3FC0_0000),
+        ] {
+            let got = parse(text, false).and_then(|c| c.load());
+            assert_eq!(got, Ok(accu1), "{text}");
+        }
+        assert_eq!(parse("5", true).and_then(|c| c.load()), Ok(0xFFFB));
+        assert_eq!(Constant::Text(b"AB".to_vec()).load(), Ok(0x4142));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_with_its_range() {
+        for (text, part) in [
+            ("40000", "L#40000"),
+            ("W#16#12345", "W#16#FFFF"),
+            ("B#16#100", "B#16#FF"),
+            ("S5T#3H", "2H46M30S"),
+            ("C#1000", "C#999"),
+            ("D#1989-1-1", "1990"),
+            ("99999999999999999999", "number"),
+            ("1e99", "largest"),
+        ] {
+            let error = parse(text, false).and_then(|c| c.load()).unwrap_err();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn texts_and_strings() {
+        assert_eq!(text("'a$'b$0Aä'"), Ok(b"a'b\n\xE4".to_vec()));
+        let string = Constant::Text(b"ab".to_vec()).encode(&DataType::String(3));
+        assert_eq!(string, Ok(Encoded::Bytes(vec![3, 2, b'a', b'b', 0, 0])));
+        assert!(Constant::Text(b"abcd".to_vec()).encode(&DataType::String(3)).is_err());
+    }
+
+    #[test]
+    fn pointers() {
+        let p = PointerConstant { area: Some(Area::Memory), at: BitAddr::new(3, 0), db: 0, any: None };
+        assert_eq!(p.bits(), 0x8300_0018);
+        let any = PointerConstant { area: Some(Area::Db), at: BitAddr::new(0, 0), db: 10, any: Some((2, 12)) };
+        assert_eq!(any.any_bytes(), [0x10, 2, 0, 12, 0, 10, 0x84, 0, 0, 0]);
+    }
+}

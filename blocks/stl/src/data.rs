@@ -1,0 +1,115 @@
+//! Data blocks: their components, and the values they begin with.
+
+use ob1_ir::DataKind;
+use ob1_model::{BitAddr, BlockId, Component, DataType, Layout, Section};
+
+use crate::codes;
+use crate::elaborate::{Elaborator, LONGEST};
+use crate::initial;
+use crate::operand::Resolver;
+use crate::parser::unquote;
+use crate::path;
+use crate::reader::Reader;
+use crate::syntax::Assignment;
+use crate::token::Kind;
+use crate::world::{Data, World};
+
+impl Elaborator<'_> {
+    /// Makes a data block; nothing when its structure has a mistake.
+    pub(crate) fn data_block(&mut self, index: usize, number: u16) {
+        let Some(block) = self.blocks.get(index) else { return };
+        let Some(shape) = &block.shape else {
+            let message = "the data block has no structure: STRUCT .. END_STRUCT, a UDT, or the FB it is an instance of";
+            self.sink.report(block.file, block.span, &codes::NO_STRUCTURE, message);
+            return;
+        };
+        let Some(resolved) = self.ty(block.file, shape, 0) else { return };
+        let data = match resolved.fb {
+            Some(fb) => instance_data(&self.world, fb),
+            None => global_data(&resolved.ty),
+        };
+        let Some(mut data) = data else {
+            self.sink.report(block.file, shape.span, &codes::NO_STRUCTURE, "a data block is made of a structure");
+            return;
+        };
+        if data.image.len() > LONGEST as usize {
+            self.sink.report(block.file, block.span, &codes::TOO_LONG, format!("the data block is longer than {LONGEST} bytes"));
+            return;
+        }
+        if !self.spend(block.file, block.span, data.image.len() as u64) {
+            return;
+        }
+        data.name.clone_from(&block.header_name);
+        data.read_only = block.read_only;
+        let fields = path::FieldIndex::default();
+        let mut image = std::mem::take(&mut data.image);
+        for assignment in &block.assignments {
+            self.assign(block.file, &data, &mut image, &fields, assignment);
+        }
+        data.image = image;
+        self.world.data.insert(number, data);
+    }
+
+    /// `name := value;`
+    fn assign(
+        &mut self,
+        file: usize,
+        data: &Data,
+        image: &mut [u8],
+        fields: &path::FieldIndex,
+        assignment: &Assignment,
+    ) -> Option<()> {
+        let source = self.files.get(file)?;
+        let whole = source.tokens.get(assignment.path.start)?.span;
+        let mut reader = Reader::new(file, source, self.sink, assignment.path.clone(), whole);
+        let name = match reader.peek_kind() {
+            Some(Kind::Word | Kind::Symbol | Kind::Local) => reader.next().map_or("", |t| unquote(reader.text(t))),
+            _ => {
+                reader.report(whole, &codes::ASSIGNMENT, "the name of a component should stand here");
+                return None;
+            }
+        };
+        let Some(component) = data.find(name) else {
+            let known = data.components.iter().map(|c| c.path.as_str());
+            let message = format!("the data block has no component {name}");
+            reader.sink.report_unknown(file, whole, &codes::COMPONENT, message, name, known);
+            return None;
+        };
+        let (ty, at) = path::follow(&mut reader, fields, &component.ty, component.at)?;
+        if !reader.finish(&codes::ASSIGNMENT) {
+            return None;
+        }
+        let resolver = Resolver::new(&self.world, self.words, None);
+        let mut reader = Reader::new(file, source, self.sink, assignment.value.clone(), whole);
+        let bytes = initial::read(&resolver, &mut reader, ty)?;
+        initial::put(image, at, ty, &bytes);
+        Some(())
+    }
+}
+
+/// A global data block of a structure.
+fn global_data(ty: &DataType) -> Option<Data> {
+    let DataType::Struct(fields) = ty else { return None };
+    let mut image = vec![0; initial::size(ty)];
+    initial::write_default(ty, BitAddr(0), &mut image);
+    let mut layout = Layout::new();
+    let component = |f: &ob1_model::Field, at| Component { path: f.name.clone(), ty: f.ty.clone(), at };
+    let components = fields.iter().map(|f| component(f, layout.place(&f.ty))).collect();
+    Some(Data::new(DataKind::Global, components, image))
+}
+
+/// An instance of a function block of the program or the library.
+pub(crate) fn instance_data(world: &World, fb: BlockId) -> Option<Data> {
+    let interface = &world.blocks.get(&fb)?.interface;
+    let mut image = vec![0; interface.instance_bytes as usize];
+    let mut components = Vec::new();
+    for param in interface.params.iter().filter(|p| p.section != Section::Temp) {
+        let ty = if param.is_pointer() { DataType::Pointer } else { param.ty.clone() };
+        match &param.initial {
+            Some(bytes) => initial::put(&mut image, param.at, &ty, bytes),
+            None => initial::write_default(&ty, param.at, &mut image),
+        }
+        components.push(Component { path: param.name.clone(), ty, at: param.at });
+    }
+    Some(Data::new(DataKind::Instance(fb), components, image))
+}

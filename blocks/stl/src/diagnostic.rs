@@ -1,0 +1,240 @@
+//! Diagnostics: what is wrong, where, under which number, and what to do about it.
+
+use std::fmt::Write as _;
+
+use crate::codes::Code;
+use crate::source::Source;
+use crate::token::Span;
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Severity {
+    /// Legal, but a known trap.
+    Lint,
+    /// Accepted, though STEP 7 would not, or likely not meant.
+    Warning,
+    /// The program cannot be used.
+    Error,
+}
+
+impl Severity {
+    /// The word printed before the number.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Severity::Lint => "lint",
+            Severity::Warning => "warning",
+            Severity::Error => "error",
+        }
+    }
+}
+
+/// One finding.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// The number, `S0123`; its page is in `docs/stl-errors.md`.
+    pub code: &'static str,
+    /// Error, warning or lint.
+    pub severity: Severity,
+    /// Index of the source in the order given to [`compile`](crate::compile).
+    pub source: usize,
+    /// Line, from 1.
+    pub line: u32,
+    /// Column in characters, from 1.
+    pub column: u32,
+    /// Characters concerned, at least 1.
+    pub length: u32,
+    /// What is wrong.
+    pub message: String,
+    /// What to do.
+    pub remedy: String,
+}
+
+/// Characters of a source line shown at most, so that one endless line does not flood the terminal.
+const SHOWN: usize = 160;
+
+/// The finding as text: `file:line:column`, number and message, the source line with a caret, the remedy.
+#[must_use]
+pub fn render(diagnostic: &Diagnostic, source: &Source) -> String {
+    let Diagnostic { code, severity, line, column, length, message, remedy, .. } = diagnostic;
+    let text = source.text();
+    let shown = text.lines().nth(line.saturating_sub(1) as usize).unwrap_or("");
+    let column = column.saturating_sub(1) as usize;
+    let skip = column.saturating_sub(SHOWN / 2);
+    let (lead, tail) = (if skip > 0 { "..." } else { "" }, if shown.chars().nth(skip + SHOWN).is_some() { "..." } else { "" });
+    let window: String = shown.chars().skip(skip).take(SHOWN).map(printable).collect();
+    // The caret line repeats the tabs of the source line, so that it stands right whatever a tab is worth.
+    let indent: String = window.chars().take(column - skip).map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
+    let room = SHOWN.saturating_sub(column - skip).max(1);
+    let carets = "^".repeat((*length as usize).clamp(1, room));
+    let number = line.to_string();
+    let gutter = " ".repeat(number.len());
+    let mut out = String::new();
+    let _ = writeln!(out, "{}:{line}:{}: {} {code}: {message}", source.name, column + 1, severity.name());
+    let _ = writeln!(out, "{gutter} |");
+    let _ = writeln!(out, "{number} | {lead}{window}{tail}");
+    let _ = writeln!(out, "{gutter} | {}{indent}{carets}", " ".repeat(lead.len()));
+    if !remedy.is_empty() {
+        let _ = writeln!(out, "{gutter} = {remedy}");
+    }
+    out
+}
+
+fn printable(c: char) -> char {
+    if c.is_control() && c != '\t' { '\u{fffd}' } else { c }
+}
+
+/// A finding before its line and column are known.
+#[derive(Debug)]
+struct Raw {
+    file: usize,
+    span: Span,
+    code: &'static Code,
+    message: String,
+    remedy: String,
+}
+
+/// Collects findings of one run.
+#[derive(Debug)]
+pub(crate) struct Sink {
+    raw: Vec<Raw>,
+    /// Nearest words are looked up for so many findings only: the search is long compared with everything else.
+    suggestions_left: u32,
+    /// Elementary steps of work so far, see [`Output::steps`](crate::Output::steps).
+    pub(crate) steps: u64,
+}
+
+impl Sink {
+    pub(crate) fn new() -> Self {
+        Self { raw: Vec::new(), suggestions_left: 200, steps: 0 }
+    }
+
+    /// A finding with the remedy of its table row.
+    pub(crate) fn report(&mut self, file: usize, span: Span, code: &'static Code, message: impl Into<String>) {
+        self.report_with(file, span, code, message, code.remedy);
+    }
+
+    /// A finding with a remedy of its own.
+    pub(crate) fn report_with(
+        &mut self,
+        file: usize,
+        span: Span,
+        code: &'static Code,
+        message: impl Into<String>,
+        remedy: impl Into<String>,
+    ) {
+        self.raw.push(Raw { file, span, code, message: message.into(), remedy: remedy.into() });
+    }
+
+    /// A finding about an unknown word: the remedy names the nearest known one.
+    pub(crate) fn report_unknown<'w>(
+        &mut self,
+        file: usize,
+        span: Span,
+        code: &'static Code,
+        message: impl Into<String>,
+        word: &str,
+        known: impl IntoIterator<Item = &'w str>,
+    ) {
+        let nearest = self.nearest(word, known);
+        let remedy = nearest.map_or_else(|| code.remedy.to_owned(), |near| format!("Did you mean {near}?"));
+        self.report_with(file, span, code, message, remedy);
+    }
+
+    fn nearest<'w>(&mut self, word: &str, known: impl IntoIterator<Item = &'w str>) -> Option<&'w str> {
+        /// Candidates looked at for one word.
+        const CANDIDATES: usize = 2_000;
+        if self.suggestions_left == 0 || word.len() > 40 {
+            return None;
+        }
+        self.suggestions_left -= 1;
+        let word = word.to_uppercase();
+        let allowed = match word.chars().count() {
+            0..=1 => 0,
+            2..=4 => 1,
+            5..=8 => 2,
+            _ => 3,
+        };
+        known
+            .into_iter()
+            .take(CANDIDATES)
+            .filter(|k| k.len() <= 64)
+            .map(|k| (strsim::damerau_levenshtein(&word, &k.to_uppercase()), k))
+            .filter(|(distance, _)| *distance <= allowed)
+            .min_by_key(|(distance, _)| *distance)
+            .map(|(_, k)| k)
+    }
+
+    /// True when an error was found.
+    pub(crate) fn has_errors(&self) -> bool {
+        self.raw.iter().any(|r| r.code.severity == Severity::Error)
+    }
+
+    /// The findings in source order, with lines and columns. One pass over each text, whatever the number of findings.
+    pub(crate) fn finish(mut self, texts: &[&str]) -> Vec<Diagnostic> {
+        self.raw.sort_by_key(|r| (r.file, r.span.start));
+        let mut out = Vec::with_capacity(self.raw.len());
+        let mut place = (usize::MAX, 0usize, 1u32, 1u32);
+        for raw in self.raw {
+            let text = texts.get(raw.file).copied().unwrap_or("");
+            if place.0 != raw.file {
+                place = (raw.file, 0, 1, 1);
+            }
+            let start = (raw.span.start as usize).min(text.len());
+            for c in text.get(place.1..start).unwrap_or("").chars() {
+                (place.2, place.3) = if c == '\n' { (place.2 + 1, 1) } else { (place.2, place.3 + 1) };
+            }
+            place.1 = start;
+            // Marked is the rest of the first line at most, and not more than the renderer shows.
+            let marked = text.get(start..raw.span.end as usize).unwrap_or("");
+            let length = marked.chars().take(SHOWN).take_while(|c| !matches!(c, '\n' | '\r')).count().max(1) as u32;
+            out.push(Diagnostic {
+                code: raw.code.number,
+                severity: raw.code.severity,
+                source: raw.file,
+                line: place.2,
+                column: place.3,
+                length,
+                message: raw.message,
+                remedy: raw.remedy,
+            });
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codes;
+
+    #[test]
+    fn a_finding_is_shown_with_its_line_and_a_caret() {
+        let source = Source::new("pump.awl", "L 1\r\n\tL MX 10\r\n");
+        let mut sink = Sink::new();
+        sink.report_with(0, Span { start: 8, end: 10 }, &codes::UNKNOWN_OPERAND, "MX is no operand", "Did you mean MW?");
+        let found = sink.finish(&[&source.text()]);
+        assert_eq!(
+            render(&found[0], &source),
+            "pump.awl:2:4: error S0302: MX is no operand\n  |\n2 | \tL MX 10\n  | \t  ^^\n  = Did you mean MW?\n"
+        );
+    }
+
+    #[test]
+    fn an_endless_line_is_clipped_around_the_finding() {
+        let source = Source::new("a", "x".repeat(1000));
+        let mut sink = Sink::new();
+        sink.report(0, Span { start: 500, end: 900 }, &codes::UNKNOWN_MNEMONIC, "m");
+        let found = sink.finish(&[&source.text()]);
+        let text = render(&found[0], &source);
+        assert!(text.lines().all(|l| l.len() < 200), "{text}");
+        assert!(text.contains("...x") && text.contains("x..."), "{text}");
+    }
+
+    #[test]
+    fn the_nearest_word_is_proposed_only_when_near() {
+        let mut sink = Sink::new();
+        assert_eq!(sink.nearest("SPBM", ["SPB", "SPBN", "AUF"]), Some("SPB"));
+        assert_eq!(sink.nearest("QQQQ", ["SPB", "SPBN", "AUF"]), None);
+    }
+}

@@ -1,0 +1,147 @@
+//! Start values: the bytes a data block begins with.
+
+use ob1_model::{BitAddr, DataType, Layout, cells};
+
+use crate::codes;
+use crate::constant::Encoded;
+use crate::operand::Resolver;
+use crate::reader::Reader;
+use crate::token::Kind;
+
+/// Bytes a value of `ty` takes; a BOOL takes one.
+pub(crate) fn size(ty: &DataType) -> usize {
+    Layout::bits(ty).div_ceil(8) as usize
+}
+
+/// Writes the value a type has when the source gives none: 0, but a blank for CHAR, the length for STRING,
+/// 1990-01-01 for DATE_AND_TIME, and what the components of a structure declare.
+pub(crate) fn write_default(ty: &DataType, at: BitAddr, image: &mut [u8]) {
+    match ty {
+        DataType::Char => put(image, at, ty, b" "),
+        DataType::String(max) => put(image, at, ty, &[*max]),
+        DataType::DateAndTime => put(image, at, ty, &[0x90, 1, 1, 0, 0, 0, 0, 2]),
+        DataType::Struct(fields) => {
+            let mut layout = Layout::new();
+            for field in fields {
+                let at = BitAddr(at.0 + layout.place(&field.ty).0);
+                match &field.initial {
+                    Some(bytes) => put(image, at, &field.ty, bytes),
+                    None => write_default(&field.ty, at, image),
+                }
+            }
+        }
+        DataType::Array(dims, element) => {
+            let mut one = vec![0; size(element)];
+            write_default(element, BitAddr(0), &mut one);
+            if one.iter().all(|b| *b == 0) {
+                return;
+            }
+            for_each_element(dims, element, |offset| put(image, BitAddr(at.0 + offset), element, &one));
+        }
+        _ => {}
+    }
+}
+
+/// The bit offsets of all elements of an array in order.
+fn for_each_element(dims: &[ob1_model::Dimension], element: &DataType, mut f: impl FnMut(u32)) {
+    let Some((last, outer)) = dims.split_last() else { return };
+    let rows: u32 = outer.iter().map(|d| d.len()).product();
+    let stride = Layout::stride(element);
+    let row_bits = ob1_model::align_to(last.len() * stride, 16);
+    for row in 0..rows {
+        for column in 0..last.len() {
+            f(row * row_bits + column * stride);
+        }
+    }
+}
+
+/// Puts laid-out bytes of a value at its place; a BOOL is bit 0 of its one byte. What lies outside the image is dropped.
+pub(crate) fn put(image: &mut [u8], at: BitAddr, ty: &DataType, bytes: &[u8]) {
+    if *ty == DataType::Bool {
+        let _ = cells::set_bit(image, at.0 as usize, bytes.first().is_some_and(|b| b & 1 == 1));
+        return;
+    }
+    let start = at.byte() as usize;
+    if let Some(target) = image.get_mut(start..start + bytes.len()) {
+        target.copy_from_slice(bytes);
+    }
+}
+
+/// Reads a start value for `ty`: a constant, or a list of them for an array, `1, 2, 3(0)`. `None`: reported.
+pub(crate) fn read(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType) -> Option<Vec<u8>> {
+    let value = match ty {
+        DataType::Array(dims, element) => array(resolver, reader, dims, element, size(ty))?,
+        _ => constant(resolver, reader, ty)?,
+    };
+    reader.finish(&codes::INITIAL_VALUE).then_some(value)
+}
+
+fn constant(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType) -> Option<Vec<u8>> {
+    let span = reader.rest();
+    let constant = resolver.constant(reader)?;
+    match constant.encode(ty) {
+        Ok(Encoded::Bytes(bytes)) => Some(bytes),
+        Ok(Encoded::Bits(bits)) => {
+            let bytes = bits.to_be_bytes();
+            Some(bytes[4 - size(ty).min(4)..].to_vec())
+        }
+        Err(message) => {
+            reader.report(span, &codes::CONSTANT_TYPE, message);
+            None
+        }
+    }
+}
+
+fn array(
+    resolver: &Resolver<'_>,
+    reader: &mut Reader<'_, '_>,
+    dims: &[ob1_model::Dimension],
+    element: &DataType,
+    bytes: usize,
+) -> Option<Vec<u8>> {
+    let mut image = vec![0; bytes];
+    let mut places = Vec::new();
+    for_each_element(dims, element, |offset| places.push(BitAddr(offset)));
+    let start = reader.here();
+    let mut given = 0usize;
+    loop {
+        let repeated = reader.peek_second().is_some_and(|t| t.kind == Kind::LeftParen);
+        let count = match reader.peek().filter(|t| repeated && t.kind == Kind::Number) {
+            Some(number) => {
+                reader.next();
+                reader.next();
+                reader.text(number).parse::<usize>().ok()
+            }
+            None => None,
+        };
+        let mut group = vec![constant(resolver, reader, element)?];
+        while count.is_some() && reader.eat(Kind::Comma).is_some() {
+            group.push(constant(resolver, reader, element)?);
+        }
+        if count.is_some() && reader.eat(Kind::RightParen).is_none() {
+            let span = reader.here();
+            reader.report(span, &codes::INITIAL_VALUE, "the repeated value is not closed with )");
+            return None;
+        }
+        for value in group.iter().cycle().take(group.len().saturating_mul(count.unwrap_or(1)).min(places.len() + 1)) {
+            match places.get(given) {
+                Some(at) => put(&mut image, *at, element, value),
+                None => {
+                    let message = format!("the array has {} elements, more values are given", places.len());
+                    reader.report(start, &codes::INITIAL_VALUE, message);
+                    return None;
+                }
+            }
+            given += 1;
+        }
+        if reader.eat(Kind::Comma).is_none() {
+            break;
+        }
+    }
+    let mut one = vec![0; size(element)];
+    write_default(element, BitAddr(0), &mut one);
+    for at in places.iter().skip(given) {
+        put(&mut image, *at, element, &one);
+    }
+    Some(image)
+}

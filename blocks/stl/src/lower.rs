@@ -1,0 +1,313 @@
+//! Statements to operations.
+
+use std::collections::BTreeMap;
+
+use ob1_ir::{BitTest, CodeBlock, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width};
+use ob1_model::{Area, BlockId, DataType};
+
+use crate::codes;
+use crate::constant::Constant;
+use crate::diagnostic::Sink;
+use crate::jumps::Labels;
+use crate::mnemonics::{BlockWord, Row, Shape, Words};
+use crate::operand::{Resolver, Value};
+use crate::reader::Reader;
+use crate::syntax::{Block, Statement};
+use crate::token::{File, Kind, Span};
+use crate::world::{Info, World};
+
+/// What one block's statements are lowered with.
+pub(crate) struct Lowerer<'l, 's> {
+    pub(crate) resolver: Resolver<'l>,
+    pub(crate) file: &'l File<'s>,
+    pub(crate) index: usize,
+    pub(crate) sink: &'l mut Sink,
+    /// Instance data blocks that calls name and no source declares, with their FB.
+    pub(crate) wanted: &'l mut BTreeMap<u16, BlockId>,
+}
+
+/// Lowers a block's statements. Every statement becomes exactly one operation, wrong ones `Nop`, so that jump targets are
+/// statement indices.
+pub(crate) fn lower(
+    id: BlockId,
+    block: &Block,
+    file: &File<'_>,
+    world: &World,
+    words: &Words,
+    elsewhere: &BTreeMap<&str, BlockId>,
+    wanted: &mut BTreeMap<u16, BlockId>,
+    sink: &mut Sink,
+) -> Option<CodeBlock> {
+    let info = world.blocks.get(&id)?;
+    let labels = Labels::collect(block, file, elsewhere, sink);
+    let resolver = Resolver::new(world, words, Some((id.kind, info)));
+    let mut lowerer = Lowerer { resolver, file, index: block.file, sink, wanted };
+    let mut code = Vec::with_capacity(block.statements.len());
+    for statement in &block.statements {
+        let op = lowerer.statement(statement, &labels).unwrap_or(Op::Nop);
+        code.push(Stmt { op, network: statement.network, line: statement.line });
+    }
+    crate::jumps::jump_lists(block, &mut code, sink);
+    crate::brackets::check(block, &code, sink);
+    let mut interface = info.interface.clone();
+    interface.temp_bytes = interface.temp_bytes.max(local_bytes(&code));
+    let name = block.header_name.clone();
+    Some(CodeBlock { id, name, interface, code, source: block.file as u32 })
+}
+
+impl Lowerer<'_, '_> {
+    pub(crate) fn reader<'r>(&'r mut self, range: std::ops::Range<usize>, span: Span) -> Reader<'r, 'r> {
+        Reader::new(self.index, self.file, self.sink, range, span)
+    }
+
+    /// One statement; `None` when it has a mistake (reported) or is only a label.
+    fn statement(&mut self, statement: &Statement, labels: &Labels<'_>) -> Option<Op> {
+        let row = statement.row?;
+        match &row.shape {
+            Shape::Call(mode) => return self.call(*mode, statement),
+            Shape::Jump(jump) => return self.target(statement, labels).map(|to| Op::Jump(*jump, to)),
+            Shape::Loop => return self.target(statement, labels).map(Op::Loop),
+            Shape::JumpList => {
+                let otherwise = self.target(statement, labels)?;
+                return Some(Op::JumpList { targets: Box::default(), otherwise });
+            }
+            _ => {}
+        }
+        let resolver = self.resolver;
+        let mut reader = self.reader(statement.operand.clone(), statement.span);
+        let op = operation(resolver, &mut reader, row, statement.span)?;
+        reader.finish(&codes::TOO_MUCH).then_some(op)
+    }
+
+    fn target(&mut self, statement: &Statement, labels: &Labels<'_>) -> Option<u32> {
+        let mut reader = self.reader(statement.operand.clone(), statement.span);
+        let span = reader.here();
+        let Some(token) = reader.eat(Kind::Word) else {
+            reader.report(span, &codes::UNKNOWN_LABEL, "a jump takes a label");
+            return None;
+        };
+        let name = reader.text(token);
+        let to = labels.find(name, &mut reader, span)?;
+        reader.finish(&codes::TOO_MUCH).then_some(to)
+    }
+}
+
+/// Everything but calls and jumps.
+fn operation(resolver: Resolver<'_>, reader: &mut Reader<'_, '_>, row: &Row, head: Span) -> Option<Op> {
+    if let Shape::Plain(op) = &row.shape {
+        return Some(op.clone());
+    }
+    if reader.is_empty()
+        && let Some(op) = without_operand(&row.shape)
+    {
+        return Some(op);
+    }
+    match &row.shape {
+        Shape::AddConst | Shape::Increment | Shape::Decrement | Shape::Shift(..) | Shape::Numbered => {
+            return counted(resolver, reader, &row.shape);
+        }
+        _ => {}
+    }
+    let span = reader.rest();
+    let value = resolver.operand(reader)?;
+    match with_operand(&row.shape, value.clone()) {
+        Ok(op) => Some(op),
+        Err(Wrong::Operand) => {
+            let mnemonic = reader.file.slice(head);
+            let message = format!("{mnemonic} takes {}, this is {}", takes(&row.shape), value.describe());
+            reader.report(span, &codes::WRONG_OPERAND, message);
+            None
+        }
+        Err(Wrong::Constant(message)) => {
+            reader.report(span, &codes::CONSTANT, message);
+            None
+        }
+    }
+}
+
+/// Mnemonics whose operand may be left out.
+fn without_operand(shape: &Shape) -> Option<Op> {
+    Some(match shape {
+        Shape::Scan(ob1_ir::Logic::Or, false) => Op::OrBranch,
+        Shape::WordLogic(logic) => Op::WordLogic(*logic, None),
+        Shape::DWordLogic(logic) => Op::DWordLogic(*logic, None),
+        Shape::Shift(shift, _) => Op::Shift(*shift, None),
+        Shape::LoadAr(register) => Op::LoadAr(*register),
+        Shape::TransferAr(register) => Op::TransferAr(*register),
+        Shape::AddAr(register) => Op::AddAr(*register),
+        Shape::Numbered => Op::Nop,
+        _ => return None,
+    })
+}
+
+/// Mnemonics that take a plain number: `+ 5`, `INC 1`, `SLW 4`, `BLD 3`.
+fn counted(resolver: Resolver<'_>, reader: &mut Reader<'_, '_>, shape: &Shape) -> Option<Op> {
+    let span = reader.rest();
+    let constant = resolver.constant(reader)?;
+    let value = match &constant {
+        Constant::Integer(v) => *v,
+        Constant::DInt(v) => i64::from(*v),
+        Constant::Bits(v, _) | Constant::Radix(v) => i64::from(*v),
+        _ => i64::MAX,
+    };
+    let byte = |max: u8| u8::try_from(value).ok().filter(|v| *v <= max);
+    let (op, range) = match shape {
+        Shape::AddConst => match constant {
+            Constant::DInt(value) => (Some(Op::AddConst { format: NumberFormat::DInt, value }), ""),
+            _ => {
+                let value = i16::try_from(value).ok().map(i32::from);
+                let op = value.map(|value| Op::AddConst { format: NumberFormat::Int, value });
+                (op, "an integer from -32768 to 32767, or a double integer L#")
+            }
+        },
+        Shape::Increment => (byte(255).map(Op::Increment), "0 to 255"),
+        Shape::Decrement => (byte(255).map(Op::Decrement), "0 to 255"),
+        Shape::Shift(shift, max) => {
+            let range = if *max == 15 { "0 to 15" } else { "0 to 32" };
+            (byte(*max).map(|n| Op::Shift(*shift, Some(n))), range)
+        }
+        _ => (byte(255).map(|_| Op::Nop), "0 to 255"),
+    };
+    if op.is_none() {
+        reader.report(span, &codes::CONSTANT, format!("the number is {range}"));
+    }
+    op
+}
+
+/// Why an operand does not fit.
+enum Wrong {
+    Operand,
+    Constant(String),
+}
+
+fn with_operand(shape: &Shape, value: Value<'_>) -> Result<Op, Wrong> {
+    let bit = |value: Value<'_>| match value {
+        Value::Memory { operand, .. } if operand.width == Width::Bit => Ok(operand.place),
+        _ => Err(Wrong::Operand),
+    };
+    Ok(match (shape, value) {
+        (Shape::Scan(logic, negate), value) => {
+            let test = match value {
+                Value::Timer(n) => BitTest::Timer(n),
+                Value::Counter(n) => BitTest::Counter(n),
+                Value::Status(status) => BitTest::Status(status),
+                other => BitTest::Bit(bit(other)?),
+            };
+            Op::Scan { logic: *logic, negate: *negate, test }
+        }
+        (Shape::Assign, value) => Op::Assign(bit(value)?),
+        (Shape::Set, Value::Counter(n)) => Op::SetCounter(n),
+        (Shape::Set, value) => Op::Set(bit(value)?),
+        (Shape::Reset, Value::Timer(n)) => Op::ResetTimer(n),
+        (Shape::Reset, Value::Counter(n)) => Op::ResetCounter(n),
+        (Shape::Reset, value) => Op::Reset(bit(value)?),
+        (Shape::Edge(true), value) => Op::EdgePositive(bit(value)?),
+        (Shape::Edge(false), value) => Op::EdgeNegative(bit(value)?),
+        (Shape::Load, Value::Constant(constant)) => Op::LoadConst(constant.load().map_err(Wrong::Constant)?),
+        (Shape::Load, Value::Timer(n)) => Op::LoadTimer(n),
+        (Shape::Load, Value::Counter(n)) => Op::LoadCounter(n),
+        (Shape::Load, Value::StatusWord) => Op::LoadStatus,
+        (Shape::Load, Value::DbLength(register)) => Op::LoadDbLength(register),
+        (Shape::Load, Value::DbNumber(register)) => Op::LoadDbNumber(register),
+        (Shape::Load, value) => Op::Load(wide(&value)?),
+        (Shape::LoadBcd, Value::Timer(n)) => Op::LoadTimerBcd(n),
+        (Shape::LoadBcd, Value::Counter(n)) => Op::LoadCounterBcd(n),
+        (Shape::Transfer, Value::StatusWord) => Op::TransferStatus,
+        (Shape::Transfer, value) => Op::Transfer(wide(&value)?),
+        (Shape::WordLogic(logic), Value::Constant(constant)) => match constant.encode(&DataType::Word) {
+            Ok(crate::constant::Encoded::Bits(bits)) => Op::WordLogic(*logic, Some(bits as u16)),
+            Ok(_) => return Err(Wrong::Operand),
+            Err(message) => return Err(Wrong::Constant(message)),
+        },
+        (Shape::DWordLogic(logic), Value::Constant(constant)) => match constant.encode(&DataType::DWord) {
+            Ok(crate::constant::Encoded::Bits(bits)) => Op::DWordLogic(*logic, Some(bits)),
+            Ok(_) => return Err(Wrong::Operand),
+            Err(message) => return Err(Wrong::Constant(message)),
+        },
+        (Shape::LoadAr(register), value) => match (value, register) {
+            (Value::Constant(Constant::Pointer(p)), _) if p.any.is_none() && p.db == 0 => {
+                Op::LoadArConst(*register, p.bits())
+            }
+            (Value::Register(ob1_ir::AddressRegister::Ar2), ob1_ir::AddressRegister::Ar1) => Op::CopyAr2ToAr1,
+            (value, _) => Op::LoadArFrom(*register, double_word(&value)?),
+        },
+        (Shape::TransferAr(register), value) => match (value, register) {
+            (Value::Register(ob1_ir::AddressRegister::Ar2), ob1_ir::AddressRegister::Ar1) => Op::CopyAr1ToAr2,
+            (value, _) => Op::TransferArTo(*register, double_word(&value)?),
+        },
+        (Shape::AddAr(register), Value::Constant(Constant::Pointer(p))) if p.area.is_none() => {
+            Op::AddArConst(*register, p.at)
+        }
+        (Shape::OpenDb, Value::Block(BlockWord::Db, n)) => Op::OpenDb(DbRegister::Db, n),
+        (Shape::OpenDb, Value::Block(BlockWord::Di, n)) => Op::OpenDb(DbRegister::Di, n),
+        (Shape::StartTimer(kind), Value::Timer(n)) => Op::StartTimer(*kind, n),
+        (Shape::Enable, Value::Timer(n)) => Op::EnableTimer(n),
+        (Shape::Enable, Value::Counter(n)) => Op::EnableCounter(n),
+        (Shape::CountUp, Value::Counter(n)) => Op::CountUp(n),
+        (Shape::CountDown, Value::Counter(n)) => Op::CountDown(n),
+        _ => return Err(Wrong::Operand),
+    })
+}
+
+/// A byte, word or double word of memory.
+fn wide(value: &Value<'_>) -> Result<Operand, Wrong> {
+    match value {
+        Value::Memory { ty: Some(ty), .. } if ty.is_composed() => Err(Wrong::Operand),
+        Value::Memory { operand, .. } if operand.width != Width::Bit => Ok(*operand),
+        _ => Err(Wrong::Operand),
+    }
+}
+
+fn double_word(value: &Value<'_>) -> Result<Operand, Wrong> {
+    wide(value).and_then(|operand| if operand.width == Width::DWord { Ok(operand) } else { Err(Wrong::Operand) })
+}
+
+/// What a mnemonic takes, for messages.
+fn takes(shape: &Shape) -> &'static str {
+    match shape {
+        Shape::Scan(..) => "a bit, timer, counter or status bit",
+        Shape::Assign | Shape::Edge(_) => "a bit",
+        Shape::Set => "a bit or counter",
+        Shape::Reset => "a bit, timer or counter",
+        Shape::Load => "a byte, word, double word, timer, counter or constant",
+        Shape::LoadBcd | Shape::Enable => "a timer or counter",
+        Shape::Transfer => "a byte, word or double word",
+        Shape::WordLogic(_) | Shape::DWordLogic(_) => "a constant or nothing",
+        Shape::LoadAr(_) => "a pointer P#, a double word or nothing",
+        Shape::TransferAr(_) => "a double word or nothing",
+        Shape::AddAr(_) => "a pointer without area, P#2.0, or nothing",
+        Shape::OpenDb => "a data block",
+        Shape::StartTimer(_) => "a timer",
+        Shape::CountUp | Shape::CountDown => "a counter",
+        _ => "another operand",
+    }
+}
+
+/// The local data that absolute operands (`L 10.0`, `LW 20`) reach into.
+fn local_bytes(code: &[Stmt]) -> u32 {
+    let mut bytes = 0;
+    for stmt in code {
+        stmt.op.places(&mut |place, width| {
+            if let Place::Fixed(Area::Local, at) = place {
+                bytes = bytes.max(at.byte() + width.bytes());
+            }
+        });
+    }
+    bytes.next_multiple_of(2)
+}
+
+/// A block's information for messages: `FC 9 (SYNCHRON_RESET)`.
+pub(crate) fn called(id: BlockId, info: &Info) -> String {
+    match &info.name {
+        Some(name) => format!("{id} ({name})"),
+        None => id.to_string(),
+    }
+}
+
+/// A block number that is known when compiling.
+pub(crate) fn fixed(number: Number) -> Option<u16> {
+    match number {
+        Number::Fixed(n) => Some(n),
+        _ => None,
+    }
+}

@@ -1,0 +1,248 @@
+//! Statements: label, mnemonic, operand tokens, and the actual parameters of calls in both written forms.
+
+use crate::codes;
+use crate::mnemonics::{Row, Shape};
+use crate::parser::{Parser, keywords};
+use crate::syntax::{Actual, Assignment, Block, Statement, Tokens};
+use crate::token::{Kind, Span, Token};
+
+impl Parser<'_, '_> {
+    /// One statement with its end. `None` when nothing usable stands here (reported).
+    pub(crate) fn statement(&mut self, network: u16) -> Option<Statement> {
+        let first = self.peek()?;
+        let label = self.label();
+        if label.is_some() {
+            // A label may stand on a line of its own before its statement; then it labels an empty one.
+            if matches!(self.peek_kind(), None | Some(Kind::Newline | Kind::Semicolon)) {
+                return Some(Statement::empty(label, first, self.at, network));
+            }
+        }
+        let head = self.peek()?;
+        let Some((row, span)) = self.mnemonic() else {
+            self.unknown_mnemonic(head);
+            self.skip_statement();
+            // The statement keeps its place, so that jumps to its label are not reported as well.
+            return Some(Statement::empty(label, head, self.at, network));
+        };
+        let mut statement = Statement {
+            label,
+            row: Some(row),
+            span,
+            operand: self.at..self.at,
+            args: Vec::new(),
+            network,
+            line: head.line,
+        };
+        if matches!(row.shape, Shape::Call(_)) {
+            statement.operand = self.call_target();
+            self.actuals(&mut statement.args);
+        } else {
+            let from = self.at;
+            self.skip_statement();
+            statement.operand = from..self.at;
+        }
+        Some(statement)
+    }
+
+    fn label(&mut self) -> Option<usize> {
+        let is_label = self.peek_kind() == Some(Kind::Word) && self.peek_at(1).is_some_and(|t| t.kind == Kind::Colon);
+        if !is_label {
+            return None;
+        }
+        let at = self.at;
+        self.bump();
+        self.bump();
+        Some(at)
+    }
+
+    /// The mnemonic here, of one token or joined from two: `U(`, `+I`, `<=D`, `RND+`, `)MCR`.
+    fn mnemonic(&mut self) -> Option<(&'static Row, Span)> {
+        let first = self.peek()?;
+        if let Some(second) = self.peek_at(1).filter(|t| joins(first, *t)) {
+            let joined = [self.text(first), self.text(second)].concat();
+            if let Some(row) = self.words.mnemonic(&joined) {
+                self.bump();
+                self.bump();
+                return Some((row, first.span.to(second.span)));
+            }
+        }
+        let row = self.words.mnemonic(self.text(first))?;
+        self.bump();
+        Some((row, first.span))
+    }
+
+    fn unknown_mnemonic(&mut self, head: Token) {
+        let text = self.text(head);
+        let shown: String = text.chars().take(32).collect();
+        if head.kind == Kind::Bad {
+            return;
+        }
+        if head.kind == Kind::Word && self.words.is_foreign(text) {
+            let message = format!("{shown} belongs to the other set of mnemonics");
+            self.report(head.span, &codes::FOREIGN_MNEMONIC, message);
+            return;
+        }
+        let next = self.peek_at(1).filter(|t| t.kind == Kind::Assign);
+        if head.kind == Kind::Word && next.is_some() {
+            let message = format!("{shown} := stands after no CALL");
+            self.report(head.span, &codes::STRAY_ACTUAL, message);
+            return;
+        }
+        let known = self.words.mnemonic_words().chain(keywords());
+        let message = format!("{shown} is no mnemonic");
+        self.sink.report_unknown(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, text, known);
+    }
+
+    /// The tokens between CALL and its actual parameters.
+    fn call_target(&mut self) -> Tokens {
+        let from = self.at;
+        let mut last = None;
+        while let Some(token) = self.peek() {
+            let continues = token.kind == Kind::Newline && last == Some(Kind::Comma);
+            if matches!(token.kind, Kind::Newline | Kind::Semicolon | Kind::LeftParen) && !continues {
+                break;
+            }
+            if token.kind != Kind::Newline {
+                last = Some(token.kind);
+            }
+            self.bump();
+        }
+        from..self.at
+    }
+
+    /// The actual parameters after a CALL: `( .. )` in the source form, the following lines in the editor form.
+    fn actuals(&mut self, args: &mut Vec<Actual>) {
+        let end_of_target = self.at;
+        self.skip_newlines();
+        if self.eat(Kind::LeftParen) {
+            self.actuals_in_parens(args, self.at - 1);
+            return;
+        }
+        self.at = end_of_target;
+        // A semicolon ends the call, in whatever form it is written.
+        while self.peek_kind() == Some(Kind::Newline) {
+            let line_end = self.at;
+            self.skip_newlines();
+            let Some(name) = self.actual_name() else {
+                self.at = line_end;
+                return;
+            };
+            let from = self.at;
+            while !matches!(self.peek_kind(), None | Some(Kind::Newline | Kind::Semicolon)) {
+                self.bump();
+            }
+            let mut to = self.at;
+            if to > from && self.file.tokens[to - 1].kind == Kind::Comma {
+                to -= 1;
+            }
+            args.push(Actual { name, value: from..to });
+        }
+    }
+
+    /// `NAME :=`.
+    fn actual_name(&mut self) -> Option<usize> {
+        let named = matches!(self.peek_kind(), Some(Kind::Word | Kind::Symbol | Kind::Local));
+        if !named || self.peek_at(1).is_none_or(|t| t.kind != Kind::Assign) {
+            return None;
+        }
+        let name = self.at;
+        self.bump();
+        self.bump();
+        Some(name)
+    }
+
+    fn actuals_in_parens(&mut self, args: &mut Vec<Actual>, open: usize) {
+        loop {
+            while matches!(self.peek_kind(), Some(Kind::Newline | Kind::Comma)) {
+                self.bump();
+            }
+            match self.peek_kind() {
+                Some(Kind::RightParen) => {
+                    self.bump();
+                    return;
+                }
+                None | Some(Kind::Semicolon) => break,
+                _ => {}
+            }
+            if self.ends_call() {
+                break;
+            }
+            let Some(name) = self.actual_name() else {
+                let span = self.here();
+                self.report(span, &codes::ACTUAL_SYNTAX, "an actual parameter is written NAME := operand");
+                self.skip_actual();
+                continue;
+            };
+            let from = self.at;
+            self.skip_actual();
+            args.push(Actual { name, value: from..self.at });
+        }
+        let span = self.file.tokens[open].span;
+        self.report(span, &codes::NOT_CLOSED, "the parameter list is not closed with )");
+    }
+
+    /// True where no actual parameter can stand any more: a keyword begins the line.
+    fn ends_call(&self) -> bool {
+        let keyword = self.keyword().is_some_and(|w| w.starts_with("END_") || w == "NETWORK");
+        keyword && self.peek_at(1).is_none_or(|t| t.kind != Kind::Assign)
+    }
+
+    /// Over the value of an actual parameter, brackets included, up to its comma, the closing bracket or the next name.
+    fn skip_actual(&mut self) {
+        let mut depth = 0u32;
+        while let Some(token) = self.peek() {
+            match token.kind {
+                Kind::LeftParen | Kind::LeftBracket => depth += 1,
+                Kind::RightBracket => depth = depth.saturating_sub(1),
+                Kind::RightParen if depth == 0 => return,
+                Kind::RightParen => depth -= 1,
+                Kind::Comma if depth == 0 => return,
+                Kind::Semicolon => return,
+                Kind::Newline if self.next_line_ends_actual() => return,
+                _ => {}
+            }
+            self.bump();
+        }
+    }
+
+    /// At the end of a line: true when the next one begins with `NAME :=` or ends the block.
+    fn next_line_ends_actual(&self) -> bool {
+        let Some(next) = self.peek_at(1) else { return true };
+        if next.kind != Kind::Word {
+            return false;
+        }
+        let word = self.text(next);
+        let ends = word.get(..4).is_some_and(|w| w.eq_ignore_ascii_case("END_")) || word.eq_ignore_ascii_case("NETWORK");
+        ends || self.peek_at(2).is_some_and(|t| t.kind == Kind::Assign)
+    }
+
+    /// `path := value;` of a data block.
+    pub(crate) fn assignment(&mut self, block: &mut Block) {
+        let from = self.at;
+        while !matches!(self.peek_kind(), None | Some(Kind::Newline | Kind::Semicolon | Kind::Assign)) {
+            self.bump();
+        }
+        let path = from..self.at;
+        if path.is_empty() || !self.eat(Kind::Assign) {
+            let span = self.file.tokens.get(from).map_or(Span::default(), |t| t.span);
+            self.report(span, &codes::ASSIGNMENT, "a data block's body assigns start values: name := constant;");
+            self.skip_statement();
+            if self.at == from {
+                self.bump();
+            }
+            return;
+        }
+        let from = self.at;
+        self.skip_statement();
+        block.assignments.push(Assignment { path, value: from..self.at });
+    }
+}
+
+/// True for two tokens that may make one mnemonic together.
+fn joins(first: Token, second: Token) -> bool {
+    match (first.kind, second.kind) {
+        (Kind::Word, Kind::LeftParen) | (Kind::Operator, Kind::Word) => true,
+        (Kind::Word, Kind::Operator) | (Kind::RightParen, Kind::Word) => !second.spaced,
+        _ => false,
+    }
+}

@@ -1,0 +1,91 @@
+//! A cursor over the tokens of one operand, line ends left out.
+
+use crate::codes::Code;
+use crate::diagnostic::Sink;
+use crate::syntax::Tokens;
+use crate::token::{File, Kind, Span, Token};
+
+/// Reads the tokens of a range.
+pub(crate) struct Reader<'r, 's> {
+    pub(crate) index: usize,
+    pub(crate) file: &'r File<'s>,
+    pub(crate) sink: &'r mut Sink,
+    at: usize,
+    end: usize,
+    /// The place of the statement, for messages about an empty range.
+    whole: Span,
+}
+
+impl<'r, 's> Reader<'r, 's> {
+    pub(crate) fn new(index: usize, file: &'r File<'s>, sink: &'r mut Sink, range: Tokens, whole: Span) -> Self {
+        let mut reader = Self { index, file, sink, at: range.start, end: range.end, whole };
+        reader.settle();
+        reader
+    }
+
+    /// Over line ends and attributes.
+    fn settle(&mut self) {
+        while self.peek().is_some_and(|t| matches!(t.kind, Kind::Newline | Kind::Attributes)) {
+            self.at += 1;
+        }
+    }
+
+    pub(crate) fn peek(&self) -> Option<Token> {
+        if self.at < self.end { self.file.tokens.get(self.at).copied() } else { None }
+    }
+
+    pub(crate) fn peek_kind(&self) -> Option<Kind> {
+        self.peek().map(|t| t.kind)
+    }
+
+    /// The token after the next.
+    pub(crate) fn peek_second(&self) -> Option<Token> {
+        if self.at + 1 < self.end { self.file.tokens.get(self.at + 1).copied() } else { None }
+    }
+
+    pub(crate) fn next(&mut self) -> Option<Token> {
+        let token = self.peek()?;
+        self.at += 1;
+        self.sink.steps += 1;
+        self.settle();
+        Some(token)
+    }
+
+    pub(crate) fn eat(&mut self, kind: Kind) -> Option<Token> {
+        if self.peek_kind() == Some(kind) { self.next() } else { None }
+    }
+
+    pub(crate) fn text(&self, token: Token) -> &'s str {
+        self.file.of(token)
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.peek().is_none()
+    }
+
+    /// The place of the next token, or of the statement at the end.
+    pub(crate) fn here(&self) -> Span {
+        self.peek().map_or(self.whole, |t| t.span)
+    }
+
+    /// From the next token to the last.
+    pub(crate) fn rest(&self) -> Span {
+        match (self.peek(), self.end.checked_sub(1).and_then(|e| self.file.tokens.get(e))) {
+            (Some(first), Some(last)) => first.span.to(last.span),
+            _ => self.whole,
+        }
+    }
+
+    pub(crate) fn report(&mut self, span: Span, code: &'static Code, message: impl Into<String>) {
+        self.sink.report(self.index, span, code, message);
+    }
+
+    /// Reports what is left; true when nothing is.
+    pub(crate) fn finish(&mut self, code: &'static Code) -> bool {
+        let Some(token) = self.peek() else { return true };
+        let text: String = self.text(token).chars().take(32).collect();
+        let span = self.rest();
+        self.report(span, code, format!("{text} is too much here"));
+        false
+    }
+}

@@ -1,0 +1,69 @@
+//! Source files: bytes in CP1252 or UTF-8, and the text made of them.
+
+use std::borrow::Cow;
+
+/// A source file as it lies on disk.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// Its name, as diagnostics print it.
+    pub name: String,
+    /// Its bytes: UTF-8 where they are valid UTF-8, else CP1252; lines end with LF or CR LF.
+    pub bytes: Vec<u8>,
+}
+
+impl Source {
+    /// A source by name and bytes.
+    pub fn new(name: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
+        Self { name: name.into(), bytes: bytes.into() }
+    }
+
+    /// The text. Bytes that are no UTF-8 are read as CP1252, which STEP 7 writes; a byte order mark is dropped.
+    #[must_use]
+    pub fn text(&self) -> Cow<'_, str> {
+        match std::str::from_utf8(&self.bytes) {
+            Ok(text) => Cow::Borrowed(text.strip_prefix('\u{feff}').unwrap_or(text)),
+            Err(_) => Cow::Owned(self.bytes.iter().map(|b| cp1252(*b)).collect()),
+        }
+    }
+}
+
+/// The characters of 80h to 9Fh in CP1252; its five holes read as the control characters of that number.
+const CP1252_HIGH: [char; 32] = [
+    '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}', '\u{90}', '‘', '’',
+    '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
+];
+
+fn cp1252(byte: u8) -> char {
+    match byte {
+        0x80..=0x9F => CP1252_HIGH[usize::from(byte - 0x80)],
+        _ => char::from(byte),
+    }
+}
+
+/// The CP1252 byte of a character, as a CHAR or STRING stores it; `None` when it has none.
+pub(crate) fn to_cp1252(c: char) -> Option<u8> {
+    match u8::try_from(u32::from(c)) {
+        Ok(byte) if !(0x80..=0x9F).contains(&byte) => Some(byte),
+        _ => (0x80u8..).zip(CP1252_HIGH).find(|(_, high)| *high == c).map(|(byte, _)| byte),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_encodings_give_the_same_text() {
+        assert_eq!(Source::new("a", "Zähler €".as_bytes()).text(), "Zähler €");
+        assert_eq!(Source::new("a", *b"Z\xE4hler \x80").text(), "Zähler €");
+        assert_eq!(Source::new("a", *b"\xEF\xBB\xBFOK").text(), "OK");
+    }
+
+    #[test]
+    fn cp1252_goes_both_ways() {
+        for byte in 0..=255u8 {
+            assert_eq!(to_cp1252(cp1252(byte)), Some(byte));
+        }
+        assert_eq!(to_cp1252('Ж'), None);
+    }
+}

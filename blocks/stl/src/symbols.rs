@@ -1,0 +1,38 @@
+//! Symbols: names for addresses and blocks, as symbol tables give them.
+
+use std::collections::BTreeMap;
+
+use ob1_ir::{Number, Symbol};
+
+use crate::diagnostic::Sink;
+use crate::lexer;
+use crate::mnemonics::Words;
+use crate::operand::{Resolver, Value};
+use crate::reader::Reader;
+use crate::token::{File, Span};
+use crate::world::{Symbolic, World};
+
+/// Reads the addresses of a symbol table. One that is none is kept as such and reported where it is used.
+pub(crate) fn read(symbols: &[Symbol], words: &Words) -> BTreeMap<String, Symbolic> {
+    let empty = World::default();
+    let resolver = Resolver::new(&empty, words, None);
+    symbols.iter().map(|s| (s.name.to_uppercase(), address(s, &resolver))).collect()
+}
+
+fn address(symbol: &Symbol, resolver: &Resolver<'_>) -> Symbolic {
+    // What is wrong with an address is said where the symbol is used, not here.
+    let mut sink = Sink::new();
+    let tokens = lexer::lex(0, &symbol.address, &mut sink);
+    let all = 0..tokens.len();
+    let file = File { text: &symbol.address, tokens };
+    let mut reader = Reader::new(0, &file, &mut sink, all, Span::default());
+    let value = resolver.operand(&mut reader);
+    let complete = reader.is_empty();
+    match value.filter(|_| complete && !sink.has_errors()) {
+        Some(Value::Memory { operand, .. }) => Symbolic::Memory(operand, symbol.ty.clone()),
+        Some(Value::Timer(Number::Fixed(n))) => Symbolic::Timer(n),
+        Some(Value::Counter(Number::Fixed(n))) => Symbolic::Counter(n),
+        Some(Value::Block(word, Number::Fixed(n))) => Symbolic::Block(word, n),
+        _ => Symbolic::Unknown(symbol.address.clone()),
+    }
+}

@@ -1,0 +1,109 @@
+//! What the parser finds: blocks with their declarations and statements, operands still as tokens.
+
+use std::ops::Range;
+use std::rc::Rc;
+
+use ob1_model::{DataType, Section};
+
+use crate::mnemonics::{BlockWord, Row};
+use crate::token::Span;
+
+/// Tokens by index into their file.
+pub(crate) type Tokens = Range<usize>;
+
+/// How a block is named.
+#[derive(Clone, Debug)]
+pub(crate) enum NameRef {
+    /// `FC 9`.
+    Absolute(BlockWord, u16),
+    /// `"pump"`, without quotes.
+    Symbol(String),
+}
+
+/// The kind of a block's frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Frame {
+    Ob,
+    Fc,
+    Fb,
+    Db,
+    Udt,
+}
+
+/// A block of a source.
+#[derive(Debug)]
+pub(crate) struct Block {
+    pub(crate) file: usize,
+    pub(crate) frame: Frame,
+    pub(crate) name: NameRef,
+    /// Where its name stands.
+    pub(crate) span: Span,
+    /// `NAME : xyz`.
+    pub(crate) header_name: Option<String>,
+    /// The function value's type; `None` for `VOID`.
+    pub(crate) result: Option<Type>,
+    /// The declaration sections in their order.
+    pub(crate) sections: Vec<(Section, Vec<Declaration>)>,
+    /// The structure of a DB or UDT, or the FB or UDT a DB is made from.
+    pub(crate) shape: Option<Type>,
+    /// `x := 5;` after BEGIN of a DB.
+    pub(crate) assignments: Vec<Assignment>,
+    pub(crate) statements: Vec<Statement>,
+    pub(crate) read_only: bool,
+}
+
+/// A type as written.
+#[derive(Debug)]
+pub(crate) struct Type {
+    pub(crate) kind: TypeKind,
+    pub(crate) span: Span,
+}
+
+#[derive(Debug)]
+pub(crate) enum TypeKind {
+    /// A type with a keyword of its own, STRING with its length included.
+    Simple(DataType),
+    Array(Vec<(i32, i32)>, Box<Type>),
+    Struct(Vec<Declaration>),
+    /// `UDT 1`, `FB 5`, `SFB 4` or `"symbol"`.
+    Named(NameRef),
+    /// A mistake already reported.
+    Bad,
+}
+
+/// A declaration.
+#[derive(Debug)]
+pub(crate) struct Declaration {
+    pub(crate) name: String,
+    pub(crate) span: Span,
+    pub(crate) ty: Rc<Type>,
+    pub(crate) initial: Option<Tokens>,
+}
+
+/// An assignment in a data block.
+#[derive(Debug)]
+pub(crate) struct Assignment {
+    pub(crate) path: Tokens,
+    pub(crate) value: Tokens,
+}
+
+/// A statement.
+#[derive(Debug)]
+pub(crate) struct Statement {
+    pub(crate) label: Option<usize>,
+    /// `None` where the mnemonic is not known (reported), or where only a label stands.
+    pub(crate) row: Option<&'static Row>,
+    /// The mnemonic, or the label where it stands alone.
+    pub(crate) span: Span,
+    pub(crate) operand: Tokens,
+    pub(crate) args: Vec<Actual>,
+    pub(crate) network: u16,
+    pub(crate) line: u32,
+}
+
+/// An actual parameter: `ADR := 0`.
+#[derive(Debug)]
+pub(crate) struct Actual {
+    pub(crate) name: usize,
+    pub(crate) value: Tokens,
+}

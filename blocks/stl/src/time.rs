@@ -1,0 +1,143 @@
+//! Times, dates and times of day as constants write them.
+
+/// `1D_2H_3M_4S_5MS`, each unit at most once and in this order, in milliseconds.
+pub(crate) fn duration(text: &str) -> Option<u64> {
+    const UNITS: [(&str, u64); 5] = [("D", 86_400_000), ("H", 3_600_000), ("M", 60_000), ("S", 1_000), ("MS", 1)];
+    let mut rest = text;
+    let mut units = &UNITS[..];
+    let mut total = 0u64;
+    while !rest.is_empty() {
+        let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
+        let (number, tail) = rest.split_at(digits);
+        let letters = tail.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(tail.len());
+        let (unit, tail) = tail.split_at(letters);
+        let at = units.iter().position(|(name, _)| name.eq_ignore_ascii_case(unit))?;
+        let ms = number.parse::<u64>().ok()?.checked_mul(units[at].1)?;
+        total = total.checked_add(ms)?;
+        units = &units[at + 1..];
+        rest = tail.strip_prefix('_').filter(|r| !r.is_empty()).unwrap_or_else(|| if tail == "_" { "?" } else { tail });
+    }
+    (!text.is_empty()).then_some(total)
+}
+
+/// A TIME, perhaps negative.
+pub(crate) fn signed_duration(text: &str) -> Option<i32> {
+    let (negative, text) = match text.strip_prefix('-') {
+        Some(rest) => (true, rest),
+        None => (false, text.strip_prefix('+').unwrap_or(text)),
+    };
+    let ms = i64::try_from(duration(text)?).ok()?;
+    i32::try_from(if negative { -ms } else { ms }).ok()
+}
+
+const fn leap(year: u32) -> bool {
+    year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400)
+}
+
+const fn month_days(year: u32, month: u32) -> u32 {
+    match month {
+        2 if leap(year) => 29,
+        2 => 28,
+        4 | 6 | 9 | 11 => 30,
+        _ => 31,
+    }
+}
+
+/// Days since 1990-01-01 of a date up to 2168-12-31.
+fn days(year: u32, month: u32, day: u32) -> Option<u16> {
+    if !(1990..=2168).contains(&year) || !(1..=12).contains(&month) || day == 0 || day > month_days(year, month) {
+        return None;
+    }
+    let years: u32 = (1990..year).map(|y| if leap(y) { 366 } else { 365 }).sum();
+    let months: u32 = (1..month).map(|m| month_days(year, m)).sum();
+    u16::try_from(years + months + day - 1).ok()
+}
+
+fn numbers<const N: usize>(text: &str, separator: char) -> Option<[u32; N]> {
+    let mut out = [0; N];
+    let mut parts = text.split(separator);
+    for slot in &mut out {
+        *slot = parts.next()?.parse().ok()?;
+    }
+    parts.next().is_none().then_some(out)
+}
+
+/// `1994-3-15`: days since 1990-01-01.
+pub(crate) fn date(text: &str) -> Option<u16> {
+    let [year, month, day] = numbers(text, '-')?;
+    days(year, month, day)
+}
+
+/// `12:30:10.500`: milliseconds since midnight.
+pub(crate) fn time_of_day(text: &str) -> Option<u32> {
+    let (clock, fraction) = text.split_once('.').unwrap_or((text, ""));
+    let [hours, minutes, seconds] = numbers(clock, ':')?;
+    if hours > 23 || minutes > 59 || seconds > 59 || fraction.len() > 3 || !fraction.bytes().all(|b| b.is_ascii_digit()) {
+        return None;
+    }
+    let ms: u32 = format!("{fraction:0<3}").parse().ok()?;
+    Some(((hours * 60 + minutes) * 60 + seconds) * 1_000 + ms)
+}
+
+/// `94-3-15-12:30:10.500` or with a year of four digits (1990 to 2089): the eight BCD bytes, weekday 1 = Sunday.
+pub(crate) fn date_and_time(text: &str) -> Option<[u8; 8]> {
+    let (day_part, clock) = text.rsplit_once('-')?;
+    let [year, month, day] = numbers(day_part, '-')?;
+    let year = match year {
+        0..=89 => year + 2000,
+        90..=99 => year + 1900,
+        1990..=2089 => year,
+        _ => return None,
+    };
+    let days = u32::from(days(year, month, day)?);
+    let ms = time_of_day(clock)?;
+    let bcd = |v: u32| (v / 10 % 10 << 4 | v % 10) as u8;
+    // 1990-01-01 was a Monday, day 2.
+    let weekday = (days + 1) % 7 + 1;
+    let (seconds, thousandths) = (ms / 1_000, ms % 1_000);
+    Some([
+        bcd(year),
+        bcd(month),
+        bcd(day),
+        bcd(seconds / 3_600),
+        bcd(seconds / 60 % 60),
+        bcd(seconds % 60),
+        bcd(thousandths / 10),
+        (thousandths % 10 << 4 | weekday) as u8,
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations() {
+        assert_eq!(duration("2S500MS"), Some(2_500));
+        assert_eq!(duration("1h_20m"), Some(4_800_000));
+        assert_eq!(signed_duration("-1D"), Some(-86_400_000));
+        for wrong in ["", "5", "S", "1S1S", "1MS1S", "1S_", "99999999999999999999S", "1X"] {
+            assert_eq!(duration(wrong), None, "{wrong}");
+        }
+        assert_eq!(signed_duration("24D20H31M23S647MS"), Some(i32::MAX));
+        assert_eq!(signed_duration("24D20H31M23S648MS"), None);
+    }
+
+    #[test]
+    fn dates() {
+        assert_eq!(date("1990-1-1"), Some(0));
+        assert_eq!(date("2168-12-31"), Some(65_378));
+        assert_eq!(date("2000-2-29"), Some(3_711));
+        assert_eq!(date("2001-2-29"), None);
+        assert_eq!(time_of_day("23:59:59.999"), Some(86_399_999));
+        assert_eq!(time_of_day("24:0:0"), None);
+    }
+
+    #[test]
+    fn dates_with_times_are_bcd() {
+        // 1994-03-15 was a Tuesday.
+        assert_eq!(date_and_time("94-3-15-12:30:10.5"), Some([0x94, 3, 0x15, 0x12, 0x30, 0x10, 0x50, 3]));
+        assert_eq!(date_and_time("1990-1-1-0:0:0.001"), Some([0x90, 1, 1, 0, 0, 0, 0, 0x12]));
+        assert_eq!(date_and_time("94-3-15"), None);
+    }
+}

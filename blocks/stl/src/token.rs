@@ -1,0 +1,94 @@
+//! Tokens of STL source text.
+
+/// A range of bytes in a source's text.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Span {
+    pub(crate) start: u32,
+    pub(crate) end: u32,
+}
+
+impl Span {
+    /// From the start of one to the end of another.
+    pub(crate) fn to(self, other: Span) -> Span {
+        Span { start: self.start, end: other.end.max(self.end) }
+    }
+}
+
+/// What a token is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// A word: mnemonic, keyword, operand (`MW10`), name.
+    Word,
+    /// A number without sign: `10`, `1.0`, `1.5e-3`, `2#0101`, `16#FF`.
+    Number,
+    /// `"symbol"`, quotes included.
+    Symbol,
+    /// `#name`, `#"name"`, the sign included.
+    Local,
+    /// `'text'`, quotes included.
+    Text,
+    /// A constant with prefix: `W#16#14`, `S5T#2S`, `L#-5`; `B#` alone before `(`.
+    Typed,
+    /// `P#`; what it points to follows as tokens.
+    PointerSign,
+    /// `TITLE = ...` up to the end of the line.
+    Title,
+    /// `{ S7_attr := 'x' }`.
+    Attributes,
+    /// `:`.
+    Colon,
+    /// `:=`.
+    Assign,
+    /// `;`.
+    Semicolon,
+    /// `,`.
+    Comma,
+    /// `(`.
+    LeftParen,
+    /// `)`.
+    RightParen,
+    /// `[`.
+    LeftBracket,
+    /// `]`.
+    RightBracket,
+    /// `.`.
+    Dot,
+    /// `..`.
+    DotDot,
+    /// An operator: `= == <> < > <= >= + - * /`.
+    Operator,
+    /// The end of a line.
+    Newline,
+    /// Characters that belong to nothing.
+    Bad,
+}
+
+/// A token with its place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Token {
+    pub(crate) kind: Kind,
+    pub(crate) span: Span,
+    /// Line, from 1.
+    pub(crate) line: u32,
+    /// White space, or the start of a line, precedes it.
+    pub(crate) spaced: bool,
+}
+
+/// A source's text with its tokens.
+#[derive(Debug)]
+pub(crate) struct File<'s> {
+    pub(crate) text: &'s str,
+    pub(crate) tokens: Vec<Token>,
+}
+
+impl<'s> File<'s> {
+    /// The text of a span.
+    pub(crate) fn slice(&self, span: Span) -> &'s str {
+        self.text.get(span.start as usize..span.end as usize).unwrap_or("")
+    }
+
+    /// The text of a token.
+    pub(crate) fn of(&self, token: Token) -> &'s str {
+        self.slice(token.span)
+    }
+}

@@ -1,0 +1,61 @@
+//! Every `tests/data/*.awl` is compiled; what it gives is held against the `.expected` file beside it: the diagnostics as
+//! printed, then the listing of the program. `UPDATE=1 cargo test -p ob1-stl` writes the expectations anew.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+
+use ob1_stl::{Source, render};
+
+/// Holds `text` against a file, or writes it when UPDATE is set.
+fn check(path: &Path, text: &str) {
+    if std::env::var_os("UPDATE").is_some() {
+        std::fs::write(path, text).unwrap();
+    }
+    let expected = std::fs::read_to_string(path).unwrap_or_default().replace("\r\n", "\n");
+    assert!(expected == text, "{} differs (UPDATE=1 writes it anew):\n{text}", path.display());
+}
+
+fn report(path: &Path) -> String {
+    let name = path.file_name().unwrap().to_str().unwrap();
+    let bytes = std::fs::read(path).unwrap();
+    let output = common::compile_one(name, &bytes);
+    let source = Source::new(name, bytes);
+    let mut text: String = output.diagnostics.iter().map(|d| render(d, &source) + "\n").collect();
+    if output.is_good() {
+        text.push_str(&output.program.to_string());
+    }
+    text
+}
+
+fn sources() -> Vec<PathBuf> {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let mut all: Vec<PathBuf> = std::fs::read_dir(data).unwrap().map(|e| e.unwrap().path()).collect();
+    all.retain(|p| p.extension().is_some_and(|e| e == "awl"));
+    all.sort();
+    all
+}
+
+#[test]
+fn sources_give_what_is_expected() {
+    let all = sources();
+    assert!(all.len() > 6);
+    for path in all {
+        check(&path.with_extension("expected"), &report(&path));
+    }
+}
+
+#[test]
+fn the_manual_s_program_is_the_same_in_both_forms() {
+    let editor = common::compile_one("manual.awl", include_bytes!("data/manual.awl"));
+    let source = common::compile_one("manual.awl", include_bytes!("data/manual_source.awl"));
+    assert!(editor.is_good() && source.is_good());
+    assert!(editor.program.blocks.iter().any(|b| b.code.len() > 5));
+    assert_eq!(editor.program, source.program);
+}
+
+#[test]
+fn the_page_of_diagnostics_is_that_of_the_table() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/stl-errors.md");
+    check(&page, &ob1_stl::codes::page());
+}
