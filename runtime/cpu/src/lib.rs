@@ -22,6 +22,7 @@ mod port;
 mod ports;
 mod process_io;
 mod statistics;
+mod system;
 mod timers;
 
 pub use config::{Command, CpuConfig, CycleEnd, ModuleSlot, OperatingState};
@@ -35,6 +36,7 @@ pub use port::{AccessClient, Answer, Ask, Cell, CellWidth, PortError, Request, R
 pub use ports::*;
 pub use process_io::{IoBacking, IoKind, IoModule, Stimulus, StimulusOutside, StimulusStep, StimulusValue};
 pub use statistics::{Distribution, ScanStatistics};
+pub use system::system_blocks;
 
 use diag::DiagBuffer;
 use machine::Context;
