@@ -1,0 +1,331 @@
+//! The parameter tables: every printed code and default, the two forms of one another, and mistakes in words.
+
+use ob1_params::table::{Kind, Layout, PROTOCOLS};
+use ob1_params::{Cp240, Flow, ModbusKind, Parity, Priority, Protocol, StopBits, Value};
+use proptest::prelude::*;
+
+/// The printed defaults of a layout, byte 1 set to a protocol of it.
+fn defaults(protocol: &str) -> [u8; 16] {
+    Cp240::defaults(protocol).expect(protocol).encode()
+}
+
+fn decode(bytes: [u8; 16]) -> Cp240 {
+    Cp240::decode(&bytes).unwrap_or_else(|e| panic!("{bytes:02X?}: {e}"))
+}
+
+fn with(mut bytes: [u8; 16], byte: usize, value: u8) -> [u8; 16] {
+    bytes[byte] = value;
+    bytes
+}
+
+/// The default columns as printed, but for the baud rate, which is written out as 09h instead of 00h.
+#[test]
+fn printed_defaults() {
+    assert_eq!(defaults("ascii"), [9, 0x01, 0x13, 0, 0, 10, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(defaults("ascii-fragmented")[1], 0x11);
+    assert_eq!(defaults("stx-etx"), [9, 0x02, 0x13, 0, 0, 10, 1, 2, 0, 1, 3, 0, 0, 0, 0, 0]);
+    assert_eq!(defaults("3964"), [9, 0x03, 0x13, 0, 0, 10, 25, 100, 5, 6, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(defaults("modbus-master-rtu"), [9, 0x0B, 0x13, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+}
+
+/// [S0 "Note to default parameter!"]
+#[test]
+fn no_parameters_at_all() {
+    let cp = Cp240::unconfigured();
+    assert_eq!(cp.line_settings().to_string(), "9600 8E1");
+    assert_eq!(cp.encode(), [9, 0x01, 0x1B, 0, 0, 10, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(decode(cp.encode()), cp);
+}
+
+#[test]
+fn protocol_codes() {
+    let printed = [
+        (0x01, "ascii"),
+        (0x02, "stx-etx"),
+        (0x03, "3964"),
+        (0x04, "3964r"),
+        (0x05, "3964-rk512"),
+        (0x06, "3964r-rk512"),
+        (0x0A, "modbus-master-ascii"),
+        (0x0B, "modbus-master-rtu"),
+        (0x0C, "modbus-slave-ascii-short"),
+        (0x0D, "modbus-slave-rtu-short"),
+        (0x11, "ascii-fragmented"),
+        (0x1C, "modbus-slave-ascii-long"),
+        (0x1D, "modbus-slave-rtu-long"),
+    ];
+    for (code, name) in printed {
+        assert_eq!(defaults(name)[1], code);
+        assert_eq!(decode(defaults(name)).protocol_name(), name);
+    }
+    for code in 0..=255 {
+        let known = printed.iter().any(|(c, _)| *c == code);
+        let bytes = with(defaults("ascii"), 1, code);
+        let unknown = Cp240::decode(&bytes).is_err_and(|e| e.key == "protocol" && e.byte == Some(1));
+        assert_eq!(unknown, !known, "{code:02X}h");
+    }
+}
+
+#[test]
+fn baud_codes() {
+    let printed = [
+        (0x00, 9600),
+        (0x01, 150),
+        (0x02, 300),
+        (0x03, 600),
+        (0x04, 1200),
+        (0x05, 1800),
+        (0x06, 2400),
+        (0x07, 4800),
+        (0x08, 7200),
+        (0x09, 9600),
+        (0x0A, 14_400),
+        (0x0B, 19_200),
+        (0x0C, 38_400),
+        (0x0D, 57_600),
+        (0x0F, 76_800),
+        (0x0E, 115_200),
+    ];
+    for protocol in ["ascii", "stx-etx", "3964r"] {
+        for (code, baud) in printed {
+            assert_eq!(decode(with(defaults(protocol), 0, code)).baud, baud, "{code:02X}h");
+        }
+        assert!(Cp240::decode(&with(defaults(protocol), 0, 0x10)).is_err());
+    }
+    for (code, baud) in printed {
+        let known = [0, 6, 7, 9, 0xA, 0xB, 0xC].contains(&code);
+        let read = Cp240::decode(&with(defaults("modbus-slave-rtu-short"), 0, code));
+        assert_eq!(read.map(|cp| cp.baud).ok(), known.then_some(baud));
+    }
+}
+
+#[test]
+fn transfer_parameter_byte() {
+    use Parity::{Even, Odd};
+    for code in 0..=255_u8 {
+        let data_bits = 5 + (code & 3);
+        let stop_bits = [None, Some(StopBits::One), Some(StopBits::OneAndHalf), Some(StopBits::Two)];
+        let stop_bits = stop_bits[usize::from(code >> 4 & 3)];
+        let flow = [Some(Flow::None), Some(Flow::Hardware), Some(Flow::XonXoff), None][usize::from(code >> 6)];
+        // Both 10b and 11b are printed as even.
+        let parity = [Parity::None, Odd, Even, Even][usize::from(code >> 2 & 3)];
+        for (protocol, has_flow) in [("ascii", true), ("stx-etx", true), ("3964r", false), ("modbus-master-rtu", false)]
+        {
+            let read = Cp240::decode(&with(defaults(protocol), 2, code));
+            let good = stop_bits.is_some()
+                && if has_flow { flow.is_some() } else { code >> 6 == 0 }
+                && (protocol != "modbus-master-rtu" || code >> 2 & 3 != 0b10);
+            assert_eq!(read.is_ok(), good, "{protocol} {code:08b}: {read:?}");
+            if let Ok(cp) = read {
+                let line = cp.line_settings();
+                assert_eq!((line.data_bits, line.parity, Some(line.stop_bits)), (data_bits, parity, stop_bits));
+                assert_eq!(line.flow, if has_flow { flow.expect("checked") } else { Flow::None });
+            }
+        }
+    }
+}
+
+/// Times are units of 20 ms. [S0 "Parameter description"]
+#[test]
+fn times_and_counts() {
+    let cp = decode([0x0E, 0x04, 0x13, 0, 2, 3, 4, 5, 7, 8, 1, 0, 0, 0, 0, 0]);
+    let Protocol::S3964(p) = &cp.protocol else { panic!("{cp:?}") };
+    assert_eq!((p.zna_ms, p.zvz_ms, p.qvz_ms, p.bwz_ms), (40, 60, 80, 100));
+    assert_eq!((p.stx_repetitions, p.dbl, p.priority, p.bcc, p.rk512), (7, 8, Priority::High, true, false));
+
+    let cp = decode([0, 0x02, 0x13, 0, 0, 255, 2, 0x02, 0xFF, 2, 0x0D, 0x0A, 0, 0, 0, 0]);
+    let Protocol::StxEtx(p) = &cp.protocol else { panic!("{cp:?}") };
+    assert_eq!((p.tmo_ms, p.start_flags, p.start, p.end_flags, p.end), (5100, 2, [2, 0xFF], 2, [0x0D, 0x0A]));
+
+    let cp = decode([9, 0x1D, 0x13, 0, 17, 1, 0xEA, 0x60, 0, 0, 0, 0, 0, 0, 0, 0]);
+    let Protocol::Modbus(p) = &cp.protocol else { panic!("{cp:?}") };
+    assert_eq!((p.kind, p.address, p.debug, p.wait_ms), (ModbusKind::SlaveRtuLong, 17, true, 60_000));
+}
+
+/// [S0 "Delay time"]: 50 ms + 5190000 ms / baud rate, ASCII 2926000.
+#[test]
+fn computed_wait_of_modbus() {
+    let wait = |protocol: &str| {
+        let cp = Cp240::defaults(protocol).expect(protocol);
+        match &cp.protocol {
+            Protocol::Modbus(p) => p.wait_auto_ms(cp.baud),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(wait("modbus-master-rtu"), 50 + 540);
+    assert_eq!(wait("modbus-master-ascii"), 50 + 304);
+}
+
+#[test]
+fn character_times() {
+    let time = |keys: [(&str, Value); 3]| {
+        let keys = [("protocol", Value::from("ascii"))].into_iter().chain(keys);
+        Cp240::from_keys(keys).expect("valid keys").char_time_ns()
+    };
+    let frame = |baud: i64, parity: &str, stop: &str| {
+        time([("baud", baud.into()), ("parity", parity.into()), ("stop_bits", stop.into())])
+    };
+    assert_eq!(frame(9600, "none", "1"), 1_041_667);
+    assert_eq!(frame(9600, "even", "1"), 1_145_834);
+    assert_eq!(frame(19_200, "odd", "1.5"), 598_959); // 11.5 bits
+    assert_eq!(frame(150, "even", "2"), 80_000_000);
+}
+
+#[test]
+fn reserved_bits_must_be_0() {
+    for (protocol, byte) in
+        [("ascii", 3), ("ascii", 7), ("ascii", 15), ("3964r", 11), ("stx-etx", 12), ("modbus-master-rtu", 8)]
+    {
+        let error = Cp240::decode(&with(defaults(protocol), byte, 1)).expect_err("a reserved byte");
+        assert_eq!(error.byte, Some(byte));
+    }
+    let error = Cp240::decode(&with(defaults("3964r"), 2, 0x53)).expect_err("flow control with 3964R");
+    assert_eq!(error.byte, Some(2));
+}
+
+/// Every field refuses what is next to its range, by code and by key, and names itself.
+#[test]
+fn limits_of_every_field() {
+    for (protocol, _, layout) in PROTOCOLS {
+        for field in layout.fields() {
+            let refuse = |value: i64| {
+                let keys = [("protocol", Value::from(*protocol)), (field.key, Value::Int(value))];
+                let error = Cp240::from_keys(keys).expect_err(field.key);
+                assert_eq!((error.key.as_str(), error.byte), (field.key, Some(field.byte)));
+                assert!(!error.allowed.is_empty() && !error.remedy.is_empty());
+            };
+            let accept = |value: i64| {
+                let keys = [("protocol", Value::from(*protocol)), (field.key, Value::Int(value))];
+                let cp = Cp240::from_keys(keys).unwrap_or_else(|e| panic!("{e}"));
+                assert!(cp.to_keys().contains(&(field.key, Value::Int(value))), "{} = {value}", field.key);
+                assert_eq!(decode(cp.encode()), cp);
+            };
+            match field.kind {
+                Kind::Number { min, max } => {
+                    accept(min.into());
+                    accept(max.into());
+                    refuse(i64::from(min) - 1);
+                    refuse(i64::from(max) + 1);
+                }
+                Kind::Ticks { min } => {
+                    accept(i64::from(min) * 20);
+                    accept(5100);
+                    refuse(i64::from(min) * 20 - 20);
+                    refuse(5120);
+                    refuse(210);
+                }
+                Kind::Choice(_) => refuse(3),
+            }
+        }
+    }
+}
+
+/// The words of the errors, as a user sees them.
+#[test]
+fn mistakes_in_words() {
+    let error =
+        |keys: &[(&'static str, Value)]| Cp240::from_keys(keys.iter().cloned()).expect_err("a mistake").to_string();
+    let s3964r = ("protocol", Value::from("3964r"));
+    assert_eq!(
+        error(&[s3964r.clone(), ("qvz_ms", Value::Int(510))]),
+        "parameter `qvz_ms` (byte 6): 510 is not allowed here; allowed: 0..5100 in steps of 20; \
+         the nearest is 520 (QVZ: longest wait for the acknowledgement of the partner)"
+    );
+    assert_eq!(
+        error(&[s3964r.clone(), ("priorty", Value::from("high"))]),
+        "parameter `priorty`: \"high\" is not allowed here; allowed: with protocol \"3964r\": baud, data_bits, parity, \
+         stop_bits, zna_ms, zvz_ms, qvz_ms, bwz_ms, stx_repetitions, dbl, priority; did you mean `priority`?"
+    );
+    assert!(error(&[s3964r.clone(), ("receive_buffers", Value::Int(1))]).contains("belongs to another protocol"));
+    assert!(error(&[s3964r.clone(), ("parity", Value::from("evn"))]).contains("did you mean \"even\"?"));
+    assert!(error(&[s3964r.clone(), ("baud", Value::Int(1)), ("baud", Value::Int(2))]).contains("each key once"));
+    assert!(error(&[("protocol", Value::from("3946r"))]).contains("did you mean \"3964r\"?"));
+    assert!(error(&[("baud", Value::Int(9600))]).contains("add `protocol"));
+    assert_eq!(
+        Cp240::decode(&with(defaults("3964r"), 10, 2)).expect_err("priority 2").to_string(),
+        "parameter `priority` (byte 10): 02h is not allowed here; allowed: 00h (low), 01h (high); correct the byte or write \
+         `priority = ...` instead (who gives way when both want to send)"
+    );
+}
+
+#[test]
+fn description() {
+    assert_eq!(
+        Cp240::unconfigured().describe(),
+        "protocol         = \"ascii\"\n\
+         baud             = 9600       # baud rate, bit/s\n\
+         data_bits        = 8          # data bits of a character\n\
+         parity           = \"even\"     # parity bit\n\
+         stop_bits        = 1          # stop bits\n\
+         flow             = \"none\"     # flow control\n\
+         zna_ms           = 0          # ZNA: pause before the next command is executed\n\
+         zvz_ms           = 200        # ZVZ: longest pause between two characters of a telegram; 0: two character times\n\
+         receive_buffers  = 1          # number of receive buffers\n"
+    );
+}
+
+/// The rows of a layout lie side by side: no bit belongs to two of them.
+#[test]
+fn rows_do_not_overlap() {
+    for layout in Layout::ALL {
+        let mut taken = [0_u8; 16];
+        taken[1] = 0xFF;
+        for field in layout.fields() {
+            let bytes = if field.bits == 16 { 2 } else { 1 };
+            let mask = if field.bits >= 8 { 0xFF } else { ((1_u16 << field.bits) - 1) as u8 } << field.shift;
+            for byte in &mut taken[field.byte..field.byte + bytes] {
+                assert_eq!(*byte & mask, 0, "{}", field.key);
+                *byte |= mask;
+            }
+        }
+    }
+}
+
+/// Any valid record: one of the protocols, each field with one of its codes.
+fn any_cp() -> impl Strategy<Value = Cp240> {
+    (0..PROTOCOLS.len(), proptest::collection::vec(any::<prop::sample::Index>(), 16)).prop_map(|(protocol, picks)| {
+        let (name, _, layout) = PROTOCOLS[protocol];
+        let mut keys = vec![("protocol", Value::from(name))];
+        for (field, pick) in layout.fields().iter().zip(picks) {
+            let value = match field.kind {
+                Kind::Choice(names) => Value::from(names[pick.index(names.len())].0),
+                Kind::Number { min, max } => {
+                    Value::Int((usize::from(min) + pick.index(usize::from(max - min) + 1)) as i64)
+                }
+                Kind::Ticks { min } => Value::Int(20 * (usize::from(min) + pick.index(256 - usize::from(min))) as i64),
+            };
+            keys.push((field.key, value));
+        }
+        Cp240::from_keys(keys).expect("values of the table")
+    })
+}
+
+proptest! {
+    #[test]
+    fn bytes_and_back(cp in any_cp()) {
+        prop_assert_eq!(Cp240::decode(&cp.encode()), Ok(cp));
+    }
+
+    #[test]
+    fn keys_and_back(cp in any_cp()) {
+        prop_assert_eq!(Cp240::from_keys(cp.to_keys()), Ok(cp));
+    }
+
+    /// Any 16 bytes are read or refused; what is read means the same when it is written again.
+    #[test]
+    fn any_bytes(bytes: [u8; 16], protocol in 0..PROTOCOLS.len(), known: bool) {
+        let bytes = if known { with(bytes, 1, PROTOCOLS[protocol].1) } else { bytes };
+        if let Ok(cp) = Cp240::decode(&bytes) {
+            prop_assert_eq!(Cp240::decode(&cp.encode()), Ok(cp));
+        }
+    }
+
+    /// Any key and value are read or refused.
+    #[test]
+    fn any_keys(key in ".{0,12}", number: i64, text in ".{0,12}") {
+        for value in [Value::Int(number), Value::Str(text)] {
+            let read = Cp240::from_keys([("protocol", Value::from("ascii")), (key.as_str(), value)]);
+            prop_assert!(read.is_ok() || !read.unwrap_err().to_string().is_empty());
+        }
+    }
+}
