@@ -12,7 +12,7 @@ const CRATE: &str = "ob1-backplane";
 
 /// Runs the loom model tests; returns the line for the summary.
 pub(crate) fn loom() -> Outcome<String> {
-    let mut command = cargo(&["test", "--package", CRATE, "--release"]);
+    let mut command = cargo(&["test", "--package", CRATE, "--release", "--test", "loom"]);
     // Optimised: loom walks through many thousand interleavings.
     command.arg("--target-dir").arg(own_target("loom")?).env("RUSTFLAGS", "--cfg loom");
     count(&shell::watch(&mut command, is_closing_line)?, "loom")

@@ -21,7 +21,7 @@ use failure::Failure;
 const USAGE: &str = "\
 usage: cargo xtask VERB [...]
 
-  demo [--for 20s] [--dirty]      the two stations of examples/two-stations, live, with a verdict
+  demo [--for 20s] [--dirty]      the two stations of examples/two-stations, live, with a verdict; --dirty: over a bad cable
   test [--release] [FILTER]       all tests: plugins, binaries and partners are built and handed to them
   sim [--seeds N] [--seed S] [--minutes M] [-- ...]
                                   the whole station in virtual time, with line faults and driver kills

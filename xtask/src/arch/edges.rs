@@ -22,7 +22,8 @@ const TABLE: &[Row] = &[
     row("ob1-ir", "invariant 3", &["ob1-model"]),
     row("ob1-stl", "invariant 3", &["ob1-model", "ob1-ir", "strsim", "thiserror"]),
     row("ob1-std", "invariant 2", &["ob1-model"]),
-    row("ob1-cpu", "invariant 2", &["ob1-model", "ob1-ir", "hdrhistogram", "rtrb"]),
+    // It runs the system blocks, which are pure functions, as native blocks.
+    row("ob1-cpu", "invariant 2", &["ob1-model", "ob1-ir", "ob1-std", "hdrhistogram", "rtrb"]),
     row("ob1-rt", "invariant 4", &["ob1-cpu", "libc", "rustix", "seccompiler", "thiserror"]),
     row(
         "ob1-host",
@@ -89,6 +90,7 @@ const TABLE: &[Row] = &[
             "ob1-rt",
             "clap",
             "rustix",
+            "serde",
             "serde_json",
             "signal-hook",
             "thiserror",
