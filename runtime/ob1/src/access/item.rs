@@ -1,0 +1,296 @@
+//! Names of cells: `M1.0`, `MW10`, `DB10.DBW20`, `PEW256`, `T2`, `Z3`, `DB20.DONE`, and symbols.
+
+use ob1_cpu::{Cell, CellWidth};
+use ob1_ir::{DataBlock, Program};
+use ob1_model::{Area, DataType};
+
+use crate::finding::nearest;
+
+/// How a cell's bits are read as a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reading {
+    /// 0 or 1.
+    Bool,
+    /// Bits without a sign.
+    Unsigned,
+    /// Two's complement.
+    Signed,
+    /// IEEE 754, 32 bits.
+    Real,
+}
+
+/// A cell by its name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Item {
+    /// The name as it was given.
+    pub name: String,
+    /// The place.
+    pub cell: Cell,
+    /// How much of it.
+    pub width: CellWidth,
+    /// What it means.
+    pub reading: Reading,
+    /// The S7 type, for people: `WORD`, `DINT`.
+    pub type_name: &'static str,
+}
+
+/// The names of a program: data block components and symbols.
+#[derive(Clone, Debug, Default)]
+pub struct Names {
+    blocks: Vec<NamedBlock>,
+    symbols: Vec<(String, String)>,
+}
+
+#[derive(Clone, Debug)]
+struct NamedBlock {
+    number: u16,
+    name: Option<String>,
+    components: Vec<(String, DataType, u32)>,
+}
+
+impl Names {
+    /// The names of `program`.
+    #[must_use]
+    pub fn new(program: &Program) -> Self {
+        let block = |data: &DataBlock| NamedBlock {
+            number: data.number,
+            name: data.name.clone(),
+            components: data.components.iter().map(|c| (c.path.clone(), c.ty.clone(), c.at.0)).collect(),
+        };
+        Self {
+            blocks: program.data.iter().map(block).collect(),
+            symbols: program.symbols.iter().map(|s| (s.name.clone(), s.address.clone())).collect(),
+        }
+    }
+
+    /// Finds a cell by name.
+    ///
+    /// # Errors
+    /// What is wrong with the name, in one sentence.
+    pub fn parse(&self, name: &str) -> Result<Item, String> {
+        let trimmed = name.trim().trim_matches('"');
+        let text: String = trimmed.chars().filter(|c| !c.is_whitespace()).collect();
+        if text.is_empty() {
+            return Err("a name is missing; write it like M1.0, MW10 or DB10.DBW20".into());
+        }
+        let found = match self.symbols.iter().find(|(symbol, _)| symbol.eq_ignore_ascii_case(trimmed)) {
+            Some((_, address)) => self.absolute(&address.chars().filter(|c| !c.is_whitespace()).collect::<String>()),
+            None => self.absolute(&text),
+        };
+        found.map(|(cell, width, reading, type_name)| Item { name: name.to_owned(), cell, width, reading, type_name })
+    }
+
+    fn absolute(&self, text: &str) -> Result<Place, String> {
+        if let Some((block, rest)) = text.split_once('.')
+            && let Some(number) = self.block_number(block)
+        {
+            return self.in_block(number, rest);
+        }
+        let upper = text.to_ascii_uppercase();
+        let digits = upper.find(|c: char| c.is_ascii_digit()).unwrap_or(upper.len());
+        let (letters, address) = upper.split_at(digits);
+        let area = |name: &str| match name {
+            "E" | "I" => Some(Area::Input),
+            "A" | "Q" => Some(Area::Output),
+            "M" => Some(Area::Memory),
+            _ => None,
+        };
+        match letters {
+            "T" => Ok((Cell::Timer(number(address)?), CellWidth::Word, Reading::Unsigned, "S5TIME")),
+            "Z" | "C" => Ok((Cell::Counter(number(address)?), CellWidth::Word, Reading::Unsigned, "COUNTER")),
+            _ => {
+                if let Some(area) = area(letters) {
+                    return Ok((Cell::Area(area, bit_address(address)?), CellWidth::Bit, Reading::Bool, "BOOL"));
+                }
+                let (name, width) = split_width(letters).ok_or_else(|| unknown(text))?;
+                let byte: u32 = number(address)?;
+                let (width, reading, type_name) = width;
+                let cell = match (area(name), name) {
+                    (Some(area), _) => Cell::Area(area, checked_bits(byte)?),
+                    (None, "PE" | "PI" | "PA" | "PQ" | "P") => Cell::Peripheral(byte),
+                    (None, _) => return Err(unknown(text)),
+                };
+                Ok((cell, width, reading, type_name))
+            }
+        }
+    }
+
+    /// The number of `DB10` or of a data block with a name.
+    fn block_number(&self, text: &str) -> Option<u16> {
+        let by_name = self.blocks.iter().find(|b| b.name.as_deref().is_some_and(|n| n.eq_ignore_ascii_case(text)));
+        match by_name {
+            Some(block) => Some(block.number),
+            None => {
+                text.get(..2).filter(|kind| kind.eq_ignore_ascii_case("DB")).and_then(|_| text.get(2..)?.parse().ok())
+            }
+        }
+    }
+
+    fn in_block(&self, db: u16, rest: &str) -> Result<Place, String> {
+        let component = |(_, ty, at): &(String, DataType, u32)| {
+            let (width, reading) = of_type(ty)?;
+            Some((Cell::Db(db, *at), width, reading, ty.name()))
+        };
+        let block = self.blocks.iter().find(|b| b.number == db);
+        let components = block.map(|b| b.components.as_slice()).unwrap_or_default();
+        if let Some(found) = components.iter().find(|(path, ..)| path.eq_ignore_ascii_case(rest)) {
+            return component(found)
+                .ok_or_else(|| format!("DB{db}.{rest} is a {}, which is no single value", found.1.name()));
+        }
+        let upper = rest.to_ascii_uppercase();
+        let digits = upper.find(|c: char| c.is_ascii_digit()).unwrap_or(upper.len());
+        let (letters, address) = upper.split_at(digits);
+        if letters == "DBX" {
+            return Ok((Cell::Db(db, bit_address(address)?), CellWidth::Bit, Reading::Bool, "BOOL"));
+        }
+        if let Some(("DB", (width, reading, type_name))) = split_width(letters) {
+            return Ok((Cell::Db(db, checked_bits(number(address)?)?), width, reading, type_name));
+        }
+        let hint = nearest(&upper, components.iter().map(|(path, ..)| path.as_str()));
+        let hint = hint.map_or_else(String::new, |near| format!("; did you mean DB{db}.{near}?"));
+        Err(format!("DB{db} has no component {rest}{hint}"))
+    }
+}
+
+type Place = (Cell, CellWidth, Reading, &'static str);
+
+fn unknown(text: &str) -> String {
+    format!("\"{text}\" is no name of a cell; write it like M1.0, MW10, DB10.DBW20, EB4, AW6, PEW256, T2, Z3")
+}
+
+/// `MW` -> `M` and a word.
+fn split_width(letters: &str) -> Option<(&str, (CellWidth, Reading, &'static str))> {
+    let split = letters.len().checked_sub(1)?;
+    let (name, width) = (letters.get(..split)?, letters.get(split..)?);
+    let width = match width {
+        "B" => (CellWidth::Byte, Reading::Unsigned, "BYTE"),
+        "W" => (CellWidth::Word, Reading::Unsigned, "WORD"),
+        "D" => (CellWidth::DWord, Reading::Unsigned, "DWORD"),
+        _ => return None,
+    };
+    Some((name, width))
+}
+
+fn of_type(ty: &DataType) -> Option<(CellWidth, Reading)> {
+    let reading = match ty {
+        DataType::Bool => Reading::Bool,
+        DataType::Int | DataType::DInt | DataType::Time => Reading::Signed,
+        DataType::Real => Reading::Real,
+        _ => Reading::Unsigned,
+    };
+    let width = match ty.elementary_bits()? {
+        1 => CellWidth::Bit,
+        8 => CellWidth::Byte,
+        16 => CellWidth::Word,
+        32 => CellWidth::DWord,
+        _ => return None,
+    };
+    Some((width, reading))
+}
+
+fn number<T: std::str::FromStr>(text: &str) -> Result<T, String> {
+    text.parse().map_err(|_| format!("\"{text}\" is no number that can stand there"))
+}
+
+fn checked_bits(byte: u32) -> Result<u32, String> {
+    if byte > ob1_model::BitAddr::MAX_BYTE { Err(format!("there is no byte {byte}")) } else { Ok(byte * 8) }
+}
+
+/// `1.0`.
+fn bit_address(text: &str) -> Result<u32, String> {
+    let (byte, bit) = text.split_once('.').ok_or_else(|| format!("\"{text}\" needs a bit, like 1.0"))?;
+    let bit: u32 = number(bit)?;
+    if bit > 7 {
+        return Err(format!("there is no bit {bit}; bits count from 0 to 7"));
+    }
+    Ok(checked_bits(number(byte)?)? + bit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_ir::{DataKind, Symbol};
+    use ob1_model::{BitAddr, Component};
+
+    fn names() -> Names {
+        let component = |path: &str, ty, at| Component { path: path.into(), ty, at: BitAddr(at) };
+        Names::new(&Program {
+            data: vec![DataBlock {
+                number: 20,
+                name: Some("LEDGER".into()),
+                kind: DataKind::Global,
+                bytes: vec![0; 64],
+                components: vec![
+                    component("DONE", DataType::DInt, 96),
+                    component("PAUSE", DataType::Bool, 480),
+                    component("WHEN", DataType::DateAndTime, 488),
+                ],
+                read_only: false,
+            }],
+            symbols: vec![Symbol { name: "Ready lamp".into(), address: "A 4.0".into(), ty: None }],
+            ..Program::default()
+        })
+    }
+
+    fn parse(name: &str) -> Result<(Cell, CellWidth, Reading), String> {
+        names().parse(name).map(|i| (i.cell, i.width, i.reading))
+    }
+
+    #[test]
+    fn cells_by_address() {
+        use CellWidth::{Bit, Byte, DWord, Word};
+        use Reading::{Bool, Unsigned};
+        let table = [
+            ("M1.0", Cell::Area(Area::Memory, 8), Bit, Bool),
+            ("m 1.7", Cell::Area(Area::Memory, 15), Bit, Bool),
+            ("MB12", Cell::Area(Area::Memory, 96), Byte, Unsigned),
+            ("MW 10", Cell::Area(Area::Memory, 80), Word, Unsigned),
+            ("MD4", Cell::Area(Area::Memory, 32), DWord, Unsigned),
+            ("E0.3", Cell::Area(Area::Input, 3), Bit, Bool),
+            ("IW2", Cell::Area(Area::Input, 16), Word, Unsigned),
+            ("AB5", Cell::Area(Area::Output, 40), Byte, Unsigned),
+            ("Q4.1", Cell::Area(Area::Output, 33), Bit, Bool),
+            ("PEW256", Cell::Peripheral(256), Word, Unsigned),
+            ("PAB 3", Cell::Peripheral(3), Byte, Unsigned),
+            ("T2", Cell::Timer(2), Word, Unsigned),
+            ("Z3", Cell::Counter(3), Word, Unsigned),
+            ("DB10.DBW20", Cell::Db(10, 160), Word, Unsigned),
+            ("db10.dbx20.7", Cell::Db(10, 167), Bit, Bool),
+            ("DB10.DBD 0", Cell::Db(10, 0), DWord, Unsigned),
+        ];
+        for (name, cell, width, reading) in table {
+            assert_eq!(parse(name), Ok((cell, width, reading)), "{name}");
+        }
+    }
+
+    #[test]
+    fn cells_by_name() {
+        let done = Ok((Cell::Db(20, 96), CellWidth::DWord, Reading::Signed));
+        assert_eq!(parse("DB20.DONE"), done);
+        assert_eq!(parse("ledger.done"), done);
+        assert_eq!(parse("DB20.PAUSE").map(|p| p.1), Ok(CellWidth::Bit));
+        assert_eq!(parse("\"Ready lamp\""), Ok((Cell::Area(Area::Output, 32), CellWidth::Bit, Reading::Bool)));
+    }
+
+    #[test]
+    fn wrong_names_say_why() {
+        let table = [
+            ("", "missing"),
+            ("X1.0", "no name of a cell"),
+            ("M1", "needs a bit"),
+            ("M1.8", "no bit 8"),
+            ("MW70000", "no byte 70000"),
+            ("MWx", "no name of a cell"),
+            ("MW1x", "no number"),
+            ("DB20.DON", "did you mean DB20.DONE?"),
+            ("DB20.WHEN", "no single value"),
+            ("DB7.DONE", "DB7 has no component"),
+            ("ä", "no name of a cell"),
+            ("Tä", "no name of a cell"),
+        ];
+        for (name, part) in table {
+            let error = parse(name).expect_err(name);
+            assert!(error.contains(part), "{name}: {error}");
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Values as text and JSON, both ways.
+
+use ob1_cpu::CellWidth;
+use serde_json::{Value, json};
+
+use super::item::{Item, Reading};
+
+/// The bits of a cell as JSON: a boolean, a whole number, or a real.
+pub(super) fn to_json(item: &Item, bits: u32) -> Value {
+    match item.reading {
+        Reading::Bool => json!(bits != 0),
+        Reading::Unsigned => json!(bits),
+        Reading::Signed => json!(match item.width {
+            CellWidth::Bit | CellWidth::Byte => i32::from(bits as u8 as i8),
+            CellWidth::Word => i32::from(bits as u16 as i16),
+            CellWidth::DWord => bits as i32,
+        }),
+        Reading::Real => {
+            let real = f32::from_bits(bits);
+            // JSON has no infinities; a word says it.
+            if real.is_finite() { json!(real) } else { json!(real.to_string()) }
+        }
+    }
+}
+
+/// The bits of a value given as JSON: a boolean, a number, or a text in the notation of STL.
+pub(super) fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
+    match value {
+        Value::Bool(bit) => fit(item, i64::from(*bit)),
+        Value::Number(number) => match (number.as_i64(), number.as_f64()) {
+            (_, Some(real)) if item.reading == Reading::Real => Ok((real as f32).to_bits()),
+            (Some(number), _) => fit(item, number),
+            _ => Err(format!("{number} does not fit {}, a {}", item.name, item.type_name)),
+        },
+        Value::String(text) => from_text(item, text),
+        other => Err(format!("{other} is no value for {}", item.name)),
+    }
+}
+
+/// The bits of a value as text: `1`, `true`, `-5`, `16#1A`, `W#16#1A`, `L#5`, `2#1010`, `1.5`.
+pub(super) fn from_text(item: &Item, text: &str) -> Result<u32, String> {
+    let wrong =
+        || format!("\"{text}\" is no value for {}, a {}; write 1, -5, 16#1A, 2#1010 or 1.5", item.name, item.type_name);
+    let upper: String = text.trim().to_ascii_uppercase().chars().filter(|c| *c != '_').collect();
+    let plain = ["DW#16#", "W#16#", "B#16#", "16#"].into_iter().find_map(|prefix| upper.strip_prefix(prefix));
+    if let Some(hex) = plain {
+        let bits = u32::from_str_radix(hex, 16).map_err(|_| wrong())?;
+        return fit(item, i64::from(bits));
+    }
+    if let Some(binary) = upper.strip_prefix("2#") {
+        let bits = u32::from_str_radix(binary, 2).map_err(|_| wrong())?;
+        return fit(item, i64::from(bits));
+    }
+    if item.reading == Reading::Real {
+        return upper.parse::<f32>().map(f32::to_bits).map_err(|_| wrong());
+    }
+    match upper.strip_prefix("L#").unwrap_or(&upper) {
+        "TRUE" => fit(item, 1),
+        "FALSE" => fit(item, 0),
+        number => fit(item, number.parse().map_err(|_| wrong())?),
+    }
+}
+
+/// The lowest bits of a number that the cell can hold, with or without a sign.
+fn fit(item: &Item, number: i64) -> Result<u32, String> {
+    let bits = u32::from(item.width.bits());
+    let least = if bits == 1 { 0 } else { -(1i64 << (bits - 1)) };
+    let most = (1i64 << bits) - 1;
+    if (least..=most).contains(&number) {
+        Ok((number as u32) & (most as u32))
+    } else {
+        Err(format!("{number} does not fit {}: {least} to {most}", item.name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_cpu::Cell;
+
+    fn item(width: CellWidth, reading: Reading) -> Item {
+        Item { name: "X".into(), cell: Cell::Timer(0), width, reading, type_name: "TYPE" }
+    }
+
+    #[test]
+    fn values_go_both_ways() {
+        let word = item(CellWidth::Word, Reading::Unsigned);
+        let int = item(CellWidth::Word, Reading::Signed);
+        let bit = item(CellWidth::Bit, Reading::Bool);
+        let real = item(CellWidth::DWord, Reading::Real);
+        let dword = item(CellWidth::DWord, Reading::Unsigned);
+        for (item, text, bits) in [
+            (&word, "16#1234", 0x1234),
+            (&word, "w#16#12_34", 0x1234),
+            (&word, "-1", 0xFFFF),
+            (&int, "-32768", 0x8000),
+            (&bit, "true", 1),
+            (&bit, "0", 0),
+            (&dword, "L#-1", 0xFFFF_FFFF),
+            (&dword, "2#101", 5),
+            (&real, "1.5", 0x3FC0_0000),
+            (&real, "16#3FC00000", 0x3FC0_0000),
+        ] {
+            assert_eq!(from_text(item, text), Ok(bits), "{text}");
+            assert_eq!(from_json(item, &to_json(item, bits)), Ok(bits), "{text}");
+        }
+        assert_eq!(to_json(&int, 0xFFFF), json!(-1));
+        assert_eq!(to_json(&word, 0xFFFF), json!(65535));
+        assert_eq!(to_json(&real, f32::INFINITY.to_bits()), json!("inf"));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let byte = item(CellWidth::Byte, Reading::Unsigned);
+        let bit = item(CellWidth::Bit, Reading::Bool);
+        for (item, text) in
+            [(&byte, "256"), (&byte, "-129"), (&bit, "2"), (&bit, "-1"), (&byte, ""), (&byte, "1.5"), (&byte, "16#")]
+        {
+            assert!(from_text(item, text).is_err(), "{text}");
+        }
+        assert!(from_json(&byte, &json!([1])).is_err());
+        assert!(from_json(&byte, &json!(1.5)).is_err());
+    }
+}

@@ -1,0 +1,196 @@
+//! From a station's files to a program: plugins are loaded, their blocks told to the compiler, sources compiled.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use ob1_cpu::NativeBlock;
+use ob1_host::plugin::{Plugin, PluginError};
+use ob1_ir::Program;
+use ob1_model::BlockId;
+use ob1_stl::{Library, Options, Severity, Source};
+
+use crate::finding::{Finding, Level};
+use crate::station::{self, Mnemonics, Station};
+
+/// What a station's files give.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The program.
+    pub program: Program,
+    /// The plugins and the renumbering of their blocks.
+    pub plugins: Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>,
+    /// Warnings and lints.
+    pub findings: Vec<Finding>,
+}
+
+/// Why they give nothing.
+#[derive(Debug)]
+pub enum LoadFailure {
+    /// A plugin was refused.
+    Plugin(Vec<Finding>),
+    /// A source or the program was rejected.
+    Rejected(Vec<Finding>),
+}
+
+impl LoadFailure {
+    /// What was found.
+    #[must_use]
+    pub fn findings(&self) -> &[Finding] {
+        match self {
+            LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => findings,
+        }
+    }
+}
+
+/// Where plugins with a bare name are looked for, in this order: `OB1_PLUGIN_DIR`, the folder of the executable, `../lib/ob1` beside it.
+#[must_use]
+pub fn plugin_folders() -> Vec<PathBuf> {
+    let mut folders: Vec<PathBuf> = std::env::var_os("OB1_PLUGIN_DIR").map(PathBuf::from).into_iter().collect();
+    if let Some(beside) = std::env::current_exe().ok().as_deref().and_then(Path::parent) {
+        folders.push(beside.to_owned());
+        folders.push(beside.join("../lib/ob1"));
+    }
+    folders
+}
+
+/// Loads plugins and compiles the sources of a station.
+///
+/// # Errors
+/// [`LoadFailure`], with everything that was found.
+pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
+    let plugins = load_plugins(&station.plugins).map_err(LoadFailure::Plugin)?;
+    let library = library(&plugins).map_err(LoadFailure::Rejected)?;
+    let (program, findings) = compile(&station.sources, &library, station.mnemonics).map_err(LoadFailure::Rejected)?;
+    Ok(Loaded { program, plugins, findings })
+}
+
+impl Loaded {
+    /// The native blocks for one CPU: those of the plugins, with memory for each module at the logical addresses `modules`.
+    ///
+    /// # Errors
+    /// As [`load`]: a renumbering that cannot be.
+    pub fn native_blocks(&self, modules: &[u32]) -> Result<Vec<Box<dyn NativeBlock>>, LoadFailure> {
+        let mut blocks = Vec::new();
+        for (plugin, renumber) in &self.plugins {
+            let of_plugin = plugin.station(renumber, modules).map_err(|e| LoadFailure::Plugin(vec![of_error(&e)]))?;
+            blocks.extend(of_plugin);
+        }
+        Ok(blocks)
+    }
+}
+
+type Plugins = Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>;
+
+/// Loads the plugins of a list.
+///
+/// # Errors
+/// One finding for each that was refused.
+pub fn load_plugins(plugins: &[station::Plugin]) -> Result<Plugins, Vec<Finding>> {
+    let mut loaded = Vec::new();
+    let mut refused = Vec::new();
+    for config in plugins {
+        let Some(path) = find_plugin(config) else {
+            refused.push(not_found(config));
+            continue;
+        };
+        match Plugin::load(&path) {
+            Ok(plugin) => loaded.push((plugin, config.blocks.iter().copied().collect())),
+            Err(error) => refused.push(of_error(&error)),
+        }
+    }
+    if refused.is_empty() { Ok(loaded) } else { Err(refused) }
+}
+
+fn file_name(config: &station::Plugin) -> String {
+    format!("lib{}.so", config.name)
+}
+
+fn find_plugin(config: &station::Plugin) -> Option<PathBuf> {
+    if config.path.is_some() {
+        return config.path.clone();
+    }
+    plugin_folders().into_iter().map(|folder| folder.join(file_name(config))).find(|path| path.exists())
+}
+
+fn not_found(config: &station::Plugin) -> Finding {
+    let searched = plugin_folders().iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ");
+    let remedy = format!("looked for {} in {searched}; set OB1_PLUGIN_DIR, or give a path with a /", file_name(config));
+    Finding::whole(Level::Error, "P001", &config.name, "the plugin cannot be found", remedy)
+}
+
+fn of_error(error: &PluginError) -> Finding {
+    let file = error.path.display().to_string();
+    Finding::whole(Level::Error, error.refusal.number(), &file, error.refusal.to_string(), error.refusal.remedy())
+}
+
+/// What the compiler is told of the plugins.
+///
+/// # Errors
+/// Two plugins that bring the same block.
+pub fn library(plugins: &[(Arc<Plugin>, BTreeMap<BlockId, BlockId>)]) -> Result<Library, Vec<Finding>> {
+    let mut library = Library::new();
+    let mut twice = Vec::new();
+    for (plugin, renumber) in plugins {
+        for block in &plugin.info().blocks {
+            let id = renumber.get(&block.id).copied().unwrap_or(block.id);
+            if library.insert(id, &block.name, block.interface.clone()).is_some() {
+                let file = plugin.path().display().to_string();
+                let message = format!("{id} is brought by another plugin already");
+                let remedy = format!("renumber it: blocks = {{ \"{}\" = \"{} 100\" }}", block.id, id.kind.name());
+                twice.push(Finding::whole(Level::Error, "L002", &file, message, remedy));
+            }
+        }
+    }
+    if twice.is_empty() { Ok(library) } else { Err(twice) }
+}
+
+/// Reads and compiles sources.
+///
+/// # Errors
+/// Everything that was found, when there is an error in it.
+pub fn compile(
+    paths: &[PathBuf],
+    library: &Library,
+    mnemonics: Mnemonics,
+) -> Result<(Program, Vec<Finding>), Vec<Finding>> {
+    let mut sources = Vec::new();
+    let mut findings = Vec::new();
+    for path in paths {
+        let name = path.display().to_string();
+        match std::fs::read(path) {
+            Ok(bytes) => sources.push(Source::new(name, bytes)),
+            Err(error) => {
+                let message = format!("the source cannot be read: {error}");
+                let remedy = "paths of sources count from the station file";
+                findings.push(Finding::whole(Level::Error, "C001", &name, message, remedy));
+            }
+        }
+    }
+    let mnemonics = match mnemonics {
+        Mnemonics::German => ob1_stl::Mnemonics::German,
+        Mnemonics::International => ob1_stl::Mnemonics::International,
+    };
+    let output = ob1_stl::compile(&sources, library, &Options { mnemonics, ..Options::default() });
+    findings.extend(output.diagnostics.iter().map(|diagnostic| of_diagnostic(diagnostic, &sources)));
+    if findings.iter().any(|f| f.level == Level::Error) { Err(findings) } else { Ok((output.program, findings)) }
+}
+
+fn of_diagnostic(diagnostic: &ob1_stl::Diagnostic, sources: &[Source]) -> Finding {
+    let level = match diagnostic.severity {
+        Severity::Error => Level::Error,
+        Severity::Warning => Level::Warning,
+        Severity::Lint => Level::Lint,
+    };
+    let source = sources.get(diagnostic.source);
+    Finding {
+        level,
+        code: diagnostic.code.into(),
+        file: source.map(|s| s.name.clone()).unwrap_or_default(),
+        line: diagnostic.line,
+        column: diagnostic.column,
+        message: diagnostic.message.clone(),
+        remedy: diagnostic.remedy.clone(),
+        text: source.map_or_else(|| diagnostic.message.clone(), |s| ob1_stl::render(diagnostic, s)),
+    }
+}
