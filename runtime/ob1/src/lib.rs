@@ -4,6 +4,7 @@
 pub mod access;
 pub mod exit;
 pub mod finding;
+pub mod io;
 pub mod janitor;
 pub mod program;
 pub mod rundir;

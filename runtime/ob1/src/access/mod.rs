@@ -5,4 +5,4 @@ pub mod client;
 pub mod item;
 pub mod protocol;
 pub mod server;
-mod value;
+pub(crate) mod value;

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::item::{Item, Reading};
 
 /// The bits of a cell as JSON: a boolean, a whole number, or a real.
-pub(super) fn to_json(item: &Item, bits: u32) -> Value {
+pub(crate) fn to_json(item: &Item, bits: u32) -> Value {
     match item.reading {
         Reading::Bool => json!(bits != 0),
         Reading::Unsigned => json!(bits),
@@ -24,7 +24,7 @@ pub(super) fn to_json(item: &Item, bits: u32) -> Value {
 }
 
 /// The bits of a value given as JSON: a boolean, a number, or a text in the notation of STL.
-pub(super) fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
+pub(crate) fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
     match value {
         Value::Bool(bit) => fit(item, i64::from(*bit)),
         Value::Number(number) => match (number.as_i64(), number.as_f64()) {
@@ -38,7 +38,7 @@ pub(super) fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
 }
 
 /// The bits of a value as text: `1`, `true`, `-5`, `16#1A`, `W#16#1A`, `L#5`, `2#1010`, `1.5`.
-pub(super) fn from_text(item: &Item, text: &str) -> Result<u32, String> {
+pub(crate) fn from_text(item: &Item, text: &str) -> Result<u32, String> {
     let wrong =
         || format!("\"{text}\" is no value for {}, a {}; write 1, -5, 16#1A, 2#1010 or 1.5", item.name, item.type_name);
     let upper: String = text.trim().to_ascii_uppercase().chars().filter(|c| *c != '_').collect();
