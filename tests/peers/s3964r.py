@@ -30,6 +30,7 @@ import errno
 import json
 import os
 import select
+import subprocess
 import sys
 import termios
 import threading
@@ -435,6 +436,22 @@ def selftest():
 
     pair = Pair([{"do": "receive", "guard_s": 0.2}], [{"do": "receive", "guard_s": 0.2}])
     check("the guard ends a silent line", pair.ok == [False, False] and pair.all(0, "gave_up"), pair)
+
+    # As a program on a path, its steps on standard input.
+    master, slave = os.openpty()
+    command = [sys.executable, os.path.abspath(__file__), os.ttyname(slave), "--priority", "high"]
+    program = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    program.stdin.write(json.dumps({"do": "send", "text": "there"}) + "\n" + json.dumps({"do": "receive"}) + "\n")
+    program.stdin.close()
+    events = []
+    peer = Peer(Line(master), False, 0.5, 0.5, 20.0, lambda event, **more: events.append(dict(event=event, **more)))
+    held = play_all(peer, [{"do": "receive"}, {"do": "send", "text": "back"}])
+    said = [json.loads(line) for line in program.stdout]
+    program.wait()
+    held = held and program.returncode == 0 and [entry["event"] for entry in said] == ["sent", "received", "done"]
+    check("as a program", held and events[0]["data"] == b"there".hex() and said[1]["data"] == b"back".hex())
+    os.close(master)
+    os.close(slave)
 
     print(json.dumps({"event": "selftest", "failed": failed}), flush=True)
     return 1 if failed else 0
