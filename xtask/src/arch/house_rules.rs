@@ -22,7 +22,9 @@ pub(super) fn tests(tree: &Tree) -> Vec<Finding> {
             if ignores {
                 found(place(), "`#[ignore]`: a test runs or is not there");
             }
-            let sleeps = line.contains("thread::sleep") || line.contains("park_timeout") || has_word(line, "sleep(");
+            let sleeps = line.contains("thread::sleep")
+                || line.contains("park_timeout")
+                || line.contains("sleep(") && has_word(line, "sleep");
             if test && sleeps && !SLEEPS.iter().any(|(path, _)| file.path == *path) {
                 found(place(), "a sleep in a test: wait for the thing itself, with a deadline as a guard");
             }
@@ -85,11 +87,14 @@ mod unit {
                 "a/src/lib.rs",
                 "std::thread::sleep(x);\n#[cfg(test)]\nmod tests {\n    #[test]\n    #[ignore = \"slow\"]\n    fn a() {}\n}",
             ),
-            ("a/tests/b.rs", "// thread::sleep\nfn b() { thread::sleep(x); }"),
+            (
+                "a/tests/b.rs",
+                "// thread::sleep\nfn b() { thread::sleep(x); }\nuse thread::{self, sleep};\nfn c() { sleep(x); }",
+            ),
             ("tests/peers/p.py", "# time.sleep(1)\ntime.sleep(1)\n"),
         ]);
         let places: Vec<String> = tests(&tree).into_iter().map(|finding| finding.place).collect();
-        assert_eq!(places, ["a/src/lib.rs:5", "a/tests/b.rs:2", "tests/peers/p.py:2"]);
+        assert_eq!(places, ["a/src/lib.rs:5", "a/tests/b.rs:2", "a/tests/b.rs:4", "tests/peers/p.py:2"]);
     }
 
     #[test]
