@@ -120,12 +120,8 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     if !read(cx, address(adr), &mut rx)? || (rx == [0; 2] && !cx.get(receive::EMPF_LAEUFT)?) {
         return Ok(Pafe::Ok);
     }
-    let Some(module) = Module::at(cx, adr)? else { return Ok(Pafe::Ok) };
     // Count and bytes of one read, so that they belong together.
-    let mut registers = [0; REGISTER_BYTES];
-    if !read(cx, module.address, &mut registers)? {
-        return Ok(Pafe::Ok);
-    }
+    let Some((module, registers)) = Module::read::<REGISTER_BYTES>(cx, adr)? else { return Ok(Pafe::Ok) };
     let [a, b, c, d, block @ ..] = registers;
     let words = Words::from_bytes([a, b, c, d]);
     let (emfr, job) = (cx.get(receive::EMFR)?, load(cx)?);

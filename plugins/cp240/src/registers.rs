@@ -95,17 +95,23 @@ pub(crate) struct Module<'a> {
 /// A block's access to the CP. Where there is no module, or a driver is down and the station says `absent = "fault"`, an access does
 /// what `L PEW` and `T PAW` do: event 2942h or 2943h, OB 122 or STOP; `None` when OB 122 has dealt with it.
 impl<'a> Module<'a> {
-    pub(crate) fn at(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<Self>, Abort> {
+    /// Registers first, then what is known of the driver: what a driver that has died no longer shows (0 is also what an acknowledged
+    /// telegram looks like) is never taken for the word of one that lives.
+    pub(crate) fn read<const N: usize>(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, [u8; N])>, Abort> {
         let address = address(adr);
+        let mut registers = [0; N];
+        if !read(cx, address, &mut registers)? {
+            return Ok(None);
+        }
         let info = cx.module_info(address)?;
         let Some(info) = read_access(cx, info, address)? else { return Ok(None) };
         let state = cx.module_state(address)?;
-        Ok(read_access(cx, state, address)?.map(|state| Self { address, info, state }))
+        Ok(read_access(cx, state, address)?.map(|state| (Self { address, info, state }, registers)))
     }
 
-    pub(crate) fn words(&self, cx: &mut Cx<'_, CpState>) -> Result<Option<Words>, Abort> {
-        let mut bytes = [0; 4];
-        Ok(read(cx, self.address, &mut bytes)?.then(|| Words::from_bytes(bytes)))
+    /// The same for the two count words alone.
+    pub(crate) fn words(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, Words)>, Abort> {
+        Ok(Self::read(cx, adr)?.map(|(module, bytes)| (module, Words::from_bytes(bytes))))
     }
 
     /// Writes bytes from an offset on, together. False when the access failed and OB 122 has dealt with it.

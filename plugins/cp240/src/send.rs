@@ -97,8 +97,7 @@ impl Job {
     /// A job is running, on the CP it was started on.
     pub(crate) fn go_on(self, words: Words) -> (Self, Step) {
         if words.not_ready() {
-            // The CP was reset under our feet. FC 9 writes the registers now, not we.
-            return (self, Step::Failed(None));
+            return (self, self.lost(words));
         }
         let Some((posted, last)) = self.counts() else { return (self, Step::Failed(Some(0))) };
         match tx_count(words.tx_echo) {
@@ -118,6 +117,12 @@ impl Job {
             }
             Count::System | Count::Nonsense => (self, Step::Wait),
         }
+    }
+
+    /// The CP is no longer the one the job was started on. The count is taken back, unless a start-up waits for its
+    /// acknowledgement in the same word.
+    pub(crate) fn lost(self, words: Words) -> Step {
+        Step::Failed((!words.not_ready()).then_some(0))
     }
 
     fn wait_or_fail(self, expected: bool) -> (Self, Step) {
@@ -163,14 +168,11 @@ impl Block for Send {
 
 fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let adr = cx.get(send::ADR)?;
-    let Some(module) = Module::at(cx, adr)? else { return Ok(Pafe::Ok) };
+    let Some((module, words)) = Module::words(cx, adr)? else { return Ok(Pafe::Ok) };
     let job = load(cx)?;
     if job.senden_laeuft {
-        if !module.state.send.holds(&module.info) {
-            return lost(cx, &module);
-        }
-        let Some(words) = module.words(cx)? else { return Ok(Pafe::Ok) };
-        let (next, step) = job.go_on(words);
+        let (next, step) =
+            if module.state.send.holds(&module.info) { job.go_on(words) } else { (job, job.lost(words)) };
         return act(cx, &module, job, next, step);
     }
     let anz = cx.get(send::ANZ)?;
@@ -185,22 +187,11 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     if pafe != Pafe::Ok || !module.info.present {
         return Ok(pafe);
     }
-    let Some(words) = module.words(cx)? else { return Ok(Pafe::Ok) };
     let (next, step) = job.start(anz, words);
     if next.senden_laeuft {
         module.state.send.take(&module.info);
     }
     act(cx, &module, job, next, step)
-}
-
-/// The CP is no longer the one the job was started on.
-fn lost(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<Pafe, Abort> {
-    // The count is taken back, unless a start-up waits for its acknowledgement in the same word.
-    let takes_back = module.words(cx)?.is_some_and(|words| !words.not_ready());
-    if takes_back && !module.write(cx, TX, &[0, 0])? {
-        return Ok(Pafe::Ok);
-    }
-    end(cx, module, true).map(|()| Pafe::Ok)
 }
 
 /// Writes the registers, then the new state of the job.

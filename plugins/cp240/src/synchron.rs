@@ -94,8 +94,7 @@ impl Block for SynchronReset {
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
         let adr = cx.get(synchron::ADR)?;
-        let Some(module) = Module::at(cx, adr)? else { return Ok(()) };
-        let Some(words) = module.words(cx)? else { return Ok(()) };
+        let Some((module, words)) = Module::words(cx, adr)? else { return Ok(()) };
         let before =
             Bits { anl: cx.get(synchron::ANL)?, null: cx.get(synchron::NULL)?, reset: cx.get(synchron::RESET)? };
         let acknowledged = &module.state.acknowledged;

@@ -4,5 +4,6 @@
 #![allow(unsafe_code)]
 
 pub mod driver;
+pub mod module;
 pub mod plugin;
 pub mod supervisor;

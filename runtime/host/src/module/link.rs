@@ -1,0 +1,45 @@
+//! How a module reaches its driver: real processes have a doorbell and a supervisor thread, virtual ones neither.
+
+use crate::driver::DriverPort;
+use crate::supervisor::Report;
+
+/// A driver from the scan thread. Nothing here blocks or allocates.
+pub trait DriverLink: Send {
+    /// Wakes a sleeping driver: at most one system call.
+    fn ring(&mut self);
+    /// False as soon as the driver's end is known, before what it showed in the segment is cleared.
+    fn is_running(&self) -> bool;
+    /// What the supervisor has to tell.
+    fn next_report(&mut self) -> Option<Report>;
+}
+
+impl DriverLink for DriverPort {
+    fn ring(&mut self) {
+        self.doorbell.ring();
+    }
+
+    #[inline]
+    fn is_running(&self) -> bool {
+        self.status.pid() != 0
+    }
+
+    fn next_report(&mut self) -> Option<Report> {
+        self.reports.pop().ok()
+    }
+}
+
+/// A driver in the same thread, which looks by itself: simulation and tests.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct AlwaysThere;
+
+impl DriverLink for AlwaysThere {
+    fn ring(&mut self) {}
+
+    fn is_running(&self) -> bool {
+        true
+    }
+
+    fn next_report(&mut self) -> Option<Report> {
+        None
+    }
+}

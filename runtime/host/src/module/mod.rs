@@ -1,0 +1,252 @@
+//! A CP on the back plane as the CPU sees it: the CPU's end of a segment behind the port [`ob1_cpu::Module`].
+//!
+//! Nothing that comes out of the segment is trusted. What has no meaning becomes an entry in the diagnostic buffer and a counter,
+//! once per kind and driver; a driver that is down reads as 0. The registers a program reads are those of the moment (`L PEW`), and
+//! what it writes is published at once; the doorbell is rung at the end of the scan.
+
+mod link;
+mod messages;
+#[cfg(test)]
+mod tests;
+
+use ob1_backplane::{Counter, CpuSide, CpuState, DriverState, Fault, TooLong};
+use ob1_cpu::{Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus, Nanos};
+
+pub use link::{AlwaysThere, DriverLink};
+use messages::Messages;
+
+use crate::supervisor::Report;
+
+/// Most register bytes a segment has.
+const IO_MAX: usize = ob1_backplane::layout::IO_BYTES_MAX;
+/// Messages of a driver looked at in one call of `poll_event`: it can make them as fast as they are read.
+const LOOKS: u32 = 8;
+
+/// What the station file says about a CP.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CpSettings {
+    /// The parameter bytes of the module.
+    pub parameters: [u8; 16],
+    /// The configuration of the driver, as JSON.
+    pub json: Vec<u8>,
+    /// `absent = "fault"`: an access while the driver is down is an access error (OB 122), instead of reading 0.
+    pub absent_is_fault: bool,
+    /// It has a mailbox (the CP 341 has).
+    pub mailbox: bool,
+}
+
+/// A CP in its place on the back plane.
+pub struct CpModule {
+    side: CpuSide,
+    link: Box<dyn DriverLink>,
+    settings: CpSettings,
+    outputs: [u8; IO_MAX],
+    messages: Messages,
+    garbage: u64,
+}
+
+impl CpModule {
+    /// The module over the CPU's end of its segment. `link` reaches the driver.
+    ///
+    /// # Errors
+    /// [`TooLong`] when the JSON text does not fit the parameter record.
+    pub fn new(side: CpuSide, link: Box<dyn DriverLink>, settings: CpSettings) -> Result<Self, TooLong> {
+        let room = ob1_backplane::layout::JSON_BYTES;
+        if settings.json.len() > room {
+            return Err(TooLong { found: settings.json.len(), room });
+        }
+        Ok(Self { side, link, settings, outputs: [0; IO_MAX], messages: Messages::default(), garbage: 0 })
+    }
+
+    /// True while a driver is attached that has shown its state. A state word without a meaning is no state.
+    #[inline]
+    fn is_present(&self) -> bool {
+        let state = self.side.monitor().driver_state();
+        self.link.is_running() && !matches!(state, Ok(DriverState::Absent | DriverState::Starting) | Err(_))
+    }
+
+    fn io_bytes(&self) -> usize {
+        self.side.io_bytes().min(IO_MAX)
+    }
+
+    /// The bytes of an access, if they lie inside the registers.
+    #[inline]
+    fn range(&self, at: u16, len: usize) -> Result<std::ops::Range<usize>, ModuleError> {
+        let at = usize::from(at);
+        match at.checked_add(len) {
+            Some(end) if end <= self.io_bytes() => Ok(at..end),
+            _ => Err(ModuleError::Outside),
+        }
+    }
+
+    /// Counts a fault of the segment; an entry is due the first time a driver makes one of this kind.
+    #[cold]
+    fn garbage(&mut self, fault: Fault) {
+        self.garbage = self.garbage.wrapping_add(1);
+        self.messages.garbage(fault, self.side.monitor().generation());
+    }
+
+    fn send_parameters(&mut self) {
+        // The length was checked when the module was made.
+        let _fits = self.side.write_params(&self.settings.parameters, &self.settings.json);
+    }
+
+    fn mailbox(&self) -> Result<(), ModuleError> {
+        if !self.settings.mailbox {
+            return Err(ModuleError::NoRecord);
+        }
+        if self.is_present() { Ok(()) } else { Err(ModuleError::Absent) }
+    }
+}
+
+impl Module for CpModule {
+    fn input_bytes(&self) -> u16 {
+        self.io_bytes() as u16
+    }
+
+    fn output_bytes(&self) -> u16 {
+        self.io_bytes() as u16
+    }
+
+    fn begin_scan(&mut self, _now: Nanos) {
+        if let Err(fault) = self.side.monitor().driver_state() {
+            self.garbage(fault);
+        }
+    }
+
+    #[inline]
+    fn read(&mut self, at: u16, into: &mut [u8]) -> Result<(), ModuleError> {
+        let range = self.range(at, into.len())?;
+        if !self.is_present() {
+            into.fill(0);
+            return if self.settings.absent_is_fault { Err(ModuleError::Absent) } else { Ok(()) };
+        }
+        let (mut registers, len) = ([0; IO_MAX], self.io_bytes());
+        // A stale copy is whole, only not the newest: the next look sees more. CpuSide counts them.
+        let _freshness = self.side.read_inputs(&mut registers[..len]);
+        into.copy_from_slice(&registers[range]);
+        Ok(())
+    }
+
+    #[inline]
+    fn write(&mut self, at: u16, from: &[u8]) -> Result<(), ModuleError> {
+        let range = self.range(at, from.len())?;
+        // Kept even while the driver is down: what is written is what the registers hold when it comes back.
+        self.outputs[range].copy_from_slice(from);
+        let len = self.io_bytes();
+        self.side.write_outputs(&self.outputs[..len]);
+        if self.settings.absent_is_fault && !self.is_present() { Err(ModuleError::Absent) } else { Ok(()) }
+    }
+
+    fn end_scan(&mut self, _now: Nanos) {
+        self.side.beat();
+        if self.side.take_doorbell() {
+            self.link.ring();
+        }
+    }
+
+    fn cpu_state(&mut self, run: bool) {
+        if run {
+            self.send_parameters();
+        }
+        self.side.set_cpu_state(if run { CpuState::Run } else { CpuState::Stop });
+    }
+
+    fn poll_event(&mut self) -> Option<ModuleEvent> {
+        if let Some(report) = self.link.next_report() {
+            if matches!(report, Report::Lost(_)) {
+                // The dead driver may have written where it had no business, the parameters included.
+                self.side.restore();
+                self.send_parameters();
+            }
+            return Some(messages::of_report(report));
+        }
+        for _ in 0..LOOKS {
+            if let Some(event) = self.messages.pending() {
+                return Some(event);
+            }
+            match self.side.poll_event() {
+                Ok(None) => return None,
+                Ok(Some(event)) => self.messages.take(&event),
+                Err(fault) => self.garbage(fault),
+            }
+        }
+        self.messages.pending()
+    }
+
+    fn status(&self) -> ModuleStatus {
+        let monitor = self.side.monitor();
+        let leds = monitor.leds();
+        let bits = [leds.power, leds.error, leds.transmit, leds.receive];
+        ModuleStatus {
+            // Before the generation: a driver seen with its state is seen with its number.
+            present: self.is_present(),
+            generation: monitor.generation() as u32,
+            leds: bits.into_iter().rev().fold(0, |word, on| word << 1 | u32::from(on)),
+        }
+    }
+
+    fn mailbox_post(&mut self, from: &[u8]) -> Result<(), ModuleError> {
+        self.mailbox()?;
+        let mail = from.try_into().map_err(|_| ModuleError::Outside)?;
+        match self.side.post_mail(mail) {
+            Ok(true) => Ok(()),
+            Ok(false) => Err(ModuleError::Busy),
+            Err(fault) => {
+                self.garbage(fault);
+                Err(ModuleError::Busy)
+            }
+        }
+    }
+
+    fn mailbox_take(&mut self, into: &mut [u8]) -> Result<(), ModuleError> {
+        self.mailbox()?;
+        let into: &mut [u8; 32] = into.try_into().map_err(|_| ModuleError::Outside)?;
+        match self.side.take_mail() {
+            Ok(Some(mail)) => {
+                *into = mail;
+                Ok(())
+            }
+            Ok(None) => Err(ModuleError::Busy),
+            Err(fault) => {
+                self.garbage(fault);
+                Err(ModuleError::Busy)
+            }
+        }
+    }
+
+    fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError> {
+        if !self.is_present() {
+            return Err(ModuleError::Absent);
+        }
+        match self.side.read_diagnosis() {
+            Ok(found) if found.number == u32::from(record) && !found.data().is_empty() => {
+                let len = found.data().len().min(into.len());
+                into[..len].copy_from_slice(&found.data()[..len]);
+                Ok(len)
+            }
+            Ok(_) => Err(ModuleError::NoRecord),
+            Err(fault) => {
+                self.garbage(fault);
+                Err(ModuleError::NoRecord)
+            }
+        }
+    }
+
+    fn record_write(&mut self, record: u8, from: &[u8]) -> Result<(), ModuleError> {
+        if !self.is_present() {
+            return Err(ModuleError::Absent);
+        }
+        self.side.write_record(u32::from(record), from).map_err(|_| ModuleError::Outside)
+    }
+
+    fn counters(&self, each: ModuleCounters<'_>) {
+        let counters = self.side.monitor().counters();
+        for counter in Counter::ALL {
+            each(counter.name(), counters.get(*counter));
+        }
+        each("events_lost", self.side.monitor().events_lost());
+        each("stale_reads", self.side.stale_reads());
+        each("garbage", self.garbage);
+    }
+}

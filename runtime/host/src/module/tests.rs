@@ -1,0 +1,236 @@
+//! The module over a heap segment, with the driver's end in the test's hand.
+
+use ob1_backplane::{CpSide, EventKind, Leds, Segment};
+use ob1_model::Event;
+
+use super::*;
+use crate::supervisor::Exit;
+
+fn module_with(link: Box<dyn DriverLink>, settings: CpSettings) -> (CpModule, Segment) {
+    let segment = Segment::heap();
+    let side = CpuSide::create(&segment, 16).expect("16 bytes are allowed");
+    (CpModule::new(side, link, settings).expect("the JSON fits"), segment)
+}
+
+fn module() -> (CpModule, Segment) {
+    module_with(Box::new(AlwaysThere), CpSettings::default())
+}
+
+fn driver(segment: &Segment) -> CpSide {
+    let mut cp = CpSide::attach(segment).expect("a fresh segment");
+    cp.set_state(DriverState::Ready);
+    cp
+}
+
+fn read<const N: usize>(module: &mut CpModule, at: u16) -> [u8; N] {
+    let mut bytes = [0xEE; N];
+    module.read(at, &mut bytes).expect("inside, and absent is no fault");
+    bytes
+}
+
+#[test]
+fn registers_are_live_and_blocks_merge_their_outputs() {
+    let (mut module, segment) = module();
+    let mut cp = driver(&segment);
+    cp.write_inputs(&[0, 18, 0, 30]);
+    assert_eq!(read::<4>(&mut module, 0), [0, 18, 0, 30]);
+    cp.write_inputs(&[0, 6]);
+    assert_eq!(read::<2>(&mut module, 0), [0, 6], "without a new scan");
+    assert_eq!(read::<1>(&mut module, 3), [30]);
+
+    module.write(2, &[0, 30, 1, 2, 3]).expect("inside");
+    module.write(0, &[0, 18]).expect("inside");
+    let mut outputs = [0; 16];
+    let _ = cp.read_outputs(&mut outputs);
+    assert_eq!(outputs[..8], [0, 18, 0, 30, 1, 2, 3, 0]);
+}
+
+#[test]
+fn accesses_outside_are_refused() {
+    let (mut module, _segment) = module();
+    assert_eq!(module.read(15, &mut [0; 2]), Err(ModuleError::Outside));
+    assert_eq!(module.read(u16::MAX, &mut [0; 64]), Err(ModuleError::Outside));
+    assert_eq!(module.write(14, &[0; 3]), Err(ModuleError::Outside));
+    assert_eq!((module.input_bytes(), module.output_bytes()), (16, 16));
+}
+
+#[test]
+fn an_absent_driver_reads_0_or_is_a_fault() {
+    let (mut quiet, segment) = module();
+    assert_eq!(read::<2>(&mut quiet, 0), [0, 0]);
+    let mut cp = driver(&segment);
+    cp.write_inputs(&[7; 16]);
+    assert!(quiet.status().present);
+    assert_eq!(read::<2>(&mut quiet, 0), [7, 7]);
+    cp.set_state(DriverState::Starting);
+    assert!(!quiet.status().present, "it has not shown its registers yet");
+    assert_eq!(read::<2>(&mut quiet, 0), [0, 0]);
+
+    let (mut strict, _segment) =
+        module_with(Box::new(AlwaysThere), CpSettings { absent_is_fault: true, ..CpSettings::default() });
+    assert_eq!(strict.read(0, &mut [0; 2]), Err(ModuleError::Absent));
+    assert_eq!(strict.write(0, &[1, 2]), Err(ModuleError::Absent));
+}
+
+#[test]
+fn each_restart_is_another_generation() {
+    let (module, segment) = module();
+    assert_eq!(module.status(), ModuleStatus::default());
+    let mut cp = driver(&segment);
+    cp.set_leds(Leds { power: true, receive: true, ..Leds::default() });
+    let first = module.status();
+    assert_eq!((first.present, first.leds), (true, 0b1001));
+    drop(cp);
+    module.side.monitor().driver_gone();
+    assert!(!module.status().present);
+    let _cp = driver(&segment);
+    assert!(module.status().present);
+    assert_ne!(module.status().generation, first.generation);
+}
+
+#[test]
+fn run_sends_the_parameters_again() {
+    let settings = CpSettings { parameters: [3; 16], json: b"{}".to_vec(), ..CpSettings::default() };
+    let (mut module, segment) = module_with(Box::new(AlwaysThere), settings);
+    let mut cp = driver(&segment);
+    let mut revisions = Vec::new();
+    for _ in 0..2 {
+        module.cpu_state(false);
+        module.cpu_state(true);
+        assert_eq!(cp.cpu_state(), Ok(CpuState::Run));
+        let params = cp.read_params().expect("a whole record");
+        assert_eq!((params.bytes, params.json), ([3; 16], &b"{}"[..]));
+        revisions.push(params.revision);
+    }
+    assert_ne!(revisions[0], revisions[1]);
+    module.cpu_state(false);
+    assert_eq!(cp.cpu_state(), Ok(CpuState::Stop));
+}
+
+#[test]
+fn a_configuration_that_does_not_fit_is_refused() {
+    let side = CpuSide::create(&Segment::heap(), 16).expect("16 bytes are allowed");
+    let settings = CpSettings { json: vec![b' '; 5000], ..CpSettings::default() };
+    assert!(CpModule::new(side, Box::new(AlwaysThere), settings).is_err());
+}
+
+/// A link that records rings and has reports to give.
+struct Recorder {
+    rings: std::sync::Arc<std::sync::atomic::AtomicU32>,
+    reports: Vec<Report>,
+}
+
+impl DriverLink for Recorder {
+    fn ring(&mut self) {
+        self.rings.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    }
+    fn is_running(&self) -> bool {
+        true
+    }
+    fn next_report(&mut self) -> Option<Report> {
+        self.reports.pop()
+    }
+}
+
+#[test]
+fn the_doorbell_rings_once_for_a_driver_that_sleeps() {
+    let rings = std::sync::Arc::<std::sync::atomic::AtomicU32>::default();
+    let link = Recorder { rings: std::sync::Arc::clone(&rings), reports: Vec::new() };
+    let (mut module, segment) = module_with(Box::new(link), CpSettings::default());
+    let mut cp = driver(&segment);
+    let count = || rings.load(std::sync::atomic::Ordering::Relaxed);
+    module.write(0, &[1]).expect("inside");
+    module.end_scan(0);
+    assert_eq!(count(), 0, "the driver is awake");
+    assert!(cp.prepare_sleep(cp.changes()));
+    module.end_scan(0);
+    assert_eq!(count(), 0, "nothing has changed");
+    module.write(0, &[2]).expect("inside");
+    module.write(2, &[3]).expect("inside");
+    module.end_scan(0);
+    module.end_scan(0);
+    assert_eq!(count(), 1);
+}
+
+#[test]
+fn reports_and_messages_become_entries() {
+    let rings = std::sync::Arc::default();
+    let link = Recorder { rings, reports: vec![Report::Up(2), Report::Lost(Exit::Signal(9))] };
+    let (mut module, segment) = module_with(Box::new(link), CpSettings::default());
+    let mut cp = driver(&segment);
+    for (code, data) in [(1, &[5, 0][..]), (4, &[0, 0, 0, 5]), (5, &[]), (5, &[]), (6, &[7]), (0x0701, &[])] {
+        cp.emit_event(ob1_backplane::Event::new(0, EventKind::Message, code, data));
+    }
+    cp.emit_event(ob1_backplane::Event::new(0, EventKind::DiagnosticIncoming, 9, &[1, 2, 3, 4]));
+    let entries: Vec<_> = std::iter::from_fn(|| module.poll_event())
+        .map(|e| (e.event, e.diagnostic_interrupt, e.data[..usize::from(e.len)].to_vec()))
+        .collect();
+    assert_eq!(
+        entries,
+        [
+            (Event::DRIVER_LOST, false, b"signal 9".to_vec()),
+            (Event::DRIVER_UP, false, b"start 2".to_vec()),
+            (Event::CP_ERROR, false, b"line gone, os 5".to_vec()),
+            (Event::CP_ERROR_GONE, false, b"line up".to_vec()),
+            (Event::CP_ERROR, true, vec![1, 2, 3, 4]),
+        ]
+    );
+}
+
+#[test]
+fn a_lost_driver_makes_the_parameters_whole_again() {
+    let link = Recorder { rings: std::sync::Arc::default(), reports: vec![Report::Lost(Exit::Hung)] };
+    let settings = CpSettings { parameters: [9; 16], ..CpSettings::default() };
+    let (mut module, segment) = module_with(Box::new(link), settings);
+    module.cpu_state(true);
+    segment.scribble(|offset| offset as u64 ^ 0x5555_5555_5555_5555);
+    assert_eq!(module.poll_event().map(|e| e.event), Some(Event::DRIVER_LOST));
+    let mut cp = CpSide::attach(&segment).expect("the header is whole again");
+    assert_eq!(cp.read_params().expect("the record too").bytes, [9; 16]);
+}
+
+#[test]
+fn noise_is_entered_once_and_never_a_panic() {
+    let (mut module, segment) =
+        module_with(Box::new(AlwaysThere), CpSettings { mailbox: true, ..CpSettings::default() });
+    let mut noise = 0x9E37_79B9_7F4A_7C15_u64;
+    let mut entries = 0;
+    for _ in 0..200 {
+        segment.scribble(|_| {
+            noise = noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            noise
+        });
+        // The same driver all the time.
+        segment.poke(0x200, 77);
+        module.begin_scan(0);
+        let _ = module.read(0, &mut [0; 16]);
+        let _ = module.write(0, &[1; 16]);
+        let _ = module.mailbox_take(&mut [0; 32]);
+        let _ = module.mailbox_post(&[0; 32]);
+        let _ = module.record_read(0, &mut [0; 240]);
+        let _ = module.status();
+        while let Some(event) = module.poll_event() {
+            entries += u32::from(event.event == Event::SEGMENT_GARBAGE);
+        }
+        module.end_scan(0);
+    }
+    assert!((1..=7).contains(&entries), "{entries} entries for one driver");
+    let mut garbage = 0;
+    module.counters(&mut |name, value| garbage += if name == "garbage" { value } else { 0 });
+    assert!(garbage >= 200, "{garbage} faults counted");
+}
+
+#[test]
+fn records_and_mails_have_their_limits() {
+    let (mut module, segment) = module();
+    assert_eq!(module.record_read(0, &mut [0; 4]), Err(ModuleError::Absent));
+    let mut cp = driver(&segment);
+    assert_eq!(module.record_read(1, &mut [0; 4]), Err(ModuleError::NoRecord));
+    cp.write_diagnosis(1, &[1, 2, 3]).expect("short");
+    let mut into = [0; 2];
+    assert_eq!((module.record_read(1, &mut into), into), (Ok(2), [1, 2]));
+    assert_eq!(module.record_write(1, &[0; 241]), Err(ModuleError::Outside));
+    assert_eq!(module.record_write(1, &[4, 5]), Ok(()));
+    assert_eq!(cp.read_record().expect("whole").data(), [4, 5]);
+    assert_eq!(module.mailbox_post(&[0; 32]), Err(ModuleError::NoRecord), "a CP 240 has no mailbox");
+}
