@@ -6,6 +6,7 @@ use ob1_sdk::ModuleInfo;
 
 ob1_sdk::state! {
     /// Per module and station, zeroed at every start-up.
+    #[derive(Debug, Default)]
     pub(crate) struct CpState {
         pub(crate) send: Claim,
         pub(crate) receive: Claim,
@@ -13,12 +14,15 @@ ob1_sdk::state! {
         pub(crate) discard: Cell<bool>,
         /// Number of the start-up FC 9 has acknowledged last; 0 for none.
         pub(crate) acknowledged: Cell<u8>,
+        /// After that acknowledgement both output words have been written 0: the CP works.
+        pub(crate) emptied: Cell<bool>,
     }
 }
 
 ob1_sdk::state! {
     /// A running job's claim: made with one start of the CP, void with any other. Control bits alone cannot tell: they may lie in a
     /// retentive data block, or outside the bytes FC 9 clears (the manual's EnOcean program does that [S0 L3164]).
+    #[derive(Debug, Default)]
     pub(crate) struct Claim {
         running: Cell<bool>,
         generation: Cell<u32>,

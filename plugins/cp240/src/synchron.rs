@@ -45,7 +45,9 @@ pub(crate) enum Step {
     RequestReset,
     /// Acknowledge the start-up of this number, and start the delay if it is another than before.
     Acknowledge(u8, StartDelay),
-    /// Both directions are empty: end when the delay has run out.
+    /// The CP has emptied both directions: do the same.
+    Empty,
+    /// The CP works: end when the delay has run out.
     EndAfterDelay,
 }
 
@@ -53,9 +55,12 @@ pub(crate) enum Step {
 pub(crate) type StartDelay = bool;
 
 impl Bits {
-    /// The table of `docs/cp240-registers.md`. `acknowledged` is the number acknowledged since the CPU's start-up, 0 for none: with
-    /// it a NULL that was retentive is recognised.
-    pub(crate) fn step(self, words: Words, present: bool, acknowledged: u8) -> (Self, Step) {
+    /// The table of `docs/cp240-registers.md`. What `state` remembers was zeroed at the CPU's start-up: with it a NULL that was
+    /// retentive is recognised.
+    ///
+    /// The output words go to 0 as soon as the CP has answered, and stay so until the delay has run out: the first count of FC 0 cannot
+    /// overwrite them before the CP has looked.
+    pub(crate) fn step(self, words: Words, present: bool, state: &CpState) -> (Self, Step) {
         let start_up = words.start_up();
         let mut bits = self;
         if !bits.anl {
@@ -64,15 +69,19 @@ impl Bits {
             }
             (bits.anl, bits.null) = (true, false);
         }
+        let acknowledged = state.acknowledged.get();
         let waiting = bits.null && acknowledged != 0;
         match start_up {
             Some(number) => {
                 bits.null = true;
                 (bits, Step::Acknowledge(number, !waiting || number != acknowledged))
             }
+            // 0 because the driver is down is no answer.
+            None if waiting && !present => (bits, Step::Wait),
+            None if waiting && state.emptied.get() => (bits, Step::EndAfterDelay),
             None if waiting => {
                 let empty = words == Words { rx: 0, tx_echo: 0 };
-                (bits, if empty && present { Step::EndAfterDelay } else { Step::Wait })
+                (bits, if empty { Step::Empty } else { Step::Wait })
             }
             // Without parameters a reset changes nothing.
             None if words.rx == NO_PARAMETERS => (bits, Step::Wait),
@@ -97,8 +106,8 @@ impl Block for SynchronReset {
         let Some((module, words)) = Module::words(cx, adr)? else { return Ok(()) };
         let before =
             Bits { anl: cx.get(synchron::ANL)?, null: cx.get(synchron::NULL)?, reset: cx.get(synchron::RESET)? };
-        let acknowledged = &module.state.acknowledged;
-        let (bits, step) = before.step(words, module.info.present, acknowledged.get());
+        let state = module.state;
+        let (bits, step) = before.step(words, module.info.present, state);
         if bits.anl != before.anl {
             cx.set(synchron::ANL, bits.anl)?;
         }
@@ -112,8 +121,10 @@ impl Block for SynchronReset {
                 if !module.write(cx, 0, &[rx[0], rx[1], tx[0], tx[1]])? || (start_delay && !start_timer(cx)?) {
                     return Ok(());
                 }
-                acknowledged.set(number);
+                state.acknowledged.set(number);
+                state.emptied.set(false);
             }
+            Step::Empty => state.emptied.set(module.write(cx, 0, &[0; 4])?),
             Step::EndAfterDelay => return end_after_delay(cx, &module),
         }
         if bits.null != before.null {
@@ -130,11 +141,9 @@ fn end_after_delay(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), 
         // A program that reset the timer in between only makes the delay longer.
         return if timer.running { Ok(()) } else { start_timer(cx).map(drop) };
     }
-    if !module.write(cx, 0, &[0; 4])? {
-        return Ok(());
-    }
     let _known_above = cx.timer_run(number, TimerKind::OnDelay, false, DELAY)?;
     module.state.acknowledged.set(0);
+    module.state.emptied.set(false);
     module.state.discard.set(false);
     module.state.send.release();
     module.state.receive.release();

@@ -1,1 +1,9 @@
+//! The step functions against a CP made of `docs/cp240-registers.md` alone.
 
+mod receive;
+mod send;
+mod synchron;
+mod wire;
+
+/// What a CP that follows the register document would do, step by step.
+mod fake_cp;
