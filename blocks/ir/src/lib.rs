@@ -8,7 +8,9 @@ mod op;
 mod place;
 mod program;
 mod text;
+mod verify;
 
 pub use op::{AccuOp, BitTest, Compare, Convert, Jump, Logic, MathFn, NumberFormat, Op, Shift, StatusBit, WordLogic};
 pub use place::{AddressRegister, DbRegister, Number, Operand, Place, Pointer, Width};
 pub use program::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Program, Stmt, Symbol, Target};
+pub use verify::{Defect, Finding, verify};

@@ -379,7 +379,9 @@ impl Op {
             | Op::Reset(p)
             | Op::EdgePositive(p)
             | Op::EdgeNegative(p) => place(*p, Width::Bit, see),
-            Op::Load(o) | Op::Transfer(o) | Op::LoadArFrom(_, o) | Op::TransferArTo(_, o) => place(o.place, o.width, see),
+            Op::Load(o) | Op::Transfer(o) | Op::LoadArFrom(_, o) | Op::TransferArTo(_, o) => {
+                place(o.place, o.width, see)
+            }
             Op::Call(call) => {
                 for arg in &call.args {
                     if let Arg::Operand(o) = arg {

@@ -8,9 +8,9 @@ use std::fmt::{self, Display, Formatter, Write as _};
 use ob1_model::{Area, BitAddr, Interface, Section, TimerKind};
 
 use crate::{
-    AccuOp, AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, Compare, Convert, DataBlock, DataKind, DbRegister,
-    Jump, Logic, MathFn, Number, NumberFormat, Op, Operand, Place, Pointer, Program, Shift, StatusBit, Target, Width,
-    WordLogic,
+    AccuOp, AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, Compare, Convert, DataBlock, DataKind,
+    DbRegister, Jump, Logic, MathFn, Number, NumberFormat, Op, Operand, Place, Pointer, Program, Shift, StatusBit,
+    Target, Width, WordLogic,
 };
 
 /// The letter of a width, `X B W D`.
@@ -68,7 +68,9 @@ impl Display for Operand {
             Place::InDi(db, at) => write!(f, "DI{db}.{} {}", area_text(Area::Di, width), address(at, width)),
             Place::Param { index, at } => write!(f, "PAR{index}{}+{}", letter(width), address(at, width)),
             Place::Instance(at) => write!(f, "INST{}+{}", letter(width), address(at, width)),
-            Place::Memory(area, pointer) => write!(f, "{} [{}D {}]", area_text(area, width), pointer.area.name(), pointer.at.byte()),
+            Place::Memory(area, pointer) => {
+                write!(f, "{} [{}D {}]", area_text(area, width), pointer.area.name(), pointer.at.byte())
+            }
             Place::Register(Some(area), register, at) => write!(f, "{} [{register},P#{at}]", area_text(area, width)),
             Place::Register(None, register, at) => write!(f, "{} [{register},P#{at}]", letter(width)),
         }
@@ -415,7 +417,11 @@ impl Display for CodeBlock {
             write!(f, " \"{name}\"")?;
         }
         let Interface { instance_bytes, temp_bytes, .. } = self.interface;
-        writeln!(f, ": {} statements, instance {instance_bytes} bytes, local data {temp_bytes} bytes", self.code.len())?;
+        writeln!(
+            f,
+            ": {} statements, instance {instance_bytes} bytes, local data {temp_bytes} bytes",
+            self.code.len()
+        )?;
         interface(&self.interface, f)?;
         let mut network = 0;
         for (at, stmt) in self.code.iter().enumerate() {

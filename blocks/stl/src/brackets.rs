@@ -34,7 +34,7 @@ pub(crate) fn check(block: &Block, code: &[Stmt], sink: &mut Sink) {
             sink.report(block.file, statement.span, &codes::BRACKETS, message);
         }
     }
-    for span in bits.into_iter().chain(mcr) {
+    for span in [bits.first(), mcr.first()].into_iter().flatten().copied() {
         sink.report(block.file, span, &codes::BRACKETS, "the bracket is not closed in this block");
     }
 }

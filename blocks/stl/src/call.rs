@@ -9,7 +9,7 @@ use crate::codes;
 use crate::constant::{Constant, Encoded, PointerConstant};
 use crate::lower::{Lowerer, called, fixed};
 use crate::mnemonics::BlockWord;
-use crate::operand::{Value, width_of};
+use crate::operand::{Value, width_of, with_article};
 use crate::parser::unquote;
 use crate::reader::Reader;
 use crate::syntax::{Actual, Statement};
@@ -24,7 +24,8 @@ impl<'l> Lowerer<'l, '_> {
         let span = reader.rest();
         let value = resolver.operand(&mut reader)?;
         let target = target(&mut reader, value, mode, span)?;
-        let instance = if reader.eat(Kind::Comma).is_some() { Some(instance_number(&resolver, &mut reader)?) } else { None };
+        let instance =
+            if reader.eat(Kind::Comma).is_some() { Some(instance_number(&resolver, &mut reader)?) } else { None };
         if !reader.finish(&codes::TOO_MUCH) {
             return None;
         }
@@ -55,7 +56,9 @@ impl<'l> Lowerer<'l, '_> {
         let message = format!("{id} is neither in the program nor in the library");
         let remedy = match id.kind {
             BlockKind::Sfc | BlockKind::Sfb => {
-                format!("Name the library that has it in the station file, or with --library; {id} may also not exist here.")
+                format!(
+                    "Name the library that has it in the station file, or with --library; {id} may also not exist here."
+                )
             }
             _ => "Add its source, or load the plugin that has it, e.g. --plugin libob1_cp240.so".to_owned(),
         };
@@ -91,7 +94,8 @@ impl<'l> Lowerer<'l, '_> {
                 None => {
                     self.wanted.insert(db, id);
                     let message = format!("DB {db} is in no source; it is made as an instance of {id}");
-                    self.sink.report(self.index, span, &codes::INSTANCE_MADE, message);
+                    let remedy = format!("Nothing, or declare it: DATA_BLOCK DB {db} {id} BEGIN END_DATA_BLOCK");
+                    self.sink.report_with(self.index, span, &codes::INSTANCE_MADE, message, remedy);
                     None
                 }
                 Some(other) if *other == id => None,
@@ -144,7 +148,8 @@ impl<'l> Lowerer<'l, '_> {
             args.push(arg.unwrap_or(Arg::Open));
         }
         if !missing.is_empty() {
-            let what = if missing.len() == 1 { "an actual parameter is missing" } else { "actual parameters are missing" };
+            let what =
+                if missing.len() == 1 { "an actual parameter is missing" } else { "actual parameters are missing" };
             let message = format!("{what} in the call of {}: {}", called(id, info), missing.join(", "));
             self.sink.report(self.index, statement.span, &codes::MISSING_PARAMETER, message);
             return None;
@@ -165,14 +170,17 @@ impl<'l> Lowerer<'l, '_> {
         if !reader.finish(&codes::TOO_MUCH) {
             return None;
         }
-        if matches!(value, Value::Constant(_)) && writes(formal.section) {
+        // A pointer names the place that is written; every other constant loses what comes.
+        let loses = matches!(&value, Value::Constant(c) if !matches!(c, Constant::Pointer(_)));
+        if loses && writes(formal.section) {
             let message = format!("{} of {id} is an output, a constant takes nothing from it", formal.name);
             reader.report(span, &codes::CONSTANT_FOR_OUTPUT, message);
         }
-        match fit(formal, value) {
+        match fit(formal, value, id.kind.has_instance()) {
             Ok(arg) => Some(arg),
             Err(Misfit::Type(described)) => {
-                let message = format!("{} of {id} is a {}, this is {described}", formal.name, formal.ty.name());
+                let message =
+                    format!("{} of {id} is {}, this is {described}", formal.name, with_article(formal.ty.name()));
                 reader.report(span, &codes::PARAMETER_TYPE, message);
                 None
             }
@@ -233,8 +241,8 @@ enum Misfit {
     Constant(String),
 }
 
-/// The actual as the formal takes it.
-fn fit(formal: &Param, value: Value<'_>) -> Result<Arg, Misfit> {
+/// The actual as the formal takes it; `instance`: the callee keeps its parameters in an instance data block.
+fn fit(formal: &Param, value: Value<'_>, instance: bool) -> Result<Arg, Misfit> {
     let ty = &formal.ty;
     let described = value.describe();
     let misfit = || Misfit::Type(described.clone());
@@ -242,9 +250,11 @@ fn fit(formal: &Param, value: Value<'_>) -> Result<Arg, Misfit> {
         return by_number(ty, value, misfit);
     }
     match value {
-        Value::Constant(Constant::Pointer(p)) if ty.is_composed() && !matches!(ty, DataType::Pointer | DataType::Any) => {
+        Value::Constant(Constant::Pointer(p))
+            if ty.is_composed() && !matches!(ty, DataType::Pointer | DataType::Any) =>
+        {
             // P#DB10.DBX0.0 names the place of a structure, an array or a string.
-            composed_place(p).map(|operand| Arg::Operand(operand)).ok_or_else(misfit)
+            composed_place(p).map(Arg::Operand).ok_or_else(misfit)
         }
         Value::Constant(constant) => match constant.encode(ty).map_err(Misfit::Constant)? {
             Encoded::Bits(bits) => Ok(Arg::Const(bits)),
@@ -254,7 +264,14 @@ fn fit(formal: &Param, value: Value<'_>) -> Result<Arg, Misfit> {
             DataType::Pointer | DataType::Any => pointer_to(ty, operand, actual).ok_or_else(misfit),
             _ if ty.is_composed() => {
                 let same = actual.is_some_and(|actual| same_layout(ty, actual));
-                if same { Ok(Arg::Operand(operand)) } else { Err(misfit()) }
+                match same {
+                    // The instance keeps a POINTER to the actual.
+                    true if instance && formal.is_pointer() => {
+                        pointer_to(&DataType::Pointer, operand, actual).ok_or_else(misfit)
+                    }
+                    true => Ok(Arg::Operand(operand)),
+                    false => Err(misfit()),
+                }
             }
             _ => {
                 let fits = width_of(ty) == Some(operand.width) && actual.is_none_or(|a| !a.is_composed());

@@ -119,9 +119,9 @@ codes! {
         "Copy the value into a temp or the instance and use that.";
     // Constants
     CONSTANT = "S0401", Error, "A constant is not well formed or out of range.",
-        "Write it as the message says.";
+        "Constants: 5, L#5, W#16#FF, 2#0101, 1.5, S5T#2S, T#2S, C#7, 'A', D#1994-3-15, TOD#12:30:0, P#M 3.0.";
     CONSTANT_TYPE = "S0402", Error, "A constant does not fit the type it is for.",
-        "Write it as the message says.";
+        "Write a constant of that type, within its range.";
     // Jumps and brackets
     UNKNOWN_LABEL = "S0501", Error, "A label is not in the block.",
         "Write the label, followed by a colon, before the statement to jump to. Upper and lower case differ.";

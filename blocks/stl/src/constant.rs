@@ -2,6 +2,7 @@
 
 use ob1_model::{Area, BitAddr, DataType, Layout, S5Time};
 
+use crate::operand::with_article;
 use crate::source::to_cp1252;
 use crate::time;
 
@@ -181,7 +182,9 @@ pub(crate) fn text(quoted: &str) -> Result<Vec<u8>, String> {
                 Some(high) if high.is_ascii_hexdigit() => {
                     let low = chars.next().and_then(|c| c.to_digit(16));
                     let byte = low.and_then(|low| Some(high.to_digit(16)? * 16 + low));
-                    out.push(byte.ok_or_else(|| "a character code after $ has two hexadecimal digits".to_owned())? as u8);
+                    out.push(
+                        byte.ok_or_else(|| "a character code after $ has two hexadecimal digits".to_owned())? as u8
+                    );
                     continue;
                 }
                 Some(other) => other,
@@ -317,7 +320,7 @@ fn refusal(ty: &DataType) -> String {
         DataType::Any => "P#DB10.DBX0.0 BYTE 12",
         _ => "no constant",
     };
-    format!("a {} takes {example}", ty.name())
+    format!("{} takes {example}", with_article(ty.name()))
 }
 
 #[cfg(test)]

@@ -19,7 +19,8 @@ impl Elaborator<'_> {
     pub(crate) fn data_block(&mut self, index: usize, number: u16) {
         let Some(block) = self.blocks.get(index) else { return };
         let Some(shape) = &block.shape else {
-            let message = "the data block has no structure: STRUCT .. END_STRUCT, a UDT, or the FB it is an instance of";
+            let message =
+                "the data block has no structure: STRUCT .. END_STRUCT, a UDT, or the FB it is an instance of";
             self.sink.report(block.file, block.span, &codes::NO_STRUCTURE, message);
             return;
         };
@@ -33,7 +34,12 @@ impl Elaborator<'_> {
             return;
         };
         if data.image.len() > LONGEST as usize {
-            self.sink.report(block.file, block.span, &codes::TOO_LONG, format!("the data block is longer than {LONGEST} bytes"));
+            self.sink.report(
+                block.file,
+                block.span,
+                &codes::TOO_LONG,
+                format!("the data block is longer than {LONGEST} bytes"),
+            );
             return;
         }
         if !self.spend(block.file, block.span, data.image.len() as u64) {

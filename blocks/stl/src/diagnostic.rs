@@ -61,7 +61,8 @@ pub fn render(diagnostic: &Diagnostic, source: &Source) -> String {
     let shown = text.lines().nth(line.saturating_sub(1) as usize).unwrap_or("");
     let column = column.saturating_sub(1) as usize;
     let skip = column.saturating_sub(SHOWN / 2);
-    let (lead, tail) = (if skip > 0 { "..." } else { "" }, if shown.chars().nth(skip + SHOWN).is_some() { "..." } else { "" });
+    let (lead, tail) =
+        (if skip > 0 { "..." } else { "" }, if shown.chars().nth(skip + SHOWN).is_some() { "..." } else { "" });
     let window: String = shown.chars().skip(skip).take(SHOWN).map(printable).collect();
     // The caret line repeats the tabs of the source line, so that it stands right whatever a tab is worth.
     let indent: String = window.chars().take(column - skip).map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
@@ -141,7 +142,8 @@ impl Sink {
         self.report_with(file, span, code, message, remedy);
     }
 
-    fn nearest<'w>(&mut self, word: &str, known: impl IntoIterator<Item = &'w str>) -> Option<&'w str> {
+    /// The known word nearest to `word`, when one is near. Searches for a bounded number of words only.
+    pub(crate) fn nearest<'w>(&mut self, word: &str, known: impl IntoIterator<Item = &'w str>) -> Option<&'w str> {
         /// Candidates looked at for one word.
         const CANDIDATES: usize = 2_000;
         if self.suggestions_left == 0 || word.len() > 40 {
@@ -212,7 +214,13 @@ mod tests {
     fn a_finding_is_shown_with_its_line_and_a_caret() {
         let source = Source::new("pump.awl", "L 1\r\n\tL MX 10\r\n");
         let mut sink = Sink::new();
-        sink.report_with(0, Span { start: 8, end: 10 }, &codes::UNKNOWN_OPERAND, "MX is no operand", "Did you mean MW?");
+        sink.report_with(
+            0,
+            Span { start: 8, end: 10 },
+            &codes::UNKNOWN_OPERAND,
+            "MX is no operand",
+            "Did you mean MW?",
+        );
         let found = sink.finish(&[&source.text()]);
         assert_eq!(
             render(&found[0], &source),

@@ -9,7 +9,7 @@ use crate::diagnostic::Sink;
 use crate::initial;
 use crate::library::Library;
 use crate::mnemonics::{BlockWord, Words};
-use crate::operand::Resolver;
+use crate::operand::{Resolver, with_article};
 use crate::parse_types::TYPE_DEPTH;
 use crate::reader::Reader;
 use crate::syntax::{Block, Declaration, Frame, NameRef, Tokens, Type, TypeKind};
@@ -120,7 +120,8 @@ impl<'e> Elaborator<'e> {
 
     fn name_blocks(&mut self) {
         for (index, block) in self.blocks.iter().enumerate() {
-            let name = self.resolve_name(block.file, &block.name, block.span).filter(|name| self.fits_frame(block, *name));
+            let name =
+                self.resolve_name(block.file, &block.name, block.span).filter(|name| self.fits_frame(block, *name));
             let name = name.filter(|name| {
                 let twice = self.by_name.contains_key(name);
                 if twice {
@@ -151,7 +152,8 @@ impl<'e> Elaborator<'e> {
         };
         let fits = word == expected && (word != BlockWord::Db || number > 0);
         if !fits {
-            let message = format!("{} {number} cannot be the name of this block, {} n is", word.name(), expected.name());
+            let message =
+                format!("{} {number} cannot be the name of this block, {} n is", word.name(), expected.name());
             self.sink.report(block.file, block.span, &codes::BLOCK_NAME, message);
         }
         fits
@@ -189,7 +191,12 @@ impl<'e> Elaborator<'e> {
             None => {
                 if !self.budget_reported {
                     self.budget_reported = true;
-                    self.sink.report(file, span, &codes::TOO_MUCH_DATA, "the program declares more data than any CPU holds");
+                    self.sink.report(
+                        file,
+                        span,
+                        &codes::TOO_MUCH_DATA,
+                        "the program declares more data than any CPU holds",
+                    );
                 }
                 false
             }
@@ -213,7 +220,12 @@ impl<'e> Elaborator<'e> {
             TypeKind::Named(name) => self.named(file, name, ty.span, nesting)?,
         };
         if resolved.depth > TYPE_DEPTH {
-            self.sink.report(file, ty.span, &codes::TYPE_DEPTH, format!("types lie more than {TYPE_DEPTH} deep in each other"));
+            self.sink.report(
+                file,
+                ty.span,
+                &codes::TYPE_DEPTH,
+                format!("types lie more than {TYPE_DEPTH} deep in each other"),
+            );
             return None;
         }
         Some(resolved)
@@ -251,7 +263,12 @@ impl<'e> Elaborator<'e> {
     }
 
     /// The components of a structure. `None` when one has a mistake: the layout of the others would be wrong.
-    pub(crate) fn fields(&mut self, file: usize, declarations: &[Declaration], nesting: u32) -> Option<(Vec<Field>, u32)> {
+    pub(crate) fn fields(
+        &mut self,
+        file: usize,
+        declarations: &[Declaration],
+        nesting: u32,
+    ) -> Option<(Vec<Field>, u32)> {
         let mut fields = Vec::with_capacity(declarations.len());
         let mut layout = Layout::new();
         let mut depth = 0;
@@ -356,17 +373,13 @@ impl<'e> Elaborator<'e> {
     }
 
     /// The type of a multi-instance: a structure with the layout of the FB's instance.
-    fn instance(
-        &mut self,
-        file: usize,
-        span: Span,
-        word: BlockWord,
-        number: u16,
-        nesting: u32,
-    ) -> Option<Resolved> {
+    fn instance(&mut self, file: usize, span: Span, word: BlockWord, number: u16, nesting: u32) -> Option<Resolved> {
         let kind = if word == BlockWord::Sfb { BlockKind::Sfb } else { BlockKind::Fb };
         let id = BlockId::new(kind, number);
-        if word == BlockWord::Fb && !self.function_block(number, nesting + 1) && self.by_name.contains_key(&(word, number)) {
+        if word == BlockWord::Fb
+            && !self.function_block(number, nesting + 1)
+            && self.by_name.contains_key(&(word, number))
+        {
             let message = match self.fbs.get(&number) {
                 Some(State::Busy) => format!("{id} contains itself"),
                 _ => format!("{id} has mistakes of its own, or lies too deep"),
@@ -375,7 +388,12 @@ impl<'e> Elaborator<'e> {
             return None;
         }
         let Some(info) = self.world.blocks.get(&id) else {
-            self.sink.report(file, span, &codes::NO_BLOCK, format!("{id} is neither in the program nor in the library"));
+            self.sink.report(
+                file,
+                span,
+                &codes::NO_BLOCK,
+                format!("{id} is neither in the program nor in the library"),
+            );
             return None;
         };
         let ty = instance_type(&info.interface);
@@ -498,7 +516,7 @@ impl<'e> Elaborator<'e> {
             || resolved.ty == DataType::Pointer && placed
             || resolved.ty == DataType::Any && section == Section::Static;
         if wrong {
-            let message = format!("a {} cannot be declared in this section", declared_type(&resolved));
+            let message = format!("{} cannot be declared in this section", with_article(&declared_type(&resolved)));
             self.sink.report(block.file, declaration.span, &codes::TYPE_NOT_HERE, message);
             return None;
         }

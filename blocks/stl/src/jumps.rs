@@ -41,7 +41,12 @@ impl<'l> Labels<'l> {
             }
             if own.contains_key(name) {
                 let shown: String = name.chars().take(32).collect();
-                sink.report(block.file, token.span, &codes::DUPLICATE_LABEL, format!("the label {shown} is there twice"));
+                sink.report(
+                    block.file,
+                    token.span,
+                    &codes::DUPLICATE_LABEL,
+                    format!("the label {shown} is there twice"),
+                );
             } else {
                 own.insert(name, at);
             }
@@ -67,7 +72,7 @@ impl<'l> Labels<'l> {
     }
 }
 
-/// Gives each `SPL` the targets of the `SPA`s that follow it.
+/// Gives each `SPL` the targets of its list: the `SPA`s from it to its own label, which stands behind the list.
 pub(crate) fn jump_lists(block: &Block, code: &mut [Stmt], sink: &mut Sink) {
     // From the end, so that each run of jumps is gathered once, whatever the number of lists.
     let mut run: Vec<u32> = Vec::new();
@@ -75,10 +80,17 @@ pub(crate) fn jump_lists(block: &Block, code: &mut [Stmt], sink: &mut Sink) {
         let Some(stmt) = code.get_mut(at) else { continue };
         match &mut stmt.op {
             Op::Jump(Jump::Always, to) => run.push(*to),
-            Op::JumpList { targets, .. } => {
+            Op::JumpList { targets, otherwise } => {
                 run.reverse();
-                let wrong = if run.is_empty() { Some("no SPA follows") } else { None };
-                let wrong = wrong.or((run.len() > LIST_LENGTH).then_some("more than 255 SPA follow"));
+                let behind = (*otherwise as usize).saturating_sub(at + 1);
+                if (1..run.len()).contains(&behind) {
+                    run.truncate(behind);
+                }
+                let wrong = match run.len() {
+                    0 => Some("no SPA follows"),
+                    1..=LIST_LENGTH => None,
+                    _ => Some("more than 255 SPA follow"),
+                };
                 if let (Some(message), Some(statement)) = (wrong, block.statements.get(at)) {
                     sink.report(block.file, statement.span, &codes::JUMP_LIST, message);
                 }

@@ -6,8 +6,26 @@ use crate::token::{Kind, Span, Token};
 
 /// Prefixes of constants, before a `#`.
 const CONSTANT_PREFIXES: [&str; 20] = [
-    "B", "BYTE", "W", "WORD", "DW", "DWORD", "L", "DINT", "INT", "C", "S5T", "S5TIME", "T", "TIME", "D", "DATE", "TOD",
-    "TIME_OF_DAY", "DT", "DATE_AND_TIME",
+    "B",
+    "BYTE",
+    "W",
+    "WORD",
+    "DW",
+    "DWORD",
+    "L",
+    "DINT",
+    "INT",
+    "C",
+    "S5T",
+    "S5TIME",
+    "T",
+    "TIME",
+    "D",
+    "DATE",
+    "TOD",
+    "TIME_OF_DAY",
+    "DT",
+    "DATE_AND_TIME",
 ];
 
 /// Splits `text`. Every token costs one step; every character is looked at a bounded number of times.
@@ -174,7 +192,7 @@ impl<'a> Lexer<'a> {
         Kind::Number
     }
 
-    /// A text or symbol; `$` takes the next character with it in texts.
+    /// A text or name, `Bad` when it is not closed; `$` takes the next character with it in texts.
     fn quoted(&mut self, quote: char, kind: Kind) -> Kind {
         let start = self.at;
         self.bump();
@@ -187,19 +205,21 @@ impl<'a> Lexer<'a> {
                 self.bump();
             }
         }
-        let what = if kind == Kind::Text { "text" } else { "symbol" };
+        let what = if kind == Kind::Text { "text" } else { "name" };
         let span = Span { start: start as u32, end: self.at as u32 };
-        self.sink.report(self.file, span, &codes::NOT_CLOSED, format!("the {what} is not closed with {quote} on this line"));
-        kind
+        self.sink.report(
+            self.file,
+            span,
+            &codes::NOT_CLOSED,
+            format!("the {what} is not closed with {quote} on this line"),
+        );
+        Kind::Bad
     }
 
     fn local(&mut self) -> Kind {
         self.bump();
         match self.peek() {
-            Some('"') => {
-                self.quoted('"', Kind::Local);
-                Kind::Local
-            }
+            Some('"') => self.quoted('"', Kind::Local),
             Some(c) if is_word(c) => {
                 self.skip_while(is_word);
                 Kind::Local
@@ -217,7 +237,12 @@ impl<'a> Lexer<'a> {
         self.skip_while(|c| c != '}' && c != '\n');
         if !self.eat('}') {
             let span = Span { start: start as u32, end: self.at as u32 };
-            self.sink.report(self.file, span, &codes::NOT_CLOSED, "the attribute list is not closed with } on this line");
+            self.sink.report(
+                self.file,
+                span,
+                &codes::NOT_CLOSED,
+                "the attribute list is not closed with } on this line",
+            );
         }
         Kind::Attributes
     }

@@ -134,7 +134,8 @@ fn lower_all(
     words: &Words,
     sink: &mut Sink,
 ) -> Lowered {
-    let ids: Vec<Option<BlockId>> = names.iter().map(|n| n.and_then(|(w, n)| Some(BlockId::new(w.kind()?, n)))).collect();
+    let ids: Vec<Option<BlockId>> =
+        names.iter().map(|n| n.and_then(|(w, n)| Some(BlockId::new(w.kind()?, n)))).collect();
     let mut labels = BTreeMap::new();
     for (block, id) in blocks.iter().zip(&ids) {
         let (Some(file), Some(id)) = (files.get(block.file), id) else { continue };

@@ -458,7 +458,8 @@ impl Words {
     /// True when `word` is a mnemonic or identifier of the other set only; the caller already knows it is not of this one.
     pub(crate) fn is_foreign(&self, word: &str) -> bool {
         let german = self.set == Mnemonics::German;
-        let other = |de: &str, en: &str| if german { en.eq_ignore_ascii_case(word) } else { de.eq_ignore_ascii_case(word) };
+        let other =
+            |de: &str, en: &str| if german { en.eq_ignore_ascii_case(word) } else { de.eq_ignore_ascii_case(word) };
         ROWS.iter().any(|r| other(r.german, r.international)) || IDENTIFIERS.iter().any(|(de, en, _)| other(de, en))
     }
 }

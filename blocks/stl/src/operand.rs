@@ -16,7 +16,10 @@ use crate::world::{Info, Symbolic, World};
 #[derive(Clone, Debug)]
 pub(crate) enum Value<'w> {
     /// A place in memory; `ty` where a declaration or the symbol table gives one. A composed variable has the width of a byte.
-    Memory { operand: Operand, ty: Option<&'w DataType> },
+    Memory {
+        operand: Operand,
+        ty: Option<&'w DataType>,
+    },
     Timer(Number),
     Counter(Number),
     Block(BlockWord, Number),
@@ -34,7 +37,7 @@ impl Value<'_> {
     /// What it is, for messages.
     pub(crate) fn describe(&self) -> String {
         match self {
-            Value::Memory { ty: Some(ty), .. } => format!("a {}", ty.name()),
+            Value::Memory { ty: Some(ty), .. } => with_article(ty.name()),
             Value::Memory { operand, .. } => match operand.width {
                 Width::Bit => "a bit".into(),
                 Width::Byte => "a byte".into(),
@@ -52,6 +55,12 @@ impl Value<'_> {
             Value::Instance(fb, _) => format!("an instance of {fb}"),
         }
     }
+}
+
+/// `an INT`, `a WORD`.
+pub(crate) fn with_article(name: &str) -> String {
+    let vowel = name.starts_with(['A', 'E', 'I', 'O', 'S']) && !matches!(name, "STRING" | "STRUCT");
+    format!("{} {name}", if vowel { "an" } else { "a" })
 }
 
 /// Width of an elementary type.
@@ -221,7 +230,8 @@ impl<'w> Resolver<'w> {
         let (mut word, mut digits) = split_digits(reader.text(token));
         reader.next();
         if word.eq_ignore_ascii_case("DB") {
-            let number = if digits.is_empty() { reader.eat(Kind::Number).map_or("", |t| reader.text(t)) } else { digits };
+            let number =
+                if digits.is_empty() { reader.eat(Kind::Number).map_or("", |t| reader.text(t)) } else { digits };
             db = number.parse().unwrap_or(0);
             let inner = reader.eat(Kind::Dot).and_then(|_| reader.eat(Kind::Word));
             let Some(inner) = inner.filter(|_| db > 0) else { return wrong(reader) };
@@ -265,7 +275,11 @@ impl<'w> Resolver<'w> {
             Place::Fixed(area, at) => Some(PointerConstant { area: Some(area), at, db: 0, any: None }),
             Place::Instance(at) => Some(PointerConstant { area: Some(Area::Di), at, db: 0, any: None }),
             _ => {
-                reader.report(span, &codes::NOT_SUPPORTED, "a pointer to a parameter of a function is not supported yet");
+                reader.report(
+                    span,
+                    &codes::NOT_SUPPORTED,
+                    "a pointer to a parameter of a function is not supported yet",
+                );
                 None
             }
         }
@@ -308,7 +322,11 @@ impl<'w> Resolver<'w> {
         }
         let shown: String = text.chars().take(32).collect();
         if self.words.is_foreign(letters) {
-            reader.report(token.span, &codes::FOREIGN_MNEMONIC, format!("{shown} belongs to the other set of mnemonics"));
+            reader.report(
+                token.span,
+                &codes::FOREIGN_MNEMONIC,
+                format!("{shown} belongs to the other set of mnemonics"),
+            );
         } else {
             let message = format!("{shown} is no operand");
             let known = self.words.identifier_words();
@@ -332,7 +350,11 @@ impl<'w> Resolver<'w> {
             }
             Identifier::Crossing(width) => {
                 if reader.peek_kind() != Some(Kind::LeftBracket) {
-                    reader.report(span, &codes::UNKNOWN_OPERAND, "B, W and D alone take an address register: W [AR1,P#0.0]");
+                    reader.report(
+                        span,
+                        &codes::UNKNOWN_OPERAND,
+                        "B, W and D alone take an address register: W [AR1,P#0.0]",
+                    );
                     return None;
                 }
                 let place = self.bracket(reader, None)?;
@@ -350,14 +372,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// The address after an identifier: fixed, memory-indirect or register-indirect.
-    fn place(
-        &self,
-        reader: &mut Reader<'_, '_>,
-        area: Area,
-        width: Width,
-        digits: &str,
-        span: Span,
-    ) -> Option<Place> {
+    fn place(&self, reader: &mut Reader<'_, '_>, area: Area, width: Width, digits: &str, span: Span) -> Option<Place> {
         if digits.is_empty() && reader.peek_kind() == Some(Kind::LeftBracket) {
             return self.bracket(reader, Some(area));
         }
@@ -493,13 +508,21 @@ impl<'w> Resolver<'w> {
         let name = match token.map(|t| t.kind) {
             Some(Kind::Word | Kind::Symbol) => reader.next().map_or("", |t| unquote(reader.text(t))),
             _ => {
-                reader.report(span, &codes::COMPONENT, "after the point stands DBX, DBB, DBW, DBD or a component's name");
+                reader.report(
+                    span,
+                    &codes::COMPONENT,
+                    "after the point stands DBX, DBB, DBW, DBD or a component's name",
+                );
                 return None;
             }
         };
         let name_span = token.map_or(span, |t| t.span);
         let Some(data) = self.world.data.get(&db) else {
-            reader.report(span, &codes::NO_DATA_BLOCK, format!("DB {db} is not in the program, so it has no name {name}"));
+            reader.report(
+                span,
+                &codes::NO_DATA_BLOCK,
+                format!("DB {db} is not in the program, so it has no name {name}"),
+            );
             return None;
         };
         let Some(component) = data.find(name) else {

@@ -18,7 +18,8 @@ impl Parser<'_, '_> {
             }
         }
         let head = self.peek()?;
-        let Some((row, span)) = self.mnemonic() else {
+        let assigned = self.peek_at(1).is_some_and(|t| t.kind == Kind::Assign);
+        let Some((row, span)) = (if assigned { None } else { self.mnemonic() }) else {
             self.unknown_mnemonic(head);
             self.skip_statement();
             // The statement keeps its place, so that jumps to its label are not reported as well.
@@ -77,15 +78,14 @@ impl Parser<'_, '_> {
         if head.kind == Kind::Bad {
             return;
         }
+        if self.peek_at(1).is_some_and(|t| t.kind == Kind::Assign) {
+            let message = format!("{shown} := stands after no CALL");
+            self.report(head.span, &codes::STRAY_ACTUAL, message);
+            return;
+        }
         if head.kind == Kind::Word && self.words.is_foreign(text) {
             let message = format!("{shown} belongs to the other set of mnemonics");
             self.report(head.span, &codes::FOREIGN_MNEMONIC, message);
-            return;
-        }
-        let next = self.peek_at(1).filter(|t| t.kind == Kind::Assign);
-        if head.kind == Kind::Word && next.is_some() {
-            let message = format!("{shown} := stands after no CALL");
-            self.report(head.span, &codes::STRAY_ACTUAL, message);
             return;
         }
         let known = self.words.mnemonic_words().chain(keywords());
@@ -212,7 +212,8 @@ impl Parser<'_, '_> {
             return false;
         }
         let word = self.text(next);
-        let ends = word.get(..4).is_some_and(|w| w.eq_ignore_ascii_case("END_")) || word.eq_ignore_ascii_case("NETWORK");
+        let ends =
+            word.get(..4).is_some_and(|w| w.eq_ignore_ascii_case("END_")) || word.eq_ignore_ascii_case("NETWORK");
         ends || self.peek_at(2).is_some_and(|t| t.kind == Kind::Assign)
     }
 

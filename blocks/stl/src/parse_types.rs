@@ -258,13 +258,18 @@ impl Parser<'_, '_> {
         self.skip_newlines();
         good &= self.keyword().as_deref() == Some("OF");
         if !good {
-            let message = "an array is written ARRAY [low .. high, ...] OF TYPE, bounds from -32768 to 32767, low first";
+            let message =
+                "an array is written ARRAY [low .. high, ...] OF TYPE, bounds from -32768 to 32767, low first";
             self.report(span, &codes::ARRAY_BOUNDS, message);
             return TypeKind::Bad;
         }
         self.bump();
         let element = self.ty(depth + 1);
-        if matches!(element.kind, TypeKind::Bad) { TypeKind::Bad } else { TypeKind::Array(dimensions, Box::new(element)) }
+        if matches!(element.kind, TypeKind::Bad) {
+            TypeKind::Bad
+        } else {
+            TypeKind::Array(dimensions, Box::new(element))
+        }
     }
 
     fn bound(&mut self) -> Option<i32> {

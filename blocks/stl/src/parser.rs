@@ -134,10 +134,8 @@ impl<'s> Parser<'_, 's> {
                         outside_reported = false;
                         continue;
                     }
-                    if !outside_reported {
-                        self.outside(token);
-                        outside_reported = true;
-                    }
+                    self.outside(token, outside_reported);
+                    outside_reported = true;
                     self.skip_statement();
                 }
             }
@@ -145,11 +143,18 @@ impl<'s> Parser<'_, 's> {
         blocks
     }
 
-    fn outside(&mut self, token: Token) {
-        let word = self.text(token);
-        let message = "this stands outside any block";
+    /// Text outside any block: reported once a run, and where it is a block's first word misspelt.
+    fn outside(&mut self, token: Token, reported: bool) {
         let begins = FRAMES.iter().map(|(begin, _, _)| *begin);
-        self.sink.report_unknown(self.index, token.span, &codes::OUTSIDE_BLOCK, message, word, begins);
+        let message = "this stands outside any block";
+        match self.sink.nearest(self.text(token), begins) {
+            Some(near) => {
+                let remedy = format!("Did you mean {near}?");
+                self.sink.report_with(self.index, token.span, &codes::OUTSIDE_BLOCK, message, remedy);
+            }
+            None if !reported => self.report(token.span, &codes::OUTSIDE_BLOCK, message),
+            None => {}
+        }
     }
 
     /// A block from its first word to its last. `None` when it has no usable name; its contents are checked all the same.
@@ -159,7 +164,12 @@ impl<'s> Parser<'_, 's> {
         let span = self.here();
         let name = self.block_name();
         if name.is_none() {
-            self.report(span, &codes::BLOCK_NAME, "the block's name is missing: a kind and number (FC 9) or a \"symbol\"");
+            self.report(
+                span,
+                &codes::BLOCK_NAME,
+                "the block's name is missing: a kind and number (FC 9) or a \"symbol\"",
+            );
+            self.skip_statement();
         }
         let mut block = Block {
             file: self.index,
@@ -174,7 +184,7 @@ impl<'s> Parser<'_, 's> {
             statements: Vec::new(),
             read_only: false,
         };
-        if frame == Frame::Fc {
+        if frame == Frame::Fc && name.is_some() {
             self.result_type(&mut block, span);
         }
         self.header(&mut block);
@@ -211,7 +221,8 @@ impl<'s> Parser<'_, 's> {
     fn result_type(&mut self, block: &mut Block, span: Span) {
         self.skip_newlines();
         if !self.eat(Kind::Colon) {
-            let remedy = "Write the type of the function value after the name, FUNCTION FC 1 : VOID when there is none.";
+            let remedy =
+                "Write the type of the function value after the name, FUNCTION FC 1 : VOID when there is none.";
             self.sink.report_with(self.index, span, &codes::RETURN_TYPE, "the function has no return type", remedy);
             return;
         }
@@ -260,10 +271,8 @@ impl<'s> Parser<'_, 's> {
         if word == "STRUCT" || word == "ARRAY" {
             return true;
         }
-        let names_type = matches!(
-            BlockWord::parse(split_digits(word).0),
-            Some(BlockWord::Fb | BlockWord::Sfb | BlockWord::Udt)
-        );
+        let names_type =
+            matches!(BlockWord::parse(split_digits(word).0), Some(BlockWord::Fb | BlockWord::Sfb | BlockWord::Udt));
         names_type && self.peek_at(1).is_none_or(|t| t.kind != Kind::Assign)
     }
 

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use ob1_model::{BitAddr, DataType, Field, Layout};
 
 use crate::codes;
+use crate::operand::with_article;
 use crate::parser::unquote;
 use crate::reader::Reader;
 use crate::token::Kind;
@@ -54,7 +55,11 @@ pub(crate) fn follow<'t>(
     }
 }
 
-fn component<'t>(reader: &mut Reader<'_, '_>, fields: &FieldIndex, ty: &'t DataType) -> Option<(&'t DataType, BitAddr)> {
+fn component<'t>(
+    reader: &mut Reader<'_, '_>,
+    fields: &FieldIndex,
+    ty: &'t DataType,
+) -> Option<(&'t DataType, BitAddr)> {
     let span = reader.here();
     let name = match reader.peek_kind() {
         Some(Kind::Word | Kind::Symbol) => reader.next().map(|t| unquote(reader.text(t))),
@@ -65,7 +70,7 @@ fn component<'t>(reader: &mut Reader<'_, '_>, fields: &FieldIndex, ty: &'t DataT
         return None;
     };
     let DataType::Struct(inner) = ty else {
-        reader.report(span, &codes::COMPONENT, format!("a {} has no component {name}", ty.name()));
+        reader.report(span, &codes::COMPONENT, format!("{} has no component {name}", with_article(ty.name())));
         return None;
     };
     let found = fields.find(inner, name);
@@ -103,7 +108,7 @@ fn element<'t>(reader: &mut Reader<'_, '_>, ty: &'t DataType) -> Option<(&'t Dat
         return None;
     }
     let DataType::Array(dims, inner) = ty else {
-        reader.report(span, &codes::ARRAY_INDEX, format!("a {} has no elements", ty.name()));
+        reader.report(span, &codes::ARRAY_INDEX, format!("{} has no elements", with_article(ty.name())));
         return None;
     };
     let at = Layout::element(dims, inner, &indices);

@@ -80,9 +80,12 @@ impl<'r, 's> Reader<'r, 's> {
         self.sink.report(self.index, span, code, message);
     }
 
-    /// Reports what is left; true when nothing is.
+    /// Reports what is left, unless it has been reported before; true when nothing is left.
     pub(crate) fn finish(&mut self, code: &'static Code) -> bool {
         let Some(token) = self.peek() else { return true };
+        if token.kind == Kind::Bad {
+            return false;
+        }
         let text: String = self.text(token).chars().take(32).collect();
         let span = self.rest();
         self.report(span, code, format!("{text} is too much here"));

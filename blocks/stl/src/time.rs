@@ -72,7 +72,8 @@ pub(crate) fn date(text: &str) -> Option<u16> {
 pub(crate) fn time_of_day(text: &str) -> Option<u32> {
     let (clock, fraction) = text.split_once('.').unwrap_or((text, ""));
     let [hours, minutes, seconds] = numbers(clock, ':')?;
-    if hours > 23 || minutes > 59 || seconds > 59 || fraction.len() > 3 || !fraction.bytes().all(|b| b.is_ascii_digit()) {
+    if hours > 23 || minutes > 59 || seconds > 59 || fraction.len() > 3 || !fraction.bytes().all(|b| b.is_ascii_digit())
+    {
         return None;
     }
     let ms: u32 = format!("{fraction:0<3}").parse().ok()?;

@@ -22,6 +22,9 @@ fn report(path: &Path) -> String {
     let output = common::compile_one(name, &bytes);
     let source = Source::new(name, bytes);
     let mut text: String = output.diagnostics.iter().map(|d| render(d, &source) + "\n").collect();
+    let library = common::library();
+    let verified = ob1_ir::verify(&output.program, &|id| library.get(id).map(|b| &b.interface));
+    assert_eq!(verified, Ok(()), "{name}");
     if output.is_good() {
         text.push_str(&output.program.to_string());
     }
@@ -52,6 +55,14 @@ fn the_manual_s_program_is_the_same_in_both_forms() {
     assert!(editor.is_good() && source.is_good());
     assert!(editor.program.blocks.iter().any(|b| b.code.len() > 5));
     assert_eq!(editor.program, source.program);
+}
+
+#[test]
+fn both_sets_of_mnemonics_mean_the_same() {
+    let german = common::compile_one("a.awl", include_bytes!("data/instructions.awl"));
+    let international = common::compile_one("international.awl", include_bytes!("data/instructions_international.awl"));
+    assert!(german.is_good() && international.is_good());
+    assert_eq!(german.program.blocks, international.program.blocks);
 }
 
 #[test]

@@ -29,7 +29,8 @@ fn block(library: &mut Library, kind: BlockKind, number: u16, name: &str, params
 pub(crate) fn library() -> Library {
     let mut library = Library::new();
     let fc = BlockKind::Fc;
-    let head = |anz, section| [("ADR", Input, Int), ("_DB", Input, BlockDb), ("ABD", Input, Word), (anz, section, Word)];
+    let head =
+        |anz, section| [("ADR", Input, Int), ("_DB", Input, BlockDb), ("ABD", Input, Word), (anz, section, Word)];
     let send = [
         ("FRG", InOut, Bool),
         ("GESE", InOut, Word),

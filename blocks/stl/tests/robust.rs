@@ -1,0 +1,225 @@
+//! Whatever the bytes: no panic, a program that passes the verifier, and work linear in the input.
+
+mod common;
+
+use ob1_stl::{Library, Options, Output, Severity, Source, compile, render};
+use proptest::prelude::*;
+
+const SEEDS: [&[u8]; 7] = [
+    include_bytes!("data/manual.awl"),
+    include_bytes!("data/manual_mbus.awl"),
+    include_bytes!("data/manual_enocean.awl"),
+    include_bytes!("data/bench_calls.awl"),
+    include_bytes!("data/declarations.awl"),
+    include_bytes!("data/instructions.awl"),
+    include_bytes!("data/errors_calls.awl"),
+];
+
+/// Pieces that decide what comes after them.
+const WORDS: [&str; 40] = [
+    "CALL",
+    "(",
+    ")",
+    "[",
+    "]",
+    ":=",
+    ";",
+    ",",
+    "\n",
+    "\"",
+    "'",
+    "#",
+    "P#",
+    "P##",
+    "B#(",
+    "DB10.",
+    "STRUCT",
+    "END_STRUCT",
+    "ARRAY [0..32767] OF",
+    "ARRAY [1..9,1..9]",
+    "UDT 1",
+    "FB 1",
+    "VAR_INPUT",
+    "VAR",
+    "END_VAR",
+    "BEGIN",
+    "NETWORK",
+    "TITLE=",
+    "FUNCTION FC 1 : VOID",
+    "END_FUNCTION",
+    "TYPE UDT 1",
+    "FUNCTION_BLOCK FB 1",
+    "DATA_BLOCK DB 1",
+    "SPL a",
+    "SPA a",
+    "a:",
+    "L",
+    "U(",
+    "[AR1,P#",
+    "65535",
+];
+
+/// Compiles, and holds what comes out against what is promised.
+fn check(bytes: &[u8]) -> Output {
+    let source = Source::new("any.awl", bytes);
+    let output = common::compile_one("any.awl", bytes);
+    let library = common::library();
+    let verified = ob1_ir::verify(&output.program, &|id| library.get(id).map(|b| &b.interface));
+    assert_eq!(verified, Ok(()));
+    for diagnostic in output.diagnostics.iter().take(20) {
+        assert!(diagnostic.line >= 1 && diagnostic.column >= 1 && diagnostic.length >= 1);
+        assert!(render(diagnostic, &source).contains(diagnostic.code));
+    }
+    output
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn random_bytes(bytes in proptest::collection::vec(any::<u8>(), 0..2_000)) {
+        check(&bytes);
+    }
+
+    #[test]
+    fn random_words(words in proptest::collection::vec(0..WORDS.len(), 0..200), spaced in any::<bool>()) {
+        let text: Vec<&str> = words.into_iter().filter_map(|w| WORDS.get(w).copied()).collect();
+        check(text.join(if spaced { " " } else { "" }).as_bytes());
+    }
+
+    /// Pieces of real sources cut out, doubled, moved and overwritten.
+    #[test]
+    fn mutated_sources(
+        seed in 0..SEEDS.len(),
+        edits in proptest::collection::vec((any::<u32>(), any::<u32>(), 0u8..5, any::<u8>(), 0..WORDS.len()), 1..12),
+    ) {
+        let mut bytes = SEEDS[seed].to_vec();
+        for (from, len, kind, byte, word) in edits {
+            let from = from as usize % (bytes.len() + 1);
+            let to = (from + len as usize % 60).min(bytes.len());
+            match kind {
+                0 => drop(bytes.drain(from..to)),
+                1 => bytes[from..to].fill(byte),
+                2 => {
+                    let piece = bytes[from..to].to_vec();
+                    bytes.splice(from..from, piece);
+                }
+                3 => drop(bytes.splice(from..to, WORDS[word].bytes())),
+                _ => bytes.truncate(to),
+            }
+        }
+        check(&bytes);
+    }
+}
+
+#[test]
+fn deep_nesting_ends_in_diagnostics_not_in_the_stack() {
+    let frame = |inner: &str| format!("FUNCTION_BLOCK FB 1\nVAR\n{inner}\nEND_VAR\nBEGIN\nEND_FUNCTION_BLOCK\n");
+    let n = 20_000;
+    for text in [
+        frame(&"a : STRUCT ".repeat(n)),
+        frame(&format!("a : {} INT;", "ARRAY [0..1] OF ".repeat(n))),
+        format!("ORGANIZATION_BLOCK OB 1\nL MW {}", "[MD ".repeat(n)),
+        format!("ORGANIZATION_BLOCK OB 1\nCALL FC 1 {}", "(x := ".repeat(n)),
+        "[".repeat(n),
+        // Each UDT and FB lies in the one before.
+        (1..3_000).map(|i| format!("TYPE UDT {i}\nSTRUCT a : UDT {};\nEND_STRUCT;\nEND_TYPE\n", i + 1)).collect(),
+        (1..3_000)
+            .map(|i| format!("FUNCTION_BLOCK FB {i}\nVAR a : FB {};\nEND_VAR\nEND_FUNCTION_BLOCK\n", i + 1))
+            .collect(),
+    ] {
+        let output = check(text.as_bytes());
+        assert!(!output.is_good());
+    }
+}
+
+#[test]
+fn giant_arrays_are_refused_before_they_are_made() {
+    let text = "DATA_BLOCK DB 1\nSTRUCT\n a : ARRAY [-32768..32767, -32768..32767, -32768..32767] OF BOOL;\n\
+                b : ARRAY [0..32767] OF STRUCT c : ARRAY [0..32767] OF STRING; END_STRUCT;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n";
+    let codes: Vec<_> = check(text.as_bytes()).diagnostics.iter().map(|d| d.code).collect();
+    assert_eq!(codes, ["S0207", "S0207"]);
+}
+
+#[test]
+fn all_data_together_is_bounded() {
+    let one = |i| format!("DATA_BLOCK DB {i} UDT 1 BEGIN END_DATA_BLOCK\n");
+    let udt = "TYPE UDT 1\nSTRUCT a : ARRAY [0..32766] OF WORD;\nEND_STRUCT;\nEND_TYPE\n";
+    let text: String = std::iter::once(udt.to_owned()).chain((1..1_100).map(one)).collect();
+    let output = check(text.as_bytes());
+    assert_eq!(output.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["S0213"]);
+}
+
+#[test]
+fn too_many_parameters_are_refused() {
+    let params: String = (0..513).map(|i| format!("p{i} : INT;\n")).collect();
+    let text = format!("FUNCTION FC 70 : VOID\nVAR_INPUT\n{params}END_VAR\nBEGIN\nEND_FUNCTION\n");
+    let output = check(text.as_bytes());
+    assert_eq!(output.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["S0214"]);
+}
+
+#[test]
+fn an_endless_source_is_refused() {
+    let output = compile(&[Source::new("a", vec![b' '; (64 << 20) + 1])], &Library::new(), &Options::default());
+    assert_eq!(output.diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["S0003"]);
+}
+
+/// Sources of `n` parts, each form a way in which work could grow faster than the text.
+fn forms(n: usize) -> Vec<(&'static str, String)> {
+    let ob = |body: String| format!("ORGANIZATION_BLOCK OB 1\nBEGIN\n{body}END_ORGANIZATION_BLOCK\n");
+    let numbered = |f: &dyn Fn(usize) -> String| (0..n).map(f).collect::<String>();
+    let locals = numbered(&|i| format!("v{i} : BOOL;\n"));
+    let uses = numbered(&|i| format!("U #v{i};\n"));
+    vec![
+        ("statements", ob("U M 1.0;\n= A 0.0;\n".repeat(n))),
+        ("mistakes", ob("QX M 1.0;\nU MW 1;\n".repeat(n))),
+        ("one line", ob("QX M 1.0; U MW 1; ".repeat(n))),
+        ("labels", ob(numbered(&|i| format!("l{i}: SPA l{};\n", n - 1 - i)))),
+        ("unknown labels", ob(numbered(&|i| format!("SPA k{i};\n")))),
+        ("jump lists", ob("SPL a;\n".repeat(n) + &"SPA a;\n".repeat(n) + "a: L 1;\n")),
+        ("brackets", ob("U(;\n".repeat(n) + &");\n".repeat(n))),
+        ("calls", ob("CALL FC 9 (ADR := 0);\n".repeat(n))),
+        ("open calls", ob("CALL FC 9 (ADR := 0\n".repeat(n))),
+        ("editor calls", ob("CALL FC 9\nADR:=0\nANL:=M 1.0\n".repeat(n))),
+        ("locals", format!("FUNCTION FC 50 : VOID\nVAR_TEMP\n{locals}END_VAR\nBEGIN\n{uses}END_FUNCTION\n")),
+        ("blocks", numbered(&|i| format!("FUNCTION FC {} : VOID\nBEGIN\nL 1;\nEND_FUNCTION\n", 100 + i))),
+        (
+            "data",
+            format!(
+                "DATA_BLOCK DB 1\nSTRUCT\n{locals}END_STRUCT;\nBEGIN\n{}END_DATA_BLOCK\n",
+                numbered(&|i| format!("v{i} := TRUE;\n"))
+            ),
+        ),
+        (
+            "names of one type",
+            format!(
+                "DATA_BLOCK DB 1\nSTRUCT\n{}z : STRUCT\n{locals}END_STRUCT;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n",
+                "a, ".repeat(n)
+            ),
+        ),
+        ("open strings", "\"".repeat(n) + &"'\n".repeat(n)),
+        ("stray", "~ ".repeat(n)),
+        ("ends", "END_FUNCTION\n".repeat(n)),
+    ]
+}
+
+#[test]
+fn work_grows_linearly() {
+    for ((name, small), (_, large)) in forms(1_000).into_iter().zip(forms(4_000)) {
+        let (small, large) = (check(small.as_bytes()).steps, check(large.as_bytes()).steps);
+        assert!(small > 500, "{name}: {small} steps count nothing");
+        assert!(large <= small * 4 + small / 2, "{name}: {small} steps become {large}");
+    }
+}
+
+#[test]
+fn a_hundred_thousand_statements_compile() {
+    let text = format!(
+        "ORGANIZATION_BLOCK OB 1\n{}END_ORGANIZATION_BLOCK\n",
+        "L MW 10\n+ 1\nT MW 10\nU M 1.0\nS M 2.0\n".repeat(20_000)
+    );
+    let output = check(text.as_bytes());
+    assert!(output.is_good());
+    assert_eq!(output.program.blocks[0].code.len(), 100_000);
+    assert!(output.diagnostics.iter().all(|d| d.severity == Severity::Lint));
+}
