@@ -1,3 +1,97 @@
-//! The driver process that is the CP
+//! `ob1-cp`: one process is one CP 240. It attaches to a segment, takes parameters and line from it, and ends with its
+//! standard input.
 
-fn main() {}
+mod config;
+mod port;
+mod process;
+
+use std::io::IsTerminal as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use clap::Parser;
+use ob1_backplane::{CpSide, Segment};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use tracing::{error, info};
+use tracing_subscriber::EnvFilter;
+
+use process::{End, Process};
+
+const HELP: &str = "\
+The line and the module type come with the parameters through the segment; the runtime writes them.
+Standard input is the doorbell: a byte says that the output registers have changed, end of file ends the driver.
+SIGINT is ignored (the runtime decides); SIGTERM ends the driver in order.
+
+Exit codes:
+  0  end of file on standard input, or SIGTERM
+  1  the segment cannot be opened or is none
+  2  wrong arguments
+  3  waiting failed (standard input is unusable)
+
+Environment:
+  OB1_LOG  what to log on standard error: error, warn, info (default), debug (telegrams), trace (bytes)";
+
+/// The driver of a CP 240.
+#[derive(Debug, Parser)]
+#[command(name = "ob1-cp", version, after_help = HELP)]
+struct Arguments {
+    /// The segment of the back plane, for instance /proc/PID/fd/N.
+    #[arg(long, value_name = "PATH")]
+    segment: PathBuf,
+
+    /// Name for the log.
+    #[arg(long, default_value = "cp")]
+    name: String,
+
+    /// Microseconds to watch the registers after a change before sleeping; 0 to 1000.
+    #[arg(long, value_name = "US", default_value_t = 5, value_parser = clap::value_parser!(u64).range(0..=1000))]
+    spin: u64,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let filter = EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(false)
+        .init();
+    let _span = tracing::info_span!("cp", name = arguments.name).entered();
+
+    // Ctrl-C on a terminal reaches the whole group; the runtime is asked, and it ends us by closing standard input.
+    let ignored = Arc::new(AtomicBool::new(false));
+    let terminate = Arc::new(AtomicBool::new(false));
+    for (signal, flag) in [(SIGINT, &ignored), (SIGTERM, &terminate)] {
+        if let Err(error) = signal_hook::flag::register(signal, Arc::clone(flag)) {
+            error!("signal {signal}: {error}");
+        }
+    }
+
+    let segment = match Segment::open(&arguments.segment).and_then(|segment| CpSide::attach(&segment)) {
+        Ok(segment) => segment,
+        Err(error) => {
+            error!("{}: {error}", arguments.segment.display());
+            return ExitCode::from(1);
+        }
+    };
+    info!(generation = segment.generation(), "attached");
+
+    match Process::new(segment, Duration::from_micros(arguments.spin), terminate).run() {
+        Ok(End::Closed) => {
+            info!("standard input is closed: end");
+            ExitCode::SUCCESS
+        }
+        Ok(End::Terminated) => {
+            info!("terminated");
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            error!("waiting failed: {error}");
+            ExitCode::from(3)
+        }
+    }
+}

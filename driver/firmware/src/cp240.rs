@@ -23,7 +23,7 @@ enum Phase {
     NoParameters(u8),
     /// The start-up identifier is on show.
     Identify,
-    /// It was acknowledged; the CPU's words have to go to 0.
+    /// It was acknowledged; the CPU's words have to leave the acknowledgement.
     Clearing,
     /// At work.
     Working,
@@ -215,15 +215,20 @@ impl Cp240 {
                 }
             }
             Phase::Clearing => {
-                if (rx, tx) == (0, 0) {
+                // The CPU writes 0 to both; the first count of a telegram may already stand over it, for the CPU does not
+                // wait until somebody here has seen its zeros.
+                if (rx | tx) & SYSTEM == 0 {
                     self.work(now, port);
+                    self.look_registers(now, port);
                 }
             }
-            Phase::Working => {
-                self.look_send(now, port);
-                self.look_receive(now, port);
-            }
+            Phase::Working => self.look_registers(now, port),
         }
+    }
+
+    fn look_registers(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        self.look_send(now, port);
+        self.look_receive(now, port);
     }
 
     fn look_send(&mut self, now: Nanos, port: &mut dyn CpPort) {

@@ -16,7 +16,7 @@ enum State {
     Transmitting { rest: usize },
     /// The error is on show until the CPU has seen it.
     Failed(u8),
-    /// The CPU has seen it; its `TX` has to go to 0.
+    /// The CPU has seen it; its `TX` has to leave the acknowledgement.
     Closing,
 }
 
@@ -112,11 +112,12 @@ impl SendSide {
                 self.state = State::Closing;
                 Step::Stored
             }
+            State::Closing if tx == FAILED => Step::Wait,
+            // 0, or already the first count of the next telegram: the CPU may have written over its 0 before anyone here
+            // has seen it.
             State::Closing => {
-                if tx == 0 {
-                    self.state = State::Idle;
-                }
-                Step::Wait
+                self.state = State::Idle;
+                self.look(tx, block)
             }
         }
     }
@@ -228,8 +229,16 @@ mod tests {
         assert_eq!(send.echo(), 0x200A, "neither 0 nor a count acknowledges it");
         send.look(FAILED, &BLOCK);
         assert_eq!(send.echo(), 0);
-        assert_eq!(send.look(5, &BLOCK), Step::Wait, "0 comes first");
         send.look(0, &BLOCK);
+        assert_eq!(send.look(5, &BLOCK), Step::Stored);
+    }
+
+    #[test]
+    fn a_zero_that_was_overwritten_is_not_waited_for() {
+        let mut send = SendSide::new();
+        send.look(1025, &BLOCK);
+        send.look(FAILED, &BLOCK);
+        assert_eq!(send.look(FAILED, &BLOCK), Step::Wait);
         assert_eq!(send.look(5, &BLOCK), Step::Stored);
     }
 }

@@ -34,6 +34,18 @@ fn the_identifier_is_shown_and_acknowledged() {
 }
 
 #[test]
+fn zeros_that_were_overwritten_are_not_waited_for() {
+    // FC 9 writes its zeros and FC 0, in the same scan, the first count over them: the CP may have seen neither.
+    let mut bench = Bench::starting(&ascii(1));
+    bench.put(0x8001, 0x8001, &[]);
+    bench.put(0, 4, b"ping");
+    assert!(bench.cp.is_working());
+    assert_eq!((bench.rx(), bench.tx_echo()), (0, 4));
+    bench.put(0, 0, &[]);
+    assert_eq!(bench.log.tx, b"ping");
+}
+
+#[test]
 fn until_then_it_sends_nothing_keeps_nothing_and_takes_no_order() {
     let mut bench = Bench::starting(&ascii(1));
     bench.line(LineInput::Rx(b"before"));

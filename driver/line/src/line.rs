@@ -99,6 +99,9 @@ pub trait Line {
     /// Takes back what has not yet begun to leave; the result is how many bytes will not be sent.
     fn take_back(&mut self, now: Nanos) -> usize;
 
+    /// The operating system's error number behind the last [`LineEvent::Gone`], if it had one.
+    fn errno(&self) -> Option<u32>;
+
     /// The modem lines as they stand; `None` where there are none.
     fn modem_lines(&mut self) -> Option<ModemLines>;
 

@@ -45,6 +45,7 @@ pub struct RealLine {
     announce: Option<LineEvent>,
     /// The reason given last, so that an attempt that fails for the same reason is not told again.
     reason: String,
+    errno: Option<u32>,
 
     tx: Box<[u8; TX_BYTES]>,
     tx_begin: usize,
@@ -74,6 +75,7 @@ impl RealLine {
             pause: RETRY,
             announce: None,
             reason: String::new(),
+            errno: None,
             tx: Box::new([0; TX_BYTES]),
             tx_begin: 0,
             tx_end: 0,
@@ -107,6 +109,7 @@ impl RealLine {
                 // Told once. A connection that is being made tells its end soon enough.
                 if until.is_none() && self.reason.is_empty() {
                     "waiting for the partner to connect".clone_into(&mut self.reason);
+                    self.errno = None;
                     return Some(LineEvent::Gone(self.reason.clone()));
                 }
                 None
@@ -141,6 +144,7 @@ impl RealLine {
             return None;
         }
         self.reason.clone_from(&reason);
+        self.errno = errno_of(error);
         Some(LineEvent::Gone(reason))
     }
 
@@ -232,6 +236,7 @@ impl Line for RealLine {
             self.forget();
             self.state = State::Refused;
             self.reason = error.to_string();
+            self.errno = None;
             self.announce = Some(LineEvent::Gone(self.reason.clone()));
             return Err(error);
         }
@@ -343,6 +348,10 @@ impl Line for RealLine {
         taken
     }
 
+    fn errno(&self) -> Option<u32> {
+        self.errno
+    }
+
     fn modem_lines(&mut self) -> Option<ModemLines> {
         self.link.modem_lines()
     }
@@ -350,4 +359,19 @@ impl Line for RealLine {
     fn set_modem_lines(&mut self, rts: bool, dtr: bool) {
         self.link.set_modem_lines(rts, dtr);
     }
+}
+
+/// The error number, also where a library has kept only its kind.
+fn errno_of(error: &io::Error) -> Option<u32> {
+    use rustix::io::Errno;
+    let number = error.raw_os_error().or(match error.kind() {
+        io::ErrorKind::NotFound => Some(Errno::NOENT.raw_os_error()),
+        io::ErrorKind::PermissionDenied => Some(Errno::ACCESS.raw_os_error()),
+        io::ErrorKind::AlreadyExists => Some(Errno::EXIST.raw_os_error()),
+        io::ErrorKind::ConnectionRefused => Some(Errno::CONNREFUSED.raw_os_error()),
+        io::ErrorKind::TimedOut => Some(Errno::TIMEDOUT.raw_os_error()),
+        io::ErrorKind::AddrInUse => Some(Errno::ADDRINUSE.raw_os_error()),
+        _ => None,
+    })?;
+    u32::try_from(number).ok()
 }

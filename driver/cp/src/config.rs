@@ -1,0 +1,65 @@
+//! The JSON text that the runtime transfers with the parameters: what the driver has to know and the CP has not.
+
+use ob1_cp::Refused;
+use ob1_line::LineSpec;
+use serde::Deserialize;
+
+/// The only module type of this driver.
+const MODULE: &str = "cp240";
+
+/// Keys of the JSON text. Unknown ones are for later drivers and ignored.
+#[derive(Debug, Deserialize)]
+struct Keys {
+    module: String,
+    #[serde(default)]
+    station: String,
+    #[serde(default)]
+    name: String,
+    line: String,
+}
+
+/// The configuration, checked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Config {
+    pub(crate) station: String,
+    pub(crate) name: String,
+    pub(crate) line: LineSpec,
+}
+
+impl Config {
+    pub(crate) fn parse(json: &[u8]) -> Result<Self, Refused> {
+        let keys: Keys =
+            serde_json::from_slice(json).map_err(|e| Refused(format!("the driver's configuration: {e}")))?;
+        if keys.module != MODULE {
+            return Err(Refused(format!("module \"{}\": this driver is a {MODULE}", keys.module)));
+        }
+        let line = keys.line.parse().map_err(|e| Refused(format!("{e}")))?;
+        Ok(Self { station: keys.station, name: keys.name, line })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_runtimes_text_is_understood() {
+        let json = br#"{"module":"cp240","station":"a","name":"cp1","line":"pty:/tmp/x","later":1}"#;
+        let config = Config::parse(json).unwrap();
+        assert_eq!((config.station.as_str(), config.name.as_str()), ("a", "cp1"));
+        assert_eq!(config.line.to_string(), "pty:/tmp/x");
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        for (json, says) in [
+            (&b""[..], "configuration"),
+            (br#"{"module":"cp240"}"#, "line"),
+            (br#"{"module":"cp341","line":"pty:/x"}"#, "this driver is a cp240"),
+            (br#"{"module":"cp240","line":"pty:x"}"#, "absolute"),
+        ] {
+            let refused = Config::parse(json).unwrap_err().to_string();
+            assert!(refused.contains(says), "{refused}");
+        }
+    }
+}

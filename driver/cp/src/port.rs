@@ -1,0 +1,80 @@
+//! The process's line: a real one, once the configuration has named it, and the log.
+
+use ob1_cp::{LinePort, Refused, to_line_settings};
+use ob1_firmware::{CpEvent, LineSettings, Nanos};
+use ob1_line::{Line, RealLine};
+use tracing::{debug, info, trace, warn};
+
+use crate::config::Config;
+
+/// A real line, or none yet.
+#[derive(Default)]
+pub(crate) struct Port {
+    line: Option<RealLine>,
+    config: Option<Config>,
+}
+
+impl Port {
+    pub(crate) fn line(&mut self) -> Option<&mut RealLine> {
+        self.line.as_mut()
+    }
+
+    pub(crate) const fn line_ref(&self) -> Option<&RealLine> {
+        self.line.as_ref()
+    }
+}
+
+impl LinePort for Port {
+    fn configure(&mut self, _now: Nanos, json: &[u8]) -> Result<(), Refused> {
+        let config = Config::parse(json).inspect_err(|refused| warn!("{refused}"))?;
+        // Each STOP -> RUN of the CPU transfers everything again: a line that stays the same stays open.
+        if self.config.as_ref() != Some(&config) {
+            info!(station = config.station, name = config.name, line = %config.line, "configured");
+            if self.line.as_ref().is_none_or(|line| *line.spec() != config.line) {
+                // The old one first: it may hold the same device or path.
+                self.line = None;
+                self.line = Some(RealLine::new(&config.line));
+            }
+            self.config = Some(config);
+        }
+        Ok(())
+    }
+
+    fn apply(&mut self, _now: Nanos, settings: &LineSettings) {
+        if let Some(line) = &mut self.line {
+            info!(%settings, "line settings");
+            // Refused settings also come as an event of the line, with their reason.
+            let _ = line.apply(&to_line_settings(settings));
+        }
+    }
+
+    fn transmit(&mut self, now: Nanos, bytes: &[u8]) {
+        trace!(tx = ?bytes);
+        if let Some(line) = &mut self.line {
+            let taken = line.write(now, bytes);
+            if taken < bytes.len() {
+                warn!(lost = bytes.len() - taken, "the line's send buffer is full");
+            }
+        }
+    }
+
+    fn take_back(&mut self, now: Nanos) -> usize {
+        self.line.as_mut().map_or(0, |line| line.take_back(now))
+    }
+
+    fn set_modem_lines(&mut self, _now: Nanos, rts: bool, dtr: bool) {
+        if let Some(line) = &mut self.line {
+            line.set_modem_lines(rts, dtr);
+        }
+    }
+
+    fn trace(&mut self, now: Nanos, event: &CpEvent<'_>) {
+        match event {
+            CpEvent::Startup { .. } | CpEvent::Working => info!(now, ?event),
+            CpEvent::NoParameters(_) => warn!(now, ?event),
+            CpEvent::Order(telegram) => debug!(now, length = telegram.len(), "order"),
+            CpEvent::Received(telegram) => debug!(now, length = telegram.len(), "received"),
+            _ => debug!(now, ?event),
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! The loop of the process: wait for the doorbell, the line or a time, pump, wait again.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use ob1_backplane::CpSide;
+use ob1_cp::{CpPump, HEARTBEAT};
+use ob1_firmware::{LineFault, LineInput, ModemLines, Nanos};
+use ob1_line::{Line, LineEvent, PollFds};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use tracing::{info, warn};
+
+use crate::port::Port;
+
+/// Passes without asking the system, while the CPU side keeps changing things, before line and doorbell get a look.
+const PASSES: u32 = 16;
+
+/// Received bytes handed over at a time.
+const BUFFER: usize = 256;
+
+/// Why the loop has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum End {
+    /// The doorbell is closed: the runtime is gone, or wants the driver to be.
+    Closed,
+    /// A signal.
+    Terminated,
+}
+
+/// What is ready after a wait.
+#[derive(Debug, Default, Clone, Copy)]
+struct Ready {
+    doorbell: bool,
+    line: bool,
+}
+
+pub(crate) struct Process {
+    pump: CpPump,
+    port: Port,
+    start: Instant,
+    spin: Duration,
+    terminate: Arc<AtomicBool>,
+    /// The firmware has been told that the line is gone.
+    told_gone: bool,
+    modem: Option<ModemLines>,
+    modem_at: Nanos,
+}
+
+impl Process {
+    pub(crate) fn new(segment: CpSide, spin: Duration, terminate: Arc<AtomicBool>) -> Self {
+        Self {
+            pump: CpPump::new(segment),
+            port: Port::default(),
+            start: Instant::now(),
+            spin,
+            terminate,
+            told_gone: false,
+            modem: None,
+            modem_at: 0,
+        }
+    }
+
+    fn now(&self) -> Nanos {
+        u64::try_from(self.start.elapsed().as_nanos()).unwrap_or(Nanos::MAX)
+    }
+
+    pub(crate) fn run(&mut self) -> Result<End, Errno> {
+        let mut passes = 0;
+        loop {
+            let now = self.now();
+            let changed = self.pump.has_changes();
+            self.pump.poll(now, &mut self.port);
+            self.line_events(now);
+            // Line events may have moved the deadline, and the pump's own work the registers.
+            let deadline = self.pump.poll(now, &mut self.port);
+            let line = self.port.line_ref().and_then(Line::deadline).unwrap_or(Nanos::MAX);
+
+            if changed && self.changes_soon() || !self.pump.prepare_sleep() {
+                passes += 1;
+                if passes < PASSES {
+                    continue;
+                }
+                self.pump.awake();
+            }
+            let timeout = if passes >= PASSES { 0 } else { deadline.min(line).saturating_sub(self.now()) };
+            passes = 0;
+            let ready = self.wait(Duration::from_nanos(timeout))?;
+            self.pump.awake();
+            if self.terminate.load(Ordering::Relaxed) {
+                return Ok(End::Terminated);
+            }
+            if ready.line
+                && let Some(line) = self.port.line()
+            {
+                line.ready();
+            }
+            if ready.doorbell {
+                // First the work: whoever rang waits for it. A ring for a later change may be swallowed with this one; that
+                // change is then found by `prepare_sleep`.
+                let now = self.now();
+                self.pump.poll(now, &mut self.port);
+                if doorbell_closed()? {
+                    return Ok(End::Closed);
+                }
+            }
+        }
+    }
+
+    /// Spins a moment after a change: a CPU in the middle of a telegram often answers at once, and a sleep costs more.
+    fn changes_soon(&self) -> bool {
+        if self.spin.is_zero() {
+            return false;
+        }
+        let end = Instant::now() + self.spin;
+        loop {
+            if self.pump.has_changes() {
+                return true;
+            }
+            if Instant::now() >= end {
+                return false;
+            }
+            std::hint::spin_loop();
+        }
+    }
+
+    fn wait(&self, timeout: Duration) -> Result<Ready, Errno> {
+        let stdin = rustix::stdio::stdin();
+        let mut line = PollFds::default();
+        if let Some(real) = self.port.line_ref() {
+            real.poll_fds(&mut line);
+        }
+        let mut entries = [const { None }; 3];
+        entries[0] = Some(PollFd::new(&stdin, PollFlags::IN));
+        for (slot, entry) in entries[1..].iter_mut().zip(line.into_entries()) {
+            *slot = Some(entry);
+        }
+        // At most three of them, in order and without gaps.
+        let mut fds: Vec<PollFd<'_>> = entries.into_iter().flatten().collect();
+        let timeout = Timespec::try_from(timeout).unwrap_or(Timespec { tv_sec: 1, tv_nsec: 0 });
+        match poll(&mut fds, Some(&timeout)) {
+            Ok(0) | Err(Errno::INTR) => Ok(Ready::default()),
+            Ok(_) => Ok(Ready {
+                doorbell: fds.first().is_some_and(|fd| !fd.revents().is_empty()),
+                line: fds.iter().skip(1).any(|fd| !fd.revents().is_empty()),
+            }),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn line_events(&mut self, now: Nanos) {
+        let mut buffer = [0; BUFFER];
+        while let Some(event) = self.port.line().and_then(|line| line.next_event(now, &mut buffer)) {
+            let input = match event {
+                LineEvent::Rx(n) => {
+                    tracing::trace!(rx = ?&buffer[..n]);
+                    LineInput::Rx(&buffer[..n])
+                }
+                LineEvent::TxDone => LineInput::TxDone,
+                LineEvent::Fault(fault) => LineInput::Fault(match fault {
+                    ob1_line::LineFault::Parity => LineFault::Parity,
+                    ob1_line::LineFault::Framing => LineFault::Framing,
+                    ob1_line::LineFault::Break => LineFault::Break,
+                }),
+                LineEvent::Up(warnings) => {
+                    info!("the line is up");
+                    for warning in warnings {
+                        warn!("{warning}");
+                    }
+                    self.modem = None;
+                    self.line_is_up(now);
+                    continue;
+                }
+                LineEvent::Gone(reason) => {
+                    let errno = self.port.line().and_then(|line| line.errno()).unwrap_or(0);
+                    warn!(reason, errno, "the line is gone");
+                    self.pump.line_error(now, errno, &reason);
+                    self.line_is_gone(now);
+                    continue;
+                }
+            };
+            self.pump.line_event(now, input, &mut self.port);
+        }
+        // A connection that is still being made: nothing may count as sent on it.
+        if self.port.line_ref().is_some_and(|line| !line.is_up()) {
+            self.line_is_gone(now);
+        }
+        self.sample_modem(now);
+    }
+
+    fn line_is_gone(&mut self, now: Nanos) {
+        if !self.told_gone {
+            self.told_gone = true;
+            self.pump.line_event(now, LineInput::Fault(LineFault::Gone), &mut self.port);
+        }
+    }
+
+    fn line_is_up(&mut self, now: Nanos) {
+        if self.told_gone {
+            self.told_gone = false;
+            self.pump.line_event(now, LineInput::Fault(LineFault::Back), &mut self.port);
+        }
+    }
+
+    /// Modem lines cannot be polled for; they are looked at with the heartbeat, where there are any.
+    fn sample_modem(&mut self, now: Nanos) {
+        if now < self.modem_at {
+            return;
+        }
+        self.modem_at = now + HEARTBEAT;
+        let Some(lines) = self.port.line().and_then(Line::modem_lines) else { return };
+        let lines = ModemLines { cts: lines.cts, dsr: lines.dsr, ri: lines.ri, cd: lines.dcd };
+        if self.modem != Some(lines) {
+            self.modem = Some(lines);
+            self.pump.line_event(now, LineInput::Modem(lines), &mut self.port);
+        }
+    }
+}
+
+/// Takes the rings; true at the end of the file.
+fn doorbell_closed() -> Result<bool, Errno> {
+    let mut rings = [0; 64];
+    match rustix::io::read(rustix::stdio::stdin(), &mut rings) {
+        Ok(0) => Ok(true),
+        Ok(_) | Err(Errno::AGAIN | Errno::INTR) => Ok(false),
+        Err(error) => Err(error),
+    }
+}

@@ -1,0 +1,83 @@
+//! One thing, two names: the firmware's words in those of the back plane and of the line.
+
+use ob1_backplane::{Counter, Leds as SegmentLeds, ModemInputs};
+use ob1_firmware::{CpCounter, Leds, LineSettings, ModemLines};
+use ob1_line::{Flow, Parity, StopBits};
+
+/// Number of the diagnostic record with the text of the last line error (UTF-8, at most 240 bytes; empty: the line is up).
+pub const LINE_TEXT_RECORD: u32 = 240;
+
+/// Numbers of the events a driver emits; all are messages, none an interrupt: a CPU without OB 82 must not stop because a
+/// cable was pulled.
+///
+/// Events of a protocol have the numbers of the event classes 7 and 8 (`0701h` first repetition, `0808h` block check ...).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum EventCode {
+    /// A start-up identifier is shown; data: its number, then 0 after parameters or 1 after a reset request.
+    Startup = 1,
+    /// The CPU has acknowledged the start-up.
+    Working = 2,
+    /// The parameters are refused; data: the parameter byte.
+    NoParameters = 3,
+    /// The line is gone; data: the operating system's error number (4 bytes, big-endian; 0: none). The text is in record
+    /// [`LINE_TEXT_RECORD`].
+    LineGone = 4,
+    /// The line can be used.
+    LineUp = 5,
+    /// An order ended with an error; data: the code of the indicator word.
+    SendFailed = 6,
+    /// The driver's configuration (JSON) is refused; the text is in record [`LINE_TEXT_RECORD`].
+    Configuration = 7,
+    /// Something in the segment has no meaning.
+    Segment = 8,
+}
+
+pub(crate) const fn counter(counter: CpCounter) -> Counter {
+    match counter {
+        CpCounter::OrdersAccepted => Counter::OrdersAccepted,
+        CpCounter::Sent => Counter::TelegramsSent,
+        CpCounter::SendErrors => Counter::SendErrors,
+        CpCounter::OrdersAborted => Counter::OrdersAborted,
+        CpCounter::Received => Counter::TelegramsReceived,
+        CpCounter::Delivered => Counter::TelegramsDelivered,
+        CpCounter::ReceiveAborted => Counter::ReceiveAborted,
+        CpCounter::ReceiveErrors => Counter::ReceiveErrors,
+        CpCounter::Rejected => Counter::RejectedFull,
+        CpCounter::BytesTx => Counter::BytesTx,
+        CpCounter::BytesRx => Counter::BytesRx,
+        CpCounter::LineFaults => Counter::LineFaults,
+        CpCounter::LineRestarts => Counter::LineRestarts,
+    }
+}
+
+pub(crate) const fn leds(leds: Leds) -> SegmentLeds {
+    SegmentLeds { power: leds.power, transmit: leds.transmit, receive: leds.receive, error: leds.error }
+}
+
+pub(crate) fn modem(lines: ModemLines, rts: bool, dtr: bool) -> ModemInputs {
+    ModemInputs { cts: lines.cts, dsr: lines.dsr, ri: lines.ri, cd: lines.cd, dtr, rts }
+}
+
+/// The settings of a parameter record as the real line takes them.
+pub const fn to_line_settings(settings: &LineSettings) -> ob1_line::LineSettings {
+    ob1_line::LineSettings {
+        baud: settings.baud,
+        data_bits: settings.data_bits,
+        parity: match settings.parity {
+            ob1_params::Parity::None => Parity::None,
+            ob1_params::Parity::Odd => Parity::Odd,
+            ob1_params::Parity::Even => Parity::Even,
+        },
+        stop_bits: match settings.stop_bits {
+            ob1_params::StopBits::One => StopBits::One,
+            ob1_params::StopBits::OneAndHalf => StopBits::OneAndHalf,
+            ob1_params::StopBits::Two => StopBits::Two,
+        },
+        flow: match settings.flow {
+            ob1_params::Flow::None => Flow::None,
+            ob1_params::Flow::Hardware => Flow::Hardware,
+            ob1_params::Flow::XonXoff => Flow::XonXoff,
+        },
+    }
+}

@@ -1,0 +1,219 @@
+//! The process itself: its doorbell, its line, its end. Serial by a lock, for a process is a heavy thing.
+
+#![allow(clippy::disallowed_methods, clippy::disallowed_types)] // real processes have real time
+
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use ob1_backplane::{CpuSide, CpuState, DriverState, Segment};
+use rustix::process::{Pid, Signal, kill_process};
+
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+/// ASCII, 115200 8N1, ZVZ 20 ms.
+const ASCII: [u8; 16] = [0x0E, 0x01, 0x13, 0, 0, 1, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+
+struct Station {
+    cpu: CpuSide,
+    segment: Segment,
+    line: PathBuf,
+    driver: Child,
+    bell: Option<ChildStdin>,
+    guard: Instant,
+    _dir: tempfile::TempDir,
+}
+
+impl Station {
+    fn start() -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let line = dir.path().join("line");
+        let segment = Segment::create_shared().unwrap();
+        let mut cpu = CpuSide::create(&segment, 16).unwrap();
+        cpu.set_cpu_state(CpuState::Run);
+        let json = format!(r#"{{"module":"cp240","station":"s","name":"cp1","line":"pty:{}"}}"#, line.display());
+        cpu.write_params(&ASCII, json.as_bytes()).unwrap();
+        let (driver, bell) = spawn(&segment.path().unwrap());
+        let guard = Instant::now() + Duration::from_secs(30);
+        Self { cpu, segment, line, driver, bell: Some(bell), guard, _dir: dir }
+    }
+
+    fn words(&mut self) -> (u16, u16) {
+        let mut inputs = [0; 16];
+        self.cpu.read_inputs(&mut inputs);
+        (u16::from_be_bytes([inputs[0], inputs[1]]), u16::from_be_bytes([inputs[2], inputs[3]]))
+    }
+
+    /// Looks until it is so; the time only ends a test that has failed.
+    fn until<T>(&mut self, what: &str, mut look: impl FnMut(&mut Self) -> Option<T>) -> T {
+        loop {
+            if let Some(found) = look(self) {
+                return found;
+            }
+            assert!(Instant::now() < self.guard, "{what}: registers {:04X?}", self.words());
+            std::thread::yield_now();
+        }
+    }
+
+    fn put(&mut self, rx_echo: u16, tx: u16, block: &[u8]) {
+        let mut outputs = [0; 16];
+        outputs[..2].copy_from_slice(&rx_echo.to_be_bytes());
+        outputs[2..4].copy_from_slice(&tx.to_be_bytes());
+        outputs[4..4 + block.len()].copy_from_slice(block);
+        self.cpu.write_outputs(&outputs);
+        if self.cpu.take_doorbell() {
+            self.bell.as_mut().unwrap().write_all(&[1]).unwrap();
+        }
+    }
+
+    fn synchronise(&mut self) -> u16 {
+        let number = self.until("start-up", |s| Some(s.words()).filter(|w| w.0 == 0x8001)).1;
+        self.put(0x8001, number, &[]);
+        self.until("acknowledged", |s| (s.words() == (0, 0)).then_some(()));
+        self.put(0, 0, &[]);
+        self.until("ready", |s| (s.cpu.monitor().driver_state() == Ok(DriverState::Ready)).then_some(()));
+        number
+    }
+
+    fn partner(&mut self) -> serialport::TTYPort {
+        self.until("pty", |s| s.line.exists().then_some(()));
+        serialport::new(self.line.to_string_lossy(), 115_200)
+            .exclusive(false)
+            .timeout(Duration::from_secs(30))
+            .open_native()
+            .unwrap()
+    }
+
+    fn pid(&self) -> Pid {
+        Pid::from_child(&self.driver)
+    }
+
+    /// A short telegram to the partner and one back.
+    fn exchange(&mut self, partner: &mut serialport::TTYPort) {
+        self.put(0, 4, b"ping");
+        self.until("echo", |s| (s.words().1 == 4).then_some(()));
+        self.put(0, 0, &[]);
+        let mut ping = [0; 4];
+        partner.read_exact(&mut ping).unwrap();
+        assert_eq!(&ping, b"ping");
+        self.until("done", |s| (s.words().1 == 0).then_some(()));
+        partner.write_all(b"pong\xFF").unwrap();
+        self.until("telegram", |s| (s.words().0 == 5).then_some(()));
+        let mut inputs = [0; 16];
+        self.cpu.read_inputs(&mut inputs);
+        assert_eq!(&inputs[4..9], b"pong\xFF");
+        self.put(5, 0, &[]);
+        self.until("fetched", |s| (s.words().0 == 0).then_some(()));
+        self.put(0, 0, &[]);
+    }
+}
+
+impl Drop for Station {
+    fn drop(&mut self) {
+        let _ = self.driver.kill();
+        let _ = self.driver.wait();
+    }
+}
+
+fn spawn(segment: &Path) -> (Child, ChildStdin) {
+    let mut driver = Command::new(env!("CARGO_BIN_EXE_ob1-cp"))
+        .arg("--segment")
+        .arg(segment)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .env("OB1_LOG", "off")
+        .spawn()
+        .unwrap();
+    let bell = driver.stdin.take().unwrap();
+    (driver, bell)
+}
+
+fn lock() -> std::sync::MutexGuard<'static, ()> {
+    ONE_AT_A_TIME.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+#[test]
+fn telegrams_pass_and_the_end_of_the_doorbell_ends_it() {
+    let _one = lock();
+    let mut station = Station::start();
+    station.synchronise();
+    let mut partner = station.partner();
+    for _ in 0..20 {
+        station.exchange(&mut partner);
+    }
+    // Ctrl-C of the terminal goes to all; the runtime decides.
+    kill_process(station.pid(), Signal::INT).unwrap();
+    station.exchange(&mut partner);
+    station.bell = None;
+    assert_eq!(station.driver.wait().unwrap().code(), Some(0));
+    assert!(station.line.symlink_metadata().is_err(), "the pty's path is removed");
+}
+
+#[test]
+fn a_killed_driver_is_followed_by_another_on_the_same_path() {
+    let _one = lock();
+    let mut station = Station::start();
+    let mut numbers = Vec::new();
+    for _ in 0..3 {
+        numbers.push(station.synchronise());
+        let mut partner = station.partner();
+        station.exchange(&mut partner);
+        station.driver.kill().unwrap();
+        station.driver.wait().unwrap();
+        assert!(station.line.symlink_metadata().is_ok(), "nobody could remove it");
+        station.cpu.monitor().driver_gone();
+        let (driver, bell) = spawn(&station.segment.path().unwrap());
+        (station.driver, station.bell) = (driver, Some(bell));
+    }
+    numbers.dedup();
+    assert_eq!(numbers.len(), 3, "each start-up has a number of its own: {numbers:04X?}");
+    station.bell = None;
+    assert_eq!(station.driver.wait().unwrap().code(), Some(0));
+    assert!(station.line.symlink_metadata().is_err());
+}
+
+#[test]
+fn sigterm_ends_it_in_order() {
+    let _one = lock();
+    let mut station = Station::start();
+    station.synchronise();
+    kill_process(station.pid(), Signal::TERM).unwrap();
+    assert_eq!(station.driver.wait().unwrap().code(), Some(0));
+    assert!(station.line.symlink_metadata().is_err());
+}
+
+#[test]
+fn a_line_that_cannot_be_opened_is_a_state_and_heals() {
+    let _one = lock();
+    let mut station = Station::start();
+    station.synchronise();
+    let device = station.line.with_file_name("device");
+    let json = format!(r#"{{"module":"cp240","line":"serial:{}"}}"#, device.display());
+    station.cpu.write_params(&ASCII, json.as_bytes()).unwrap();
+    station.until("line error", |s| {
+        if s.cpu.take_doorbell() {
+            s.bell.as_mut().unwrap().write_all(&[1]).unwrap();
+        }
+        (s.cpu.monitor().driver_state() == Ok(DriverState::LineError(2))).then_some(())
+    });
+    let text = station.cpu.read_diagnosis().unwrap();
+    assert!(String::from_utf8_lossy(text.data()).contains("No such file"), "{text:?}");
+    // A pty takes the place of the device that was not there.
+    let (_master, slave) = serialport::TTYPort::pair().unwrap();
+    std::os::unix::fs::symlink(serialport::SerialPort::name(&slave).unwrap(), &device).unwrap();
+    station.until("back", |s| (s.cpu.monitor().driver_state() == Ok(DriverState::Ready)).then_some(()));
+}
+
+#[test]
+fn what_is_no_segment_is_refused() {
+    let _one = lock();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    for path in [file.path(), Path::new("/nowhere")] {
+        let (mut driver, _bell) = spawn(path);
+        assert_eq!(driver.wait().unwrap().code(), Some(1));
+    }
+    let status = Command::new(env!("CARGO_BIN_EXE_ob1-cp")).stderr(Stdio::null()).status().unwrap();
+    assert_eq!(status.code(), Some(2), "no arguments");
+}

@@ -1,0 +1,275 @@
+//! The pump over heap segments and the simulated line: two CPs, two CPUs, one thread, virtual time.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use ob1_backplane::{Counter, CpSide, CpuSide, CpuState, DriverState, Segment};
+use ob1_cp::{CpPump, EventCode, HEARTBEAT, LinePort, Refused};
+use ob1_firmware::{LineFault, LineInput, LineSettings, Nanos};
+use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
+
+const MS: Nanos = 1_000_000;
+
+/// 3964R, 115200 8N1, default times.
+const PARAMETERS: [u8; 16] = [0x0E, 0x04, 0x13, 0, 0, 10, 25, 100, 5, 6, 0, 0, 0, 0, 0, 0];
+
+/// One end of the simulated line.
+struct Port {
+    line: Rc<RefCell<SimLine>>,
+    end: End,
+    applied: Vec<LineSettings>,
+    refuse: bool,
+}
+
+impl LinePort for Port {
+    fn configure(&mut self, _now: Nanos, json: &[u8]) -> Result<(), Refused> {
+        if self.refuse { Err(Refused(String::from_utf8_lossy(json).into_owned())) } else { Ok(()) }
+    }
+
+    fn apply(&mut self, _now: Nanos, settings: &LineSettings) {
+        self.applied.push(*settings);
+    }
+
+    fn transmit(&mut self, now: Nanos, bytes: &[u8]) {
+        self.line.borrow_mut().write(self.end, now, bytes);
+    }
+
+    fn take_back(&mut self, now: Nanos) -> usize {
+        self.line.borrow_mut().take_back(self.end, now)
+    }
+}
+
+/// A CPU, the segment, and the driver behind it.
+struct Module {
+    segment: Segment,
+    cpu: CpuSide,
+    pump: CpPump,
+    port: Port,
+    due: Nanos,
+}
+
+impl Module {
+    fn new(line: &Rc<RefCell<SimLine>>, end: End) -> Self {
+        let segment = Segment::heap();
+        let mut cpu = CpuSide::create(&segment, 16).unwrap();
+        cpu.set_cpu_state(CpuState::Run);
+        let pump = CpPump::new(CpSide::attach(&segment).unwrap());
+        let port = Port { line: Rc::clone(line), end, applied: Vec::new(), refuse: false };
+        Self { segment, cpu, pump, port, due: 0 }
+    }
+
+    fn poll(&mut self, now: Nanos) {
+        self.due = self.pump.poll(now, &mut self.port);
+    }
+
+    fn inputs(&mut self) -> [u8; 16] {
+        let mut inputs = [0; 16];
+        self.cpu.read_inputs(&mut inputs);
+        inputs
+    }
+
+    fn words(&mut self) -> (u16, u16) {
+        let inputs = self.inputs();
+        (u16::from_be_bytes([inputs[0], inputs[1]]), u16::from_be_bytes([inputs[2], inputs[3]]))
+    }
+
+    fn put(&mut self, now: Nanos, rx_echo: u16, tx: u16, block: &[u8]) {
+        let mut outputs = [0; 16];
+        outputs[..2].copy_from_slice(&rx_echo.to_be_bytes());
+        outputs[2..4].copy_from_slice(&tx.to_be_bytes());
+        outputs[4..4 + block.len()].copy_from_slice(block);
+        self.cpu.write_outputs(&outputs);
+        self.poll(now);
+    }
+
+    /// Parameters and the start-up of FC 9.
+    fn start(&mut self, now: Nanos) {
+        self.cpu.write_params(&PARAMETERS, b"{}").unwrap();
+        self.poll(now);
+        self.synchronise(now);
+    }
+
+    fn synchronise(&mut self, now: Nanos) {
+        let (rx, number) = self.words();
+        assert_eq!(rx, 0x8001);
+        self.put(now, 0x8001, number, &[]);
+        self.put(now, 0, 0, &[]);
+        assert!(self.pump.cp().is_working());
+    }
+
+    fn event_codes(&mut self) -> Vec<u32> {
+        std::iter::from_fn(|| self.cpu.poll_event().unwrap()).map(|event| event.code).collect()
+    }
+}
+
+fn line() -> Rc<RefCell<SimLine>> {
+    Rc::new(RefCell::new(SimLine::new(SimConfig::new(115_200, 20), 1)))
+}
+
+/// Runs until `done`, at the latest until `end`; answers the time.
+fn run(modules: &mut [Module; 2], mut now: Nanos, end: Nanos, done: impl Fn(&mut [Module; 2]) -> bool) -> Nanos {
+    let line = Rc::clone(&modules[0].port.line);
+    while !done(modules) {
+        let next = line.borrow().next_event();
+        now = modules.iter().map(|m| m.due).chain(next).min().unwrap().max(now);
+        assert!(now <= end, "nothing happened");
+        let mut buffer = [0; 64];
+        loop {
+            let popped = line.borrow_mut().pop(now, &mut buffer);
+            let Some((end, event)) = popped else { break };
+            let input = match event {
+                SimEvent::Rx(n) => LineInput::Rx(&buffer[..n]),
+                SimEvent::TxDone => LineInput::TxDone,
+                SimEvent::Fault(_) | SimEvent::Cts(_) => continue,
+            };
+            let module = &mut modules[end as usize];
+            module.due = module.pump.line_event(now, input, &mut module.port);
+        }
+        for module in modules.iter_mut().filter(|m| m.due <= now) {
+            module.poll(now);
+        }
+    }
+    now
+}
+
+#[test]
+fn a_telegram_from_one_cpu_to_the_other() {
+    let line = line();
+    let mut modules = [Module::new(&line, End::A), Module::new(&line, End::B)];
+    modules.iter_mut().for_each(|m| m.start(0));
+    assert_eq!(modules[0].port.applied[0].to_string(), "115200 8N1");
+
+    let [a, b] = &mut modules;
+    a.put(0, 0, 14, b"twelve bytes");
+    a.put(0, 0, 2, b"+2");
+    a.put(0, 0, 0, &[]);
+    b.poll(0);
+    let now = run(&mut modules, 0, 100 * MS, |m| m[1].words().0 != 0);
+    let [a, b] = &mut modules;
+    assert_eq!(b.inputs(), *b"\x00\x0e\x00\x00twelve bytes");
+    b.put(now, 14, 0, &[]);
+    assert_eq!(b.inputs()[..6], *b"\x00\x02\x00\x00+2");
+    b.put(now, 2, 0, &[]);
+    b.put(now, 0, 0, &[]);
+    assert_eq!(b.words(), (0, 0));
+    assert_eq!(a.words().1, 2, "the DLE after the block is still on the line");
+    run(&mut modules, now, now + 10 * MS, |m| m[0].words().1 == 0);
+
+    let [a, b] = &modules;
+    let (a, b) = (a.cpu.monitor().counters(), b.cpu.monitor().counters());
+    assert_eq!((a.get(Counter::OrdersAccepted), a.get(Counter::TelegramsSent)), (1, 1));
+    assert_eq!((b.get(Counter::TelegramsReceived), b.get(Counter::TelegramsDelivered)), (1, 1));
+}
+
+#[test]
+fn the_heart_beats_and_the_pump_may_sleep() {
+    let mut module = Module::new(&line(), End::A);
+    assert!(!module.pump.prepare_sleep(), "nothing looked at yet");
+    module.poll(0);
+    let beats = module.cpu.monitor().cp_heartbeat();
+    assert_eq!(module.due, HEARTBEAT);
+    assert!(module.pump.prepare_sleep());
+    module.cpu.write_outputs(&[1]);
+    assert!(module.cpu.take_doorbell(), "the CPU side rings for it");
+    module.pump.awake();
+    assert!(module.pump.has_changes());
+    assert!(!module.pump.prepare_sleep(), "not before it has looked");
+    module.poll(MS);
+    assert_eq!(module.cpu.monitor().cp_heartbeat(), beats);
+    module.poll(HEARTBEAT);
+    assert_eq!(module.cpu.monitor().cp_heartbeat(), beats + 1);
+}
+
+#[test]
+fn the_state_tells_what_is_missing() {
+    let mut module = Module::new(&line(), End::A);
+    let state = |m: &Module| m.cpu.monitor().driver_state().unwrap();
+    module.poll(0);
+    assert_eq!(state(&module), DriverState::NoParameters);
+    let mut wrong = PARAMETERS;
+    wrong[2] = 0xFF;
+    module.cpu.write_params(&wrong, b"{}").unwrap();
+    module.poll(0);
+    assert_eq!(state(&module), DriverState::ParameterError(2));
+    assert_eq!(module.words(), (0x8003, 0x8002));
+    module.port.refuse = true;
+    module.cpu.write_params(&PARAMETERS, b"no line").unwrap();
+    module.poll(0);
+    assert_eq!(state(&module), DriverState::ParameterError(0x100));
+    assert_eq!(module.cpu.read_diagnosis().unwrap().data(), b"no line");
+    module.port.refuse = false;
+    module.start(0);
+    assert_eq!(state(&module), DriverState::Ready);
+
+    module.pump.line_error(0, 2, "No such file or directory");
+    module.pump.line_event(0, LineInput::Fault(LineFault::Gone), &mut module.port);
+    assert_eq!(state(&module), DriverState::LineError(2));
+    assert_eq!(module.cpu.read_diagnosis().unwrap().data(), b"No such file or directory");
+    module.pump.line_event(0, LineInput::Fault(LineFault::Back), &mut module.port);
+    assert_eq!(state(&module), DriverState::Ready);
+    assert_eq!(module.cpu.read_diagnosis().unwrap().data(), b"");
+    let codes = module.event_codes();
+    for code in [EventCode::NoParameters, EventCode::Configuration, EventCode::Startup, EventCode::Working] {
+        assert!(codes.contains(&(code as u32)), "{code:?} in {codes:?}");
+    }
+    assert!(codes.ends_with(&[EventCode::LineGone as u32, EventCode::LineUp as u32]));
+}
+
+#[test]
+fn a_new_driver_shows_another_start_up_and_the_lost_order_is_counted() {
+    let line = line();
+    let mut module = Module::new(&line, End::A);
+    module.start(0);
+    module.put(0, 0, 1, b"x");
+    module.put(0, 0, 0, &[]);
+    // Killed with the order on the line; the acknowledgement of the first start-up comes into the registers once more.
+    let number = 0x8000 | 38;
+    module.put(0, 0x8001, number, &[]);
+    module.pump = CpPump::new(CpSide::attach(&module.segment).unwrap());
+    module.poll(0);
+    assert_eq!(module.words().0, 0x8001, "the record of the parameters is still there: it starts with it");
+    assert_ne!(module.words().1, number);
+    module.synchronise(0);
+    let counters = module.cpu.monitor().counters();
+    assert_eq!((counters.get(Counter::OrdersLost), counters.open_orders()), (1, 0));
+    assert_eq!(counters.get(Counter::DriverStarts), 2);
+}
+
+#[test]
+fn the_same_parameters_again_are_a_new_start_up() {
+    let mut module = Module::new(&line(), End::A);
+    module.start(0);
+    let first = module.port.applied.len();
+    module.cpu.set_cpu_state(CpuState::Stop);
+    module.poll(0);
+    module.cpu.set_cpu_state(CpuState::Run);
+    module.poll(0);
+    assert!(module.pump.cp().is_working(), "STOP and RUN alone are none");
+    module.start(0);
+    assert_eq!(module.port.applied.len(), first + 1);
+}
+
+#[test]
+fn noise_in_the_segment_is_survived() {
+    for seed in 0..200u64 {
+        let mut module = Module::new(&line(), End::A);
+        module.start(0);
+        let mut state = seed;
+        let mut noise = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state ^ state >> 29
+        };
+        module.segment.scribble(|_| noise());
+        let mut now = 0;
+        for _ in 0..100 {
+            module.poll(now);
+            assert!(module.due > now, "seed {seed}: the pump never asks to be called at once for ever");
+            now = module.due;
+        }
+        // The CPU side writes everything of its own again; then it works.
+        module.cpu.restore();
+        module.cpu.write_outputs(&[0; 16]);
+        module.pump = CpPump::new(CpSide::attach(&module.segment).unwrap());
+        module.start(now);
+    }
+}
