@@ -47,6 +47,23 @@ fn without_bcc_and_with_doubled_dle() {
     );
 }
 
+/// Blocks leave in pieces of 128 characters; the last one may be full.
+#[test]
+fn long_blocks() {
+    run(
+        config(false),
+        "0    start
+         0    order 126*31 => tx STX
+         1    done
+         2    rx DLE => tx 126*31 10 03
+         130  done
+         131  rx DLE => sent ok
+         200  order 1024*10 => tx STX
+         201  done
+         202  rx DLE => tx 2048*10 10 03",
+    );
+}
+
 /// [S0 "Timeout times"]: QVZ expires after STX: STX is repeated 5 times, then NAK and the end. QVZ begins when STX is out.
 #[test]
 fn no_answer_to_stx() {
@@ -243,6 +260,20 @@ fn a_character_while_the_block_leaves() {
     );
 }
 
+/// What was taken back needs no time: the answer to the new STX is known for one although the line reports late.
+#[test]
+fn time_of_what_was_taken_back() {
+    run(
+        config(true),
+        "0 start
+         0 order 6*31 => tx STX
+         1 done
+         2 rx DLE => tx 6*31 10 03 13
+         5 rx NAK => back 5, !Output: Nak, !Output: Repetition(1), tx STX   # out at 7 ms instead of 12
+         8 rx DLE => tx 6*31 10 03 13",
+    );
+}
+
 /// [S0 "Initialization conflict"]: the lower priority sends DLE, receives, and then starts its own order again; the attempt
 /// lost does not count.
 #[test]
@@ -259,6 +290,23 @@ fn low_priority_yields_and_begins_again() {
          7   rx DLE => tx 31 10 03 22
          11  done
          12  rx DLE => sent ok",
+    );
+}
+
+/// ... so all permitted attempts remain.
+#[test]
+fn a_lost_conflict_costs_no_attempt() {
+    run(
+        Config { connect_attempts: 2, ..config(true) },
+        "0   start
+         0   order 31 => tx STX
+         1   rx STX => !Connect: Conflict { yielded: true }, tx DLE
+         2   done
+         3   rx 41 10 03 52 => tx DLE, got 41, tx STX
+         5   done
+         6   rx NAK => !Connect: Nak, !Connect: Repetition(1), tx STX
+         7   done
+         8   rx NAK => !Connect: Nak, !Connect: Exhausted, tx NAK, sent Repetitions",
     );
 }
 
@@ -342,7 +390,13 @@ fn zna_keeps_two_orders_apart() {
          6  done
          7  rx DLE => sent ok
          8  order 32
-         47 timeout => tx STX",
+         47 timeout => tx STX
+         48 done
+         49 rx DLE => tx 32 10 03 21
+         53 done
+         54 rx DLE => sent ok
+         55 abort => back          # RESET: nothing to wait for any more
+         56 order 33 => tx STX",
     );
 }
 

@@ -81,8 +81,10 @@ impl<const N: usize> S3964<N> {
                 used = 0;
             }
         }
-        out.transmit(&stage[..used]);
-        total += used;
+        if used > 0 {
+            out.transmit(&stage[..used]);
+            total += used;
+        }
         self.output.end = self.output.end.max(now) + self.config.char_time * total as u64;
         self.output.in_flight = true;
         self.output.nak = false;

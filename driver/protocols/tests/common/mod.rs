@@ -43,6 +43,7 @@ fn hex(bytes: &[u8]) -> String {
 
 impl Sink for Recorder {
     fn transmit(&mut self, bytes: &[u8]) {
+        assert!(!bytes.is_empty());
         match self.log.last_mut() {
             Some(last) if last.starts_with("tx ") => *last += &format!(" {}", hex(bytes)),
             _ => self.log.push(format!("tx {}", hex(bytes))),

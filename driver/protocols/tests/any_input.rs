@@ -1,0 +1,161 @@
+//! Whatever is put in, in whatever order: no panic, each order ends exactly once, nothing is delivered that has no room,
+//! and when the line falls silent for good the machine comes to rest by itself.
+
+use ob1_protocols::ascii::{self, Ascii};
+use ob1_protocols::s3964::{self, Priority, S3964};
+use ob1_protocols::{Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, SECOND, SendError, Sink};
+use proptest::prelude::*;
+
+#[derive(Clone, Debug)]
+enum Step {
+    Rx(Vec<u8>),
+    TxDone,
+    Fault(LineFault),
+    Cts(bool),
+    Send(usize),
+    Abort,
+    Room(usize),
+    Wait(Nanos),
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    let byte = prop_oneof![
+        3 => prop::sample::select(vec![0x02_u8, 0x03, 0x10, 0x15, 0x11, 0x13]),
+        1 => any::<u8>()
+    ];
+    let fault = prop::sample::select(vec![
+        LineFault::Parity,
+        LineFault::Framing,
+        LineFault::Break,
+        LineFault::Gone,
+        LineFault::Back,
+    ]);
+    prop_oneof![
+        6 => proptest::collection::vec(byte, 0..6).prop_map(Step::Rx),
+        4 => Just(Step::TxDone),
+        1 => fault.prop_map(Step::Fault),
+        1 => any::<bool>().prop_map(Step::Cts),
+        2 => (0..1100_usize).prop_map(Step::Send),
+        1 => Just(Step::Abort),
+        1 => prop_oneof![Just(0), Just(5), Just(1024)].prop_map(Step::Room),
+        4 => (0..700 * MS).prop_map(Step::Wait),
+    ]
+}
+
+#[derive(Default)]
+struct Books {
+    room: usize,
+    orders: usize,
+    ended: usize,
+    in_flight: bool,
+    delivered: usize,
+}
+
+impl Sink for Books {
+    fn transmit(&mut self, bytes: &[u8]) {
+        assert!(!bytes.is_empty());
+        self.in_flight = true;
+    }
+
+    fn room(&self) -> usize {
+        self.room
+    }
+
+    fn deliver(&mut self, telegram: &[u8]) {
+        assert!(!telegram.is_empty() && telegram.len() <= self.room);
+        self.delivered += 1;
+    }
+
+    fn sent(&mut self, _: Result<(), SendError>) {
+        self.ended += 1;
+        assert!(self.ended <= self.orders);
+    }
+
+    fn report(&mut self, event: Event) {
+        // All of them have a class, or none on purpose.
+        assert!(event.number().is_none_or(|n| matches!(n >> 8, 7 | 8)));
+    }
+}
+
+fn drive(machine: &mut dyn Machine, steps: &[Step]) {
+    let mut books = Books { room: 1024, ..Books::default() };
+    let mut now = 0;
+    let mut deadline = machine.step(now, Input::Tick, &mut books);
+    for step in steps {
+        let telegram;
+        let input = match step {
+            Step::Rx(bytes) => Input::Rx(bytes),
+            Step::TxDone => {
+                books.in_flight = false;
+                Input::TxDone
+            }
+            Step::Fault(fault) => Input::LineFault(*fault),
+            Step::Cts(cts) => Input::Modem(ModemLines { cts: *cts, ..ModemLines::default() }),
+            Step::Send(len) => {
+                telegram = vec![0x10; *len];
+                books.orders += 1;
+                Input::Order(Order::Send(&telegram))
+            }
+            Step::Abort => Input::Order(Order::Abort),
+            Step::Room(room) => {
+                books.room = *room;
+                Input::Tick
+            }
+            Step::Wait(time) => {
+                deadline = wait(machine, &mut books, deadline, now, now + time);
+                now += time;
+                continue;
+            }
+        };
+        deadline = machine.step(now, input, &mut books);
+        assert_eq!(machine.busy(), books.orders > books.ended, "after {step:?}");
+    }
+    // Silence for good, and a CPU that takes its telegrams.
+    books.room = 1024;
+    if books.in_flight {
+        books.in_flight = false;
+        deadline = machine.step(now, Input::TxDone, &mut books);
+    }
+    let end = now + 600 * SECOND;
+    let deadline = wait(machine, &mut books, deadline, now, end);
+    assert_eq!(deadline, None, "the machine does not come to rest");
+    assert_eq!(books.orders, books.ended, "an order never ends");
+}
+
+/// Lets time pass on a line that puts everything out at once.
+fn wait(
+    machine: &mut dyn Machine,
+    books: &mut Books,
+    mut deadline: Option<Nanos>,
+    mut now: Nanos,
+    until: Nanos,
+) -> Option<Nanos> {
+    let mut ticks = 0;
+    while let Some(at) = deadline.filter(|at| *at <= until) {
+        now = now.max(at);
+        deadline = machine.step(now, Input::Tick, books);
+        if std::mem::take(&mut books.in_flight) {
+            deadline = machine.step(now, Input::TxDone, books);
+        }
+        ticks += 1;
+        assert!(ticks < 100_000, "the machine does not get past {now}");
+    }
+    deadline
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn s3964(steps in proptest::collection::vec(step(), 0..200), bcc: bool, high: bool, cp341: bool, zna in 0..3_u64) {
+        let base = if cp341 { s3964::Config::cp341(bcc, MS) } else { s3964::Config::cp240(bcc, MS) };
+        let priority = if high { Priority::High } else { Priority::Low };
+        drive(&mut S3964::<1024>::new(s3964::Config { priority, zna: zna * 20 * MS, ..base }), &steps);
+    }
+
+    #[test]
+    fn ascii(steps in proptest::collection::vec(step(), 0..200), flow in 0..3_usize, fragmented: bool, zna in 0..3_u64) {
+        let flow = [ascii::Flow::None, ascii::Flow::Hardware, ascii::Flow::XonXoff][flow];
+        drive(&mut Ascii::<1024>::new(ascii::Config { flow, fragmented, zna: zna * 20 * MS, ..ascii::Config::cp240(MS) }), &steps);
+    }
+}
