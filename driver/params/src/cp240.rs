@@ -1,9 +1,10 @@
 //! The 16 parameter bytes of a CP 240, typed.
 
+use crate::convert::Reader;
 use crate::error::ParamError;
 use crate::line::{Flow, LineSettings, Parity, StopBits};
-use crate::record::{self, Record, Value};
-use crate::table::{Field, Layout, PROTOCOLS};
+use crate::record::{self, Value};
+use crate::table::{Layout, PROTOCOLS};
 
 /// The parameters of a CP 240. Only [`Cp240::decode`] and [`Cp240::from_keys`] check the ranges given at the fields;
 /// [`Cp240::encode`] cuts a value outside of them to what fits its byte.
@@ -131,7 +132,7 @@ pub enum ModbusKind {
 }
 
 impl ModbusKind {
-    const NAMES: [(Self, &'static str); 6] = [
+    pub(crate) const NAMES: [(Self, &'static str); 6] = [
         (Self::MasterAscii, "modbus-master-ascii"),
         (Self::MasterRtu, "modbus-master-rtu"),
         (Self::SlaveAsciiShort, "modbus-slave-ascii-short"),
@@ -293,172 +294,6 @@ impl Cp240 {
             Protocol::Ascii(p) => p.receive_buffers,
             _ => 250,
         }
-    }
-
-    /// Layout and the values of its rows in the order of the table.
-    fn rows(&self) -> (Layout, Vec<(&'static str, Value)>) {
-        let int = |n: u16| Value::Int(n.into());
-        let byte = |n: u8| Value::Int(n.into());
-        let parity = match self.parity {
-            Parity::None => "none",
-            Parity::Odd => "odd",
-            Parity::Even => "even",
-        };
-        let stop_bits = match self.stop_bits {
-            StopBits::One => Value::Int(1),
-            StopBits::OneAndHalf => Value::from("1.5"),
-            StopBits::Two => Value::Int(2),
-        };
-        let mut rows = vec![
-            ("baud", Value::Int(self.baud.into())),
-            ("data_bits", byte(self.data_bits)),
-            ("parity", Value::from(parity)),
-            ("stop_bits", stop_bits),
-        ];
-        let flow = |flow: Flow| match flow {
-            Flow::None => Value::from("none"),
-            Flow::Hardware => Value::from("hardware"),
-            Flow::XonXoff => Value::from("xon-xoff"),
-        };
-        let layout = match &self.protocol {
-            Protocol::Ascii(p) => {
-                rows.extend([
-                    ("flow", flow(p.flow)),
-                    ("zna_ms", int(p.zna_ms)),
-                    ("zvz_ms", int(p.zvz_ms)),
-                    ("receive_buffers", byte(p.receive_buffers)),
-                ]);
-                Layout::Ascii
-            }
-            Protocol::StxEtx(p) => {
-                rows.extend([
-                    ("flow", flow(p.flow)),
-                    ("zna_ms", int(p.zna_ms)),
-                    ("tmo_ms", int(p.tmo_ms)),
-                    ("start_flags", byte(p.start_flags)),
-                    ("start_flag_1", byte(p.start[0])),
-                    ("start_flag_2", byte(p.start[1])),
-                    ("end_flags", byte(p.end_flags)),
-                    ("end_flag_1", byte(p.end[0])),
-                    ("end_flag_2", byte(p.end[1])),
-                ]);
-                Layout::StxEtx
-            }
-            Protocol::S3964(p) => {
-                let priority = if p.priority == Priority::High { "high" } else { "low" };
-                rows.extend([
-                    ("zna_ms", int(p.zna_ms)),
-                    ("zvz_ms", int(p.zvz_ms)),
-                    ("qvz_ms", int(p.qvz_ms)),
-                    ("bwz_ms", int(p.bwz_ms)),
-                    ("stx_repetitions", byte(p.stx_repetitions)),
-                    ("dbl", byte(p.dbl)),
-                    ("priority", Value::from(priority)),
-                ]);
-                Layout::S3964
-            }
-            Protocol::Modbus(p) => {
-                rows.extend([
-                    ("address", byte(p.address)),
-                    ("debug", Value::from(if p.debug { "on" } else { "off" })),
-                    ("wait_ms", int(p.wait_ms)),
-                ]);
-                Layout::Modbus
-            }
-        };
-        (layout, rows)
-    }
-}
-
-/// The typed form of a record whose fields are known to be valid.
-struct Reader<'a> {
-    bytes: &'a Record,
-    layout: Layout,
-}
-
-impl Reader<'_> {
-    fn value(&self, key: &str) -> Result<Value, ParamError> {
-        let field: Option<&Field> = self.layout.fields().iter().find(|f| f.key == key);
-        // A key that the layout does not have can only be a mistake in this file; the round-trip test walks them all.
-        field.map_or(Ok(Value::Int(0)), |field| record::value(self.bytes, field))
-    }
-
-    fn int(&self, key: &str) -> Result<u32, ParamError> {
-        match self.value(key)? {
-            Value::Int(number) => Ok(u32::try_from(number).unwrap_or(0)),
-            Value::Str(_) => Ok(0),
-        }
-    }
-
-    fn byte(&self, key: &str) -> Result<u8, ParamError> {
-        Ok(self.int(key)? as u8)
-    }
-
-    fn word(&self, key: &str) -> Result<u16, ParamError> {
-        Ok(self.int(key)? as u16)
-    }
-
-    fn is(&self, key: &str, name: &str) -> Result<bool, ParamError> {
-        Ok(self.value(key)? == Value::from(name))
-    }
-
-    fn flow(&self) -> Result<Flow, ParamError> {
-        Ok(match self.value("flow")? {
-            Value::Str(name) if name == "hardware" => Flow::Hardware,
-            Value::Str(name) if name == "xon-xoff" => Flow::XonXoff,
-            _ => Flow::None,
-        })
-    }
-
-    fn read(&self, name: &str) -> Result<Cp240, ParamError> {
-        let protocol = match self.layout {
-            Layout::Ascii => Protocol::Ascii(Ascii {
-                fragmented: name == "ascii-fragmented",
-                flow: self.flow()?,
-                zna_ms: self.word("zna_ms")?,
-                zvz_ms: self.word("zvz_ms")?,
-                receive_buffers: self.byte("receive_buffers")?,
-            }),
-            Layout::StxEtx => Protocol::StxEtx(StxEtx {
-                flow: self.flow()?,
-                zna_ms: self.word("zna_ms")?,
-                tmo_ms: self.word("tmo_ms")?,
-                start_flags: self.byte("start_flags")?,
-                start: [self.byte("start_flag_1")?, self.byte("start_flag_2")?],
-                end_flags: self.byte("end_flags")?,
-                end: [self.byte("end_flag_1")?, self.byte("end_flag_2")?],
-            }),
-            Layout::S3964 => Protocol::S3964(S3964 {
-                bcc: name.starts_with("3964r"),
-                rk512: name.ends_with("rk512"),
-                zna_ms: self.word("zna_ms")?,
-                zvz_ms: self.word("zvz_ms")?,
-                qvz_ms: self.word("qvz_ms")?,
-                bwz_ms: self.word("bwz_ms")?,
-                stx_repetitions: self.byte("stx_repetitions")?,
-                dbl: self.byte("dbl")?,
-                priority: if self.is("priority", "high")? { Priority::High } else { Priority::Low },
-            }),
-            Layout::Modbus => Protocol::Modbus(Modbus {
-                kind: ModbusKind::NAMES.iter().find(|(_, n)| *n == name).map_or(ModbusKind::MasterRtu, |(k, _)| *k),
-                address: self.byte("address")?,
-                debug: self.is("debug", "on")?,
-                wait_ms: self.word("wait_ms")?,
-            }),
-        };
-        let parity = if self.is("parity", "even")? {
-            Parity::Even
-        } else if self.is("parity", "odd")? {
-            Parity::Odd
-        } else {
-            Parity::None
-        };
-        let stop_bits = match self.value("stop_bits")? {
-            Value::Int(2) => StopBits::Two,
-            Value::Int(_) => StopBits::One,
-            Value::Str(_) => StopBits::OneAndHalf,
-        };
-        Ok(Cp240 { baud: self.int("baud")?, data_bits: self.byte("data_bits")?, parity, stop_bits, protocol })
     }
 }
 

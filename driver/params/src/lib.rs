@@ -14,6 +14,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod convert;
 mod cp240;
 mod error;
 mod line;

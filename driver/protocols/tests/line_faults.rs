@@ -6,7 +6,7 @@
 //!   collisions are told from mistakes by the independent check, and counted);
 //! * when the faults have stopped, telegrams get through in bounded time, in both directions, and whole.
 //!
-//! The seeds of `tests/seeds/*.txt` run first, then `OB1_SEEDS` more (default 60). A seed that fails is named together
+//! The seeds of `tests/seeds/*.txt` run first, then `OB1_SEEDS` more (default 40). A seed that fails is named together
 //! with the command that replays it; `OB1_SEED=n` runs that one alone and prints what happens on the line.
 
 #![allow(clippy::disallowed_methods)] // A test reads its seeds and its environment.
@@ -317,7 +317,7 @@ fn telegrams_survive_a_bad_line() {
         println!("seed {seed}: {} done, {} failed", result.done, result.failed);
         return;
     }
-    let count = std::env::var("OB1_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(60);
+    let count = std::env::var("OB1_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(40);
     let mut sum = Sum::default();
     for seed in kept_seeds().into_iter().chain(1..=count) {
         let Ok(result) = catch_unwind(AssertUnwindSafe(|| run(seed, false))) else {

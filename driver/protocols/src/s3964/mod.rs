@@ -6,7 +6,7 @@
 //! ```
 //!
 //! One machine plays both roles, as on the module: an order waits while a telegram comes in. The sending role is in
-//! [`send`], the receiving one in [`receive`]; [`codec`] knows the characters of a block, [`Config`] the differences
+//! `send`, the receiving one in `receive`; [`codec`] knows the characters of a block, [`Config`] the differences
 //! between CPs. "Done" means that the partner's DLE after the block has come. If that DLE is lost the partner repeats
 //! the block, and it is delivered again: the procedure has no means to tell it from a new one.
 
