@@ -1,6 +1,8 @@
 //! What the tests of the CPU share: a clock in virtual time, and programs written directly as intermediate code.
 #![allow(dead_code, unreachable_pub, reason = "each test crate uses its own part")]
 
+pub mod rack;
+
 use ob1_cpu::{Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CycleEnd, Nanos, OperatingState};
 use ob1_ir::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Target, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};

@@ -1,0 +1,82 @@
+//! The scan allocates nothing.
+#![allow(unsafe_code, reason = "a counting allocator is one")]
+
+mod common;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use common::rack::TestModule;
+use common::*;
+use ob1_cpu::{
+    Ask, Cell, CellWidth, Cpu, CpuConfig, IoKind, IoModule, Module, ModuleSlot, Request, Stimulus, system_blocks,
+};
+use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
+use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section, TimerKind};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: every call goes to the system allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn ten_thousand_cycles_allocate_nothing() {
+    let add = block(
+        fc(1),
+        interface(BlockKind::Fc, &[("x", Section::Input, DataType::Int), ("q", Section::Output, DataType::Int)], 4),
+        vec![
+            load(param(0, Width::Word)),
+            c(1),
+            Op::Arithmetic(NumberFormat::Int, AccuOp::Add),
+            transfer(param(1, Width::Word)),
+            load(mw(9000)),
+        ],
+    );
+    let any = |byte: u8| Arg::Bytes(Box::from([0x10, 2, 0, 4, 0, 0, 0x83, 0, 0, byte]));
+    let code = vec![
+        u(m(0, 0)),
+        c(0x0010),
+        Op::StartTimer(TimerKind::OnDelay, Number::Fixed(1)),
+        Op::LoadTimer(Number::Fixed(1)),
+        call(fc(1), vec![Arg::Operand(in_db(3, Width::Word, 0, 0)), Arg::Operand(in_db(3, Width::Word, 0, 0))]),
+        call(BlockId::new(BlockKind::Sfc, 20), vec![any(0), Arg::Operand(mw(40)), any(80)]),
+        load(operand(Width::Word, place(Area::Peripheral, 300, 0))),
+        uc(CallMode::Unconditional, BlockId::new(BlockKind::Sfc, 43)),
+    ];
+    let handlers = [121, 122].map(|n| block(ob(n), Interface::default(), vec![Op::Nop]));
+    let mut blocks = vec![ob1(code), add];
+    blocks.extend(handlers);
+    let program = program(blocks, vec![db(3, &[0; 4])]);
+    let inputs = IoModule::new(IoKind::DigitalInput, 2, Box::new(Stimulus::new(2, vec![], 0).expect("fits")));
+    let modules: Vec<(ModuleSlot, Box<dyn Module>)> =
+        vec![(ModuleSlot::new("di", 0), Box::new(inputs)), (ModuleSlot::new("cp", 256), Box::new(TestModule::new(16)))];
+    let cpu = Cpu::new(CpuConfig::default(), &program, system_blocks(), modules).expect("loads");
+    let mut bench = Bench::with(cpu);
+    let mut client = bench.cpu.access_client().expect("the first");
+    bench.run();
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    for id in 0..10_000 {
+        client.post(Request { id, ask: Ask::Read(Cell::Db(3, 0), CellWidth::Word) }).expect("room");
+        client.post(Request { id, ask: Ask::Statistics }).expect("room");
+        bench.cycle();
+        while client.take().is_some() {}
+    }
+    let after = ALLOCATIONS.load(Ordering::Relaxed);
+    assert_eq!(after - before, 0);
+    assert_eq!(bench.dbw(3, 0), 10_001);
+}

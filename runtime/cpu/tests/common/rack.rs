@@ -1,0 +1,99 @@
+//! A module on the heap whose registers and calls the test can look at.
+
+use std::sync::{Arc, Mutex};
+
+use ob1_cpu::{Module, ModuleError, ModuleEvent, ModuleStatus, Nanos};
+
+/// What the module has seen and holds.
+#[derive(Debug, Default)]
+pub struct Seen {
+    pub inputs: Vec<u8>,
+    pub outputs: Vec<u8>,
+    pub writes: Vec<(u16, Vec<u8>)>,
+    pub states: Vec<bool>,
+    pub scans: u32,
+    pub absent: bool,
+    pub events: Vec<ModuleEvent>,
+    pub mailbox: Option<Vec<u8>>,
+}
+
+/// A module and the test's view of it.
+#[derive(Clone, Debug)]
+pub struct TestModule(pub Arc<Mutex<Seen>>, u16);
+
+impl TestModule {
+    pub fn new(bytes: u16) -> Self {
+        let registers = vec![0; usize::from(bytes)];
+        let seen = Seen { inputs: registers.clone(), outputs: registers, ..Seen::default() };
+        Self(Arc::new(Mutex::new(seen)), bytes)
+    }
+
+    pub fn look<T>(&self, f: impl FnOnce(&mut Seen) -> T) -> T {
+        f(&mut self.0.lock().expect("one thread"))
+    }
+}
+
+impl Module for TestModule {
+    fn input_bytes(&self) -> u16 {
+        self.1
+    }
+    fn output_bytes(&self) -> u16 {
+        self.1
+    }
+    fn begin_scan(&mut self, _now: Nanos) {
+        self.look(|s| s.scans += 1);
+    }
+    fn read(&mut self, at: u16, into: &mut [u8]) -> Result<(), ModuleError> {
+        self.look(|s| {
+            if s.absent {
+                return Err(ModuleError::Absent);
+            }
+            into.copy_from_slice(&s.inputs[usize::from(at)..usize::from(at) + into.len()]);
+            Ok(())
+        })
+    }
+    fn write(&mut self, at: u16, from: &[u8]) -> Result<(), ModuleError> {
+        self.look(|s| {
+            if s.absent {
+                return Err(ModuleError::Absent);
+            }
+            s.outputs[usize::from(at)..usize::from(at) + from.len()].copy_from_slice(from);
+            s.writes.push((at, from.to_vec()));
+            Ok(())
+        })
+    }
+    fn end_scan(&mut self, _now: Nanos) {}
+    fn cpu_state(&mut self, run: bool) {
+        self.look(|s| s.states.push(run));
+    }
+    fn poll_event(&mut self) -> Option<ModuleEvent> {
+        self.look(|s| s.events.pop())
+    }
+    fn status(&self) -> ModuleStatus {
+        ModuleStatus { present: !self.look(|s| s.absent), generation: 3, leds: 5 }
+    }
+    fn mailbox_post(&mut self, from: &[u8]) -> Result<(), ModuleError> {
+        self.look(|s| match s.mailbox {
+            Some(_) => Err(ModuleError::Busy),
+            None => {
+                s.mailbox = Some(from.to_vec());
+                Ok(())
+            }
+        })
+    }
+    fn mailbox_take(&mut self, into: &mut [u8]) -> Result<(), ModuleError> {
+        let bytes = self.look(|s| s.mailbox.take()).ok_or(ModuleError::Busy)?;
+        into.copy_from_slice(&bytes[..into.len()]);
+        Ok(())
+    }
+    fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError> {
+        if record != 1 {
+            return Err(ModuleError::NoRecord);
+        }
+        into[0] = 0x42;
+        Ok(1)
+    }
+    fn record_write(&mut self, record: u8, _from: &[u8]) -> Result<(), ModuleError> {
+        if record == 1 { Ok(()) } else { Err(ModuleError::NoRecord) }
+    }
+}
