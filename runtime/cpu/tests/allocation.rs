@@ -1,10 +1,8 @@
 //! The scan allocates nothing.
-#![allow(unsafe_code, reason = "a counting allocator is one")]
 
 mod common;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::alloc::System;
 
 use common::rack::TestModule;
 use common::*;
@@ -13,26 +11,10 @@ use ob1_cpu::{
 };
 use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
 use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section, TimerKind};
-
-struct Counting;
-
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-// SAFETY: every call goes to the system allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 #[test]
 fn ten_thousand_cycles_allocate_nothing() {
@@ -69,14 +51,14 @@ fn ten_thousand_cycles_allocate_nothing() {
     let mut bench = Bench::with(cpu);
     let mut client = bench.cpu.access_client().expect("the first");
     bench.run();
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    let region = Region::new(ALLOCATOR);
     for id in 0..10_000 {
         client.post(Request { id, ask: Ask::Read(Cell::Db(3, 0), CellWidth::Word) }).expect("room");
         client.post(Request { id, ask: Ask::Statistics }).expect("room");
         bench.cycle();
         while client.take().is_some() {}
     }
-    let after = ALLOCATIONS.load(Ordering::Relaxed);
-    assert_eq!(after - before, 0);
+    let change = region.change();
+    assert_eq!((change.allocations, change.reallocations, change.deallocations), (0, 0, 0));
     assert_eq!(bench.dbw(3, 0), 10_001);
 }

@@ -193,8 +193,6 @@ pub(crate) enum Op {
     },
     End,
     EndIf,
-    /// Behind the last statement; counts as none.
-    Fall,
     Nop,
     /// Straight from the intermediate code.
     Slow,
@@ -204,7 +202,7 @@ pub(crate) enum Op {
 #[derive(Debug)]
 pub(crate) struct Block {
     pub(crate) id: BlockId,
-    /// One per statement, and `Fall`.
+    /// One per statement, and the block's end, which counts as the `BE` it is on the CPU.
     pub(crate) ops: Box<[Op]>,
     /// The statements themselves.
     pub(crate) stmts: Box<[Stmt]>,

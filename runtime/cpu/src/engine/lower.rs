@@ -137,7 +137,7 @@ pub(crate) fn lower(block: &CodeBlock, l: &Lowering<'_>, errors: &mut Vec<LoadEr
         };
         ops.push(op);
     }
-    ops.push(Op::Fall);
+    ops.push(Op::End);
     Block {
         id: block.id,
         ops: ops.into_boxed_slice(),

@@ -487,9 +487,8 @@ impl Reference {
                     r.rlo = true;
                     r.end_chain(true);
                 }
-                Op::End | Op::EndIf | Op::Fall => {
+                Op::End | Op::EndIf => {
                     count!();
-                    executed -= u32::from(matches!(op, Op::Fall));
                     if cx.machine.frames.len() == floor {
                         break;
                     }
