@@ -16,8 +16,7 @@
 
 use std::fmt;
 
-use ob1_cpu::{ModuleEvent, Nanos};
-use ob1_model::Event;
+use ob1_cpu::Nanos;
 
 /// A millisecond in [`Nanos`].
 const MS: Nanos = 1_000_000;
@@ -96,23 +95,6 @@ pub enum Report {
     Up(u32),
     /// The driver is gone.
     Lost(Exit),
-}
-
-impl Report {
-    /// The report as the module passes it to the CPU. The data is text.
-    #[must_use]
-    pub fn to_event(self) -> ModuleEvent {
-        let (event, text) = match self {
-            Report::Up(starts) => (Event::DRIVER_UP, format!("start {starts}")),
-            Report::Lost(exit) => (Event::DRIVER_LOST, exit.to_string()),
-        };
-        let mut data = [0; 16];
-        let len = text.len().min(data.len());
-        for (to, from) in data.iter_mut().zip(text.bytes()) {
-            *to = from;
-        }
-        ModuleEvent { event, diagnostic_interrupt: false, data, len: len as u8 }
-    }
 }
 
 /// The outcome of a step.

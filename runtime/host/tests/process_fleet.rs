@@ -22,7 +22,8 @@ impl Clock for Ticking {
 fn fleet_of(program: &str) -> (Fleet, DriverPort) {
     let segment = Segment::create_shared().expect("memory");
     let cpu = CpuSide::create(&segment, 16).expect("16 bytes");
-    let command = DriverCommand { name: "cp".into(), program: PathBuf::from(program), args: Vec::new() };
+    let command =
+        DriverCommand { name: "cp".into(), program: PathBuf::from(program), args: Vec::new(), env: Vec::new() };
     let mut fleet = Fleet::new();
     let port = fleet.add(command, segment, cpu.monitor().clone(), Times::default()).expect("descriptors");
     (fleet, port)

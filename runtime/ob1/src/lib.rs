@@ -2,10 +2,17 @@
 //! whole-station simulation reads the same station files through this crate.
 
 pub mod access;
+pub mod assembly;
+pub mod check;
+pub mod cli;
 pub mod exit;
 pub mod finding;
 pub mod io;
 pub mod janitor;
 pub mod program;
+pub mod remote;
+pub mod run;
 pub mod rundir;
 pub mod station;
+pub mod view;
+pub mod watched;

@@ -1,2 +1,7 @@
-//! The ob1 command.
-fn main() {}
+//! The `ob1` command.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ob1_command::cli::main().into()
+}

@@ -66,12 +66,13 @@ pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
 }
 
 impl Loaded {
-    /// The native blocks for one CPU: those of the plugins, with memory for each module at the logical addresses `modules`.
+    /// The native blocks for one CPU: the system blocks and those of the plugins, with memory for each module at the logical
+    /// addresses `modules`.
     ///
     /// # Errors
     /// As [`load`]: a renumbering that cannot be.
     pub fn native_blocks(&self, modules: &[u32]) -> Result<Vec<Box<dyn NativeBlock>>, LoadFailure> {
-        let mut blocks = Vec::new();
+        let mut blocks = ob1_cpu::system_blocks();
         for (plugin, renumber) in &self.plugins {
             let of_plugin = plugin.station(renumber, modules).map_err(|e| LoadFailure::Plugin(vec![of_error(&e)]))?;
             blocks.extend(of_plugin);
@@ -124,12 +125,15 @@ fn of_error(error: &PluginError) -> Finding {
     Finding::whole(Level::Error, error.refusal.number(), &file, error.refusal.to_string(), error.refusal.remedy())
 }
 
-/// What the compiler is told of the plugins.
+/// What the compiler is told of system blocks and plugins.
 ///
 /// # Errors
 /// Two plugins that bring the same block.
 pub fn library(plugins: &[(Arc<Plugin>, BTreeMap<BlockId, BlockId>)]) -> Result<Library, Vec<Finding>> {
     let mut library = Library::new();
+    for block in ob1_std::library() {
+        library.insert(block.id, block.name, block.interface);
+    }
     let mut twice = Vec::new();
     for (plugin, renumber) in plugins {
         for block in &plugin.info().blocks {

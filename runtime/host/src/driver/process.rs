@@ -14,12 +14,14 @@ use crate::supervisor::Exit;
 /// How a driver is started.
 #[derive(Clone, Debug)]
 pub struct DriverCommand {
-    /// The module's name, for thread-safe logs and lists.
+    /// The module's name, for logs and lists.
     pub name: String,
     /// The program, `ob1-cp`.
     pub program: PathBuf,
     /// Arguments besides `--segment PATH`.
     pub args: Vec<OsString>,
+    /// Variables added to its environment.
+    pub env: Vec<(OsString, OsString)>,
 }
 
 /// A process that runs, and the descriptor that says when it no longer does.
@@ -36,6 +38,7 @@ impl Process {
             .arg("--segment")
             .arg(segment)
             .args(&command.args)
+            .envs(command.env.iter().map(|(name, value)| (name, value)))
             .stdin(Stdio::from(stdin.try_clone()?))
             .stdout(Stdio::null())
             .process_group(0)

@@ -1,1 +1,271 @@
+//! The socket's language: one JSON object a line, each way. Documented for other programs in `docs/access.md`.
 
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// Longest line accepted, in bytes.
+pub const LINE_BYTES: usize = 64 * 1024;
+
+/// A request.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+pub struct Request {
+    /// Comes back with the answer.
+    #[serde(default, skip_serializing_if = "Value::is_null")]
+    pub id: Value,
+    /// What is asked.
+    #[serde(flatten)]
+    pub op: Op,
+}
+
+/// What is asked.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(tag = "op", rename_all = "snake_case")]
+pub enum Op {
+    /// Values of cells.
+    Get {
+        /// Their names.
+        items: Vec<String>,
+    },
+    /// New values for cells.
+    Set {
+        /// By name.
+        items: BTreeMap<String, Value>,
+    },
+    /// A change of the operating state.
+    Command {
+        /// Which.
+        command: CommandName,
+    },
+    /// State, scan statistics, modules.
+    Status,
+    /// The newest entries of the diagnostic buffer.
+    Diag {
+        /// At most so many.
+        #[serde(default = "default_count")]
+        count: u32,
+    },
+    /// Starts the scan statistics anew.
+    ResetStatistics,
+}
+
+fn default_count() -> u32 {
+    20
+}
+
+/// Commands by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CommandName {
+    /// STOP to RUN by a warm restart.
+    Run,
+    /// To STOP.
+    Stop,
+    /// Warm restart.
+    Warm,
+    /// Cold restart.
+    Cold,
+    /// Memory reset.
+    Reset,
+}
+
+/// An answer.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+pub struct Response {
+    /// The request's.
+    #[serde(default, skip_serializing_if = "Value::is_null")]
+    pub id: Value,
+    /// False: refused, see `error`.
+    pub ok: bool,
+    /// Why it was refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// Answer to `get`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub values: Option<Vec<CellValue>>,
+    /// Answer to `status`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub status: Option<Status>,
+    /// Answer to `diag`, newest first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub diagnostics: Option<Vec<Diagnostic>>,
+}
+
+impl Response {
+    /// Done, with nothing more to say.
+    #[must_use]
+    pub fn done(id: Value) -> Self {
+        Self { id, ok: true, error: None, values: None, status: None, diagnostics: None }
+    }
+
+    /// Refused.
+    #[must_use]
+    pub fn refused(id: Value, error: impl Into<String>) -> Self {
+        Self { ok: false, error: Some(error.into()), ..Self::done(id) }
+    }
+}
+
+/// The value of a cell.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+pub struct CellValue {
+    /// Its name, as asked for.
+    pub item: String,
+    /// Its S7 type.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// A boolean for a bit, else a number.
+    pub value: Value,
+    /// The bits in hexadecimal.
+    pub hex: String,
+}
+
+/// A running station. Also the station part of a report.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+pub struct Status {
+    /// The station's name.
+    pub station: String,
+    /// The runtime's process.
+    pub pid: u32,
+    /// `STOP`, `STARTUP`, `RUN`.
+    pub state: String,
+    /// Nanoseconds since the runtime started.
+    pub runtime_ns: u64,
+    /// Finished cycles in RUN since the start or the last reset of the statistics.
+    pub scans: u64,
+    /// Statements executed.
+    pub statements: u64,
+    /// Cycles that began late because the one before took too long.
+    pub overruns: u64,
+    /// Expiries of the cycle watchdog.
+    pub watchdogs: u64,
+    /// From the start of a cycle to the start of the next.
+    pub cycle: Times,
+    /// From the start of a cycle to its end.
+    pub execution: Times,
+    /// In the order of the station file.
+    pub modules: Vec<ModuleStatus>,
+    /// What was asked of the operating system.
+    pub posture: Vec<GrantStatus>,
+    /// Memory of the process.
+    pub memory: MemoryStatus,
+}
+
+/// A distribution of times, in nanoseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
+pub struct Times {
+    /// How many.
+    pub count: u64,
+    /// Shortest.
+    pub min_ns: u64,
+    /// Mean.
+    pub mean_ns: f64,
+    /// Median.
+    pub p50_ns: u64,
+    /// 99 % are at most this.
+    pub p99_ns: u64,
+    /// 99.9 % are at most this.
+    pub p999_ns: u64,
+    /// Longest.
+    pub max_ns: u64,
+}
+
+/// A module.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+pub struct ModuleStatus {
+    /// Its name.
+    pub name: String,
+    /// Its type, as in the station file.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// Logical address of its first input byte, or output byte if it has no inputs.
+    pub address: u32,
+    /// True while its driver answers.
+    pub present: bool,
+    /// LEDs that are lit, by name.
+    pub leds: Vec<String>,
+    /// Its driver process, for a CP.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driver: Option<DriverStatus>,
+    /// Its counters by name (docs/backplane.md).
+    pub counters: BTreeMap<String, u64>,
+}
+
+/// A driver process.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+pub struct DriverStatus {
+    /// Its process, 0 while there is none.
+    pub pid: u32,
+    /// Processes that have come up.
+    pub starts: u32,
+    /// Processes that ended without being asked to.
+    pub losses: u32,
+    /// What it says: `ready`, `starting`, `no parameters`, `parameter error 5`, `line error 2`, `absent`.
+    pub state: String,
+}
+
+/// What became of a request to the operating system.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+pub struct GrantStatus {
+    /// What was asked for.
+    pub what: String,
+    /// `granted`, `partly` or `refused`.
+    pub outcome: String,
+    /// More, when it was not granted as asked for.
+    pub detail: String,
+    /// What would grant it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remedy: Option<String>,
+}
+
+/// Memory of the process, in KiB.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+pub struct MemoryStatus {
+    /// Resident.
+    pub resident_kib: u64,
+    /// Highest resident so far.
+    pub peak_kib: u64,
+    /// Locked.
+    pub locked_kib: u64,
+    /// Threads.
+    pub threads: u64,
+}
+
+/// An entry of the diagnostic buffer.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+pub struct Diagnostic {
+    /// Counts all entries, from 1.
+    pub number: u64,
+    /// When, in nanoseconds since the runtime started.
+    pub time_ns: u64,
+    /// The event number, `4302h`.
+    pub event: String,
+    /// The entry in words.
+    pub text: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn requests_are_what_the_document_says() {
+        let parse = |text: &str| serde_json::from_str::<Request>(text);
+        let get = parse(r#"{"op":"get","items":["M1.0"],"id":7}"#).expect("a request");
+        assert_eq!((get.id, get.op), (json!(7), Op::Get { items: vec!["M1.0".into()] }));
+        let set = parse(r#"{"op":"set","items":{"M1.0":true}}"#).expect("a request");
+        assert_eq!(set.op, Op::Set { items: [("M1.0".to_owned(), json!(true))].into() });
+        let command = parse(r#"{"op":"command","command":"warm"}"#).expect("a request");
+        assert_eq!(command.op, Op::Command { command: CommandName::Warm });
+        assert_eq!(parse(r#"{"op":"diag"}"#).expect("a request").op, Op::Diag { count: 20 });
+        assert!(parse(r#"{"op":"explode"}"#).is_err());
+        assert!(parse("{}").is_err());
+    }
+
+    #[test]
+    fn answers_leave_out_what_they_have_not() {
+        let text = serde_json::to_string(&Response::refused(Value::Null, "no")).expect("serializable");
+        assert_eq!(text, r#"{"ok":false,"error":"no"}"#);
+    }
+}

@@ -1,1 +1,300 @@
+//! The socket of a running station: a thread that is the access port's one client. It serves one request at a time; the scan sees only
+//! the bounded rings of the port.
 
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::Path;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use ob1_cpu::{AccessClient, Answer, Ask, Command, OperatingState, PortError, Request as PortRequest};
+use rustix::event::{PollFd, PollFlags, poll};
+use serde_json::Value;
+
+use super::item::Item;
+use super::protocol::{CellValue, CommandName, Diagnostic, LINE_BYTES, Op, Request, Response, Status};
+use super::value;
+use crate::view::StationView;
+
+/// How long the CPU may take to answer. It answers once a cycle; this is for one that hangs.
+const ANSWER_TIME: Duration = Duration::from_secs(3);
+/// Pause between two looks at the answers.
+const LOOK: Duration = Duration::from_micros(200);
+/// A client that does not take its answer for so long is dropped.
+const WRITE_TIME: Duration = Duration::from_secs(1);
+/// Clients at a time.
+const CLIENTS: usize = 16;
+/// Requests posted to the port at a time: less than its rings hold.
+const BATCH: usize = 128;
+
+/// A running server. Dropping it ends the thread and removes the socket.
+#[derive(Debug)]
+pub struct Server {
+    stop: Option<io::PipeWriter>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Server {
+    /// Opens the socket (mode 0600) and starts the thread.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn start(socket: &Path, port: AccessClient, view: StationView) -> io::Result<Self> {
+        let listener = UnixListener::bind(socket)?;
+        std::fs::set_permissions(socket, std::fs::Permissions::from_mode(0o600))?;
+        listener.set_nonblocking(true)?;
+        let (stopped, stop) = io::pipe()?;
+        let socket = socket.to_owned();
+        let thread = ob1_rt::spawn("ob1-access", move || {
+            Serving { port: Port { client: port, next_id: 0 }, view }.run(&listener, &stopped);
+            let _ = std::fs::remove_file(socket);
+        })?;
+        Ok(Self { stop: Some(stop), thread: Some(thread) })
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        drop(self.stop.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The access port with questions in, answers out.
+struct Port {
+    client: AccessClient,
+    next_id: u32,
+}
+
+impl Port {
+    /// Asks and waits for all answers.
+    fn ask(&mut self, asks: &[Ask]) -> Result<Vec<Answer>, String> {
+        let mut answers = Vec::with_capacity(asks.len());
+        for batch in asks.chunks(BATCH) {
+            let first = self.next_id;
+            self.next_id = self.next_id.wrapping_add(batch.len() as u32);
+            let give_up = Instant::now() + ANSWER_TIME;
+            for (id, &ask) in (0..).zip(batch) {
+                let mut request = PortRequest { id: first.wrapping_add(id), ask };
+                while let Err(full) = self.client.post(request) {
+                    request = full;
+                    self.wait(give_up)?;
+                    // Answers nobody waits for any more would keep the rings full.
+                    while self.client.take().is_some() {}
+                }
+            }
+            for id in 0..batch.len() as u32 {
+                answers.push(self.answer_to(first.wrapping_add(id), give_up)?);
+            }
+        }
+        Ok(answers)
+    }
+
+    fn answer_to(&mut self, id: u32, give_up: Instant) -> Result<Answer, String> {
+        loop {
+            match self.client.take() {
+                Some(response) if response.id == id => return Ok(response.answer),
+                // Of a request that was given up.
+                Some(_) => {}
+                None => self.wait(give_up)?,
+            }
+        }
+    }
+
+    fn wait(&self, give_up: Instant) -> Result<(), String> {
+        if self.client.is_closed() {
+            return Err("the CPU is gone".into());
+        }
+        if Instant::now() >= give_up {
+            return Err("the CPU does not answer: its scan hangs, or its cycle is very long".into());
+        }
+        std::thread::sleep(LOOK);
+        Ok(())
+    }
+
+    fn ask_one(&mut self, ask: Ask) -> Result<Answer, String> {
+        self.ask(&[ask])?.pop().ok_or_else(|| "no answer".to_owned())
+    }
+}
+
+struct Serving {
+    port: Port,
+    view: StationView,
+}
+
+struct Client {
+    stream: UnixStream,
+    buffer: Vec<u8>,
+}
+
+impl Serving {
+    fn run(&mut self, listener: &UnixListener, stopped: &io::PipeReader) {
+        let mut clients: Vec<Client> = Vec::new();
+        loop {
+            let mut fds = vec![PollFd::new(stopped, PollFlags::IN), PollFd::new(listener, PollFlags::IN)];
+            fds.extend(clients.iter().map(|client| PollFd::new(&client.stream, PollFlags::IN)));
+            if poll(&mut fds, None).is_err() {
+                continue;
+            }
+            let ready: Vec<bool> = fds.iter().map(|fd| !fd.revents().is_empty()).collect();
+            if ready.first() == Some(&true) {
+                return;
+            }
+            let mut of_clients = ready.iter().skip(2);
+            clients.retain_mut(|client| !of_clients.next().is_some_and(|ready| *ready) || self.attend(client));
+            if ready.get(1) == Some(&true)
+                && let Ok((stream, _)) = listener.accept()
+                && clients.len() < CLIENTS
+                && stream.set_nonblocking(false).is_ok()
+                && stream.set_write_timeout(Some(WRITE_TIME)).is_ok()
+            {
+                clients.push(Client { stream, buffer: Vec::new() });
+            }
+        }
+    }
+
+    /// Reads what a client has sent and answers each whole line; false when the client is done.
+    fn attend(&mut self, client: &mut Client) -> bool {
+        let mut chunk = [0; 4096];
+        match client.stream.read(&mut chunk) {
+            Ok(0) => return false,
+            Ok(count) => client.buffer.extend_from_slice(chunk.get(..count).unwrap_or_default()),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => return true,
+            Err(_) => return false,
+        }
+        while let Some(end) = client.buffer.iter().position(|byte| *byte == b'\n') {
+            let line: Vec<u8> = client.buffer.drain(..=end).collect();
+            if !write_line(&mut client.stream, &self.answer(&line)) {
+                return false;
+            }
+        }
+        if client.buffer.len() > LINE_BYTES {
+            let refused = Response::refused(Value::Null, format!("a line has at most {LINE_BYTES} bytes"));
+            write_line(&mut client.stream, &refused);
+            return false;
+        }
+        true
+    }
+
+    fn answer(&mut self, line: &[u8]) -> Response {
+        let request: Request = match serde_json::from_slice(line) {
+            Ok(request) => request,
+            Err(error) => return Response::refused(Value::Null, format!("no request: {error}; see docs/access.md")),
+        };
+        let id = request.id.clone();
+        match self.serve(request.op, id.clone()) {
+            Ok(response) => response,
+            Err(error) => Response::refused(id, error),
+        }
+    }
+
+    fn serve(&mut self, op: Op, id: Value) -> Result<Response, String> {
+        let mut response = Response::done(id);
+        match op {
+            Op::Get { items } => response.values = Some(self.get(&items)?),
+            Op::Set { items } => {
+                let mut asks = Vec::with_capacity(items.len());
+                let mut names = Vec::with_capacity(items.len());
+                for (name, value) in &items {
+                    let item = self.view.names.parse(name)?;
+                    asks.push(Ask::Write(item.cell, item.width, value::from_json(&item, value)?));
+                    names.push(name);
+                }
+                for (name, answer) in names.iter().zip(self.port.ask(&asks)?) {
+                    if let Answer::Refused(error) = answer {
+                        return Err(format!("{name}: {}", reason(error)));
+                    }
+                }
+            }
+            Op::Command { command } => {
+                let command = match command {
+                    CommandName::Run => Command::Run,
+                    CommandName::Stop => Command::Stop,
+                    CommandName::Warm => Command::Warm,
+                    CommandName::Cold => Command::Cold,
+                    CommandName::Reset => Command::Reset,
+                };
+                self.port.ask_one(Ask::Command(command))?;
+            }
+            Op::Status => response.status = Some(self.status()?),
+            Op::Diag { count } => response.diagnostics = Some(self.diagnostics(count)?),
+            Op::ResetStatistics => {
+                self.port.ask_one(Ask::ResetStatistics)?;
+            }
+        }
+        Ok(response)
+    }
+
+    fn get(&mut self, names: &[String]) -> Result<Vec<CellValue>, String> {
+        let items: Vec<Item> = names.iter().map(|name| self.view.names.parse(name)).collect::<Result<_, _>>()?;
+        let asks: Vec<Ask> = items.iter().map(|item| Ask::Read(item.cell, item.width)).collect();
+        let answers = self.port.ask(&asks)?;
+        items.iter().zip(answers).map(|(item, answer)| cell_value(item, answer)).collect()
+    }
+
+    fn status(&mut self) -> Result<Status, String> {
+        let count = self.view.modules.len() as u32;
+        let mut asks = vec![Ask::State, Ask::Statistics];
+        asks.extend((0..count).map(Ask::Module));
+        let mut answers = self.port.ask(&asks)?.into_iter();
+        let state = match answers.next() {
+            Some(Answer::State(state)) => state,
+            _ => OperatingState::Stop,
+        };
+        let statistics = match answers.next() {
+            Some(Answer::Statistics(statistics)) => statistics,
+            _ => ob1_cpu::ScanStatistics::default(),
+        };
+        let present =
+            answers.map(|answer| matches!(answer, Answer::Module(module) if module.present)).collect::<Vec<_>>();
+        Ok(self.view.status(state, &statistics, &present))
+    }
+
+    fn diagnostics(&mut self, count: u32) -> Result<Vec<Diagnostic>, String> {
+        let asks: Vec<Ask> = (0..count.min(ob1_cpu::DIAG_ENTRIES as u32)).map(Ask::Diag).collect();
+        let entries = self.port.ask(&asks)?.into_iter().map_while(|answer| match answer {
+            Answer::Diag(entry) => Some(Diagnostic {
+                number: entry.number,
+                time_ns: entry.time,
+                event: format!("{:04X}h", entry.event.0),
+                text: entry.to_string(),
+            }),
+            _ => None,
+        });
+        Ok(entries.collect())
+    }
+}
+
+fn cell_value(item: &Item, answer: Answer) -> Result<CellValue, String> {
+    match answer {
+        Answer::Value(bits) => Ok(CellValue {
+            item: item.name.clone(),
+            type_name: item.type_name.to_owned(),
+            value: value::to_json(item, bits),
+            hex: format!("{bits:0width$X}", width = usize::from(item.width.bits()).div_ceil(4)),
+        }),
+        Answer::Refused(error) => Err(format!("{}: {}", item.name, reason(error))),
+        _ => Err(format!("{}: the CPU gave another answer", item.name)),
+    }
+}
+
+fn reason(error: PortError) -> &'static str {
+    match error {
+        PortError::Outside => "outside the area",
+        PortError::NoDb => "the data block is not loaded",
+        PortError::ReadOnly => "cannot be written",
+        PortError::NoTimer => "no such timer or counter",
+        PortError::NoModule => "no module answers there",
+        PortError::NoEntry => "no such entry",
+        PortError::Value => "the value does not fit",
+    }
+}
+
+fn write_line(stream: &mut UnixStream, response: &Response) -> bool {
+    let Ok(mut line) = serde_json::to_vec(response) else { return false };
+    line.push(b'\n');
+    stream.write_all(&line).is_ok()
+}

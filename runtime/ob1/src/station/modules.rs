@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ob1_backplane::io_layout::IO_AREA_BYTES;
-use ob1_params::{Cp240, ParamError, Value};
+use ob1_params::{Cp240, ParamError, Protocol, Value};
 
 use super::check::{choice, name, number};
 use super::file::{ModuleTable, Placed};
@@ -148,6 +148,7 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
             return None;
         }
     };
+    implemented(f, table, &params);
     let Some(text) = &table.line else {
         f.error(MISSING, table.kind.span(), "the CP 240 has no line", format!("add `line`: {}", line::REMEDY));
         return None;
@@ -161,6 +162,23 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
     };
     let bytes = params.encode();
     Some(ModuleKind::Cp240 { params: Box::new(params), bytes, line })
+}
+
+/// Refuses what the parameter record can say but the CP cannot do yet.
+fn implemented(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) {
+    let missing = match &params.protocol {
+        Protocol::Ascii(_) => false,
+        Protocol::S3964(p) => p.rk512,
+        Protocol::StxEtx(_) | Protocol::Modbus(_) => true,
+    };
+    if missing {
+        let keys = table.params.as_ref().and_then(|keys| {
+            keys.get_ref().iter().find(|(key, _)| key.get_ref() == "protocol").map(|(_, value)| value.span())
+        });
+        let at = keys.or_else(|| table.raw.as_ref().map(Placed::span)).unwrap_or_else(|| table.kind.span());
+        let message = format!("the protocol \"{}\" is not implemented yet", params.protocol_name());
+        f.error(PARAMETER, at, message, "use \"ascii\", \"3964\" or \"3964r\"");
+    }
 }
 
 type Keys = std::collections::BTreeMap<Placed<String>, Placed<toml::Value>>;

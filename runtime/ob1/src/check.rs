@@ -1,0 +1,185 @@
+//! `ob1 check`: everything that is wrong with sources, plugins or a whole station, without running it.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use ob1_cpu::Module;
+use ob1_model::Section;
+
+use crate::assembly;
+use crate::exit::Exit;
+use crate::finding::{Finding, Level};
+use crate::io::{ProcessIo, Stimulus};
+use crate::program;
+use crate::station::{self, Mnemonics, ModuleConfig, ModuleKind, Plugin, Station};
+
+/// What the command line asks for.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Sources, or one station file.
+    pub files: Vec<PathBuf>,
+    /// Plugins, by path or bare name.
+    pub plugins: Vec<String>,
+    /// Sources of library blocks.
+    pub library: Vec<PathBuf>,
+    /// Mnemonics of sources.
+    pub mnemonics: Mnemonics,
+    /// Findings as JSON.
+    pub json: bool,
+    /// Modules and parameters too.
+    pub verbose: bool,
+}
+
+/// What a check has found, and what it can tell of what is right.
+#[derive(Debug, Default)]
+struct Checked {
+    findings: Vec<Finding>,
+    text: String,
+}
+
+/// Checks and prints.
+#[must_use]
+pub fn check(options: &Options) -> Exit {
+    let checked = match options.files.as_slice() {
+        [file] if crate::run::is_station_file(file) => check_station(file, options.verbose),
+        files => check_sources(files, options),
+    };
+    let errors = checked.findings.iter().filter(|f| f.level == Level::Error).count();
+    if options.json {
+        match serde_json::to_string_pretty(&checked.findings) {
+            Ok(text) => println!("{text}"),
+            Err(error) => eprintln!("ob1: {error}"),
+        }
+    } else {
+        for finding in &checked.findings {
+            eprintln!("{finding}");
+        }
+        print!("{}", checked.text);
+        println!("{}", verdict(errors, checked.findings.len() - errors));
+    }
+    if errors == 0 { Exit::Ok } else { Exit::Usage }
+}
+
+fn verdict(errors: usize, others: usize) -> String {
+    let count = |n: usize, one: &str| if n == 1 { format!("1 {one}") } else { format!("{n} {one}s") };
+    match (errors, others) {
+        (0, 0) => "ok".into(),
+        (0, _) => format!("ok, {}", count(others, "warning")),
+        (_, 0) => count(errors, "error"),
+        _ => format!("{}, {}", count(errors, "error"), count(others, "warning")),
+    }
+}
+
+/// Sources with the plugins and libraries of the command line.
+fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
+    if let Some(station) = files.iter().find(|file| crate::run::is_station_file(file)) {
+        let name = station.display().to_string();
+        let remedy = "a station names its own sources: check it without others";
+        let finding = Finding::whole(Level::Error, "C012", &name, "a station file among sources", remedy);
+        return Checked { findings: vec![finding], ..Checked::default() };
+    }
+    let plugins: Vec<Plugin> = options.plugins.iter().map(|name| plugin_of(name)).collect();
+    let loaded = match program::load_plugins(&plugins) {
+        Ok(loaded) => loaded,
+        Err(findings) => return Checked { findings, ..Checked::default() },
+    };
+    let mut text = String::new();
+    if files.is_empty() || options.verbose {
+        for (plugin, _) in &loaded {
+            describe_plugin(&mut text, plugin.info());
+        }
+    }
+    let library = match program::library(&loaded) {
+        Ok(library) => library,
+        Err(findings) => return Checked { findings, text },
+    };
+    let paths: Vec<PathBuf> = options.library.iter().chain(files).cloned().collect();
+    let mut findings = match program::compile(&paths, &library, options.mnemonics) {
+        Ok((_, findings)) | Err(findings) => findings,
+    };
+    let of_library = |f: &Finding| options.library.iter().any(|path| path.display().to_string() == f.file);
+    findings.retain(|f| f.level == Level::Error || !of_library(f));
+    Checked { findings, text }
+}
+
+fn plugin_of(name: &str) -> Plugin {
+    let is_path = name.contains('/') || Path::new(name).extension().is_some();
+    Plugin { name: name.to_owned(), path: is_path.then(|| PathBuf::from(name)), blocks: Vec::new() }
+}
+
+fn describe_plugin(text: &mut String, info: &ob1_host::plugin::PluginInfo) {
+    let _ = writeln!(text, "plugin {} {}, interface {}.{}", info.name, info.version, info.abi.0, info.abi.1);
+    for block in &info.blocks {
+        let _ = writeln!(text, "  {} {}", block.id, block.name);
+        for param in block.interface.formals() {
+            let section = match param.section {
+                Section::Input => "in",
+                Section::Output => "out",
+                Section::InOut => "in_out",
+                _ => continue,
+            };
+            let _ = writeln!(text, "    {section:<7} {:<16} {}", param.name, param.ty.name());
+        }
+    }
+}
+
+/// A station with its program, plugins, stimulus; loaded into a CPU to find what does not fit together.
+fn check_station(path: &Path, verbose: bool) -> Checked {
+    let station = match station::load(path) {
+        Ok(station) => station,
+        Err(findings) => return Checked { findings, ..Checked::default() },
+    };
+    let text = if verbose { describe(&station) } else { String::new() };
+    let findings = match check_program(&station) {
+        Ok(findings) | Err(findings) => findings,
+    };
+    Checked { findings, text }
+}
+
+fn check_program(station: &Station) -> Result<Vec<Finding>, Vec<Finding>> {
+    let stimulus = station.stimulus.as_deref().map_or(Ok(Stimulus::default()), Stimulus::load)?;
+    let loaded = program::load(station).map_err(|failure| failure.findings().to_vec())?;
+    let addresses: Vec<u32> = station.modules.iter().map(|m| m.input_address).collect();
+    let natives = loaded.native_blocks(&addresses).map_err(|failure| failure.findings().to_vec())?;
+    let io = ProcessIo::new(ob1_backplane::IoImage::heap(), stimulus);
+    let modules = station.modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, station, m)?))).collect();
+    assembly::load_cpu(station.cpu.clone(), &loaded, natives, modules)
+        .map_err(|failure| [failure.findings(), loaded.findings.as_slice()].concat())?;
+    Ok(loaded.findings)
+}
+
+/// A module over memory of this process, without a driver.
+fn dummy(io: &ProcessIo, station: &Station, config: &ModuleConfig) -> Option<Box<dyn Module>> {
+    let Some(settings) = assembly::cp_settings(&station.name, config) else { return io.module(config, false) };
+    let segment = ob1_backplane::Segment::heap();
+    let side = ob1_backplane::CpuSide::create(&segment, usize::from(station::CP240_BYTES)).ok()?;
+    let link = Box::new(ob1_host::module::AlwaysThere);
+    Some(Box::new(ob1_host::module::CpModule::new(side, link, settings).ok()?))
+}
+
+/// The modules, and both forms of the parameters of each CP.
+fn describe(station: &Station) -> String {
+    let mut text = String::new();
+    for module in &station.modules {
+        let span = |first: u32, len: u16| format!("{first}..{}", first + u32::from(len) - 1);
+        match &module.kind {
+            ModuleKind::Inputs { bytes } => {
+                let _ = writeln!(text, "{}: inputs, bytes {}", module.name, span(module.input_address, *bytes));
+            }
+            ModuleKind::Outputs { bytes } => {
+                let _ = writeln!(text, "{}: outputs, bytes {}", module.name, span(module.output_address, *bytes));
+            }
+            ModuleKind::Cp240 { params, bytes, line } => {
+                let inputs = span(module.input_address, station::CP240_BYTES);
+                let outputs = span(module.output_address, station::CP240_BYTES);
+                let _ = writeln!(text, "{}: cp240, inputs {inputs}, outputs {outputs}, line {line}", module.name);
+                let raw: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+                let _ = writeln!(text, "  raw = \"{}\"", raw.join(" "));
+                let keys = params.to_keys();
+                let keys: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+                let _ = writeln!(text, "  params = {{ {} }}", keys.join(", "));
+            }
+        }
+    }
+    text
+}

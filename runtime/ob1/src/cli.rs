@@ -1,0 +1,282 @@
+//! The command line: words, help, and what they lead to.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::access::protocol::CommandName;
+use crate::exit::{self, Exit};
+use crate::{check, janitor, remote, run, station};
+
+const AFTER: &str = "\
+Examples:
+  ob1 run examples/two-stations/station-a.toml     run a station until Ctrl-C
+  ob1 run press.toml --for 10s --report run.json   ten seconds, figures as JSON
+  ob1 check press.toml                             everything that is wrong with a station
+  ob1 get press.toml M1.0 DB10.DBW20               values from the running station
+  ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
+  ob1 ctl press.toml stop                          to STOP
+
+Times have a unit: 250us, 10ms, 1.5s, 2min, 8h. Values: 1, -5, true, 16#1A, 2#1010, 1.5.
+
+Environment:
+  OB1_LOG          what to log on stderr: error, warn, info (default), debug, trace
+  OB1_CP           the driver program, if ob1-cp is neither beside ob1 nor in PATH
+  OB1_PLUGIN_DIR   where plugins with a bare name are looked for first
+  XDG_RUNTIME_DIR  where the station's directory ob1/NAME is made (else /run, else /tmp)
+";
+
+/// A soft PLC: runs STEP 7 style programs cyclically, with communication processors as processes of their own.
+#[derive(Debug, Parser)]
+#[command(name = "ob1", version, after_help = concat_after(), max_term_width = 110)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+fn concat_after() -> String {
+    format!("{AFTER}\n{}", exit::TABLE)
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Run(RunArgs),
+    Check(CheckArgs),
+    Get(GetArgs),
+    Set(SetArgs),
+    Ctl(CtlArgs),
+    /// Cleans up after a killed runtime; started by `run`.
+    #[command(hide = true)]
+    Janitor {
+        /// The runtime directory.
+        rundir: PathBuf,
+        /// Links that drivers publish.
+        published: Vec<PathBuf>,
+    },
+}
+
+/// Run a station: load the program, start the drivers, scan until Ctrl-C
+///
+/// Ctrl-C (or SIGTERM) stops in order: outputs off, drivers ended, runtime directory removed, summary printed. A second Ctrl-C ends at
+/// once. A CPU in STOP because of a fault stays there to be looked at (get, ctl diag) unless --for or --scans gives the run an end.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 run press.toml\n  ob1 run press.toml --scans 10000 --report run.json --quiet\n\n\
+    While it runs its directory holds control.sock (docs/access.md), io (the process I/O image,\ndocs/process-io.md) and one \
+    MODULE.segment for each CP (docs/backplane.md)."
+)]
+struct RunArgs {
+    /// The station file (docs/station-file.md)
+    station: PathBuf,
+    /// End after this time: 10s, 8h
+    #[arg(long = "for", value_name = "TIME", value_parser = station::parse_duration)]
+    time: Option<Duration>,
+    /// End after so many cycles in RUN
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    scans: Option<u64>,
+    /// Write the figures of the run there as JSON
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Print warnings and errors only
+    #[arg(long, short)]
+    quiet: bool,
+    /// Kill the process if the scan thread makes any system call but sleep, doorbell, getrusage, clock_gettime
+    ///
+    /// A proof, not a mode of operation: a seccomp filter on the scan thread. A run that ends well has made no other call.
+    #[arg(long)]
+    fence_scan: bool,
+}
+
+/// Check sources or a station file
+///
+/// A station file is checked with its program and its plugins. Sources alone are checked without knowing the blocks of a plugin,
+/// unless --plugin names it.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 check station.toml\n  ob1 check station.toml --verbose      both forms of the CPs' parameters\n  \
+    ob1 check main.awl lib.awl --plugin ob1_cp240 --json\n  ob1 check --plugin ./libmine.so         what a plugin brings\n\n\
+    Exit codes: 0 no error, 1 an error was found."
+)]
+struct CheckArgs {
+    /// Sources (.awl), or one station file (.toml)
+    #[arg(required_unless_present = "plugin")]
+    files: Vec<PathBuf>,
+    /// A plugin whose blocks the sources call: a path, or a bare name like ob1_cp240
+    #[arg(long, value_name = "PATH")]
+    plugin: Vec<String>,
+    /// A source of library blocks: compiled with the others, its own warnings are not shown
+    #[arg(long, value_name = "FILE")]
+    library: Vec<PathBuf>,
+    /// Mnemonics of the sources (a station file says it itself)
+    #[arg(long, value_enum, default_value_t = Language::De)]
+    mnemonics: Language,
+    /// Findings as a JSON array
+    #[arg(long)]
+    json: bool,
+    /// Also print modules, and the parameters of CPs as keys and as bytes
+    #[arg(long, short)]
+    verbose: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Language {
+    /// German: U, UN, O, E, A, Z
+    De,
+    /// International: A, AN, O, I, Q, C
+    En,
+}
+
+/// Read cells of a running station
+#[derive(Debug, Args)]
+#[command(after_help = "Names: M1.0 MB1 MW10 MD4, E/I and A/Q likewise, PEW256, DB10.DBX0.0 DB10.DBW20, T2, Z3,\n\
+    components of data blocks (DB20.DONE) and symbols.\n\nExample:\n  ob1 get station-a.toml M1.0 DB20.DONE --json")]
+struct GetArgs {
+    /// A running station: its name or its file
+    station: String,
+    /// Names of cells
+    #[arg(required = true)]
+    items: Vec<String>,
+    /// As a JSON array of {item, type, value, hex}
+    #[arg(long)]
+    json: bool,
+}
+
+/// Write cells of a running station
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Values: 1, 0, true, -5, 16#1A, W#16#1A, L#-5, 2#1010, 1.5.\nInputs are overwritten by the next process image; \
+    write them through the process I/O image.\n\nExample:\n  ob1 set station-a.toml M1.0=1 DB10.DBW20=16#1234"
+)]
+struct SetArgs {
+    /// A running station: its name or its file
+    station: String,
+    /// NAME=VALUE
+    #[arg(required = true, value_name = "NAME=VALUE")]
+    items: Vec<String>,
+}
+
+/// Operate a running station
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Every change from STOP to RUN sends the parameters to all CPs again.\n\nExamples:\n  ob1 ctl press stop\n  ob1 ctl \
+    press.toml warm\n  ob1 ctl press diag"
+)]
+struct CtlArgs {
+    /// A running station: its name or its file
+    station: String,
+    /// What to do
+    action: Action,
+    /// Answers of status and diag as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Action {
+    /// STOP to RUN by a warm restart; nothing in RUN
+    Run,
+    /// To STOP: outputs off
+    Stop,
+    /// Warm restart: OB 100; M, T, Z cleared, data blocks kept
+    Warm,
+    /// Cold restart: OB 102 or OB 100; data blocks get their load values
+    Cold,
+    /// Memory reset: STOP, everything as after loading
+    Reset,
+    /// State, scan statistics, modules
+    Status,
+    /// The diagnostic buffer, newest first
+    Diag,
+}
+
+/// Parses the command line of this process and does what it says.
+#[must_use]
+pub fn main() -> Exit {
+    match Cli::try_parse() {
+        Ok(cli) => cli.run(),
+        Err(error) => {
+            // Help and version are no errors.
+            let exit = if error.use_stderr() { Exit::Usage } else { Exit::Ok };
+            let _ = error.print();
+            exit
+        }
+    }
+}
+
+impl Cli {
+    fn run(self) -> Exit {
+        match self.command {
+            Command::Run(args) => run::run(&run::Options {
+                station: args.station,
+                time: args.time,
+                scans: args.scans,
+                report: args.report,
+                quiet: args.quiet,
+                fence: args.fence_scan,
+            }),
+            Command::Check(args) => check::check(&check::Options {
+                files: args.files,
+                plugins: args.plugin,
+                library: args.library,
+                mnemonics: match args.mnemonics {
+                    Language::De => station::Mnemonics::German,
+                    Language::En => station::Mnemonics::International,
+                },
+                json: args.json,
+                verbose: args.verbose,
+            }),
+            Command::Get(args) => remote::get(&args.station, args.items, args.json),
+            Command::Set(args) => remote::set(&args.station, &args.items),
+            Command::Ctl(args) => {
+                let command = match args.action {
+                    Action::Run => CommandName::Run,
+                    Action::Stop => CommandName::Stop,
+                    Action::Warm => CommandName::Warm,
+                    Action::Cold => CommandName::Cold,
+                    Action::Reset => CommandName::Reset,
+                    Action::Status => return remote::status(&args.station, args.json),
+                    Action::Diag => return remote::diag(&args.station, args.json),
+                };
+                remote::command(&args.station, command)
+            }
+            Command::Janitor { rundir, published } => {
+                janitor::run(&rundir, &published);
+                Exit::Ok
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn the_command_line_is_sound() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn words_are_understood() {
+        let run = Cli::try_parse_from(["ob1", "run", "a.toml", "--for", "1.5s", "--scans", "7"]).expect("right");
+        let Command::Run(args) = run.command else { panic!("{run:?}") };
+        assert_eq!((args.time, args.scans), (Some(Duration::from_millis(1500)), Some(7)));
+        for wrong in [
+            &["ob1", "run", "a.toml", "--for", "10"][..],
+            &["ob1", "run", "a.toml", "--scans", "0"],
+            &["ob1", "check"],
+            &["ob1", "get", "a"],
+            &["ob1", "ctl", "a", "explode"],
+        ] {
+            assert!(Cli::try_parse_from(wrong).is_err(), "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn the_help_names_every_exit_code() {
+        let help = Cli::command().render_long_help().to_string();
+        assert!(help.contains("Exit codes:") && help.contains("  7  a native block"), "{help}");
+    }
+}

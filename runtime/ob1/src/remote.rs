@@ -1,0 +1,143 @@
+//! `ob1 get`, `set`, `ctl`: questions to a running station.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use crate::access::client::{AccessError, Client};
+use crate::access::protocol::{CommandName, Op, Response, Status, Times};
+use crate::exit::Exit;
+
+fn ask(station: &str, op: Op) -> Result<Response, Exit> {
+    Client::to_station(station).and_then(|mut client| client.ask(op)).map_err(|error| {
+        eprintln!("ob1: {error}");
+        match error {
+            AccessError::NotRunning { .. } => {
+                eprintln!("  = start it with `ob1 run`, and name it by its station file or its name");
+                Exit::Running
+            }
+            AccessError::Io(_) | AccessError::Refused(_) => Exit::Refused,
+        }
+    })
+}
+
+/// Prints values of cells.
+#[must_use]
+pub fn get(station: &str, items: Vec<String>, json: bool) -> Exit {
+    let values = match ask(station, Op::Get { items }) {
+        Ok(response) => response.values.unwrap_or_default(),
+        Err(exit) => return exit,
+    };
+    if json {
+        return print_json(&values);
+    }
+    let width = values.iter().map(|v| v.item.chars().count()).max().unwrap_or(0);
+    for value in &values {
+        let hex = if value.type_name == "BOOL" { String::new() } else { format!("  16#{}", value.hex) };
+        let shown = match &value.value {
+            Value::Bool(bit) => u8::from(*bit).to_string(),
+            other => other.to_string(),
+        };
+        println!("{:<width$}  {shown:>12}{hex}", value.item);
+    }
+    Exit::Ok
+}
+
+/// Writes cells, given as `NAME=VALUE`.
+#[must_use]
+pub fn set(station: &str, assignments: &[String]) -> Exit {
+    let mut items = BTreeMap::new();
+    for assignment in assignments {
+        let Some((name, value)) = assignment.split_once('=') else {
+            eprintln!("ob1: \"{assignment}\" is no assignment\n  = write NAME=VALUE, such as M1.0=1");
+            return Exit::Usage;
+        };
+        items.insert(name.trim().to_owned(), Value::from(value.trim()));
+    }
+    ask(station, Op::Set { items }).map_or_else(|exit| exit, |_| Exit::Ok)
+}
+
+/// Changes the operating state.
+#[must_use]
+pub fn command(station: &str, command: CommandName) -> Exit {
+    ask(station, Op::Command { command }).map_or_else(|exit| exit, |_| Exit::Ok)
+}
+
+/// Prints state and figures.
+#[must_use]
+pub fn status(station: &str, json: bool) -> Exit {
+    match ask(station, Op::Status).map(|response| response.status) {
+        Ok(Some(status)) if json => print_json(&status),
+        Ok(Some(status)) => {
+            print_status(&status);
+            Exit::Ok
+        }
+        Ok(None) => Exit::Refused,
+        Err(exit) => exit,
+    }
+}
+
+/// Prints the diagnostic buffer.
+#[must_use]
+pub fn diag(station: &str, json: bool) -> Exit {
+    let entries = match ask(station, Op::Diag { count: 100 }) {
+        Ok(response) => response.diagnostics.unwrap_or_default(),
+        Err(exit) => return exit,
+    };
+    if json {
+        return print_json(&entries);
+    }
+    for entry in &entries {
+        println!("{:>6}  {:>12.6} s  {}", entry.number, entry.time_ns as f64 / 1e9, entry.text);
+    }
+    Exit::Ok
+}
+
+fn print_status(status: &Status) {
+    println!(
+        "{} is in {}, process {}, {:.1} s",
+        status.station,
+        status.state,
+        status.pid,
+        status.runtime_ns as f64 / 1e9
+    );
+    println!("scans {}   overruns {}   watchdog {}", status.scans, status.overruns, status.watchdogs);
+    let line = |name: &str, t: &Times| {
+        let us = |ns: f64| ns / 1000.0;
+        println!(
+            "{name:<10} min {:.1}   mean {:.1}   p50 {:.1}   p99 {:.1}   max {:.1} µs",
+            us(t.min_ns as f64),
+            us(t.mean_ns),
+            us(t.p50_ns as f64),
+            us(t.p99_ns as f64),
+            us(t.max_ns as f64)
+        );
+    };
+    line("cycle", &status.cycle);
+    line("execution", &status.execution);
+    for grant in &status.posture {
+        println!("{}: {} {}", grant.what, grant.outcome, grant.detail);
+    }
+    for module in &status.modules {
+        let present = if module.present { "present" } else { "absent" };
+        print!("{} ({} at {}): {present}", module.name, module.type_name, module.address);
+        if let Some(driver) = &module.driver {
+            let (pid, state, losses) = (driver.pid, &driver.state, driver.losses);
+            print!(", driver {pid} {state}, lost {losses}, LEDs {}", module.leds.join(" "));
+        }
+        println!();
+    }
+}
+
+fn print_json(value: &impl serde::Serialize) -> Exit {
+    match serde_json::to_string_pretty(value) {
+        Ok(text) => {
+            println!("{text}");
+            Exit::Ok
+        }
+        Err(error) => {
+            eprintln!("ob1: {error}");
+            Exit::System
+        }
+    }
+}

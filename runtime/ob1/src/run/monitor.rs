@@ -1,0 +1,131 @@
+//! The monitor: names a native block that never returns, switches the outputs off and ends the process.
+//!
+//! Nothing can bring the scan thread back from such a block. A statement loop is the watchdog's business and needs no monitor.
+
+use std::sync::Arc;
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use ob1_model::BlockId;
+
+use super::scan::ScanState;
+use crate::exit::Exit;
+use crate::io::ProcessIo;
+use crate::watched::Running;
+
+/// Time between two looks.
+const LOOK: Duration = Duration::from_millis(100);
+/// Looks in which nothing must have moved, at least: looks are counted, not time, so that a process that was stopped as a whole is not
+/// taken for a hung scan.
+const LOOKS: u32 = 20;
+/// The same for a CPU without a watchdog.
+const LOOKS_WITHOUT_WATCHDOG: u32 = 600;
+
+/// Decides, look by look, whether a native block hangs. Pure.
+#[derive(Debug)]
+struct Suspicion {
+    needed: u32,
+    seen: Option<(u64, BlockId)>,
+    looks: u32,
+}
+
+impl Suspicion {
+    /// For a CPU with this watchdog, in nanoseconds; 0: none.
+    fn new(watchdog: u64) -> Self {
+        let twice = (watchdog.saturating_mul(2) / LOOK.as_nanos() as u64).min(u64::from(u32::MAX)) as u32;
+        let needed = if watchdog == 0 { LOOKS_WITHOUT_WATCHDOG } else { twice.max(LOOKS) };
+        Self { needed, seen: None, looks: 0 }
+    }
+
+    /// One look: cycles so far, and the native block that runs within one. The block, when it must be given up.
+    fn look(&mut self, cycles: u64, block: Option<BlockId>) -> Option<BlockId> {
+        let now = block.map(|block| (cycles, block));
+        if now.is_none() || now != self.seen {
+            (self.seen, self.looks) = (now, 0);
+            return None;
+        }
+        self.looks += 1;
+        if self.looks >= self.needed { block } else { None }
+    }
+}
+
+/// The monitor thread. Dropping it ends it.
+#[derive(Debug)]
+pub(super) struct Monitor {
+    stop: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Monitor {
+    pub(super) fn start(
+        scan: Arc<ScanState>,
+        running: Arc<Running>,
+        io: Option<ProcessIo>,
+        watchdog: u64,
+    ) -> std::io::Result<Self> {
+        let (stop, stopped) = mpsc::channel();
+        let thread = ob1_rt::spawn("ob1-monitor", move || {
+            let mut suspicion = Suspicion::new(watchdog);
+            while stopped.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+                let block = running.block().filter(|_| scan.is_in_cycle());
+                if let Some(block) = suspicion.look(scan.cycles(), block) {
+                    give_up(block, io.as_ref());
+                }
+            }
+        })?;
+        Ok(Self { stop: Some(stop), thread: Some(thread) })
+    }
+}
+
+impl Drop for Monitor {
+    fn drop(&mut self) {
+        drop(self.stop.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Drivers end with the process (end of file on their stdin), the janitor removes the runtime directory.
+fn give_up(block: BlockId, io: Option<&ProcessIo>) -> ! {
+    if let Some(io) = io {
+        io.switch_off();
+    }
+    eprintln!("\nob1: native block {block} does not return; outputs are off, the station ends");
+    eprintln!("  = a block must return; one that waits keeps its state and returns, or calls `attend` in its loop");
+    std::process::exit(i32::from(Exit::Hung as u8))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_model::BlockKind;
+
+    const BLOCK: Option<BlockId> = Some(BlockId::new(BlockKind::Fc, 7));
+
+    #[test]
+    fn a_block_that_stays_is_given_up() {
+        let mut suspicion = Suspicion::new(150_000_000);
+        assert_eq!((0..LOOKS).find_map(|_| suspicion.look(5, BLOCK)), None);
+        assert_eq!(suspicion.look(5, BLOCK), BLOCK);
+    }
+
+    #[test]
+    fn any_progress_starts_anew() {
+        let mut suspicion = Suspicion::new(150_000_000);
+        for cycle in 0..10 {
+            assert_eq!((0..LOOKS).find_map(|_| suspicion.look(cycle, BLOCK)), None);
+        }
+        assert_eq!(suspicion.look(9, None), None);
+        assert_eq!((0..LOOKS).find_map(|_| suspicion.look(9, BLOCK)), None);
+    }
+
+    #[test]
+    fn a_long_watchdog_is_waited_for_twice() {
+        let mut suspicion = Suspicion::new(6_000_000_000);
+        assert_eq!((0..120).find_map(|_| suspicion.look(1, BLOCK)), None);
+        assert_eq!(suspicion.look(1, BLOCK), BLOCK);
+        assert_eq!(Suspicion::new(0).needed, LOOKS_WITHOUT_WATCHDOG);
+    }
+}

@@ -1,0 +1,133 @@
+//! What a run leaves: the report for machines, the summary for people.
+
+use std::fmt::Write as _;
+use std::io;
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::access::protocol::{Diagnostic, Status, Times};
+use crate::exit::Exit;
+
+/// Version of the report's form: raised when a field changes its meaning or goes.
+pub const REPORT_SCHEMA: u32 = 1;
+
+/// Why a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ended {
+    /// Ctrl-C or SIGTERM.
+    Signal,
+    /// `--for` is over.
+    Time,
+    /// `--scans` are done.
+    Scans,
+    /// The CPU went to STOP because of a fault.
+    Fault,
+}
+
+impl Ended {
+    const fn text(self) -> &'static str {
+        match self {
+            Ended::Signal => "by a signal",
+            Ended::Time => "after the wanted time",
+            Ended::Scans => "after the wanted number of scans",
+            Ended::Fault => "because the CPU went to STOP",
+        }
+    }
+}
+
+/// A finished run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// [`REPORT_SCHEMA`].
+    pub schema: u32,
+    /// Version of `ob1`.
+    pub version: &'static str,
+    /// Why it ended.
+    pub ended: Ended,
+    /// The exit code.
+    pub exit: u8,
+    /// The fault that led to STOP, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fault: Option<String>,
+    /// The station at its end.
+    #[serde(flatten)]
+    pub status: Status,
+    /// The diagnostic buffer, newest first.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+impl Report {
+    pub(super) fn new(
+        ended: Ended,
+        exit: Exit,
+        fault: Option<String>,
+        status: Status,
+        diagnostics: Vec<Diagnostic>,
+    ) -> Self {
+        let version = env!("CARGO_PKG_VERSION");
+        Self { schema: REPORT_SCHEMA, version, ended, exit: exit as u8, fault, status, diagnostics }
+    }
+
+    /// Writes the report as JSON.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn write(&self, path: &Path) -> io::Result<()> {
+        let mut text = serde_json::to_string_pretty(self)?;
+        text.push('\n');
+        std::fs::write(path, text)
+    }
+
+    /// The summary, as printed at the end of a run.
+    #[must_use]
+    pub fn summary(&self) -> String {
+        let mut out = String::new();
+        let s = &self.status;
+        let _ = writeln!(out, "station {} ended {}, {:.1} s", s.station, self.ended.text(), s.runtime_ns as f64 / 1e9);
+        if let Some(fault) = &self.fault {
+            let _ = writeln!(out, "fault: {fault}");
+        }
+        let _ = writeln!(
+            out,
+            "scans {}   statements {}   overruns {}   watchdog {}   memory {} KiB",
+            s.scans, s.statements, s.overruns, s.watchdogs, s.memory.peak_kib
+        );
+        let _ = writeln!(out, "time in µs       min      mean       p50       p99     p99.9       max");
+        row(&mut out, "cycle", &s.cycle);
+        row(&mut out, "execution", &s.execution);
+        for grant in s.posture.iter().filter(|g| g.outcome != "granted") {
+            let _ = writeln!(out, "{}: {}", grant.what, grant.detail);
+            if let Some(remedy) = &grant.remedy {
+                let _ = writeln!(out, "  = {remedy}");
+            }
+        }
+        for module in &s.modules {
+            let Some(driver) = &module.driver else { continue };
+            let _ = writeln!(
+                out,
+                "{} ({} at {}): driver up {} times, lost {}",
+                module.name, module.type_name, module.address, driver.starts, driver.losses
+            );
+            let counters: Vec<String> =
+                module.counters.iter().filter(|(_, n)| **n > 0).map(|(name, n)| format!("{name} {n}")).collect();
+            for line in counters.chunks(4) {
+                let _ = writeln!(out, "  {}", line.join("   "));
+            }
+        }
+        let _ = writeln!(out, "diagnostic buffer, newest first:");
+        for entry in self.diagnostics.iter().take(10) {
+            let _ = writeln!(out, "  {:>12.6} s  {}", entry.time_ns as f64 / 1e9, entry.text);
+        }
+        out
+    }
+}
+
+fn row(out: &mut String, name: &str, t: &Times) {
+    let _ = write!(out, "{name:<10}");
+    for nanos in [t.min_ns as f64, t.mean_ns, t.p50_ns as f64, t.p99_ns as f64, t.p999_ns as f64, t.max_ns as f64] {
+        let _ = write!(out, "{:>10.1}", nanos / 1000.0);
+    }
+    out.push('\n');
+}

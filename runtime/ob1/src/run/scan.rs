@@ -1,0 +1,148 @@
+//! The scan thread: asks for its posture, then cycles until it is told to finish.
+//!
+//! From its first cycle on it allocates nothing, takes no lock another thread can hold, and makes no system call but the sleep and the
+//! doorbells; the fence proves it. What others want to know of it stands in atomics.
+
+use std::sync::Arc;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+
+use ob1_cpu::{Command, Cpu, OperatingState};
+use ob1_rt::{Grant, MonotonicClock};
+
+use crate::station::Realtime;
+
+/// What other threads see of the scan.
+#[derive(Debug, Default)]
+pub(super) struct ScanState {
+    state: AtomicU8,
+    cycles: AtomicU64,
+    scans: AtomicU64,
+    in_cycle: AtomicBool,
+    started: AtomicBool,
+    limit_reached: AtomicBool,
+    finish: AtomicBool,
+}
+
+impl ScanState {
+    /// The operating state after the last cycle.
+    pub(super) fn state(&self) -> OperatingState {
+        match self.state.load(Ordering::Acquire) {
+            0 => OperatingState::Stop,
+            1 => OperatingState::Startup,
+            _ => OperatingState::Run,
+        }
+    }
+
+    /// Cycles since the start, those in STOP included: a sign of life.
+    pub(super) fn cycles(&self) -> u64 {
+        self.cycles.load(Ordering::Relaxed)
+    }
+
+    /// Cycles in RUN.
+    pub(super) fn scans(&self) -> u64 {
+        self.scans.load(Ordering::Relaxed)
+    }
+
+    /// False while it sleeps.
+    pub(super) fn is_in_cycle(&self) -> bool {
+        self.in_cycle.load(Ordering::Relaxed)
+    }
+
+    /// True after the first cycle, which has gone through start-up.
+    pub(super) fn has_started(&self) -> bool {
+        self.started.load(Ordering::Acquire)
+    }
+
+    /// The wanted number of scans is done; the CPU is in STOP or on its way there.
+    pub(super) fn limit_reached(&self) -> bool {
+        self.limit_reached.load(Ordering::Acquire)
+    }
+
+    /// Ends the thread after its cycle; a fenced one stays asleep instead.
+    pub(super) fn finish(&self) {
+        self.finish.store(true, Ordering::Release);
+    }
+}
+
+/// What the scan thread is started with.
+pub(super) struct Scan {
+    pub(super) cpu: Cpu,
+    pub(super) clock: MonotonicClock,
+    pub(super) shared: Arc<ScanState>,
+    pub(super) realtime: Realtime,
+    /// Grants asked for so far; the thread adds its own and publishes all.
+    pub(super) grants: Vec<Grant>,
+    pub(super) posture: Arc<OnceLock<Vec<Grant>>>,
+    pub(super) limit: Option<u64>,
+    pub(super) fence: bool,
+}
+
+impl Scan {
+    /// Starts the thread. With a fence that cannot be raised it ends at once with the reason.
+    pub(super) fn start(self) -> std::io::Result<JoinHandle<Result<(), String>>> {
+        ob1_rt::spawn("ob1-scan", move || self.run())
+    }
+
+    fn run(mut self) -> Result<(), String> {
+        ob1_rt::block_signals();
+        ob1_rt::prefault_stack();
+        ob1_rt::warm_heap();
+        self.ask_posture();
+        if self.fence {
+            ob1_rt::fence_scan().map_err(|e| e.to_string())?;
+        }
+        self.cpu.request(Command::Warm);
+        self.cycle();
+        if self.fence {
+            // Behind the fence a thread cannot end: it sleeps until the process does.
+            loop {
+                self.clock.sleep_until(u64::MAX / 2);
+            }
+        }
+        Ok(())
+    }
+
+    fn ask_posture(&mut self) {
+        let mut grants = std::mem::take(&mut self.grants);
+        grants.push(ob1_rt::set_timer_slack());
+        if !self.realtime.affinity.is_empty() {
+            grants.push(ob1_rt::pin_to(&self.realtime.affinity));
+        }
+        if let Some(priority) = self.realtime.priority {
+            grants.push(ob1_rt::raise_priority(priority));
+        }
+        let _ = self.posture.set(grants);
+    }
+
+    fn cycle(&mut self) {
+        let shared = Arc::clone(&self.shared);
+        let mut scans = 0;
+        loop {
+            shared.in_cycle.store(true, Ordering::Relaxed);
+            let end = self.cpu.cycle(&mut self.clock);
+            shared.in_cycle.store(false, Ordering::Relaxed);
+            shared.cycles.fetch_add(1, Ordering::Relaxed);
+            if end.state == OperatingState::Run {
+                scans += 1;
+                shared.scans.store(scans, Ordering::Relaxed);
+                if self.limit == Some(scans) {
+                    self.cpu.request(Command::Stop);
+                    shared.limit_reached.store(true, Ordering::Release);
+                }
+            }
+            let state = match end.state {
+                OperatingState::Stop => 0,
+                OperatingState::Startup => 1,
+                OperatingState::Run => 2,
+            };
+            shared.state.store(state, Ordering::Release);
+            shared.started.store(true, Ordering::Release);
+            if shared.finish.load(Ordering::Acquire) {
+                return;
+            }
+            self.clock.sleep_until(end.next_deadline);
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! Ctrl-C and SIGTERM: the first ends the run in order, the second at once.
+
+use std::io::{self, Read as _};
+use std::os::unix::net::UnixStream;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+
+/// The exit code of a run that was ended by a second signal, as shells show SIGINT.
+const SECOND_SIGNAL: i32 = 130;
+
+/// Signals, as something to wait for.
+#[derive(Debug)]
+pub(super) struct Signals {
+    caught: UnixStream,
+}
+
+impl Signals {
+    /// Catches them from here on.
+    pub(super) fn catch() -> io::Result<Self> {
+        let (caught, sender) = UnixStream::pair()?;
+        for signal in [SIGINT, SIGTERM] {
+            let armed = Arc::new(AtomicBool::new(false));
+            // In this order: the first signal finds it unarmed.
+            signal_hook::flag::register_conditional_shutdown(signal, SECOND_SIGNAL, Arc::clone(&armed))?;
+            signal_hook::flag::register(signal, armed)?;
+            signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
+        }
+        Ok(Self { caught })
+    }
+
+    /// Waits for a signal, but not longer than `time`; true when one came.
+    pub(super) fn wait(&self, time: Duration) -> bool {
+        let mut byte = [0];
+        self.caught.set_read_timeout(Some(time)).is_ok() && (&self.caught).read(&mut byte).is_ok_and(|n| n > 0)
+    }
+}

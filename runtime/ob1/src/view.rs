@@ -1,0 +1,159 @@
+//! What may be looked at from outside the scan: names, monitors of the CPs, drivers, the posture.
+
+use std::sync::{Arc, OnceLock};
+
+use ob1_backplane::{Counter, DriverState, Monitor};
+use ob1_cpu::{Distribution, OperatingState, ScanStatistics};
+use ob1_host::driver;
+use ob1_rt::{Grant, MonotonicClock, Outcome};
+
+use crate::access::item::Names;
+use crate::access::protocol::{DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times};
+use crate::station::{ModuleConfig, ModuleKind};
+
+/// A running station, as seen from other threads than the scan.
+#[derive(Clone, Debug)]
+pub struct StationView {
+    /// The station's name.
+    pub name: String,
+    /// The names of its cells.
+    pub names: Arc<Names>,
+    /// Its modules, in the order of the CPU.
+    pub modules: Vec<ModuleView>,
+    /// What the operating system granted; set by the scan thread when it has asked.
+    pub posture: Arc<OnceLock<Vec<Grant>>>,
+    /// The clock of this runtime.
+    pub clock: MonotonicClock,
+}
+
+/// A module, as seen from other threads than the scan.
+#[derive(Clone, Debug)]
+pub struct ModuleView {
+    /// Its name.
+    pub name: String,
+    /// Its type, as in the station file.
+    pub type_name: &'static str,
+    /// Its first byte.
+    pub address: u32,
+    /// The segment of a CP.
+    pub monitor: Option<Monitor>,
+    /// The driver of a CP.
+    pub driver: Option<Arc<driver::DriverStatus>>,
+}
+
+impl ModuleView {
+    /// Of a module without a driver.
+    #[must_use]
+    pub fn new(config: &ModuleConfig) -> Self {
+        let (type_name, address) = match config.kind {
+            ModuleKind::Cp240 { .. } => ("cp240", config.input_address),
+            ModuleKind::Inputs { .. } => ("inputs", config.input_address),
+            ModuleKind::Outputs { .. } => ("outputs", config.output_address),
+        };
+        Self { name: config.name.clone(), type_name, address, monitor: None, driver: None }
+    }
+
+    fn status(&self, present: bool) -> ModuleStatus {
+        let monitor = self.monitor.as_ref();
+        let driver = self.driver.as_ref().map(|driver| DriverStatus {
+            pid: driver.pid(),
+            starts: driver.starts(),
+            losses: driver.losses(),
+            state: monitor.map_or_else(String::new, driver_state),
+        });
+        let counters = monitor.map(Monitor::counters);
+        let counters = counters.map(|c| Counter::ALL.iter().map(|n| (n.name().to_owned(), c.get(*n))).collect());
+        ModuleStatus {
+            name: self.name.clone(),
+            type_name: self.type_name.to_owned(),
+            address: self.address,
+            present,
+            leds: monitor.map(leds).unwrap_or_default(),
+            driver,
+            counters: counters.unwrap_or_default(),
+        }
+    }
+}
+
+fn leds(monitor: &Monitor) -> Vec<String> {
+    let leds = monitor.leds();
+    let lit = [("PW", leds.power), ("ER", leds.error), ("TxD", leds.transmit), ("RxD", leds.receive)];
+    lit.into_iter().filter(|(_, on)| *on).map(|(name, _)| name.to_owned()).collect()
+}
+
+fn driver_state(monitor: &Monitor) -> String {
+    match monitor.driver_state() {
+        Ok(DriverState::Absent) => "absent".into(),
+        Ok(DriverState::Starting) => "starting".into(),
+        Ok(DriverState::NoParameters) => "no parameters".into(),
+        Ok(DriverState::ParameterError(code)) => format!("parameter error {code}"),
+        Ok(DriverState::Ready) => "ready".into(),
+        Ok(DriverState::LineError(code)) => format!("line error {code}"),
+        Err(fault) => fault.to_string(),
+    }
+}
+
+impl StationView {
+    /// The station as others see it. `present` has one entry a module.
+    #[must_use]
+    pub fn status(&self, state: OperatingState, statistics: &ScanStatistics, present: &[bool]) -> Status {
+        let memory = ob1_rt::memory();
+        let module = |(index, module): (usize, &ModuleView)| module.status(present.get(index) == Some(&true));
+        Status {
+            station: self.name.clone(),
+            pid: std::process::id(),
+            state: state_name(state).to_owned(),
+            runtime_ns: self.clock.time(),
+            scans: statistics.scans,
+            statements: statistics.statements,
+            overruns: statistics.overruns,
+            watchdogs: statistics.watchdogs,
+            cycle: times(&statistics.cycle),
+            execution: times(&statistics.execution),
+            modules: self.modules.iter().enumerate().map(module).collect(),
+            posture: self.posture.get().into_iter().flatten().map(grant).collect(),
+            memory: MemoryStatus {
+                resident_kib: memory.resident_kib,
+                peak_kib: memory.peak_kib,
+                locked_kib: memory.locked_kib,
+                threads: memory.threads,
+            },
+        }
+    }
+}
+
+/// `STOP`, `STARTUP`, `RUN`.
+#[must_use]
+pub const fn state_name(state: OperatingState) -> &'static str {
+    match state {
+        OperatingState::Stop => "STOP",
+        OperatingState::Startup => "STARTUP",
+        OperatingState::Run => "RUN",
+    }
+}
+
+fn times(d: &Distribution) -> Times {
+    Times {
+        count: d.count,
+        min_ns: d.min,
+        mean_ns: d.mean,
+        p50_ns: d.p50,
+        p99_ns: d.p99,
+        p999_ns: d.p999,
+        max_ns: d.max,
+    }
+}
+
+fn grant(grant: &Grant) -> GrantStatus {
+    let outcome = match grant.outcome {
+        Outcome::Granted => "granted",
+        Outcome::Partly => "partly",
+        Outcome::Refused => "refused",
+    };
+    GrantStatus {
+        what: grant.what.clone(),
+        outcome: outcome.into(),
+        detail: grant.detail.clone(),
+        remedy: grant.remedy.map(str::to_owned),
+    }
+}
