@@ -36,6 +36,7 @@ fn endless_loop_ends_by_the_watchdog_in_virtual_time() {
 fn deadlines_are_absolute_and_lateness_is_counted_once() {
     let config = CpuConfig { min_cycle: MS, ..CpuConfig::default() };
     let mut bench = Bench::with(Cpu::new(config, &program(vec![ob1(Vec::new())], Vec::new()), vec![], vec![]).unwrap());
+    bench.clock.ns_per_statement = 0;
     assert_eq!(bench.cycle().next_deadline, MS);
     bench.clock.now = MS + 300_000;
     assert_eq!(bench.cycle().next_deadline, 2 * MS, "waking late does not move the schedule");
