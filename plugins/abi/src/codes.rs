@@ -44,6 +44,10 @@ pub const KIND_OB: u8 = 0;
 pub const KIND_FB: u8 = 1;
 /// Function.
 pub const KIND_FC: u8 = 2;
+/// System function block; only as the callee of [`crate::HostTable::call_block`].
+pub const KIND_SFB: u8 = 3;
+/// System function; only as the callee of [`crate::HostTable::call_block`].
+pub const KIND_SFC: u8 = 4;
 
 /// Sections, [`crate::ParamDesc::section`]: `VAR_INPUT`.
 pub const SECTION_IN: u8 = 0;

@@ -193,7 +193,8 @@ pub struct HostTable {
         unsafe extern "C" fn(call: *mut CallContext, address: u32, record: u8, from: *const u8, len: u32) -> Status,
 
     // The CPU.
-    /// Calls another block: FC or FB (`KIND_*`), with its instance data block (0 for an FC) and one argument per formal.
+    /// Calls another block: FC, FB, SFC or SFB (`KIND_*`), with its instance data block (0 for an FC or SFC) and one argument per
+    /// formal. At most 64 arguments.
     pub call_block: unsafe extern "C" fn(
         call: *mut CallContext,
         kind: u8,

@@ -3,7 +3,7 @@
 use ob1_abi as abi;
 
 use crate::reply::{Abort, Reply, reply};
-use crate::{Area, Cx, Kind};
+use crate::{Area, Cx};
 
 /// An actual parameter of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,7 +36,7 @@ impl<M> Cx<'_, M> {
     /// # Errors
     /// [`Abort`]; refused with `NoBlock`, `BadArgument` beyond 64 arguments.
     pub fn call_fc(&mut self, number: u16, args: &[Arg]) -> Reply<()> {
-        self.call_block(Kind::Fc, number, 0, args)
+        self.call_block(abi::KIND_FC, number, 0, args)
     }
 
     /// Calls an FB on an instance data block, with one argument per formal parameter.
@@ -44,10 +44,26 @@ impl<M> Cx<'_, M> {
     /// # Errors
     /// [`Abort`]; refused with `NoBlock`, `NoDb`, `BadArgument` beyond 64 arguments.
     pub fn call_fb(&mut self, number: u16, instance_db: u16, args: &[Arg]) -> Reply<()> {
-        self.call_block(Kind::Fb, number, instance_db, args)
+        self.call_block(abi::KIND_FB, number, instance_db, args)
     }
 
-    fn call_block(&mut self, kind: Kind, number: u16, instance_db: u16, args: &[Arg]) -> Reply<()> {
+    /// Calls a system function.
+    ///
+    /// # Errors
+    /// As [`Cx::call_fc`].
+    pub fn call_sfc(&mut self, number: u16, args: &[Arg]) -> Reply<()> {
+        self.call_block(abi::KIND_SFC, number, 0, args)
+    }
+
+    /// Calls a system function block on an instance data block.
+    ///
+    /// # Errors
+    /// As [`Cx::call_fb`].
+    pub fn call_sfb(&mut self, number: u16, instance_db: u16, args: &[Arg]) -> Reply<()> {
+        self.call_block(abi::KIND_SFB, number, instance_db, args)
+    }
+
+    fn call_block(&mut self, kind: u8, number: u16, instance_db: u16, args: &[Arg]) -> Reply<()> {
         let mut raw = [abi::CallArg::default(); ARGS_MAX];
         let Some(raw) = raw.get_mut(..args.len()) else { return Ok(Err(crate::Refused::BadArgument)) };
         for (raw, arg) in raw.iter_mut().zip(args) {
@@ -62,7 +78,7 @@ impl<M> Cx<'_, M> {
         }
         let (host, call) = self.edge();
         // SAFETY: `host` and `call` belong to the running entry (Cx::new); pointer and length are those of a slice.
-        reply(unsafe { (host.call_block)(call, kind as u8, number, instance_db, raw.as_ptr(), raw.len() as u32) })
+        reply(unsafe { (host.call_block)(call, kind, number, instance_db, raw.as_ptr(), raw.len() as u32) })
     }
 
     /// The organization block that runs.

@@ -119,7 +119,7 @@ unsafe extern "C" fn entry<B: Block>(host: *const HostTable, call: *mut CallCont
 /// Exports the plugin: its name and version, the type of its memory per module (`()` for none), and its blocks. Once per crate,
 /// and only in a crate of type `cdylib`.
 ///
-/// ```ignore
+/// ```text
 /// ob1_sdk::export_plugin! {
 ///     name: "limits",
 ///     version: env!("CARGO_PKG_VERSION"),

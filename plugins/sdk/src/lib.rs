@@ -36,7 +36,7 @@
 //!
 //! In the plugin's crate follows
 //!
-//! ```ignore
+//! ```text
 //! ob1_sdk::export_plugin! { name: "limits", version: env!("CARGO_PKG_VERSION"), module_state: (), blocks: [Limit] }
 //! ```
 //!

@@ -3,7 +3,7 @@
 use std::ffi::c_void;
 use std::ptr;
 
-use ob1_abi::{CallArg, CallContext, KIND_FB, KIND_FC, LOG_ERROR, LOG_INFO, ObInfo, Status, Text};
+use ob1_abi::{CallArg, CallContext, KIND_FB, KIND_FC, KIND_SFB, KIND_SFC, LOG_ERROR, LOG_INFO, ObInfo, Status, Text};
 use ob1_cpu::NativeArg;
 use ob1_model::{BlockId, BlockKind, Event, FaultKind};
 
@@ -29,6 +29,8 @@ pub(super) unsafe extern "C" fn call_block(
             let kind = match kind {
                 KIND_FB => BlockKind::Fb,
                 KIND_FC => BlockKind::Fc,
+                KIND_SFB => BlockKind::Sfb,
+                KIND_SFC => BlockKind::Sfc,
                 _ => return Err(BAD_ARGUMENT),
             };
             let mut native = [NativeArg::Open; ARGS_MAX];
