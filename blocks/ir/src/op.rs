@@ -380,7 +380,7 @@ impl Op {
             | Op::EdgePositive(p)
             | Op::EdgeNegative(p) => place(*p, Width::Bit, see),
             Op::Load(o) | Op::Transfer(o) | Op::LoadArFrom(_, o) | Op::TransferArTo(_, o) => {
-                place(o.place, o.width, see)
+                place(o.place, o.width, see);
             }
             Op::Call(call) => {
                 for arg in &call.args {

@@ -44,10 +44,13 @@ pub enum Arg {
     Open,
     /// A constant of an elementary type, right-aligned in 32 bits.
     Const(u32),
-    /// A constant of a composed type (STRING, DATE_AND_TIME, pointer, ANY), as laid-out bytes.
+    /// A constant of a composed type (STRING, DATE_AND_TIME, POINTER, ANY), as laid-out bytes. Operands supplied to POINTER and
+    /// ANY come as such a constant; so does the actual of an FB's composed in/out, whose instance keeps a POINTER
+    /// (`ob1_model::Param::is_pointer`).
     Bytes(Box<[u8]>),
     /// An operand. M, E, A, L and DBX through the DB register go by reference; fully qualified data operands (`InDb`), peripheral,
-    /// indirect and instance operands are copied before and after the call, as STEP 7 does.
+    /// indirect and instance operands are copied before and after the call, as STEP 7 does. An operand of a composed type has the
+    /// width of a byte and names its first; its length is that of the formal's type.
     Operand(Operand),
     /// A timer, counter or block number.
     Number(Number),
@@ -73,7 +76,8 @@ pub struct CodeBlock {
     pub id: BlockId,
     /// The name of its header or symbol, when it has one.
     pub name: Option<String>,
-    /// Parameters and variables. `temp_bytes` counts declared local data.
+    /// Parameters and variables. `temp_bytes` counts the declared local data, and beyond it what absolute operands (`LW 20`)
+    /// reach into.
     pub interface: Interface,
     /// The statements; running past the last one ends the block.
     pub code: Vec<Stmt>,
@@ -101,7 +105,7 @@ pub struct DataBlock {
     pub kind: DataKind,
     /// The load values; its length is the data block's length.
     pub bytes: Vec<u8>,
-    /// Named components, for `DB10.name` in tools.
+    /// The declarations, composed types whole; [`Component::find`] leads into them, for `DB10.sub[3].name` in tools.
     pub components: Vec<Component>,
     /// `READ_ONLY`.
     pub read_only: bool,

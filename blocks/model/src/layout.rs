@@ -8,10 +8,40 @@ use crate::{BitAddr, DataType, Dimension, Field};
 pub struct Component {
     /// The path from the outermost name: `sub[3].name`.
     pub path: String,
-    /// Elementary or string type found there.
+    /// The type found there. A list made by [`Layout::components`] holds elementary types and strings; the declarations of a
+    /// data block hold composed types whole, to be entered by [`Component::find`].
     pub ty: DataType,
     /// Its address from the start.
     pub at: BitAddr,
+}
+
+impl Component {
+    /// The component a path leads to, from a list of declarations: `name`, `sub[3].name`, `grid[1,-2]`. Names compare without
+    /// regard to case. `None` when the path leads nowhere.
+    #[must_use]
+    pub fn find(declarations: &[Component], path: &str) -> Option<Component> {
+        let end = path.find(['.', '[']).unwrap_or(path.len());
+        let (name, mut rest) = path.split_at(end);
+        let first = declarations.iter().find(|c| c.path.eq_ignore_ascii_case(name))?;
+        let (mut ty, mut at) = (&first.ty, first.at.0);
+        while !rest.is_empty() {
+            if let Some(tail) = rest.strip_prefix('.') {
+                let end = tail.find(['.', '[']).unwrap_or(tail.len());
+                let DataType::Struct(fields) = ty else { return None };
+                let mut layout = Layout::new();
+                let places = fields.iter().map(|f| (f, layout.place(&f.ty)));
+                let (field, offset) = places.into_iter().find(|(f, _)| f.name.eq_ignore_ascii_case(&tail[..end]))?;
+                (ty, at, rest) = (&field.ty, at + offset.0, &tail[end..]);
+            } else {
+                let (indices, tail) = rest.strip_prefix('[')?.split_once(']')?;
+                let indices: Vec<i32> = indices.split(',').map(|i| i.trim().parse().ok()).collect::<Option<_>>()?;
+                let DataType::Array(dims, element) = ty else { return None };
+                let offset = Layout::element(dims, element, &indices)?;
+                (ty, at, rest) = (&**element, at + offset.0, tail);
+            }
+        }
+        Some(Component { path: path.to_owned(), ty: ty.clone(), at: BitAddr(at) })
+    }
 }
 
 /// Builds a layout declaration by declaration.
@@ -195,6 +225,20 @@ mod tests {
         assert_eq!(Layout::element(dims, element, &[2, 3]), Some(out[13].at));
         assert_eq!(Layout::element(dims, element, &[3, 0]), None);
         assert_eq!(Layout::element(dims, element, &[1]), None);
+    }
+
+    #[test]
+    fn paths_lead_to_components() {
+        let inner = DataType::Struct(vec![field("x", DataType::Bool), field("y", DataType::Int)]);
+        let dims = vec![Dimension { low: -1, high: 1 }];
+        let whole = DataType::Array(dims, Box::new(inner));
+        let declarations = [Component { path: "List".into(), ty: whole.clone(), at: BitAddr(32) }];
+        let found = Component::find(&declarations, "list[0].Y").map(|c| (c.ty, c.at.to_string()));
+        assert_eq!(found, Some((DataType::Int, "10.0".into())));
+        assert_eq!(Component::find(&declarations, "LIST").map(|c| c.ty), Some(whole));
+        for wrong in ["", "lists", "list[2]", "list[0", "list[a]", "list.x", "list[0].z", "list[0]x"] {
+            assert_eq!(Component::find(&declarations, wrong), None, "{wrong}");
+        }
     }
 
     #[test]

@@ -70,7 +70,7 @@ impl S5Time {
 }
 
 const fn bcd(value: u16) -> u16 {
-    (value / 100) << 8 | (value / 10 % 10) << 4 | value % 10
+    (value / 100) << 8 | (value / 10 % 10) << 4 | (value % 10)
 }
 
 #[cfg(test)]

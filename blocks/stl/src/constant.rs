@@ -105,7 +105,7 @@ pub(crate) fn parse(text: &str, negative: bool) -> Result<Constant, String> {
         "L" | "DINT" => decimal(body).map_or_else(|| wrong("double integer"), |v| Ok(Constant::DInt(v))),
         "INT" => decimal(body).map_or_else(|| wrong("integer"), |v| Ok(Constant::Integer(i64::from(v)))),
         "C" => match plain(body).filter(|v| *v <= 999) {
-            Some(v) => Ok(Constant::Count((v / 100 << 8 | v / 10 % 10 << 4 | v % 10) as u16)),
+            Some(v) => Ok(Constant::Count((time::bcd(v / 100) << 8 | time::bcd(v % 100)) as u16)),
             None => wrong("counter value, C#0 to C#999"),
         },
         "S5T" | "S5TIME" => {

@@ -7,6 +7,7 @@
 //!
 //! This crate knows the instruction set ([`ob1_ir`]) and no engine.
 
+mod address;
 mod brackets;
 mod call;
 pub mod codes;
@@ -18,6 +19,7 @@ mod initial;
 mod jumps;
 mod lexer;
 mod library;
+mod literal;
 mod lower;
 mod mnemonics;
 mod operand;
@@ -31,6 +33,7 @@ mod symbols;
 mod syntax;
 mod time;
 mod token;
+mod types;
 mod world;
 
 use std::collections::BTreeMap;
@@ -143,12 +146,13 @@ fn lower_all(
             labels.entry(file.of(*label)).or_insert(*id);
         }
     }
+    let lowering = lower::Names { world, words, labels: &labels };
     let mut code = Vec::new();
     let mut wanted = BTreeMap::new();
     for (block, id) in blocks.iter().zip(&ids) {
         let (Some(file), Some(id)) = (files.get(block.file), id) else { continue };
         if id.kind != ob1_model::BlockKind::Db {
-            code.extend(lower::lower(*id, block, file, world, words, &labels, &mut wanted, sink));
+            code.extend(lower::lower(*id, block, file, &lowering, &mut wanted, sink));
         }
     }
     (code, wanted)

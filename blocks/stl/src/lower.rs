@@ -16,6 +16,14 @@ use crate::syntax::{Block, Statement};
 use crate::token::{File, Kind, Span};
 use crate::world::{Info, World};
 
+/// What the statements of all blocks may name.
+pub(crate) struct Names<'n> {
+    pub(crate) world: &'n World,
+    pub(crate) words: &'n Words,
+    /// The labels of all blocks, each with the first block that has it.
+    pub(crate) labels: &'n BTreeMap<&'n str, BlockId>,
+}
+
 /// What one block's statements are lowered with.
 pub(crate) struct Lowerer<'l, 's> {
     pub(crate) resolver: Resolver<'l>,
@@ -32,12 +40,11 @@ pub(crate) fn lower(
     id: BlockId,
     block: &Block,
     file: &File<'_>,
-    world: &World,
-    words: &Words,
-    elsewhere: &BTreeMap<&str, BlockId>,
+    names: &Names<'_>,
     wanted: &mut BTreeMap<u16, BlockId>,
     sink: &mut Sink,
 ) -> Option<CodeBlock> {
+    let Names { world, words, labels: elsewhere } = *names;
     let info = world.blocks.get(&id)?;
     let labels = Labels::collect(block, file, elsewhere, sink);
     let resolver = Resolver::new(world, words, Some((id.kind, info)));

@@ -1,10 +1,10 @@
 //! Operands: tokens to places, numbers, constants and blocks.
 
-use ob1_ir::{AddressRegister, DbRegister, Number, Operand, Place, Pointer, StatusBit, Width};
+use ob1_ir::{AddressRegister, DbRegister, Number, Operand, Place, StatusBit, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Section};
 
 use crate::codes;
-use crate::constant::{self, ANY_TYPES, Constant, PointerConstant};
+use crate::constant::Constant;
 use crate::mnemonics::{BlockWord, Identifier, RELATIONS, Words};
 use crate::parser::{split_digits, unquote};
 use crate::path;
@@ -91,7 +91,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// Reads the operand within `[ ]`.
-    fn inner(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Value<'w>> {
+    pub(crate) fn inner(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Value<'w>> {
         if self.nested {
             reader.report(span, &codes::INDIRECT, "an indirect address cannot itself lie at an indirect address");
             return None;
@@ -139,161 +139,6 @@ impl<'w> Resolver<'w> {
         reader.next();
         reader.next();
         Some(*status)
-    }
-
-    /// A constant of any kind. `None` when there is none (reported).
-    pub(crate) fn constant(&self, reader: &mut Reader<'_, '_>) -> Option<Constant> {
-        let span = reader.here();
-        let negative = match reader.peek().filter(|t| t.kind == Kind::Operator).map(|t| reader.text(t)) {
-            Some(sign @ ("+" | "-")) => {
-                reader.next();
-                sign == "-"
-            }
-            _ => false,
-        };
-        let token = reader.peek();
-        let result = match token.map(|t| (t.kind, reader.text(t))) {
-            Some((Kind::Number, text)) => {
-                reader.next();
-                constant::parse(text, negative)
-            }
-            Some((Kind::Typed, text)) if !negative => {
-                reader.next();
-                if text.ends_with('#') { self.byte_list(reader) } else { constant::parse(text, false) }
-            }
-            Some((Kind::Text, text)) if !negative => {
-                reader.next();
-                constant::text(text).map(Constant::Text)
-            }
-            Some((Kind::PointerSign, _)) if !negative => {
-                reader.next();
-                return self.pointer(reader, span).map(Constant::Pointer);
-            }
-            Some((Kind::Word, text)) if !negative && text.eq_ignore_ascii_case("TRUE") => {
-                reader.next();
-                Ok(Constant::Bool(true))
-            }
-            Some((Kind::Word, text)) if !negative && text.eq_ignore_ascii_case("FALSE") => {
-                reader.next();
-                Ok(Constant::Bool(false))
-            }
-            Some((Kind::Bad, _)) => return None,
-            _ => Err("a constant should stand here".into()),
-        };
-        let span = token.map_or(span, |t| span.to(t.span));
-        result.map_err(|message| reader.report(span, &codes::CONSTANT, message)).ok()
-    }
-
-    /// `(1, 2)` or `(1, 2, 3, 4)` after `B#`.
-    fn byte_list(&self, reader: &mut Reader<'_, '_>) -> Result<Constant, String> {
-        let wrong = || "bytes are written B#(1, 2) or B#(1, 2, 3, 4), each from 0 to 255".to_owned();
-        reader.eat(Kind::LeftParen).ok_or_else(wrong)?;
-        let mut value = 0u32;
-        let mut count = 0u8;
-        loop {
-            let number = reader.eat(Kind::Number).and_then(|t| reader.text(t).parse::<u8>().ok()).ok_or_else(wrong)?;
-            value = value << 8 | u32::from(number);
-            count = count.saturating_add(1);
-            if reader.eat(Kind::Comma).is_none() {
-                break;
-            }
-        }
-        reader.eat(Kind::RightParen).ok_or_else(wrong)?;
-        match count {
-            2 => Ok(Constant::Bits(value, 16)),
-            4 => Ok(Constant::Bits(value, 32)),
-            _ => Err(wrong()),
-        }
-    }
-
-    /// What follows `P#`.
-    fn pointer(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<PointerConstant> {
-        let wrong = |reader: &mut Reader<'_, '_>| {
-            reader.report(span, &codes::POINTER, "a pointer is written P#12.0, P#M 3.0 or P#DB10.DBX0.0 BYTE 12");
-            None
-        };
-        let mut db = 0;
-        let Some(token) = reader.peek() else { return wrong(reader) };
-        match token.kind {
-            Kind::Number => {
-                reader.next();
-                let Some(at) = bit_address(reader.text(token)) else { return wrong(reader) };
-                return Some(PointerConstant { area: None, at, db, any: None });
-            }
-            Kind::Local => {
-                reader.next();
-                return self.pointer_to_local(reader, unquote(reader.text(token)), span);
-            }
-            Kind::Word => {}
-            _ => return wrong(reader),
-        }
-        let (mut word, mut digits) = split_digits(reader.text(token));
-        reader.next();
-        if word.eq_ignore_ascii_case("DB") {
-            let number =
-                if digits.is_empty() { reader.eat(Kind::Number).map_or("", |t| reader.text(t)) } else { digits };
-            db = number.parse().unwrap_or(0);
-            let inner = reader.eat(Kind::Dot).and_then(|_| reader.eat(Kind::Word));
-            let Some(inner) = inner.filter(|_| db > 0) else { return wrong(reader) };
-            (word, digits) = split_digits(reader.text(inner));
-        }
-        let area = match self.words.identifier(word) {
-            Some(Identifier::Memory(area, Width::Bit)) => area,
-            _ if word.eq_ignore_ascii_case("P") => Area::Peripheral,
-            _ if word.eq_ignore_ascii_case("V") => Area::PreviousLocal,
-            _ => return wrong(reader),
-        };
-        let Some(at) = self.bit_part(reader, digits) else { return wrong(reader) };
-        let any = self.any_length(reader, span)?;
-        Some(PointerConstant { area: Some(area), at, db, any })
-    }
-
-    /// `BYTE 12` after a pointer; `Some(None)` when nothing follows.
-    #[expect(clippy::option_option, reason = "reported, absent, present")]
-    fn any_length(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Option<(u8, u16)>> {
-        let Some(word) = reader.peek().filter(|t| t.kind == Kind::Word) else { return Some(None) };
-        let text = reader.text(word);
-        let code = ANY_TYPES.iter().find(|(name, _)| name.eq_ignore_ascii_case(text)).map(|(_, code)| *code);
-        reader.next();
-        let count = reader.eat(Kind::Number).and_then(|t| reader.text(t).parse::<u16>().ok());
-        match (code, count) {
-            (Some(code), Some(count)) => Some(Some((code, count))),
-            _ => {
-                reader.report(span, &codes::POINTER, "the length of an ANY is written BYTE 12");
-                None
-            }
-        }
-    }
-
-    /// `P##name`: a pointer to a variable of this block.
-    fn pointer_to_local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<PointerConstant> {
-        let Value::Memory { operand, .. } = self.local(reader, name, span)? else {
-            reader.report(span, &codes::POINTER, "P## takes a variable");
-            return None;
-        };
-        match operand.place {
-            Place::Fixed(area, at) => Some(PointerConstant { area: Some(area), at, db: 0, any: None }),
-            Place::Instance(at) => Some(PointerConstant { area: Some(Area::Di), at, db: 0, any: None }),
-            _ => {
-                reader.report(
-                    span,
-                    &codes::NOT_SUPPORTED,
-                    "a pointer to a parameter of a function is not supported yet",
-                );
-                None
-            }
-        }
-    }
-
-    /// `12.0` after a bit identifier, in the spellings `M 12.0`, `M12.0`.
-    fn bit_part(&self, reader: &mut Reader<'_, '_>, digits: &str) -> Option<BitAddr> {
-        if digits.is_empty() {
-            let number = reader.eat(Kind::Number)?;
-            return bit_address(reader.text(number));
-        }
-        reader.eat(Kind::Dot)?;
-        let bit = reader.eat(Kind::Number)?;
-        bit_address(&format!("{digits}.{}", reader.text(bit)))
     }
 
     /// A word: operand identifier, TRUE/FALSE, or the name of a local or symbol without its sign.
@@ -369,101 +214,6 @@ impl<'w> Resolver<'w> {
             Identifier::DbNumber(register) => Some(Value::DbNumber(register)),
             Identifier::Register(register) => Some(Value::Register(register)),
         }
-    }
-
-    /// The address after an identifier: fixed, memory-indirect or register-indirect.
-    fn place(&self, reader: &mut Reader<'_, '_>, area: Area, width: Width, digits: &str, span: Span) -> Option<Place> {
-        if digits.is_empty() && reader.peek_kind() == Some(Kind::LeftBracket) {
-            return self.bracket(reader, Some(area));
-        }
-        self.fixed(reader, width, digits, span).map(|at| Place::Fixed(area, at))
-    }
-
-    /// A fixed address with the bit part that its width asks for.
-    fn fixed(&self, reader: &mut Reader<'_, '_>, width: Width, digits: &str, span: Span) -> Option<BitAddr> {
-        let at = if width == Width::Bit {
-            self.bit_part(reader, digits)
-        } else {
-            let text = if digits.is_empty() { reader.eat(Kind::Number).map_or("", |t| reader.text(t)) } else { digits };
-            text.parse::<u32>().ok().filter(|b| b + width.bytes() <= BitAddr::MAX_BYTE + 1).map(BitAddr::byte_addr)
-        };
-        if at.is_none() {
-            let message = if width == Width::Bit {
-                "the address of a bit is written byte.bit: byte 0 to 65535, bit 0 to 7"
-            } else {
-                "the address is a byte number from 0 to 65535"
-            };
-            let span = span.to(reader.here());
-            reader.report(span, &codes::ADDRESS, message);
-        }
-        at
-    }
-
-    /// `[MD 184]`, `[AR1,P#2.0]`.
-    fn bracket(&self, reader: &mut Reader<'_, '_>, area: Option<Area>) -> Option<Place> {
-        let span = reader.here();
-        reader.eat(Kind::LeftBracket)?;
-        let place = match self.inner(reader, span)? {
-            Value::Register(register) => {
-                let pointer = reader.eat(Kind::Comma).and_then(|_| reader.eat(Kind::PointerSign));
-                let offset = pointer.and_then(|_| reader.eat(Kind::Number)).and_then(|t| bit_address(reader.text(t)));
-                let Some(offset) = offset else {
-                    reader.report(span, &codes::INDIRECT, "register-indirect is written [AR1,P#2.0]");
-                    return None;
-                };
-                Place::Register(area, register, offset)
-            }
-            Value::Memory { operand, .. } => {
-                let pointer = pointer_place(operand, Width::DWord);
-                match (area, pointer) {
-                    (Some(area), Some(pointer)) => Place::Memory(area, pointer),
-                    _ => {
-                        let message = "memory-indirect takes a fixed double word of M, L, DB or DI: DBW [MD 184]";
-                        reader.report(span, &codes::INDIRECT, message);
-                        return None;
-                    }
-                }
-            }
-            other => {
-                reader.report(span, &codes::INDIRECT, format!("{} cannot hold an address", other.describe()));
-                return None;
-            }
-        };
-        self.close(reader, span)?;
-        Some(place)
-    }
-
-    fn close(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<()> {
-        if reader.eat(Kind::RightBracket).is_none() {
-            reader.report(span, &codes::INDIRECT, "the address is not closed with ]");
-            return None;
-        }
-        Some(())
-    }
-
-    /// The number of a timer, counter or block: `5`, `[MW 2]`.
-    fn number(&self, reader: &mut Reader<'_, '_>, digits: &str, span: Span) -> Option<Number> {
-        if digits.is_empty() && reader.peek_kind() == Some(Kind::LeftBracket) {
-            let span = reader.here();
-            reader.next();
-            let pointer = match self.inner(reader, span)? {
-                Value::Memory { operand, .. } => pointer_place(operand, Width::Word),
-                _ => None,
-            };
-            let Some(pointer) = pointer else {
-                reader.report(span, &codes::INDIRECT, "the number lies in a fixed word of M, L, DB or DI: [MW 50]");
-                return None;
-            };
-            self.close(reader, span)?;
-            return Some(Number::Memory(pointer));
-        }
-        let text = if digits.is_empty() { reader.eat(Kind::Number).map_or("", |t| reader.text(t)) } else { digits };
-        let number = text.parse().ok();
-        if number.is_none() {
-            let span = span.to(reader.here());
-            reader.report(span, &codes::NUMBER, "a number from 0 to 65535 should stand here");
-        }
-        number.map(Number::Fixed)
     }
 
     /// `DB10`, `FC 9`, `DB10.DBW 20`, `DB10.name`.
@@ -575,7 +325,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// `#name` with its components.
-    fn local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
+    pub(crate) fn local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
         let declared = self.block.and_then(|(kind, info)| Some((kind, info, info.find(name)?)));
         let Some((kind, info, index)) = declared else {
             let known = self.block.into_iter().flat_map(|(_, i)| &i.interface.params).map(|p| p.name.as_str());
@@ -618,22 +368,4 @@ impl<'w> Resolver<'w> {
         let width = width_of(ty).unwrap_or(Width::Byte);
         Some(Value::Memory { operand: Operand { width, place }, ty: Some(ty) })
     }
-}
-
-/// The place of a pointer, when the operand can hold one.
-fn pointer_place(operand: Operand, width: Width) -> Option<Pointer> {
-    match operand.place {
-        Place::Fixed(area @ (Area::Memory | Area::Local | Area::Db | Area::Di), at) if operand.width == width => {
-            Some(Pointer { area, at })
-        }
-        _ => None,
-    }
-}
-
-/// `12.7`.
-fn bit_address(text: &str) -> Option<BitAddr> {
-    let (byte, bit) = text.split_once('.')?;
-    let byte: u32 = byte.parse().ok().filter(|b| *b <= BitAddr::MAX_BYTE)?;
-    let bit: u8 = bit.parse().ok().filter(|b| *b < 8 && bit.len() == 1)?;
-    Some(BitAddr::new(byte, bit))
 }

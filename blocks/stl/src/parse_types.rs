@@ -7,7 +7,7 @@ use ob1_model::DataType;
 use crate::codes;
 use crate::parser::{Parser, is_frame_or_section, unquote};
 use crate::syntax::{Declaration, Type, TypeKind};
-use crate::token::{Kind, Span};
+use crate::token::{Kind, Span, Token};
 
 /// Structures and arrays within each other.
 pub(crate) const TYPE_DEPTH: u32 = 16;
@@ -81,10 +81,8 @@ impl Parser<'_, '_> {
     /// `a, b : TYPE := value;`
     fn declaration(&mut self, depth: u32, out: &mut Vec<Declaration>) {
         let mut names = Vec::new();
-        loop {
-            let Some(token) = self.peek().filter(|t| matches!(t.kind, Kind::Word | Kind::Symbol | Kind::Local)) else {
-                break;
-            };
+        let is_name = |t: &Token| matches!(t.kind, Kind::Word | Kind::Symbol | Kind::Local);
+        while let Some(token) = self.peek().filter(is_name) {
             names.push((unquote(self.text(token)).to_owned(), token.span));
             self.bump();
             if self.peek_kind() == Some(Kind::Attributes) {

@@ -307,8 +307,7 @@ impl<'s> Parser<'_, 's> {
     /// Statements or assignments up to the block's end.
     fn body(&mut self, block: &mut Block, end: &'static str, head: Span) {
         let mut network = 0u16;
-        loop {
-            let Some(token) = self.peek() else { break };
+        while let Some(token) = self.peek() {
             if matches!(token.kind, Kind::Newline | Kind::Semicolon | Kind::Title | Kind::Attributes) {
                 self.bump();
                 continue;

@@ -11,11 +11,14 @@ use crate::parser::unquote;
 use crate::reader::Reader;
 use crate::token::Kind;
 
+/// Names in capitals, to the index of the component and its place.
+type Places = BTreeMap<String, (usize, BitAddr)>;
+
 /// The components of structures by name, each structure indexed when first used. Valid as long as the types it has
 /// seen are neither changed nor dropped: structures are told apart by their address.
 #[derive(Debug, Default)]
 pub(crate) struct FieldIndex {
-    known: RefCell<BTreeMap<*const Field, BTreeMap<String, (usize, BitAddr)>>>,
+    known: RefCell<BTreeMap<*const Field, Places>>,
 }
 
 impl FieldIndex {
@@ -27,7 +30,7 @@ impl FieldIndex {
     }
 }
 
-fn index(fields: &[Field]) -> BTreeMap<String, (usize, BitAddr)> {
+fn index(fields: &[Field]) -> Places {
     let mut layout = Layout::new();
     fields.iter().enumerate().map(|(i, f)| (f.name.to_uppercase(), (i, layout.place(&f.ty)))).collect()
 }

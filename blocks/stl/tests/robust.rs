@@ -74,7 +74,7 @@ fn check(bytes: &[u8]) -> Output {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn random_bytes(bytes in proptest::collection::vec(any::<u8>(), 0..2_000)) {
@@ -195,6 +195,13 @@ fn forms(n: usize) -> Vec<(&'static str, String)> {
             format!(
                 "DATA_BLOCK DB 1\nSTRUCT\n{}z : STRUCT\n{locals}END_STRUCT;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n",
                 "a, ".repeat(n)
+            ),
+        ),
+        (
+            "locals of one type",
+            format!(
+                "FUNCTION FC 50 : VOID\nVAR_TEMP\n{}z : STRUCT\n{locals}END_STRUCT;\nEND_VAR\nBEGIN\nEND_FUNCTION\n",
+                numbered(&|i| format!("w{i}, "))
             ),
         ),
         ("open strings", "\"".repeat(n) + &"'\n".repeat(n)),

@@ -1,0 +1,159 @@
+//! Constants in operands: signs, byte lists, and what `P#` points to.
+
+use ob1_ir::{Place, Width};
+use ob1_model::Area;
+
+use crate::address::bit_address;
+use crate::codes;
+use crate::constant::{self, ANY_TYPES, Constant, PointerConstant};
+use crate::mnemonics::Identifier;
+use crate::operand::{Resolver, Value};
+use crate::parser::{split_digits, unquote};
+use crate::reader::Reader;
+use crate::token::{Kind, Span};
+
+impl Resolver<'_> {
+    /// A constant of any kind. `None` when there is none (reported).
+    pub(crate) fn constant(&self, reader: &mut Reader<'_, '_>) -> Option<Constant> {
+        let span = reader.here();
+        let negative = match reader.peek().filter(|t| t.kind == Kind::Operator).map(|t| reader.text(t)) {
+            Some(sign @ ("+" | "-")) => {
+                reader.next();
+                sign == "-"
+            }
+            _ => false,
+        };
+        let token = reader.peek();
+        let result = match token.map(|t| (t.kind, reader.text(t))) {
+            Some((Kind::Number, text)) => {
+                reader.next();
+                constant::parse(text, negative)
+            }
+            Some((Kind::Typed, text)) if !negative => {
+                reader.next();
+                if text.ends_with('#') { self.byte_list(reader) } else { constant::parse(text, false) }
+            }
+            Some((Kind::Text, text)) if !negative => {
+                reader.next();
+                constant::text(text).map(Constant::Text)
+            }
+            Some((Kind::PointerSign, _)) if !negative => {
+                reader.next();
+                return self.pointer(reader, span).map(Constant::Pointer);
+            }
+            Some((Kind::Word, text)) if !negative && text.eq_ignore_ascii_case("TRUE") => {
+                reader.next();
+                Ok(Constant::Bool(true))
+            }
+            Some((Kind::Word, text)) if !negative && text.eq_ignore_ascii_case("FALSE") => {
+                reader.next();
+                Ok(Constant::Bool(false))
+            }
+            Some((Kind::Bad, _)) => return None,
+            _ => Err("a constant should stand here".into()),
+        };
+        let span = token.map_or(span, |t| span.to(t.span));
+        result.map_err(|message| reader.report(span, &codes::CONSTANT, message)).ok()
+    }
+
+    /// `(1, 2)` or `(1, 2, 3, 4)` after `B#`.
+    fn byte_list(&self, reader: &mut Reader<'_, '_>) -> Result<Constant, String> {
+        let wrong = || "bytes are written B#(1, 2) or B#(1, 2, 3, 4), each from 0 to 255".to_owned();
+        reader.eat(Kind::LeftParen).ok_or_else(wrong)?;
+        let mut value = 0u32;
+        let mut count = 0u8;
+        loop {
+            let number = reader.eat(Kind::Number).and_then(|t| reader.text(t).parse::<u8>().ok()).ok_or_else(wrong)?;
+            value = value << 8 | u32::from(number);
+            count = count.saturating_add(1);
+            if reader.eat(Kind::Comma).is_none() {
+                break;
+            }
+        }
+        reader.eat(Kind::RightParen).ok_or_else(wrong)?;
+        match count {
+            2 => Ok(Constant::Bits(value, 16)),
+            4 => Ok(Constant::Bits(value, 32)),
+            _ => Err(wrong()),
+        }
+    }
+
+    /// What follows `P#`.
+    fn pointer(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<PointerConstant> {
+        let wrong = |reader: &mut Reader<'_, '_>| {
+            reader.report(span, &codes::POINTER, "a pointer is written P#12.0, P#M 3.0 or P#DB10.DBX0.0 BYTE 12");
+            None
+        };
+        let mut db = 0;
+        let Some(token) = reader.peek() else { return wrong(reader) };
+        match token.kind {
+            Kind::Number => {
+                reader.next();
+                let Some(at) = bit_address(reader.text(token)) else { return wrong(reader) };
+                return Some(PointerConstant { area: None, at, db, any: None });
+            }
+            Kind::Local => {
+                reader.next();
+                return self.pointer_to_local(reader, unquote(reader.text(token)), span);
+            }
+            Kind::Word => {}
+            _ => return wrong(reader),
+        }
+        let (mut word, mut digits) = split_digits(reader.text(token));
+        reader.next();
+        if word.eq_ignore_ascii_case("DB") {
+            let number =
+                if digits.is_empty() { reader.eat(Kind::Number).map_or("", |t| reader.text(t)) } else { digits };
+            db = number.parse().unwrap_or(0);
+            let inner = reader.eat(Kind::Dot).and_then(|_| reader.eat(Kind::Word));
+            let Some(inner) = inner.filter(|_| db > 0) else { return wrong(reader) };
+            (word, digits) = split_digits(reader.text(inner));
+        }
+        let area = match self.words.identifier(word) {
+            Some(Identifier::Memory(area, Width::Bit)) => area,
+            _ if word.eq_ignore_ascii_case("P") => Area::Peripheral,
+            _ if word.eq_ignore_ascii_case("V") => Area::PreviousLocal,
+            _ => return wrong(reader),
+        };
+        let Some(at) = self.bit_part(reader, digits) else { return wrong(reader) };
+        let any = self.any_length(reader, span)?;
+        Some(PointerConstant { area: Some(area), at, db, any })
+    }
+
+    /// `BYTE 12` after a pointer; `Some(None)` when nothing follows.
+    #[expect(clippy::option_option, reason = "reported, absent, present")]
+    fn any_length(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Option<(u8, u16)>> {
+        let Some(word) = reader.peek().filter(|t| t.kind == Kind::Word) else { return Some(None) };
+        let text = reader.text(word);
+        let code = ANY_TYPES.iter().find(|(name, _)| name.eq_ignore_ascii_case(text)).map(|(_, code)| *code);
+        reader.next();
+        let count = reader.eat(Kind::Number).and_then(|t| reader.text(t).parse::<u16>().ok());
+        match (code, count) {
+            (Some(code), Some(count)) => Some(Some((code, count))),
+            _ => {
+                reader.report(span, &codes::POINTER, "the length of an ANY is written BYTE 12");
+                None
+            }
+        }
+    }
+
+    /// `P##name`: a pointer to a variable of this block.
+    fn pointer_to_local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<PointerConstant> {
+        let Value::Memory { operand, .. } = self.local(reader, name, span)? else {
+            reader.report(span, &codes::POINTER, "P## takes a variable");
+            return None;
+        };
+        match operand.place {
+            Place::Fixed(area, at) => Some(PointerConstant { area: Some(area), at, db: 0, any: None }),
+            Place::Instance(at) => Some(PointerConstant { area: Some(Area::Di), at, db: 0, any: None }),
+            _ => {
+                reader.report(
+                    span,
+                    &codes::NOT_SUPPORTED,
+                    "a pointer to a parameter of a function is not supported yet",
+                );
+                None
+            }
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! Types as written to types as laid out: arrays, structures, UDTs, instances of function blocks.
+
+use std::collections::BTreeMap;
+
+use ob1_model::{BlockId, BlockKind, DataType, Dimension, Field, Interface, Layout, Section};
+
+use crate::codes;
+use crate::elaborate::{Elaborator, LONGEST, Resolved, State, declared_type};
+use crate::mnemonics::BlockWord;
+use crate::parse_types::TYPE_DEPTH;
+use crate::syntax::{Declaration, NameRef, Type, TypeKind};
+use crate::token::Span;
+
+impl Elaborator<'_> {
+    /// A type as written. `None` when it has a mistake (reported).
+    pub(crate) fn ty(&mut self, file: usize, ty: &Type, nesting: u32) -> Option<Resolved> {
+        let resolved = match &ty.kind {
+            TypeKind::Bad => return None,
+            TypeKind::Simple(simple) => Resolved { ty: simple.clone(), fb: None, depth: 0 },
+            TypeKind::Array(dims, element) => self.array(file, ty.span, dims, element, nesting)?,
+            TypeKind::Struct(declarations) => {
+                let (fields, depth) = self.fields(file, declarations, nesting)?;
+                if fields.is_empty() {
+                    self.sink.report(file, ty.span, &codes::EMPTY_STRUCT, "the structure has no components");
+                    return None;
+                }
+                Resolved { ty: DataType::Struct(fields), fb: None, depth: depth + 1 }
+            }
+            TypeKind::Named(name) => self.named(file, name, ty.span, nesting)?,
+        };
+        if resolved.depth > TYPE_DEPTH {
+            self.sink.report(
+                file,
+                ty.span,
+                &codes::TYPE_DEPTH,
+                format!("types lie more than {TYPE_DEPTH} deep in each other"),
+            );
+            return None;
+        }
+        Some(resolved)
+    }
+
+    fn array(
+        &mut self,
+        file: usize,
+        span: Span,
+        dims: &[(i32, i32)],
+        element: &Type,
+        nesting: u32,
+    ) -> Option<Resolved> {
+        let inner = self.ty(file, element, nesting)?;
+        if inner.ty.is_parameter_type() {
+            let message = format!("there are no arrays of {}", inner.ty.name());
+            self.sink.report(file, element.span, &codes::TYPE_NOT_HERE, message);
+            return None;
+        }
+        let dims: Vec<_> = dims.iter().map(|(low, high)| Dimension { low: *low, high: *high }).collect();
+        let count = dims.iter().fold(1u64, |n, d| n.saturating_mul(u64::from(d.len())));
+        // Rows begin on even bytes, so the size is held against the limit row by row.
+        let row = dims.last().map_or(0, |d| u64::from(d.len()).saturating_mul(u64::from(Layout::stride(&inner.ty))));
+        let rows = count / dims.last().map_or(1, |d| u64::from(d.len()).max(1));
+        let bits = row.saturating_add(15).saturating_mul(rows.max(1));
+        if bits > u64::from(LONGEST) * 8 + 15 || count > u64::from(LONGEST) * 8 {
+            self.too_long(file, span, "the array");
+            return None;
+        }
+        Some(Resolved { ty: DataType::Array(dims, Box::new(inner.ty)), fb: None, depth: inner.depth + 1 })
+    }
+
+    /// The components of a structure. `None` when one has a mistake: the layout of the others would be wrong.
+    pub(crate) fn fields(
+        &mut self,
+        file: usize,
+        declarations: &[Declaration],
+        nesting: u32,
+    ) -> Option<(Vec<Field>, u32)> {
+        let mut fields = Vec::with_capacity(declarations.len());
+        let mut layout = Layout::new();
+        let mut depth = 0;
+        let mut good = true;
+        let mut names = BTreeMap::new();
+        for declaration in declarations {
+            self.sink.steps += 1;
+            good &= self.not_twice(file, declaration, &mut names);
+            let Some(resolved) = self.ty(file, &declaration.ty, nesting) else {
+                good = false;
+                continue;
+            };
+            if resolved.ty.is_parameter_type() || resolved.fb.is_some() {
+                let message = format!("a structure has no components of the type {}", declared_type(&resolved));
+                self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
+                good = false;
+                continue;
+            }
+            layout.place(&resolved.ty);
+            if layout.bytes() > LONGEST {
+                self.too_long(file, declaration.span, "the structure");
+                return None;
+            }
+            let initial = self.start_value(file, declaration.initial.as_ref(), declaration.span, &resolved.ty);
+            depth = depth.max(resolved.depth);
+            fields.push(Field { name: declaration.name.clone(), ty: resolved.ty, initial });
+        }
+        good.then_some((fields, depth))
+    }
+
+    fn named(&mut self, file: usize, name: &NameRef, span: Span, nesting: u32) -> Option<Resolved> {
+        let (word, number) = self.resolve_name(file, name, span)?;
+        let resolved = match word {
+            BlockWord::Udt => match self.udt(number, nesting + 1) {
+                Some(resolved) => resolved,
+                None => {
+                    self.unusable_type(file, span, word, number);
+                    return None;
+                }
+            },
+            BlockWord::Fb | BlockWord::Sfb => self.instance(file, span, word, number, nesting)?,
+            _ => {
+                self.sink.report(file, span, &codes::UNKNOWN_TYPE, format!("{} {number} is no data type", word.name()));
+                return None;
+            }
+        };
+        let cost = nodes(&resolved.ty);
+        self.spend(file, span, cost).then_some(resolved)
+    }
+
+    fn unusable_type(&mut self, file: usize, span: Span, word: BlockWord, number: u16) {
+        let name = format!("{} {number}", word.name());
+        let message = match self.udts.get(&number) {
+            Some(State::Busy) => format!("{name} contains itself"),
+            Some(_) => format!("{name} has mistakes of its own"),
+            None => format!("{name} is not in the program"),
+        };
+        self.sink.report(file, span, &codes::UNUSABLE_TYPE, message);
+    }
+
+    /// A UDT. `None` when it is missing, has a mistake, or is being made.
+    pub(crate) fn udt(&mut self, number: u16, nesting: u32) -> Option<Resolved> {
+        match self.udts.get(&number) {
+            Some(State::Done(resolved)) => return Some(resolved.clone()),
+            Some(_) => return None,
+            None => {}
+        }
+        let index = *self.by_name.get(&(BlockWord::Udt, number))?;
+        let block = self.blocks.get(index)?;
+        self.udts.insert(number, State::Busy);
+        let resolved = match &block.shape {
+            Some(shape) if nesting <= TYPE_DEPTH => self.ty(block.file, shape, nesting),
+            Some(_) => None,
+            None => {
+                self.sink.report(block.file, block.span, &codes::NO_STRUCTURE, "the TYPE has no structure");
+                None
+            }
+        };
+        let state = resolved.clone().map_or(State::Bad, State::Done);
+        self.udts.insert(number, state);
+        resolved
+    }
+
+    /// The type of a multi-instance: a structure with the layout of the FB's instance.
+    fn instance(&mut self, file: usize, span: Span, word: BlockWord, number: u16, nesting: u32) -> Option<Resolved> {
+        let kind = if word == BlockWord::Sfb { BlockKind::Sfb } else { BlockKind::Fb };
+        let id = BlockId::new(kind, number);
+        if word == BlockWord::Fb
+            && !self.function_block(number, nesting + 1)
+            && self.by_name.contains_key(&(word, number))
+        {
+            let message = match self.fbs.get(&number) {
+                Some(State::Busy) => format!("{id} contains itself"),
+                _ => format!("{id} has mistakes of its own, or lies too deep"),
+            };
+            self.sink.report(file, span, &codes::UNUSABLE_TYPE, message);
+            return None;
+        }
+        let Some(info) = self.world.blocks.get(&id) else {
+            self.sink.report(
+                file,
+                span,
+                &codes::NO_BLOCK,
+                format!("{id} is neither in the program nor in the library"),
+            );
+            return None;
+        };
+        let ty = instance_type(&info.interface);
+        let depth = depth_of(&ty);
+        Some(Resolved { ty, fb: Some(id), depth })
+    }
+}
+
+/// An FB's instance as a structure. Each section begins on an even byte: an empty structure between them, which takes no
+/// room of its own, makes the layout do that.
+fn instance_type(interface: &Interface) -> DataType {
+    let mut fields: Vec<Field> = Vec::new();
+    let mut last = None;
+    for param in interface.params.iter().filter(|p| p.section != Section::Temp) {
+        if last.is_some_and(|section| section != param.section) {
+            fields.push(Field { name: String::new(), ty: DataType::Struct(Vec::new()), initial: None });
+        }
+        last = Some(param.section);
+        let ty = if param.is_pointer() { DataType::Pointer } else { param.ty.clone() };
+        fields.push(Field { name: param.name.clone(), ty, initial: param.initial.clone() });
+    }
+    DataType::Struct(fields)
+}
+
+fn depth_of(ty: &DataType) -> u32 {
+    match ty {
+        DataType::Struct(fields) => 1 + fields.iter().map(|f| depth_of(&f.ty)).max().unwrap_or(0),
+        DataType::Array(_, element) => 1 + depth_of(element),
+        _ => 0,
+    }
+}
+
+/// What a copy of the type costs.
+fn nodes(ty: &DataType) -> u64 {
+    match ty {
+        DataType::Struct(fields) => fields.iter().map(|f| 1 + nodes(&f.ty)).sum::<u64>() + 1,
+        DataType::Array(_, element) => 1 + nodes(element),
+        _ => 1,
+    }
+}
