@@ -68,9 +68,11 @@ impl Process {
 
     pub(crate) fn run(&mut self) -> Result<End, Errno> {
         let mut passes = 0;
+        // The CPU side has changed something since the last wait.
+        let mut changed = false;
         loop {
             let now = self.now();
-            let changed = self.pump.has_changes();
+            changed |= self.pump.has_changes();
             self.pump.poll(now, &mut self.port);
             self.line_events(now);
             // Line events may have moved the deadline, and the pump's own work the registers.
@@ -85,7 +87,7 @@ impl Process {
                 self.pump.awake();
             }
             let timeout = if passes >= PASSES { 0 } else { deadline.min(line).saturating_sub(self.now()) };
-            passes = 0;
+            (passes, changed) = (0, false);
             let ready = self.wait(Duration::from_nanos(timeout))?;
             self.pump.awake();
             if self.terminate.load(Ordering::Relaxed) {
@@ -100,6 +102,7 @@ impl Process {
                 // First the work: whoever rang waits for it. A ring for a later change may be swallowed with this one; that
                 // change is then found by `prepare_sleep`.
                 let now = self.now();
+                changed = self.pump.has_changes();
                 self.pump.poll(now, &mut self.port);
                 if doorbell_closed()? {
                     return Ok(End::Closed);

@@ -233,9 +233,8 @@ impl CpPump {
     }
 
     fn look_params<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
-        let params = match self.end.segment.read_params() {
-            Ok(params) => params,
-            Err(_) => return self.end.emit(now, EventCode::Segment as u32, &[]),
+        let Ok(params) = self.end.segment.read_params() else {
+            return self.end.emit(now, EventCode::Segment as u32, &[]);
         };
         if params.freshness == Freshness::Stale {
             self.look_again = true;

@@ -8,7 +8,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use ob1_backplane::{CpuSide, CpuState, DriverState, Segment};
+use ob1_backplane::{Counter, CpuSide, CpuState, DriverState, Segment};
 use rustix::process::{Pid, Signal, kill_process};
 
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
@@ -30,11 +30,15 @@ impl Station {
     fn start() -> Self {
         let dir = tempfile::tempdir().unwrap();
         let line = dir.path().join("line");
+        Self::with(&ASCII, "pty", line, dir)
+    }
+
+    fn with(parameters: &[u8; 16], kind: &str, line: PathBuf, dir: tempfile::TempDir) -> Self {
         let segment = Segment::create_shared().unwrap();
         let mut cpu = CpuSide::create(&segment, 16).unwrap();
         cpu.set_cpu_state(CpuState::Run);
-        let json = format!(r#"{{"module":"cp240","station":"s","name":"cp1","line":"pty:{}"}}"#, line.display());
-        cpu.write_params(&ASCII, json.as_bytes()).unwrap();
+        let json = format!(r#"{{"module":"cp240","station":"s","name":"cp1","line":"{kind}:{}"}}"#, line.display());
+        cpu.write_params(parameters, json.as_bytes()).unwrap();
         let (driver, bell) = spawn(&segment.path().unwrap());
         let guard = Instant::now() + Duration::from_secs(30);
         Self { cpu, segment, line, driver, bell: Some(bell), guard, _dir: dir }
@@ -42,7 +46,7 @@ impl Station {
 
     fn words(&mut self) -> (u16, u16) {
         let mut inputs = [0; 16];
-        self.cpu.read_inputs(&mut inputs);
+        let _ = self.cpu.read_inputs(&mut inputs);
         (u16::from_be_bytes([inputs[0], inputs[1]]), u16::from_be_bytes([inputs[2], inputs[3]]))
     }
 
@@ -90,23 +94,40 @@ impl Station {
         Pid::from_child(&self.driver)
     }
 
+    /// What FC 0 does.
+    fn send(&mut self, telegram: &[u8]) {
+        for (n, block) in telegram.chunks(12).enumerate() {
+            let rest = (telegram.len() - 12 * n) as u16;
+            self.put(0, rest, block);
+            self.until("echo", |s| (s.words().1 == rest).then_some(()));
+        }
+        self.put(0, 0, &[]);
+    }
+
+    /// What FC 1 does.
+    fn receive(&mut self) -> Vec<u8> {
+        let mut telegram = Vec::new();
+        let mut rest = self.until("telegram", |s| Some(s.words().0).filter(|rx| *rx != 0));
+        while rest != 0 {
+            let mut inputs = [0; 16];
+            let _ = self.cpu.read_inputs(&mut inputs);
+            telegram.extend_from_slice(&inputs[4..4 + usize::from(rest).min(12)]);
+            self.put(rest, 0, &[]);
+            rest = self.until("next block", |s| Some(s.words().0).filter(|rx| *rx != rest));
+        }
+        self.put(0, 0, &[]);
+        telegram
+    }
+
     /// A short telegram to the partner and one back.
     fn exchange(&mut self, partner: &mut serialport::TTYPort) {
-        self.put(0, 4, b"ping");
-        self.until("echo", |s| (s.words().1 == 4).then_some(()));
-        self.put(0, 0, &[]);
+        self.send(b"ping");
         let mut ping = [0; 4];
         partner.read_exact(&mut ping).unwrap();
         assert_eq!(&ping, b"ping");
         self.until("done", |s| (s.words().1 == 0).then_some(()));
         partner.write_all(b"pong\xFF").unwrap();
-        self.until("telegram", |s| (s.words().0 == 5).then_some(()));
-        let mut inputs = [0; 16];
-        self.cpu.read_inputs(&mut inputs);
-        assert_eq!(&inputs[4..9], b"pong\xFF");
-        self.put(5, 0, &[]);
-        self.until("fetched", |s| (s.words().0 == 0).then_some(()));
-        self.put(0, 0, &[]);
+        assert_eq!(self.receive(), b"pong\xFF");
     }
 }
 
@@ -149,6 +170,35 @@ fn telegrams_pass_and_the_end_of_the_doorbell_ends_it() {
     station.bell = None;
     assert_eq!(station.driver.wait().unwrap().code(), Some(0));
     assert!(station.line.symlink_metadata().is_err(), "the pty's path is removed");
+}
+
+#[test]
+fn two_drivers_speak_3964r_over_a_null_modem() {
+    let _one = lock();
+    let mut parameters = [0x0E, 0x04, 0x13, 0, 0, 10, 25, 100, 5, 6, 0, 0, 0, 0, 0, 0];
+    let dir = tempfile::tempdir().unwrap();
+    let line = dir.path().join("line");
+    let mut a = Station::with(&parameters, "pty", line.clone(), dir);
+    a.synchronise();
+    parameters[10] = 1;
+    let mut b = Station::with(&parameters, "serial", line, tempfile::tempdir().unwrap());
+    b.synchronise();
+    for length in [1, 12, 13, 250] {
+        // With every control character in it.
+        let telegram: Vec<u8> = (0..length).map(|i| (i * 3) as u8).collect();
+        a.send(&telegram);
+        assert_eq!(b.receive(), telegram);
+        a.until("done", |s| (s.words().1 == 0).then_some(()));
+        b.send(&telegram);
+        assert_eq!(a.receive(), telegram);
+        b.until("done", |s| (s.words().1 == 0).then_some(()));
+    }
+    let (a, b) = (a.cpu.monitor().counters(), b.cpu.monitor().counters());
+    for counters in [a, b] {
+        assert_eq!(counters.get(Counter::TelegramsSent), 4);
+        assert_eq!(counters.get(Counter::TelegramsDelivered), 4);
+        assert_eq!(counters.get(Counter::SendErrors), 0);
+    }
 }
 
 #[test]

@@ -64,7 +64,7 @@ impl Module {
 
     fn inputs(&mut self) -> [u8; 16] {
         let mut inputs = [0; 16];
-        self.cpu.read_inputs(&mut inputs);
+        let _ = self.cpu.read_inputs(&mut inputs);
         inputs
     }
 

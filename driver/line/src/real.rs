@@ -33,8 +33,8 @@ enum State {
 /// A serial device, pty or TCP connection.
 ///
 /// `TxDone` means: the bytes have been written and the last bit has left. A UART that tells when its shift register is
-/// empty is asked; otherwise, and on a pty or TCP, it is the time the characters take at the configured baud rate.
-/// The bytes themselves reach the partner on a pty or TCP at once, not one by one.
+/// empty is asked; otherwise, and on a pty or TCP, it is the time the characters take at the configured baud rate, or the
+/// partner's next character if that is earlier. The bytes themselves reach the partner on a pty or TCP at once, not one by one.
 pub struct RealLine {
     spec: LineSpec,
     link: Box<dyn Link>,
@@ -182,9 +182,6 @@ impl RealLine {
 
     /// The next event out of the bytes already read.
     fn decode(&mut self, buffer: &mut [u8]) -> Option<LineEvent> {
-        if let Some(fault) = self.fault.take() {
-            return Some(LineEvent::Fault(fault));
-        }
         let raw = &self.rx[self.rx_begin..self.rx_end];
         if !self.link.marks_faults() {
             let n = raw.len().min(buffer.len());
@@ -206,14 +203,9 @@ impl RealLine {
         Some(LineEvent::Rx(done.written))
     }
 
-    fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<LineEvent>> {
-        loop {
-            if let Some(event) = self.decode(buffer) {
-                return Ok(Some(event));
-            }
-            if !self.may_read {
-                return Ok(None);
-            }
+    /// Reads if nothing is left of the last read; true if there is something.
+    fn fill(&mut self) -> io::Result<bool> {
+        while self.rx_begin == self.rx_end && self.may_read {
             (self.rx_begin, self.rx_end) = (0, 0);
             match self.link.read(&mut self.rx[..]) {
                 Ok(0) => return Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the other end closed the line")),
@@ -224,6 +216,28 @@ impl RealLine {
                 Err(e) if e.kind() == io::ErrorKind::WouldBlock => self.may_read = false,
                 Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
                 Err(e) => return Err(e),
+            }
+        }
+        Ok(self.rx_begin < self.rx_end)
+    }
+
+    /// What came in. It may be the answer to what went out, and where the end of that is only computed the answer can be
+    /// faster: a pty carries a telegram in no time. So the end is told first.
+    fn receive(&mut self, now: Nanos, buffer: &mut [u8]) -> io::Result<Option<LineEvent>> {
+        loop {
+            if let Some(fault) = self.fault.take() {
+                return Ok(Some(LineEvent::Fault(fault)));
+            }
+            if !self.fill()? {
+                return Ok(None);
+            }
+            if self.sending && self.tx_end == 0 && self.link.drained() != Some(false) {
+                self.sending = false;
+                self.sent_at = now;
+                return Ok(Some(LineEvent::TxDone));
+            }
+            if let Some(event) = self.decode(buffer) {
+                return Ok(Some(event));
             }
         }
     }
@@ -293,7 +307,7 @@ impl Line for RealLine {
         if self.state != State::Up {
             return None;
         }
-        match self.receive(buffer) {
+        match self.receive(now, buffer) {
             Ok(event) => event,
             Err(error) => self.gone(now, &error),
         }

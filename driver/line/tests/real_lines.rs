@@ -124,9 +124,9 @@ fn every_byte_goes_both_ways_between_a_pty_and_a_serial_line() {
     assert_eq!(a.line.write(a.now(), &all), 256);
     assert_eq!(b.receive(256), all);
     assert_eq!(b.line.write(b.now(), &all), 256);
+    assert_eq!(a.event(), LineEvent::TxDone, "before what may be the answer");
     assert_eq!(a.receive(256), all);
-    assert_eq!(a.event(), LineEvent::TxDone);
-    assert_eq!(b.event(), LineEvent::TxDone);
+    assert_eq!(b.event(), LineEvent::TxDone, "by the time it takes");
 }
 
 #[test]
@@ -145,6 +145,26 @@ fn transmission_lasts_as_long_as_its_characters() {
     assert_eq!(line.next_event(110_000_999, &mut buffer), None);
     assert_eq!(line.next_event(110_001_000, &mut buffer), Some(LineEvent::TxDone));
     assert_eq!(line.deadline(), None);
+}
+
+#[test]
+fn an_answer_ends_the_transmission_it_answers() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, spec) = pty_in(&dir);
+    let mut a = Bench::new(&spec);
+    // A character lasts 66 ms, the telegram more than a minute: the test would not wait for it.
+    a.line.apply(&LineSettings { baud: 150, ..LineSettings::default() }).unwrap();
+    assert_eq!(a.event(), up());
+    let mut partner = serialport::new(path.to_string_lossy(), 9600)
+        .exclusive(false)
+        .timeout(Duration::from_secs(20))
+        .open_native()
+        .unwrap();
+    assert_eq!(a.line.write(a.now(), &[0x55; 1000]), 1000);
+    partner.read_exact(&mut [0; 1000]).unwrap();
+    partner.write_all(&[0x10]).unwrap();
+    assert_eq!(a.event(), LineEvent::TxDone);
+    assert_eq!(a.receive(1), [0x10], "behind it");
 }
 
 #[test]
