@@ -173,7 +173,7 @@ impl<'l> Lowerer<'l, '_> {
         // A pointer names the place that is written; every other constant loses what comes.
         let loses = matches!(&value, Value::Constant(c) if !matches!(c, Constant::Pointer(_)));
         if loses && writes(formal.section) {
-            let message = format!("{} of {id} is an output, a constant takes nothing from it", formal.name);
+            let message = format!("{} of {id} is written to, a constant takes nothing from it", formal.name);
             reader.report(span, &codes::CONSTANT_FOR_OUTPUT, message);
         }
         match fit(formal, value, id.kind.has_instance()) {
@@ -197,7 +197,7 @@ fn call_op(mode: CallMode, target: Target, instance: Option<Number>, args: Vec<A
 }
 
 const fn writes(section: Section) -> bool {
-    matches!(section, Section::Output | Section::Return)
+    matches!(section, Section::Output | Section::InOut | Section::Return)
 }
 
 /// Who is called.

@@ -158,7 +158,7 @@ codes! {
     BEYOND_DATA_BLOCK = "S0802", Warning, "An address lies beyond the end of its data block.",
         "Correct the address or lengthen the data block; as it is, the access ends in OB 121 or STOP.";
     // Lints
-    CONSTANT_FOR_OUTPUT = "S0901", Lint, "A constant is supplied to an output.",
+    CONSTANT_FOR_OUTPUT = "S0901", Lint, "A constant is supplied to a parameter that the block writes.",
         "What the block gives is lost; supply an operand.";
     INSTANCE_MADE = "S0902", Lint, "An instance data block is in no source and is made with start values.",
         "Nothing, or declare it: DATA_BLOCK DB 50 FB 8 BEGIN END_DATA_BLOCK.";

@@ -56,9 +56,28 @@ const SHOWN: usize = 160;
 /// The finding as text: `file:line:column`, number and message, the source line with a caret, the remedy.
 #[must_use]
 pub fn render(diagnostic: &Diagnostic, source: &Source) -> String {
-    let Diagnostic { code, severity, line, column, length, message, remedy, .. } = diagnostic;
     let text = source.text();
-    let shown = text.lines().nth(line.saturating_sub(1) as usize).unwrap_or("");
+    let shown = text.lines().nth(diagnostic.line.saturating_sub(1) as usize).unwrap_or("");
+    render_line(diagnostic, &source.name, shown)
+}
+
+/// All findings as text, in order, an empty line between them. Each source is decoded once, so this is the way to print many.
+#[must_use]
+pub fn render_all(diagnostics: &[Diagnostic], sources: &[Source]) -> String {
+    let texts: Vec<_> = sources.iter().map(Source::text).collect();
+    let lines: Vec<Vec<&str>> = texts.iter().map(|t| t.lines().collect()).collect();
+    let mut out = Vec::with_capacity(diagnostics.len());
+    for diagnostic in diagnostics {
+        let line = diagnostic.line.saturating_sub(1) as usize;
+        let shown = lines.get(diagnostic.source).and_then(|l| l.get(line)).copied().unwrap_or("");
+        let name = sources.get(diagnostic.source).map_or("", |s| s.name.as_str());
+        out.push(render_line(diagnostic, name, shown));
+    }
+    out.join("\n")
+}
+
+fn render_line(diagnostic: &Diagnostic, name: &str, shown: &str) -> String {
+    let Diagnostic { code, severity, line, column, length, message, remedy, .. } = diagnostic;
     let column = column.saturating_sub(1) as usize;
     let skip = column.saturating_sub(SHOWN / 2);
     let (lead, tail) =
@@ -71,7 +90,7 @@ pub fn render(diagnostic: &Diagnostic, source: &Source) -> String {
     let number = line.to_string();
     let gutter = " ".repeat(number.len());
     let mut out = String::new();
-    let _ = writeln!(out, "{}:{line}:{}: {} {code}: {message}", source.name, column + 1, severity.name());
+    let _ = writeln!(out, "{name}:{line}:{}: {} {code}: {message}", column + 1, severity.name());
     let _ = writeln!(out, "{gutter} |");
     let _ = writeln!(out, "{number} | {lead}{window}{tail}");
     let _ = writeln!(out, "{gutter} | {}{indent}{carets}", " ".repeat(lead.len()));
@@ -226,6 +245,7 @@ mod tests {
             render(&found[0], &source),
             "pump.awl:2:4: error S0302: MX is no operand\n  |\n2 | \tL MX 10\n  | \t  ^^\n  = Did you mean MW?\n"
         );
+        assert_eq!(render_all(&found, std::slice::from_ref(&source)), render(&found[0], &source));
     }
 
     #[test]

@@ -41,7 +41,7 @@ use std::collections::BTreeMap;
 use ob1_ir::{DataBlock, Program, Symbol};
 use ob1_model::BlockId;
 
-pub use diagnostic::{Diagnostic, Severity, render};
+pub use diagnostic::{Diagnostic, Severity, render, render_all};
 pub use library::{Library, LibraryBlock};
 pub use mnemonics::Mnemonics;
 pub use source::Source;
