@@ -156,6 +156,8 @@ proptest! {
             let (before, working) = (bench.tx_echo(), bench.cp.is_working());
             let transmitting = bench.log.tx.len();
             bench.put(rx, tx, &[fill; 12]);
+            // The write that ends the start-up may carry a first count already.
+            let before = if working { before } else { 0 };
             let after = bench.tx_echo();
             let complete = working && rx != 0x8002 && tx == 0 && (1..=12).contains(&before) && !collected.is_empty();
             if complete {
@@ -163,7 +165,7 @@ proptest! {
                 bench.line(LineInput::TxDone);
             } else {
                 prop_assert_eq!(bench.log.tx.len(), transmitting, "nothing leaves at {:04X} -> {:04X}", before, after);
-                if working && after != before && after == tx && (1..=1024).contains(&after) {
+                if bench.cp.is_working() && after != before && after == tx && (1..=1024).contains(&after) {
                     if before == 0 {
                         collected.clear();
                     }
