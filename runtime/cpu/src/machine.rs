@@ -49,6 +49,13 @@ impl Interrupt {
     }
 }
 
+/// A statement, as the engine numbers them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Caller {
+    pub(crate) block: u32,
+    pub(crate) statement: u32,
+}
+
 /// Cycle monitoring.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Watchdog {
@@ -89,7 +96,7 @@ pub(crate) struct Machine {
     pub(crate) depth: u8,
     pub(crate) ob: ObInfo,
     /// Who called the native block that runs.
-    pub(crate) native_caller: Option<Site>,
+    pub(crate) native_caller: Option<Caller>,
 }
 
 /// What runs: blocks by number, and who executes them.

@@ -151,24 +151,29 @@ impl Memory {
         self.bytes[self.all_dbs.bytes()].copy_from_slice(&self.load_values);
     }
 
-    /// Reads up to 32 bits at a bit address of the arena; 0 outside.
+    /// Reads 1, 8, 16 or 32 bits at a bit address of the arena; 0 outside.
     #[inline]
     pub(crate) fn read_bits(&self, at: u32, bits: u8) -> u32 {
         let byte = (at / 8) as usize;
-        match bits {
-            1 => u32::from(cells::bit(&self.bytes, at as usize).unwrap_or(false)),
-            n => cells::get(&self.bytes, byte, usize::from(n / 8)).unwrap_or(0),
-        }
+        let value = match bits {
+            1 => self.bytes.get(byte).map(|b| u32::from(b >> (at % 8) & 1)),
+            8 => self.bytes.get(byte).map(|b| u32::from(*b)),
+            16 => cells::word(&self.bytes, byte).map(u32::from),
+            _ => cells::dword(&self.bytes, byte),
+        };
+        value.unwrap_or(0)
     }
 
-    /// Writes up to 32 bits at a bit address of the arena; nothing outside.
+    /// Writes 1, 8, 16 or 32 bits at a bit address of the arena; nothing outside.
     #[inline]
     pub(crate) fn write_bits(&mut self, at: u32, bits: u8, value: u32) {
         let byte = (at / 8) as usize;
         // Outside is impossible for references, which were checked when they were made; ignoring it is harmless.
         let _ = match bits {
             1 => cells::set_bit(&mut self.bytes, at as usize, value & 1 == 1),
-            n => cells::set(&mut self.bytes, byte, usize::from(n / 8), value),
+            8 => cells::set(&mut self.bytes, byte, 1, value),
+            16 => cells::set(&mut self.bytes, byte, 2, value),
+            _ => cells::set(&mut self.bytes, byte, 4, value),
         };
     }
 

@@ -140,7 +140,8 @@ impl Call<'_, '_> {
     }
 
     fn site(&self) -> Site {
-        self.cx.machine.native_caller.unwrap_or(Site { block: self.native.id, network: 0, line: 0 })
+        let caller = self.cx.machine.native_caller.and_then(|caller| self.cx.blocks.engine.site(caller));
+        caller.unwrap_or(Site { block: self.native.id, network: 0, line: 0 })
     }
 
     fn module_error(error: IoError) -> NativeError {

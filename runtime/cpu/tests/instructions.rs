@@ -126,9 +126,8 @@ fn real_arithmetic() {
     ] {
         check("R", Op::Arithmetic(NumberFormat::Real, op), (r(a2), r(a1), 0), (r(out), stw));
     }
-    let (out, _, stw) = run(&[Op::Arithmetic(NumberFormat::Real, Div)], r(0.0), r(0.0), 0, 2, false);
-    assert!(f32::from_bits(out).is_nan());
-    assert_eq!(stw, CC1 | CC0 | OV | OS);
+    // No number: always the same one, whatever the processor makes.
+    check("R", Op::Arithmetic(NumberFormat::Real, Div), (0, 0, 0), (0x7FFF_FFFF, CC1 | CC0 | OV | OS));
 }
 
 #[test]
@@ -272,9 +271,7 @@ fn floating_point_functions() {
     ] {
         check(&format!("{function:?}"), Op::Math(function), (7, r(a1), 0), (r(out), stw));
     }
-    let (out, _, stw) = run(&[Op::Math(MathFn::Sqrt)], r(-1.0), 0, 0, 2, false);
-    assert!(f32::from_bits(out).is_nan());
-    assert_eq!(stw, CC1 | CC0 | OV | OS);
+    check("SQRT", Op::Math(MathFn::Sqrt), (7, r(-1.0), 0), (0x7FFF_FFFF, CC1 | CC0 | OV | OS));
 }
 
 #[test]
@@ -390,8 +387,8 @@ fn rlo_statements() {
     chain(&[Op::Assign(m(101, 0))], FC | OR | STA, 0);
     chain(&[Op::Set(m(101, 0))], FC | RLO, RLO | STA);
     chain(&[Op::Set(m(101, 0))], FC, 0);
-    chain(&[Op::Reset(m(100, 1))], FC | RLO, RLO);
-    chain(&[Op::Reset(m(100, 1))], FC, STA);
+    chain(&[Op::Reset(m(100, 1))], FC | RLO, RLO | STA);
+    chain(&[Op::Reset(m(100, 1))], FC, 0);
     chain(&[Op::EdgePositive(m(101, 1))], RLO, FC | RLO | STA);
     chain(&[Op::EdgePositive(m(100, 1))], RLO, FC);
     chain(&[Op::EdgeNegative(m(100, 1))], 0, FC | RLO | STA);

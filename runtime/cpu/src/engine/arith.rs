@@ -95,29 +95,30 @@ pub(crate) fn real(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
         AccuOp::Mul => x * y,
         AccuOp::Div | AccuOp::Mod => x / y,
     };
-    (result.to_bits(), real_cc(result))
+    with_real_cc(result)
 }
 
-/// Condition codes of a floating-point result.
+/// The bits of a floating-point result and its condition codes.
 #[inline]
-pub(crate) fn real_cc(result: f32) -> u32 {
+fn with_real_cc(result: f32) -> (u32, u32) {
     let bits = result.to_bits();
-    let exponent = bits >> 23 & 0xFF;
+    let exponent = (bits >> 23) & 0xFF;
     let sign = if bits >> 31 == 0 { CC1 } else { CC0 };
     if exponent != 0 && exponent != 0xFF {
-        return sign;
+        return (bits, sign);
     }
-    real_cc_special(bits, sign)
+    special(bits, sign)
 }
 
+/// Zero, denormalised, infinite, and what is no number: the latter is always the same, or processors would differ.
 #[cold]
-fn real_cc_special(bits: u32, sign: u32) -> u32 {
-    match (bits >> 23 & 0xFF, bits & 0x007F_FFFF) {
-        (0, 0) => 0,
+fn special(bits: u32, sign: u32) -> (u32, u32) {
+    match ((bits >> 23) & 0xFF, bits & 0x007F_FFFF) {
+        (0, 0) => (bits, 0),
         // Underflow: a denormalised number counts as 0.
-        (0, _) => OV,
-        (_, 0) => sign | OV,
-        _ => CC1 | CC0 | OV,
+        (0, _) => (bits, OV),
+        (_, 0) => (bits, sign | OV),
+        _ => (0x7FFF_FFFF, CC1 | CC0 | OV),
     }
 }
 
@@ -173,5 +174,5 @@ pub(crate) fn math(function: MathFn, a1: u32) -> (u32, u32) {
         MathFn::Acos => f64::from(x).acos() as f32,
         MathFn::Atan => f64::from(x).atan() as f32,
     };
-    (result.to_bits(), real_cc(result))
+    with_real_cc(result)
 }

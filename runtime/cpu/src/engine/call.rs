@@ -3,60 +3,91 @@
 use ob1_ir::{CallMode, DbRegister};
 use ob1_model::{Fault, FaultKind};
 
-use super::code::{Call, CallTarget, InSource, InstanceOf, RefArg};
+use super::code::{Call, CallTarget, InSource, InstanceOf, OutTarget, RefArg};
 use super::regs::{OS, Regs};
 use super::resolve::{POINTER_BITS, Where, in_db, locate, missing, number, open, read, reference, write};
 use super::{Callee, Entry};
 use crate::machine::{Blocks, Machine};
 use crate::memory::Db;
 
+/// Tops of the stacks of references and scratch before a call.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tops {
+    refs: u32,
+    scratch: u32,
+}
+
+impl Tops {
+    pub(crate) fn of(m: &Machine) -> Self {
+        Self { refs: m.refs_top, scratch: m.scratch_top }
+    }
+
+    /// Releases references and scratch of a call, after its copies out.
+    pub(crate) fn release(self, m: &mut Machine) {
+        m.refs_top = self.refs;
+        m.scratch_top = self.scratch;
+    }
+}
+
 /// The caller, while the called block runs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
+    /// Its index.
     pub(crate) block: u32,
+    /// The statement behind the call.
     pub(crate) pc: u32,
     /// Index of the call in the block's table.
     pub(crate) call: u32,
-    saved: Saved,
-}
-
-/// What a return gives back to the caller.
-#[derive(Clone, Copy, Debug)]
-struct Saved {
+    pub(crate) tops: Tops,
+    local_top: u32,
     db: Db,
     di: Db,
     ar2: u32,
-    /// AR2 comes back: a function block was called with its instance.
-    instance: bool,
     nest: u64,
     local: u32,
     local_len: u32,
     previous_local: u32,
     previous_local_len: u32,
     refs: u32,
-    refs_top: u32,
-    scratch_top: u32,
-    local_top: u32,
     mcr: u32,
     mcr_active: bool,
+    /// AR2 comes back: a function block was called with its instance.
+    instance: bool,
 }
 
 /// What is to be done after the parameters are in place.
 pub(crate) enum Prepared {
     /// `CC` with RLO = 0.
     Skipped,
-    /// The block, its entry and the caller's registers.
-    Ready(Callee, Entry, Saving),
+    /// The block and its entry.
+    Ready(Callee, Entry),
 }
 
-/// The caller's registers, opaque to the run loop.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Saving(Saved);
-
 /// The status word at the beginning of a called block and after the call.
-fn status_of_call(r: &mut Regs) {
+pub(crate) fn status_of_call(r: &mut Regs) {
     r.flags &= !OS;
     r.end_chain(true);
+}
+
+/// What a called block finds in the caller's registers.
+pub(crate) fn entry(call: &Call, tops: Tops, r: &Regs) -> Entry {
+    Entry {
+        refs: tops.refs,
+        given: call.given,
+        db: r.db,
+        di: r.di,
+        ar2: r.ar2,
+        previous_local: r.local,
+        previous_local_len: r.local_len,
+    }
+}
+
+/// One more block can be called.
+pub(crate) fn check_depth(m: &Machine) -> Result<(), Fault> {
+    if m.depth >= m.config.nesting_depth {
+        return Err(Fault::new(FaultKind::NestingDepth, u32::from(m.depth)));
+    }
+    Ok(())
 }
 
 /// Finds the callee and supplies its parameters.
@@ -75,35 +106,9 @@ pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, blocks: &Block
             blocks.find(ob1_model::BlockId::new(kind, n)).ok_or_else(|| missing(kind, n))?
         }
     };
-    if m.depth >= m.config.nesting_depth {
-        return Err(Fault::new(FaultKind::NestingDepth, u32::from(m.depth)));
-    }
-    let saved = Saved {
-        db: r.db,
-        di: r.di,
-        ar2: r.ar2,
-        instance: !matches!(call.instance, InstanceOf::None),
-        nest: r.nest,
-        local: r.local,
-        local_len: r.local_len,
-        previous_local: r.previous_local,
-        previous_local_len: r.previous_local_len,
-        refs: r.refs,
-        refs_top: m.refs_top,
-        scratch_top: m.scratch_top,
-        local_top: m.local_top,
-        mcr: r.mcr,
-        mcr_active: r.mcr_active,
-    };
-    let mut entry = Entry {
-        refs: m.refs_top,
-        given: call.given,
-        db: r.db,
-        di: r.di,
-        ar2: r.ar2,
-        previous_local: r.local,
-        previous_local_len: r.local_len,
-    };
+    check_depth(m)?;
+    let mut entry = entry(call, Tops::of(m), r);
+    let (db, di) = (r.db, r.di);
     match call.instance {
         InstanceOf::None => references(call, r, m)?,
         InstanceOf::Db(n) => {
@@ -117,28 +122,48 @@ pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, blocks: &Block
             inputs(call, &entry, r, m)?;
         }
     }
-    // Fully qualified actuals have gone through the DB register; the caller's comes back.
-    r.db = saved.db;
-    r.di = saved.di;
+    // Fully qualified actuals have gone through the data block registers; the caller's come back.
+    (r.db, r.di) = (db, di);
     status_of_call(r);
-    Ok(Prepared::Ready(callee, entry, Saving(saved)))
+    Ok(Prepared::Ready(callee, entry))
+}
+
+/// The place of a call in its block.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CallSite {
+    pub(crate) block: u32,
+    pub(crate) pc: u32,
+    pub(crate) call: u32,
+    pub(crate) instance: bool,
+    pub(crate) tops: Tops,
 }
 
 /// Enters a block of statements: local data and a frame.
-pub(crate) fn enter(
-    frame: (u32, u32, u32),
-    saving: Saving,
-    entry: &Entry,
-    local_len: u32,
-    r: &mut Regs,
-    m: &mut Machine,
-) -> Result<(), Fault> {
+pub(crate) fn enter(at: CallSite, entry: &Entry, local_len: u32, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     let full = Fault::new(FaultKind::NestingDepth, u32::from(m.depth));
     let local = m.memory.local.locate(m.local_top, local_len).ok_or(full)?;
     if m.frames.len() == m.frames.capacity() {
         return Err(full);
     }
-    m.frames.push(Frame { block: frame.0, pc: frame.1, call: frame.2, saved: saving.0 });
+    m.frames.push(Frame {
+        block: at.block,
+        pc: at.pc,
+        call: at.call,
+        tops: at.tops,
+        local_top: m.local_top,
+        db: r.db,
+        di: r.di,
+        ar2: r.ar2,
+        nest: r.nest,
+        local: r.local,
+        local_len: r.local_len,
+        previous_local: r.previous_local,
+        previous_local_len: r.previous_local_len,
+        refs: r.refs,
+        mcr: r.mcr,
+        mcr_active: r.mcr_active,
+        instance: at.instance,
+    });
     m.local_top += local_len;
     m.depth += 1;
     r.di = entry.di;
@@ -154,40 +179,39 @@ pub(crate) fn enter(
     Ok(())
 }
 
-/// Gives the caller its registers back. Statements' results (accumulators, AR1, RLO, flags) stay.
-pub(crate) fn leave(saving: Saving, r: &mut Regs, m: &mut Machine) {
-    let saved = saving.0;
-    r.db = saved.db;
-    r.di = saved.di;
-    if saved.instance {
-        r.ar2 = saved.ar2;
-    }
-    r.nest = saved.nest;
-    r.local = saved.local;
-    r.local_len = saved.local_len;
-    r.previous_local = saved.previous_local;
-    r.previous_local_len = saved.previous_local_len;
-    r.refs = saved.refs;
-    r.mcr = saved.mcr;
-    r.mcr_active = saved.mcr_active;
-    m.local_top = saved.local_top;
-    status_of_call(r);
-}
-
-/// Releases references and scratch of a call, after its copies out.
-pub(crate) fn release(saving: Saving, m: &mut Machine) {
-    m.refs_top = saving.0.refs_top;
-    m.scratch_top = saving.0.scratch_top;
-}
-
 impl Frame {
-    pub(crate) fn saving(&self) -> Saving {
-        Saving(self.saved)
+    /// Gives the caller its registers back. Statements' results (accumulators, AR1, RLO, flags) stay.
+    pub(crate) fn leave(&self, r: &mut Regs, m: &mut Machine) {
+        r.db = self.db;
+        r.di = self.di;
+        if self.instance {
+            r.ar2 = self.ar2;
+        }
+        r.nest = self.nest;
+        r.local = self.local;
+        r.local_len = self.local_len;
+        r.previous_local = self.previous_local;
+        r.previous_local_len = self.previous_local_len;
+        r.refs = self.refs;
+        r.mcr = self.mcr;
+        r.mcr_active = self.mcr_active;
+        m.local_top = self.local_top;
+        m.depth -= 1;
+        status_of_call(r);
     }
+}
+
+/// References known at load, without patches.
+pub(crate) fn fixed_references(call: &Call, m: &mut Machine) -> Result<(), Fault> {
+    let base = m.refs_top as usize;
+    let full = Fault::new(FaultKind::NestingDepth, u32::from(m.depth));
+    m.refs.get_mut(base..base + call.refs.len()).ok_or(full)?.copy_from_slice(&call.refs);
+    m.refs_top += call.refs.len() as u32;
+    Ok(())
 }
 
 /// Puts the references to an FC's actuals on their stack.
-fn references(call: &Call, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
+pub(crate) fn references(call: &Call, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     let full = Fault::new(FaultKind::NestingDepth, u32::from(m.depth));
     let base = m.refs_top as usize;
     let slots = m.refs.get_mut(base..base + call.refs.len()).ok_or(full)?;
@@ -267,42 +291,53 @@ fn instance(entry: &Entry, bytes: u32) -> Result<u32, Fault> {
     in_db(entry.di, DbRegister::Di, entry.ar2 & POINTER_BITS, bytes * 8, true).map(arena)
 }
 
-/// Copies results to the caller's actuals, after its registers have come back.
-pub(crate) fn copy_out(call: &Call, saving: Saving, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
-    let saved = saving.0;
+/// Copies results to the caller's actuals, after its registers have come back. Fully qualified ones go through the data block
+/// registers, which keep what they held.
+pub(crate) fn copy_out(call: &Call, tops: Tops, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     let (db, di) = (r.db, r.di);
-    let result = (|| {
-        match call.instance {
-            InstanceOf::None => {
-                let scratch_bit = (m.memory.scratch.at + saved.scratch_top) * 8;
-                for (_, patch) in &call.patches {
-                    if let RefArg::Copy { place, bits, scratch, out: true } = *patch {
-                        let value = m.memory.read_bits(scratch_bit + scratch, bits as u8);
-                        write(place, bits as u8, value, r, m)?;
-                    }
-                }
-                return Ok(());
-            }
-            InstanceOf::Db(_) | InstanceOf::Local(_) => {}
+    let result = match call.instance {
+        InstanceOf::None => scratch_out(call, tops.scratch, r, m),
+        InstanceOf::Db(n) => number(n, r, m).and_then(|n| open(m, n, DbRegister::Di)).and_then(|di| {
+            let base = in_db(di, DbRegister::Di, 0, call.instance_bytes * 8, false).map(arena)?;
+            instance_out(call, base, r, m)
+        }),
+        InstanceOf::Local(at) => {
+            let at = (super::slow::add_ar(r.ar2, at)) & POINTER_BITS;
+            let base = in_db(r.di, DbRegister::Di, at, call.instance_bytes * 8, false).map(arena);
+            base.and_then(|base| instance_out(call, base, r, m))
         }
-        let entry = match call.instance {
-            InstanceOf::Db(n) => Entry { di: open(m, number(n, r, m)?, DbRegister::Di)?, ..Entry::default() },
-            InstanceOf::Local(at) => Entry { di: r.di, ar2: super::slow::add_ar(r.ar2, at), ..Entry::default() },
-            InstanceOf::None => return Ok(()),
-        };
-        let base = instance(&entry, call.instance_bytes)?;
-        for out in &call.outs {
-            let from = base + out.at;
-            if out.bits > 32 {
-                let to = arena(locate(out.to, out.bits, true, r, m)?);
-                m.memory.copy(from / 8, to / 8, out.bits / 8);
-            } else {
-                let value = m.memory.read_bits(from, out.bits as u8);
-                write(out.to, out.bits as u8, value, r, m)?;
-            }
-        }
-        Ok(())
-    })();
+    };
     (r.db, r.di) = (db, di);
     result
+}
+
+fn scratch_out(call: &Call, scratch_top: u32, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
+    let scratch_bit = (m.memory.scratch.at + scratch_top) * 8;
+    for (_, patch) in &call.patches {
+        if let RefArg::Copy { place, bits, scratch, out: true } = *patch {
+            let value = m.memory.read_bits(scratch_bit + scratch, bits as u8);
+            write(place, bits as u8, value, r, m)?;
+        }
+    }
+    Ok(())
+}
+
+fn instance_out(call: &Call, base: u32, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
+    for out in &call.outs {
+        let from = base + out.at;
+        if out.bits > 32 {
+            let to = match out.to {
+                OutTarget::Arena(to) => to,
+                OutTarget::Place(place) => arena(locate(place, out.bits, true, r, m)?),
+            };
+            m.memory.copy(from / 8, to / 8, out.bits / 8);
+            continue;
+        }
+        let value = m.memory.read_bits(from, out.bits as u8);
+        match out.to {
+            OutTarget::Arena(to) => m.memory.write_bits(to, out.bits as u8, value),
+            OutTarget::Place(place) => write(place, out.bits as u8, value, r, m)?,
+        }
+    }
+    Ok(())
 }

@@ -191,6 +191,11 @@ pub(crate) enum Op {
     Call {
         call: u32,
     },
+    /// `CALL` or `UC` of a native FC.
+    CallNative {
+        call: u32,
+        native: u32,
+    },
     End,
     EndIf,
     Nop,
@@ -285,10 +290,18 @@ pub(crate) struct InstanceIn {
     pub(crate) bits: u32,
 }
 
+/// Where a result goes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum OutTarget {
+    /// A bit of the arena.
+    Arena(u32),
+    Place(Place),
+}
+
 /// One copy back.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InstanceOut {
-    pub(crate) to: Place,
+    pub(crate) to: OutTarget,
     pub(crate) at: u32,
     pub(crate) bits: u32,
 }

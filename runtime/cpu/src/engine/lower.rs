@@ -1,10 +1,10 @@
 //! From the intermediate code to the pre-decoded form, at load.
 
-use ob1_ir::{BitTest, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Program};
+use ob1_ir::{BitTest, CallMode, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Program};
 use ob1_model::{Area, BlockId, BlockKind, Interface, Layout, Section};
 
 use super::Callee;
-use super::code::{AREA_IN_POINTER, Base, Block, Op, Scan, arithmetic};
+use super::code::{AREA_IN_POINTER, Base, Block, CallTarget, InstanceOf, Op, Scan, arithmetic};
 use super::lower_call::lower_call;
 use super::resolve::width_bits;
 use crate::memory::Memory;
@@ -120,9 +120,18 @@ pub(crate) fn lower(block: &CodeBlock, l: &Lowering<'_>, errors: &mut Vec<LoadEr
     for (index, stmt) in block.code.iter().enumerate() {
         let op = match &stmt.op {
             Ir::Call(call) => match lower_call(block, index, call, l) {
-                Ok(call) => {
-                    calls.push(call);
-                    Op::Call { call: index_u32(calls.len() - 1) }
+                Ok(lowered) => {
+                    let call = index_u32(calls.len());
+                    let op = match (lowered.target, lowered.instance) {
+                        (CallTarget::Known(Callee::Native(native)), InstanceOf::None)
+                            if lowered.mode != CallMode::Conditional =>
+                        {
+                            Op::CallNative { call, native }
+                        }
+                        _ => Op::Call { call },
+                    };
+                    calls.push(lowered);
+                    op
                 }
                 Err(error) => {
                     errors.push(error);

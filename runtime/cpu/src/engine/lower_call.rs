@@ -3,7 +3,7 @@
 use ob1_ir::{Arg, Call as IrCall, CallMode, CodeBlock, Number, Operand, Place, Target};
 use ob1_model::{Area, BlockId, Layout, Section, Site};
 
-use super::code::{Call, CallTarget, InSource, InstanceIn, InstanceOf, InstanceOut, RefArg};
+use super::code::{Call, CallTarget, InSource, InstanceIn, InstanceOf, InstanceOut, OutTarget, RefArg};
 use super::lower::{Constants, Formal, Lowering, Signature, Signatures, fixed};
 use super::resolve::width_bits;
 use crate::LoadError;
@@ -141,13 +141,12 @@ fn instance_call(
             Arg::Number(_) => return Err(wrong(format!("parameter {} is no number", i + 1))),
             Arg::Operand(operand) => {
                 check_width(*operand, formal, i, wrong)?;
+                let known = fixed(operand.place, bits, l).map(|(byte, mask)| byte * 8 + mask.trailing_zeros());
                 if output {
-                    outs.push(InstanceOut { to: operand.place, at, bits });
+                    let to = known.map_or(OutTarget::Place(operand.place), OutTarget::Arena);
+                    outs.push(InstanceOut { to, at, bits });
                 }
-                match fixed(operand.place, bits, l) {
-                    Some((byte, mask)) => InSource::Arena(byte * 8 + mask.trailing_zeros()),
-                    None => InSource::Place(operand.place),
-                }
+                known.map_or(InSource::Place(operand.place), InSource::Arena)
             }
         };
         if input {

@@ -13,6 +13,9 @@ mod shift;
 mod slow;
 mod verify;
 
+use ob1_model::Site;
+
+use crate::machine::Caller;
 use crate::memory::Db;
 use crate::{Abort, Context};
 
@@ -54,4 +57,7 @@ pub(crate) struct Entry {
 pub(crate) trait Engine: Send {
     /// Runs a block to its end or until the CPU goes to STOP.
     fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort>;
+
+    /// Where a statement stands in the source.
+    fn site(&self, caller: Caller) -> Option<Site>;
 }

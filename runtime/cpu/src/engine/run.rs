@@ -1,16 +1,16 @@
 //! The run loop of the reference engine.
 
 use ob1_ir::{Compare, Jump, Logic, StatusBit};
-use ob1_model::{Area, Fault, FaultKind};
+use ob1_model::{Area, Fault, FaultKind, Site};
 
 use super::arith::{self, low_word};
-use super::call::{self, Prepared};
-use super::code::{AREA_IN_POINTER, Base, Block, Op, Scan};
+use super::call::{self, CallSite, Prepared, Tops};
+use super::code::{AREA_IN_POINTER, Base, Block, Call, InstanceOf, Op, Scan};
 use super::regs::{BR, OS, Regs, status_bit, with_cc};
 use super::resolve::{self, Where};
 use super::slow;
 use super::{Callee, Engine, Entry};
-use crate::machine::{Context, Machine, STATEMENTS_PER_LOOK};
+use crate::machine::{Caller, Context, Machine, STATEMENTS_PER_LOOK};
 use crate::{Abort, native};
 
 /// The engine that defines the meaning of every statement.
@@ -21,6 +21,10 @@ pub(crate) struct Reference {
 impl Engine for Reference {
     fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {
         self.run(block, entry, cx)
+    }
+
+    fn site(&self, caller: Caller) -> Option<Site> {
+        Some(self.blocks.get(caller.block as usize)?.site(caller.statement as usize))
     }
 }
 
@@ -257,6 +261,33 @@ impl Reference {
             }};
         }
 
+        // A native block with its parameters in place. The caller's registers are out of its reach.
+        macro_rules! run_native {
+            ($call:expr, $native:expr, $entry:expr, $tops:expr) => {{
+                let call: &Call = $call;
+                cx.machine.pending = executed;
+                cx.machine.depth += 1;
+                let site = Caller { block: current, statement: (pc - 1) as u32 };
+                let caller = cx.machine.native_caller.replace(site);
+                let br = native::call($native, &$entry, cx)?;
+                cx.machine.native_caller = caller;
+                cx.machine.depth -= 1;
+                executed = cx.machine.pending;
+                call::status_of_call(&mut r);
+                r.flags = r.flags & !BR | u32::from(br) * BR;
+                if call.copies_out {
+                    let mut regs = r;
+                    let copied = call::copy_out(call, $tops, &mut regs, cx.machine);
+                    $tops.release(cx.machine);
+                    if let Err(fault) = copied {
+                        fail!(fault);
+                    }
+                } else {
+                    $tops.release(cx.machine);
+                }
+            }};
+        }
+
         loop {
             let op = code.ops[pc];
             pc += 1;
@@ -275,13 +306,13 @@ impl Reference {
                     if r.rlo {
                         put_bit(&mut mem!(), at, mask, true);
                     }
-                    r.end_chain(bit!(at, mask));
+                    r.end_chain(r.rlo);
                 }
                 Op::Reset { at, mask } => {
                     if r.rlo {
                         put_bit(&mut mem!(), at, mask, false);
                     }
-                    r.end_chain(bit!(at, mask));
+                    r.end_chain(r.rlo);
                 }
                 Op::EdgePositive { at, mask } => {
                     let before = bit!(at, mask);
@@ -312,14 +343,14 @@ impl Reference {
                     if r.rlo {
                         put_bit(&mut mem!(), at / 8, 1 << (at % 8), true);
                     }
-                    r.end_chain(bit!(at / 8, 1 << (at % 8)));
+                    r.end_chain(r.rlo);
                 }
                 Op::ResetAt { base, at } => {
                     let at = place!(base, at, 1, r.rlo);
                     if r.rlo {
                         put_bit(&mut mem!(), at / 8, 1 << (at % 8), false);
                     }
-                    r.end_chain(bit!(at / 8, 1 << (at % 8)));
+                    r.end_chain(r.rlo);
                 }
                 Op::ScanTimer { scan, number } => {
                     let m = &*cx.machine;
@@ -432,26 +463,48 @@ impl Reference {
                     let target = targets[index.min(targets.len() - 1)];
                     jump!(target);
                 }
-                Op::Call { call } => {
+                Op::CallNative { call, native } => {
                     count!();
                     from = pc;
                     attend!();
-                    let index = call;
+                    let call = &code.calls[call as usize];
+                    let tops = Tops::of(cx.machine);
+                    let entry = call::entry(call, tops, &r);
+                    let supplied = call::check_depth(cx.machine).and_then(|()| {
+                        if call.patches.is_empty() {
+                            return call::fixed_references(call, cx.machine);
+                        }
+                        let mut regs = r;
+                        call::references(call, &mut regs, cx.machine)
+                    });
+                    if let Err(fault) = supplied {
+                        tops.release(cx.machine);
+                        fail!(fault);
+                    }
+                    run_native!(call, native, entry, tops);
+                }
+                Op::Call { call: index } => {
+                    count!();
+                    from = pc;
+                    attend!();
                     let call = &code.calls[index as usize];
+                    let tops = Tops::of(cx.machine);
                     let mut regs = r;
                     let prepared = call::prepare(call, &mut regs, cx.machine, blocks);
-                    r = regs;
                     match prepared {
-                        Err(fault) => fail!(fault),
-                        Ok(Prepared::Skipped) => {}
-                        Ok(Prepared::Ready(Callee::Code(next), entry, saving)) => {
+                        Err(fault) => {
+                            tops.release(cx.machine);
+                            fail!(fault);
+                        }
+                        Ok(Prepared::Skipped) => r = regs,
+                        Ok(Prepared::Ready(Callee::Code(next), entry)) => {
                             let called = &self.blocks[next as usize];
-                            let mut regs = r;
-                            let frame = (current, pc as u32, index);
-                            let entered = call::enter(frame, saving, &entry, called.local_len, &mut regs, cx.machine);
+                            let instance = !matches!(call.instance, InstanceOf::None);
+                            let at = CallSite { block: current, pc: pc as u32, call: index, instance, tops };
+                            let entered = call::enter(at, &entry, called.local_len, &mut regs, cx.machine);
                             r = regs;
                             if let Err(fault) = entered {
-                                call::release(saving, cx.machine);
+                                tops.release(cx.machine);
                                 fail!(fault);
                             }
                             code = called;
@@ -459,27 +512,9 @@ impl Reference {
                             pc = 0;
                             from = 0;
                         }
-                        Ok(Prepared::Ready(Callee::Native(native), entry, saving)) => {
-                            cx.machine.pending = executed;
-                            let caller = cx.machine.native_caller.replace(code.site(pc - 1));
-                            cx.machine.depth += 1;
-                            let br = native::call(native, &entry, cx)?;
-                            cx.machine.depth -= 1;
-                            cx.machine.native_caller = caller;
-                            executed = cx.machine.pending;
-                            let mut regs = r;
-                            regs.flags = regs.flags & !BR | u32::from(br) * BR;
-                            call::leave(saving, &mut regs, cx.machine);
-                            let copied = if call.copies_out {
-                                call::copy_out(call, saving, &mut regs, cx.machine)
-                            } else {
-                                Ok(())
-                            };
+                        Ok(Prepared::Ready(Callee::Native(native), entry)) => {
                             r = regs;
-                            call::release(saving, cx.machine);
-                            if let Err(fault) = copied {
-                                fail!(fault);
-                            }
+                            run_native!(call, native, entry, tops);
                         }
                     }
                 }
@@ -493,21 +528,17 @@ impl Reference {
                         break;
                     }
                     let Some(frame) = cx.machine.frames.pop() else { break };
-                    cx.machine.depth -= 1;
                     current = frame.block;
                     code = &self.blocks[current as usize];
                     pc = frame.pc as usize;
                     from = pc;
                     let call = &code.calls[frame.call as usize];
                     let mut regs = r;
-                    call::leave(frame.saving(), &mut regs, cx.machine);
-                    let copied = if call.copies_out {
-                        call::copy_out(call, frame.saving(), &mut regs, cx.machine)
-                    } else {
-                        Ok(())
-                    };
+                    frame.leave(&mut regs, cx.machine);
+                    let copied =
+                        if call.copies_out { call::copy_out(call, frame.tops, &mut regs, cx.machine) } else { Ok(()) };
                     r = regs;
-                    call::release(frame.saving(), cx.machine);
+                    frame.tops.release(cx.machine);
                     if let Err(fault) = copied {
                         fail!(fault);
                     }

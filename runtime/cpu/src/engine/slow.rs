@@ -198,11 +198,11 @@ fn bit_logic(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
 fn set_reset(place: Place, value: bool, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     if r.rlo && !r.mcr_off() {
         write(place, 1, u32::from(value), r, m)?;
-        r.end_chain(value);
     } else {
-        let sta = read(place, 1, r, m)? != 0;
-        r.end_chain(sta);
+        // Nothing is written, but the operand must be there.
+        read(place, 1, r, m)?;
     }
+    r.end_chain(r.rlo);
     Ok(())
 }
 
