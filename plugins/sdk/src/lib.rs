@@ -76,6 +76,6 @@ pub use cx::{Cx, Level, Registers};
 pub use formal::{Formal, In, InOut, Out, Readable, Return, Static, Writable};
 pub use modules::ModuleInfo;
 pub use param::{Param, Section};
-pub use reply::{Abort, Refused, Reply};
+pub use reply::{Abort, OrStop, Refused, Reply};
 pub use state::Zeroable;
 pub use timers::{Timer, TimerKind};

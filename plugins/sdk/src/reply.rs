@@ -1,6 +1,10 @@
 //! What comes back from the host.
 
+use core::fmt;
+
 use ob1_abi::{self as abi, Status};
+
+use crate::Cx;
 
 /// The CPU is on its way to STOP, or the run ends: the block is left at once. Made by the host alone; pass it on with `?`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +36,47 @@ pub enum Refused {
     NoBlock,
     /// A length that cannot be, or a status this version of the interface does not know.
     BadArgument,
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Refused::NoParam => "there is no such parameter",
+            Refused::Outside => "the address lies outside its area",
+            Refused::NoDb => "the data block does not exist",
+            Refused::DbNumber => "the data block number cannot be",
+            Refused::ReadOnly => "the data block is write-protected",
+            Refused::NoModule => "there is no such module at this address",
+            Refused::Absent => "the module does not answer",
+            Refused::Busy => "there is nothing, or no room, now",
+            Refused::NoRecord => "the module has no such record",
+            Refused::NoBlock => "the block does not exist, or its parameters do not match",
+            Refused::BadArgument => "an argument cannot be",
+        })
+    }
+}
+
+/// For requests that are only refused when the program and the CPU do not fit together.
+pub trait OrStop<T> {
+    /// The value; or STOP, with `what` was asked for and the reason in the diagnostic buffer.
+    ///
+    /// ```
+    /// # use ob1_sdk::{Abort, Area, Cx, OrStop};
+    /// fn start_button(cx: &mut Cx<'_>) -> Result<bool, Abort> {
+    ///     cx.bit(Area::Input, 0, 0)?.or_stop(cx, "E 0.0")
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// [`Abort`] after a refusal.
+    fn or_stop<M>(self, cx: &mut Cx<'_, M>, what: &str) -> Result<T, Abort>;
+}
+
+impl<T> OrStop<T> for Result<T, Refused> {
+    #[inline]
+    fn or_stop<M>(self, cx: &mut Cx<'_, M>, what: &str) -> Result<T, Abort> {
+        self.map_err(|refused| cx.stop(format_args!("{what}: {refused}")))
+    }
 }
 
 /// The host's answer: `Err(Abort)` is passed on with `?`, a refusal is the block's own affair.
