@@ -1,1 +1,3 @@
-//! What crosses two crates: the whole-station simulation and the end-to-end tests
+//! What crosses two crates: the whole-station simulation, the benchmarks, and help for the end-to-end tests.
+
+pub mod sim;

@@ -114,7 +114,9 @@ impl Segment {
         self.word(offset).map(|cell| cell.store(word, Ordering::Release)).is_some()
     }
 
-    fn word(&self, offset: usize) -> Option<&crate::sync::AtomicU64> {
+    /// One word by its offset in the memory map, for tools that spin on it; `None` outside or off a word's boundary.
+    #[must_use]
+    pub fn word(&self, offset: usize) -> Option<&crate::sync::AtomicU64> {
         offset.is_multiple_of(8).then(|| as_words(self.cells()).get(offset / 8)).flatten()
     }
 }

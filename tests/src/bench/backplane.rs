@@ -1,0 +1,89 @@
+//! The back plane alone: sixteen bytes there and back between two spinning processes, beside one word there and back.
+
+use std::path::Path;
+use std::time::Instant;
+
+use ob1_backplane::{CpSide, CpuSide, Segment};
+
+use super::peer::{Failure, Peer, Words};
+use super::{Figure, in_turns};
+
+const ROUND_TRIPS: u64 = 20_000;
+const ROUNDS: usize = 31;
+
+/// The peer's side of the registers: what it reads it writes back.
+///
+/// # Errors
+/// When the segment cannot be attached to.
+pub fn answer_registers(path: &Path) -> Result<(), Failure> {
+    let mut side = CpSide::attach(&Segment::open(path)?)?;
+    let mut registers = [0u8; 16];
+    loop {
+        if side.outputs_changed() {
+            let _ = side.read_outputs(&mut registers);
+            side.write_inputs(&registers);
+        }
+        std::hint::spin_loop();
+    }
+}
+
+/// The peer's side of the word.
+///
+/// # Errors
+/// When the segment cannot be opened.
+pub fn answer_word(path: &Path) -> Result<(), Failure> {
+    let segment = Segment::open(path)?;
+    let words = Words::of(&segment)?;
+    loop {
+        words.answer();
+        std::hint::spin_loop();
+    }
+}
+
+/// Runs the measurement.
+///
+/// # Errors
+/// When a segment or a process cannot be made.
+pub fn measure() -> Result<Figure, Failure> {
+    let registers = Segment::create_shared()?;
+    let mut cpu = CpuSide::create(&registers, 16)?;
+    let word = Segment::create_shared()?;
+    let words = Words::of(&word)?;
+
+    let mut serial = 0u64;
+    let mut through_registers = || {
+        serial += 1;
+        let mut out = [0u8; 16];
+        out[..8].copy_from_slice(&serial.to_ne_bytes());
+        out[8..].copy_from_slice(&serial.to_ne_bytes());
+        cpu.write_outputs(&out);
+        let mut seen = [0u8; 16];
+        while seen != out {
+            let _ = cpu.read_inputs(&mut seen);
+            std::hint::spin_loop();
+        }
+    };
+    let (registers, word) = in_turns(
+        ROUNDS,
+        || timed(&registers, "registers", &mut through_registers),
+        || timed(&word, "word", || words.round_trip()),
+    )?;
+    Ok(Figure {
+        what: "back plane round trip, 16 bytes, both spin",
+        value: registers,
+        unit: "ns",
+        floor: Some(("one word between two processes", word)),
+        aim: ("<= 1.5 x floor", registers <= 1.5 * word),
+    })
+}
+
+/// One round: a fresh peer, one round trip until it is up, then many.
+fn timed(segment: &Segment, role: &str, mut round_trip: impl FnMut()) -> Result<f64, Failure> {
+    let _peer = Peer::start(role, segment)?;
+    round_trip();
+    let start = Instant::now();
+    for _ in 0..ROUND_TRIPS {
+        round_trip();
+    }
+    Ok(start.elapsed().as_nanos() as f64 / ROUND_TRIPS as f64)
+}

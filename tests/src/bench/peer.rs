@@ -1,0 +1,102 @@
+//! The other process of a measurement: this binary again, in a role.
+
+use std::error::Error;
+use std::io::Read as _;
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use ob1_backplane::Segment;
+use rustix::event::{PollFd, PollFlags, poll};
+
+/// Anything that keeps a measurement from being made.
+pub type Failure = Box<dyn Error>;
+
+/// A process that answers at the other end of a segment. Killed when dropped.
+#[derive(Debug)]
+pub struct Peer(Child);
+
+impl Peer {
+    /// Starts this binary as `--peer role` on the segment.
+    ///
+    /// # Errors
+    /// When the process cannot be started, or the segment is on the heap.
+    pub fn start(role: &str, segment: &Segment) -> Result<Self, Failure> {
+        let path = segment.path().ok_or("a peer needs a shared segment")?;
+        let mut command = Command::new(std::env::current_exe()?);
+        Ok(Self(command.arg("--peer").arg(role).arg(path).stdin(Stdio::piped()).spawn()?))
+    }
+
+    /// The write end of its standard input.
+    pub fn stdin(&mut self) -> Option<&mut ChildStdin> {
+        self.0.stdin.as_mut()
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        // It may be gone already.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Two words of a segment, on cache lines of their own: the floor under every exchange between two processes.
+#[derive(Clone, Copy, Debug)]
+pub struct Words<'a> {
+    there: &'a AtomicU64,
+    back: &'a AtomicU64,
+}
+
+impl<'a> Words<'a> {
+    /// The words of a segment.
+    ///
+    /// # Errors
+    /// When it is too small.
+    pub fn of(segment: &'a Segment) -> Result<Self, Failure> {
+        let (there, back) = segment.word(0).zip(segment.word(256)).ok_or("segment too small")?;
+        Ok(Self { there, back })
+    }
+
+    /// The peer's part: writes back what stands there.
+    pub fn answer(self) {
+        self.back.store(self.there.load(Ordering::Acquire), Ordering::Release);
+    }
+
+    /// Writes the next number there.
+    pub fn call(self) {
+        self.there.store(self.there.load(Ordering::Relaxed) + 1, Ordering::Release);
+    }
+
+    /// Spins until it is back.
+    pub fn wait(self) {
+        let serial = self.there.load(Ordering::Relaxed);
+        while self.back.load(Ordering::Acquire) != serial {
+            std::hint::spin_loop();
+        }
+    }
+
+    /// There and back.
+    pub fn round_trip(self) {
+        self.call();
+        self.wait();
+    }
+}
+
+/// The peer's side of a bare pipe: sleeps in `poll` as a driver does, answers the word at each byte, ends at end of file.
+///
+/// # Errors
+/// When the segment cannot be opened or the pipe fails.
+pub fn answer_pipe(path: &Path) -> Result<(), Failure> {
+    let segment = Segment::open(path)?;
+    let words = Words::of(&segment)?;
+    let mut stdin = std::io::stdin().lock();
+    let mut bytes = [0u8; 64];
+    loop {
+        poll(&mut [PollFd::new(&stdin, PollFlags::IN)], None)?;
+        if stdin.read(&mut bytes)? == 0 {
+            return Ok(());
+        }
+        words.answer();
+    }
+}

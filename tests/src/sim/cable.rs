@@ -1,0 +1,142 @@
+//! The simulated line between two drivers, with a tap on each direction.
+
+use std::collections::HashSet;
+
+use ob1_cp::LinePort;
+use ob1_cpu::Nanos;
+use ob1_firmware::{LineInput, LineSettings};
+use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine};
+
+use super::tap::{self, Tap};
+
+/// Characters taken from the line at once.
+const BURST: usize = 64;
+
+/// A line and what its taps have seen.
+#[derive(Debug)]
+pub struct Cable {
+    /// What the ends are called in the station files.
+    pub name: String,
+    line: SimLine,
+    sent: [Tap; 2],
+    arrived: [Tap; 2],
+    /// Telegrams put on the line, and telegrams that came out good by the check character.
+    telegrams: HashSet<Vec<u8>>,
+    undetectable: u64,
+    /// What leaves at this end was written by a driver that is dead: its end means nothing to the next one.
+    orphaned: [bool; 2],
+}
+
+impl Cable {
+    /// A line without settings: those of the first parameters count.
+    #[must_use]
+    pub fn new(name: &str, seed: u64, faults: FaultRates, until: Nanos) -> Self {
+        let config = SimConfig { faults, faults_until: until, ..SimConfig::new(9600, 20) };
+        Self {
+            name: name.to_owned(),
+            line: SimLine::new(config, seed),
+            sent: Default::default(),
+            arrived: Default::default(),
+            telegrams: HashSet::new(),
+            undetectable: 0,
+            orphaned: [false; 2],
+        }
+    }
+
+    /// When something happens on it.
+    #[must_use]
+    pub fn next_event(&self) -> Option<Nanos> {
+        self.line.next_event()
+    }
+
+    /// Telegrams that came out of the line other than they went in, with a right check character.
+    #[must_use]
+    pub fn undetectable(&self) -> u64 {
+        self.undetectable
+    }
+
+    /// The driver at `end` is dead. What it has written goes on leaving, as it does from a kernel's buffer.
+    pub fn orphan(&mut self, end: End, now: Nanos) {
+        self.orphaned[end as usize] = self.line.is_sending(end, now);
+    }
+
+    /// Hands out what has happened by `now`; the inner `None` is an event that concerns nobody.
+    pub fn pop<'a>(&mut self, now: Nanos, buffer: &'a mut [u8; BURST]) -> Option<(End, Option<LineInput<'a>>)> {
+        let (end, event) = self.line.pop(now, buffer)?;
+        let input = match event {
+            SimEvent::Rx(count) => {
+                for byte in &buffer[..count] {
+                    if let Some(payload) = self.arrived[end as usize].push(now, *byte)
+                        && !self.telegrams.contains(payload)
+                    {
+                        self.undetectable += 1;
+                    }
+                }
+                LineInput::Rx(&buffer[..count])
+            }
+            SimEvent::Fault(fault) => {
+                self.arrived[end as usize].spoil(now);
+                LineInput::Fault(fault_of(fault))
+            }
+            SimEvent::TxDone if std::mem::take(&mut self.orphaned[end as usize]) => return Some((end, None)),
+            SimEvent::TxDone => LineInput::TxDone,
+            SimEvent::Cts(_) => return Some((end, None)),
+        };
+        Some((end, Some(input)))
+    }
+
+    /// One end of it, as a driver sees it.
+    pub fn end(&mut self, end: End) -> CableEnd<'_> {
+        CableEnd { cable: self, end }
+    }
+}
+
+/// A buffer for [`Cable::pop`].
+#[must_use]
+pub fn buffer() -> [u8; BURST] {
+    [0; BURST]
+}
+
+fn fault_of(fault: ob1_line::LineFault) -> ob1_firmware::LineFault {
+    use ob1_firmware::LineFault as To;
+    use ob1_line::LineFault as From;
+    match fault {
+        From::Parity => To::Parity,
+        From::Framing => To::Framing,
+        From::Break => To::Break,
+    }
+}
+
+/// One end of a cable.
+#[derive(Debug)]
+pub struct CableEnd<'a> {
+    cable: &'a mut Cable,
+    end: End,
+}
+
+impl LinePort for CableEnd<'_> {
+    fn apply(&mut self, _now: Nanos, settings: &LineSettings) {
+        self.cable.line.set_char_time(settings.char_time_ns());
+    }
+
+    fn transmit(&mut self, now: Nanos, bytes: &[u8]) {
+        let sent = &mut self.cable.sent[self.end as usize];
+        let block = if bytes == [tap::STX] { &[][..] } else { bytes };
+        if block.is_empty() {
+            sent.request(now);
+        }
+        for byte in block {
+            if let Some(payload) = sent.push(now, *byte)
+                && !self.cable.telegrams.contains(payload)
+            {
+                self.cable.telegrams.insert(payload.to_vec());
+            }
+        }
+        self.cable.orphaned[self.end as usize] = false;
+        self.cable.line.write(self.end, now, bytes);
+    }
+
+    fn take_back(&mut self, now: Nanos) -> usize {
+        self.cable.line.take_back(self.end, now)
+    }
+}

@@ -1,0 +1,220 @@
+//! The whole-station simulation: both demo stations in one thread, in virtual time.
+//!
+//! Everything that decides is the real thing: station files, compiler, CPU, the plugin's shared library, module adapter, segments, supervisor
+//! machine, driver pump, firmware, protocol machines. Virtual are time, the life of the driver processes, and the line.
+//! The same scenario gives the same log, to the byte.
+
+pub mod cable;
+pub mod clock;
+pub mod driver;
+pub mod station;
+pub mod tap;
+pub mod verdict;
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use ob1_cpu::Nanos;
+use ob1_line::sim::{End, FaultRates, SplitMix64};
+
+use cable::Cable;
+use driver::Driver;
+use station::SimStation;
+
+/// A millisecond.
+pub const MS: Nanos = 1_000_000;
+/// A second.
+pub const SECOND: Nanos = 1_000 * MS;
+/// Nothing goes wrong in the last part of a run: what has been disturbed must come back by itself.
+const CALM: Nanos = 15 * SECOND;
+
+/// What is simulated.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// Station files.
+    pub stations: Vec<PathBuf>,
+    /// Determines everything that chance decides.
+    pub seed: u64,
+    /// Virtual time simulated.
+    pub duration: Nanos,
+    /// Faults of the line.
+    pub faults: FaultRates,
+    /// Mean time between two `kill -9` of drivers; 0: none.
+    pub kill_every: Nanos,
+    /// Every character that arrives goes into the log, too.
+    pub wire: bool,
+}
+
+impl Scenario {
+    /// The demo's two stations for a minute, with a bad line and a killer about. What goes wrong, and how often, depends on the seed.
+    #[must_use]
+    pub fn demo(folder: &std::path::Path, seed: u64) -> Self {
+        let mut rng = SplitMix64::new(seed);
+        let rate = [0, 20, 100, 400][rng.below(4) as usize];
+        let faults = FaultRates { flip: rate / 4, ..FaultRates::all(rate) };
+        Self {
+            stations: ["station-a.toml", "station-b.toml"].map(|name| folder.join(name)).to_vec(),
+            seed,
+            duration: 60 * SECOND,
+            faults,
+            kill_every: [0, 5 * SECOND, 12 * SECOND][rng.below(3) as usize],
+            wire: false,
+        }
+    }
+}
+
+/// What came of it.
+#[derive(Debug)]
+pub struct Outcome {
+    /// Everything that happened, a line each: microseconds, who, what.
+    pub log: String,
+    /// The stations as they were at the end.
+    pub stations: Vec<SimStation>,
+    /// The ledger of both ends and what must not be.
+    pub verdict: verdict::Verdict,
+    /// Drivers killed.
+    pub kills: u64,
+}
+
+/// Runs a scenario.
+///
+/// # Errors
+/// When the stations cannot be built.
+pub fn run(scenario: &Scenario) -> Result<Outcome, String> {
+    let mut world = World::build(scenario)?;
+    while world.step(scenario) {}
+    Ok(world.finish())
+}
+
+struct World {
+    now: Nanos,
+    rng: SplitMix64,
+    cables: Vec<Cable>,
+    drivers: Vec<Driver>,
+    stations: Vec<SimStation>,
+    log: String,
+    kill_at: Nanos,
+    watch: verdict::Watch,
+}
+
+impl World {
+    fn build(scenario: &Scenario) -> Result<Self, String> {
+        let mut rng = SplitMix64::new(scenario.seed ^ 0x6f62_3131);
+        let calm = scenario.duration.saturating_sub(CALM);
+        let mut cables: Vec<Cable> = Vec::new();
+        let mut ends: Vec<usize> = Vec::new();
+        let mut drivers = Vec::new();
+        let mut stations = Vec::new();
+        let cable_seed = rng.next_u64();
+        for path in &scenario.stations {
+            let mut plug = |line: &str| {
+                // `pty:.../null-modem.pty` here and `serial:.../null-modem.pty` there are the two ends of one cable.
+                let name = line.split_once(':').map_or(line, |(_, rest)| rest);
+                let at = cables.iter().position(|c| c.name == name).unwrap_or_else(|| {
+                    cables.push(Cable::new(name, cable_seed.wrapping_add(cables.len() as u64), scenario.faults, calm));
+                    ends.push(0);
+                    cables.len() - 1
+                });
+                ends[at] += 1;
+                match ends[at] {
+                    1 => Ok((at, End::A)),
+                    2 => Ok((at, End::B)),
+                    _ => Err(format!("{line}: a cable has two ends")),
+                }
+            };
+            stations.push(SimStation::build(path, &mut plug, &mut drivers, &mut rng)?);
+        }
+        let mut world = Self {
+            now: 0,
+            rng,
+            cables,
+            drivers,
+            stations,
+            log: String::new(),
+            kill_at: Nanos::MAX,
+            watch: verdict::Watch::default(),
+        };
+        world.plan_kill(scenario);
+        // The second station is switched on a little later.
+        for station in world.stations.iter_mut().skip(1) {
+            station.due = world.rng.below(300 * MS);
+        }
+        Ok(world)
+    }
+
+    fn plan_kill(&mut self, scenario: &Scenario) {
+        if scenario.kill_every > 0 {
+            self.kill_at = self.now + scenario.kill_every / 2 + self.rng.below(scenario.kill_every);
+            if self.kill_at >= scenario.duration.saturating_sub(CALM) {
+                self.kill_at = Nanos::MAX;
+            }
+        }
+    }
+
+    /// Everything of one instant, in a fixed order: line, drivers, killer, CPUs. False at the end.
+    fn step(&mut self, scenario: &Scenario) -> bool {
+        let lines = self.cables.iter().filter_map(Cable::next_event);
+        let drivers = self.drivers.iter().map(Driver::next_event);
+        let cycles = self.stations.iter().map(|s| s.due);
+        let next = lines.chain(drivers).chain(cycles).chain([self.kill_at]).min().unwrap_or(Nanos::MAX);
+        self.now = self.now.max(next);
+        if self.now >= scenario.duration {
+            return false;
+        }
+        self.lines(scenario.wire);
+        for driver in &mut self.drivers {
+            if driver.next_event() <= self.now {
+                driver.advance(self.now, &mut self.cables[driver.cable]);
+            }
+        }
+        if self.now >= self.kill_at {
+            self.kill();
+            self.plan_kill(scenario);
+        }
+        for station in &mut self.stations {
+            if station.due <= self.now {
+                station.cycle(self.now, &mut self.log);
+                for driver in &station.drivers {
+                    self.drivers[*driver].listen(self.now);
+                }
+                self.watch.look(self.now, station, &mut self.log);
+            }
+        }
+        true
+    }
+
+    fn lines(&mut self, wire: bool) {
+        let mut buffer = cable::buffer();
+        for index in 0..self.cables.len() {
+            while self.cables[index].next_event().is_some_and(|at| at <= self.now) {
+                let cable = &mut self.cables[index];
+                let Some((end, input)) = cable.pop(self.now, &mut buffer) else { break };
+                let Some(input) = input else { continue };
+                if wire {
+                    // Writing into a String cannot fail.
+                    let _ = writeln!(self.log, "{:>12} line {index} at {end:?}: {input:02X?}", self.now / 1000);
+                }
+                if let Some(driver) = self.drivers.iter_mut().find(|d| d.cable == index && d.end == end) {
+                    driver.line_event(self.now, input, cable);
+                }
+            }
+        }
+    }
+
+    fn kill(&mut self) {
+        let victim = self.rng.below(self.drivers.len() as u64) as usize;
+        let driver = &mut self.drivers[victim];
+        if driver.kill(self.now, &mut self.cables[driver.cable]) {
+            // Writing into a String cannot fail.
+            let _ = writeln!(self.log, "{:>12} driver {victim} killed", self.now / 1000);
+        }
+    }
+
+    fn finish(mut self) -> Outcome {
+        let undetectable = self.cables.iter().map(Cable::undetectable).sum();
+        let kills = self.drivers.iter().map(Driver::kills).sum();
+        let verdict = verdict::judge(&self.stations, &self.drivers, undetectable, kills, &self.watch);
+        let _ = write!(self.log, "{verdict}");
+        Outcome { log: self.log, stations: self.stations, verdict, kills }
+    }
+}

@@ -1,0 +1,114 @@
+//! A station without processes: the real CPU with the real plugins, over heap segments.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use ob1_command::program;
+use ob1_command::station::{self, Absent, ModuleKind, Station};
+use ob1_cpu::{Command, Cpu, Module, ModuleSlot, Nanos};
+use ob1_host::module::{CpModule, CpSettings};
+use ob1_line::sim::SplitMix64;
+
+use super::clock::VirtualClock;
+use super::driver::Driver;
+
+/// A simulated station.
+#[derive(Debug)]
+pub struct SimStation {
+    /// Its name.
+    pub name: String,
+    /// Its CPU.
+    pub cpu: Cpu,
+    /// Places of its drivers in the simulation's list.
+    pub drivers: Vec<usize>,
+    /// When its next cycle is due.
+    pub due: Nanos,
+    /// Number of the diagnostic entry that was logged last.
+    logged: u64,
+}
+
+/// A cable's end wanted by a module: the name of the line.
+pub type Plug<'a> = dyn FnMut(&str) -> Result<(usize, ob1_line::sim::End), String> + 'a;
+
+impl SimStation {
+    /// Builds a station from its file; `plug` finds the cable of a line, `drivers` gets the drivers.
+    ///
+    /// # Errors
+    /// What is wrong with the files, as text.
+    pub fn build(
+        path: &Path,
+        plug: &mut Plug<'_>,
+        drivers: &mut Vec<Driver>,
+        rng: &mut SplitMix64,
+    ) -> Result<Self, String> {
+        let station = station::load(path).map_err(|findings| texts(&findings))?;
+        let loaded = program::load(&station).map_err(|failure| texts(failure.findings()))?;
+        let mut own = Vec::new();
+        let modules = modules(&station, plug, drivers, &mut own, rng)?;
+        let addresses: Vec<u32> = modules.iter().map(|(slot, _)| slot.input_address).collect();
+        let natives = loaded.native_blocks(&addresses).map_err(|failure| texts(failure.findings()))?;
+        let mut cpu = Cpu::new(station.cpu.clone(), &loaded.program, natives, modules)
+            .map_err(|errors| errors.iter().map(|e| format!("{e}\n")).collect::<String>())?;
+        cpu.request(Command::Run);
+        Ok(Self { name: station.name, cpu, drivers: own, due: 0, logged: 0 })
+    }
+
+    /// One cycle at `now`; what is new in the diagnostic buffer goes into the log.
+    pub fn cycle(&mut self, now: Nanos, log: &mut String) {
+        let end = self.cpu.cycle(&mut VirtualClock(now));
+        self.due = end.next_deadline.max(now + 1);
+        let new = self.cpu.diagnostics().take_while(|entry| entry.number > self.logged).count();
+        for back in (0..new).rev() {
+            if let Some(entry) = self.cpu.diagnostics().nth(back) {
+                // Writing into a String cannot fail.
+                let _ = writeln!(log, "{:>12} {} {entry}", now / 1000, self.name);
+                self.logged = entry.number;
+            }
+        }
+    }
+
+    /// A double word of a data block; 0 where there is none.
+    #[must_use]
+    pub fn ledger(&self, db: u16, byte: usize) -> u32 {
+        self.cpu.data_block(db).and_then(|bytes| ob1_model::cells::dword(bytes, byte)).unwrap_or(0)
+    }
+}
+
+type Modules = Vec<(ModuleSlot, Box<dyn Module>)>;
+
+fn modules(
+    station: &Station,
+    plug: &mut Plug<'_>,
+    drivers: &mut Vec<Driver>,
+    own: &mut Vec<usize>,
+    rng: &mut SplitMix64,
+) -> Result<Modules, String> {
+    let mut modules: Modules = Vec::new();
+    for config in &station.modules {
+        let ModuleKind::Cp240 { bytes, line, .. } = &config.kind else {
+            return Err(format!("{}: the simulation has no process I/O", config.name));
+        };
+        let (cable, end) = plug(&line.to_string())?;
+        let (driver, side, link) = Driver::new(cable, end, rng.next_u64()).map_err(|e| e.to_string())?;
+        own.push(drivers.len());
+        drivers.push(driver);
+        let settings = CpSettings {
+            parameters: *bytes,
+            json: Vec::new(),
+            absent_is_fault: config.absent == Absent::Fault,
+            mailbox: false,
+        };
+        let module = CpModule::new(side, Box::new(link), settings).map_err(|e| e.to_string())?;
+        let slot = ModuleSlot {
+            name: config.name.clone(),
+            input_address: config.input_address,
+            output_address: config.output_address,
+        };
+        modules.push((slot, Box::new(module)));
+    }
+    Ok(modules)
+}
+
+fn texts(findings: &[ob1_command::finding::Finding]) -> String {
+    findings.iter().map(|finding| finding.text.as_str()).collect()
+}

@@ -1,0 +1,132 @@
+//! A tap on the simulated line: which telegrams were sent, and which came out good by the check character alone.
+//!
+//! 3964R cannot catch everything: two bits flipped in the same column of a block, or a lost 00h, leave the check character right. So a telegram that
+//! arrives wrong is a fault of ours only when no block with a right check character came out of the line. The tap decides that with a decoder
+//! of its own, written from the manual's description of the block [S0 L1650-L1660] and independent of the machines it judges.
+
+use ob1_cpu::Nanos;
+
+/// A connection request.
+pub const STX: u8 = 0x02;
+const ETX: u8 = 0x03;
+const DLE: u8 = 0x10;
+
+/// The character delay time of the demo's stations: who is silent for longer in a block has given it up.
+const ZVZ: Nanos = 200_000_000;
+
+/// Reads the blocks out of a stream of characters.
+#[derive(Debug, Default)]
+pub struct Tap {
+    state: State,
+    payload: Vec<u8>,
+    check: u8,
+    spoilt: bool,
+    last: Nanos,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum State {
+    #[default]
+    Idle,
+    Data,
+    Dle,
+    Check,
+}
+
+impl Tap {
+    /// Takes a character that was complete at `now`; answers a payload whose block has a right check character.
+    ///
+    /// An STX begins a block where none is open; an open one ends with its check character, or by silence longer than ZVZ.
+    pub fn push(&mut self, now: Nanos, byte: u8) -> Option<&[u8]> {
+        self.hear(now);
+        if self.state != State::Idle && self.state != State::Check {
+            self.check ^= byte;
+        }
+        match (self.state, byte) {
+            (State::Idle, STX) => {
+                self.state = State::Data;
+                self.payload.clear();
+                (self.check, self.spoilt) = (0, false);
+            }
+            (State::Idle, _) => {}
+            (State::Data, DLE) => self.state = State::Dle,
+            (State::Data, _) => self.payload.push(byte),
+            (State::Dle, DLE) => {
+                self.payload.push(byte);
+                self.state = State::Data;
+            }
+            (State::Dle, ETX) => self.state = State::Check,
+            (State::Dle, _) => {
+                self.spoilt = true;
+                self.state = State::Data;
+            }
+            (State::Check, bcc) => {
+                self.state = State::Idle;
+                if bcc == self.check && !self.spoilt {
+                    return Some(&self.payload);
+                }
+            }
+        }
+        None
+    }
+
+    /// The sender puts a connection request on the line: it has no block open, whatever became of the request before.
+    pub fn request(&mut self, now: Nanos) {
+        self.state = State::Idle;
+        let _ = self.push(now, STX);
+    }
+
+    /// A character that could not be read: what is open cannot become good.
+    pub fn spoil(&mut self, now: Nanos) {
+        self.hear(now);
+        self.spoilt = true;
+    }
+
+    fn hear(&mut self, now: Nanos) {
+        if now.saturating_sub(self.last) > ZVZ {
+            self.state = State::Idle;
+        }
+        self.last = now;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn good(bytes: &[u8]) -> Vec<Vec<u8>> {
+        let mut tap = Tap::default();
+        bytes.iter().filter_map(|b| tap.push(0, *b).map(<[u8]>::to_vec)).collect()
+    }
+
+    #[test]
+    fn check_values_of_the_reference() {
+        // Reference 5.1.
+        assert_eq!(good(b"\x02\x31\x10\x03\x22"), [b"\x31"]);
+        assert_eq!(good(b"\x02\x10\x10\x10\x03\x13"), [b"\x10"]);
+        assert_eq!(good(b"\x02\x02\x10\x10\x03\x15\x10\x03\x07"), [b"\x02\x10\x03\x15"]);
+    }
+
+    #[test]
+    fn a_wrong_check_character_is_not_good() {
+        assert!(good(b"\x02\x31\x10\x03\x23").is_empty());
+        assert_eq!(good(b"\x02\x31\x10\x03\x23\x02\x41\x42\x43\x10\x03\x53"), [b"ABC"]);
+    }
+
+    #[test]
+    fn silence_and_unreadable_characters_end_what_is_open() {
+        let mut tap = Tap::default();
+        let mut good = 0;
+        for (at, byte) in
+            [(0, 0x02), (1, 0x31), (ZVZ + 2, 0x02), (ZVZ + 3, 0x31), (ZVZ + 4, 0x10), (ZVZ + 5, 0x03), (ZVZ + 6, 0x22)]
+        {
+            good += u32::from(tap.push(at, byte).is_some());
+        }
+        assert_eq!(good, 1);
+        for byte in [0x02, 0x31] {
+            assert!(tap.push(ZVZ + 7, byte).is_none());
+        }
+        tap.spoil(ZVZ + 8);
+        assert!([0x10, 0x03, 0x22].into_iter().all(|byte| tap.push(ZVZ + 9, byte).is_none()));
+    }
+}

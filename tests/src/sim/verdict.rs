@@ -1,0 +1,133 @@
+//! What must hold after a run, whatever went wrong in it: read from the ledgers that the stations' own programs keep in DB 20
+//! (`examples/two-stations/README.md`) and from the counters of the drivers.
+
+use std::fmt::{self, Write as _};
+
+use ob1_cpu::{Nanos, OperatingState};
+
+use super::driver::Driver;
+use super::station::SimStation;
+
+/// Station A's ledger, DB 20: byte and name.
+const LEDGER_A: [(usize, &str); 11] = [
+    (8, "started"),
+    (12, "done"),
+    (16, "error"),
+    (20, "aborted"),
+    (24, "good"),
+    (28, "wrong"),
+    (32, "doubled"),
+    (36, "late"),
+    (40, "lost"),
+    (44, "pafe_send"),
+    (48, "pafe_receive"),
+];
+const LEDGER_DB: u16 = 20;
+
+/// Watches the ledger while the simulation runs, so that the log tells when something changed.
+#[derive(Debug, Default)]
+pub struct Watch {
+    last: [u32; LEDGER_A.len()],
+    /// When the last good echo came.
+    pub last_good: Nanos,
+}
+
+impl Watch {
+    /// After each cycle of a station.
+    pub fn look(&mut self, now: Nanos, station: &SimStation, log: &mut String) {
+        if !is_a(station) {
+            return;
+        }
+        for ((byte, name), last) in LEDGER_A.into_iter().zip(&mut self.last) {
+            let value = station.ledger(LEDGER_DB, byte);
+            if value != *last {
+                *last = value;
+                if name == "good" {
+                    self.last_good = now;
+                }
+                // Writing into a String cannot fail.
+                let _ = writeln!(log, "{:>12} {} {name} {value}", now / 1000, station.name);
+            }
+        }
+    }
+}
+
+fn is_a(station: &SimStation) -> bool {
+    station.name.ends_with("-a")
+}
+
+/// The ledger at the end, and every rule that was broken.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Verdict {
+    /// Column and value.
+    pub ledger: Vec<(&'static str, u64)>,
+    /// What must not be. Empty: passed.
+    pub broken: Vec<String>,
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, value) in &self.ledger {
+            writeln!(f, "{name:>20} {value}")?;
+        }
+        for broken in &self.broken {
+            writeln!(f, "BROKEN: {broken}")?;
+        }
+        Ok(())
+    }
+}
+
+impl Verdict {
+    /// A column of the ledger.
+    #[must_use]
+    pub fn get(&self, name: &str) -> u64 {
+        self.ledger.iter().find(|(column, _)| *column == name).map_or(0, |(_, value)| *value)
+    }
+
+    fn must(&mut self, holds: bool, rule: impl FnOnce() -> String) {
+        if !holds {
+            self.broken.push(rule());
+        }
+    }
+}
+
+/// Judges a finished run.
+#[must_use]
+pub fn judge(stations: &[SimStation], drivers: &[Driver], undetectable: u64, kills: u64, watch: &Watch) -> Verdict {
+    let mut verdict = Verdict::default();
+    if let Some(a) = stations.iter().find(|s| is_a(s)) {
+        verdict.ledger.extend(LEDGER_A.map(|(byte, name)| (name, u64::from(a.ledger(LEDGER_DB, byte)))));
+    }
+    let lost_in_cp: u64 = drivers.iter().map(|d| d.counters().open_orders()).sum();
+    verdict.ledger.extend([("lost_in_cp", lost_in_cp), ("undetectable", undetectable), ("kills", kills)]);
+
+    let [started, done, error, aborted] = ["started", "done", "error", "aborted"].map(|c| verdict.get(c));
+    let ended = done + error + aborted;
+    verdict.must(ended <= started && started <= ended + 1, || {
+        format!("each order ends exactly once: {started} started, {ended} ended")
+    });
+    let (wrong, good) = (verdict.get("wrong"), verdict.get("good"));
+    verdict.must(wrong <= undetectable, || {
+        format!("{wrong} wrong telegrams, but the check character could have caught all but {undetectable}")
+    });
+    verdict.must(good > 0, || "no telegram came back".into());
+    verdict.must(verdict.get("pafe_send") + verdict.get("pafe_receive") == 0, || "PAFE was not 0".into());
+    if kills == 0 {
+        verdict.must(aborted == 0, || format!("{aborted} orders aborted although no driver was killed"));
+        // At the end one may be under way.
+        verdict.must(lost_in_cp <= drivers.len() as u64, || {
+            format!("{lost_in_cp} orders lost in a CP that was not killed")
+        });
+    }
+    for station in stations {
+        let statistics = station.cpu.statistics();
+        let name = &station.name;
+        verdict.must(station.cpu.state() == OperatingState::Run, || format!("{name} is not in RUN"));
+        verdict.must(statistics.watchdogs == 0, || format!("{name}: the watchdog expired"));
+    }
+    let end = stations.iter().map(|s| s.due).max().unwrap_or(0);
+    verdict.must(end.saturating_sub(watch.last_good) < 3 * super::SECOND, || {
+        format!("no good echo since {} ms, although nothing goes wrong any more", watch.last_good / super::MS)
+    });
+    verdict
+}

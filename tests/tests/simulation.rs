@@ -1,0 +1,84 @@
+//! The whole-station simulation: determinism, a good line, a bad line, kills.
+
+use std::path::{Path, PathBuf};
+
+use ob1_line::sim::FaultRates;
+use ob1_tests::sim::{self, Outcome, SECOND, Scenario};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/two-stations")
+}
+
+fn run(scenario: &Scenario) -> Outcome {
+    sim::run(scenario).unwrap_or_else(|message| {
+        panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
+    })
+}
+
+fn replay(seed: u64) -> String {
+    format!("replay: cargo xtask sim --seed {seed} --log")
+}
+
+#[test]
+fn a_good_line_loses_nothing() {
+    let scenario =
+        Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 20 * SECOND, ..Scenario::demo(&folder(), 7) };
+    let outcome = run(&scenario);
+    assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
+    for column in ["error", "aborted", "wrong", "doubled", "late", "lost", "undetectable"] {
+        assert_eq!(outcome.verdict.get(column), 0, "{column}\n{}", outcome.verdict);
+    }
+    // 250 bytes there and back at 115200 baud and a handshake block a scan: some ten telegrams a second.
+    assert!(outcome.verdict.get("good") > 100, "{}", outcome.verdict);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_log_and_another_another() {
+    let scenario = |seed| Scenario {
+        faults: FaultRates::all(200),
+        kill_every: 3 * SECOND,
+        duration: 30 * SECOND,
+        ..Scenario::demo(&folder(), seed)
+    };
+    let (first, second) = (run(&scenario(11)), run(&scenario(11)));
+    assert!(first.kills > 0 && first.log.lines().count() > 100, "something has happened");
+    assert_eq!(first.log, second.log);
+    assert_ne!(first.log, run(&scenario(12)).log);
+}
+
+#[test]
+fn seeds_of_a_simulated_minute() {
+    for seed in 1..=16 {
+        let outcome = run(&Scenario::demo(&folder(), seed));
+        assert!(outcome.verdict.broken.is_empty(), "seed {seed}\n{}{}", outcome.verdict, replay(seed));
+    }
+}
+
+#[test]
+fn without_a_cable_no_order_is_ever_done() {
+    // Every character is lost: the guard against "done" without an acknowledgement.
+    let scenario = Scenario {
+        faults: FaultRates { lose: 1_000_000, ..FaultRates::NONE },
+        kill_every: 0,
+        duration: 60 * SECOND,
+        ..Scenario::demo(&folder(), 3)
+    };
+    // Nothing is lost in the calm at the end, so only the time before it is looked at: the log has each change of a counter.
+    let calm = 45_000_000;
+    let outcome = run(&scenario);
+    let mut errors = 0;
+    for line in outcome.log.lines() {
+        let mut words = line.split_whitespace();
+        let (Some(at), Some(_), Some(what)) =
+            (words.next().and_then(|w| w.parse::<u64>().ok()), words.next(), words.next())
+        else {
+            continue;
+        };
+        if at < calm {
+            assert!(!matches!(what, "done" | "good" | "wrong" | "late"), "{line}");
+            errors += u64::from(what == "error");
+        }
+    }
+    assert!(errors > 3, "orders failed:\n{}", outcome.log);
+    assert!(outcome.verdict.broken.is_empty(), "and it came back:\n{}", outcome.verdict);
+}
