@@ -1,0 +1,84 @@
+//! The examples in the documents are what the code understands.
+
+use std::path::Path;
+
+use ob1_backplane::io_layout::IO_FIELDS;
+
+fn document(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs").join(name);
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// The fenced blocks of one language.
+fn blocks(text: &str, language: &str) -> Vec<String> {
+    let open = format!("```{language}\n");
+    text.split(&open).skip(1).filter_map(|rest| Some(rest.split_once("```")?.0.to_owned())).collect()
+}
+
+#[test]
+fn the_station_file_of_the_document_is_good() {
+    let blocks = blocks(&document("station-file.md"), "toml");
+    assert_eq!(blocks.len(), 1);
+    let station = ob1_command::station::parse(&blocks[0], "station-file.md", Path::new("/s"));
+    let station = station.unwrap_or_else(|findings| panic!("{findings:?}"));
+    assert_eq!((station.modules.len(), station.plugins.len()), (3, 1));
+}
+
+#[test]
+fn every_key_of_a_station_file_is_in_its_document() {
+    let text = document("station-file.md");
+    let source = include_str!("../src/station/file.rs");
+    let keys = source.lines().filter_map(|line| line.trim().strip_prefix("pub(super) ")?.split_once(':'));
+    for (key, _) in keys.filter(|(key, _)| !key.contains(' ')) {
+        let key = if key == "kind" { "type" } else { key };
+        assert!(text.contains(key), "docs/station-file.md does not name the key {key}");
+    }
+}
+
+#[test]
+fn the_process_io_document_is_right() {
+    let text = document("process-io.md");
+    let blocks = blocks(&text, "toml");
+    let station = format!("[station]\nname = \"x\"\n{}", blocks[0]);
+    let station = ob1_command::station::parse(&station, "process-io.md", Path::new("/s"));
+    assert_eq!(station.unwrap_or_else(|findings| panic!("{findings:?}")).modules.len(), 2);
+    ob1_command::io::Stimulus::parse(&blocks[1], "process-io.md").unwrap_or_else(|findings| panic!("{findings:?}"));
+    let offset = |name: &str| IO_FIELDS.iter().find(|f| f.name == name).expect("a field of the image").offset;
+    for (name, part) in [
+        ("image.inputs", format!("| {} + n |", offset("image.inputs"))),
+        ("image.outputs", format!("| {} + n |", offset("image.outputs"))),
+        ("image.scan", format!("| {} |", offset("image.scan"))),
+        ("image.output_sequence", format!("offset {}", offset("image.output_sequence"))),
+    ] {
+        assert!(text.contains(&part), "docs/process-io.md does not give {name} as {part}");
+    }
+}
+
+#[test]
+fn the_requests_of_the_access_document_are_requests() {
+    let text = document("access.md");
+    let requests: Vec<&str> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("| `{\"op\"")?.split_once("` |").map(|(rest, _)| rest))
+        .collect();
+    assert_eq!(requests.len(), 6);
+    for rest in requests {
+        let request = format!("{{\"op\"{rest}");
+        serde_json::from_str::<ob1_command::access::protocol::Request>(&request)
+            .unwrap_or_else(|error| panic!("{request}: {error}"));
+    }
+}
+
+#[test]
+fn the_numbers_of_findings_are_in_the_document() {
+    let text = document("station-file.md");
+    for source in [
+        include_str!("../src/station/findings.rs"),
+        include_str!("../src/io/stimulus.rs"),
+        include_str!("../src/check.rs"),
+    ] {
+        for code in source.split('"').filter(|word| word.len() == 4 && word.starts_with("C0")) {
+            assert!(text.contains(&format!("| {code} |")), "docs/station-file.md does not list {code}");
+        }
+    }
+}

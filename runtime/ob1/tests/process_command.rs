@@ -1,0 +1,245 @@
+//! The command with real processes, without drivers: exit codes, report, cells, one owner at a time, nothing left behind.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+use serde_json::Value;
+
+const PROGRAM: &str = "\
+ORGANIZATION_BLOCK OB 1
+VAR_TEMP
+  START_INFO : ARRAY [1..20] OF BYTE;
+END_VAR
+BEGIN
+NETWORK
+      L     EW     0;
+      T     AW     4;
+      L     MW     0;
+      L     1;
+      +I    ;
+      T     MW     0;
+      U     M      2.0;
+      SPBN  ok;
+      AUF   DB    77;
+ok:   NOP   0;
+END_ORGANIZATION_BLOCK
+
+DATA_BLOCK DB 5
+STRUCT
+  SETPOINT : REAL := 1.5;
+  COUNT : INT := -3;
+END_STRUCT;
+BEGIN
+END_DATA_BLOCK
+";
+
+const STATION: &str = "\
+[station]
+name = \"bench\"
+
+[program]
+sources = [\"bench.awl\"]
+
+[[module]]
+type = \"di\"
+name = \"panel\"
+address = 0
+bytes = 2
+
+[[module]]
+type = \"do\"
+name = \"lamps\"
+address = 4
+bytes = 2
+
+[process_io]
+stimulus = \"panel.toml\"
+";
+
+const STIMULUS: &str = "[[at]]\ntime = \"0ms\"\nset = { \"EW 0\" = \"16#1234\" }\n";
+
+/// A folder with a station in it, and a runtime directory of its own.
+struct Bench {
+    folder: tempfile::TempDir,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let bench = Self { folder: tempfile::tempdir().expect("a directory") };
+        bench.write("bench.toml", STATION);
+        bench.write("bench.awl", PROGRAM);
+        bench.write("panel.toml", STIMULUS);
+        bench
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.folder.path().join(name), text).expect("writable");
+    }
+
+    fn rundir(&self) -> PathBuf {
+        self.folder.path().join("ob1/bench")
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ob1"));
+        command.args(args).current_dir(self.folder.path()).env("XDG_RUNTIME_DIR", self.folder.path());
+        command.env_remove("OB1_LOG").stdin(Stdio::null());
+        command
+    }
+
+    fn ob1(&self, args: &[&str]) -> Output {
+        self.command(args).output().expect("ob1 starts")
+    }
+
+    fn code(&self, args: &[&str]) -> Option<i32> {
+        self.ob1(args).status.code()
+    }
+
+    /// Starts a run and waits until it answers in RUN.
+    fn start(&self, args: &[&str]) -> Station {
+        let mut command = self.command(&["run", "bench.toml", "--quiet"]);
+        let station = Station { child: command.args(args).stdout(Stdio::null()).spawn().expect("ob1 starts") };
+        until(|| self.json(&["ctl", "bench", "status", "--json"])["state"] == "RUN");
+        station
+    }
+
+    fn json(&self, args: &[&str]) -> Value {
+        serde_json::from_slice(&self.ob1(args).stdout).unwrap_or(Value::Null)
+    }
+
+    fn value(&self, cell: &str) -> Value {
+        self.json(&["get", "bench", cell, "--json"])[0]["value"].clone()
+    }
+}
+
+/// A running station, killed when the test is over.
+struct Station {
+    child: Child,
+}
+
+impl Station {
+    fn signal(&self, name: &str) {
+        let status = Command::new("kill").args([name, &self.child.id().to_string()]).status();
+        assert!(status.expect("kill is there").success());
+    }
+}
+
+impl Drop for Station {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Looks until it holds. The test runner's own limit ends a test that waits for ever.
+fn until(mut holds: impl FnMut() -> bool) {
+    while !holds() {
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_run_of_so_many_scans_leaves_a_report_and_nothing_else() {
+    let bench = Bench::new();
+    let output = bench.ob1(&["run", "bench.toml", "--scans", "50", "--report", "report.json", "--fence-scan"]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stdout).contains("scans 50 "), "{output:?}");
+    let report = std::fs::read(bench.folder.path().join("report.json")).expect("the report");
+    let report: Value = serde_json::from_slice(&report).expect("JSON");
+    let field = |name: &str| report[name].clone();
+    assert_eq!((field("schema"), field("station"), field("ended")), (1.into(), "bench".into(), "scans".into()));
+    assert_eq!((field("exit"), field("scans"), field("state")), (0.into(), 50.into(), "STOP".into()));
+    assert_eq!(report["execution"]["count"], 50);
+    assert!(report["memory"]["resident_kib"].as_u64() > Some(0));
+    assert!(!bench.rundir().exists());
+}
+
+#[test]
+fn cells_are_read_and_written_and_the_state_changed() {
+    let bench = Bench::new();
+    let _station = bench.start(&[]);
+    until(|| bench.value("AW4") == 0x1234);
+    assert_eq!(bench.value("DB5.SETPOINT"), 1.5);
+    assert_eq!(bench.value("DB5.COUNT"), -3);
+    assert_eq!(bench.code(&["set", "bench.toml", "DB5.SETPOINT=-2.25", "DB5.DBW4=16#FFFE"]), Some(0));
+    assert_eq!((bench.value("DB5.SETPOINT"), bench.value("DB5.COUNT")), ((-2.25).into(), (-2).into()));
+    for wrong in ["MW0=99999", "MX0=1", "T1=1"] {
+        assert_eq!(bench.code(&["set", "bench", wrong]), Some(8), "{wrong}");
+    }
+    assert_eq!(bench.code(&["set", "bench", "MW0"]), Some(1));
+    assert_eq!(bench.code(&["get", "bench", "DB6.DBW0"]), Some(8));
+
+    assert_eq!(bench.code(&["ctl", "bench", "stop"]), Some(0));
+    until(|| bench.json(&["ctl", "bench", "status", "--json"])["state"] == "STOP");
+    assert_eq!(bench.value("AW4"), 0, "outputs are off");
+    assert_eq!(bench.code(&["ctl", "bench", "cold"]), Some(0));
+    until(|| bench.json(&["ctl", "bench", "status", "--json"])["state"] == "RUN");
+    assert_eq!(bench.value("DB5.COUNT"), -3, "its load value");
+    let events = bench.json(&["ctl", "bench", "diag", "--json"]);
+    let events: Vec<&str> = events.as_array().expect("a list").iter().filter_map(|e| e["event"].as_str()).collect();
+    assert_eq!(events, ["4302h", "4301h", "4304h", "4302h", "4301h"]);
+}
+
+#[test]
+fn a_fault_ends_a_bounded_run_and_not_an_unbounded_one() {
+    let bench = Bench::new();
+    let faulty = PROGRAM.replace("U     M      2.0", "UN    M      2.0");
+    bench.write("bench.awl", &faulty);
+    assert_eq!(bench.code(&["run", "bench.toml", "--for", "1h", "--report", "report.json", "--quiet"]), Some(3));
+    let report = std::fs::read_to_string(bench.folder.path().join("report.json")).expect("the report");
+    assert!(report.contains("4562h STOP by programming error") && report.contains("\"ended\": \"fault\""), "{report}");
+
+    bench.write("bench.awl", PROGRAM);
+    let mut station = bench.start(&[]);
+    assert_eq!(bench.code(&["set", "bench", "M2.0=1"]), Some(0));
+    until(|| bench.json(&["ctl", "bench", "status", "--json"])["state"] == "STOP");
+    station.signal("-TERM");
+    assert_eq!(station.child.wait().expect("it ends").code(), Some(3));
+    assert!(!bench.rundir().exists());
+}
+
+#[test]
+fn one_runtime_for_a_station_and_ctrl_c_ends_it() {
+    let bench = Bench::new();
+    let mut station = bench.start(&[]);
+    let second = bench.ob1(&["run", "bench.toml", "--scans", "1"]);
+    assert_eq!(second.status.code(), Some(5), "{second:?}");
+    assert!(String::from_utf8_lossy(&second.stderr).contains(&format!("process {}", station.child.id())), "{second:?}");
+    station.signal("-INT");
+    assert_eq!(station.child.wait().expect("it ends").code(), Some(0));
+    assert!(!bench.rundir().exists());
+    assert_eq!(bench.code(&["get", "bench", "M1.0"]), Some(5));
+}
+
+#[test]
+fn a_killed_runtime_leaves_nothing_behind() {
+    let bench = Bench::new();
+    let mut station = bench.start(&[]);
+    assert!(bench.rundir().join("io").exists() && bench.rundir().join("control.sock").exists());
+    station.child.kill().expect("it lives");
+    station.child.wait().expect("it has ended");
+    until(|| !bench.rundir().exists());
+    // And the next one starts as if nothing had been.
+    let _next = bench.start(&[]);
+}
+
+#[test]
+fn check_says_what_is_wrong_and_where() {
+    let bench = Bench::new();
+    assert_eq!(bench.code(&["check", "bench.toml"]), Some(0));
+    assert_eq!(bench.code(&["check", "bench.awl"]), Some(0));
+    bench.write("bench.awl", &PROGRAM.replace("SPBN  ok", "SPRNG ok"));
+    let found = bench.ob1(&["check", "bench.toml", "--json"]);
+    assert_eq!(found.status.code(), Some(1));
+    let found: Value = serde_json::from_slice(&found.stdout).expect("JSON");
+    assert_eq!((found[0]["line"].clone(), found[0]["level"].clone()), (14.into(), "error".into()));
+    assert_eq!(bench.code(&["run", "bench.toml"]), Some(2));
+    bench.write("bench.awl", PROGRAM);
+    bench.write("panel.toml", "[[at]]\ntime = \"1\"\nset = {}\n");
+    assert_eq!(bench.code(&["check", "bench.toml"]), Some(1));
+    assert_eq!(bench.code(&["run", "bench.toml"]), Some(2));
+    bench.write("bench.toml", &format!("{STATION}\n[[plugin]]\npath = \"missing\"\n"));
+    assert_eq!(bench.code(&["run", "bench.toml"]), Some(4));
+    assert_eq!(bench.code(&["check", "bench.toml", "bench.awl"]), Some(1));
+    assert!(Path::new(env!("CARGO_BIN_EXE_ob1")).exists());
+}
