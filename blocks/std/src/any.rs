@@ -98,7 +98,7 @@ impl AnyPointer {
     #[must_use]
     pub const fn bytes(&self) -> Option<u32> {
         let bits = self.count as u32 * self.ty.bits();
-        if bits % 8 != 0 || self.at.bit() != 0 { None } else { Some(bits / 8) }
+        if !bits.is_multiple_of(8) || self.at.bit() != 0 { None } else { Some(bits / 8) }
     }
 }
 

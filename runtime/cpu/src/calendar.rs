@@ -9,7 +9,7 @@ pub(crate) fn date_and_time(nanos: Nanos) -> [u8; 8] {
     let (year, month, day) = civil(days);
     // 1990-01-01 was a Monday, day 2.
     let weekday = (days + 1) % 7 + 1;
-    let bcd = |v: u64| ((v / 10 % 10) << 4 | v % 10) as u8;
+    let bcd = |v: u64| (((v / 10 % 10) << 4) | (v % 10)) as u8;
     let milli = ms_of_day % 1000;
     [
         bcd(year % 100),
@@ -19,7 +19,7 @@ pub(crate) fn date_and_time(nanos: Nanos) -> [u8; 8] {
         bcd(ms_of_day / 60_000 % 60),
         bcd(ms_of_day / 1000 % 60),
         bcd(milli / 10),
-        (milli % 10 << 4) as u8 | weekday as u8,
+        ((milli % 10) << 4) as u8 | weekday as u8,
     ]
 }
 

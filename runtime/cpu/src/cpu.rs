@@ -170,11 +170,23 @@ impl Cpu {
         self.machine.memory.bytes.get(db.at as usize..(db.at + db.len) as usize)
     }
 
+    /// Bytes [`Cpu::snapshot_into`] needs.
+    #[must_use]
+    pub fn snapshot_len(&self) -> usize {
+        self.machine.memory.snapshot_len()
+    }
+
+    /// Copies bit memory, then all data blocks in ascending order (each padded to a multiple of eight bytes), as they are between two
+    /// cycles. `false`, and nothing copied, when `into` has another length. Allocates nothing.
+    #[must_use]
+    pub fn snapshot_into(&self, into: &mut [u8]) -> bool {
+        self.machine.memory.snapshot_into(into)
+    }
+
     /// One whole cycle: access port, events of the modules, process image of the inputs, OB 1, process image of the outputs,
     /// statistics. In STOP only access port and modules are served. The caller sleeps until the deadline it is given.
     pub fn cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
         self.machine.now = self.machine.now.max(clock.now());
-        let start = self.machine.now;
         self.serve_port();
         if self.machine.interrupt.take_halt() {
             self.wanted = Some(Command::Stop);
@@ -183,7 +195,8 @@ impl Cpu {
             self.obey(command, clock);
         }
         match self.state {
-            OperatingState::Run => self.run_cycle(start, clock),
+            // After a start-up the first cycle begins now: OB 100 is not part of it.
+            OperatingState::Run => self.run_cycle(self.machine.now, clock),
             _ => self.stop_cycle(clock),
         }
     }
@@ -288,7 +301,7 @@ impl Cpu {
     fn clock_memory(&mut self) {
         let Some(byte) = self.machine.config.clock_memory else { return };
         let ms = self.machine.now / 1_000_000;
-        let bits = (0u8..).zip(CLOCK_HALF_MS).fold(0, |bits, (i, half)| bits | ((ms / half & 1) as u32) << i);
+        let bits = (0u8..).zip(CLOCK_HALF_MS).fold(0, |bits, (i, half)| bits | (((ms / half) & 1) as u32) << i);
         let at = (self.machine.memory.memory.at + u32::from(byte)) * 8;
         self.machine.memory.write_bits(at, 8, bits);
     }

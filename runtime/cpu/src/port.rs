@@ -88,7 +88,6 @@ pub enum PortError {
 
 /// What the CPU answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "fixed-size items of a ring; boxing would allocate in the scan")]
 pub enum Answer {
     /// A cell's value, right-aligned.
     Value(u32),

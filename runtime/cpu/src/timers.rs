@@ -219,5 +219,5 @@ impl Counter {
 
 /// Three BCD digits.
 pub(crate) const fn to_bcd(value: u16) -> u16 {
-    (value / 100 % 10) << 8 | (value / 10 % 10) << 4 | value % 10
+    (value / 100 % 10) << 8 | (value / 10 % 10) << 4 | (value % 10)
 }

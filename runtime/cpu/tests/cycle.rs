@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use ob1_cpu::{Command, Cpu, CpuConfig, OperatingState};
+use ob1_cpu::{Cell, CellWidth, Command, Cpu, CpuConfig, OperatingState};
 use ob1_ir::{AccuOp, Jump, NumberFormat, Op};
 use ob1_model::Interface;
 
@@ -56,4 +56,129 @@ fn commands() {
     bench.cpu.request(Command::Warm);
     bench.run();
     assert_eq!(bench.mw(10), 1);
+}
+
+#[test]
+fn the_first_excess_calls_ob_80_and_the_second_in_a_cycle_stops() {
+    let loops = |rounds: u32| {
+        let mut code = vec![c(rounds), transfer(mw(2))];
+        code.extend([c(50_000), Op::Loop(3), load(mw(2)), Op::Loop(1)]);
+        code
+    };
+    let handler = block(
+        ob(80),
+        Interface::default(),
+        [count(10), vec![load(operand(ob1_ir::Width::DWord, l(0, 0))), transfer(md(12))]].concat(),
+    );
+    let config = CpuConfig { watchdog: 8 * MS, ..CpuConfig::default() };
+    // A round of 50,000 statements is 5 ms: two rounds exceed 8 ms once, four twice.
+    for (rounds, state, calls) in
+        [(1, OperatingState::Run, 0), (2, OperatingState::Run, 1), (4, OperatingState::Stop, 1)]
+    {
+        let program = program(vec![ob1(loops(rounds)), handler.clone()], Vec::new());
+        let mut bench = Bench::with(Cpu::new(config.clone(), &program, vec![], vec![]).expect("loads"));
+        assert_eq!((bench.cycle().state, bench.mw(10)), (state, calls), "{rounds} rounds");
+        if calls > 0 {
+            assert_eq!(bench.md(12), 0x3501_1A50, "event class, identifier, priority, number");
+        }
+    }
+}
+
+#[test]
+fn an_operators_halt_ends_an_endless_loop() {
+    let config = CpuConfig { watchdog: 0, ..CpuConfig::default() };
+    let endless = program(vec![ob1(vec![Op::Jump(Jump::Always, 0)])], Vec::new());
+    let mut bench = Bench::with(Cpu::new(config, &endless, vec![], vec![]).expect("loads"));
+    let interrupt = bench.cpu.interrupt();
+    bench.cpu.request(Command::Stop);
+    bench.cycle();
+    bench.cpu.request(Command::Run);
+    // Set before the start: taken at the cycle control point.
+    interrupt.halt();
+    assert_eq!(bench.cycle().state, OperatingState::Stop);
+    // Set by the clock in the middle of the loop, as a monitor would.
+    struct Halting(ob1_cpu::Interrupt, u64);
+    impl ob1_cpu::Clock for Halting {
+        fn now(&mut self) -> u64 {
+            self.1
+        }
+        fn executed(&mut self, statements: u64) {
+            self.1 += statements;
+            if self.1 > 100_000 {
+                self.0.halt();
+            }
+        }
+    }
+    bench.cpu.request(Command::Run);
+    let end = bench.cpu.cycle(&mut Halting(interrupt, 0));
+    assert_eq!((end.state, bench.events()[0]), (OperatingState::Stop, 0x4304));
+}
+
+#[test]
+fn start_information_of_ob_1_and_ob_100() {
+    let keep = |to: u32| -> Vec<Op> {
+        (0..5)
+            .flat_map(|i| {
+                let from = operand(ob1_ir::Width::DWord, l(4 * i, 0));
+                [load(from), transfer(md(to + 4 * i))]
+            })
+            .collect()
+    };
+    let blocks = vec![ob1(keep(100)), block(ob(100), Interface::default(), keep(120))];
+    let mut bench = Bench::new(&program(blocks, Vec::new()));
+    bench.clock.now = 86_400_000 * MS + 3_600_000 * MS;
+    bench.run();
+    assert_eq!((bench.md(100), bench.md(120)), (0x1101_0101, 0x1381_1B64));
+    assert_eq!((bench.md(112), bench.md(116)), (0x9001_0201, 3), "1990-01-02, one o'clock, a Tuesday");
+    bench.clock.now += 7 * MS;
+    bench.run();
+    bench.clock.now += 3 * MS;
+    bench.run();
+    assert_eq!((bench.mw(100), bench.md(106)), (0x1103, 0x0003_0003), "the last and the shortest cycle");
+    assert_eq!(bench.mw(110), 7, "the longest");
+}
+
+#[test]
+fn clock_memory_pulses() {
+    let config = CpuConfig { clock_memory: Some(5), ..CpuConfig::default() };
+    let mut bench = Bench::with(Cpu::new(config, &program(vec![ob1(vec![])], vec![]), vec![], vec![]).expect("loads"));
+    // Bit n is 1 in the second half of its period: 100, 200, 400, 500, 800, 1000, 1600 and 2000 ms.
+    for (ms, bits) in [
+        (0, 0),
+        (50, 0b1),
+        (100, 0b10),
+        (249, 0b100),
+        (250, 0b1101),
+        (450, 0b1_1001),
+        (1000, 0b1100_0100),
+        (1900, 0b1010_1110),
+    ] {
+        bench.clock.now = ms * MS;
+        bench.run();
+        assert_eq!(bench.mb(5), bits, "at {ms} ms");
+    }
+}
+
+#[test]
+fn a_snapshot_has_bit_memory_and_data_blocks() {
+    let mut bench = Bench::new(&program(vec![], vec![db(9, &[9; 3]), db(2, &[2; 4])]));
+    bench.run();
+    bench.set(0, CellWidth::Byte, 7);
+    bench.cpu.write(Cell::Db(9, 8), CellWidth::Byte, 8).expect("a byte");
+    let mut bytes = vec![0xEE; bench.cpu.snapshot_len()];
+    assert!(bench.cpu.snapshot_into(&mut bytes));
+    assert_eq!((bytes[0], bytes.len()), (7, 256 + 16));
+    assert_eq!(bytes[256..], [2, 2, 2, 2, 0, 0, 0, 0, 9, 8, 9, 0, 0, 0, 0, 0]);
+    assert!(!bench.cpu.snapshot_into(&mut bytes[1..]));
+}
+
+#[test]
+fn a_long_start_up_is_no_long_cycle() {
+    // OB 100 takes 200 ms, the watchdog allows a cycle 150.
+    let start_up = vec![c(0), Op::Loop(1), c(0), Op::Loop(3), c(0), Op::Loop(5), c(0), Op::Loop(7)];
+    let mut bench = Bench::new(&program(vec![ob1(vec![]), block(ob(100), Interface::default(), start_up)], vec![]));
+    bench.clock.ns_per_statement = 800;
+    bench.run();
+    assert!(bench.clock.now > 200 * MS);
+    assert_eq!(bench.cpu.statistics().watchdogs, 0);
 }

@@ -42,6 +42,7 @@ fn run(ops: &[Op], a1: u32, a2: u32, stw: u32, accumulators: u8, plain: bool) ->
 
 /// One statement: what goes in, ACCU1 and status word out. ACCU2 must stay.
 #[track_caller]
+#[expect(clippy::needless_pass_by_value, reason = "tables read better")]
 fn check(name: &str, op: Op, (a2, a1, stw): (u32, u32, u32), (out, stw_out): (u32, u32)) {
     for (accumulators, plain) in [(2, false), (2, true), (4, false)] {
         let mask = if accumulators == 4 { 0x1FF } else { 0x1F2 };

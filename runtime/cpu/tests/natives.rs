@@ -1,4 +1,5 @@
 //! Native blocks: parameters, areas, calls out of them, faults, STOP; and the system blocks.
+#![allow(clippy::disallowed_types, reason = "a native block counts what the test reads, on one thread")]
 
 mod common;
 
@@ -385,7 +386,7 @@ fn sfc(number: u16) -> BlockId {
 fn any(db: u16, area: Area, byte: u16, count: u16) -> Arg {
     let [c0, c1] = count.to_be_bytes();
     let [d0, d1] = db.to_be_bytes();
-    let [p0, p1, p2, p3] = (u32::from(byte) * 8 | u32::from(area.pointer_code()) << 24).to_be_bytes();
+    let [p0, p1, p2, p3] = ((u32::from(byte) * 8) | (u32::from(area.pointer_code()) << 24)).to_be_bytes();
     Arg::Bytes(Box::from([0x10, 2, c0, c1, d0, d1, p0, p1, p2, p3]))
 }
 

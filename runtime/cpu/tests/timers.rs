@@ -47,7 +47,7 @@ fn play(kind: TimerKind, rows: &[(Nanos, u8, bool, u32)]) {
         bench.set(0, CellWidth::Byte, u32::from(*inputs));
         bench.run();
         assert_eq!((bench.m(1, 0), bench.mw(2)), (*output, *left), "{kind:?} at {ms} ms");
-        assert_eq!(bench.mw(4) & 0xFFF, left / 10 % 10 << 4 | left % 10, "BCD at {ms} ms");
+        assert_eq!(bench.mw(4) & 0xFFF, ((left / 10 % 10) << 4) | (left % 10), "BCD at {ms} ms");
     }
 }
 
@@ -229,7 +229,7 @@ fn counters() {
         bench.set(0, CellWidth::Byte, inputs);
         bench.run();
         assert_eq!((bench.mw(2), bench.m(1, 0)), (value, value > 0), "inputs {inputs:05b}");
-        assert_eq!(bench.mw(4), value / 100 << 8 | value / 10 % 10 << 4 | value % 10);
+        assert_eq!(bench.mw(4), (value / 100) << 8 | (value / 10 % 10) << 4 | (value % 10));
     }
     assert_eq!(bench.cpu.read(Cell::Counter(3), CellWidth::Word), Ok(0));
 }

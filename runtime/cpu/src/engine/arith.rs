@@ -10,7 +10,7 @@ use super::regs::{CC0, CC1, OV};
 /// CC1 for positive, CC0 for negative.
 #[inline]
 pub(crate) const fn sign_cc(value: i64) -> u32 {
-    ((value > 0) as u32) * CC1 | ((value < 0) as u32) * CC0
+    (((value > 0) as u32) * CC1) | (((value < 0) as u32) * CC0)
 }
 
 /// The low word of `accu` replaced.
@@ -30,7 +30,7 @@ pub(crate) fn int(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
         AccuOp::Mul => {
             let product = x * y;
             let overflow = product != i32::from(product as i16);
-            (product as u32, sign_cc(i64::from(product)) | u32::from(overflow) * OV)
+            (product as u32, sign_cc(i64::from(product)) | (u32::from(overflow) * OV))
         }
         AccuOp::Div | AccuOp::Mod => {
             if y == 0 {
@@ -38,7 +38,10 @@ pub(crate) fn int(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
             }
             let (quotient, rest) = (x / y, x % y);
             let overflow = quotient > i32::from(i16::MAX);
-            ((rest as u32) << 16 | u32::from(quotient as u16), sign_cc(i64::from(quotient)) | u32::from(overflow) * OV)
+            (
+                (rest as u32) << 16 | u32::from(quotient as u16),
+                sign_cc(i64::from(quotient)) | (u32::from(overflow) * OV),
+            )
         }
     }
 }
@@ -47,7 +50,7 @@ pub(crate) fn int(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
 fn sum16(a1: u32, sum: i32) -> (u32, u32) {
     let kept = sum as i16;
     let overflow = i32::from(kept) != sum;
-    (low_word(a1, kept as u16), sign_cc(i64::from(kept)) | u32::from(overflow) * OV)
+    (low_word(a1, kept as u16), sign_cc(i64::from(kept)) | (u32::from(overflow) * OV))
 }
 
 /// `+D -D *D /D MOD`.
@@ -60,7 +63,7 @@ pub(crate) fn dint(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
         AccuOp::Mul => {
             let product = i64::from(x) * i64::from(y);
             let overflow = product != i64::from(product as i32);
-            (product as u32, sign_cc(product) | u32::from(overflow) * OV)
+            (product as u32, sign_cc(product) | (u32::from(overflow) * OV))
         }
         AccuOp::Div => {
             if y == 0 {
@@ -68,7 +71,7 @@ pub(crate) fn dint(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
             }
             let quotient = i64::from(x) / i64::from(y);
             let overflow = quotient > i64::from(i32::MAX);
-            (quotient as u32, sign_cc(quotient) | u32::from(overflow) * OV)
+            (quotient as u32, sign_cc(quotient) | (u32::from(overflow) * OV))
         }
         AccuOp::Mod => {
             if y == 0 {
@@ -82,7 +85,7 @@ pub(crate) fn dint(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
 
 #[inline]
 const fn sum32((kept, overflow): (i32, bool)) -> (u32, u32) {
-    (kept as u32, sign_cc(kept as i64) | (overflow as u32) * OV)
+    (kept as u32, sign_cc(kept as i64) | ((overflow as u32) * OV))
 }
 
 /// `+R -R *R /R`.
@@ -139,14 +142,14 @@ const fn holds(compare: Compare, less: bool, equal: bool) -> bool {
 #[inline]
 pub(crate) fn compare_int(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
     let (x, y) = (a2 as i16, a1 as i16);
-    (holds(compare, x < y, x == y), u32::from(x > y) * CC1 | u32::from(x < y) * CC0)
+    (holds(compare, x < y, x == y), (u32::from(x > y) * CC1) | (u32::from(x < y) * CC0))
 }
 
 /// `==D ... <=D`.
 #[inline]
 pub(crate) fn compare_dint(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
     let (x, y) = (a2 as i32, a1 as i32);
-    (holds(compare, x < y, x == y), u32::from(x > y) * CC1 | u32::from(x < y) * CC0)
+    (holds(compare, x < y, x == y), (u32::from(x > y) * CC1) | (u32::from(x < y) * CC0))
 }
 
 /// `==R ... <=R`. With a NaN no comparison holds, the codes say "unordered", and OV and OS are set.
@@ -156,7 +159,7 @@ pub(crate) fn compare_real(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
     if x.is_nan() || y.is_nan() {
         return (false, CC1 | CC0 | OV);
     }
-    (holds(compare, x < y, x == y), u32::from(x > y) * CC1 | u32::from(x < y) * CC0)
+    (holds(compare, x < y, x == y), (u32::from(x > y) * CC1) | (u32::from(x < y) * CC0))
 }
 
 /// `SQR SQRT LN EXP SIN ...` of ACCU1.

@@ -224,7 +224,7 @@ pub(crate) fn references(call: &Call, r: &mut Regs, m: &mut Machine) -> Result<(
         let reference = match *patch {
             RefArg::Local(at) => r.local * 8 + at,
             RefArg::Param { index, at } => reference(index, r, m) + at,
-            RefArg::Db { at, bits } => arena(in_db(r.db, DbRegister::Db, at, bits, false)?),
+            RefArg::Db { at, bits } => arena(in_db(r.db, DbRegister::Db, at, bits, false)?)?,
             RefArg::Number(n) => u32::from(number(n, r, m)?),
             RefArg::Value(place) => read(place, 16, r, m)?,
             RefArg::Scratch { value, bits, scratch } => {
@@ -238,7 +238,7 @@ pub(crate) fn references(call: &Call, r: &mut Regs, m: &mut Machine) -> Result<(
                 m.memory.write_bits(at, bits as u8, value);
                 at
             }
-            RefArg::Located { place, bits, out } => arena(locate(place, bits, out, r, m)?),
+            RefArg::Located { place, bits, out } => arena(locate(place, bits, out, r, m)?)?,
         };
         m.refs[base + usize::from(*index)] = reference;
     }
@@ -247,11 +247,11 @@ pub(crate) fn references(call: &Call, r: &mut Regs, m: &mut Machine) -> Result<(
     Ok(())
 }
 
-/// Composed actuals in the peripheral area are refused at load; an indirect one reads nothing.
-fn arena(place: Where) -> u32 {
+/// The bit of a composed actual in the arena. In the peripheral area there is nothing to refer to: an area error.
+fn arena(place: Where) -> Result<u32, Fault> {
     match place {
-        Where::Arena(at) => at,
-        Where::Peripheral(_) => 0,
+        Where::Arena(at) => Ok(at),
+        Where::Peripheral(at) => Err(Fault::new(FaultKind::AreaRead, at / 8)),
     }
 }
 
@@ -267,7 +267,7 @@ fn inputs(call: &Call, entry: &Entry, r: &mut Regs, m: &mut Machine) -> Result<(
                     m.memory.copy(at, to / 8, len);
                     continue;
                 }
-                InSource::Place(place) => arena(locate(place, input.bits, false, r, m)?),
+                InSource::Place(place) => arena(locate(place, input.bits, false, r, m)?)?,
                 InSource::Const(_) | InSource::Number(_) => continue,
             };
             m.memory.copy(from / 8, to / 8, input.bits / 8);
@@ -288,7 +288,7 @@ fn inputs(call: &Call, entry: &Entry, r: &mut Regs, m: &mut Machine) -> Result<(
 
 /// The first bit in the arena of the instance an entry names, when it is long enough.
 fn instance(entry: &Entry, bytes: u32) -> Result<u32, Fault> {
-    in_db(entry.di, DbRegister::Di, entry.ar2 & POINTER_BITS, bytes * 8, true).map(arena)
+    in_db(entry.di, DbRegister::Di, entry.ar2 & POINTER_BITS, bytes * 8, true).and_then(arena)
 }
 
 /// Copies results to the caller's actuals, after its registers have come back. Fully qualified ones go through the data block
@@ -298,12 +298,12 @@ pub(crate) fn copy_out(call: &Call, tops: Tops, r: &mut Regs, m: &mut Machine) -
     let result = match call.instance {
         InstanceOf::None => scratch_out(call, tops.scratch, r, m),
         InstanceOf::Db(n) => number(n, r, m).and_then(|n| open(m, n, DbRegister::Di)).and_then(|di| {
-            let base = in_db(di, DbRegister::Di, 0, call.instance_bytes * 8, false).map(arena)?;
+            let base = in_db(di, DbRegister::Di, 0, call.instance_bytes * 8, false).and_then(arena)?;
             instance_out(call, base, r, m)
         }),
         InstanceOf::Local(at) => {
             let at = (super::slow::add_ar(r.ar2, at)) & POINTER_BITS;
-            let base = in_db(r.di, DbRegister::Di, at, call.instance_bytes * 8, false).map(arena);
+            let base = in_db(r.di, DbRegister::Di, at, call.instance_bytes * 8, false).and_then(arena);
             base.and_then(|base| instance_out(call, base, r, m))
         }
     };
@@ -328,7 +328,7 @@ fn instance_out(call: &Call, base: u32, r: &mut Regs, m: &mut Machine) -> Result
         if out.bits > 32 {
             let to = match out.to {
                 OutTarget::Arena(to) => to,
-                OutTarget::Place(place) => arena(locate(place, out.bits, true, r, m)?),
+                OutTarget::Place(place) => arena(locate(place, out.bits, true, r, m)?)?,
             };
             m.memory.copy(from / 8, to / 8, out.bits / 8);
             continue;

@@ -30,12 +30,12 @@ pub(crate) fn convert(kind: Convert, a1: u32, flags: u32) -> Result<(u32, u32), 
         Convert::Invd => (!a1, flags),
         Convert::Negi => {
             let negated = (word as i16).wrapping_neg();
-            let cc = sign_cc(i64::from(negated)) | u32::from(word == 0x8000) * OV;
+            let cc = sign_cc(i64::from(negated)) | (u32::from(word == 0x8000) * OV);
             (low_word(a1, negated as u16), super::regs::with_cc(flags, cc))
         }
         Convert::Negd => {
             let negated = (a1 as i32).wrapping_neg();
-            let cc = sign_cc(i64::from(negated)) | u32::from(a1 == 0x8000_0000) * OV;
+            let cc = sign_cc(i64::from(negated)) | (u32::from(a1 == 0x8000_0000) * OV);
             (negated as u32, super::regs::with_cc(flags, cc))
         }
         Convert::Negr => (a1 ^ 0x8000_0000, flags),
@@ -67,7 +67,7 @@ fn to_bcd(value: i32, max: u32, sign: u32) -> Option<u32> {
     let mut bcd = if value < 0 { 15 << sign } else { 0 };
     let mut at = 0;
     while rest > 0 {
-        bcd |= rest % 10 << at;
+        bcd |= (rest % 10) << at;
         rest /= 10;
         at += 4;
     }

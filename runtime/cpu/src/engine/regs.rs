@@ -88,10 +88,10 @@ impl Regs {
     /// The status word.
     pub(crate) fn status_word(&self) -> u32 {
         self.flags
-            | u32::from(self.fc) * FC
-            | u32::from(self.rlo) * RLO
-            | u32::from(self.sta) * STA
-            | u32::from(self.or) * OR
+            | (u32::from(self.fc) * FC)
+            | (u32::from(self.rlo) * RLO)
+            | (u32::from(self.sta) * STA)
+            | (u32::from(self.or) * OR)
     }
 
     pub(crate) fn set_status_word(&mut self, word: u32) {

@@ -571,7 +571,7 @@ fn condition(on: Jump, r: &mut Regs) -> bool {
         Jump::IfRlo | Jump::IfRloSaveBr | Jump::IfNotRlo | Jump::IfNotRloSaveBr => {
             let rlo = r.rlo;
             if matches!(on, Jump::IfRloSaveBr | Jump::IfNotRloSaveBr) {
-                r.flags = flags & !BR | u32::from(rlo) * BR;
+                r.flags = flags & !BR | (u32::from(rlo) * BR);
             }
             r.rlo = true;
             r.end_chain(true);

@@ -189,7 +189,7 @@ fn bit_logic(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
             r.rlo = !r.rlo;
             r.sta = true;
         }
-        Op::SaveRlo => r.flags = r.flags & !BR | u32::from(r.rlo) * BR,
+        Op::SaveRlo => r.flags = r.flags & !BR | (u32::from(r.rlo) * BR),
         _ => {}
     }
     Ok(())
@@ -318,12 +318,12 @@ fn accumulators(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
         Op::RotateLeftCc1 => {
             let out = r.a1 >> 31;
             r.a1 = r.a1 << 1 | u32::from(r.flags & CC1 != 0);
-            r.flags = r.flags & !(CC1 | CC0 | OV) | out * CC1;
+            r.flags = r.flags & !(CC1 | CC0 | OV) | (out * CC1);
         }
         Op::RotateRightCc1 => {
             let out = r.a1 & 1;
             r.a1 = r.a1 >> 1 | u32::from(r.flags & CC1 != 0) << 31;
-            r.flags = r.flags & !(CC1 | CC0 | OV) | out * CC1;
+            r.flags = r.flags & !(CC1 | CC0 | OV) | (out * CC1);
         }
         Op::Convert(kind) => {
             (r.a1, r.flags) = convert(kind, r.a1, r.flags).map_err(|kind| Fault::new(kind, r.a1))?;
@@ -445,7 +445,7 @@ fn timers_counters(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> 
         let timer = m.timers.get_mut(at).ok_or(Fault::new(FaultKind::TimerNumber, u32::from(n)))?;
         match op {
             Op::StartTimer(kind, _) => {
-                timer.run(*kind, r.rlo, r.a1 as u16, m.now).map_err(|kind| Fault::new(kind, r.a1 & 0xFFFF))?
+                timer.run(*kind, r.rlo, r.a1 as u16, m.now).map_err(|kind| Fault::new(kind, r.a1 & 0xFFFF))?;
             }
             Op::EnableTimer(_) => timer.enable(r.rlo),
             _ if r.rlo => timer.reset(),

@@ -1,4 +1,5 @@
 //! A module on the heap whose registers and calls the test can look at.
+#![allow(clippy::disallowed_types, reason = "the test and the CPU share it, on one thread")]
 
 use std::sync::{Arc, Mutex};
 
