@@ -68,7 +68,8 @@ impl PluginBlock {
         match status {
             abi::PANICKED => {
                 let text = self.panic_text();
-                cx.stop(Event::PLUGIN_PANIC, Line::new(format_args!("{id} {name}: {}", text.as_str())).as_str())
+                let text = if text.as_str().is_empty() { "a panic without a message" } else { text.as_str() };
+                cx.stop(Event::PLUGIN_PANIC, Line::new(format_args!("{id} {name}: {text}")).as_str())
             }
             abi::ABORT => cx.stop(
                 Event::PLUGIN_STOP,

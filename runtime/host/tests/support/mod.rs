@@ -1,0 +1,245 @@
+//! A CPU of tables for the tests of plugins, and where the plugins are.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::{Path, PathBuf};
+
+use ob1_cpu::{
+    Abort, Instance, ModuleError, ModuleStatus, Nanos, NativeArea, NativeArg, NativeBlock, NativeContext, NativeError,
+    ObInfo, TimerState,
+};
+use ob1_model::{BlockId, BlockKind, Event, FaultKind, TimerKind};
+
+/// A plugin of this workspace.
+pub(crate) fn plugin(name: &str) -> PathBuf {
+    let folder = std::env::var_os("OB1_PLUGIN_DIR");
+    let folder = folder.expect("OB1_PLUGIN_DIR is not set; run: cargo xtask test");
+    let path = Path::new(&folder).join(format!("lib{name}.so"));
+    #[expect(clippy::disallowed_methods, reason = "a test may look whether a file is there")]
+    let there = path.is_file();
+    assert!(there, "{} does not exist; run: cargo xtask test", path.display());
+    path
+}
+
+/// A module of 16 bytes each way.
+#[derive(Default)]
+pub(crate) struct Registers {
+    pub(crate) address: u32,
+    pub(crate) status: ModuleStatus,
+    pub(crate) input: [u8; 16],
+    pub(crate) output: [u8; 16],
+}
+
+/// A CPU of tables.
+#[derive(Default)]
+pub(crate) struct Cpu {
+    /// Actual parameters by index; `None`: left open.
+    pub(crate) params: Vec<Option<u32>>,
+    pub(crate) dbs: BTreeMap<u16, Vec<u8>>,
+    pub(crate) memory: Vec<u8>,
+    pub(crate) inputs: Vec<u8>,
+    pub(crate) outputs: Vec<u8>,
+    pub(crate) instance: Vec<u8>,
+    pub(crate) timers: BTreeMap<u16, (Nanos, bool)>,
+    pub(crate) module: Registers,
+    pub(crate) now: Nanos,
+    /// What the block has asked for.
+    pub(crate) stops: Vec<(Event, String)>,
+    pub(crate) entries: Vec<(u16, String)>,
+    pub(crate) faults: Vec<(FaultKind, u32)>,
+    pub(crate) logs: Vec<(u8, String)>,
+    pub(crate) calls: Vec<(BlockId, Vec<NativeArg>)>,
+    /// Functions called since the last look.
+    pub(crate) asked: u32,
+    /// Answers of `call_block`; then `NoBlock`.
+    pub(crate) callees: VecDeque<Result<(), NativeError>>,
+    pub(crate) br: Option<bool>,
+    /// The CPU itself breaks down in `param_get`.
+    pub(crate) breaks: bool,
+}
+
+impl Cpu {
+    /// Memory, inputs and outputs of 128 bytes, timers T 0 to T 15.
+    pub(crate) fn new() -> Self {
+        Self {
+            memory: vec![0; 128],
+            inputs: vec![0; 128],
+            outputs: vec![0; 128],
+            timers: (0..16).map(|n| (n, (0, false))).collect(),
+            ..Self::default()
+        }
+    }
+
+    /// Calls a block with these actual parameters; they are kept in `params` afterwards.
+    pub(crate) fn call(&mut self, block: &dyn NativeBlock, params: &[u32]) -> Result<(), Abort> {
+        self.params = params.iter().map(|value| Some(*value)).collect();
+        self.asked = 0;
+        block.call(self)
+    }
+
+    fn area(&mut self, area: NativeArea) -> Result<&mut Vec<u8>, NativeError> {
+        Ok(match area {
+            NativeArea::Input => &mut self.inputs,
+            NativeArea::Output => &mut self.outputs,
+            NativeArea::Memory => &mut self.memory,
+            NativeArea::Db(0) => return Err(NativeError::DbNumber),
+            NativeArea::Db(number) => self.dbs.get_mut(&number).ok_or(NativeError::NoDb)?,
+            NativeArea::Instance if self.instance.is_empty() => return Err(NativeError::NoParam),
+            NativeArea::Instance => &mut self.instance,
+            NativeArea::CallerLocal => return Err(NativeError::Outside),
+        })
+    }
+
+    fn cells(&mut self, area: NativeArea, at: u32, len: usize) -> Result<&mut [u8], NativeError> {
+        let at = at as usize;
+        self.area(area)?.get_mut(at..at.saturating_add(len)).ok_or(NativeError::Outside)
+    }
+
+    fn register_range(&self, address: u32, len: usize) -> Result<std::ops::Range<usize>, NativeError> {
+        let at = address.checked_sub(self.module.address).ok_or(NativeError::NoModule)? as usize;
+        if at + len <= 16 { Ok(at..at + len) } else { Err(NativeError::NoModule) }
+    }
+}
+
+impl NativeContext for Cpu {
+    fn param_get(&mut self, index: u32) -> Result<u32, NativeError> {
+        assert!(!self.breaks, "the CPU is broken");
+        self.asked += 1;
+        self.params.get(index as usize).copied().flatten().ok_or(NativeError::NoParam)
+    }
+    fn param_set(&mut self, index: u32, value: u32) -> Result<(), NativeError> {
+        self.asked += 1;
+        *self.params.get_mut(index as usize).ok_or(NativeError::NoParam)? = Some(value);
+        Ok(())
+    }
+    fn param_read(&mut self, _index: u32, _at: u32, _into: &mut [u8]) -> Result<(), NativeError> {
+        Err(NativeError::NoParam)
+    }
+    fn param_write(&mut self, _index: u32, _at: u32, _from: &[u8]) -> Result<(), NativeError> {
+        Err(NativeError::NoParam)
+    }
+    fn param_given(&mut self, index: u32) -> bool {
+        self.params.get(index as usize).is_some_and(Option::is_some)
+    }
+    fn area_read(&mut self, area: NativeArea, at: u32, into: &mut [u8]) -> Result<(), NativeError> {
+        self.asked += 1;
+        into.copy_from_slice(self.cells(area, at, into.len())?);
+        Ok(())
+    }
+    fn area_write(&mut self, area: NativeArea, at: u32, from: &[u8]) -> Result<(), NativeError> {
+        self.asked += 1;
+        self.cells(area, at, from.len())?.copy_from_slice(from);
+        Ok(())
+    }
+    fn bit_get(&mut self, area: NativeArea, bit: u32) -> Result<bool, NativeError> {
+        Ok(self.cells(area, bit / 8, 1)?[0] >> (bit % 8) & 1 == 1)
+    }
+    fn bit_set(&mut self, area: NativeArea, bit: u32, value: bool) -> Result<(), NativeError> {
+        let byte = &mut self.cells(area, bit / 8, 1)?[0];
+        *byte = *byte & !(1 << (bit % 8)) | u8::from(value) << (bit % 8);
+        Ok(())
+    }
+    fn area_len(&mut self, area: NativeArea) -> Result<u32, NativeError> {
+        self.asked += 1;
+        self.area(area).map(|bytes| bytes.len() as u32)
+    }
+    fn instance(&mut self) -> Option<Instance> {
+        let len = self.instance.len() as u32;
+        (len > 0).then_some(Instance { db: 7, offset: 4, len })
+    }
+    fn registers(&mut self) -> (u16, u16) {
+        (10, 11)
+    }
+    fn set_br(&mut self, br: bool) {
+        self.br = Some(br);
+    }
+    fn timer_run(&mut self, number: u16, kind: TimerKind, rlo: bool, s5time: u16) -> Result<(), NativeError> {
+        assert_eq!(kind, TimerKind::OnDelay);
+        let ms = ob1_model::S5Time(s5time).to_ms().ok_or(NativeError::Outside)?;
+        let now = self.now;
+        let (due, was) = self.timers.get_mut(&number).ok_or(NativeError::NoTimer)?;
+        if rlo && !*was {
+            *due = now + u64::from(ms) * 1_000_000;
+        }
+        *was = rlo;
+        Ok(())
+    }
+    fn timer_reset(&mut self, number: u16) -> Result<(), NativeError> {
+        *self.timers.get_mut(&number).ok_or(NativeError::NoTimer)? = (0, false);
+        Ok(())
+    }
+    fn timer_get(&mut self, number: u16) -> Result<TimerState, NativeError> {
+        let (due, rlo) = *self.timers.get(&number).ok_or(NativeError::NoTimer)?;
+        Ok(TimerState { output: rlo && self.now >= due, running: rlo && self.now < due, remaining: 0 })
+    }
+    fn counter_get(&mut self, _number: u16) -> Result<u16, NativeError> {
+        Err(NativeError::NoTimer)
+    }
+    fn counter_set(&mut self, _number: u16, _value: u16) -> Result<(), NativeError> {
+        Err(NativeError::NoTimer)
+    }
+    fn module_info(&mut self, address: u32) -> Result<(ModuleStatus, u16, u16), NativeError> {
+        self.asked += 1;
+        if address == self.module.address { Ok((self.module.status, 16, 16)) } else { Err(NativeError::NoModule) }
+    }
+    fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), NativeError> {
+        self.asked += 1;
+        let range = self.register_range(address, into.len())?;
+        let present = self.module.status.present;
+        into.copy_from_slice(if present { &self.module.input[range] } else { &[0; 16][range] });
+        Ok(())
+    }
+    fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), NativeError> {
+        self.asked += 1;
+        let range = self.register_range(address, from.len())?;
+        self.module.output[range].copy_from_slice(from);
+        Ok(())
+    }
+    fn mailbox_post(&mut self, _address: u32, _from: &[u8]) -> Result<(), NativeError> {
+        Err(NativeError::Module(ModuleError::Busy))
+    }
+    fn mailbox_take(&mut self, _address: u32, _into: &mut [u8]) -> Result<(), NativeError> {
+        Err(NativeError::Module(ModuleError::Absent))
+    }
+    fn record_read(&mut self, _address: u32, _record: u8, _into: &mut [u8]) -> Result<usize, NativeError> {
+        Err(NativeError::Module(ModuleError::NoRecord))
+    }
+    fn record_write(&mut self, _address: u32, _record: u8, _from: &[u8]) -> Result<(), NativeError> {
+        Err(NativeError::Module(ModuleError::Outside))
+    }
+    fn call_block(&mut self, id: BlockId, _instance_db: u16, args: &[NativeArg]) -> Result<(), NativeError> {
+        self.calls.push((id, args.to_vec()));
+        self.callees.pop_front().unwrap_or(Err(NativeError::NoBlock))
+    }
+    fn now(&mut self) -> Nanos {
+        self.now
+    }
+    fn ob_info(&mut self) -> ObInfo {
+        ObInfo { number: 1, priority: 1, start: [0x11; 20] }
+    }
+    fn attend(&mut self) -> Result<(), Abort> {
+        Ok(())
+    }
+    fn raise_fault(&mut self, kind: FaultKind, number: u32) -> Result<(), Abort> {
+        self.faults.push((kind, number));
+        Ok(())
+    }
+    fn diagnostic_interrupt(&mut self, _address: u32, _data: &[u8]) -> Result<(), NativeError> {
+        Ok(())
+    }
+    fn diag_entry(&mut self, number: u16, text: &str) {
+        self.entries.push((number, text.to_owned()));
+    }
+    fn stop(&mut self, event: Event, text: &str) -> Abort {
+        self.stops.push((event, text.to_owned()));
+        Abort
+    }
+    fn log(&mut self, level: u8, text: &str) {
+        self.logs.push((level, text.to_owned()));
+    }
+}
+
+/// The block of this id among those of a station.
+pub(crate) fn find(blocks: &[Box<dyn NativeBlock>], kind: BlockKind, number: u16) -> &dyn NativeBlock {
+    let id = BlockId::new(kind, number);
+    blocks.iter().find(|block| block.id() == id).unwrap_or_else(|| panic!("no {id}")).as_ref()
+}
