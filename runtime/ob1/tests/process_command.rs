@@ -1,6 +1,6 @@
 //! The command with real processes, without drivers: exit codes, report, cells, one owner at a time, nothing left behind.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 
 use serde_json::Value;
@@ -241,5 +241,15 @@ fn check_says_what_is_wrong_and_where() {
     bench.write("bench.toml", &format!("{STATION}\n[[plugin]]\npath = \"missing\"\n"));
     assert_eq!(bench.code(&["run", "bench.toml"]), Some(4));
     assert_eq!(bench.code(&["check", "bench.toml", "bench.awl"]), Some(1));
-    assert!(Path::new(env!("CARGO_BIN_EXE_ob1")).exists());
+}
+
+#[test]
+fn a_simulated_line_is_refused_with_a_hint() {
+    let bench = Bench::new();
+    let cp = "\n[[module]]\ntype = \"cp240\"\nname = \"cp\"\naddress = 256\nline = \"sim:a\"\nparams = { protocol = \"ascii\" }\n";
+    bench.write("bench.toml", &format!("{STATION}{cp}"));
+    assert_eq!(bench.code(&["check", "bench.toml"]), Some(0), "a simulation may use it");
+    let run = bench.ob1(&["run", "bench.toml"]);
+    assert_eq!(run.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&run.stderr).contains("sim:a belongs to the simulation"), "{run:?}");
 }

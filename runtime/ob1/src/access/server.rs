@@ -17,7 +17,7 @@ use super::protocol::{CellValue, CommandName, Diagnostic, LINE_BYTES, Op, Reques
 use super::value;
 use crate::view::StationView;
 
-/// How long the CPU may take to answer. It answers once a cycle; this is for one that hangs.
+/// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
 const ANSWER_TIME: Duration = Duration::from_secs(3);
 /// Pause between two looks at the answers.
 const LOOK: Duration = Duration::from_micros(200);
@@ -36,18 +36,19 @@ pub struct Server {
 }
 
 impl Server {
-    /// Opens the socket (mode 0600) and starts the thread.
+    /// Opens the socket (mode 0600) and starts the thread, for a CPU with this minimum cycle time in nanoseconds.
     ///
     /// # Errors
     /// What the system says.
-    pub fn start(socket: &Path, port: AccessClient, view: StationView) -> io::Result<Self> {
+    pub fn start(socket: &Path, port: AccessClient, view: StationView, min_cycle: u64) -> io::Result<Self> {
         let listener = UnixListener::bind(socket)?;
         std::fs::set_permissions(socket, std::fs::Permissions::from_mode(0o600))?;
         listener.set_nonblocking(true)?;
         let (stopped, stop) = io::pipe()?;
         let socket = socket.to_owned();
+        let answer_time = ANSWER_TIME + Duration::from_nanos(min_cycle.saturating_mul(2));
         let thread = ob1_rt::spawn("ob1-access", move || {
-            Serving { port: Port { client: port, next_id: 0 }, view }.run(&listener, &stopped);
+            Serving { port: Port { client: port, next_id: 0, answer_time }, view }.run(&listener, &stopped);
             let _ = std::fs::remove_file(socket);
         })?;
         Ok(Self { stop: Some(stop), thread: Some(thread) })
@@ -67,6 +68,7 @@ impl Drop for Server {
 struct Port {
     client: AccessClient,
     next_id: u32,
+    answer_time: Duration,
 }
 
 impl Port {
@@ -76,7 +78,7 @@ impl Port {
         for batch in asks.chunks(BATCH) {
             let first = self.next_id;
             self.next_id = self.next_id.wrapping_add(batch.len() as u32);
-            let give_up = Instant::now() + ANSWER_TIME;
+            let give_up = Instant::now() + self.answer_time;
             for (id, &ask) in (0..).zip(batch) {
                 let mut request = PortRequest { id: first.wrapping_add(id), ask };
                 while let Err(full) = self.client.post(request) {

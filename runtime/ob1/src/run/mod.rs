@@ -21,11 +21,13 @@ use crate::access::server::Server;
 use crate::assembly::{self, Assembly, AssemblyError, DriverSettings};
 use crate::exit::Exit;
 use crate::finding::Finding;
+use crate::io::ProcessIo;
 use crate::janitor::Janitor;
 use crate::program::{self, LoadFailure};
 use crate::rundir::{RunDir, RunDirError};
 use crate::station::{self, Line, ModuleKind, Station};
 use crate::view::{StationView, state_name};
+use crate::watched::Running;
 
 use console::LiveLine;
 use monitor::Monitor;
@@ -37,7 +39,7 @@ use signals::Signals;
 const TICK: Duration = Duration::from_millis(20);
 /// Ticks between two live lines.
 const LIVE_TICKS: u32 = 25;
-/// How long the CPU gets to go to STOP.
+/// How long the CPU gets to go to STOP, beyond two cycles, in nanoseconds.
 const STOP_TIME: u64 = 3_000_000_000;
 
 /// What the command line asks for.
@@ -112,10 +114,10 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     })?;
     let janitor = Janitor::start(rundir.path(), &assembly::published(&station));
     let janitor = janitor.map_err(|e| Failure::system("the janitor", &e))?;
-    let mut running = Running::start(&station, assembly, rundir, janitor, clock, options)?;
+    let mut station_at_work = AtWork::start(&station, assembly, rundir, janitor, clock, options)?;
     tracing::info!(station = station.name, pid = std::process::id(), "running");
-    let ended = running.watch(&signals, options);
-    let report = running.stop(ended)?;
+    let ended = station_at_work.watch(&signals, options);
+    let report = station_at_work.stop(ended)?;
     if let Some(path) = &options.report {
         report.write(path).map_err(|e| Failure::system(&format!("the report {}", path.display()), &e))?;
     }
@@ -159,11 +161,14 @@ fn driver_settings(station: &Station, quiet: bool) -> Result<DriverSettings, Fai
 }
 
 /// A station at work. The fields are dropped in this order: whoever uses something goes before it.
-struct Running {
+struct AtWork {
     view: StationView,
     scan: Arc<ScanState>,
     interrupt: Interrupt,
     log: Option<LogReader>,
+    block: Arc<Running>,
+    io: Option<ProcessIo>,
+    min_cycle: u64,
     thread: Option<JoinHandle<Result<(), String>>>,
     monitor: Option<Monitor>,
     server: Option<Server>,
@@ -174,7 +179,7 @@ struct Running {
     fence: bool,
 }
 
-impl Running {
+impl AtWork {
     fn start(
         station: &Station,
         assembly: Assembly,
@@ -193,7 +198,8 @@ impl Running {
         }
         let system = |what: &'static str| move |error: std::io::Error| Failure::system(what, &error);
         let Some(port) = cpu.access_client() else { return Err(Failure::system("access port", &"taken already")) };
-        let server = Server::start(&rundir.socket(), port, view.clone()).map_err(system("the control socket"))?;
+        let server = Server::start(&rundir.socket(), port, view.clone(), station.cpu.min_cycle)
+            .map_err(system("the control socket"))?;
         let fleet = fleet.start(clock).map_err(system("the drivers"))?;
         let scan = Arc::new(ScanState::default());
         let (interrupt, log) = (cpu.interrupt(), cpu.log_reader());
@@ -209,13 +215,16 @@ impl Running {
         }
         .start()
         .map_err(system("the scan thread"))?;
-        let monitor = Monitor::start(Arc::clone(&scan), running, io, station.cpu.watchdog);
+        let monitor = Monitor::start(Arc::clone(&scan), Arc::clone(&running), io.clone(), station.cpu.watchdog);
         let monitor = monitor.map_err(system("the monitor"))?;
         Ok(Self {
             view,
             scan,
             interrupt,
             log,
+            block: running,
+            io,
+            min_cycle: station.cpu.min_cycle,
             thread: Some(thread),
             monitor: Some(monitor),
             server: Some(server),
@@ -308,15 +317,13 @@ impl Running {
     /// STOP, last figures, then everything goes, in order.
     fn stop(mut self, ended: Ended) -> Result<Report, Failure> {
         let died = self.thread.take_if(|thread| thread.is_finished()).map(JoinHandle::join);
-        match died {
-            Some(Ok(Err(text))) => return Err(Failure(Exit::System, format!("ob1: {text}\n"))),
-            Some(_) => return Err(Failure(Exit::Fault, "ob1: the scan thread has ended by a panic\n".into())),
-            None => {}
-        }
-        self.interrupt.halt();
-        let give_up = self.clock.time().saturating_add(STOP_TIME);
-        while self.scan.state() != OperatingState::Stop && self.clock.time() < give_up {
-            std::thread::sleep(Duration::from_millis(1));
+        let died = died.map(|result| match result {
+            Ok(Err(text)) => Failure(Exit::System, format!("ob1: {text}\n")),
+            _ => Failure(Exit::Fault, "ob1: the scan thread has ended by a panic\n".into()),
+        });
+        if let Some(failure) = died.or_else(|| self.halt().err()) {
+            self.outputs_off();
+            return Err(failure);
         }
         let diagnostics = self.diagnostics();
         let fault = fault_in(&diagnostics);
@@ -329,6 +336,7 @@ impl Running {
         {
             let _ = thread.join();
         }
+        self.outputs_off();
         self.drain_log();
         drop(self.server.take());
         if let Some(fleet) = self.fleet.take() {
@@ -336,6 +344,28 @@ impl Running {
         }
         let status = status.ok_or_else(|| Failure(Exit::System, "ob1: the CPU does not answer at its end\n".into()))?;
         Ok(Report::new(ended, exit, fault, status, diagnostics))
+    }
+
+    /// Sends the CPU to STOP and waits for it.
+    fn halt(&self) -> Result<(), Failure> {
+        self.interrupt.halt();
+        let give_up = self.clock.time().saturating_add(STOP_TIME).saturating_add(self.min_cycle.saturating_mul(2));
+        while self.scan.state() != OperatingState::Stop {
+            if self.clock.time() >= give_up {
+                let block =
+                    self.block.block().map_or_else(|| "the program".to_owned(), |b| format!("native block {b}"));
+                return Err(Failure(Exit::Hung, format!("ob1: {block} does not return; outputs are off\n")));
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+
+    /// The CPU has done it in STOP; this is for one that never came there, and for programs that keep the image mapped.
+    fn outputs_off(&self) {
+        if let Some(io) = &self.io {
+            io.switch_off();
+        }
     }
 
     fn status(&self) -> Option<Status> {
