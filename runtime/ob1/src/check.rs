@@ -41,7 +41,7 @@ struct Checked {
 #[must_use]
 pub fn check(options: &Options) -> Exit {
     let checked = match options.files.as_slice() {
-        [file] if crate::run::is_station_file(file) => check_station(file, options.verbose),
+        [file] if station::is_station_file(file) => check_station(file, options.verbose),
         files => check_sources(files, options),
     };
     let errors = checked.findings.iter().filter(|f| f.level == Level::Error).count();
@@ -72,7 +72,7 @@ fn verdict(errors: usize, others: usize) -> String {
 
 /// Sources with the plugins and libraries of the command line.
 fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
-    if let Some(station) = files.iter().find(|file| crate::run::is_station_file(file)) {
+    if let Some(station) = files.iter().find(|file| station::is_station_file(file)) {
         let name = station.display().to_string();
         let remedy = "a station names its own sources: check it without others";
         let finding = Finding::whole(Level::Error, "C012", &name, "a station file among sources", remedy);

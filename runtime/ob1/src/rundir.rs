@@ -75,7 +75,7 @@ pub fn find(name: &str) -> Option<PathBuf> {
 #[derive(Debug)]
 pub struct RunDir {
     path: PathBuf,
-    _lock: File,
+    lock: File,
 }
 
 impl RunDir {
@@ -111,7 +111,7 @@ impl RunDir {
                 continue;
             }
             sweep(&path);
-            let mut owned = Self { path, _lock: lock };
+            let mut owned = Self { path, lock };
             owned.write_pid()?;
             return Ok(owned);
         }
@@ -119,7 +119,7 @@ impl RunDir {
     }
 
     fn write_pid(&mut self) -> Result<(), RunDirError> {
-        let file = &mut self._lock;
+        let file = &mut self.lock;
         file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id())).map_err(at(&self.path))
     }
 

@@ -48,3 +48,9 @@ pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Station, Vec<Findi
     let file: file::StationFile = toml::from_str(text).map_err(|error| vec![findings::of_toml(source, &error)])?;
     check::check(&file, source, folder)
 }
+
+/// Whether a path looks like a station file: for commands that take files of either kind.
+#[must_use]
+pub fn is_station_file(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}

@@ -1,0 +1,285 @@
+//! A station at work: its threads and processes, from their start to their orderly end.
+
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use ob1_cpu::{Interrupt, LogReader, OperatingState};
+use ob1_host::driver::RunningFleet;
+use ob1_rt::MonotonicClock;
+
+use super::console::LiveLine;
+use super::monitor::Monitor;
+use super::report::{Ended, Report};
+use super::scan::{Scan, ScanState};
+use super::signals::Signals;
+use super::{Failure, Options};
+use crate::access::client::Client;
+use crate::access::protocol::{Diagnostic, Op, Status};
+use crate::access::server::Server;
+use crate::assembly::Assembly;
+use crate::exit::Exit;
+use crate::io::ProcessIo;
+use crate::janitor::Janitor;
+use crate::rundir::RunDir;
+use crate::station::Station;
+use crate::view::{StationView, state_name};
+use crate::watched::Running;
+
+/// Time between two looks at the scan and the clock.
+const TICK: Duration = Duration::from_millis(20);
+/// Ticks between two live lines.
+const LIVE_TICKS: u32 = 25;
+/// How long the CPU gets to go to STOP, beyond two cycles, in nanoseconds.
+const STOP_TIME: u64 = 3_000_000_000;
+
+/// A station at work. The fields are dropped in this order: whoever uses something goes before it.
+pub(super) struct AtWork {
+    view: StationView,
+    scan: Arc<ScanState>,
+    interrupt: Interrupt,
+    log: Option<LogReader>,
+    block: Arc<Running>,
+    io: Option<ProcessIo>,
+    min_cycle: u64,
+    thread: Option<JoinHandle<Result<(), String>>>,
+    monitor: Option<Monitor>,
+    server: Option<Server>,
+    fleet: Option<RunningFleet>,
+    rundir: RunDir,
+    _janitor: Janitor,
+    clock: MonotonicClock,
+    fence: bool,
+}
+
+impl AtWork {
+    /// Publishes the links, starts the socket, the drivers, the scan and its monitor.
+    pub(super) fn start(
+        station: &Station,
+        assembly: Assembly,
+        rundir: RunDir,
+        janitor: Janitor,
+        clock: MonotonicClock,
+        options: &Options,
+    ) -> Result<Self, Failure> {
+        let Assembly { mut cpu, view, fleet, io, links, running } = assembly;
+        for (name, target) in links {
+            rundir.link(name, &target).map_err(|e| Failure(Exit::System, format!("ob1: {e}\n")))?;
+        }
+        let mut grants = Vec::new();
+        if station.realtime.lock_memory {
+            grants.push(ob1_rt::lock_memory());
+        }
+        let system = |what: &'static str| move |error: std::io::Error| Failure::system(what, &error);
+        let Some(port) = cpu.access_client() else { return Err(Failure::system("access port", &"taken already")) };
+        let server = Server::start(&rundir.socket(), port, view.clone(), station.cpu.min_cycle)
+            .map_err(system("the control socket"))?;
+        let fleet = fleet.start(clock).map_err(system("the drivers"))?;
+        let scan = Arc::new(ScanState::default());
+        let (interrupt, log) = (cpu.interrupt(), cpu.log_reader());
+        let thread = Scan {
+            cpu,
+            clock,
+            shared: Arc::clone(&scan),
+            realtime: station.realtime.clone(),
+            grants,
+            posture: Arc::clone(&view.posture),
+            limit: options.scans,
+            fence: options.fence,
+        }
+        .start()
+        .map_err(system("the scan thread"))?;
+        let monitor = Monitor::start(Arc::clone(&scan), Arc::clone(&running), io.clone(), station.cpu.watchdog);
+        let monitor = monitor.map_err(system("the monitor"))?;
+        Ok(Self {
+            view,
+            scan,
+            interrupt,
+            log,
+            block: running,
+            io,
+            min_cycle: station.cpu.min_cycle,
+            thread: Some(thread),
+            monitor: Some(monitor),
+            server: Some(server),
+            fleet: Some(fleet),
+            rundir,
+            _janitor: janitor,
+            clock,
+            fence: options.fence,
+        })
+    }
+
+    /// Waits for the end: a signal, the time, the scans, or a fault in a run that has an end.
+    pub(super) fn watch(&mut self, signals: &Signals, options: &Options) -> Ended {
+        let line = LiveLine::new(options.quiet);
+        let bounded = options.time.is_some() || options.scans.is_some();
+        let end = options.time.map(|time| self.clock.time().saturating_add(time.as_nanos() as u64));
+        let mut tick = 0;
+        let ended = loop {
+            self.drain_log();
+            if signals.wait(TICK) {
+                break Ended::Signal;
+            }
+            if self.thread.as_ref().is_some_and(JoinHandle::is_finished) {
+                break Ended::Fault;
+            }
+            if self.scan.limit_reached() {
+                break Ended::Scans;
+            }
+            if end.is_some_and(|end| self.clock.time() >= end) {
+                break Ended::Time;
+            }
+            let stopped = self.scan.has_started() && self.scan.state() == OperatingState::Stop;
+            if bounded && stopped && self.fault().is_some() {
+                break Ended::Fault;
+            }
+            tick += 1;
+            if line.is_on() && tick % LIVE_TICKS == 0 {
+                line.show(&self.live());
+            }
+        };
+        line.wipe();
+        ended
+    }
+
+    /// What blocks have logged.
+    fn drain_log(&mut self) {
+        while let Some(entry) = self.log.as_mut().and_then(LogReader::take) {
+            let (time, text) = (entry.time as f64 / 1e9, entry.text());
+            match entry.level {
+                0 | 1 => tracing::error!("block, {time:.6} s: {text}"),
+                2 => tracing::warn!("block, {time:.6} s: {text}"),
+                _ => tracing::info!("block, {time:.6} s: {text}"),
+            }
+        }
+    }
+
+    fn live(&self) -> String {
+        let seconds = self.clock.time() as f64 / 1e9;
+        let state = state_name(self.scan.state());
+        let mut text = format!("{state:<7} {seconds:8.1} s   {} scans", self.scan.scans());
+        for module in &self.view.modules {
+            let (Some(monitor), Some(driver)) = (&module.monitor, &module.driver) else { continue };
+            let counters = monitor.counters();
+            let (sent, received, errors) = (
+                counters.get(ob1_backplane::Counter::TelegramsSent),
+                counters.get(ob1_backplane::Counter::TelegramsReceived),
+                counters.get(ob1_backplane::Counter::SendErrors),
+            );
+            text += &format!("   {}: {sent} sent, {received} received, {errors} errors", module.name);
+            if driver.losses() > 0 {
+                text += &format!(", driver lost {}", driver.losses());
+            }
+        }
+        text
+    }
+
+    fn client(&self) -> Option<Client> {
+        Client::to_socket(&self.rundir.socket()).ok()
+    }
+
+    fn diagnostics(&self) -> Vec<Diagnostic> {
+        let answer = self.client().and_then(|mut client| client.ask(Op::Diag { count: 100 }).ok());
+        answer.and_then(|response| response.diagnostics).unwrap_or_default()
+    }
+
+    fn fault(&self) -> Option<String> {
+        fault_in(&self.diagnostics())
+    }
+
+    /// STOP, last figures, then everything goes, in order.
+    pub(super) fn stop(mut self, ended: Ended) -> Result<Report, Failure> {
+        let died = self.thread.take_if(|thread| thread.is_finished()).map(JoinHandle::join);
+        let died = died.map(|result| match result {
+            Ok(Err(text)) => Failure(Exit::System, format!("ob1: {text}\n")),
+            _ => Failure(Exit::Fault, "ob1: the scan thread has ended by a panic\n".into()),
+        });
+        if let Some(failure) = died.or_else(|| self.halt().err()) {
+            self.outputs_off();
+            return Err(failure);
+        }
+        let diagnostics = self.diagnostics();
+        let fault = fault_in(&diagnostics);
+        let exit = if fault.is_some() { Exit::Fault } else { Exit::Ok };
+        let status = self.status();
+        self.scan.finish();
+        drop(self.monitor.take());
+        if !self.fence
+            && let Some(thread) = self.thread.take()
+        {
+            let _ = thread.join();
+        }
+        self.outputs_off();
+        self.drain_log();
+        drop(self.server.take());
+        if let Some(fleet) = self.fleet.take() {
+            fleet.stop();
+        }
+        let status = status.ok_or_else(|| Failure(Exit::System, "ob1: the CPU does not answer at its end\n".into()))?;
+        Ok(Report::new(ended, exit, fault, status, diagnostics))
+    }
+
+    /// Sends the CPU to STOP and waits for it.
+    fn halt(&self) -> Result<(), Failure> {
+        self.interrupt.halt();
+        let give_up = self.clock.time().saturating_add(STOP_TIME).saturating_add(self.min_cycle.saturating_mul(2));
+        while self.scan.state() != OperatingState::Stop {
+            if self.clock.time() >= give_up {
+                let block =
+                    self.block.block().map_or_else(|| "the program".to_owned(), |b| format!("native block {b}"));
+                return Err(Failure(Exit::Hung, format!("ob1: {block} does not return; outputs are off\n")));
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+
+    /// The CPU has done it in STOP; this is for one that never came there, and for programs that keep the image mapped.
+    fn outputs_off(&self) {
+        if let Some(io) = &self.io {
+            io.switch_off();
+        }
+    }
+
+    fn status(&self) -> Option<Status> {
+        self.client()?.ask(Op::Status).ok()?.status
+    }
+}
+
+/// The fault that led to STOP, if the newest reason for one is a fault and no operator.
+fn fault_in(newest_first: &[Diagnostic]) -> Option<String> {
+    use ob1_model::Event;
+    let number = |event: Event| format!("{:04X}h", event.0);
+    let operator = [Event::STOP_OPERATOR, Event::MEMORY_RESET, Event::RUN].map(number);
+    let faults = [
+        Event::STOP_PROGRAM,
+        Event::STOP_PROGRAMMING_ERROR,
+        Event::STOP_ACCESS_ERROR,
+        Event::STOP_TIME_ERROR,
+        Event::PLUGIN_PANIC,
+        Event::PLUGIN_STOP,
+    ]
+    .map(number);
+    let decisive = newest_first.iter().find(|e| operator.contains(&e.event) || faults.contains(&e.event))?;
+    faults.contains(&decisive.event).then(|| decisive.text.clone())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(events: &[&str]) -> Vec<Diagnostic> {
+        let entry = |event: &&str| Diagnostic { number: 0, time_ns: 0, event: (*event).into(), text: (*event).into() };
+        events.iter().map(entry).collect()
+    }
+
+    #[test]
+    fn the_newest_reason_decides() {
+        assert_eq!(fault_in(&entries(&[])), None);
+        assert_eq!(fault_in(&entries(&["4302h", "4301h"])), None);
+        assert_eq!(fault_in(&entries(&["F201h", "4562h", "2522h", "4302h"])), Some("4562h".into()));
+        assert_eq!(fault_in(&entries(&["4304h", "F202h", "4302h"])), None);
+        assert_eq!(fault_in(&entries(&["4302h", "4301h", "4562h"])), None, "started again since");
+    }
+}
