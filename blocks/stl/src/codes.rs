@@ -117,6 +117,8 @@ codes! {
         "Add the data block's source, or write DB10.DBW 20.";
     NOT_SUPPORTED = "S0316", Error, "Legal STL that this compiler does not know yet.",
         "Copy the value into a temp or the instance and use that.";
+    AMBIGUOUS_SET = "S0317", Error, "A word means different things in the two sets of mnemonics, and no other word tells which set is meant.",
+        "Say it: --mnemonics de or --mnemonics en (in the station file: mnemonics = ...). SE is on-delay in German, extended pulse in international mnemonics.";
     // Constants
     CONSTANT = "S0401", Error, "A constant is not well formed or out of range.",
         "Constants: 5, L#5, W#16#FF, 2#0101, 1.5, S5T#2S, T#2S, C#7, 'A', D#1994-3-15, TOD#12:30:0, P#M 3.0.";

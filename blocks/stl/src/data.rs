@@ -85,7 +85,7 @@ impl Elaborator<'_> {
         if !reader.finish(&codes::ASSIGNMENT) {
             return None;
         }
-        let resolver = Resolver::new(&self.world, self.words, None);
+        let resolver = Resolver::new(&self.world, self.sets.of(file), None);
         let mut reader = Reader::new(file, source, self.sink, assignment.value.clone(), whole);
         let bytes = initial::read(&resolver, &mut reader, ty)?;
         initial::put(image, at, ty, &bytes);

@@ -8,7 +8,7 @@ use crate::codes;
 use crate::diagnostic::Sink;
 use crate::initial;
 use crate::library::Library;
-use crate::mnemonics::{BlockWord, Words};
+use crate::mnemonics::{BlockWord, Sets};
 use crate::operand::{Resolver, with_article};
 use crate::parse_types::TYPE_DEPTH;
 use crate::reader::Reader;
@@ -52,7 +52,7 @@ pub(crate) type Named = (BlockWord, u16);
 pub(crate) struct Elaborator<'e> {
     pub(crate) files: &'e [File<'e>],
     pub(crate) blocks: &'e [Block],
-    pub(crate) words: &'e Words,
+    pub(crate) sets: &'e Sets,
     pub(crate) library: &'e Library,
     pub(crate) sink: &'e mut Sink,
     pub(crate) world: World,
@@ -69,7 +69,7 @@ impl<'e> Elaborator<'e> {
     pub(crate) fn new(
         files: &'e [File<'e>],
         blocks: &'e [Block],
-        words: &'e Words,
+        sets: &'e Sets,
         library: &'e Library,
         symbols: BTreeMap<String, Symbolic>,
         sink: &'e mut Sink,
@@ -78,7 +78,7 @@ impl<'e> Elaborator<'e> {
         Self {
             files,
             blocks,
-            words,
+            sets,
             library,
             sink,
             world,
@@ -233,7 +233,7 @@ impl<'e> Elaborator<'e> {
         if !self.spend(file, span, initial::size(ty) as u64 * 8) {
             return None;
         }
-        let resolver = Resolver::new(&self.world, self.words, None);
+        let resolver = Resolver::new(&self.world, self.sets.of(file), None);
         let mut reader = Reader::new(file, self.files.get(file)?, self.sink, tokens, span);
         initial::read(&resolver, &mut reader, ty)
     }

@@ -8,6 +8,7 @@
 //! This crate knows the instruction set ([`ob1_ir`]) and no engine.
 
 mod address;
+mod auto;
 mod brackets;
 mod call;
 pub mod codes;
@@ -48,7 +49,7 @@ pub use source::Source;
 
 use diagnostic::Sink;
 use elaborate::{Elaborator, Named};
-use mnemonics::Words;
+use mnemonics::{Sets, Words};
 use token::{File, Span};
 use world::{Data, World};
 
@@ -59,6 +60,8 @@ pub struct Options {
     pub mnemonics: Mnemonics,
     /// Symbols, from symbol tables.
     pub symbols: Vec<Symbol>,
+    /// Look for the classic porting traps as well (S0903 and above).
+    pub lints: bool,
 }
 
 /// What [`compile`] gives.
@@ -88,18 +91,18 @@ const LONGEST_SOURCE: usize = 64 << 20;
 #[must_use]
 pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Output {
     let mut sink = Sink::new();
-    let words = Words::new(options.mnemonics);
     let decoded: Vec<_> = sources.iter().map(Source::text).collect();
     let files: Vec<File<'_>> = decoded.iter().enumerate().map(|(i, text)| file(i, text, &mut sink)).collect();
+    let sets = Sets::new(files.iter().enumerate().map(|(i, file)| set_of(i, file, options, &mut sink)).collect());
     let mut blocks = Vec::new();
     for (index, file) in files.iter().enumerate() {
-        blocks.extend(parser::parse(index, file, &words, &mut sink));
+        blocks.extend(parser::parse(index, file, sets.of(index), &mut sink));
     }
-    let symbols = symbols::read(&options.symbols, &words);
-    let mut elaborator = Elaborator::new(&files, &blocks, &words, library, symbols, &mut sink);
+    let symbols = symbols::read(&options.symbols, &Words::of_both());
+    let mut elaborator = Elaborator::new(&files, &blocks, &sets, library, symbols, &mut sink);
     elaborator.run();
     let (mut world, names) = (elaborator.world, elaborator.names);
-    let code = lower_all(&files, &blocks, &names, &world, &words, &mut sink);
+    let code = lower_all(&files, &blocks, &names, &world, &sets, &mut sink);
     let mut program = Program {
         blocks: code.0,
         data: Vec::new(),
@@ -115,6 +118,14 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     let texts: Vec<&str> = files.iter().map(|f| f.text).collect();
     let steps = sink.steps;
     Output { program, diagnostics: sink.finish(&texts), steps }
+}
+
+/// The set of mnemonics a file is written in.
+fn set_of(index: usize, file: &File<'_>, options: &Options, sink: &mut Sink) -> Mnemonics {
+    match options.mnemonics {
+        Mnemonics::Auto => auto::decide(index, file, sink),
+        set => set,
+    }
 }
 
 fn file<'t>(index: usize, text: &'t str, sink: &mut Sink) -> File<'t> {
@@ -134,7 +145,7 @@ fn lower_all(
     blocks: &[syntax::Block],
     names: &[Option<Named>],
     world: &World,
-    words: &Words,
+    sets: &Sets,
     sink: &mut Sink,
 ) -> Lowered {
     let ids: Vec<Option<BlockId>> =
@@ -146,7 +157,7 @@ fn lower_all(
             labels.entry(file.of(*label)).or_insert(*id);
         }
     }
-    let lowering = lower::Names { world, words, labels: &labels };
+    let lowering = lower::Names { world, sets, labels: &labels };
     let mut code = Vec::new();
     let mut wanted = BTreeMap::new();
     for (block, id) in blocks.iter().zip(&ids) {

@@ -9,7 +9,7 @@ use crate::codes;
 use crate::constant::Constant;
 use crate::diagnostic::Sink;
 use crate::jumps::Labels;
-use crate::mnemonics::{BlockWord, Row, Shape, Words};
+use crate::mnemonics::{BlockWord, Row, Sets, Shape};
 use crate::operand::{Resolver, Value};
 use crate::reader::Reader;
 use crate::syntax::{Block, Statement};
@@ -19,7 +19,7 @@ use crate::world::{Info, World};
 /// What the statements of all blocks may name.
 pub(crate) struct Names<'n> {
     pub(crate) world: &'n World,
-    pub(crate) words: &'n Words,
+    pub(crate) sets: &'n Sets,
     /// The labels of all blocks, each with the first block that has it.
     pub(crate) labels: &'n BTreeMap<&'n str, BlockId>,
 }
@@ -44,10 +44,10 @@ pub(crate) fn lower(
     wanted: &mut BTreeMap<u16, BlockId>,
     sink: &mut Sink,
 ) -> Option<CodeBlock> {
-    let Names { world, words, labels: elsewhere } = *names;
+    let Names { world, sets, labels: elsewhere } = *names;
     let info = world.blocks.get(&id)?;
     let labels = Labels::collect(block, file, elsewhere, sink);
-    let resolver = Resolver::new(world, words, Some((id.kind, info)));
+    let resolver = Resolver::new(world, sets.of(block.file), Some((id.kind, info)));
     let mut lowerer = Lowerer { resolver, file, index: block.file, sink, wanted };
     let mut code = Vec::with_capacity(block.statements.len());
     for statement in &block.statements {

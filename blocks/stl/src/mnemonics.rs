@@ -18,6 +18,8 @@ pub enum Mnemonics {
     German,
     /// `A I 1.0`, `JC`, `OPN DB`.
     International,
+    /// Decided for each file by the words that exist in one set only.
+    Auto,
 }
 
 /// What stands behind a mnemonic: the operation, and what kind of operand it takes.
@@ -431,10 +433,17 @@ pub(crate) struct Words {
 
 impl Words {
     pub(crate) fn new(set: Mnemonics) -> Self {
-        let german = set == Mnemonics::German;
+        let german = set != Mnemonics::International;
         let mnemonics = ROWS.iter().map(|r| (if german { r.german } else { r.international }, r)).collect();
         let identifiers = IDENTIFIERS.iter().map(|(de, en, i)| (if german { *de } else { *en }, *i)).collect();
         Self { mnemonics, identifiers, set }
+    }
+
+    /// The mnemonics of one set with the identifiers of both, for addresses of symbol tables: an identifier that both sets have
+    /// names the same in both.
+    pub(crate) fn of_both() -> Self {
+        let identifiers = IDENTIFIERS.iter().flat_map(|(de, en, i)| [(*de, *i), (*en, *i)]).collect();
+        Self { identifiers, ..Self::new(Mnemonics::German) }
     }
 
     /// The mnemonic written `word`, whatever its case.
@@ -457,10 +466,72 @@ impl Words {
 
     /// True when `word` is a mnemonic or identifier of the other set only; the caller already knows it is not of this one.
     pub(crate) fn is_foreign(&self, word: &str) -> bool {
-        let german = self.set == Mnemonics::German;
+        let german = self.set != Mnemonics::International;
         let other =
             |de: &str, en: &str| if german { en.eq_ignore_ascii_case(word) } else { de.eq_ignore_ascii_case(word) };
         ROWS.iter().any(|r| other(r.german, r.international)) || IDENTIFIERS.iter().any(|(de, en, _)| other(de, en))
+    }
+}
+
+/// Where a word exists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Belongs {
+    German,
+    International,
+    /// In both with one meaning.
+    Both,
+    /// In both with two meanings.
+    Differently,
+    Neither,
+}
+
+fn place_of<T>(german: Option<T>, international: Option<T>, same: impl Fn(&T, &T) -> bool) -> Belongs {
+    match (german, international) {
+        (Some(de), Some(en)) if same(&de, &en) => Belongs::Both,
+        (Some(_), Some(_)) => Belongs::Differently,
+        (Some(_), None) => Belongs::German,
+        (None, Some(_)) => Belongs::International,
+        (None, None) => Belongs::Neither,
+    }
+}
+
+/// In which sets a mnemonic exists.
+pub(crate) fn belongs(word: &str) -> Belongs {
+    let german = ROWS.iter().position(|r| r.german.eq_ignore_ascii_case(word));
+    let international = ROWS.iter().position(|r| r.international.eq_ignore_ascii_case(word));
+    place_of(german, international, |de, en| de == en)
+}
+
+/// In which sets an operand identifier exists; `addressed`: a number or bracket follows, as it does with all but status bits.
+pub(crate) fn operand_belongs(word: &str, addressed: bool) -> Belongs {
+    let wanted = |i: &Identifier| addressed || matches!(i, Identifier::Status(_));
+    let find = |german: bool| {
+        let word_of = |(de, en, _): &(&'static str, &'static str, Identifier)| if german { *de } else { *en };
+        IDENTIFIERS.iter().find(|row| wanted(&row.2) && word_of(row).eq_ignore_ascii_case(word)).map(|row| row.2)
+    };
+    place_of(find(true), find(false), |de, en| de == en)
+}
+
+/// The words of both sets, and which set each file is written in.
+#[derive(Debug)]
+pub(crate) struct Sets {
+    german: Words,
+    international: Words,
+    of: Vec<Mnemonics>,
+}
+
+impl Sets {
+    /// `of`: the set of each file, decided.
+    pub(crate) fn new(of: Vec<Mnemonics>) -> Self {
+        Self { german: Words::new(Mnemonics::German), international: Words::new(Mnemonics::International), of }
+    }
+
+    /// The words a file is written in.
+    pub(crate) fn of(&self, file: usize) -> &Words {
+        match self.of.get(file) {
+            Some(Mnemonics::International) => &self.international,
+            _ => &self.german,
+        }
     }
 }
 
@@ -485,6 +556,34 @@ mod tests {
             assert_eq!(words.identifiers.len(), IDENTIFIERS.len(), "{set:?}");
             assert!(words.mnemonic_words().chain(words.identifier_words()).all(|w| w.len() <= 8));
         }
+    }
+
+    /// Appendix A of the reference, "STL Instructions Sorted According to the German Mnemonics": German, then
+    /// international where it differs.
+    const APPENDIX: &str = "+ = ) +AR1 +AR2 +D -D *D /D ==D <>D >D <D >=D <=D +I -I *I /I ==I <>I >I <I >=I <=I \
+        +R -R *R /R ==R <>R >R <R >=R <=R ABS ACOS ASIN ATAN AUF:OPN BE BEA:BEU BEB:BEC BLD BTD BTI CALL CC CLR COS \
+        DEC DTB DTR ENT EXP FN FP FR INC INVD INVI ITB ITD L LAR1 LAR2 LC LEAVE LN LOOP MCR( )MCR MCRA MCRD MOD \
+        NEGD NEGI NEGR NOP NOT O O( OD ON ON( OW POP PUSH R RLD RLDA RND RND- RND+ RRD RRDA S SA:SF SAVE SE:SD SET \
+        SI:SP SIN SLD SLW SPA:JU SPB:JC SPBB:JCB SPBI:JBI SPBIN:JNBI SPBN:JCN SPBNB:JNB SPL:JL SPM:JM SPMZ:JMZ \
+        SPN:JN SPO:JO SPP:JP SPPZ:JPZ SPS:JOS SPU:JUO SPZ:JZ SQR SQRT SRD SRW SS SSD SSI SV:SE T TAD:CAD TAK TAN \
+        TAR:CAR TAR1 TAR2 TAW:CAW TDB:CDB TRUNC U:A U(:A( UC UD:AD UN:AN UN(:AN( UW:AW X X( XN XN( XOD XOW ZR:CD ZV:CU";
+
+    #[test]
+    fn the_table_is_that_of_the_reference() {
+        let mut expected: Vec<_> = APPENDIX.split_whitespace().map(|w| w.split_once(':').unwrap_or((w, w))).collect();
+        let mut rows: Vec<_> = ROWS.iter().map(|r| (r.german, r.international)).collect();
+        expected.sort_unstable();
+        rows.sort_unstable();
+        assert_eq!(rows, expected);
+    }
+
+    #[test]
+    fn one_mnemonic_has_two_meanings_and_no_identifier_has() {
+        let two: Vec<_> = ROWS.iter().map(|r| r.german).filter(|w| belongs(w) == Belongs::Differently).collect();
+        assert_eq!(two, ["SE"]);
+        assert!(IDENTIFIERS.iter().all(|(de, en, _)| {
+            [de, en].iter().all(|w| !matches!(operand_belongs(w, true), Belongs::Differently | Belongs::Neither))
+        }));
     }
 
     #[test]

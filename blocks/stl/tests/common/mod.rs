@@ -119,10 +119,20 @@ pub(crate) fn symbols() -> Vec<Symbol> {
     ]
 }
 
-/// Compiles one source with the library and symbols above; names that begin with `bench_` without a library, names with
-/// `international` in them with those mnemonics.
+/// Compiles one source with the library and symbols above; names that begin with `bench_` without a library, with `auto_` with
+/// the set of mnemonics to be found, with `lints_` with all lints; names with `international` in them with those mnemonics.
 pub(crate) fn compile_one(name: &str, bytes: &[u8]) -> Output {
-    let mnemonics = if name.contains("international") { Mnemonics::International } else { Mnemonics::German };
+    let mnemonics = if name.starts_with("auto_") {
+        Mnemonics::Auto
+    } else if name.contains("international") {
+        Mnemonics::International
+    } else {
+        Mnemonics::German
+    };
     let library = if name.starts_with("bench_") { Library::new() } else { library() };
-    compile(&[Source::new(name, bytes)], &library, &Options { mnemonics, symbols: symbols() })
+    compile(
+        &[Source::new(name, bytes)],
+        &library,
+        &Options { mnemonics, symbols: symbols(), lints: name.starts_with("lints_") },
+    )
 }

@@ -1,0 +1,163 @@
+//! Which set of mnemonics a source is written in, found by the words that exist in one set only.
+
+use crate::codes;
+use crate::diagnostic::Sink;
+use crate::mnemonics::{Belongs, Mnemonics, belongs, operand_belongs};
+use crate::parser::split_digits;
+use crate::token::{File, Kind, Token};
+
+/// What the words of a file say.
+#[derive(Default)]
+struct Votes {
+    german: usize,
+    international: usize,
+    /// The first word that means different things in the two sets.
+    ambiguous: Option<Token>,
+}
+
+impl Votes {
+    fn count(&mut self, belongs: Belongs, token: Token) {
+        match belongs {
+            Belongs::German => self.german += 1,
+            Belongs::International => self.international += 1,
+            Belongs::Differently => self.ambiguous = self.ambiguous.or(Some(token)),
+            Belongs::Both | Belongs::Neither => {}
+        }
+    }
+}
+
+/// The set of one file. Words of one set only decide, the more numerous ones where a file mixes both (those of the other set
+/// are then reported as such). Where there is none, but a word of two meanings, the set is asked for. Where neither is,
+/// the sets do not differ.
+pub(crate) fn decide(index: usize, file: &File<'_>, sink: &mut Sink) -> Mnemonics {
+    let votes = count(file);
+    sink.steps += file.tokens.len() as u64;
+    if votes.international > votes.german {
+        return Mnemonics::International;
+    }
+    if let Some(token) = votes.ambiguous.filter(|_| votes.german == 0) {
+        let message = format!(
+            "{} means one thing in German and another in international mnemonics, and nothing here tells which are meant",
+            file.of(token)
+        );
+        sink.report(index, token.span, &codes::AMBIGUOUS_SET, message);
+    }
+    Mnemonics::German
+}
+
+fn count(file: &File<'_>) -> Votes {
+    let mut votes = Votes::default();
+    let token = |at: usize| file.tokens.get(at).copied();
+    let kind = |at: usize| token(at).map(|t| t.kind);
+    let mut at = 0;
+    while let Some(first) = token(at) {
+        let starts = at == 0 || matches!(kind(at - 1), Some(Kind::Newline | Kind::Semicolon));
+        if starts && first.kind == Kind::Word && kind(at + 1) == Some(Kind::Colon) {
+            // A label before its statement; also a declaration, whose type is no mnemonic, and a line of the header.
+            let header = ["VERSION", "AUTHOR", "FAMILY", "NAME"].iter().any(|w| file.of(first).eq_ignore_ascii_case(w));
+            at += 2;
+            if !header {
+                head(file, at, &mut votes);
+            }
+            continue;
+        }
+        if starts {
+            head(file, at, &mut votes);
+        } else if matches!(kind(at - 1), Some(Kind::Assign | Kind::LeftBracket | Kind::PointerSign)) {
+            operand(file, at, &mut votes);
+        }
+        at += 1;
+    }
+    votes
+}
+
+/// A statement's mnemonic and the operand behind it.
+fn head(file: &File<'_>, at: usize, votes: &mut Votes) {
+    let Some(first) = file.tokens.get(at).copied() else { return };
+    let second = file.tokens.get(at + 1).copied();
+    // Names before a comma, a colon or := are declared or supplied.
+    if second.is_some_and(|t| matches!(t.kind, Kind::Assign | Kind::Comma | Kind::Colon)) {
+        return;
+    }
+    if second.is_some_and(|t| t.kind == Kind::LeftParen) {
+        let joined = format!("{}(", file.of(first));
+        return votes.count(belongs(&joined), first);
+    }
+    let word = file.of(first);
+    let own = if first.kind == Kind::Word { belongs(word) } else { Belongs::Neither };
+    votes.count(own, first);
+    let takes_operand = own != Belongs::Neither || word == "=" || (first.kind == Kind::Operator && word == "+");
+    if takes_operand {
+        operand(file, at + 1, votes);
+    }
+}
+
+/// An operand: an identifier with its number or bracket, or a status bit.
+fn operand(file: &File<'_>, at: usize, votes: &mut Votes) {
+    let Some(token) = file.tokens.get(at).copied().filter(|t| t.kind == Kind::Word) else { return };
+    let (letters, digits) = split_digits(file.of(token));
+    let addressed = !digits.is_empty()
+        || file.tokens.get(at + 1).is_some_and(|t| matches!(t.kind, Kind::Number | Kind::LeftBracket));
+    votes.count(operand_belongs(letters, addressed), token);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lexer;
+
+    fn decided(text: &str) -> (Mnemonics, usize) {
+        let mut sink = Sink::new();
+        let file = File { text, tokens: lexer::lex(0, text, &mut sink) };
+        let set = decide(0, &file, &mut sink);
+        (set, sink.finish(&[text]).len())
+    }
+
+    #[test]
+    fn words_of_one_set_decide() {
+        for (text, set) in [
+            ("U M 1.0", Mnemonics::German),
+            ("A M 1.0", Mnemonics::International),
+            ("O( ; U( ;", Mnemonics::German),
+            ("AN( ;", Mnemonics::International),
+            ("L EW 0", Mnemonics::German),
+            ("L IW 0", Mnemonics::International),
+            ("= A 4.0", Mnemonics::German),
+            ("= Q4.0", Mnemonics::International),
+            ("AD 16", Mnemonics::International),
+            ("L AD 16", Mnemonics::German),
+            ("m1: SPA m1", Mnemonics::German),
+            ("m1: JU m1", Mnemonics::International),
+            ("CALL FC 1 (x := A 4.0)", Mnemonics::German),
+            ("CALL FC 1\n x := Q 4.0", Mnemonics::International),
+            ("L W [AR1,P#0.0]\nLAR1 P#E 0.0", Mnemonics::German),
+            ("O BR", Mnemonics::International),
+            ("L C 5", Mnemonics::International),
+            ("SE T 1\nSP T 2", Mnemonics::International),
+            ("SE T 1\nSV T 2", Mnemonics::German),
+        ] {
+            assert_eq!(decided(text), (set, 0), "{text}");
+        }
+    }
+
+    #[test]
+    fn names_decide_nothing() {
+        for text in [
+            "VAR_INPUT\n A : INT;\n Z, E : BOOL;\nEND_VAR",
+            "A := 5;\nU := 6;",
+            "AUTHOR : AN\nNAME : JU",
+            "L #A\nT #Z",
+            "L A",
+            "TITLE = A I 0.0",
+            "SPX: L 1",
+        ] {
+            assert_eq!(decided(text), (Mnemonics::German, 0), "{text}");
+        }
+    }
+
+    #[test]
+    fn se_alone_is_asked_about() {
+        assert_eq!(decided("L S5T#2S\nSE T 1").1, 1);
+        assert_eq!(decided("L 1\nT MW 2\nS M 1.0").1, 0);
+    }
+}
