@@ -1,3 +1,4 @@
 //! What crosses two crates: the whole-station simulation, the benchmarks, and help for the end-to-end tests.
 
+pub mod bench;
 pub mod sim;
