@@ -10,7 +10,7 @@ use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 use controller::Controller;
 
 interface! {
-    /// The instance: 26 bytes.
+    /// The instance, 28 bytes; README.md has the table.
     mod two_point {
         /// Process value.
         in     PV: Real;

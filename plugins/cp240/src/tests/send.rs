@@ -61,7 +61,7 @@ fn thirty_bytes_are_30_18_6_0() {
     assert_eq!(fc0.call(&mut cp, &data, 0), Step::Word(0));
     assert!(fc0.job.ende_kom);
     cp.look();
-    assert_eq!(cp.transmitted, [data.clone()]);
+    assert_eq!(cp.transmitted, std::slice::from_ref(&data));
     assert_eq!((cp.words().tx_echo, fc0.call(&mut cp, &data, 0)), (6, Step::Wait), "the echo stays while it transmits");
     assert!(fc0.frg);
     cp.finish();

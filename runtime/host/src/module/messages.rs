@@ -11,7 +11,7 @@ use ob1_model::Event;
 
 use crate::supervisor::Report;
 
-/// Numbers of a CP's messages, as `docs/backplane.md` lists them.
+/// Numbers of a CP's messages, as `docs/driver.md` lists them.
 mod code {
     pub(super) const WORKING: u32 = 2;
     pub(super) const NO_PARAMETERS: u32 = 3;

@@ -78,7 +78,7 @@ impl Plugin {
         }
         // SAFETY: loading runs the library's constructors. That is what the station file asks for by naming it; a plugin is
         // trusted with that (docs/plugins.md, "What is checked").
-        let library = unsafe { Library::new(&file) }.map_err(|e| refuse(Refusal::NotALibrary(e.to_string())))?;
+        let library = unsafe { Library::new(&file) }.map_err(|e| refuse(Refusal::NotALibrary(reason(&e))))?;
         // Never unloaded: blocks, texts and the panic hook of the plugin stay valid until the process ends.
         let library = ManuallyDrop::new(library);
         let table = table::open(&library).map_err(refuse)?;
@@ -144,6 +144,11 @@ impl Plugin {
         }
         Ok(blocks)
     }
+}
+
+/// What the loader says: the library's error keeps it behind its own text.
+fn reason(error: &libloading::Error) -> String {
+    std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string)
 }
 
 /// What the plugin at `path` brings, for `ob1 check --plugin`.
