@@ -154,6 +154,17 @@ codes! {
         "Supply every parameter of a function, RET_VAL too; only those of function blocks may be left out.";
     PARAMETER_TYPE = "S0609", Error, "An actual parameter does not fit its formal.",
         "Supply an operand of the same width: a bit for BOOL, a word for INT and WORD.";
+    // Symbol tables
+    TABLE_FORM = "S0701", Error, "A file is no symbol table, or not of the form its name says.",
+        "Export it from the symbol editor as .SDF, .ASC, .SEQ or .DIF, and keep the extension.";
+    TABLE_ROW = "S0702", Error, "A row of a symbol table is not well formed.",
+        "Correct the row, or export the table once more; the others are read.";
+    TABLE_ADDRESS = "S0703", Error, "A symbol table gives an address that is none.",
+        "Write an address of either set of mnemonics: M 1.0, E 0.0 or I 0.0, Z 5 or C 5, DB 10, FC 9.";
+    SYMBOL_TWICE = "S0704", Warning, "A symbol table has a name twice.",
+        "Rename one of them. Upper and lower case are the same.";
+    TABLE_TYPE = "S0705", Warning, "The type of a symbol does not fit its address.",
+        "Correct the type: BOOL for bits, WORD or INT for words; the address counts.";
     // Warnings
     LONG_LABEL = "S0801", Warning, "A label is longer than the four characters STEP 7 allows.",
         "Shorten it if the source is to go back to STEP 7.";

@@ -30,6 +30,8 @@ mod parser;
 mod path;
 mod reader;
 mod source;
+mod symbol_rows;
+mod symbol_table;
 mod symbols;
 mod syntax;
 mod time;
@@ -46,6 +48,7 @@ pub use diagnostic::{Diagnostic, Severity, render, render_all};
 pub use library::{Library, LibraryBlock};
 pub use mnemonics::Mnemonics;
 pub use source::Source;
+pub use symbol_table::{SymbolTable, TableForm, read_symbols};
 
 use diagnostic::Sink;
 use elaborate::{Elaborator, Named};

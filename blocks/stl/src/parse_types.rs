@@ -42,6 +42,11 @@ const SIMPLE: [(&str, DataType); 23] = [
     ("COUNTER", DataType::Counter),
 ];
 
+/// The type of one word, whatever its case.
+pub(crate) fn simple_type(word: &str) -> Option<DataType> {
+    SIMPLE.iter().find(|(name, _)| name.eq_ignore_ascii_case(word)).map(|(_, ty)| ty.clone())
+}
+
 impl Parser<'_, '_> {
     /// Declarations up to and with `end` (END_VAR, END_STRUCT).
     pub(crate) fn declarations(&mut self, end: &str, head: Span, depth: u32) -> Vec<Declaration> {

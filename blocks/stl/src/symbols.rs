@@ -14,12 +14,13 @@ use crate::world::{Symbolic, World};
 
 /// Reads the addresses of a symbol table. One that is none is kept as such and reported where it is used.
 pub(crate) fn read(symbols: &[Symbol], words: &Words) -> BTreeMap<String, Symbolic> {
-    let empty = World::default();
-    let resolver = Resolver::new(&empty, words, None);
-    symbols.iter().map(|s| (s.name.to_uppercase(), address(s, &resolver))).collect()
+    symbols.iter().map(|s| (s.name.to_uppercase(), address(s, words))).collect()
 }
 
-fn address(symbol: &Symbol, resolver: &Resolver<'_>) -> Symbolic {
+/// What a symbol stands for.
+pub(crate) fn address(symbol: &Symbol, words: &Words) -> Symbolic {
+    let empty = World::default();
+    let resolver = Resolver::new(&empty, words, None);
     // What is wrong with an address is said where the symbol is used, not here.
     let mut sink = Sink::new();
     let tokens = lexer::lex(0, &symbol.address, &mut sink);

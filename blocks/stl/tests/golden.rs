@@ -50,6 +50,53 @@ fn sources_give_what_is_expected() {
     }
 }
 
+/// What a symbol table gives: findings, then name, address and type.
+fn table_report(path: &Path) -> String {
+    let name = path.file_name().unwrap().to_str().unwrap();
+    let source = Source::new(name, std::fs::read(path).unwrap());
+    let table = ob1_stl::read_symbols(&source);
+    let findings: String = table.diagnostics.iter().map(|d| render(d, &source) + "\n").collect();
+    let ty = |s: &ob1_ir::Symbol| s.ty.as_ref().map_or("-", ob1_model::DataType::name);
+    let symbols = table.symbols.iter().map(|s| format!("{} = {} : {}\n", s.name, s.address, ty(s)));
+    findings + &symbols.collect::<String>()
+}
+
+fn tables() -> Vec<PathBuf> {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/symbols");
+    let mut all: Vec<PathBuf> = std::fs::read_dir(data).unwrap().map(|e| e.unwrap().path()).collect();
+    all.retain(|p| p.extension().is_some_and(|e| e != "expected"));
+    all.sort();
+    all
+}
+
+/// `project.sdf` to `project.sdf.expected`.
+fn table_expectation(path: &Path) -> PathBuf {
+    path.with_file_name(format!("{}.expected", path.file_name().unwrap().to_str().unwrap()))
+}
+
+#[test]
+fn symbol_tables_give_what_is_expected() {
+    let all = tables();
+    assert!(all.len() > 8);
+    for path in all {
+        check(&table_expectation(&path), &table_report(&path));
+    }
+}
+
+#[test]
+fn all_forms_of_a_table_give_the_same_symbols() {
+    let read = |name: &str| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/symbols").join(name);
+        ob1_stl::read_symbols(&Source::new(name, std::fs::read(path).unwrap())).symbols
+    };
+    let sdf = read("project.sdf");
+    assert_eq!(sdf.len(), 12);
+    assert_eq!(read("project.asc"), sdf);
+    assert_eq!(read("project.dif"), sdf);
+    let untyped: Vec<_> = sdf.into_iter().map(|s| ob1_ir::Symbol { ty: None, ..s }).collect();
+    assert_eq!(read("project.seq"), untyped);
+}
+
 #[test]
 fn the_manual_s_program_is_the_same_in_both_forms() {
     let editor = common::compile_one("manual.awl", include_bytes!("data/manual.awl"));
@@ -72,7 +119,8 @@ fn every_number_is_seen_in_an_expectation() {
     // Made only by sources too large to lie here; robust.rs makes them.
     let elsewhere = ["S0003", "S0213", "S0214"];
     let expected = |path: PathBuf| std::fs::read_to_string(path.with_extension("expected")).unwrap_or_default();
-    let all: String = sources().into_iter().map(expected).collect();
+    let table = |path: PathBuf| std::fs::read_to_string(table_expectation(&path)).unwrap_or_default();
+    let all: String = sources().into_iter().map(expected).chain(tables().into_iter().map(table)).collect();
     let unseen: Vec<_> = ob1_stl::codes::ALL.iter().map(|c| c.number).filter(|n| !all.contains(*n)).collect();
     assert_eq!(unseen, elsewhere);
 }

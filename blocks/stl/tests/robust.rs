@@ -112,6 +112,68 @@ proptest! {
     }
 }
 
+/// Reads bytes as a symbol table under each name, and holds what comes out against what is promised.
+fn check_table(bytes: &[u8]) {
+    for name in ["a.sdf", "a.asc", "a.seq", "a.dif", "a"] {
+        let table = ob1_stl::read_symbols(&Source::new(name, bytes));
+        let lines = bytes.iter().filter(|b| **b == b'\n').count() as u32 + 1;
+        assert!(table.diagnostics.iter().all(|d| (1..=lines).contains(&d.line) && d.column >= 1));
+        let options = Options { symbols: table.symbols.clone(), ..Options::default() };
+        let _ = compile(&[Source::new("a", *b"")], &Library::new(), &options);
+    }
+}
+
+const TABLES: [&[u8]; 4] = [
+    include_bytes!("symbols/project.sdf"),
+    include_bytes!("symbols/project.asc"),
+    include_bytes!("symbols/project.seq"),
+    include_bytes!("symbols/project.dif"),
+];
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn random_tables(bytes in proptest::collection::vec(prop_oneof![any::<u8>(), Just(b'"'), Just(b'\t'), Just(b'\n')], 0..600)) {
+        check_table(&bytes);
+    }
+
+    #[test]
+    fn mutated_tables(seed in 0..TABLES.len(), edits in proptest::collection::vec((any::<u32>(), any::<u8>(), 0u8..3), 1..10)) {
+        let mut bytes = TABLES[seed].to_vec();
+        for (at, byte, kind) in edits {
+            let at = at as usize % (bytes.len() + 1);
+            match kind {
+                0 => bytes.insert(at, byte),
+                1 => drop(bytes.drain(at..(at + usize::from(byte) / 8).min(bytes.len()))),
+                _ => bytes.splice(at..at, *b"\r\n\"").for_each(drop),
+            }
+        }
+        check_table(&bytes);
+    }
+}
+
+#[test]
+fn work_of_symbol_tables_grows_linearly() {
+    let forms: [(&str, fn(usize) -> String); 6] = [
+        ("a.sdf", |i| format!("\"s{i}\",\"M {}.0\",\"BOOL\",\"x\"\n", i % 1000)),
+        ("b.sdf", |i| format!("\"s\",\"M{i}\",\"BO\"\n")),
+        ("a.asc", |i| format!("126,{:<24}{:<12}{:<10}\n", format!("s{i}"), "M 1.0", "BOOL")),
+        ("a.seq", |i| format!("\tM 1.0\ts{i}\t\n")),
+        ("a.dif", |i| format!("-1,0\nBOT\n1,0\n\"s{i}\"\n1,0\n\"M 1.0\"\n1,0\n\"BOOL\"\n1,0\n\"\"\n")),
+        ("b.seq", |_| "\t".to_owned()),
+    ];
+    for (name, row) in forms {
+        let header = if name.ends_with("dif") { "TABLE\nDATA\n0,0\n\"\"\n" } else { "" };
+        let steps = |n: usize| {
+            let text = header.to_owned() + &(0..n).map(row).collect::<String>();
+            ob1_stl::read_symbols(&Source::new(name, text)).steps
+        };
+        let (small, large) = (steps(1_000), steps(4_000));
+        assert!(large <= small * 4 + 16, "{name}: {small} steps become {large}");
+    }
+}
+
 #[test]
 fn deep_nesting_ends_in_diagnostics_not_in_the_stack() {
     let frame = |inner: &str| format!("FUNCTION_BLOCK FB 1\nVAR\n{inner}\nEND_VAR\nBEGIN\nEND_FUNCTION_BLOCK\n");

@@ -1,0 +1,189 @@
+//! Symbol tables as STEP 7 exports them: four text formats, one row a symbol.
+//!
+//! The formats ["Programming with STEP 7", "File Formats for Importing/Exporting a Symbol Table"]: `.SDF` has four texts in
+//! quotes, `.ASC` records of 126 characters in fixed columns, `.SEQ` tabulated address, symbol and comment, `.DIF` tuples of
+//! typed cells. Each is CP1252 or UTF-8, addresses stand in either set of mnemonics, comments stay out.
+
+use std::collections::BTreeMap;
+
+use ob1_ir::Symbol;
+
+use crate::codes;
+use crate::diagnostic::{Diagnostic, Severity, Sink};
+use crate::mnemonics::Words;
+use crate::operand::width_of;
+use crate::parse_types::simple_type;
+use crate::source::Source;
+use crate::symbol_rows::{self, Row};
+use crate::symbols;
+use crate::world::Symbolic;
+
+/// The form of a symbol table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TableForm {
+    /// `"name","M 1.0","BOOL","comment"`.
+    Sdf,
+    /// `126,name  M  1.0  BOOL  comment` in columns of 24, 12, 10 and 80 characters.
+    Asc,
+    /// Tab, address, tab, name, tab, comment; no types.
+    Seq,
+    /// Data interchange format: header, then tuples of four texts.
+    Dif,
+}
+
+impl TableForm {
+    /// The form a file name's extension says.
+    #[must_use]
+    pub fn of_name(name: &str) -> Option<Self> {
+        let (_, extension) = name.rsplit_once('.')?;
+        Some(match extension.to_ascii_uppercase().as_str() {
+            "SDF" => TableForm::Sdf,
+            "ASC" => TableForm::Asc,
+            "SEQ" => TableForm::Seq,
+            "DIF" => TableForm::Dif,
+            _ => return None,
+        })
+    }
+
+    /// The form the first line that is not empty looks like.
+    #[must_use]
+    pub fn of_text(text: &str) -> Option<Self> {
+        let first = text.lines().find(|l| !l.trim().is_empty())?;
+        let trimmed = first.trim();
+        Some(match () {
+            () if trimmed == "TABLE" => TableForm::Dif,
+            () if first.starts_with("126,") => TableForm::Asc,
+            () if trimmed.starts_with('"') => TableForm::Sdf,
+            () if first.contains('\t') => TableForm::Seq,
+            () => return None,
+        })
+    }
+
+    /// The extension, in capitals.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            TableForm::Sdf => "SDF",
+            TableForm::Asc => "ASC",
+            TableForm::Seq => "SEQ",
+            TableForm::Dif => "DIF",
+        }
+    }
+}
+
+/// A symbol table that was read.
+#[derive(Clone, Debug)]
+pub struct SymbolTable {
+    /// Its symbols in their order; rows with a mistake are left out.
+    pub symbols: Vec<Symbol>,
+    /// What was found. [`Diagnostic::source`] is 0: the one file given.
+    pub diagnostics: Vec<Diagnostic>,
+    /// Elementary steps of work done: grows linearly with the input.
+    pub steps: u64,
+}
+
+impl SymbolTable {
+    /// True when there is no error.
+    #[must_use]
+    pub fn is_good(&self) -> bool {
+        self.diagnostics.iter().all(|d| d.severity != Severity::Error)
+    }
+}
+
+/// The longest table, in bytes of text.
+const LONGEST_TABLE: usize = 64 << 20;
+
+/// Reads a symbol table. Its form is that of the name's extension, held against what the first line looks like; where the
+/// extension says nothing, that of the first line.
+#[must_use]
+pub fn read_symbols(source: &Source) -> SymbolTable {
+    let mut sink = Sink::new();
+    let text = source.text();
+    let mut symbols = Vec::new();
+    if text.len() > LONGEST_TABLE {
+        let message = format!("the symbol table has {} bytes", text.len());
+        sink.report(0, crate::token::Span::default(), &codes::SOURCE_TOO_LONG, message);
+    } else if let Some(form) = form(&source.name, &text, &mut sink) {
+        symbols = table(form, &text, &mut sink);
+    }
+    let steps = sink.steps;
+    SymbolTable { symbols, diagnostics: sink.finish(&[&text]), steps }
+}
+
+fn form(name: &str, text: &str, sink: &mut Sink) -> Option<TableForm> {
+    if text.trim().is_empty() {
+        return None;
+    }
+    let message = match (TableForm::of_name(name), TableForm::of_text(text)) {
+        (Some(said), Some(looks)) if said != looks => {
+            format!("the file is named .{} and looks like {}", said.name(), looks.name())
+        }
+        // A first row with a mistake is reported as such.
+        (said, looks) if said.or(looks).is_some() => return said.or(looks),
+        _ => "the file is no symbol table: its first line fits none of SDF, ASC, SEQ, DIF".to_owned(),
+    };
+    sink.report(0, crate::token::Span { start: 0, end: 1 }, &codes::TABLE_FORM, message);
+    None
+}
+
+fn table(form: TableForm, text: &str, sink: &mut Sink) -> Vec<Symbol> {
+    let rows = match form {
+        TableForm::Sdf => symbol_rows::sdf(text, sink),
+        TableForm::Asc => symbol_rows::asc(text, sink),
+        TableForm::Seq => symbol_rows::seq(text, sink),
+        TableForm::Dif => symbol_rows::dif(text, sink),
+    };
+    let words = Words::of_both();
+    let mut names = BTreeMap::new();
+    let mut symbols = Vec::with_capacity(rows.len());
+    for row in &rows {
+        sink.steps += 1;
+        let Some(symbol) = symbol(row, &words, sink) else { continue };
+        if names.insert(symbol.name.to_uppercase(), ()).is_some() {
+            let message = format!("the symbol {} is there twice; the first one counts", symbol.name);
+            sink.report(0, row.span, &codes::SYMBOL_TWICE, message);
+            continue;
+        }
+        symbols.push(symbol);
+    }
+    symbols
+}
+
+/// One row. `None` when it names nothing a program can use, or has a mistake (reported).
+fn symbol(row: &Row, words: &Words, sink: &mut Sink) -> Option<Symbol> {
+    let (name, address) = (row.name.trim(), row.address.split_whitespace().collect::<Vec<_>>().join(" "));
+    // A row of blanks carries a comment only; a VAT is a table of variables for the programming device.
+    let is_table = address.get(..3).is_some_and(|w| w.eq_ignore_ascii_case("VAT"));
+    if is_table || (name.is_empty() && address.is_empty()) {
+        return None;
+    }
+    if name.is_empty() || name.contains('"') {
+        sink.report(0, row.span, &codes::TABLE_ROW, format!("the address {} has no usable name", clip(&address)));
+        return None;
+    }
+    let mut symbol = Symbol { name: name.to_owned(), address, ty: None };
+    let found = symbols::address(&symbol, words);
+    let width = match &found {
+        Symbolic::Unknown(_) => {
+            let message = format!("{} of {} is no address", clip(&symbol.address), clip(name));
+            sink.report(0, row.span, &codes::TABLE_ADDRESS, message);
+            return None;
+        }
+        Symbolic::Memory(operand, _) => Some(operand.width),
+        _ => None,
+    };
+    let ty = simple_type(row.ty.trim()).filter(|ty| ty.elementary_bits().is_some());
+    if let (Some(width), false) = (width, row.ty.trim().is_empty()) {
+        if ty.as_ref().and_then(width_of) == Some(width) {
+            symbol.ty = ty;
+        } else {
+            let message = format!("the type {} of {} does not fit {}", clip(&row.ty), clip(name), symbol.address);
+            sink.report(0, row.span, &codes::TABLE_TYPE, message);
+        }
+    }
+    Some(symbol)
+}
+
+fn clip(text: &str) -> String {
+    text.trim().chars().take(40).collect()
+}
