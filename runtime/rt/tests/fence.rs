@@ -1,5 +1,9 @@
 //! The fence kills: shown in a child process, which is this test binary again, told by a variable what to try.
-#![expect(clippy::disallowed_types, clippy::disallowed_methods, reason = "what kills a process is tried in another one")]
+#![expect(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "what kills a process is tried in another one"
+)]
 
 use std::io::Write as _;
 use std::os::unix::process::ExitStatusExt as _;
