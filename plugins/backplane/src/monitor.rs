@@ -89,11 +89,12 @@ impl Monitor {
     /// it writes in the driver's place.
     pub fn driver_gone(&self) {
         let cells = self.cells();
+        // Before the registers: who sees their zeros no longer sees a driver.
+        cells.cp.state.store(DriverState::Absent.to_word(), Ordering::Release);
         cells.inputs.registers.write([0; crate::cells::IO_WORDS].into_iter());
         cells.doorbell.sleeping.store(0, Ordering::Relaxed);
         cells.cp.leds.store(0, Ordering::Relaxed);
         cells.cp.modem_inputs.store(0, Ordering::Relaxed);
         book_lost(&cells.counters);
-        cells.cp.state.store(DriverState::Absent.to_word(), Ordering::Release);
     }
 }

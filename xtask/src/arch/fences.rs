@@ -128,6 +128,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("driver/params", ALL),
     ("driver/protocols", ALL),
     ("examples/rust-blocks", ALL),
+    ("examples/rust-ob1", ALL),
     ("plugins/abi", ALL),
     ("plugins/cp240", ALL),
     ("plugins/sdk", ALL),
