@@ -11,6 +11,7 @@ use crate::lower::{Lowerer, called, fixed};
 use crate::mnemonics::BlockWord;
 use crate::operand::{Value, width_of, with_article};
 use crate::parser::unquote;
+use crate::reach::Reached;
 use crate::reader::Reader;
 use crate::syntax::{Actual, Statement};
 use crate::token::{Kind, Span};
@@ -176,16 +177,25 @@ impl<'l> Lowerer<'l, '_> {
             let message = format!("{} of {id} is written to, a constant takes nothing from it", formal.name);
             reader.report(span, &codes::CONSTANT_FOR_OUTPUT, message);
         }
+        let value = match self.reached(formal, value, id.kind.has_instance(), span)? {
+            Reached::Arg(arg) => return Some(arg),
+            Reached::Value(value) => value,
+        };
         match fit(formal, value, id.kind.has_instance()) {
             Ok(arg) => Some(arg),
             Err(Misfit::Type(described)) => {
                 let message =
                     format!("{} of {id} is {}, this is {described}", formal.name, with_article(formal.ty.name()));
-                reader.report(span, &codes::PARAMETER_TYPE, message);
+                self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
                 None
             }
             Err(Misfit::Constant(message)) => {
-                reader.report(span, &codes::CONSTANT_TYPE, format!("{} of {id}: {message}", formal.name));
+                self.sink.report(
+                    self.index,
+                    span,
+                    &codes::CONSTANT_TYPE,
+                    format!("{} of {id}: {message}", formal.name),
+                );
                 None
             }
         }
@@ -334,7 +344,7 @@ fn pointer_to(ty: &DataType, operand: Operand, actual: Option<&DataType>) -> Opt
 }
 
 /// Type code and number of elements of an ANY to an operand; composed variables count in bytes.
-fn any_length(operand: Operand, actual: Option<&DataType>) -> (u8, u16) {
+pub(crate) fn any_length(operand: Operand, actual: Option<&DataType>) -> (u8, u16) {
     use crate::constant::ANY_TYPES;
     if let Some(code) = actual
         .filter(|ty| ty.elementary_bits().is_some())
@@ -354,7 +364,7 @@ fn any_length(operand: Operand, actual: Option<&DataType>) -> (u8, u16) {
 }
 
 /// True for types that mean the same bytes: names and start values do not count, the length of a STRING neither.
-fn same_layout(a: &DataType, b: &DataType) -> bool {
+pub(crate) fn same_layout(a: &DataType, b: &DataType) -> bool {
     match (a, b) {
         (DataType::Struct(a), DataType::Struct(b)) => {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same_layout(&a.ty, &b.ty))

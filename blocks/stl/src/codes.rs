@@ -175,6 +175,18 @@ codes! {
         "What the block gives is lost; supply an operand.";
     INSTANCE_MADE = "S0902", Lint, "An instance data block is in no source and is made with start values.",
         "Nothing, or declare it: DATA_BLOCK DB 50 FB 8 BEGIN END_DATA_BLOCK.";
+    OUTPUT_UNASSIGNED = "S0903", Lint, "An output of a function is not assigned on every path.",
+        "Assign it at the function's begin: outputs of an FC have no memory, a path around them leaves what was there before.";
+    MEMORY_OVERLAP = "S0904", Lint, "Bit memory is used under widths that overlap.",
+        "Where it is not meant, move one of them: MW 10 is MB 10 and MB 11, MD 10 reaches to MB 13.";
+    ACCU_LOST = "S0905", Lint, "An accumulator is used after a call that has changed it.",
+        "Keep the value in a temp over the call, or hand the result over as a parameter.";
+    BR_MISUSED = "S0906", Lint, "BR (BIE) is overwritten before it is asked for, or asked for though nothing has set it.",
+        "SAVE directly before the block's end; a block whose ENO is asked for sets BR on every path: SET, SAVE.";
+    INPUT_WRITTEN = "S0907", Lint, "An input parameter is written to.",
+        "Copy the input into a temp and change that, or declare an in/out.";
+    UNUSED_LABEL = "S0908", Lint, "Nothing jumps to a label.",
+        "Remove the label, or look for the jump that is missing.";
 }
 
 /// The page `docs/stl-errors.md`.

@@ -33,6 +33,12 @@ pub(crate) enum Constant {
     /// Characters in CP1252.
     Text(Vec<u8>),
     Pointer(PointerConstant),
+    /// `P##name` of a function's own parameter of the type POINTER (6 bytes) or ANY (10): a pointer to a copy in the local
+    /// data, since the caller's bytes have no address here.
+    ToParam {
+        index: u16,
+        bytes: u8,
+    },
 }
 
 /// `P#12.0`, `P#M 3.0`, `P#DB10.DBX0.0 BYTE 12`.
@@ -223,6 +229,7 @@ impl Constant {
             Constant::Pointer(_) => return Err("L takes a pointer without data block and length: P#DBX 0.0".into()),
             Constant::Bool(_) => return Err("a truth value cannot be loaded; use SET or CLR".into()),
             Constant::DateTime(_) => return Err("a date and time has 8 bytes and cannot be loaded".into()),
+            Constant::ToParam { .. } => return Err("a pointer to a parameter is for L and LAR1 alone".into()),
         })
     }
 

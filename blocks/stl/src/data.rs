@@ -25,9 +25,9 @@ impl Elaborator<'_> {
             return;
         };
         let Some(resolved) = self.ty(block.file, shape, 0) else { return };
-        let data = match resolved.fb {
-            Some(fb) => instance_data(&self.world, fb),
-            None => global_data(&resolved.ty),
+        let data = match (resolved.fb, &resolved.ty) {
+            (Some(fb), DataType::Struct(_)) => instance_data(&self.world, fb),
+            (_, ty) => global_data(ty),
         };
         let Some(mut data) = data else {
             self.sink.report(block.file, shape.span, &codes::NO_STRUCTURE, "a data block is made of a structure");

@@ -16,10 +16,16 @@ mod constant;
 mod data;
 mod diagnostic;
 mod elaborate;
+mod expand;
 mod initial;
 mod jumps;
 mod lexer;
 mod library;
+mod lint_accu;
+mod lint_br;
+mod lint_memory;
+mod lint_paths;
+mod lints;
 mod literal;
 mod lower;
 mod mnemonics;
@@ -28,6 +34,7 @@ mod parse_code;
 mod parse_types;
 mod parser;
 mod path;
+mod reach;
 mod reader;
 mod source;
 mod symbol_rows;
@@ -105,7 +112,11 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     let mut elaborator = Elaborator::new(&files, &blocks, &sets, library, symbols, &mut sink);
     elaborator.run();
     let (mut world, names) = (elaborator.world, elaborator.names);
-    let code = lower_all(&files, &blocks, &names, &world, &sets, &mut sink);
+    let mut whole = options.lints.then(lints::Whole::default);
+    let code = lower_all(&files, &blocks, &names, &world, &sets, whole.as_mut(), &mut sink);
+    if let Some(whole) = whole {
+        whole.finish(&mut sink);
+    }
     let mut program = Program {
         blocks: code.0,
         data: Vec::new(),
@@ -149,6 +160,7 @@ fn lower_all(
     names: &[Option<Named>],
     world: &World,
     sets: &Sets,
+    lints: Option<&mut lints::Whole>,
     sink: &mut Sink,
 ) -> Lowered {
     let ids: Vec<Option<BlockId>> =
@@ -160,16 +172,16 @@ fn lower_all(
             labels.entry(file.of(*label)).or_insert(*id);
         }
     }
-    let lowering = lower::Names { world, sets, labels: &labels };
+    let names = lower::Names { world, sets, labels: &labels };
     let mut code = Vec::new();
-    let mut wanted = BTreeMap::new();
+    let mut found = lower::Found { wanted: BTreeMap::new(), lints };
     for (block, id) in blocks.iter().zip(&ids) {
         let (Some(file), Some(id)) = (files.get(block.file), id) else { continue };
         if id.kind != ob1_model::BlockKind::Db {
-            code.extend(lower::lower(*id, block, file, &lowering, &mut wanted, sink));
+            code.extend(lower::lower(*id, block, file, &names, &mut found, sink));
         }
     }
-    (code, wanted)
+    (code, found.wanted)
 }
 
 fn data_block(number: u16, data: Data) -> DataBlock {

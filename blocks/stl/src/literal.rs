@@ -1,7 +1,7 @@
 //! Constants in operands: signs, byte lists, and what `P#` points to.
 
-use ob1_ir::{Place, Width};
-use ob1_model::Area;
+use ob1_ir::{Operand, Place, Width};
+use ob1_model::{Area, DataType};
 
 use crate::address::bit_address;
 use crate::codes;
@@ -39,6 +39,9 @@ impl Resolver<'_> {
             }
             Some((Kind::PointerSign, _)) if !negative => {
                 reader.next();
+                if let Some(name) = reader.eat(Kind::Local) {
+                    return self.pointer_to_local(reader, unquote(reader.text(name)), span);
+                }
                 return self.pointer(reader, span).map(Constant::Pointer);
             }
             Some((Kind::Word, text)) if !negative && text.eq_ignore_ascii_case("TRUE") => {
@@ -92,10 +95,6 @@ impl Resolver<'_> {
                 let Some(at) = bit_address(reader.text(token)) else { return wrong(reader) };
                 return Some(PointerConstant { area: None, at, db, any: None });
             }
-            Kind::Local => {
-                reader.next();
-                return self.pointer_to_local(reader, unquote(reader.text(token)), span);
-            }
             Kind::Word => {}
             _ => return wrong(reader),
         }
@@ -138,22 +137,31 @@ impl Resolver<'_> {
     }
 
     /// `P##name`: a pointer to a variable of this block.
-    fn pointer_to_local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<PointerConstant> {
-        let Value::Memory { operand, .. } = self.local(reader, name, span)? else {
-            reader.report(span, &codes::POINTER, "P## takes a variable");
-            return None;
-        };
-        match operand.place {
-            Place::Fixed(area, at) => Some(PointerConstant { area: Some(area), at, db: 0, any: None }),
-            Place::Instance(at) => Some(PointerConstant { area: Some(Area::Di), at, db: 0, any: None }),
-            _ => {
-                reader.report(
-                    span,
-                    &codes::NOT_SUPPORTED,
-                    "a pointer to a parameter of a function is not supported yet",
-                );
-                None
+    fn pointer_to_local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Constant> {
+        let value = self.local(reader, name, span)?;
+        let (area, at) = match value {
+            Value::Memory { operand: Operand { place: Place::Fixed(area, at), .. }, .. } => (area, at),
+            Value::Memory { operand: Operand { place: Place::Instance(at), .. }, .. } | Value::Instance(_, at) => {
+                (Area::Di, at)
             }
-        }
+            // The instance has a POINTER in its place; that is what P## of it points to.
+            Value::Through { pointer, whole: true, .. } => (Area::Di, pointer),
+            Value::Memory { operand: Operand { place: Place::Param { index, .. }, .. }, ty: Some(ty) }
+                if matches!(ty, DataType::Pointer | DataType::Any) =>
+            {
+                return Some(Constant::ToParam { index, bytes: if *ty == DataType::Any { 10 } else { 6 } });
+            }
+            Value::Memory { .. } | Value::Through { .. } => {
+                let message = "where this lies is known at run time only; P## takes POINTER and ANY parameters of functions, \
+                               temps and instance data";
+                reader.report(span, &codes::NOT_SUPPORTED, message);
+                return None;
+            }
+            _ => {
+                reader.report(span, &codes::POINTER, "P## takes a variable");
+                return None;
+            }
+        };
+        Some(Constant::Pointer(PointerConstant { area: Some(area), at, db: 0, any: None }))
     }
 }

@@ -2,13 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use ob1_ir::{BitTest, CodeBlock, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width};
-use ob1_model::{Area, BlockId, DataType};
+use ob1_ir::{AddressRegister, BitTest, CodeBlock, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width};
+use ob1_model::{Area, BitAddr, BlockId, DataType};
 
 use crate::codes;
 use crate::constant::Constant;
 use crate::diagnostic::Sink;
+use crate::elaborate::LONGEST;
+use crate::expand::{self, Around, Hidden};
 use crate::jumps::Labels;
+use crate::lints::Whole;
 use crate::mnemonics::{BlockWord, Row, Sets, Shape};
 use crate::operand::{Resolver, Value};
 use crate::reader::Reader;
@@ -24,6 +27,14 @@ pub(crate) struct Names<'n> {
     pub(crate) labels: &'n BTreeMap<&'n str, BlockId>,
 }
 
+/// What is found while blocks are lowered.
+pub(crate) struct Found<'f> {
+    /// Instance data blocks that calls name and no source declares, with their FB.
+    pub(crate) wanted: BTreeMap<u16, BlockId>,
+    /// Where traps are looked for, what concerns several blocks.
+    pub(crate) lints: Option<&'f mut Whole>,
+}
+
 /// What one block's statements are lowered with.
 pub(crate) struct Lowerer<'l, 's> {
     pub(crate) resolver: Resolver<'l>,
@@ -32,31 +43,52 @@ pub(crate) struct Lowerer<'l, 's> {
     pub(crate) sink: &'l mut Sink,
     /// Instance data blocks that calls name and no source declares, with their FB.
     pub(crate) wanted: &'l mut BTreeMap<u16, BlockId>,
+    pub(crate) hidden: Hidden,
+    /// What the present statement needs before and after itself.
+    pub(crate) around: Around,
 }
 
-/// Lowers a block's statements. Every statement becomes exactly one operation, wrong ones `Nop`, so that jump targets are
-/// statement indices.
+/// Lowers a block's statements. Every statement first becomes exactly one operation, wrong ones `Nop`, so that jump targets are
+/// statement indices; what some need around them is put in at the end.
 pub(crate) fn lower(
     id: BlockId,
     block: &Block,
     file: &File<'_>,
     names: &Names<'_>,
-    wanted: &mut BTreeMap<u16, BlockId>,
+    found: &mut Found<'_>,
     sink: &mut Sink,
 ) -> Option<CodeBlock> {
     let Names { world, sets, labels: elsewhere } = *names;
     let info = world.blocks.get(&id)?;
     let labels = Labels::collect(block, file, elsewhere, sink);
     let resolver = Resolver::new(world, sets.of(block.file), Some((id.kind, info)));
-    let mut lowerer = Lowerer { resolver, file, index: block.file, sink, wanted };
+    let hidden = Hidden::default();
+    let wanted = &mut found.wanted;
+    let mut lowerer = Lowerer { resolver, file, index: block.file, sink, wanted, hidden, around: Around::default() };
     let mut code = Vec::with_capacity(block.statements.len());
-    for statement in &block.statements {
+    let mut around = BTreeMap::new();
+    for (at, statement) in (0u32..).zip(&block.statements) {
+        lowerer.hidden.next_statement();
+        lowerer.around = Around::default();
         let op = lowerer.statement(statement, &labels).unwrap_or(Op::Nop);
+        if op != Op::Nop && !lowerer.around.is_empty() {
+            around.insert(at, std::mem::take(&mut lowerer.around));
+        }
         code.push(Stmt { op, network: statement.network, line: statement.line });
     }
+    let hidden = lowerer.hidden;
     crate::jumps::jump_lists(block, &mut code, sink);
     crate::brackets::check(block, &code, sink);
+    if let Some(lints) = &mut found.lints {
+        lints.block(id, block, info, &code, file, sink);
+    }
     let mut interface = info.interface.clone();
+    let own = interface.temp_bytes.max(local_bytes(&code)).next_multiple_of(2);
+    if own + hidden.bytes() > LONGEST {
+        sink.report(block.file, block.span, &codes::TOO_LONG, format!("the local data is longer than {LONGEST} bytes"));
+        return None;
+    }
+    let code = expand::expand(code, around, &hidden, own);
     interface.temp_bytes = interface.temp_bytes.max(local_bytes(&code));
     let name = block.header_name.clone();
     Some(CodeBlock { id, name, interface, code, source: block.file as u32 })
@@ -82,8 +114,24 @@ impl Lowerer<'_, '_> {
         }
         let resolver = self.resolver;
         let mut reader = self.reader(statement.operand.clone(), statement.span);
-        let op = operation(resolver, &mut reader, row, statement.span)?;
-        reader.finish(&codes::TOO_MUCH).then_some(op)
+        let mut around = Around::default();
+        let op = operation(resolver, &mut reader, row, statement.span, &mut around)?;
+        let complete = reader.finish(&codes::TOO_MUCH);
+        let op = self.pointing(op, &mut around);
+        self.around = around;
+        complete.then_some(op)
+    }
+
+    /// `L P##name` and `LAR1 P##name` of a function's parameter point to a copy in the hidden local data.
+    fn pointing(&mut self, op: Lowered, around: &mut Around) -> Op {
+        match op {
+            Lowered::Op(op) => op,
+            Lowered::LoadPointer(register, index, bytes) => {
+                around.points = true;
+                let pointer = expand::copy_param(&mut self.hidden, index, bytes, &mut around.before);
+                register.map_or(Op::LoadConst(pointer), |r| Op::LoadArConst(r, pointer))
+            }
+        }
     }
 
     fn target(&mut self, statement: &Statement, labels: &Labels<'_>) -> Option<u32> {
@@ -99,26 +147,56 @@ impl Lowerer<'_, '_> {
     }
 }
 
+/// What a statement becomes.
+enum Lowered {
+    Op(Op),
+    /// The pointer to the copy of a parameter, into ACCU1 or an address register.
+    LoadPointer(Option<AddressRegister>, u16, u8),
+}
+
 /// Everything but calls and jumps.
-fn operation(resolver: Resolver<'_>, reader: &mut Reader<'_, '_>, row: &Row, head: Span) -> Option<Op> {
+fn operation(
+    resolver: Resolver<'_>,
+    reader: &mut Reader<'_, '_>,
+    row: &Row,
+    head: Span,
+    around: &mut Around,
+) -> Option<Lowered> {
     if let Shape::Plain(op) = &row.shape {
-        return Some(op.clone());
+        return Some(Lowered::Op(op.clone()));
     }
     if reader.is_empty()
         && let Some(op) = without_operand(&row.shape)
     {
-        return Some(op);
+        return Some(Lowered::Op(op));
     }
     match &row.shape {
         Shape::AddConst | Shape::Increment | Shape::Decrement | Shape::Shift(..) | Shape::Numbered => {
-            return counted(resolver, reader, &row.shape);
+            return counted(resolver, reader, &row.shape).map(Lowered::Op);
         }
         _ => {}
     }
     let span = reader.rest();
-    let value = resolver.operand(reader)?;
+    let value = match (resolver.operand(reader)?, &row.shape) {
+        (Value::Constant(Constant::ToParam { index, bytes }), Shape::Load) => {
+            return Some(Lowered::LoadPointer(None, index, bytes));
+        }
+        (Value::Constant(Constant::ToParam { index, bytes }), Shape::LoadAr(register)) => {
+            return Some(Lowered::LoadPointer(Some(*register), index, bytes));
+        }
+        (Value::Through { .. }, Shape::TransferAr(AddressRegister::Ar1)) => {
+            let message = "AR1 is needed to reach this, and lost; TAR1 into a temp first";
+            reader.report(span, &codes::NOT_SUPPORTED, message);
+            return None;
+        }
+        (Value::Through { pointer, operand, ty, .. }, _) => {
+            around.before.extend(expand::open(pointer));
+            Value::Memory { operand, ty: Some(ty) }
+        }
+        (value, _) => value,
+    };
     match with_operand(&row.shape, value.clone()) {
-        Ok(op) => Some(op),
+        Ok(op) => Some(Lowered::Op(op)),
         Err(Wrong::Operand) => {
             let mnemonic = reader.file.slice(head);
             let message = format!("{mnemonic} takes {}, this is {}", takes(&row.shape), value.describe());
@@ -295,7 +373,9 @@ fn local_bytes(code: &[Stmt]) -> u32 {
     let mut bytes = 0;
     for stmt in code {
         stmt.op.places(&mut |place, width| {
-            if let Place::Fixed(Area::Local, at) = place {
+            if let Place::Fixed(Area::Local, at) = place
+                && at.byte() <= BitAddr::MAX_BYTE
+            {
                 bytes = bytes.max(at.byte() + width.bytes());
             }
         });

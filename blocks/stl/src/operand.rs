@@ -31,13 +31,23 @@ pub(crate) enum Value<'w> {
     Constant(Constant),
     /// A multi-instance: its FB and where it lies within the caller's instance.
     Instance(BlockId, BitAddr),
+    /// A composed in/out of a function block, or a component of one. The instance keeps a POINTER to it: the operand
+    /// is `[AR1,P#offset]` once the data block is open and AR1 loaded ([`crate::expand`]).
+    Through {
+        /// Where the POINTER lies in the instance.
+        pointer: BitAddr,
+        operand: Operand,
+        ty: &'w DataType,
+        /// The parameter itself, not a component.
+        whole: bool,
+    },
 }
 
 impl Value<'_> {
     /// What it is, for messages.
     pub(crate) fn describe(&self) -> String {
         match self {
-            Value::Memory { ty: Some(ty), .. } => with_article(ty.name()),
+            Value::Memory { ty: Some(ty), .. } | Value::Through { ty, .. } => with_article(ty.name()),
             Value::Memory { operand, .. } => match operand.width {
                 Width::Bit => "a bit".into(),
                 Width::Byte => "a byte".into(),
@@ -334,10 +344,8 @@ impl<'w> Resolver<'w> {
             return None;
         };
         let param = info.interface.params.get(index)?;
-        if let Some(fb) = info.instances.get(&index)
-            && !matches!(reader.peek_kind(), Some(Kind::Dot))
-        {
-            return Some(Value::Instance(*fb, param.at));
+        if let Some(fb) = info.instances.get(&index) {
+            return self.instance(reader, *fb, &param.ty, param.at);
         }
         let in_instance = kind.has_instance();
         let formal = info.formal(index);
@@ -351,11 +359,12 @@ impl<'w> Resolver<'w> {
                 _ => Value::Block(BlockWord::Db, number),
             });
         }
-        let by_pointer = in_instance && param.is_pointer();
-        if by_pointer && matches!(reader.peek_kind(), Some(Kind::Dot | Kind::LeftBracket)) {
-            let message = "components of a composed in/out of a function block cannot be named yet";
-            reader.report(span, &codes::NOT_SUPPORTED, message);
-            return None;
+        if in_instance && param.is_pointer() {
+            let whole = !matches!(reader.peek_kind(), Some(Kind::Dot | Kind::LeftBracket));
+            let (ty, at) = path::follow(reader, &self.world.fields, &param.ty, BitAddr(0))?;
+            let place = Place::Register(None, AddressRegister::Ar1, at);
+            let operand = Operand { width: width_of(ty).unwrap_or(Width::Byte), place };
+            return Some(Value::Through { pointer: param.at, operand, ty, whole });
         }
         let base = if param.section == Section::Temp || in_instance { param.at } else { BitAddr(0) };
         let (ty, at) = path::follow(reader, &self.world.fields, &param.ty, base)?;
@@ -367,5 +376,25 @@ impl<'w> Resolver<'w> {
         };
         let width = width_of(ty).unwrap_or(Width::Byte);
         Some(Value::Memory { operand: Operand { width, place }, ty: Some(ty) })
+    }
+
+    /// What `#pump` or `#pumps[2]` names: an instance, or with a component behind it a place within one.
+    fn instance(
+        &self,
+        reader: &mut Reader<'_, '_>,
+        fb: BlockId,
+        declared: &'w DataType,
+        base: BitAddr,
+    ) -> Option<Value<'w>> {
+        let mut one = declared;
+        while let DataType::Array(_, element) = one {
+            one = element;
+        }
+        let (ty, at) = path::follow(reader, &self.world.fields, declared, base)?;
+        if std::ptr::eq(ty, one) {
+            return Some(Value::Instance(fb, at));
+        }
+        let operand = Operand { width: width_of(ty).unwrap_or(Width::Byte), place: Place::Instance(at) };
+        Some(Value::Memory { operand, ty: Some(ty) })
     }
 }

@@ -64,7 +64,7 @@ impl Elaborator<'_> {
             self.too_long(file, span, "the array");
             return None;
         }
-        Some(Resolved { ty: DataType::Array(dims, Box::new(inner.ty)), fb: None, depth: inner.depth + 1 })
+        Some(Resolved { ty: DataType::Array(dims, Box::new(inner.ty)), fb: inner.fb, depth: inner.depth + 1 })
     }
 
     /// The components of a structure. `None` when one has a mistake: the layout of the others would be wrong.

@@ -5,7 +5,9 @@ mod common;
 use ob1_stl::{Library, Options, Output, Severity, Source, compile, render};
 use proptest::prelude::*;
 
-const SEEDS: [&[u8]; 7] = [
+const SEEDS: [&[u8]; 9] = [
+    include_bytes!("data/pointers.awl"),
+    include_bytes!("data/lints_traps.awl"),
     include_bytes!("data/manual.awl"),
     include_bytes!("data/manual_mbus.awl"),
     include_bytes!("data/manual_enocean.awl"),
@@ -62,7 +64,8 @@ const WORDS: [&str; 40] = [
 /// Compiles, and holds what comes out against what is promised.
 fn check(bytes: &[u8]) -> Output {
     let source = Source::new("any.awl", bytes);
-    let output = common::compile_one("any.awl", bytes);
+    // With all lints.
+    let output = common::compile_one("lints_any.awl", bytes);
     let library = common::library();
     let verified = ob1_ir::verify(&output.program, &|id| library.get(id).map(|b| &b.interface));
     assert_eq!(verified, Ok(()));
@@ -155,7 +158,8 @@ proptest! {
 
 #[test]
 fn work_of_symbol_tables_grows_linearly() {
-    let forms: [(&str, fn(usize) -> String); 6] = [
+    type RowOf = fn(usize) -> String;
+    let forms: [(&str, RowOf); 6] = [
         ("a.sdf", |i| format!("\"s{i}\",\"M {}.0\",\"BOOL\",\"x\"\n", i % 1000)),
         ("b.sdf", |i| format!("\"s\",\"M{i}\",\"BO\"\n")),
         ("a.asc", |i| format!("126,{:<24}{:<12}{:<10}\n", format!("s{i}"), "M 1.0", "BOOL")),
@@ -266,6 +270,20 @@ fn forms(n: usize) -> Vec<(&'static str, String)> {
                 numbered(&|i| format!("w{i}, "))
             ),
         ),
+        (
+            "memory under all widths",
+            ob(numbered(&|i| {
+                format!("U M {}.0;\nL MW {};\nL MD {};\nT MW {};\n", i % 60_000, i * 7 % 60_000, i * 3 % 60_000, i % 9)
+            })),
+        ),
+        (
+            "outputs on many paths",
+            format!(
+                "FUNCTION FC 50 : INT\nVAR_OUTPUT\na, b : INT;\nEND_VAR\nBEGIN\n{}END_FUNCTION\n",
+                numbered(&|i| format!("l{i}: T #a;\nSPB l{};\nT #b;\nLOOP l{i};\n", (i + 1) % n))
+            ),
+        ),
+        ("calls and BR", ob("SAVE;\nCALL FC 9 (ADR := 0);\nU BIE;\nT MW 2;\n".repeat(n))),
         ("open strings", "\"".repeat(n) + &"'\n".repeat(n)),
         ("stray", "~ ".repeat(n)),
         ("ends", "END_FUNCTION\n".repeat(n)),

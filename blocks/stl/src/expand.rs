@@ -1,0 +1,244 @@
+//! Statements that need more than one operation: what STEP 7 puts before and after a statement to reach what has no address of
+//! its own, and the hidden local data it does that with.
+//!
+//! A composed in/out of a function block lies in the instance as a POINTER. To reach a component, STEP 7 opens the data block the
+//! POINTER names and loads AR1 from it, so that the DB register and AR1 are changed by such a statement; so do we. An ANY or
+//! POINTER to instance data is put together at run time from DINO and AR2, in the local data; ACCU1 and ACCU2 are changed
+//! by such a call, as by any CALL of STEP 7.
+
+use std::collections::BTreeMap;
+
+use ob1_ir::{AddressRegister, Arg, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width, WordLogic};
+use ob1_model::{Area, BitAddr};
+
+/// The operations that one statement becomes: those before, itself, those after.
+#[derive(Debug, Default)]
+pub(crate) struct Around {
+    pub(crate) before: Vec<Op>,
+    pub(crate) after: Vec<Op>,
+    /// The statement's own constant is a pointer into the hidden local data.
+    pub(crate) points: bool,
+    /// The POINTER that AR1 and the DB register must come from when the statement itself begins.
+    pub(crate) reached: Option<BitAddr>,
+}
+
+impl Around {
+    pub(crate) fn is_empty(&self) -> bool {
+        self.before.is_empty() && self.after.is_empty() && self.reached.is_none() && !self.points
+    }
+}
+
+/// Where hidden local data lies until it is known how much the block itself uses: beyond every address a source can write.
+const KEPT: u32 = 0x1_0000;
+/// Likewise what one statement uses alone.
+const SHARED: u32 = 0x2_0000;
+
+/// The hidden local data of a block.
+#[derive(Debug, Default)]
+pub(crate) struct Hidden {
+    /// Bytes kept for the whole block.
+    kept: u32,
+    /// Bytes the present statement uses, and the most that one used.
+    used: u32,
+    most: u32,
+    /// The copies of POINTER and ANY parameters.
+    copies: BTreeMap<u16, u32>,
+}
+
+impl Hidden {
+    /// A new statement begins: what the last one used is free.
+    pub(crate) fn next_statement(&mut self) {
+        self.used = 0;
+    }
+
+    /// Bytes for this statement, even.
+    pub(crate) fn take(&mut self, bytes: u32) -> u32 {
+        let at = SHARED + self.used;
+        self.used += bytes.next_multiple_of(2);
+        self.most = self.most.max(self.used);
+        at
+    }
+
+    /// Local data in all.
+    pub(crate) fn bytes(&self) -> u32 {
+        self.kept + self.most
+    }
+}
+
+fn local(width: Width, byte: u32) -> Operand {
+    Operand { width, place: Place::Fixed(Area::Local, BitAddr::byte_addr(byte)) }
+}
+
+fn instance(width: Width, at: BitAddr, byte: u32) -> Operand {
+    Operand { width, place: Place::Instance(BitAddr(at.0 + byte * 8)) }
+}
+
+/// Opens what the POINTER at `pointer` of the instance names: data block into the DB register, address into AR1.
+pub(crate) fn open(pointer: BitAddr) -> [Op; 2] {
+    [
+        Op::OpenDb(DbRegister::Db, Number::Instance(pointer)),
+        Op::LoadArFrom(AddressRegister::Ar1, instance(Width::DWord, pointer, 2)),
+    ]
+}
+
+/// Where a POINTER or ANY that is put together at run time points.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Pointee {
+    /// An address in the instance.
+    Instance(BitAddr),
+    /// An offset beyond what the POINTER at the first address names.
+    Through(BitAddr, BitAddr),
+}
+
+/// Puts a POINTER (6 bytes) together in the hidden local data; with a type and count an ANY (10 bytes). Gives its first byte.
+pub(crate) fn pointer(hidden: &mut Hidden, to: Pointee, any: Option<(u8, u16)>, before: &mut Vec<Op>) -> u32 {
+    let start = hidden.take(if any.is_some() { 10 } else { 6 });
+    let mut at = start;
+    if let Some((code, count)) = any {
+        before.push(Op::LoadConst(0x1000_0000 | (u32::from(code) << 16) | u32::from(count)));
+        before.push(Op::Transfer(local(Width::DWord, at)));
+        at += 4;
+    }
+    match to {
+        Pointee::Instance(offset) => {
+            before.push(Op::LoadDbNumber(DbRegister::Di));
+            before.push(Op::Transfer(local(Width::Word, at)));
+            // AR2 holds where the instance begins, with the area DI; a pointer that is handed on names the data block itself.
+            before.push(Op::TransferAr(AddressRegister::Ar2));
+            before.push(Op::DWordLogic(WordLogic::And, Some(0x00FF_FFFF)));
+            before.push(Op::AddConst { format: NumberFormat::DInt, value: offset.0 as i32 });
+            before.push(Op::DWordLogic(WordLogic::Or, Some(u32::from(Area::Db.pointer_code()) << 24)));
+        }
+        Pointee::Through(pointer, offset) => {
+            before.push(Op::Load(instance(Width::Word, pointer, 0)));
+            before.push(Op::Transfer(local(Width::Word, at)));
+            before.push(Op::Load(instance(Width::DWord, pointer, 2)));
+            if offset.0 > 0 {
+                before.push(Op::AddConst { format: NumberFormat::DInt, value: offset.0 as i32 });
+            }
+        }
+    }
+    before.push(Op::Transfer(local(Width::DWord, at + 2)));
+    start
+}
+
+/// Moves a value between the place behind a POINTER and the hidden local data; `out` from there to the place. Bits move with
+/// their byte, inwards only.
+pub(crate) fn move_through(pointer: BitAddr, operand: Operand, byte: u32, out: bool, ops: &mut Vec<Op>) {
+    ops.extend(open(pointer));
+    let width = if operand.width == Width::Bit { Width::Byte } else { operand.width };
+    let place = match operand.place {
+        Place::Register(area, register, at) => Place::Register(area, register, BitAddr::byte_addr(at.byte())),
+        other => other,
+    };
+    let (there, here) = (Operand { width, place }, local(width, byte));
+    ops.push(Op::Load(if out { here } else { there }));
+    ops.push(Op::Transfer(if out { there } else { here }));
+}
+
+/// Copies the POINTER or ANY a function has as parameter `index` into the hidden local data, and gives the pointer to the
+/// copy. Nothing but the local data is changed.
+pub(crate) fn copy_param(hidden: &mut Hidden, index: u16, bytes: u8, before: &mut Vec<Op>) -> u32 {
+    let Hidden { kept, copies, .. } = hidden;
+    let copy = *copies.entry(index).or_insert_with(|| {
+        let at = KEPT + *kept;
+        *kept += u32::from(bytes);
+        at
+    });
+    let save = local(Width::DWord, hidden.take(4));
+    let ar1 = AddressRegister::Ar1;
+    before.push(Op::TransferArTo(ar1, save));
+    // The last double word overlaps the one before: 6 and 10 bytes are no multiple of 4.
+    for at in if bytes == 10 { &[0, 4, 6][..] } else { &[0, 2] } {
+        let place = Place::Param { index, at: BitAddr::byte_addr(*at) };
+        before.push(Op::LoadArFrom(ar1, Operand { width: Width::DWord, place }));
+        before.push(Op::TransferArTo(ar1, local(Width::DWord, copy + at)));
+    }
+    before.push(Op::LoadArFrom(ar1, save));
+    (u32::from(Area::Local.pointer_code()) << 24) | (copy * 8)
+}
+
+/// Puts the operations around the statements into the code, and the hidden local data behind the `temp_bytes` of the block's
+/// own. Jump targets follow.
+pub(crate) fn expand(code: Vec<Stmt>, around: BTreeMap<u32, Around>, hidden: &Hidden, temp_bytes: u32) -> Vec<Stmt> {
+    if around.is_empty() {
+        return code;
+    }
+    let mut around = around;
+    for one in around.values_mut() {
+        one.before.extend(one.reached.take().into_iter().flat_map(open));
+    }
+    let mut starts = Vec::with_capacity(code.len());
+    let mut next = 0u32;
+    for index in 0..code.len() as u32 {
+        starts.push(next);
+        next += 1 + around.get(&index).map_or(0, |a| (a.before.len() + a.after.len()) as u32);
+    }
+    let place = Placing { kept: temp_bytes, shared: temp_bytes + hidden.kept };
+    let start = |to: u32| starts.get(to as usize).copied().unwrap_or(to);
+    let mut out = Vec::with_capacity(next as usize);
+    for (index, mut stmt) in (0u32..).zip(code) {
+        match &mut stmt.op {
+            Op::Jump(_, to) | Op::Loop(to) => *to = start(*to),
+            Op::JumpList { targets, otherwise } => {
+                targets.iter_mut().for_each(|to| *to = start(*to));
+                *otherwise = start(*otherwise);
+            }
+            _ => {}
+        }
+        let Around { before, after, points, .. } = around.remove(&index).unwrap_or_default();
+        let (network, line) = (stmt.network, stmt.line);
+        let with = |op| Stmt { op: place.op(op, false), network, line };
+        out.extend(before.into_iter().map(with));
+        out.push(Stmt { op: place.op(stmt.op, points), network, line });
+        out.extend(after.into_iter().map(with));
+    }
+    out
+}
+
+/// Where the two parts of the hidden local data come to lie.
+struct Placing {
+    kept: u32,
+    shared: u32,
+}
+
+impl Placing {
+    fn byte(&self, byte: u32) -> u32 {
+        match byte {
+            SHARED.. => byte - SHARED + self.shared,
+            KEPT.. => byte - KEPT + self.kept,
+            _ => byte,
+        }
+    }
+
+    fn operand(&self, operand: Operand) -> Operand {
+        match operand.place {
+            Place::Fixed(Area::Local, at) => {
+                let at = BitAddr::new(self.byte(at.byte()), at.bit());
+                Operand { place: Place::Fixed(Area::Local, at), ..operand }
+            }
+            _ => operand,
+        }
+    }
+
+    fn op(&self, op: Op, points: bool) -> Op {
+        let bits = |v: u32| (v & 0xFF00_0000) | (self.byte((v & 0x00FF_FFFF) / 8) * 8);
+        match op {
+            Op::Load(o) => Op::Load(self.operand(o)),
+            Op::Transfer(o) => Op::Transfer(self.operand(o)),
+            Op::LoadArFrom(r, o) => Op::LoadArFrom(r, self.operand(o)),
+            Op::TransferArTo(r, o) => Op::TransferArTo(r, self.operand(o)),
+            Op::LoadConst(v) if points => Op::LoadConst(bits(v)),
+            Op::LoadArConst(r, v) if points => Op::LoadArConst(r, bits(v)),
+            Op::Call(mut call) => {
+                for arg in &mut call.args {
+                    if let Arg::Operand(o) = arg {
+                        *o = self.operand(*o);
+                    }
+                }
+                Op::Call(call)
+            }
+            other => other,
+        }
+    }
+}

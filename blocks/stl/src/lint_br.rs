@@ -1,0 +1,82 @@
+//! The binary result BR (BIE), by which a block tells its caller whether it did its work (ENO).
+
+use ob1_ir::{BitTest, Jump, Op, StatusBit};
+
+use crate::codes;
+use crate::diagnostic::Sink;
+use crate::lints::{Inspected, Whole, callee, leaves};
+
+/// What changes BR, named as a message names it.
+fn sets(op: &Op) -> Option<&'static str> {
+    Some(match op {
+        Op::SaveRlo => "SAVE",
+        Op::Jump(Jump::IfRloSaveBr, _) => "SPBB",
+        Op::Jump(Jump::IfNotRloSaveBr, _) => "SPBNB",
+        Op::TransferStatus => "T STW",
+        Op::Call(_) => "the block called",
+        _ => return None,
+    })
+}
+
+fn asks(op: &Op) -> bool {
+    matches!(
+        op,
+        Op::Scan { test: BitTest::Status(StatusBit::BinaryResult), .. }
+            | Op::Jump(Jump::IfBr | Jump::IfNotBr, _)
+            | Op::LoadStatus
+    )
+}
+
+/// Reports each SAVE whose BR is overwritten before anything asks for it. Looked at up to the next label or jump.
+pub(crate) fn overwritten(i: &Inspected<'_>, sink: &mut Sink) {
+    let mut saved: Option<usize> = None;
+    for (at, stmt) in i.code.iter().enumerate() {
+        if i.is_target(at) || asks(&stmt.op) || matches!(stmt.op, Op::EndIf) {
+            saved = None;
+        }
+        if let (Some(by), Some(save)) = (sets(&stmt.op), saved) {
+            let message =
+                format!("nothing asks for what SAVE puts into BR before {by} in line {} changes it", stmt.line);
+            sink.report(i.block.file, i.span(save), &codes::BR_MISUSED, message);
+            saved = None;
+        }
+        if leaves(&stmt.op) || matches!(stmt.op, Op::Jump(..) | Op::Loop(_)) {
+            saved = None;
+        }
+        if stmt.op == Op::SaveRlo {
+            saved = Some(at);
+        }
+    }
+}
+
+/// Gathers whether this block sets BR, and where it asks for the BR of a block it has called.
+pub(crate) fn gather(i: &Inspected<'_>, whole: &mut Whole) {
+    let mut sets_br = false;
+    let mut called = None;
+    for (at, stmt) in i.code.iter().enumerate() {
+        if asks(&stmt.op)
+            && stmt.op != Op::LoadStatus
+            && let Some(id) = called.take()
+        {
+            whole.asks_br.push((id, i.block.file, i.span(at)));
+        }
+        if sets(&stmt.op).is_some() {
+            sets_br = true;
+            called = callee(&stmt.op);
+        }
+        if leaves(&stmt.op) {
+            called = None;
+        }
+    }
+    whole.sets_br.insert(i.id, sets_br);
+}
+
+/// Reports where BR is asked for after a call of a block that never sets it.
+pub(crate) fn undefined(whole: &Whole, sink: &mut Sink) {
+    for (id, file, span) in &whole.asks_br {
+        if whole.sets_br.get(id) == Some(&false) {
+            let message = format!("{id} never sets BR, so this asks for what BR held before the call");
+            sink.report(*file, *span, &codes::BR_MISUSED, message);
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! The classic traps of ported programs, looked for on request: legal statements that seldom mean what they do.
+//!
+//! The checks of one block run on its statements before anything is put around them. What concerns several blocks is
+//! gathered in [`Whole`] and said at the end.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use ob1_ir::{CallMode, Jump, Op, Place, Stmt, Target};
+use ob1_model::{BlockId, BlockKind, Section};
+
+use crate::codes;
+use crate::diagnostic::Sink;
+use crate::lint_accu;
+use crate::lint_br;
+use crate::lint_memory::MemoryUse;
+use crate::lint_paths;
+use crate::syntax::Block;
+use crate::token::{File, Span};
+use crate::world::Info;
+
+/// A block under inspection.
+pub(crate) struct Inspected<'i> {
+    pub(crate) id: BlockId,
+    pub(crate) block: &'i Block,
+    pub(crate) info: &'i Info,
+    /// One for each statement of the block.
+    pub(crate) code: &'i [Stmt],
+    /// Statements that jumps lead to.
+    pub(crate) targets: BTreeSet<u32>,
+}
+
+impl Inspected<'_> {
+    pub(crate) fn span(&self, at: usize) -> Span {
+        self.block.statements.get(at).map_or(self.block.span, |s| s.span)
+    }
+
+    pub(crate) fn is_target(&self, at: usize) -> bool {
+        self.targets.contains(&(at as u32))
+    }
+}
+
+/// What is gathered over all blocks.
+#[derive(Debug, Default)]
+pub(crate) struct Whole {
+    pub(crate) memory: MemoryUse,
+    /// For each block of the program: whether it sets BR somewhere.
+    pub(crate) sets_br: BTreeMap<BlockId, bool>,
+    /// Where BR is asked for after a call: the block called, the file, the place.
+    pub(crate) asks_br: Vec<(BlockId, usize, Span)>,
+}
+
+impl Whole {
+    /// Inspects one block.
+    pub(crate) fn block(
+        &mut self,
+        id: BlockId,
+        block: &Block,
+        info: &Info,
+        code: &[Stmt],
+        file: &File<'_>,
+        sink: &mut Sink,
+    ) {
+        let inspected = Inspected { id, block, info, code, targets: jump_targets(code) };
+        sink.steps += code.len() as u64;
+        lint_paths::unassigned_outputs(&inspected, sink);
+        lint_accu::lost(&inspected, sink);
+        lint_br::overwritten(&inspected, sink);
+        lint_br::gather(&inspected, self);
+        self.memory.gather(&inspected);
+        inputs_written(&inspected, sink);
+        unused_labels(&inspected, file, sink);
+    }
+
+    /// What can be said when all blocks have been seen.
+    pub(crate) fn finish(self, sink: &mut Sink) {
+        lint_br::undefined(&self, sink);
+        self.memory.report(sink);
+    }
+}
+
+fn jump_targets(code: &[Stmt]) -> BTreeSet<u32> {
+    let mut targets = BTreeSet::new();
+    for stmt in code {
+        match &stmt.op {
+            Op::Jump(_, to) | Op::Loop(to) => {
+                targets.insert(*to);
+            }
+            Op::JumpList { targets: list, otherwise } => {
+                targets.extend(list.iter().copied());
+                targets.insert(*otherwise);
+            }
+            _ => {}
+        }
+    }
+    targets
+}
+
+/// The place a statement writes itself, calls left out.
+pub(crate) fn written(op: &Op) -> Option<Place> {
+    match op {
+        Op::Assign(p) | Op::Set(p) | Op::Reset(p) | Op::EdgePositive(p) | Op::EdgeNegative(p) => Some(*p),
+        Op::Transfer(o) | Op::TransferArTo(_, o) => Some(o.place),
+        _ => None,
+    }
+}
+
+/// True for operations after which the next statement is not reached.
+pub(crate) fn leaves(op: &Op) -> bool {
+    matches!(op, Op::End | Op::Jump(Jump::Always, _) | Op::JumpList { .. })
+}
+
+/// A called block that is known by number, with `CALL`.
+pub(crate) fn callee(op: &Op) -> Option<BlockId> {
+    match op {
+        Op::Call(call) if call.mode == CallMode::Call => match call.target {
+            Target::Block(id) | Target::Local(id, _) => Some(id),
+            Target::Indirect(..) => None,
+        },
+        _ => None,
+    }
+}
+
+/// Writing to an input: in a function it writes to the caller's operand, in a function block it is lost at the next call.
+fn inputs_written(i: &Inspected<'_>, sink: &mut Sink) {
+    let params = &i.info.interface.params;
+    let formals: Vec<_> = i.info.interface.formals().collect();
+    let inputs: Vec<_> = params.iter().filter(|p| p.section == Section::Input).collect();
+    let others = params.iter().filter(|p| !matches!(p.section, Section::Input | Section::Temp));
+    let end = others.map(|p| p.at.0).min().unwrap_or(u32::MAX);
+    for (at, stmt) in i.code.iter().enumerate() {
+        let param = match written(&stmt.op) {
+            Some(Place::Param { index, .. }) => formals.get(usize::from(index)).copied(),
+            Some(Place::Instance(to)) if to.0 < end => {
+                inputs.partition_point(|p| p.at.0 <= to.0).checked_sub(1).and_then(|n| inputs.get(n)).copied()
+            }
+            _ => None,
+        };
+        let Some(param) = param.filter(|p| p.section == Section::Input) else { continue };
+        let effect =
+            if i.id.kind == BlockKind::Fc { "the caller's operand" } else { "the instance, up to the next call" };
+        let message = format!("{} is an input; this writes to {effect}", param.name);
+        sink.report(i.block.file, i.span(at), &codes::INPUT_WRITTEN, message);
+    }
+}
+
+fn unused_labels(i: &Inspected<'_>, file: &File<'_>, sink: &mut Sink) {
+    for (at, statement) in i.block.statements.iter().enumerate() {
+        let Some(token) = statement.label.and_then(|l| file.tokens.get(l)).copied() else { continue };
+        if !i.is_target(at) {
+            let shown: String = file.of(token).chars().take(32).collect();
+            let message = format!("nothing jumps to the label {shown}");
+            sink.report(i.block.file, token.span, &codes::UNUSED_LABEL, message);
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Actual parameters that have no fixed address: instance data for POINTER and ANY, and what lies behind the POINTER of a
+//! function block's composed in/out.
+
+use ob1_ir::{Arg, Operand, Place, Width};
+use ob1_model::{Area, BitAddr, DataType, Param, Section};
+
+use crate::call::{any_length, same_layout};
+use crate::codes;
+use crate::expand::{self, Pointee};
+use crate::lower::Lowerer;
+use crate::operand::{Value, width_of, with_article};
+use crate::token::Span;
+
+/// What became of an actual.
+pub(crate) enum Reached<'w> {
+    /// It is ready.
+    Arg(Arg),
+    /// It is an actual like any other.
+    Value(Value<'w>),
+}
+
+fn hidden_operand(width: Width, byte: u32, bit: u8) -> Arg {
+    Arg::Operand(Operand { width, place: Place::Fixed(Area::Local, BitAddr::new(byte, bit)) })
+}
+
+impl Lowerer<'_, '_> {
+    /// Makes ready an actual that must be reached at run time; `instance`: the callee keeps its parameters in an instance.
+    /// `None` when it cannot be reached (reported).
+    pub(crate) fn reached<'w>(
+        &mut self,
+        formal: &Param,
+        value: Value<'w>,
+        instance: bool,
+        span: Span,
+    ) -> Option<Reached<'w>> {
+        let by_pointer = instance && formal.is_pointer();
+        let typed = matches!(formal.ty, DataType::Pointer | DataType::Any);
+        let to = match &value {
+            Value::Through { pointer, operand, ty, .. } => {
+                if !typed && !by_pointer {
+                    return self.through(formal, *pointer, *operand, ty, span).map(Reached::Arg);
+                }
+                let Place::Register(_, _, offset) = operand.place else { return Some(Reached::Value(value)) };
+                Pointee::Through(*pointer, offset)
+            }
+            Value::Memory { operand: Operand { place, .. }, ty } if typed || by_pointer => {
+                // A POINTER or ANY of the caller's own is handed on as it is.
+                if typed && ty.is_some_and(|ty| *ty == formal.ty) {
+                    return Some(Reached::Value(value));
+                }
+                match place {
+                    Place::Instance(at) => Pointee::Instance(*at),
+                    Place::Param { .. } => {
+                        let message = "where a parameter of a function lies is known at run time only; it cannot be \
+                                       supplied to a POINTER, an ANY or a composed in/out";
+                        self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
+                        return None;
+                    }
+                    _ => return Some(Reached::Value(value)),
+                }
+            }
+            _ => return Some(Reached::Value(value)),
+        };
+        let (operand, ty) = match &value {
+            Value::Through { operand, ty, .. } => (*operand, Some(*ty)),
+            Value::Memory { operand, ty } => (*operand, *ty),
+            _ => return Some(Reached::Value(value)),
+        };
+        if by_pointer && !typed && !ty.is_some_and(|ty| same_layout(&formal.ty, ty)) {
+            let message =
+                format!("{} is {}, this is {}", formal.name, with_article(formal.ty.name()), value.describe());
+            self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
+            return None;
+        }
+        let any = (formal.ty == DataType::Any).then(|| any_length(operand, ty));
+        let byte = expand::pointer(&mut self.hidden, to, any, &mut self.around.before);
+        Some(Reached::Arg(hidden_operand(Width::Byte, byte, 0)))
+    }
+
+    /// What lies behind a POINTER, for a formal that takes the value itself or a reference to it.
+    fn through(
+        &mut self,
+        formal: &Param,
+        pointer: BitAddr,
+        operand: Operand,
+        ty: &DataType,
+        span: Span,
+    ) -> Option<Arg> {
+        let Place::Register(_, _, offset) = operand.place else { return None };
+        let refuse = |this: &mut Self, message: &str| {
+            this.sink.report(this.index, span, &codes::NOT_SUPPORTED, message);
+            None
+        };
+        if ty.is_composed() && same_layout(&formal.ty, ty) {
+            // By reference through AR1, which one actual of a call can have.
+            if self.around.reached.replace(pointer).is_some_and(|other| other != pointer) {
+                return refuse(
+                    self,
+                    "two composed in/outs are handed on in one call; only one can be reached at a time",
+                );
+            }
+            return Some(Arg::Operand(operand));
+        }
+        if ty.is_composed() || width_of(&formal.ty) != Some(operand.width) {
+            let message =
+                format!("{} is {}, this is {}", formal.name, with_article(formal.ty.name()), with_article(ty.name()));
+            self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
+            return None;
+        }
+        let written = matches!(formal.section, Section::Output | Section::InOut | Section::Return);
+        if written && operand.width == Width::Bit {
+            return refuse(self, "a bit of a composed in/out cannot be supplied to a parameter that the block writes");
+        }
+        let byte = self.hidden.take(operand.width.bytes());
+        if formal.section != Section::Output && formal.section != Section::Return {
+            expand::move_through(pointer, operand, byte, false, &mut self.around.before);
+        }
+        if written {
+            expand::move_through(pointer, operand, byte, true, &mut self.around.after);
+        }
+        let bit = if operand.width == Width::Bit { offset.bit() } else { 0 };
+        Some(hidden_operand(operand.width, byte, bit))
+    }
+}
