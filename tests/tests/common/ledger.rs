@@ -1,0 +1,114 @@
+//! The ledgers of the demo's programs: DB 20 of either station.
+
+use std::fmt;
+use std::ops::Index;
+
+use super::Guard;
+use super::station::Running;
+
+const A: &[&str] = &[
+    "NUMBER",
+    "CONFIRMED",
+    "STARTED",
+    "DONE",
+    "ERROR",
+    "ABORTED",
+    "GOOD",
+    "WRONG",
+    "DOUBLED",
+    "LATE",
+    "LOST",
+    "PAFE_SEND",
+    "PAFE_RECEIVE",
+    "SYNCS",
+    "STATE",
+];
+const B: &[&str] = &[
+    "RECEIVED",
+    "STARTED",
+    "DONE",
+    "ERROR",
+    "ABORTED",
+    "BUSY",
+    "TOO_LONG",
+    "PAFE_SEND",
+    "PAFE_RECEIVE",
+    "SYNCS",
+    "STATE",
+];
+
+/// A ledger as it stood between two scans.
+#[derive(Clone, PartialEq, Eq)]
+pub(crate) struct Ledger {
+    names: &'static [&'static str],
+    values: Vec<i64>,
+}
+
+impl Ledger {
+    /// Of station A: sends and compares.
+    pub(crate) fn of_a(station: &Running) -> Self {
+        Self::read(station, A)
+    }
+
+    /// Of station B: sends back.
+    pub(crate) fn of_b(station: &Running) -> Self {
+        Self::read(station, B)
+    }
+
+    fn read(station: &Running, names: &'static [&'static str]) -> Self {
+        let items: Vec<String> = names.iter().map(|name| format!("DB20.{name}")).collect();
+        let items: Vec<&str> = items.iter().map(String::as_str).collect();
+        Self { names, values: station.cells(&items) }
+    }
+
+    /// Echoes that A's program has got, whatever became of the telegram meanwhile.
+    pub(crate) fn echoes(&self) -> i64 {
+        self["GOOD"] + self["LATE"] + self["DOUBLED"]
+    }
+}
+
+impl Index<&str> for Ledger {
+    type Output = i64;
+
+    fn index(&self, name: &str) -> &i64 {
+        let at = self.names.iter().position(|known| *known == name);
+        &self.values[at.unwrap_or_else(|| panic!("no {name} in this ledger"))]
+    }
+}
+
+impl fmt::Debug for Ledger {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_map().entries(self.names.iter().zip(&self.values)).finish()
+    }
+}
+
+/// Waits until `more` telegrams have come back right.
+pub(crate) fn flow(a: &Running, more: i64) {
+    let good = a.cell("DB20.GOOD");
+    a.until("telegrams flow", |a| (a.cell("DB20.GOOD") >= good + more).then_some(()));
+}
+
+/// Scans in which neither ledger may move to count as being at rest: a telegram that a CP holds needs a few dozen to reach the program.
+const REST: u64 = 500;
+
+/// Lets the last telegram end and reads both ledgers. `pause(a, false)` goes on.
+pub(crate) fn rest(a: &Running, b: &Running) -> (Ledger, Ledger) {
+    pause(a, true);
+    let guard = Guard::begin();
+    let look = || (Ledger::of_a(a), Ledger::of_b(b));
+    loop {
+        let before = look();
+        a.scans(REST);
+        b.scans(REST);
+        let (of_a, of_b) = look();
+        if of_a["STATE"] == 0 && of_b["STATE"] == 0 && before == (of_a.clone(), of_b.clone()) {
+            return (of_a, of_b);
+        }
+        assert!(!guard.is_over(), "no rest: {of_a:?}\n{of_b:?}");
+    }
+}
+
+/// Whether A begins no new telegrams.
+pub(crate) fn pause(a: &Running, on: bool) {
+    a.set("DB20.PAUSE", i64::from(on));
+}

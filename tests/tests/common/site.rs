@@ -1,0 +1,154 @@
+//! A place of its own for each test: a folder with station files, a runtime directory, and a broom.
+
+use std::ffi::OsStr;
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use rustix::process::Signal;
+use tempfile::TempDir;
+
+use super::processes::{self, Watched};
+use super::station::Running;
+use super::{Guard, checkout, plugin_dir, program};
+
+/// QVZ and ZVZ in which a partner surely answers, however busy the machine: the tests are about telegrams, not about its speed.
+pub(crate) const PATIENT: &str = "qvz_ms = 2000, zvz_ms = 1000, ";
+
+/// The folder of a test. Dropping it ends every process that was started from it, whoever started it.
+#[derive(Debug)]
+pub(crate) struct Site {
+    folder: TempDir,
+}
+
+/// What a finished command has said.
+#[derive(Debug)]
+pub(crate) struct Said {
+    pub(crate) code: Option<i32>,
+    pub(crate) out: String,
+    pub(crate) err: String,
+}
+
+impl Said {
+    /// The standard output of a command that had to succeed.
+    pub(crate) fn fine(self) -> String {
+        assert_eq!(self.code, Some(0), "{}{}", self.out, self.err);
+        self.out
+    }
+}
+
+impl Site {
+    pub(crate) fn new() -> Self {
+        let folder = tempfile::Builder::new().prefix("ob1-test-").tempdir().expect("a folder");
+        fs::create_dir(folder.path().join("run")).expect("a runtime directory");
+        fs::set_permissions(folder.path().join("run"), fs::Permissions::from_mode(0o700)).expect("ours");
+        Self { folder }
+    }
+
+    /// With the files of the demo, and partners that have the patience for a busy machine.
+    pub(crate) fn two_stations() -> Self {
+        let site = Self::new();
+        for name in ["a.awl", "b.awl"] {
+            fs::copy(checkout("examples/two-stations").join(name), site.path(name)).expect("a file of the demo");
+        }
+        for name in ["station-a.toml", "station-b.toml"] {
+            site.write(name, &demo_station(name, |text| text));
+        }
+        site
+    }
+
+    pub(crate) fn path(&self, name: impl AsRef<Path>) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub(crate) fn write(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path(name);
+        fs::write(&path, text).expect("room for a file");
+        path
+    }
+
+    /// The runtime directory of a station.
+    pub(crate) fn rundir(&self, name: &str) -> PathBuf {
+        self.path("run/ob1").join(name)
+    }
+
+    fn environment(&self) -> String {
+        format!("XDG_RUNTIME_DIR={}", self.path("run").display())
+    }
+
+    /// Processes that were started from here, by us or by one another.
+    pub(crate) fn processes(&self) -> Vec<Watched> {
+        processes::with_environment(&self.environment())
+    }
+
+    /// Waits until no process of this place is left.
+    pub(crate) fn wait_until_empty(&self) {
+        let guard = Guard::begin();
+        while let Some(process) = self.processes().first() {
+            assert!(!guard.is_over(), "left behind: {:?}", process.threads());
+            process.ends_within(std::time::Duration::from_millis(50));
+        }
+    }
+
+    /// A command in these surroundings.
+    pub(crate) fn command(&self, program: impl AsRef<OsStr>) -> Command {
+        let mut command = Command::new(program);
+        command
+            .current_dir(self.folder.path())
+            .env("XDG_RUNTIME_DIR", self.path("run"))
+            .env("OB1_PLUGIN_DIR", plugin_dir())
+            .env_remove("OB1_LOG")
+            .env_remove("OB1_CP")
+            .stdin(Stdio::null());
+        command
+    }
+
+    /// `ob1` with these arguments, to its end.
+    pub(crate) fn ob1(&self, args: &[&str]) -> Said {
+        let output = self.command(program("ob1")).args(args).output().expect("ob1 starts");
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
+        Said { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+    }
+
+    /// `ob1 run` of a station file, until it is asked for more.
+    pub(crate) fn run(&self, file: &str) -> Running {
+        self.run_with(file, &[], &[])
+    }
+
+    /// The same with more arguments and environment.
+    pub(crate) fn run_with(&self, file: &str, args: &[&str], environment: &[(&str, &OsStr)]) -> Running {
+        let mut command = self.command(program("ob1"));
+        command.args(["run", file]).args(args).envs(environment.iter().copied());
+        Running::start(self, file, command)
+    }
+}
+
+impl Drop for Site {
+    fn drop(&mut self) {
+        // Again until there is none: one that is just being started is not seen yet.
+        let guard = Guard::begin();
+        loop {
+            let left = self.processes();
+            if left.is_empty() || guard.is_over() {
+                return;
+            }
+            for process in left {
+                process.signal(Signal::KILL);
+                process.ends_within(std::time::Duration::from_secs(5));
+            }
+        }
+    }
+}
+
+/// A station file of the demo with [`PATIENT`] times and an edit.
+pub(crate) fn demo_station(name: &str, edit: impl FnOnce(String) -> String) -> String {
+    let text = fs::read_to_string(checkout("examples/two-stations").join(name)).expect("a file of the demo");
+    edit(replaced(&text, "priority = ", &format!("{PATIENT}priority = ")))
+}
+
+/// Replaces what must be there.
+pub(crate) fn replaced(text: &str, from: &str, to: &str) -> String {
+    assert!(text.contains(from), "no `{from}` in:\n{text}");
+    text.replace(from, to)
+}

@@ -1,0 +1,193 @@
+//! kill -9 at any moment: of drivers while telegrams flow, of a driver that hangs, of the runtime itself.
+//!
+//! The moments are drawn from seeds; a failure names the seed and the kill.
+
+mod common;
+
+use std::fs;
+
+use common::Guard;
+use common::ledger::{self, Ledger};
+use common::processes::Memory;
+use common::site::Site;
+use common::station::Running;
+use ob1_line::sim::SplitMix64;
+use rustix::process::Signal;
+
+/// Scans that must go by after each kill, at 1 ms.
+const ACROSS: u64 = 1000;
+/// Event of an expired cycle watchdog.
+const WATCHDOG: &str = "3501h";
+const DRIVER_LOST: &str = "F201h";
+
+fn start(site: &Site) -> (Running, Running) {
+    let (a, b) = (site.run("station-a.toml"), site.run("station-b.toml"));
+    let stations = (a.until_run(), b.until_run());
+    ledger::flow(&stations.0, 5);
+    stations
+}
+
+/// The scan has gone on, in RUN and in time, and the driver is back.
+fn assert_survived(station: &Running, lost_before: u32, what: &str) {
+    station.scans(ACROSS);
+    let status = station.status();
+    assert_eq!((status.state.as_str(), status.watchdogs), ("RUN", 0), "{what}");
+    assert_eq!(station.entries(WATCHDOG), 0, "{what}: {:#?}", station.diagnostics());
+    assert!(station.entries(DRIVER_LOST) > 0, "{what}: {:#?}", station.diagnostics());
+    station.until("the driver is started again", |s| {
+        let (pid, _, losses) = s.driver();
+        (pid != 0 && losses > lost_before).then_some(())
+    });
+}
+
+/// What no kill may bring about, with both at rest. A telegram that a killed CP held is lost; nothing else is.
+fn assert_accounted(a: &Ledger, b: &Ledger, kills_of_a: i64, kills_of_b: i64, what: &str) {
+    let all = format!("{what}\n{a:?}\n{b:?}");
+    for (ledger, column) in
+        [(a, "WRONG"), (a, "PAFE_SEND"), (a, "PAFE_RECEIVE"), (b, "TOO_LONG"), (b, "PAFE_SEND"), (b, "PAFE_RECEIVE")]
+    {
+        assert_eq!(ledger[column], 0, "{column}: {all}");
+    }
+    for ledger in [a, b] {
+        assert_eq!(ledger["STARTED"], ledger["DONE"] + ledger["ERROR"] + ledger["ABORTED"], "{all}");
+    }
+    // Done means: the partner's CP has it. Its program has it too, unless that CP was killed with it.
+    assert!(a["DONE"] <= b["RECEIVED"] + kills_of_b, "done without an acknowledgement: {all}");
+    assert!(b["DONE"] <= a.echoes() + kills_of_a, "done without an acknowledgement: {all}");
+    // Nobody receives what was not sent; an order that was cut off may have arrived all the same.
+    assert!(b["RECEIVED"] <= a["STARTED"] && a.echoes() <= b["STARTED"], "{all}");
+    assert!(a["DOUBLED"] <= kills_of_a + kills_of_b, "{all}");
+}
+
+/// Kills drivers, A's and B's in turn, at moments of this seed.
+fn kill_drivers(seed: u64, kills: u32) {
+    let site = Site::two_stations();
+    let (a, b) = start(&site);
+    let mut random = SplitMix64::new(seed);
+    let (mut kills_of_a, mut kills_of_b) = (0, 0);
+    for kill in 0..kills {
+        let of_a = kill % 2 == 0;
+        let what = format!("seed {seed}, kill {kill} ({})", if of_a { "A" } else { "B" });
+        let victim = if of_a { &a } else { &b };
+        // Somewhere within a telegram or its echo: some telegrams from here, and some scans from there.
+        ledger::flow(&a, random.below(12) as i64 + 1);
+        let driver = victim.driver_process();
+        let (_, _, losses) = victim.driver();
+        victim.scans(random.below(40));
+        driver.signal(Signal::KILL);
+        driver.wait(&what);
+        *(if of_a { &mut kills_of_a } else { &mut kills_of_b }) += 1;
+
+        assert_survived(victim, losses, &what);
+        ledger::flow(&a, 5);
+        let (of_a, of_b) = ledger::rest(&a, &b);
+        assert_accounted(&of_a, &of_b, kills_of_a, kills_of_b, &what);
+        // FC 9 of the manual's program has synchronised with each new CP.
+        assert_eq!((of_a["SYNCS"], of_b["SYNCS"]), (1 + kills_of_a, 1 + kills_of_b), "{what}");
+        ledger::pause(&a, false);
+    }
+    for station in [&a, &b] {
+        assert_eq!(station.status().watchdogs, 0);
+    }
+    for ended in [a.interrupt(), b.interrupt()] {
+        assert_eq!(ended.code(), Some(0), "{ended:?}");
+    }
+    assert!(site.processes().is_empty());
+}
+
+#[test]
+fn drivers_are_killed_while_telegrams_flow() {
+    kill_drivers(1, 6);
+}
+
+#[test]
+fn drivers_are_killed_at_other_moments() {
+    kill_drivers(20_061_214, 6);
+}
+
+#[test]
+fn a_driver_that_hangs_is_killed_and_started_again() {
+    let site = Site::two_stations();
+    let (a, b) = start(&site);
+    for (station, what) in [(&a, "A"), (&b, "B")] {
+        let driver = station.driver_process();
+        let (_, _, losses) = station.driver();
+        driver.signal(Signal::STOP);
+        // Nobody waits for it: a thousand scans while it is stopped, and the supervisor puts an end to it.
+        driver.wait(what);
+        assert_survived(station, losses, what);
+        let entries = station.diagnostics();
+        assert!(entries.iter().any(|e| e.event == DRIVER_LOST && e.text.contains("hung")), "{entries:#?}");
+        ledger::flow(&a, 5);
+    }
+    let (of_a, of_b) = ledger::rest(&a, &b);
+    assert_accounted(&of_a, &of_b, 1, 1, "a driver that hangs");
+    for ended in [a.interrupt(), b.interrupt()] {
+        assert_eq!(ended.code(), Some(0), "{ended:?}");
+    }
+}
+
+#[test]
+fn nothing_is_left_of_a_runtime_that_was_killed() {
+    let site = Site::two_stations();
+    let (a, b) = start(&site);
+    let processes = site.processes();
+    let drivers = [a.driver_process(), b.driver_process()];
+    let memories = [a.rundir.join("cp.segment"), b.rundir.join("cp.segment")].map(|link| Memory::behind(&link));
+    let rundirs = [a.rundir.clone(), b.rundir.clone()];
+    for ended in [a.kill(), b.kill()] {
+        assert_eq!(ended.signal(), Some(9), "{ended:?}");
+    }
+    for driver in drivers {
+        driver.wait("a driver without a runtime");
+    }
+    site.wait_until_empty();
+    assert!(processes.iter().all(|process| process.has_ended()));
+    assert_eq!(rundirs.map(|dir| dir.exists()), [false, false]);
+    assert!(fs::symlink_metadata(site.path("null-modem.pty")).is_err());
+    for memory in memories {
+        assert_eq!(memory.holders(), Vec::<u32>::new());
+    }
+}
+
+#[test]
+fn a_runtime_that_was_killed_is_killed_with_a_driver_that_hangs() {
+    // Such a driver does not see that its runtime is gone. Once it goes on it does.
+    let site = Site::two_stations();
+    let (a, b) = start(&site);
+    let driver = a.driver_process();
+    let rundir = a.rundir.clone();
+    driver.signal(Signal::STOP);
+    a.kill();
+    let guard = Guard::begin();
+    while rundir.exists() {
+        assert!(!guard.is_over(), "the janitor waits for ever");
+        driver.ends_within(std::time::Duration::from_millis(20));
+    }
+    driver.signal(Signal::CONT);
+    driver.wait("a driver without a runtime");
+    assert_eq!(b.interrupt().code(), Some(0));
+    site.wait_until_empty();
+    assert!(fs::symlink_metadata(site.path("null-modem.pty")).is_err());
+}
+
+#[test]
+fn a_station_starts_at_once_after_its_runtime_was_killed() {
+    let site = Site::two_stations();
+    let (mut a, b) = start(&site);
+    for round in 0..5 {
+        let (driver, of_b) = (a.driver_process(), Ledger::of_b(&b));
+        assert_eq!(a.kill().signal(), Some(9));
+        // Without waiting for the old drivers and the janitor.
+        a = site.run("station-a.toml").until_run();
+        ledger::flow(&a, 5);
+        driver.wait("the driver of the runtime before");
+        assert!(Ledger::of_b(&b)["RECEIVED"] > of_b["RECEIVED"], "round {round}");
+        assert_eq!(a.cell("DB20.WRONG"), 0, "round {round}");
+        assert_eq!(b.status().watchdogs, 0, "round {round}");
+    }
+    for ended in [a.interrupt(), b.interrupt()] {
+        assert_eq!(ended.code(), Some(0), "{ended:?}");
+    }
+    assert!(site.processes().is_empty());
+}
