@@ -4,6 +4,7 @@
 //! typed form, and where it came from (network and line). Nothing here remembers mnemonics or source text; nothing here
 //! knows how an engine represents memory.
 
+mod layout_text;
 mod op;
 mod place;
 mod program;

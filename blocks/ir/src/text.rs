@@ -7,6 +7,7 @@ use std::fmt::{self, Display, Formatter, Write as _};
 
 use ob1_model::{Area, BitAddr, Interface, Section, TimerKind};
 
+use crate::layout_text::{components, type_text};
 use crate::{
     AccuOp, AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, Compare, Convert, DataBlock, DataKind,
     DbRegister, Jump, Logic, MathFn, Number, NumberFormat, Op, Operand, Place, Pointer, Program, Shift, StatusBit,
@@ -395,9 +396,10 @@ const fn section(section: Section) -> &'static str {
     }
 }
 
-fn interface(interface: &Interface, f: &mut Formatter<'_>) -> fmt::Result {
+fn interface(interface: &Interface, has_instance: bool, f: &mut Formatter<'_>) -> fmt::Result {
     for param in &interface.params {
-        write!(f, "  {:<6} {:>7} {} : {}", section(param.section), param.at.to_string(), param.name, param.ty.name())?;
+        let at = param.at.to_string();
+        write!(f, "  {:<6} {at:>7} {} : {}", section(param.section), param.name, type_text(&param.ty))?;
         match &param.initial {
             Some(bytes) => {
                 f.write_str(" := 16#")?;
@@ -406,6 +408,9 @@ fn interface(interface: &Interface, f: &mut Formatter<'_>) -> fmt::Result {
             }
             None => f.write_char('\n')?,
         }
+        // What lies behind a reference or a POINTER has no address of its own.
+        let placed = (has_instance && !param.is_pointer()) || matches!(param.section, Section::Temp);
+        components(&param.ty, placed.then_some(param.at), 7, 1, f)?;
     }
     Ok(())
 }
@@ -422,7 +427,7 @@ impl Display for CodeBlock {
             ": {} statements, instance {instance_bytes} bytes, local data {temp_bytes} bytes",
             self.code.len()
         )?;
-        interface(&self.interface, f)?;
+        interface(&self.interface, self.id.kind.has_instance(), f)?;
         let mut network = 0;
         for (at, stmt) in self.code.iter().enumerate() {
             if stmt.network != network {
@@ -447,7 +452,9 @@ impl Display for DataBlock {
         let protection = if self.read_only { ", read only" } else { "" };
         writeln!(f, ": {} bytes{protection}", self.bytes.len())?;
         for component in &self.components {
-            writeln!(f, "  {:>7} {} : {}", component.at.to_string(), component.path, component.ty.name())?;
+            let at = component.at.to_string();
+            writeln!(f, "  {at:>7} {} : {}", component.path, type_text(&component.ty))?;
+            components(&component.ty, Some(component.at), 0, 1, f)?;
         }
         // Rows of zeros say nothing.
         for (row, bytes) in (0..).step_by(16).zip(self.bytes.chunks(16)).filter(|(_, b)| b.iter().any(|b| *b != 0)) {

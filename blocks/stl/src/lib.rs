@@ -26,9 +26,11 @@ mod lint_br;
 mod lint_memory;
 mod lint_paths;
 mod lints;
+mod listing;
 mod literal;
 mod lower;
 mod mnemonics;
+mod names;
 mod operand;
 mod parse_code;
 mod parse_types;
@@ -45,6 +47,7 @@ mod time;
 mod token;
 mod types;
 mod world;
+mod xref;
 
 use std::collections::BTreeMap;
 
@@ -53,9 +56,12 @@ use ob1_model::BlockId;
 
 pub use diagnostic::{Diagnostic, Severity, render, render_all};
 pub use library::{Library, LibraryBlock};
+pub use listing::listing;
 pub use mnemonics::Mnemonics;
 pub use source::Source;
 pub use symbol_table::{SymbolTable, TableForm, read_symbols};
+
+pub use xref::{Access, Reference, render_xref, xref, xref_with};
 
 use diagnostic::Sink;
 use elaborate::{Elaborator, Named};

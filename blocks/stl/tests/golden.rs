@@ -50,6 +50,27 @@ fn sources_give_what_is_expected() {
     }
 }
 
+#[test]
+fn listing_and_cross_reference_give_what_is_expected() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/inspect");
+    let symbols = std::fs::read(data.join("plant.sdf")).unwrap();
+    let symbols = ob1_stl::read_symbols(&Source::new("plant.sdf", symbols));
+    assert!(symbols.is_good());
+    let source = Source::new("plant.awl", std::fs::read(data.join("plant.awl")).unwrap());
+    let options = ob1_stl::Options { symbols: symbols.symbols, ..Default::default() };
+    let library = common::library();
+    let output = ob1_stl::compile(std::slice::from_ref(&source), &library, &options);
+    assert!(output.is_good(), "{:?}", output.diagnostics);
+    check(&data.join("listing.expected"), &ob1_stl::listing(&output.program));
+    let references = ob1_stl::xref_with(&output.program, &library);
+    check(&data.join("xref.expected"), &ob1_stl::render_xref(&references));
+    let alone = ob1_stl::xref(&output.program);
+    assert!(alone.is_sorted() && references.is_sorted());
+    assert!(
+        alone.iter().any(|r| r.via.as_deref() == Some("FC 9, parameter 3") && r.access == ob1_stl::Access::ReadWrite)
+    );
+}
+
 /// What a symbol table gives: findings, then name, address and type.
 fn table_report(path: &Path) -> String {
     let name = path.file_name().unwrap().to_str().unwrap();
