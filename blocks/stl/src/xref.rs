@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use ob1_ir::{Arg, BitTest, Call, CodeBlock, Number, Op, Operand, Place, Program, Stmt, Symbol, Target, Width};
+use ob1_ir::{
+    Arg, BitTest, Call, CodeBlock, DataBlock, Number, Op, Operand, Place, Program, Stmt, Symbol, Target, Width,
+};
 use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 
 use crate::library::Library;
@@ -81,8 +83,9 @@ pub fn xref_with(program: &Program, library: &Library) -> Vec<Reference> {
         .map(|(id, block)| (id, &block.interface))
         .chain(program.blocks.iter().map(|b| (b.id, &b.interface)))
         .collect();
+    let data = program.data.iter().map(|d| (d.number, d)).collect();
     let symbols = symbol_names(&program.symbols);
-    let mut collector = Collector { program, interfaces, symbols, found: Vec::new() };
+    let mut collector = Collector { data, interfaces, symbols, found: Vec::new() };
     for block in &program.blocks {
         for stmt in &block.code {
             Seen { block, stmt, all: &mut collector }.statement();
@@ -108,7 +111,7 @@ fn symbol_names(symbols: &[Symbol]) -> BTreeMap<String, String> {
 }
 
 struct Collector<'c> {
-    program: &'c Program,
+    data: BTreeMap<u16, &'c DataBlock>,
     interfaces: BTreeMap<BlockId, &'c Interface>,
     symbols: BTreeMap<String, String>,
     found: Vec<Reference>,
@@ -219,7 +222,7 @@ impl Seen<'_, '_> {
                 self.add((class, 0, at.0, width), text, None, access, via);
             }
             Place::InDb(db, at) | Place::InDi(db, at) => {
-                let data = self.all.program.data.iter().find(|d| d.number == db);
+                let data = self.all.data.get(&db);
                 let name = data.and_then(|d| names::in_data(&d.components, at, bits));
                 let symbol = name.map(|name| format!("DB{db}.{name}"));
                 self.add((30, u32::from(db), at.0 + 1, width), text, symbol, access, via);

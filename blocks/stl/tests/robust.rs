@@ -1,8 +1,10 @@
 //! Whatever the bytes: no panic, a program that passes the verifier, and work linear in the input.
 
+#![allow(clippy::disallowed_methods, reason = "the corpus lies in files")]
+
 mod common;
 
-use ob1_stl::{Library, Options, Output, Severity, Source, compile, render};
+use ob1_stl::{Library, Mnemonics, Options, Output, Severity, Source, compile, render};
 use proptest::prelude::*;
 
 const SEEDS: [&[u8]; 9] = [
@@ -69,6 +71,12 @@ fn check(bytes: &[u8]) -> Output {
     let library = common::library();
     let verified = ob1_ir::verify(&output.program, &|id| library.get(id).map(|b| &b.interface));
     assert_eq!(verified, Ok(()));
+    if bytes.len() < 10_000 {
+        let references = ob1_stl::xref_with(&output.program, &library);
+        assert!(references.is_sorted() && ob1_stl::xref(&output.program).is_sorted());
+        assert_eq!(references.is_empty(), ob1_stl::render_xref(&references).is_empty());
+        assert!(ob1_stl::listing(&output.program).starts_with("source 1: "));
+    }
     for diagnostic in output.diagnostics.iter().take(20) {
         assert!(diagnostic.line >= 1 && diagnostic.column >= 1 && diagnostic.length >= 1);
         assert!(render(diagnostic, &source).contains(diagnostic.code));
@@ -175,6 +183,27 @@ fn work_of_symbol_tables_grows_linearly() {
         };
         let (small, large) = (steps(1_000), steps(4_000));
         assert!(large <= small * 4 + 16, "{name}: {small} steps become {large}");
+    }
+}
+
+/// Every file of `tests/corpus`, as a source in each set of mnemonics and as a symbol table of each form: what the fuzzer starts
+/// from, and what it has found.
+#[test]
+fn the_corpus_is_replayed() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus");
+    let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    files.sort();
+    assert!(files.len() >= 12);
+    for file in files {
+        let bytes = std::fs::read(&file).unwrap();
+        check(&bytes);
+        check_table(&bytes);
+        for mnemonics in [Mnemonics::German, Mnemonics::International, Mnemonics::Auto] {
+            let options = Options { mnemonics, symbols: common::symbols(), lints: true };
+            let output = compile(&[Source::new("corpus", bytes.clone())], &common::library(), &options);
+            assert_eq!(output.is_good(), output.diagnostics.iter().all(|d| d.severity != Severity::Error));
+            assert!(output.steps <= 200 * bytes.len() as u64 + 1_000, "{}", file.display());
+        }
     }
 }
 
