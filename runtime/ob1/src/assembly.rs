@@ -91,7 +91,8 @@ pub fn load_cpu(
     })
 }
 
-fn of_load_error(error: &LoadError, program: &Program) -> Finding {
+/// A reason to refuse a program, with the source line where it has one.
+pub(crate) fn of_load_error(error: &LoadError, program: &Program) -> Finding {
     let site = match error {
         LoadError::MissingBlock { site, .. } | LoadError::Arguments { site, .. } | LoadError::Code { site, .. } => {
             Some(*site)
@@ -230,7 +231,7 @@ impl Building<'_> {
 }
 
 /// Nanoseconds from 1990-01-01 to now, UTC: what start information calls the date.
-fn date_now() -> u64 {
+pub(crate) fn date_now() -> u64 {
     /// From 1970-01-01 to 1990-01-01.
     const TO_1990: u64 = 7305 * 86_400;
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();

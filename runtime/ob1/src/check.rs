@@ -22,8 +22,12 @@ pub struct Options {
     pub plugins: Vec<String>,
     /// Sources of library blocks.
     pub library: Vec<PathBuf>,
+    /// Symbol tables of sources.
+    pub symbols: Vec<PathBuf>,
     /// Mnemonics of sources.
     pub mnemonics: Mnemonics,
+    /// The classic porting traps too.
+    pub lints: bool,
     /// Findings as JSON.
     pub json: bool,
     /// Modules and parameters too.
@@ -41,7 +45,7 @@ struct Checked {
 #[must_use]
 pub fn check(options: &Options) -> Exit {
     let checked = match options.files.as_slice() {
-        [file] if station::is_station_file(file) => check_station(file, options.verbose),
+        [file] if station::is_station_file(file) => check_station(file, options),
         files => check_sources(files, options),
     };
     let errors = checked.findings.iter().filter(|f| f.level == Level::Error).count();
@@ -93,8 +97,13 @@ fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
         Ok(library) => library,
         Err(findings) => return Checked { findings, text },
     };
-    let paths: Vec<PathBuf> = options.library.iter().chain(files).cloned().collect();
-    let mut findings = match program::compile(&paths, &library, options.mnemonics) {
+    let sources = program::Sources {
+        files: options.library.iter().chain(files).cloned().collect(),
+        symbols: options.symbols.clone(),
+        mnemonics: options.mnemonics,
+        lints: options.lints,
+    };
+    let mut findings = match program::compile(&sources, &library) {
         Ok((_, findings)) | Err(findings) => findings,
     };
     let of_library = |f: &Finding| options.library.iter().any(|path| path.display().to_string() == f.file);
@@ -124,12 +133,15 @@ fn describe_plugin(text: &mut String, info: &ob1_host::plugin::PluginInfo) {
 }
 
 /// A station with its program, plugins, stimulus; loaded into a CPU to find what does not fit together.
-fn check_station(path: &Path, verbose: bool) -> Checked {
+fn check_station(path: &Path, options: &Options) -> Checked {
     let station = match station::load(path) {
-        Ok(station) => station,
+        Ok(mut station) => {
+            station.program.lints |= options.lints;
+            station
+        }
         Err(findings) => return Checked { findings, ..Checked::default() },
     };
-    let text = if verbose { describe(&station) } else { String::new() };
+    let text = if options.verbose { describe(&station) } else { String::new() };
     let findings = match check_program(&station) {
         Ok(findings) | Err(findings) => findings,
     };

@@ -1,11 +1,13 @@
 //! The command line: words, help, and what they lead to.
 
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::access::protocol::CommandName;
+use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
 use crate::{check, janitor, remote, run, station};
 
@@ -14,6 +16,7 @@ Examples:
   ob1 run examples/two-stations/station-a.toml     run a station until Ctrl-C
   ob1 run press.toml --for 10s --report run.json   ten seconds, figures as JSON
   ob1 check press.toml                             everything that is wrong with a station
+  ob1 exec press.awl --limit 10s                   bare sources in virtual time
   ob1 get press.toml M1.0 DB10.DBW20               values from the running station
   ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
   ob1 ctl press.toml stop                          to STOP
@@ -43,6 +46,7 @@ fn concat_after() -> String {
 enum Command {
     Run(RunArgs),
     Check(CheckArgs),
+    Exec(Box<ExecArgs>),
     Get(GetArgs),
     Set(SetArgs),
     Ctl(CtlArgs),
@@ -108,6 +112,12 @@ struct CheckArgs {
     /// A source of library blocks: compiled with the others, its own warnings are not shown
     #[arg(long, value_name = "FILE")]
     library: Vec<PathBuf>,
+    /// A symbol table of the sources: SDF, ASC, SEQ or DIF (a station file says it itself)
+    #[arg(long, value_name = "FILE")]
+    symbols: Vec<PathBuf>,
+    /// Look for the classic porting traps too
+    #[arg(long)]
+    lints: bool,
     /// Mnemonics of the sources (a station file says it itself)
     #[arg(long, value_enum, default_value_t = Language::De)]
     mnemonics: Language,
@@ -119,12 +129,25 @@ struct CheckArgs {
     verbose: bool,
 }
 
+/// The mnemonics of sources.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Language {
+pub enum Language {
     /// German: U, UN, O, E, A, Z
     De,
     /// International: A, AN, O, I, Q, C
     En,
+    /// Found for each source by the words that exist in one set only
+    Auto,
+}
+
+impl From<Language> for station::Mnemonics {
+    fn from(language: Language) -> Self {
+        match language {
+            Language::De => Self::German,
+            Language::En => Self::International,
+            Language::Auto => Self::Auto,
+        }
+    }
 }
 
 /// Read cells of a running station
@@ -192,21 +215,22 @@ enum Action {
 
 /// Parses the command line of this process and does what it says.
 #[must_use]
-pub fn main() -> Exit {
+pub fn main() -> ExitCode {
     match Cli::try_parse() {
-        Ok(cli) => cli.run(),
+        Ok(cli) => cli.command.run(),
         Err(error) => {
             // Help and version are no errors.
             let exit = if error.use_stderr() { Exit::Usage } else { Exit::Ok };
             let _ = error.print();
-            exit
+            exit.into()
         }
     }
 }
 
-impl Cli {
-    fn run(self) -> Exit {
-        match self.command {
+impl Command {
+    fn run(self) -> ExitCode {
+        let exit = match self {
+            Command::Exec(args) => return exec::exec(&args).into(),
             Command::Run(args) => run::run(&run::Options {
                 station: args.station,
                 time: args.time,
@@ -219,10 +243,9 @@ impl Cli {
                 files: args.files,
                 plugins: args.plugin,
                 library: args.library,
-                mnemonics: match args.mnemonics {
-                    Language::De => station::Mnemonics::German,
-                    Language::En => station::Mnemonics::International,
-                },
+                symbols: args.symbols,
+                mnemonics: args.mnemonics.into(),
+                lints: args.lints,
                 json: args.json,
                 verbose: args.verbose,
             }),
@@ -235,8 +258,8 @@ impl Cli {
                     Action::Warm => CommandName::Warm,
                     Action::Cold => CommandName::Cold,
                     Action::Reset => CommandName::Reset,
-                    Action::Status => return remote::status(&args.station, args.json),
-                    Action::Diag => return remote::diag(&args.station, args.json),
+                    Action::Status => return remote::status(&args.station, args.json).into(),
+                    Action::Diag => return remote::diag(&args.station, args.json).into(),
                 };
                 remote::command(&args.station, command)
             }
@@ -244,7 +267,8 @@ impl Cli {
                 janitor::run(&rundir, &published);
                 Exit::Ok
             }
-        }
+        };
+        exit.into()
     }
 }
 

@@ -36,11 +36,59 @@ Exit codes:
   6  the operating system refused what the station needs
   7  a native block did not return; outputs are off
   8  the running station refused a request of get, set or ctl
+  exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault.
   With --fence-scan a forbidden system call ends the process by SIGSYS (shells show 159).";
 
 impl From<Exit> for std::process::ExitCode {
     fn from(exit: Exit) -> Self {
         Self::from(exit as u8)
+    }
+}
+
+/// How `ob1 exec` ends: a contract with scripts and conformance suites.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExecExit {
+    /// The program stopped the CPU itself.
+    Stopped,
+    /// The limit was reached.
+    Limit,
+    /// A source or symbol table was rejected.
+    Rejected,
+    /// A fault stopped the CPU.
+    Fault,
+    /// What any command can end with: a wrong command line, a file that cannot be written.
+    Other(Exit),
+}
+
+impl ExecExit {
+    /// The code of the process.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        match self {
+            ExecExit::Stopped => 0,
+            ExecExit::Limit => 3,
+            ExecExit::Rejected => 10,
+            ExecExit::Fault => 11,
+            ExecExit::Other(exit) => exit as u8,
+        }
+    }
+
+    /// In a word.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            ExecExit::Stopped => "stopped",
+            ExecExit::Limit => "limit",
+            ExecExit::Rejected => "rejected",
+            ExecExit::Fault => "fault",
+            ExecExit::Other(_) => "other",
+        }
+    }
+}
+
+impl From<ExecExit> for std::process::ExitCode {
+    fn from(exit: ExecExit) -> Self {
+        Self::from(exit.code())
     }
 }
 

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    ob1_command::cli::main().into()
+    ob1_command::cli::main()
 }

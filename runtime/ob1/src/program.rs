@@ -61,7 +61,7 @@ pub fn plugin_folders() -> Vec<PathBuf> {
 pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
     let plugins = load_plugins(&station.plugins).map_err(LoadFailure::Plugin)?;
     let library = library(&plugins).map_err(LoadFailure::Rejected)?;
-    let (program, findings) = compile(&station.sources, &library, station.mnemonics).map_err(LoadFailure::Rejected)?;
+    let (program, findings) = compile(&station.program, &library).map_err(LoadFailure::Rejected)?;
     Ok(Loaded { program, plugins, findings })
 }
 
@@ -149,17 +149,51 @@ pub fn library(plugins: &[(Arc<Plugin>, BTreeMap<BlockId, BlockId>)]) -> Result<
     if twice.is_empty() { Ok(library) } else { Err(twice) }
 }
 
+/// What is compiled together, and how it is read.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Sources {
+    /// The sources.
+    pub files: Vec<PathBuf>,
+    /// Symbol tables.
+    pub symbols: Vec<PathBuf>,
+    /// Mnemonics of the sources.
+    pub mnemonics: Mnemonics,
+    /// Look for the classic porting traps too.
+    pub lints: bool,
+}
+
 /// Reads and compiles sources.
 ///
 /// # Errors
 /// Everything that was found, when there is an error in it.
-pub fn compile(
-    paths: &[PathBuf],
-    library: &Library,
-    mnemonics: Mnemonics,
-) -> Result<(Program, Vec<Finding>), Vec<Finding>> {
-    let mut sources = Vec::new();
+pub fn compile(wanted: &Sources, library: &Library) -> Result<(Program, Vec<Finding>), Vec<Finding>> {
     let mut findings = Vec::new();
+    let sources = read_all(&wanted.files, &mut findings);
+    compile_texts(&sources, wanted, library, findings)
+}
+
+/// As [`compile`], with the sources read already; `findings` is what was found so far.
+pub(crate) fn compile_texts(
+    sources: &[Source],
+    wanted: &Sources,
+    library: &Library,
+    mut findings: Vec<Finding>,
+) -> Result<(Program, Vec<Finding>), Vec<Finding>> {
+    let mut symbols = Vec::new();
+    for table in read_all(&wanted.symbols, &mut findings) {
+        let read = ob1_stl::read_symbols(&table);
+        findings.extend(read.diagnostics.iter().map(|d| of_diagnostic(d, std::slice::from_ref(&table))));
+        symbols.extend(read.symbols);
+    }
+    let options = Options { mnemonics: wanted.mnemonics.into(), symbols, lints: wanted.lints };
+    let output = ob1_stl::compile(sources, library, &options);
+    findings.extend(output.diagnostics.iter().map(|diagnostic| of_diagnostic(diagnostic, sources)));
+    if findings.iter().any(|f| f.level == Level::Error) { Err(findings) } else { Ok((output.program, findings)) }
+}
+
+/// Reads files; one finding for each that cannot be read.
+pub(crate) fn read_all(paths: &[PathBuf], findings: &mut Vec<Finding>) -> Vec<Source> {
+    let mut sources = Vec::with_capacity(paths.len());
     for path in paths {
         let name = path.display().to_string();
         match std::fs::read(path) {
@@ -171,13 +205,7 @@ pub fn compile(
             }
         }
     }
-    let mnemonics = match mnemonics {
-        Mnemonics::German => ob1_stl::Mnemonics::German,
-        Mnemonics::International => ob1_stl::Mnemonics::International,
-    };
-    let output = ob1_stl::compile(&sources, library, &Options { mnemonics, ..Options::default() });
-    findings.extend(output.diagnostics.iter().map(|diagnostic| of_diagnostic(diagnostic, &sources)));
-    if findings.iter().any(|f| f.level == Level::Error) { Err(findings) } else { Ok((output.program, findings)) }
+    sources
 }
 
 fn of_diagnostic(diagnostic: &ob1_stl::Diagnostic, sources: &[Source]) -> Finding {

@@ -56,6 +56,6 @@ fn the_examples_are_good() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(name);
         let station = ob1_command::station::load(&path).unwrap_or_else(|findings| panic!("{findings:?}"));
         assert_eq!(station.modules.len(), 1, "{name}");
-        assert!(station.sources.iter().all(|s| s.exists()), "{name}");
+        assert!(station.program.files.iter().all(|s| s.exists()), "{name}");
     }
 }

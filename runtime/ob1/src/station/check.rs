@@ -10,6 +10,7 @@ use super::findings::{CONTRADICTION, Findings, TWICE, VALUE};
 use super::types::{Mnemonics, Plugin, Realtime, Station};
 use super::{modules, parse_duration};
 use crate::finding::{Finding, Text, nearest};
+use crate::program::Sources;
 
 pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Result<Station, Vec<Finding>> {
     let mut findings = Findings::new(source);
@@ -18,8 +19,12 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
         name: name(f, "station", &file.station.name),
         cpu: cpu(f, &file.cpu),
         realtime: realtime(f, &file.cpu),
-        mnemonics: mnemonics(f, file.program.mnemonics.as_ref()),
-        sources: file.program.sources.iter().map(|s| folder.join(s.get_ref())).collect(),
+        program: Sources {
+            files: file.program.sources.iter().map(|s| folder.join(s.get_ref())).collect(),
+            symbols: file.program.symbols.iter().map(|s| folder.join(s.get_ref())).collect(),
+            mnemonics: mnemonics(f, file.program.mnemonics.as_ref()),
+            lints: false,
+        },
         plugins: plugins(f, &file.plugin, folder),
         modules: modules::modules(f, &file.module, folder),
         stimulus: file.process_io.stimulus.as_ref().map(|s| folder.join(s.get_ref())),
@@ -148,7 +153,7 @@ fn realtime(f: &mut Findings<'_>, table: &CpuTable) -> Realtime {
 }
 
 fn mnemonics(f: &mut Findings<'_>, value: Option<&Placed<String>>) -> Mnemonics {
-    let words = [("de", Mnemonics::German), ("en", Mnemonics::International)];
+    let words = [("de", Mnemonics::German), ("en", Mnemonics::International), ("auto", Mnemonics::Auto)];
     choice(f, "mnemonics", value, &words).unwrap_or_default()
 }
 

@@ -70,6 +70,8 @@ pub(super) struct RealtimeTable {
 pub(super) struct ProgramTable {
     #[serde(default)]
     pub(super) sources: Vec<Placed<String>>,
+    #[serde(default)]
+    pub(super) symbols: Vec<Placed<String>>,
     pub(super) mnemonics: Option<Placed<String>>,
 }
 

@@ -7,6 +7,7 @@ use ob1_model::BlockId;
 use ob1_params::Cp240;
 
 use super::Line;
+use crate::program::Sources;
 
 /// Register bytes of a CP 240, each way.
 pub const CP240_BYTES: u16 = 16;
@@ -20,10 +21,8 @@ pub struct Station {
     pub cpu: CpuConfig,
     /// What is asked of the operating system for the scan thread.
     pub realtime: Realtime,
-    /// How the sources are written.
-    pub mnemonics: Mnemonics,
-    /// The sources, in the order of the file.
-    pub sources: Vec<PathBuf>,
+    /// The program: sources and symbol tables in the order of the file.
+    pub program: Sources,
     /// Plugins, in the order of the file.
     pub plugins: Vec<Plugin>,
     /// Modules, in the order of the file.
@@ -51,6 +50,18 @@ pub enum Mnemonics {
     German,
     /// `A AN O ON I Q C`.
     International,
+    /// Found for each file by the words that exist in one set only.
+    Auto,
+}
+
+impl From<Mnemonics> for ob1_stl::Mnemonics {
+    fn from(mnemonics: Mnemonics) -> Self {
+        match mnemonics {
+            Mnemonics::German => Self::German,
+            Mnemonics::International => Self::International,
+            Mnemonics::Auto => Self::Auto,
+        }
+    }
 }
 
 /// A plugin of a station.

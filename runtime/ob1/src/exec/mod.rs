@@ -1,0 +1,150 @@
+//! `ob1 exec`: bare sources without a station file, for scripts and conformance suites.
+//!
+//! The contract: the start OB once, then OB 1 for ever, until the program stops the CPU (SFC 46), a limit is reached or a fault ends it.
+//! There are no modules: peripheral reads answer from the process image of the inputs, peripheral writes land in that of the outputs.
+
+mod args;
+mod clock;
+mod dump;
+mod stats;
+
+use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, OperatingState, system_blocks};
+use ob1_ir::Program;
+use ob1_model::Event;
+
+pub use args::{Engine, ExecArgs, Start};
+pub use dump::{Dump, DumpArea};
+pub use stats::{STATS_SCHEMA, Stats};
+
+use crate::exit::{ExecExit, Exit};
+use crate::finding::Finding;
+use crate::program::{self, Sources};
+use clock::ExecClock;
+use stats::Meter;
+
+/// Entries of the diagnostic buffer printed after a fault.
+const SHOWN: usize = 10;
+
+/// Runs sources; prints what there is to print.
+#[must_use]
+pub fn exec(args: &ExecArgs) -> ExecExit {
+    match try_exec(args) {
+        Ok(exit) => exit,
+        Err((exit, text)) => {
+            eprint!("{text}");
+            exit
+        }
+    }
+}
+
+type Failure = (ExecExit, String);
+
+fn rejected(findings: &[Finding]) -> Failure {
+    (ExecExit::Rejected, findings.iter().map(|f| format!("{f}\n")).collect())
+}
+
+fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
+    args.check().map_err(|text| (ExecExit::Other(Exit::Usage), format!("ob1: {text}\n")))?;
+    let program = compile(args)?;
+    let mut cpu = load(args, &program)?;
+    for dump in &args.dump {
+        // Before the run: a dump that cannot be is known at once, not after a minute.
+        dump.bytes(&cpu).map_err(|text| (ExecExit::Other(Exit::Usage), format!("ob1: --dump {text}\n")))?;
+    }
+    let mut clock = ExecClock::new(args, cpu.interrupt());
+    let meter = Meter::start();
+    let exit = run(&mut cpu, &mut clock, args.start);
+    let stats = meter.stop(&cpu, clock.now(), exit, args);
+    match exit {
+        ExecExit::Fault => eprint!("{}", fault_text(&cpu)),
+        ExecExit::Limit if clock.wall_is_over() => {
+            eprintln!("ob1: the wall limit of {} s was reached before the limit of virtual time", clock::WALL_LIMIT_S);
+        }
+        _ => {}
+    }
+    for dump in &args.dump {
+        dump.write(&cpu).map_err(|text| (ExecExit::Other(Exit::System), format!("ob1: {text}\n")))?;
+    }
+    if let Some(path) = &args.stats {
+        let system = |e| (ExecExit::Other(Exit::System), format!("ob1: {}: {e}\n", path.display()));
+        stats.write(path).map_err(system)?;
+    }
+    Ok(exit)
+}
+
+fn compile(args: &ExecArgs) -> Result<Program, Failure> {
+    let library = program::library(&[]).map_err(|findings| rejected(&findings))?;
+    let sources = Sources {
+        files: args.files.clone(),
+        symbols: args.symbols.clone(),
+        mnemonics: args.mnemonics.into(),
+        lints: false,
+    };
+    let (program, findings) = program::compile(&sources, &library).map_err(|findings| rejected(&findings))?;
+    if !args.quiet {
+        for finding in &findings {
+            eprintln!("{finding}");
+        }
+    }
+    Ok(program)
+}
+
+fn load(args: &ExecArgs, program: &Program) -> Result<Cpu, Failure> {
+    let config = CpuConfig {
+        input_bytes: args.inputs,
+        output_bytes: args.outputs,
+        memory_bytes: args.bit_memory,
+        accumulators: args.accumulators,
+        clock_memory: args.clock_memory,
+        min_cycle: args.min_cycle.as_nanos() as u64,
+        watchdog: args.watchdog.as_nanos() as u64,
+        peripheral_from_image: true,
+        // Virtual time begins at a fixed date: the same run gives the same start information.
+        date_at_start: if args.real_time { crate::assembly::date_now() } else { 0 },
+        ..CpuConfig::default()
+    };
+    let natives = system_blocks();
+    let cpu = match args.engine {
+        Engine::Reference => Cpu::new(config, program, natives, Vec::new()),
+        Engine::Plain => Cpu::new_plain(config, program, natives, Vec::new()),
+    };
+    cpu.map_err(|errors| {
+        let findings: Vec<Finding> = errors.iter().map(|e| crate::assembly::of_load_error(e, program)).collect();
+        rejected(&findings)
+    })
+}
+
+/// Cycles until the end.
+fn run(cpu: &mut Cpu, clock: &mut ExecClock, start: Start) -> ExecExit {
+    cpu.request(match start {
+        Start::Cold => Command::Cold,
+        Start::Warm | Start::Hot => Command::Warm,
+    });
+    loop {
+        let end = cpu.cycle(clock);
+        if end.state == OperatingState::Stop {
+            return ending(cpu, clock);
+        }
+        clock.wait_until(end.next_deadline);
+        if clock.is_over() {
+            return ExecExit::Limit;
+        }
+    }
+}
+
+/// What led to STOP.
+fn ending(cpu: &Cpu, clock: &ExecClock) -> ExecExit {
+    match cpu.diagnostics().next().map(|entry| entry.event) {
+        Some(Event::STOP_PROGRAM) => ExecExit::Stopped,
+        // The clock has halted a scan that would not have ended in time.
+        Some(Event::STOP_OPERATOR) if clock.has_halted() => ExecExit::Limit,
+        _ => ExecExit::Fault,
+    }
+}
+
+/// The entries that led to STOP, newest first: the reason for STOP and what it came from.
+fn fault_text(cpu: &Cpu) -> String {
+    let beginning = [Event::STARTUP, Event::RUN];
+    let entries = cpu.diagnostics().take_while(|entry| !beginning.contains(&entry.event)).take(SHOWN);
+    entries.map(|entry| format!("ob1: {:.6} s  {entry}\n", entry.time as f64 / 1e9)).collect()
+}

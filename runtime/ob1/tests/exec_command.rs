@@ -1,0 +1,195 @@
+//! `ob1 exec`: its contract, through the binary.
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+struct Bench {
+    folder: tempfile::TempDir,
+}
+
+impl Bench {
+    /// With one source, `p.awl`.
+    fn new(source: &str) -> Self {
+        let bench = Self { folder: tempfile::tempdir().expect("a directory") };
+        bench.write("p.awl", source);
+        bench
+    }
+
+    fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path().join(name), text).expect("writable");
+    }
+
+    fn exec(&self, args: &[&str]) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ob1"));
+        command.args(["exec", "p.awl"]).args(args).current_dir(self.path()).stdin(Stdio::null());
+        command.output().expect("ob1 starts")
+    }
+
+    /// The exit code and the first bytes of bit memory; no bytes where none were dumped.
+    fn memory(&self, len: usize, args: &[&str]) -> (Option<i32>, Vec<u8>) {
+        let _ = std::fs::remove_file(self.path().join("m.bin"));
+        let output = self.exec(&[&["--dump", &format!("M:0:{len}:m.bin")], args].concat());
+        (output.status.code(), std::fs::read(self.path().join("m.bin")).unwrap_or_default())
+    }
+
+    fn stats(&self, args: &[&str]) -> Value {
+        self.exec(&[&["--stats", "s.json"], args].concat());
+        serde_json::from_slice(&std::fs::read(self.path().join("s.json")).expect("figures")).expect("JSON")
+    }
+}
+
+fn ob(number: u16, code: &str) -> String {
+    format!(
+        "ORGANIZATION_BLOCK OB {number}\nVAR_TEMP\n START_INFO : ARRAY [1..20] OF BYTE;\nEND_VAR\nBEGIN\nNETWORK\n{code}\n\
+         END_ORGANIZATION_BLOCK\n"
+    )
+}
+
+fn fails(output: &Output, code: i32, part: &str) {
+    assert_eq!(output.status.code(), Some(code), "{output:?}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(stderr.contains(part), "{part} is not in {stderr}");
+}
+
+const COUNT: &str = "L MW 0; L 1; +I; T MW 0;";
+const COUNT_TO_5: &str = "L MW 0; L 1; +I; T MW 0; L 5; <I; SPB end; CALL SFC 46; end: NOP 0;";
+
+#[test]
+fn a_program_that_stops_itself() {
+    let bench = Bench::new(&ob(1, COUNT_TO_5));
+    assert_eq!(bench.memory(3, &[]), (Some(0), vec![0, 5, 0]));
+    assert_eq!(bench.memory(2, &["--engine", "plain"]), (Some(0), vec![0, 5]));
+    assert_eq!(bench.memory(2, &["--real-time", "--min-cycle", "0ms"]), (Some(0), vec![0, 5]));
+    let stats = bench.stats(&[]);
+    // The fifth scan ends in the middle.
+    assert_eq!((stats["schema"].clone(), stats["scans"].clone()), (1.into(), 4.into()));
+    assert_eq!((stats["exit"].clone(), stats["ended"].clone()), (0.into(), "stopped".into()));
+    assert!(stats["statements"].as_u64() > Some(40) && stats["cpu_seconds"].as_f64() > Some(0.0), "{stats}");
+    assert!(stats["statements_per_second"].as_f64() > Some(0.0) && stats["wall_seconds"].as_f64() > Some(0.0));
+}
+
+#[test]
+fn the_limit_counts_virtual_time() {
+    let bench = Bench::new(&ob(1, COUNT));
+    assert_eq!(bench.memory(2, &["--limit", "1s"]), (Some(3), vec![3, 232]));
+    assert_eq!(bench.memory(2, &["--limit", "1s", "--min-cycle", "10ms"]), (Some(3), vec![0, 100]));
+    // Five statements a scan with the block's end.
+    assert_eq!(
+        bench.memory(2, &["--limit", "1ms", "--min-cycle", "0ms", "--ns-per-statement", "1000"]),
+        (Some(3), vec![0, 200])
+    );
+    let stats = bench.stats(&["--limit", "60s"]);
+    assert_eq!((stats["exit"].clone(), stats["scans"].clone()), (3.into(), 60_000.into()));
+    assert_eq!(stats["plc_seconds"], 60.0);
+    // Real time too, where it is asked for.
+    assert_eq!(bench.exec(&["--limit", "5ms", "--real-time"]).status.code(), Some(3));
+}
+
+#[test]
+fn a_fault_shows_its_entry_and_leaves_the_dump() {
+    let bench = Bench::new(&ob(1, "L 7; T MB 0; L MW 9999; T MB 1;"));
+    let output = bench.exec(&["--dump", "M:0:2:m.bin", "--stats", "s.json"]);
+    fails(&output, 11, "4562h");
+    fails(&output, 11, "OB 1");
+    fails(&output, 11, "line 7");
+    assert_eq!(std::fs::read(bench.path().join("m.bin")).ok(), Some(vec![7, 0]));
+    assert!(std::fs::read_to_string(bench.path().join("s.json")).is_ok_and(|s| s.contains("\"fault\"")));
+}
+
+#[test]
+fn loops_without_end_are_ended() {
+    let bench = Bench::new(&ob(1, "m: NOP 0; SPA m;"));
+    fails(&bench.exec(&[]), 11, "4568h");
+    assert_eq!(bench.exec(&["--watchdog", "0ms", "--limit", "1s"]).status.code(), Some(3));
+    bench.write("p.awl", &ob(1, "m: CALL SFC 43; SPA m;"));
+    assert_eq!(bench.exec(&["--limit", "1s"]).status.code(), Some(3));
+    assert_eq!(bench.exec(&["--limit", "5ms", "--watchdog", "5ms", "--real-time"]).status.code(), Some(3));
+}
+
+#[test]
+fn what_is_rejected_has_its_own_code() {
+    let bench = Bench::new("ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n  SPRNG x;\nEND_ORGANIZATION_BLOCK\n");
+    let output = bench.exec(&["--dump", "M:0:1:m.bin"]);
+    fails(&output, 10, "p.awl:4");
+    assert!(!bench.path().join("m.bin").exists());
+    bench.write("p.awl", &ob(1, "CALL FC 77;"));
+    fails(&bench.exec(&[]), 10, "FC 77");
+    bench.write("p.awl", &ob(1, "U \"lamp\"; = M 0.0;"));
+    fails(&bench.exec(&[]), 10, "lamp");
+    fails(&bench.exec(&["--symbols", "none.sdf"]), 10, "none.sdf");
+    bench.write("s.sdf", "\"lamp                    \",\"M       0.1\",\"BOOL      \",\"\"\n");
+    assert_eq!(bench.exec(&["--symbols", "s.sdf", "--limit", "5ms"]).status.code(), Some(3));
+}
+
+#[test]
+fn mnemonics_are_found_or_named() {
+    let bench = Bench::new(&ob(1, "SET; S M 0.0; AN M 0.1; JC end; NOP 0; end: CALL SFC 46;"));
+    assert_eq!(bench.memory(1, &[]), (Some(0), vec![1]));
+    assert_eq!(bench.memory(1, &["--mnemonics", "en"]), (Some(0), vec![1]));
+    assert_eq!(bench.exec(&["--mnemonics", "de"]).status.code(), Some(10));
+}
+
+#[test]
+fn peripheral_bytes_are_the_process_image() {
+    let bench = Bench::new(&ob(1, "L W#16#1234; T EW 20; L PEW 20; T MW 0; T PAW 30; L AW 30; T MW 2; CALL SFC 46;"));
+    assert_eq!(bench.memory(4, &[]), (Some(0), vec![0x12, 0x34, 0x12, 0x34]));
+    fails(&bench.exec(&["--inputs", "16"]), 11, "OB 1");
+    fails(&bench.exec(&["--outputs", "16"]), 11, "OB 1");
+}
+
+#[test]
+fn the_start_ob_runs_once() {
+    let source = [ob(100, "L MB 0; L 1; +I; T MB 0;"), ob(102, "L MB 1; L 1; +I; T MB 1;"), ob(1, COUNT_MB4)].concat();
+    let bench = Bench::new(&source);
+    assert_eq!(bench.memory(5, &["--limit", "3ms"]), (Some(3), vec![1, 0, 0, 0, 3]));
+    assert_eq!(bench.memory(5, &["--limit", "3ms", "--start", "cold"]), (Some(3), vec![0, 1, 0, 0, 3]));
+}
+
+const COUNT_MB4: &str = "L MB 4; L 1; +I; T MB 4;";
+
+#[test]
+fn the_cpu_is_as_wanted() {
+    let bench = Bench::new(&ob(1, "L 1; L 2; L 3; L 4; +I; +I; +I; T MW 0; CALL SFC 46;"));
+    assert_eq!(bench.memory(2, &["--accumulators", "2"]).0, Some(0));
+    bench.write("p.awl", &ob(1, "U M 9.5; SPB on; BEA; on: CALL SFC 46;"));
+    // 1 Hz is bit 5 of the clock memory.
+    assert_eq!(bench.exec(&["--clock-memory", "9", "--limit", "2s"]).status.code(), Some(0));
+    assert_eq!(bench.exec(&["--clock-memory", "9", "--limit", "100ms"]).status.code(), Some(3));
+    bench.write("p.awl", &ob(1, "L MB 3000; CALL SFC 46;"));
+    assert_eq!(bench.exec(&["--bit-memory", "3001"]).status.code(), Some(0));
+    assert_eq!(bench.exec(&["--bit-memory", "3000"]).status.code(), Some(11));
+}
+
+#[test]
+fn data_blocks_are_dumped_too() {
+    let source = ob(1, "L 258; T DB5.DBW 2; CALL SFC 46;");
+    let db = "DATA_BLOCK DB 5\nSTRUCT\n A : INT := 3;\n B : INT;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n";
+    let bench = Bench::new(&(db.to_owned() + &source));
+    assert_eq!(bench.exec(&["--dump", "DB5:0:4:d.bin", "--dump", "M:0:1:m.bin"]).status.code(), Some(0));
+    assert_eq!(std::fs::read(bench.path().join("d.bin")).ok(), Some(vec![0, 3, 1, 2]));
+    assert_eq!(std::fs::read(bench.path().join("m.bin")).ok(), Some(vec![0]));
+}
+
+#[test]
+fn what_cannot_be_is_refused_before_anything_runs() {
+    let bench = Bench::new(&ob(1, COUNT));
+    for (args, part) in [
+        (&["--dump", "M:0:99999:m.bin"][..], "has 2048 bytes"),
+        (&["--dump", "DB1:0:1:m.bin"], "not loaded"),
+        (&["--dump", "M:0"], "AREA:FROM:LEN:FILE"),
+        (&["--clock-memory", "5000"], "outside"),
+        (&["--accumulators", "3"], "2 or 4"),
+        (&["--engine", "warp"], "reference"),
+        (&["--virtual-time", "--real-time"], "cannot be used with"),
+        (&["--min-cycle", "1"], "unit"),
+    ] {
+        fails(&bench.exec(args), 1, part);
+    }
+    fails(&bench.exec(&["--limit", "2ms", "--dump", "M:0:1:no/such/m.bin"]), 6, "no/such/m.bin");
+}
