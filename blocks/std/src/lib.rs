@@ -1,13 +1,32 @@
-//! System blocks: pure functions of state, time and inputs.
+//! Standard blocks: pure functions of state, time and inputs.
 //!
-//! [`library`] lists the blocks with their standard numbers, names and parameters; what each does stands in the module of its
-//! family. How they reach the CPU's memory is the CPU's business. Facts: "System Software for S7-300/400, System and Standard
-//! Functions".
+//! [`standard_blocks`] lists them all: system functions (SFC, SFB), the IEC functions, the converting blocks, the controllers. An
+//! entry has STEP 7's default number, name and parameters, and a function that runs over a [`Context`], which the CPU gives. What a
+//! block needs beside parameters, memory and modules is a [`Service`]; a CPU offers only blocks whose service it has.
+//!
+//! Facts: "System Software for S7-300/400, System and Standard Functions"; its section titles are cited in brackets.
 
 mod any;
 mod blocks;
+mod call;
+mod context;
 pub mod copy;
+mod declare;
+mod iec;
+pub mod moment;
+mod pid;
+pub mod services;
+mod sfb;
+mod sfc;
+mod table;
+#[cfg(test)]
+mod testing;
+mod text;
+mod ti_s7;
 pub mod ticks;
 
 pub use any::{AnyPointer, AnyType};
 pub use blocks::{SystemBlock, SystemFunction, library};
+pub use context::{Context, Done, Interrupted, ModuleSize, Refused};
+pub use services::Service;
+pub use table::{Origin, StandardBlock, standard_block, standard_blocks};

@@ -1,0 +1,151 @@
+//! What a standard block can ask of the CPU. The CPU implements [`Context`]; a test gives a fake.
+
+use ob1_model::Area;
+
+use crate::services::{
+    AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Schedule, StartInfo, SystemStatus,
+    Waiting, WallClock,
+};
+
+/// Why the CPU refused a request; the block makes an error code of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refused {
+    /// No such parameter, or of another kind.
+    NoParam,
+    /// Outside the area.
+    Outside,
+    /// The data block does not exist.
+    NoDb,
+    /// The data block number cannot be.
+    DbNumber,
+    /// The data block is write-protected.
+    ReadOnly,
+    /// No module at this address.
+    NoModule,
+    /// The module does not answer.
+    Absent,
+    /// The module cannot do it now.
+    Busy,
+    /// The module has no such record.
+    NoRecord,
+}
+
+/// Why a block did not come to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interrupted {
+    /// The CPU goes to STOP, or the run ends.
+    Abort,
+    /// The CPU lacks the service the block is made for. A CPU offers only blocks whose service it has
+    /// ([`crate::StandardBlock::needs`]), so this is a block loaded in spite of that.
+    NoService,
+}
+
+/// How a block ends. BR and RET_VAL are set before.
+pub type Done = Result<(), Interrupted>;
+
+/// Bytes of input and output registers of a module.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ModuleSize {
+    /// Input bytes (module to CPU).
+    pub inputs: u16,
+    /// Output bytes (CPU to module).
+    pub outputs: u16,
+}
+
+/// The CPU as a standard block sees it during its call. Parameters are counted as in [`ob1_model::Interface::formals`].
+///
+/// A service the CPU does not have is `None`; the blocks that need it are then not offered.
+pub trait Context {
+    /// True when the call supplies the parameter.
+    fn given(&mut self, index: u32) -> bool;
+    /// A parameter of up to 32 bits, right-aligned; a block or timer number too.
+    fn get(&mut self, index: u32) -> Result<u32, Refused>;
+    /// Sets a parameter of up to 32 bits.
+    fn set(&mut self, index: u32, value: u32) -> Result<(), Refused>;
+    /// Bytes of a parameter from byte `at` on. An ANY or POINTER reads as the pointer itself, outputs too.
+    fn read(&mut self, index: u32, at: u32, into: &mut [u8]) -> Result<(), Refused>;
+    /// Writes bytes of a parameter from byte `at` on.
+    fn write(&mut self, index: u32, at: u32, from: &[u8]) -> Result<(), Refused>;
+    /// Reads bytes of the running FB's instance.
+    fn instance_read(&mut self, at: u32, into: &mut [u8]) -> Result<(), Refused>;
+    /// Writes bytes of the running FB's instance.
+    fn instance_write(&mut self, at: u32, from: &[u8]) -> Result<(), Refused>;
+    /// Reads bytes of an area. `db` counts for `Db` and `Di`; 0 is the block in the caller's register. Local data is the caller's.
+    fn area_read(&mut self, area: Area, db: u16, at: u32, into: &mut [u8]) -> Result<(), Refused>;
+    /// Writes bytes of an area, see [`Context::area_read`].
+    fn area_write(&mut self, area: Area, db: u16, at: u32, from: &[u8]) -> Result<(), Refused>;
+    /// Sets the binary result; it is 1 before the first time.
+    fn set_br(&mut self, br: bool);
+    /// Nanoseconds since the start; never goes back.
+    fn now(&mut self) -> u64;
+
+    /// The module whose logical base address this is.
+    fn module(&mut self, address: u32) -> Result<ModuleSize, Refused>;
+    /// Reads peripheral input bytes.
+    fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), Refused>;
+    /// Writes peripheral output bytes; they reach the module together.
+    fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), Refused>;
+    /// Reads a record and returns its length; `Outside` when it is longer than `into`.
+    fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, Refused>;
+    /// Writes a record.
+    fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), Refused>;
+
+    /// Restarts the cycle monitoring.
+    fn retrigger_watchdog(&mut self);
+    /// Sends the CPU to STOP; the block ends with what this returns.
+    fn stop(&mut self) -> Interrupted;
+
+    /// The time of day.
+    fn wall_clock(&mut self) -> Option<&mut dyn WallClock> {
+        None
+    }
+    /// Run-time meters.
+    fn meters(&mut self) -> Option<&mut dyn Meters> {
+        None
+    }
+    /// Time-of-day and time-delay interrupts.
+    fn schedule(&mut self) -> Option<&mut dyn Schedule> {
+        None
+    }
+    /// The filter of synchronous errors of the running priority class.
+    fn error_filter(&mut self) -> Option<&mut ErrorFilter> {
+        None
+    }
+    /// Gives `value` to accumulator 1 of the block whose access error is being handled; false outside OB 121 and OB 122. `None`
+    /// when the CPU cannot do it at all.
+    fn replace_value(&mut self, _value: u32) -> Option<bool> {
+        None
+    }
+    /// Which interrupts are locked.
+    fn interrupt_locks(&mut self) -> Option<&mut InterruptLocks> {
+        None
+    }
+    /// Creating, deleting and testing data blocks.
+    fn data_blocks(&mut self) -> Option<&mut dyn DataBlocks> {
+        None
+    }
+    /// Updating the process images.
+    fn images(&mut self) -> Option<&mut dyn Images> {
+        None
+    }
+    /// System status lists and run times.
+    fn system_status(&mut self) -> Option<&mut dyn SystemStatus> {
+        None
+    }
+    /// The diagnostic buffer and alarm messages.
+    fn messages(&mut self) -> Option<&mut dyn Messages> {
+        None
+    }
+    /// Start information of organization blocks.
+    fn start_info(&mut self) -> Option<&mut dyn StartInfo> {
+        None
+    }
+    /// The alarm that is being handled.
+    fn alarm_source(&mut self) -> Option<&mut dyn AlarmSource> {
+        None
+    }
+    /// Waiting inside a call.
+    fn waiting(&mut self) -> Option<&mut dyn Waiting> {
+        None
+    }
+}

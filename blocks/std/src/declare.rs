@@ -1,0 +1,150 @@
+//! How a block declares its parameters: one enum, whose variants carry the manual's names and count the parameters.
+
+use ob1_model::{DataType, Interface, Layout, Param, Section};
+
+/// A declared parameter or static.
+#[derive(Clone, Copy)]
+pub(crate) struct Declared {
+    pub(crate) name: &'static str,
+    pub(crate) section: Section,
+    pub(crate) ty: fn() -> DataType,
+    /// Initial value as laid-out bytes; empty for zeros.
+    pub(crate) initial: &'static [u8],
+}
+
+/// The parameters of a block. Statics come last, so that an index counts formals and declarations alike.
+pub(crate) trait Params: Copy {
+    /// In the order of the block's declaration.
+    const DECLARED: &'static [Declared];
+    /// The parameter's index.
+    fn index(self) -> u32;
+}
+
+/// The interface of declared parameters, laid out where there is an instance.
+pub(crate) fn interface(declared: &[Declared], has_instance: bool) -> Interface {
+    let param = |d: &Declared| {
+        let initial = (!d.initial.is_empty()).then(|| d.initial.to_vec());
+        Param { initial, ..Param::new(d.name, d.section, (d.ty)()) }
+    };
+    let mut interface = Interface { params: declared.iter().map(param).collect(), ..Interface::default() };
+    interface.lay_out(has_instance);
+    if has_instance {
+        lay_out_any(&mut interface);
+    }
+    interface
+}
+
+/// An ANY in/out of a system function block lies in the instance as the ten bytes it has, not as a POINTER to them.
+fn lay_out_any(interface: &mut Interface) {
+    let mut instance = Layout::new();
+    for section in [Section::Input, Section::Output, Section::InOut, Section::Static] {
+        for param in interface.params.iter_mut().filter(|p| p.section == section) {
+            let by_pointer = param.is_pointer() && param.ty != DataType::Any;
+            param.at = instance.place(if by_pointer { &DataType::Pointer } else { &param.ty });
+        }
+        instance.end_section();
+    }
+    interface.instance_bytes = instance.bytes();
+}
+
+/// `params!(NAME { Input { IN: BOOL, PT: TIME } Output { Q: BOOL } })`: an enum of the parameters in the order written, which
+/// is the order of a STEP 7 call; `= expr` gives an initial value as bytes.
+macro_rules! params {
+    ($name:ident { $($section:ident { $($param:ident : $ty:ident $(= $initial:expr)?),+ $(,)? })* }) => {
+        #[allow(non_camel_case_types, clippy::upper_case_acronyms, dead_code, reason = "the manual's names; not all are read")]
+        #[derive(Clone, Copy)]
+        pub(crate) enum $name { $($($param),+),* }
+
+        impl crate::declare::Params for $name {
+            const DECLARED: &'static [crate::declare::Declared] = &[$($(
+                crate::declare::Declared {
+                    name: stringify!($param),
+                    section: ob1_model::Section::$section,
+                    ty: crate::declare::types::$ty,
+                    initial: crate::declare::initial!($($initial)?),
+                }
+            ),+),*];
+
+            fn index(self) -> u32 {
+                self as u32
+            }
+        }
+    };
+}
+
+/// The initial value, or none.
+macro_rules! initial {
+    () => {
+        &[]
+    };
+    ($initial:expr) => {
+        &$initial
+    };
+}
+
+pub(crate) use {initial, params};
+
+/// The data types by the names they have in a declaration.
+#[allow(non_snake_case, reason = "the keywords of the source language")]
+pub(crate) mod types {
+    use ob1_model::{DataType, Dimension, Field};
+
+    macro_rules! elementary {
+        ($($name:ident = $ty:expr),+ $(,)?) => {
+            $(pub(crate) fn $name() -> DataType { $ty })+
+        };
+    }
+
+    elementary! {
+        BOOL = DataType::Bool,
+        BYTE = DataType::Byte,
+        WORD = DataType::Word,
+        INT = DataType::Int,
+        DWORD = DataType::DWord,
+        DINT = DataType::DInt,
+        REAL = DataType::Real,
+        S5TIME = DataType::S5Time,
+        TIME = DataType::Time,
+        DATE = DataType::Date,
+        TOD = DataType::TimeOfDay,
+        DT = DataType::DateAndTime,
+        STRING = DataType::String(254),
+        POINTER = DataType::Pointer,
+        ANY = DataType::Any,
+    }
+
+    fn fields(fields: &[(&str, DataType)]) -> DataType {
+        let field = |(name, ty): &(&str, DataType)| Field { name: (*name).to_owned(), ty: ty.clone(), initial: None };
+        DataType::Struct(fields.iter().map(field).collect())
+    }
+
+    /// Start information of an OB (SFC 6).
+    pub(crate) fn START_INFO() -> DataType {
+        fields(&[
+            ("EV_CLASS", DataType::Byte),
+            ("EV_NUM", DataType::Byte),
+            ("PRIORITY", DataType::Byte),
+            ("NUM", DataType::Byte),
+            ("TYP2_3", DataType::Byte),
+            ("TYP1", DataType::Byte),
+            ("ZI1", DataType::Word),
+            ("ZI2_3", DataType::DWord),
+        ])
+    }
+
+    /// Length and number of records (SFC 51).
+    pub(crate) fn SZL_HEADER() -> DataType {
+        fields(&[("LENTHDR", DataType::Word), ("N_DR", DataType::Word)])
+    }
+
+    /// 16 words, from 1.
+    pub(crate) fn WORDS16() -> DataType {
+        DataType::Array(vec![Dimension { low: 1, high: 16 }], Box::new(DataType::Word))
+    }
+
+    /// 16 times 16 bits, `[1..16, 0..15]`.
+    pub(crate) fn BITS16X16() -> DataType {
+        let dims = vec![Dimension { low: 1, high: 16 }, Dimension { low: 0, high: 15 }];
+        DataType::Array(dims, Box::new(DataType::Bool))
+    }
+}

@@ -1,0 +1,199 @@
+//! DATE_AND_TIME: eight BCD bytes, and milliseconds since 1990-01-01 to calculate with.
+
+/// Milliseconds of a day.
+pub const DAY_MS: u64 = 86_400_000;
+
+/// A point in time that DATE_AND_TIME can show: 1990-01-01 to 2089-12-31, to the millisecond.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Moment(u64);
+
+/// A calendar date.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Date {
+    /// 1990 to 2089.
+    pub year: u32,
+    /// 1 to 12.
+    pub month: u32,
+    /// 1 to 31.
+    pub day: u32,
+}
+
+impl Date {
+    /// Days of a month.
+    #[must_use]
+    pub const fn days_of_month(year: u32, month: u32) -> u32 {
+        match month {
+            2 if year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400)) => 29,
+            2 => 28,
+            4 | 6 | 9 | 11 => 30,
+            _ => 31,
+        }
+    }
+
+    /// Days since 1990-01-01; `None` for a date that does not exist or lies outside the years of DATE_AND_TIME.
+    #[must_use]
+    pub fn days(self) -> Option<u32> {
+        let Date { year, month, day } = self;
+        let exists = (1990..=2089).contains(&year)
+            && (1..=12).contains(&month)
+            && (1..=Self::days_of_month(year, month)).contains(&day);
+        let leap_days = (1990..year).filter(|y| Self::days_of_month(*y, 2) == 29).count() as u32;
+        let months: u32 = (1..month).map(|m| Self::days_of_month(year, m)).sum();
+        exists.then(|| (year - 1990) * 365 + leap_days + months + day - 1)
+    }
+
+    /// The date so many days after 1990-01-01; `None` after 2089.
+    #[must_use]
+    pub fn from_days(mut days: u32) -> Option<Self> {
+        let mut year = 1990;
+        while days >= Self::days_of_month(year, 2) + 337 {
+            days -= Self::days_of_month(year, 2) + 337;
+            year += 1;
+        }
+        let mut month = 1;
+        while days >= Self::days_of_month(year, month) {
+            days -= Self::days_of_month(year, month);
+            month += 1;
+        }
+        (year <= 2089).then_some(Self { year, month, day: days + 1 })
+    }
+}
+
+impl Moment {
+    /// 1990-01-01-00:00:00.000.
+    pub const MIN: Moment = Moment(0);
+    /// 2089-12-31-23:59:59.999.
+    pub const MAX: Moment = Moment(36_525 * DAY_MS - 1);
+
+    /// The moment `ms` after [`Moment::MIN`], or `None` after [`Moment::MAX`].
+    #[must_use]
+    pub const fn from_ms(ms: u64) -> Option<Self> {
+        if ms > Self::MAX.0 { None } else { Some(Self(ms)) }
+    }
+
+    /// Milliseconds since [`Moment::MIN`].
+    #[must_use]
+    pub const fn ms(self) -> u64 {
+        self.0
+    }
+
+    /// Days since 1990-01-01.
+    #[must_use]
+    pub const fn days(self) -> u32 {
+        (self.0 / DAY_MS) as u32
+    }
+
+    /// Milliseconds since midnight.
+    #[must_use]
+    pub const fn time_of_day(self) -> u32 {
+        (self.0 % DAY_MS) as u32
+    }
+
+    /// The day of the week, 1 = Sunday. 1990-01-01 was a Monday.
+    #[must_use]
+    pub const fn weekday(self) -> u32 {
+        (self.days() + 1) % 7 + 1
+    }
+
+    /// The moment plus a TIME; limited to what DATE_AND_TIME can show, then the second value is false.
+    #[must_use]
+    pub fn plus(self, ms: i64) -> (Self, bool) {
+        let sum = self.0.checked_add_signed(ms);
+        match sum {
+            Some(sum) if sum <= Self::MAX.0 => (Self(sum), true),
+            Some(_) => (Self::MAX, false),
+            None => (Self::MIN, false),
+        }
+    }
+
+    /// From the eight bytes of a DATE_AND_TIME. The day of the week is not looked at.
+    ///
+    /// # Errors
+    /// What is no date or no time.
+    pub fn from_bytes(bytes: [u8; 8]) -> Result<Self, MomentError> {
+        let digits = |i: usize| {
+            let (tens, ones) = (u32::from(bytes[i] >> 4), u32::from(bytes[i] & 15));
+            (tens < 10 && ones < 10).then_some(tens * 10 + ones)
+        };
+        let date = || {
+            let year = digits(0)?;
+            let year = if year >= 90 { 1900 + year } else { 2000 + year };
+            Date { year, month: digits(1)?, day: digits(2)? }.days()
+        };
+        let time = || {
+            let (hour, minute, second) = (digits(3)?, digits(4)?, digits(5)?);
+            let last = u32::from(bytes[7] >> 4);
+            let milli = digits(6)? * 10 + if last < 10 { last } else { return None };
+            (hour < 24 && minute < 60 && second < 60).then(|| ((hour * 60 + minute) * 60 + second) * 1000 + milli)
+        };
+        let days = date().ok_or(MomentError::Date)?;
+        let time = time().ok_or(MomentError::Time)?;
+        Ok(Self(u64::from(days) * DAY_MS + u64::from(time)))
+    }
+
+    /// As eight bytes, the day of the week included.
+    #[must_use]
+    pub fn to_bytes(self) -> [u8; 8] {
+        // A moment's days are always a date of these years.
+        let date = Date::from_days(self.days()).unwrap_or(Date { year: 2089, month: 12, day: 31 });
+        let bcd = |v: u32| (v / 10 % 10 * 16 + v % 10) as u8;
+        let ms = self.time_of_day();
+        [
+            bcd(date.year % 100),
+            bcd(date.month),
+            bcd(date.day),
+            bcd(ms / 3_600_000),
+            bcd(ms / 60_000 % 60),
+            bcd(ms / 1000 % 60),
+            bcd(ms % 1000 / 10),
+            (ms % 10 * 16 + self.weekday()) as u8,
+        ]
+    }
+}
+
+/// What is wrong with a DATE_AND_TIME.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MomentError {
+    /// Year, month or day.
+    Date,
+    /// Hour, minute, second or millisecond.
+    Time,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_day_goes_both_ways() {
+        for days in 0..36_525 {
+            let date = Date::from_days(days).unwrap();
+            assert_eq!(date.days(), Some(days), "{date:?}");
+            let moment = Moment::from_ms(u64::from(days) * DAY_MS + 45_296_789).unwrap();
+            assert_eq!(Moment::from_bytes(moment.to_bytes()), Ok(moment));
+        }
+        assert_eq!(Date::from_days(36_525), None);
+    }
+
+    #[test]
+    fn the_bytes_of_the_limits() {
+        assert_eq!(Moment::MIN.to_bytes(), [0x90, 1, 1, 0, 0, 0, 0, 2]);
+        assert_eq!(Moment::MAX.to_bytes(), [0x89, 0x12, 0x31, 0x23, 0x59, 0x59, 0x99, 0x97]);
+        assert_eq!(Moment::from_ms(Moment::MAX.ms() + 1), None);
+    }
+
+    #[test]
+    fn what_is_no_moment() {
+        for (bytes, error) in [
+            ([0x9A, 1, 1, 0, 0, 0, 0, 2], MomentError::Date),
+            ([0x99, 2, 0x29, 0, 0, 0, 0, 2], MomentError::Date),
+            ([0x99, 0, 1, 0, 0, 0, 0, 2], MomentError::Date),
+            ([0x99, 1, 1, 0x24, 0, 0, 0, 2], MomentError::Time),
+            ([0x99, 1, 1, 0, 0x60, 0, 0, 2], MomentError::Time),
+            ([0x99, 1, 1, 0, 0, 0, 0, 0xA2], MomentError::Time),
+        ] {
+            assert_eq!(Moment::from_bytes(bytes), Err(error), "{bytes:02X?}");
+        }
+        assert_eq!(Moment::from_bytes([0, 2, 0x29, 0, 0, 0, 0, 0]).map(|m| m.weekday()), Ok(3));
+    }
+}

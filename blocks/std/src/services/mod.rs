@@ -1,0 +1,52 @@
+//! Services of the CPU that some standard blocks need: state the CPU keeps, and traits it implements.
+//!
+//! Where the rules of a service are those of the reference manual, the state stands here with its rules (error filter, interrupt
+//! locks, run-time meters, interrupts by time), and the CPU keeps it and asks it; where they are the CPU's own business
+//! (memory of data blocks, images, the diagnostic buffer) there is a trait.
+
+mod filter;
+mod locks;
+mod meter;
+mod schedule;
+mod traits;
+
+pub use filter::ErrorFilter;
+pub use locks::{InterruptLocks, LockError};
+pub use meter::RunTimeMeter;
+pub use schedule::{DelayInterrupt, Period, TimeOfDayInterrupt};
+pub use traits::{
+    Alarm, AlarmError, AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DeleteError, ImageError,
+    Images, LoadError, MessageError, Messages, Meters, RunTimes, Schedule, StartInfo, StatusError, SystemStatus,
+    Waiting, WallClock,
+};
+
+/// What a block needs of the CPU beside parameters, memory and modules.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Service {
+    /// [`WallClock`].
+    WallClock,
+    /// [`Meters`].
+    Meters,
+    /// [`Schedule`].
+    Schedule,
+    /// [`ErrorFilter`].
+    ErrorFilter,
+    /// [`crate::Context::replace_value`].
+    ReplaceValue,
+    /// [`InterruptLocks`].
+    InterruptLocks,
+    /// [`DataBlocks`].
+    DataBlocks,
+    /// [`Images`].
+    Images,
+    /// [`SystemStatus`].
+    SystemStatus,
+    /// [`Messages`].
+    Messages,
+    /// [`StartInfo`].
+    StartInfo,
+    /// [`AlarmSource`].
+    AlarmSource,
+    /// [`Waiting`].
+    Waiting,
+}

@@ -1,0 +1,283 @@
+//! Services that are the CPU's own business.
+
+use crate::Interrupted;
+use crate::moment::Moment;
+use crate::services::{DelayInterrupt, RunTimeMeter, TimeOfDayInterrupt};
+
+/// The CPU's clock of date and time.
+pub trait WallClock {
+    /// Date and time now.
+    fn moment(&mut self) -> Moment;
+    /// Sets date and time; they go on from there.
+    fn set_moment(&mut self, moment: Moment);
+}
+
+/// Run-time meters, numbered from 0.
+pub trait Meters {
+    /// A meter, or `None` when there is none of this number.
+    fn meter(&mut self, number: u8) -> Option<&mut RunTimeMeter>;
+}
+
+/// Interrupts by time. The CPU looks at them again after a block that asked for one of them.
+pub trait Schedule {
+    /// Date and time now.
+    fn moment(&mut self) -> Moment;
+    /// The interrupt of OB 10 to 17; `None` for an OB this CPU does not have.
+    fn time_of_day(&mut self, ob: u16) -> Option<&mut TimeOfDayInterrupt>;
+    /// The interrupt of OB 20 to 23; `None` for an OB this CPU does not have.
+    fn delay(&mut self, ob: u16) -> Option<&mut DelayInterrupt>;
+}
+
+/// A data block to be made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DbRequest {
+    /// The lowest number it may get.
+    pub low: u16,
+    /// The highest number it may get.
+    pub high: u16,
+    /// Its length in bytes, even.
+    pub bytes: u16,
+    /// SFC 82: in the load memory too, not only in the work memory.
+    pub load_memory: bool,
+    /// SFC 82: not in the work memory.
+    pub unlinked: bool,
+    /// Write-protected for the program.
+    pub read_only: bool,
+    /// Not retentive.
+    pub non_retain: bool,
+}
+
+/// Why a data block cannot be made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CreateError {
+    /// The limits are beyond the numbers of this CPU.
+    Numbers,
+    /// The length is more than this CPU allows.
+    Length,
+    /// No number is free between the limits.
+    NoneFree,
+    /// No memory is left.
+    NoMemory,
+    /// Not possible now.
+    NotNow,
+}
+
+/// Why a data block cannot be deleted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeleteError {
+    /// A number this CPU does not have.
+    Number,
+    /// No such data block.
+    Missing,
+    /// Part of the program on the memory card: not to be deleted.
+    Fixed,
+    /// Not possible now.
+    NotNow,
+}
+
+/// Why the load memory cannot be read or written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LoadError {
+    /// No such data block in the load memory.
+    Missing,
+    /// Outside the data block.
+    Outside,
+    /// Write-protected.
+    Protected,
+}
+
+/// What SFC 24 tells of a data block.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DbInfo {
+    /// Length in bytes.
+    pub bytes: u16,
+    /// Write-protected for the program.
+    pub read_only: bool,
+    /// Only in the load memory.
+    pub unlinked: bool,
+}
+
+/// Making and deleting data blocks.
+pub trait DataBlocks {
+    /// Makes a data block with the lowest free number and returns that. Its bytes are what they were there, or 0.
+    ///
+    /// # Errors
+    /// Why not.
+    fn create(&mut self, request: &DbRequest) -> Result<u16, CreateError>;
+    /// Deletes a data block.
+    ///
+    /// # Errors
+    /// Why not.
+    fn delete(&mut self, number: u16) -> Result<(), DeleteError>;
+    /// What is known of a data block.
+    ///
+    /// # Errors
+    /// `Number` or `Missing`.
+    fn info(&mut self, number: u16) -> Result<DbInfo, DeleteError>;
+    /// Reads the initial values of a data block from the load memory.
+    ///
+    /// # Errors
+    /// Why not.
+    fn load_read(&mut self, number: u16, at: u32, into: &mut [u8]) -> Result<(), LoadError>;
+    /// Writes initial values in the load memory.
+    ///
+    /// # Errors
+    /// Why not.
+    fn load_write(&mut self, number: u16, at: u32, from: &[u8]) -> Result<(), LoadError>;
+}
+
+/// Why an image was not updated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageError {
+    /// No such partition number.
+    Partition,
+    /// The partition is not configured, or the CPU updates it itself every cycle.
+    NotConfigured,
+    /// The byte at this address could not be accessed.
+    Access(u16),
+}
+
+/// The process images.
+pub trait Images {
+    /// Reads the inputs of a partition, 0 for the whole image that is not partitioned.
+    ///
+    /// # Errors
+    /// Why not.
+    fn update_inputs(&mut self, partition: u8) -> Result<(), ImageError>;
+    /// Writes the outputs of a partition.
+    ///
+    /// # Errors
+    /// Why not.
+    fn update_outputs(&mut self, partition: u8) -> Result<(), ImageError>;
+}
+
+/// Why a system status list is not given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StatusError {
+    /// SZL_ID is wrong or unknown here.
+    Id,
+    /// INDEX is wrong or not permitted.
+    Index,
+    /// Not available now.
+    NotNow,
+}
+
+/// Run times of an OB in microseconds (SFC 78).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RunTimes {
+    /// The OB.
+    pub ob: u16,
+    /// Its priority class.
+    pub priority: u16,
+    /// Run time of the last completed execution, interruptions left out; all ones when there is none.
+    pub last_run: u32,
+    /// From call to end of the last completed execution.
+    pub last_whole: u32,
+    /// When the execution under way was requested.
+    pub request: u32,
+    /// Run time of the execution under way; 0 when it is not running.
+    pub current_run: u32,
+    /// Time since the call of the execution under way.
+    pub current_whole: u32,
+    /// Until the next request waiting; 0 when none waits.
+    pub next: u32,
+}
+
+/// System status lists (SZL) and run times.
+pub trait SystemStatus {
+    /// Gives each record of a list to `each` and returns the length of a record in bytes.
+    ///
+    /// # Errors
+    /// Why not.
+    fn list(&mut self, id: u16, index: u16, each: &mut dyn FnMut(&[u8])) -> Result<u16, StatusError>;
+    /// Run times of an OB, 0 for the running one; `None` for an OB that is not configured.
+    fn run_times(&mut self, ob: u16) -> Option<RunTimes>;
+}
+
+/// An alarm message of SFC 17 or 18.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Alarm<'a> {
+    /// The message number.
+    pub id: u32,
+    /// The signal: came or went.
+    pub signal: bool,
+    /// SFC 17: it wants an acknowledgement.
+    pub acknowledge: bool,
+    /// The associated value.
+    pub value: &'a [u8],
+}
+
+/// Why an alarm message was not sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AlarmError {
+    /// No resources left: the message is lost.
+    NoResources,
+    /// The same change waits to be sent already.
+    Waiting,
+    /// The signal has not changed.
+    NoChange,
+    /// Nobody is logged on for this number.
+    NoLogon,
+    /// The first call for this number came with signal 0.
+    FirstIsZero,
+}
+
+/// Why a user message was not sent to a station. The entry is in the diagnostic buffer all the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MessageError {
+    /// No station is logged on.
+    NoStation,
+    /// The send buffer is full.
+    Full,
+}
+
+/// Messages of the program.
+pub trait Messages {
+    /// Enters a user event with up to 2 and 4 bytes of information in the diagnostic buffer and sends it to logged-on stations when
+    /// asked to.
+    ///
+    /// # Errors
+    /// The entry is made, but not sent.
+    fn user_message(&mut self, event: u16, info1: &[u8], info2: &[u8], send: bool) -> Result<(), MessageError>;
+    /// Sends an alarm message when its signal has changed since the last call with its number.
+    ///
+    /// # Errors
+    /// Why not.
+    fn alarm(&mut self, alarm: Alarm<'_>) -> Result<(), AlarmError>;
+}
+
+/// Start information as it stands in the local data of an OB: 12 bytes without the time stamp.
+pub trait StartInfo {
+    /// Of the OB that was called last and has not ended.
+    fn current(&mut self) -> [u8; 12];
+    /// Of the start-up OB that was started last.
+    fn start_up(&mut self) -> [u8; 12];
+}
+
+/// The alarm an OB is handling.
+#[derive(Clone, Copy, Debug)]
+pub struct AlarmInfo {
+    /// Logical address of the component it comes from, bit 15 set for an output.
+    pub address: u32,
+    /// The OB's start information, time stamp included.
+    pub start: [u8; 20],
+    /// The alarm's bytes, header included.
+    pub data: [u8; 64],
+    /// How many of them.
+    pub len: u8,
+}
+
+/// Alarms of modules (SFB 54).
+pub trait AlarmSource {
+    /// The alarm whose OB is running; `None` when the OB that runs was not started by one.
+    fn alarm(&mut self) -> Option<AlarmInfo>;
+}
+
+/// Waiting inside a block (SFC 47).
+pub trait Waiting {
+    /// Comes back after `microseconds`; higher priority classes may run meanwhile.
+    ///
+    /// # Errors
+    /// The CPU goes to STOP.
+    fn wait(&mut self, microseconds: u32) -> Result<(), Interrupted>;
+}

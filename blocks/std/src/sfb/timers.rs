@@ -1,0 +1,184 @@
+//! IEC timers: SFB 3 TP, SFB 4 TON, SFB 5 TOF. They count in the system time of SFC 64 and are brought up to date by each call.
+//! ["IEC Timers and IEC Counters"]
+
+use crate::Done;
+use crate::call::Call;
+use crate::declare::params;
+use crate::table::Row;
+use crate::ticks::time_tick;
+
+params!(Timer {
+    Input { IN: BOOL, PT: TIME }
+    Output { Q: BOOL, ET: TIME }
+    Static { STATE: BYTE, STIME: TIME, ATIME: TIME }
+});
+
+pub(super) const ROWS: &[Row] = &[
+    Row::sfb::<Timer>(3, "TP", |call| run(call, pulse, |state| state == State::Running)),
+    Row::sfb::<Timer>(4, "TON", |call| run(call, on_delay, |state| state == State::Over)),
+    Row::sfb::<Timer>(5, "TOF", |call| run(call, off_delay, |state| matches!(state, State::Held | State::Running))),
+];
+
+/// Where a timer stands. The elapsed time itself wraps after 24 days, so that its end is kept.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum State {
+    /// Waits for its edge; a TOF with Q = 0.
+    Idle,
+    Running,
+    /// The time is over; IN has not gone back.
+    Over,
+    /// TOF only: IN is 1.
+    Held,
+}
+
+impl State {
+    const fn from_byte(byte: u8) -> Self {
+        match byte {
+            1 => State::Running,
+            2 => State::Over,
+            3 => State::Held,
+            _ => State::Idle,
+        }
+    }
+}
+
+/// The timer's step: old state, IN, whether the time is over; the new state.
+type Step = fn(State, bool, bool) -> State;
+
+fn run(call: &mut Call<'_>, step: Step, output: fn(State) -> bool) -> Done {
+    let now = time_tick(call.cx.now());
+    let (input, preset) = (call.bool(Timer::IN), call.dint(Timer::PT).max(0));
+    let old = State::from_byte(call.byte(Timer::STATE));
+    let elapsed = now.wrapping_sub(call.raw(Timer::STIME)) & 0x7FFF_FFFF;
+    let mut new = step(old, input, old == State::Running && elapsed as i32 >= preset);
+    if new == State::Running && old != State::Running {
+        call.set(Timer::STIME, now);
+        // A time of 0 is over at once.
+        if preset == 0 {
+            new = step(new, input, true);
+        }
+    }
+    let shown = match new {
+        State::Idle | State::Held => 0,
+        State::Running if old == State::Running => elapsed as i32,
+        State::Running => 0,
+        State::Over => preset,
+    };
+    call.set(Timer::STATE, new as u32);
+    call.set(Timer::ATIME, now);
+    call.set_dint(Timer::ET, shown);
+    call.set_bool(Timer::Q, output(new));
+    Ok(())
+}
+
+/// A pulse of PT, whatever IN does meanwhile.
+const fn pulse(state: State, input: bool, over: bool) -> State {
+    match state {
+        State::Running if !over => State::Running,
+        State::Running | State::Over if input => State::Over,
+        State::Running | State::Over => State::Idle,
+        _ if input => State::Running,
+        _ => State::Idle,
+    }
+}
+
+/// Q follows IN's rise after PT.
+const fn on_delay(state: State, input: bool, over: bool) -> State {
+    match state {
+        _ if !input => State::Idle,
+        State::Running if over => State::Over,
+        State::Over => State::Over,
+        _ => State::Running,
+    }
+}
+
+/// Q follows IN's fall after PT.
+const fn off_delay(state: State, input: bool, over: bool) -> State {
+    match state {
+        _ if input => State::Held,
+        State::Held => State::Running,
+        State::Running if over => State::Over,
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::Fake;
+
+    /// Time in ms, IN; Q and ET after the call.
+    type Moment = (u64, u8, u32, i32);
+
+    fn check(key: &str, pt: i32, moments: &[Moment]) {
+        let mut fake = Fake::new(key).with("PT", pt.to_be_bytes());
+        for (ms, input, q, et) in moments {
+            fake.now = ms * 1_000_000;
+            fake = fake.with("IN", [*input]);
+            fake.run();
+            assert_eq!((fake.value("Q"), fake.dint("ET")), (*q, *et), "{key} at {ms} ms");
+        }
+    }
+
+    #[test]
+    fn pulses() {
+        check(
+            "SYSTEM:SFB3",
+            100,
+            &[
+                (5, 0, 0, 0),
+                (10, 1, 1, 0),
+                (50, 0, 1, 40),
+                (60, 1, 1, 50),
+                (110, 1, 0, 100),
+                (300, 1, 0, 100),
+                (301, 0, 0, 0),
+                (302, 1, 1, 0),
+            ],
+        );
+        check("SYSTEM:SFB3", 100, &[(0, 1, 1, 0), (10, 0, 1, 10), (200, 0, 0, 0)]);
+        check("SYSTEM:SFB3", 0, &[(0, 1, 0, 0), (10, 1, 0, 0), (20, 0, 0, 0)]);
+    }
+
+    #[test]
+    fn on_delays() {
+        check(
+            "SYSTEM:SFB4",
+            100,
+            &[(0, 0, 0, 0), (10, 1, 0, 0), (109, 1, 0, 99), (110, 1, 1, 100), (500, 1, 1, 100), (501, 0, 0, 0)],
+        );
+        check("SYSTEM:SFB4", 100, &[(10, 1, 0, 0), (50, 0, 0, 0), (60, 1, 0, 0), (159, 1, 0, 99), (160, 1, 1, 100)]);
+        check("SYSTEM:SFB4", -5, &[(10, 1, 1, 0)]);
+    }
+
+    #[test]
+    fn off_delays() {
+        check(
+            "SYSTEM:SFB5",
+            100,
+            &[
+                (0, 0, 0, 0),
+                (10, 1, 1, 0),
+                (20, 0, 1, 0),
+                (119, 0, 1, 99),
+                (120, 0, 0, 100),
+                (300, 0, 0, 100),
+                (301, 1, 1, 0),
+            ],
+        );
+        check(
+            "SYSTEM:SFB5",
+            100,
+            &[(10, 1, 1, 0), (20, 0, 1, 0), (50, 1, 1, 0), (60, 0, 1, 0), (159, 0, 1, 99), (160, 0, 0, 100)],
+        );
+    }
+
+    #[test]
+    fn the_system_time_wraps_after_24_days() {
+        let wrap = 0x8000_0000;
+        check(
+            "SYSTEM:SFB4",
+            100,
+            &[(wrap - 50, 1, 0, 0), (wrap + 49, 1, 0, 99), (wrap + 50, 1, 1, 100), (2 * wrap, 1, 1, 100)],
+        );
+    }
+}

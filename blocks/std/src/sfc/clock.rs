@@ -1,0 +1,155 @@
+//! SFC 0 SET_CLK, SFC 1 READ_CLK, SFC 2 to 4: run-time meters, SFC 64 TIME_TCK.
+//! ["Handling the System Clock", "Handling Run-Time Meters"]
+
+use crate::call::Call;
+use crate::declare::params;
+use crate::moment::{Moment, MomentError};
+use crate::services::RunTimeMeter;
+use crate::table::Row;
+use crate::ticks::time_tick;
+use crate::{Done, Interrupted, Service};
+
+params!(SetClk { Input { PDT: DT } Return { RET_VAL: INT } });
+params!(ReadClk { Return { RET_VAL: INT } Output { CDT: DT } });
+params!(SetRtm { Input { NR: BYTE, PV: INT } Return { RET_VAL: INT } });
+params!(CtrlRtm { Input { NR: BYTE, S: BOOL } Return { RET_VAL: INT } });
+params!(ReadRtm { Input { NR: BYTE } Return { RET_VAL: INT } Output { CQ: BOOL, CV: INT } });
+params!(TimeTick { Return { RET_VAL: TIME } });
+
+pub(super) const ROWS: &[Row] = &[
+    Row::sfc::<SetClk>(0, "SET_CLK", set_clk).needs(Service::WallClock),
+    Row::sfc::<ReadClk>(1, "READ_CLK", read_clk).needs(Service::WallClock),
+    Row::sfc::<SetRtm>(2, "SET_RTM", set_rtm).needs(Service::Meters),
+    Row::sfc::<CtrlRtm>(3, "CTRL_RTM", ctrl_rtm).needs(Service::Meters),
+    Row::sfc::<ReadRtm>(4, "READ_RTM", read_rtm).needs(Service::Meters),
+    Row::sfc::<TimeTick>(64, "TIME_TCK", |call| {
+        let now = time_tick(call.cx.now());
+        call.set(TimeTick::RET_VAL, now);
+        Ok(())
+    }),
+];
+
+/// No meter of this number.
+const NO_METER: u16 = 0x8080;
+
+fn set_clk(call: &mut Call<'_>) -> Done {
+    let moment = Moment::from_bytes(call.dt(SetClk::PDT));
+    let Some(clock) = call.cx.wall_clock() else { return Err(Interrupted::NoService) };
+    let code = match moment {
+        Ok(moment) => {
+            clock.set_moment(moment);
+            0
+        }
+        Err(MomentError::Date) => 0x8080,
+        Err(MomentError::Time) => 0x8081,
+    };
+    call.end(SetClk::RET_VAL, code)
+}
+
+fn read_clk(call: &mut Call<'_>) -> Done {
+    let Some(clock) = call.cx.wall_clock() else { return Err(Interrupted::NoService) };
+    let moment = clock.moment();
+    call.set_dt(ReadClk::CDT, moment);
+    call.end(ReadClk::RET_VAL, 0)
+}
+
+fn set_rtm(call: &mut Call<'_>) -> Done {
+    let (number, hours) = (call.byte(SetRtm::NR), u16::try_from(call.int(SetRtm::PV)));
+    let Some(meters) = call.cx.meters() else { return Err(Interrupted::NoService) };
+    let code = match (meters.meter(number), hours) {
+        (None, _) => NO_METER,
+        (Some(_), Err(_)) => 0x8081,
+        (Some(meter), Ok(hours)) => {
+            meter.set(hours);
+            0
+        }
+    };
+    call.end(SetRtm::RET_VAL, code)
+}
+
+fn ctrl_rtm(call: &mut Call<'_>) -> Done {
+    let (number, run, now) = (call.byte(CtrlRtm::NR), call.bool(CtrlRtm::S), call.cx.now());
+    let Some(meters) = call.cx.meters() else { return Err(Interrupted::NoService) };
+    let code = match meters.meter(number) {
+        Some(meter) => {
+            meter.control(run, now);
+            0
+        }
+        None => NO_METER,
+    };
+    call.end(CtrlRtm::RET_VAL, code)
+}
+
+fn read_rtm(call: &mut Call<'_>) -> Done {
+    let (number, now) = (call.byte(ReadRtm::NR), call.cx.now());
+    let Some(meters) = call.cx.meters() else { return Err(Interrupted::NoService) };
+    let Some(meter) = meters.meter(number).copied() else { return call.end(ReadRtm::RET_VAL, NO_METER) };
+    let hours = meter.hours(now);
+    call.set_bool(ReadRtm::CQ, meter.is_running());
+    call.set_int(ReadRtm::CV, hours.unwrap_or(RunTimeMeter::MAX_HOURS) as i16);
+    call.end(ReadRtm::RET_VAL, if hours.is_some() { 0 } else { 0x8081 })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::{Fake, dt, moment};
+
+    #[test]
+    fn the_clock() {
+        let text = "2024-02-29-12:34:56.789";
+        for (bytes, code) in
+            [(dt(text), 0), ([0x24, 0x02, 0x30, 0, 0, 0, 0, 0], 0x8080), ([0x24, 0x02, 0x29, 0x25, 0, 0, 0, 0], 0x8081)]
+        {
+            let mut fake = Fake::new("SYSTEM:SFC0").with("PDT", bytes).with("RET_VAL", [9; 2]);
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.br), (code, code == 0));
+            assert_eq!(fake.station.moment == moment(text), code == 0);
+        }
+        let mut fake = Fake::new("SYSTEM:SFC1").with("CDT", [0; 8]).with("RET_VAL", [9; 2]);
+        fake.station.moment = moment(text);
+        fake.run();
+        assert_eq!((fake.bytes("CDT"), fake.value("RET_VAL")), (&dt(text)[..], 0));
+    }
+
+    #[test]
+    fn meters() {
+        const HOUR: u64 = 3_600_000_000_000;
+        for (number, hours, code) in [(1, 100i16, 0), (2, 100, 0x8080), (1, -1, 0x8081)] {
+            let mut fake = Fake::new("SYSTEM:SFC2").with("NR", [number]).with("PV", hours.to_be_bytes());
+            fake = fake.with("RET_VAL", [0; 2]);
+            fake.run();
+            assert_eq!(fake.value("RET_VAL"), code);
+            assert_eq!(fake.station.meters[1].hours(0), Some(if code == 0 { 100 } else { 0 }));
+        }
+        let mut fake = Fake::new("SYSTEM:SFC3").with("NR", [0]).with("S", [1]).with("RET_VAL", [0; 2]);
+        fake.station.meters[0].set(32_767);
+        fake.run();
+        let running = fake.station.meters[0];
+        for (now, hours, code) in [(HOUR - 1, 32_767, 0), (HOUR, 32_767, 0x8081)] {
+            let mut fake = Fake::new("SYSTEM:SFC4").with("NR", [0]).with("RET_VAL", [0; 2]);
+            fake = fake.with("CQ", [0]).with("CV", [0; 2]);
+            fake.now = now;
+            fake.station.meters[0] = running;
+            fake.run();
+            assert_eq!((fake.value("CQ"), fake.value("CV"), fake.value("RET_VAL")), (1, hours, code));
+        }
+        let mut stopped = running;
+        stopped.set(1);
+        stopped.control(true, 5);
+        stopped.control(false, 5 + 2 * HOUR);
+        assert_eq!((stopped.hours(9 * HOUR), stopped.is_running()), (Some(3), false));
+        for key in ["SYSTEM:SFC3", "SYSTEM:SFC4"] {
+            let mut fake = Fake::new(key).with("NR", [9]).with("RET_VAL", [0; 2]);
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.br), (0x8080, false));
+        }
+    }
+
+    #[test]
+    fn ticks() {
+        let mut fake = Fake::new("SYSTEM:SFC64").with("RET_VAL", [9; 4]);
+        fake.now = 1_999_999;
+        fake.run();
+        assert_eq!(fake.value("RET_VAL"), 1);
+    }
+}

@@ -1,0 +1,310 @@
+//! SFC 22 CREAT_DB, SFC 23 DEL_DB, SFC 24 TEST_DB, SFC 82 CREA_DBL, SFC 83 READ_DBL, SFC 84 WRIT_DBL. They end in the same call, so that
+//! BUSY stays 0. ["Copy and Block Functions"]
+
+use ob1_model::Area;
+
+use crate::call::{Call, read_error, write_error};
+use crate::declare::params;
+use crate::services::{CreateError, DataBlocks, DbRequest, DeleteError, LoadError};
+use crate::table::Row;
+use crate::{AnyPointer, Done, Interrupted, Refused, Service};
+
+params!(CreatDb {
+    Input { LOW_LIMIT: WORD, UP_LIMIT: WORD, COUNT: WORD }
+    Return { RET_VAL: INT }
+    Output { DB_NUMBER: WORD }
+});
+params!(DelDb { Input { DB_NUMBER: WORD } Return { RET_VAL: INT } });
+params!(TestDb { Input { DB_NUMBER: WORD } Return { RET_VAL: INT } Output { DB_LENGTH: WORD, WRITE_PROT: BOOL } });
+params!(CreaDbl {
+    Input { REQ: BOOL, LOW_LIMIT: WORD, UP_LIMIT: WORD, COUNT: WORD, ATTRIB: BYTE, SRCBLK: ANY }
+    Return { RET_VAL: INT }
+    Output { BUSY: BOOL, DB_NUM: WORD }
+});
+params!(Dbl { Input { REQ: BOOL, SRCBLK: ANY } Return { RET_VAL: INT } Output { BUSY: BOOL, DSTBLK: ANY } });
+
+pub(super) const ROWS: &[Row] = &[
+    Row::sfc::<CreatDb>(22, "CREAT_DB", creat_db).needs(Service::DataBlocks),
+    Row::sfc::<DelDb>(23, "DEL_DB", del_db).needs(Service::DataBlocks),
+    Row::sfc::<TestDb>(24, "TEST_DB", test_db).needs(Service::DataBlocks),
+    Row::sfc::<CreaDbl>(82, "CREA_DBL", crea_dbl).needs(Service::DataBlocks).note("answers in the same call"),
+    Row::sfc::<Dbl>(83, "READ_DBL", |call| dbl(call, read_dbl))
+        .needs(Service::DataBlocks)
+        .note("answers in the same call"),
+    Row::sfc::<Dbl>(84, "WRIT_DBL", |call| dbl(call, writ_dbl))
+        .needs(Service::DataBlocks)
+        .note("answers in the same call"),
+];
+
+/// Bytes copied at a time.
+const CHUNK: u32 = 256;
+/// Not possible now.
+const NOT_NOW: u16 = 0x8092;
+/// REQ is 0 and no job is under way.
+const NO_JOB: u16 = 0x7000;
+
+/// What goes wrong in a block that needs a service.
+#[derive(Clone, Copy)]
+enum Failure {
+    Code(u16),
+    NoService,
+}
+
+impl From<u16> for Failure {
+    fn from(code: u16) -> Self {
+        Failure::Code(code)
+    }
+}
+
+fn service<'a>(call: &'a mut Call<'_>) -> Result<&'a mut dyn DataBlocks, Failure> {
+    call.cx.data_blocks().ok_or(Failure::NoService)
+}
+
+/// Makes a code of a result.
+fn code(result: Result<(), Failure>) -> Result<u16, Interrupted> {
+    match result {
+        Ok(()) => Ok(0),
+        Err(Failure::Code(code)) => Ok(code),
+        Err(Failure::NoService) => Err(Interrupted::NoService),
+    }
+}
+
+fn create(blocks: &mut dyn DataBlocks, request: &DbRequest) -> Result<u16, u16> {
+    if request.low == 0 || request.low > request.high {
+        return Err(0x80A1);
+    }
+    if request.bytes == 0 || !request.bytes.is_multiple_of(2) {
+        return Err(0x80A2);
+    }
+    blocks.create(request).map_err(|error| match error {
+        CreateError::Numbers => 0x80A1,
+        CreateError::Length => 0x80A2,
+        CreateError::NoneFree => 0x80B1,
+        CreateError::NoMemory => 0x80B2,
+        CreateError::NotNow => NOT_NOW,
+    })
+}
+
+fn creat_db(call: &mut Call<'_>) -> Done {
+    let (low, high) = (call.word(CreatDb::LOW_LIMIT), call.word(CreatDb::UP_LIMIT));
+    let bytes = call.word(CreatDb::COUNT);
+    let request =
+        DbRequest { low, high, bytes, load_memory: false, unlinked: false, read_only: false, non_retain: false };
+    let result = service(call).and_then(|blocks| create(blocks, &request).map_err(Failure::Code));
+    let result = result.map(|number| call.set(CreatDb::DB_NUMBER, u32::from(number)));
+    let code = code(result)?;
+    call.end(CreatDb::RET_VAL, code)
+}
+
+const fn missing(error: DeleteError) -> u16 {
+    match error {
+        DeleteError::Number => 0x80A1,
+        DeleteError::Missing => 0x80B1,
+        DeleteError::Fixed => 0x80B3,
+        DeleteError::NotNow => NOT_NOW,
+    }
+}
+
+fn del_db(call: &mut Call<'_>) -> Done {
+    let number = call.word(DelDb::DB_NUMBER);
+    let result = service(call).and_then(|blocks| blocks.delete(number).map_err(|e| Failure::Code(missing(e))));
+    let code = code(result)?;
+    call.end(DelDb::RET_VAL, code)
+}
+
+fn test_db(call: &mut Call<'_>) -> Done {
+    let number = call.word(TestDb::DB_NUMBER);
+    let Some(blocks) = call.cx.data_blocks() else { return Err(Interrupted::NoService) };
+    let code = match blocks.info(number) {
+        Ok(info) => {
+            call.set(TestDb::DB_LENGTH, u32::from(info.bytes));
+            call.set_bool(TestDb::WRITE_PROT, info.read_only);
+            if info.unlinked { 0x80B2 } else { 0 }
+        }
+        Err(error) => missing(error),
+    };
+    call.end(TestDb::RET_VAL, code)
+}
+
+fn crea_dbl(call: &mut Call<'_>) -> Done {
+    call.set_bool(CreaDbl::BUSY, false);
+    let code = if call.bool(CreaDbl::REQ) { code(create_filled(call))? } else { NO_JOB };
+    call.end(CreaDbl::RET_VAL, code)
+}
+
+/// ATTRIB: bit 0 UNLINKED, bit 1 READ_ONLY, bit 2 NON_RETAIN. SRCBLK gives the first bytes; the rest is 0.
+fn create_filled(call: &mut Call<'_>) -> Result<(), Failure> {
+    let attributes = call.byte(CreaDbl::ATTRIB);
+    if attributes > 7 {
+        return Err(0x80A3.into());
+    }
+    let request = DbRequest {
+        low: call.word(CreaDbl::LOW_LIMIT),
+        high: call.word(CreaDbl::UP_LIMIT),
+        bytes: call.word(CreaDbl::COUNT),
+        load_memory: true,
+        unlinked: attributes & 1 != 0,
+        read_only: attributes & 2 != 0,
+        non_retain: attributes & 4 != 0,
+    };
+    let source = call.any(CreaDbl::SRCBLK);
+    let number = create(service(call)?, &request)?;
+    call.set(CreaDbl::DB_NUM, u32::from(number));
+    let Some((source, bytes)) = source.and_then(|any| Some((any, any.bytes()?))) else { return Ok(()) };
+    let mut buffer = [0; CHUNK as usize];
+    let mut done = 0;
+    let bytes = bytes.min(u32::from(request.bytes));
+    while done < bytes {
+        let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
+        call.read_at(&source, done, piece).map_err(|e| read_error(6, e))?;
+        service(call)?.load_write(number, done, piece).map_err(|e| load_error(e, 6))?;
+        if !request.unlinked && !request.read_only {
+            call.cx.area_write(Area::Db, number, done, piece).map_err(|e| write_error(6, e))?;
+        }
+        done += piece.len() as u32;
+    }
+    Ok(())
+}
+
+const fn load_error(error: LoadError, parameter: u32) -> u16 {
+    match error {
+        LoadError::Missing => 0x80B1,
+        LoadError::Outside => 0x8022 | (parameter as u16) << 8,
+        LoadError::Protected => 0x80B3,
+    }
+}
+
+/// Copies bytes between the memories: call, from, to, how many.
+type Copy = fn(&mut Call<'_>, &AnyPointer, &AnyPointer, u32) -> Result<(), Failure>;
+
+fn dbl(call: &mut Call<'_>, copy: Copy) -> Done {
+    call.set_bool(Dbl::BUSY, false);
+    let code = if call.bool(Dbl::REQ) { code(both(call, copy))? } else { NO_JOB };
+    call.end(Dbl::RET_VAL, code)
+}
+
+/// The shorter side decides.
+fn both(call: &mut Call<'_>, copy: Copy) -> Result<(), Failure> {
+    let ends = |any: Option<AnyPointer>| any.and_then(|any| Some((any, any.bytes()?)));
+    let Some((from, have)) = ends(call.any(Dbl::SRCBLK)) else { return Err(read_error(2, Refused::NoParam).into()) };
+    let Some((to, room)) = ends(call.any(Dbl::DSTBLK)) else { return Err(write_error(5, Refused::NoParam).into()) };
+    copy(call, &from, &to, have.min(room))
+}
+
+/// Initial values from the load memory into the work memory.
+fn read_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32) -> Result<(), Failure> {
+    let mut buffer = [0; CHUNK as usize];
+    let mut done = 0;
+    while done < bytes {
+        let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
+        let read = service(call)?.load_read(from.db, from.at.byte() + done, piece);
+        read.map_err(|e| load_error(e, 2))?;
+        call.write_at(to, done, piece).map_err(|e| write_error(5, e))?;
+        done += piece.len() as u32;
+    }
+    Ok(())
+}
+
+/// Actual values from the work memory into the load memory.
+fn writ_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32) -> Result<(), Failure> {
+    let mut buffer = [0; CHUNK as usize];
+    let mut done = 0;
+    while done < bytes {
+        let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
+        call.read_at(from, done, piece).map_err(|e| read_error(2, e))?;
+        let written = service(call)?.load_write(to.db, to.at.byte() + done, piece);
+        written.map_err(|e| load_error(e, 5))?;
+        done += piece.len() as u32;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::services::{CreateError, DbInfo};
+    use crate::testing::{Fake, any};
+
+    #[test]
+    fn creating() {
+        for (low, high, bytes, error, number, code) in [
+            (50u16, 60u16, 100u16, None, 51, 0),
+            (0, 60, 100, None, 0, 0x80A1),
+            (60, 50, 100, None, 0, 0x80A1),
+            (50, 60, 0, None, 0, 0x80A2),
+            (50, 60, 101, None, 0, 0x80A2),
+            (50, 50, 100, None, 0, 0x80B1),
+            (50, 60, 100, Some(CreateError::NoMemory), 0, 0x80B2),
+            (50, 60, 100, Some(CreateError::Numbers), 0, 0x80A1),
+            (50, 60, 100, Some(CreateError::Length), 0, 0x80A2),
+            (50, 60, 100, Some(CreateError::NotNow), 0, 0x8092),
+        ] {
+            let mut fake = Fake::new("SYSTEM:SFC22").with("LOW_LIMIT", low.to_be_bytes());
+            fake = fake.with("UP_LIMIT", high.to_be_bytes()).with("COUNT", bytes.to_be_bytes());
+            fake = fake.with("RET_VAL", [9; 2]).with("DB_NUMBER", [0; 2]);
+            fake.station.blocks.insert(50, DbInfo::default());
+            fake.station.create = error;
+            fake.run();
+            let result = (fake.value("DB_NUMBER"), fake.value("RET_VAL"), fake.br);
+            assert_eq!(result, (number, code, code == 0), "{low} {high} {bytes} {error:?}");
+        }
+    }
+
+    #[test]
+    fn deleting_and_testing() {
+        for (number, code) in [(7u16, 0), (8, 0x80B1), (0, 0x80A1)] {
+            let mut fake = Fake::new("SYSTEM:SFC23").with("DB_NUMBER", number.to_be_bytes()).with("RET_VAL", [9; 2]);
+            fake.station.blocks.insert(7, DbInfo::default());
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.station.blocks.is_empty()), (code, code == 0));
+        }
+        for (number, code, len, protected) in
+            [(7u16, 0, 20, 1), (8, 0x80B2, 4, 0), (9, 0x80B1, 0, 0), (101, 0x80A1, 0, 0)]
+        {
+            let mut fake = Fake::new("SYSTEM:SFC24").with("DB_NUMBER", number.to_be_bytes()).with("RET_VAL", [9; 2]);
+            fake = fake.with("DB_LENGTH", [0; 2]).with("WRITE_PROT", [0]);
+            fake.station.blocks.insert(7, DbInfo { bytes: 20, read_only: true, unlinked: false });
+            fake.station.blocks.insert(8, DbInfo { bytes: 4, read_only: false, unlinked: true });
+            fake.run();
+            let result = (fake.value("RET_VAL"), fake.value("DB_LENGTH"), fake.value("WRITE_PROT"));
+            assert_eq!(result, (code, len, protected), "{number}");
+        }
+    }
+
+    #[test]
+    fn load_memory() {
+        let mut fake = Fake::new("SYSTEM:SFC82").with("REQ", [1]).with("LOW_LIMIT", [0, 10]).with("UP_LIMIT", [0, 10]);
+        fake = fake.with("COUNT", [0, 8]).with("ATTRIB", [4]).with("SRCBLK", any(2, 4, 20));
+        fake = fake.with("RET_VAL", [9; 2]).with("BUSY", [1]).with("DB_NUM", [0; 2]);
+        fake.memory(20, &[1, 2, 3, 4]);
+        fake.station.load.insert(10, vec![0; 8]);
+        fake.run();
+        assert_eq!((fake.value("RET_VAL"), fake.value("BUSY"), fake.value("DB_NUM")), (0, 0, 10));
+        assert_eq!(fake.station.load[&10], [1, 2, 3, 4, 0, 0, 0, 0]);
+        assert_eq!(fake.area(ob1_model::Area::Db, 10)[..5], [1, 2, 3, 4, 0]);
+        assert!(fake.station.created[0].non_retain && fake.station.created[0].load_memory);
+        fake.set("ATTRIB", &[8]);
+        fake.run();
+        assert_eq!(fake.value("RET_VAL"), 0x80A3);
+        fake.set("REQ", &[0]);
+        fake.run();
+        assert_eq!((fake.value("RET_VAL"), fake.br), (0x7000, true));
+
+        let mut db = any(2, 4, 0);
+        (db[5], db[6]) = (33, 0x84);
+        for (key, from, to, code) in [
+            ("SYSTEM:SFC83", db, any(2, 3, 20), 0),
+            ("SYSTEM:SFC84", any(2, 3, 40), db, 0),
+            ("SYSTEM:SFC83", any(2, 3, 40), db, 0x80B1),
+            ("SYSTEM:SFC84", any(2, 3, 254), db, 0x8222),
+        ] {
+            let mut fake = Fake::new(key).with("REQ", [1]).with("SRCBLK", from).with("DSTBLK", to);
+            fake = fake.with("RET_VAL", [9; 2]).with("BUSY", [1]);
+            fake.memory(40, &[9, 9, 9]);
+            fake.station.load.insert(33, vec![5, 6, 7, 8]);
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.value("BUSY")), (code, 0), "{key}");
+            assert_eq!(fake.memory_at(20, 4) == [5, 6, 7, 0], key == "SYSTEM:SFC83" && code == 0);
+            assert_eq!(fake.station.load[&33] == [9, 9, 9, 8], key == "SYSTEM:SFC84" && code == 0);
+        }
+    }
+}

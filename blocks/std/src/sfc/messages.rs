@@ -1,0 +1,145 @@
+//! SFC 17 ALARM_SQ, SFC 18 ALARM_S, SFC 52 WR_USMSG. ["Generating Block-Related Messages", "Diagnostics"]
+
+use crate::call::{Call, read_error};
+use crate::declare::{Params, params};
+use crate::services::{Alarm, AlarmError, MessageError};
+use crate::table::Row;
+use crate::{AnyType, Done, Interrupted, Service};
+
+params!(AlarmS { Input { SIG: BOOL, ID: WORD, EV_ID: DWORD, SD: ANY } Return { RET_VAL: INT } });
+params!(WrUsMsg { Input { SEND: BOOL, EVENTN: WORD, INFO1: ANY, INFO2: ANY } Return { RET_VAL: INT } });
+
+pub(super) const ROWS: &[Row] = &[
+    Row::sfc::<AlarmS>(17, "ALARM_SQ", |call| alarm(call, true)).needs(Service::Messages),
+    Row::sfc::<AlarmS>(18, "ALARM_S", |call| alarm(call, false)).needs(Service::Messages),
+    Row::sfc::<WrUsMsg>(52, "WR_USMSG", wr_usmsg).needs(Service::Messages).note("event classes 8, 9, A, B"),
+];
+
+/// Longest associated value of an alarm message, in bytes.
+const VALUE: usize = 12;
+
+fn alarm(call: &mut Call<'_>, acknowledge: bool) -> Done {
+    let (signal, id) = (call.bool(AlarmS::SIG), call.raw(AlarmS::EV_ID));
+    if id == 0 {
+        return call.end(AlarmS::RET_VAL, 0x8081);
+    }
+    // A value that is too long or cannot be read is left out; the message is sent.
+    let mut value = [0; VALUE];
+    let (len, good) = match call.any(AlarmS::SD).map(|any| (any, any.bytes())) {
+        None => (0, true),
+        Some((any, Some(bytes @ 0..=12))) => {
+            let len = bytes as usize;
+            let read = call.read_at(&any, 0, &mut value[..len]).is_ok();
+            (if read { len } else { 0 }, read)
+        }
+        Some(_) => (0, false),
+    };
+    let Some(messages) = call.cx.messages() else { return Err(Interrupted::NoService) };
+    let code = match messages.alarm(Alarm { id, signal, acknowledge, value: &value[..len] }) {
+        Ok(()) if good => 0,
+        Ok(()) => 0x0001,
+        Err(AlarmError::NoResources) => 0x8082,
+        Err(AlarmError::Waiting) => 0x8083,
+        Err(AlarmError::NoChange) => 0x8084,
+        Err(AlarmError::NoLogon) => 0x8085,
+        Err(AlarmError::FirstIsZero) => 0x8087,
+    };
+    call.end(AlarmS::RET_VAL, code)
+}
+
+/// INFO1 is a word, INFO2 a double word, each in the forms the data types have.
+fn wr_usmsg(call: &mut Call<'_>) -> Done {
+    let code = user_message(call)?;
+    call.end(WrUsMsg::RET_VAL, code)
+}
+
+fn user_message(call: &mut Call<'_>) -> Result<u16, Interrupted> {
+    let (event, send) = (call.word(WrUsMsg::EVENTN), call.bool(WrUsMsg::SEND));
+    if !(0x8..=0xB).contains(&(event >> 12)) {
+        return Ok(0x8085);
+    }
+    let (mut info1, mut info2) = ([0; 2], [0; 4]);
+    let narrow = [AnyType::Word, AnyType::Int, AnyType::Byte, AnyType::Char];
+    let wide =
+        [AnyType::DWord, AnyType::DInt, AnyType::Real, AnyType::Time, AnyType::Word, AnyType::Byte, AnyType::Char];
+    if let Err(code) = info(call, WrUsMsg::INFO1, &narrow, &mut info1, [0x8083, 0x8086]) {
+        return Ok(code);
+    }
+    if let Err(code) = info(call, WrUsMsg::INFO2, &wide, &mut info2, [0x8084, 0x8087]) {
+        return Ok(code);
+    }
+    let Some(messages) = call.cx.messages() else { return Err(Interrupted::NoService) };
+    Ok(match messages.user_message(event, &info1, &info2, send) {
+        Ok(()) => 0,
+        Err(MessageError::NoStation) => 0x8091,
+        Err(MessageError::Full) => 0x8092,
+    })
+}
+
+/// Reads additional information; an ANY that is NIL gives zeros. `codes`: of the type, of the length.
+fn info(call: &mut Call<'_>, p: impl Params, types: &[AnyType], into: &mut [u8], codes: [u16; 2]) -> Result<(), u16> {
+    let Some(any) = call.any(p) else { return Err(codes[0]) };
+    if any.ty == AnyType::Nil {
+        return Ok(());
+    }
+    if !types.contains(&any.ty) {
+        return Err(codes[0]);
+    }
+    if any.bytes() != Some(into.len() as u32) {
+        return Err(codes[1]);
+    }
+    call.read_at(&any, 0, into).map_err(|e| read_error(p.index() + 1, e))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::services::{AlarmError, MessageError};
+    use crate::testing::{Fake, any};
+
+    #[test]
+    fn user_messages() {
+        for (event, info1, info2, error, code) in [
+            (0x9123u16, any(4, 1, 10), any(6, 1, 12), None, 0),
+            (0xB000, any(2, 2, 10), any(4, 2, 12), None, 0),
+            (0x8000, any(4, 1, 10), any(6, 1, 12), Some(MessageError::NoStation), 0x8091),
+            (0x8000, any(4, 1, 10), any(6, 1, 12), Some(MessageError::Full), 0x8092),
+            (0x7FFF, any(4, 1, 10), any(6, 1, 12), None, 0x8085),
+            (0xC000, any(4, 1, 10), any(6, 1, 12), None, 0x8085),
+            (0x8000, any(6, 1, 10), any(6, 1, 12), None, 0x8083),
+            (0x8000, any(4, 2, 10), any(6, 1, 12), None, 0x8086),
+            (0x8000, any(4, 1, 10), any(5, 1, 12), None, 0x8084),
+            (0x8000, any(4, 1, 10), any(6, 2, 12), None, 0x8087),
+            (0x8000, any(4, 1, 255), any(6, 1, 12), None, 0x8322),
+        ] {
+            let mut fake = Fake::new("SYSTEM:SFC52").with("SEND", [1]).with("EVENTN", event.to_be_bytes());
+            fake = fake.with("INFO1", info1).with("INFO2", info2).with("RET_VAL", [9; 2]);
+            fake.memory(10, &[1, 2, 3, 4, 5, 6]);
+            fake.station.message_error = error;
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.br), (code, code == 0), "{event:04X}");
+            let entered =
+                if code == 0 || error.is_some() { vec![(event, vec![1, 2], vec![3, 4, 5, 6], true)] } else { vec![] };
+            assert_eq!(fake.station.messages, entered, "{event:04X}");
+        }
+    }
+
+    #[test]
+    fn alarms() {
+        for (key, id, value, error, code, sent) in [
+            ("SYSTEM:SFC17", 5u32, any(2, 3, 10), None, 0, Some(vec![1, 2, 3])),
+            ("SYSTEM:SFC18", 5, any(2, 13, 10), None, 1, Some(vec![])),
+            ("SYSTEM:SFC18", 5, any(2, 3, 10), Some(AlarmError::NoChange), 0x8084, Some(vec![1, 2, 3])),
+            ("SYSTEM:SFC17", 5, any(2, 3, 10), Some(AlarmError::FirstIsZero), 0x8087, Some(vec![1, 2, 3])),
+            ("SYSTEM:SFC17", 0, any(2, 3, 10), None, 0x8081, None),
+        ] {
+            let mut fake = Fake::new(key).with("SIG", [1]).with("ID", [0, 0]).with("EV_ID", id.to_be_bytes());
+            fake = fake.with("SD", value).with("RET_VAL", [9; 2]);
+            fake.memory(10, &[1, 2, 3]);
+            fake.station.alarm_error = error;
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.br), (code, code < 0x8000), "{key} {id}");
+            let sent = sent.map(|value| (id, true, key == "SYSTEM:SFC17", value));
+            assert_eq!(fake.station.alarms, Vec::from_iter(sent), "{key} {id}");
+        }
+    }
+}

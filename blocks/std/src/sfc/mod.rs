@@ -1,0 +1,31 @@
+//! System functions.
+
+mod bits;
+mod clock;
+mod copying;
+mod data_blocks;
+mod diagnosis;
+mod errors;
+mod images;
+mod interrupts;
+mod messages;
+mod modules;
+mod program;
+mod schedule;
+
+use crate::table::Row;
+
+pub(crate) const ROWS: &[&[Row]] = &[
+    clock::ROWS,
+    diagnosis::ROWS,
+    modules::ROWS,
+    messages::ROWS,
+    copying::ROWS,
+    data_blocks::ROWS,
+    images::ROWS,
+    schedule::ROWS,
+    errors::ROWS,
+    interrupts::ROWS,
+    program::ROWS,
+    bits::ROWS,
+];

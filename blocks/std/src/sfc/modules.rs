@@ -1,0 +1,230 @@
+//! SFC 13 DPNRM_DG, SFC 14 DPRD_DAT, SFC 15 DPWR_DAT, SFC 58 WR_REC, SFC 59 RD_REC: data and records of modules. Modules answer in
+//! the same call, so that BUSY stays 0. ["Transferring Data Records", "Distributed I/Os"]
+
+use crate::call::{Call, read_error, write_error};
+use crate::declare::params;
+use crate::table::Row;
+use crate::{Done, Refused};
+
+params!(DpNrmDg { Input { REQ: BOOL, LADDR: WORD } Return { RET_VAL: INT } Output { RECORD: ANY, BUSY: BOOL } });
+params!(DpRdDat { Input { LADDR: WORD } Return { RET_VAL: INT } Output { RECORD: ANY } });
+params!(DpWrDat { Input { LADDR: WORD, RECORD: ANY } Return { RET_VAL: INT } });
+params!(WrRec {
+    Input { REQ: BOOL, IOID: BYTE, LADDR: WORD, RECNUM: BYTE, RECORD: ANY }
+    Return { RET_VAL: INT }
+    Output { BUSY: BOOL }
+});
+params!(RdRec {
+    Input { REQ: BOOL, IOID: BYTE, LADDR: WORD, RECNUM: BYTE }
+    Return { RET_VAL: INT }
+    Output { BUSY: BOOL, RECORD: ANY }
+});
+
+pub(super) const ROWS: &[Row] = &[
+    Row::sfc::<DpNrmDg>(13, "DPNRM_DG", dpnrm_dg).note("always 8090h: there are no DP slaves"),
+    Row::sfc::<DpRdDat>(14, "DPRD_DAT", dprd_dat).note("the whole inputs of a module"),
+    Row::sfc::<DpWrDat>(15, "DPWR_DAT", dpwr_dat).note("the whole outputs of a module"),
+    Row::sfc::<WrRec>(58, "WR_REC", wr_rec).note("answers in the same call"),
+    Row::sfc::<RdRec>(59, "RD_REC", rd_rec).note("answers in the same call"),
+];
+
+/// REQ is 0 and no job is under way.
+const NO_JOB: u16 = 0x7000;
+/// No such module.
+const NO_MODULE: u16 = 0x8090;
+
+fn dpnrm_dg(call: &mut Call<'_>) -> Done {
+    let asked = call.bool(DpNrmDg::REQ);
+    call.set_bool(DpNrmDg::BUSY, false);
+    call.end(DpNrmDg::RET_VAL, if asked { NO_MODULE } else { NO_JOB })
+}
+
+fn dprd_dat(call: &mut Call<'_>) -> Done {
+    let code = read_inputs(call).err().unwrap_or(0);
+    call.end(DpRdDat::RET_VAL, code)
+}
+
+fn read_inputs(call: &mut Call<'_>) -> Result<(), u16> {
+    let address = u32::from(call.word(DpRdDat::LADDR));
+    let size = call.cx.module(address).map_err(|_| NO_MODULE)?;
+    if size.inputs == 0 {
+        return Err(0x8093);
+    }
+    let (target, bytes) = call.record(DpRdDat::RECORD)?;
+    if bytes != usize::from(size.inputs) {
+        return Err(0x80B1);
+    }
+    let mut buffer = [0; 256];
+    let buffer = &mut buffer[..bytes];
+    call.cx.io_read(address, buffer).map_err(|_| 0x80A0u16)?;
+    call.write_at(&target, 0, buffer).map_err(|e| write_error(3, e))
+}
+
+fn dpwr_dat(call: &mut Call<'_>) -> Done {
+    let code = write_outputs(call).err().unwrap_or(0);
+    call.end(DpWrDat::RET_VAL, code)
+}
+
+fn write_outputs(call: &mut Call<'_>) -> Result<(), u16> {
+    let address = u32::from(call.word(DpWrDat::LADDR));
+    let size = call.cx.module(address).map_err(|_| NO_MODULE)?;
+    if size.outputs == 0 {
+        return Err(0x8093);
+    }
+    let (source, bytes) = call.record(DpWrDat::RECORD)?;
+    if bytes != usize::from(size.outputs) {
+        return Err(0x80B1);
+    }
+    let mut buffer = [0; 256];
+    let buffer = &mut buffer[..bytes];
+    call.read_at(&source, 0, buffer).map_err(|e| read_error(2, e))?;
+    call.cx.io_write(address, buffer).map_err(|_| 0x80A1u16)
+}
+
+/// The code of a module's refusal; `access` is that of one that does not answer.
+const fn refusal(refused: Refused, access: u16) -> u16 {
+    match refused {
+        Refused::NoModule => NO_MODULE,
+        Refused::NoRecord => 0x80B0,
+        Refused::Outside => 0x80B1,
+        Refused::Busy => 0x80C0,
+        _ => access,
+    }
+}
+
+/// IOID: 54h for inputs, 55h for outputs.
+const fn is_io(id: u8) -> bool {
+    matches!(id, 0x54 | 0x55)
+}
+
+fn wr_rec(call: &mut Call<'_>) -> Done {
+    let code = if call.bool(WrRec::REQ) { write_record(call).err().unwrap_or(0) } else { NO_JOB };
+    call.set_bool(WrRec::BUSY, false);
+    call.end(WrRec::RET_VAL, code)
+}
+
+fn write_record(call: &mut Call<'_>) -> Result<(), u16> {
+    let (address, number) = (u32::from(call.word(WrRec::LADDR)), call.byte(WrRec::RECNUM));
+    if !is_io(call.byte(WrRec::IOID)) {
+        return Err(NO_MODULE);
+    }
+    // Records 0 and 1 are the system's own.
+    if !(2..=240).contains(&number) {
+        return Err(0x80B0);
+    }
+    let (source, bytes) = call.record(WrRec::RECORD)?;
+    let mut buffer = [0; 256];
+    let buffer = &mut buffer[..bytes];
+    call.read_at(&source, 0, buffer).map_err(|e| read_error(5, e))?;
+    call.cx.record_write(address, number, buffer).map_err(|e| refusal(e, 0x80A1))
+}
+
+/// RET_VAL: 0 when the record fills RECORD, else the record's length.
+fn rd_rec(call: &mut Call<'_>) -> Done {
+    let code = if call.bool(RdRec::REQ) { read_record(call).unwrap_or_else(|code| code) } else { NO_JOB };
+    call.set_bool(RdRec::BUSY, false);
+    call.end(RdRec::RET_VAL, code)
+}
+
+fn read_record(call: &mut Call<'_>) -> Result<u16, u16> {
+    let (address, number) = (u32::from(call.word(RdRec::LADDR)), call.byte(RdRec::RECNUM));
+    if !is_io(call.byte(RdRec::IOID)) {
+        return Err(NO_MODULE);
+    }
+    if number > 240 {
+        return Err(0x80B0);
+    }
+    let (target, bytes) = call.record(RdRec::RECORD)?;
+    let mut buffer = [0; 256];
+    let len = call.cx.record_read(address, number, &mut buffer[..bytes]).map_err(|e| refusal(e, 0x80A0))?;
+    call.write_at(&target, 0, &buffer[..len]).map_err(|e| write_error(7, e))?;
+    Ok(if len == bytes { 0 } else { len as u16 })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::ModuleSize;
+    use crate::testing::{Fake, any};
+
+    fn with_module(key: &str) -> Fake {
+        let mut fake = Fake::new(key).with("RET_VAL", [9; 2]);
+        fake.modules.insert(256, ModuleSize { inputs: 4, outputs: 2 });
+        fake.modules.insert(300, ModuleSize { inputs: 0, outputs: 0 });
+        fake.modules.insert(511, ModuleSize { inputs: 4, outputs: 4 });
+        fake
+    }
+
+    #[test]
+    fn whole_data_of_a_module() {
+        for (address, record, code) in [
+            (256u16, any(2, 4, 10), 0),
+            (257, any(2, 4, 10), 0x8090),
+            (300, any(2, 4, 10), 0x8093),
+            (256, any(4, 2, 10), 0x8092),
+            (256, any(2, 3, 10), 0x80B1),
+            (511, any(2, 4, 10), 0x80A0),
+            (256, any(2, 4, 254), 0x8323),
+        ] {
+            let mut fake = with_module("SYSTEM:SFC14").with("LADDR", address.to_be_bytes()).with("RECORD", record);
+            fake.io[0][256..260].copy_from_slice(&[1, 2, 3, 4]);
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.br), (code, code == 0), "{address}");
+            assert_eq!(fake.memory_at(10, 4) == [1, 2, 3, 4], code == 0);
+        }
+        for (address, record, code) in [
+            (256u16, any(2, 2, 10), 0),
+            (255, any(2, 2, 10), 0x8090),
+            (256, any(2, 4, 10), 0x80B1),
+            (511, any(2, 4, 10), 0x80A1),
+        ] {
+            let mut fake = with_module("SYSTEM:SFC15").with("LADDR", address.to_be_bytes()).with("RECORD", record);
+            fake.memory(10, &[7, 8]);
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.br), (code, code == 0), "{address}");
+            assert_eq!(fake.io[1][256..258] == [7, 8], code == 0);
+        }
+    }
+
+    #[test]
+    fn records() {
+        for (req, io, address, number, room, code) in [
+            (1, 0x54, 256u16, 5, 4, 0),
+            (1, 0x55, 256, 5, 10, 4),
+            (0, 0x54, 256, 5, 4, 0x7000),
+            (1, 0x56, 256, 5, 4, 0x8090),
+            (1, 0x54, 300, 5, 4, 0x8090),
+            (1, 0x54, 256, 6, 4, 0x80B0),
+            (1, 0x54, 256, 241, 4, 0x80B0),
+            (1, 0x54, 256, 5, 3, 0x80B1),
+        ] {
+            let mut fake = Fake::new("SYSTEM:SFC59").with("REQ", [req]).with("IOID", [io]).with("RECNUM", [number]);
+            fake.records.insert((256, 5), vec![1, 2, 3, 4]);
+            fake = fake.with("LADDR", address.to_be_bytes()).with("RECORD", any(2, room, 10));
+            fake = fake.with("RET_VAL", [9; 2]).with("BUSY", [1]);
+            fake.run();
+            assert_eq!(
+                (fake.value("RET_VAL"), fake.value("BUSY"), fake.br),
+                (code, 0, code < 0x8000),
+                "{address} {number}"
+            );
+        }
+        for (number, code) in [(2, 0), (1, 0x80B0), (3, 0x80B0)] {
+            let mut fake = Fake::new("SYSTEM:SFC58").with("REQ", [1]).with("IOID", [0x54]).with("RECNUM", [number]);
+            fake.records.insert((256, 2), vec![]);
+            fake.memory(10, &[5, 6]);
+            fake = fake.with("LADDR", [1, 0]).with("RECORD", any(2, 2, 10)).with("RET_VAL", [9; 2]).with("BUSY", [1]);
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.value("BUSY")), (code, 0));
+            assert_eq!(fake.records[&(256, 2)] == [5, 6], code == 0);
+        }
+    }
+
+    #[test]
+    fn no_slaves() {
+        for (req, code) in [(1, 0x8090), (0, 0x7000)] {
+            let mut fake = with_module("SYSTEM:SFC13").with("REQ", [req]).with("LADDR", [1, 0]).with("BUSY", [1]);
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.value("BUSY")), (code, 0));
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! SFC 43 RE_TRIGR, SFC 46 STP, SFC 47 WAIT. ["Controlling Program Execution"]
+
+use crate::call::Call;
+use crate::declare::{Declared, Params, params};
+use crate::table::Row;
+use crate::{Done, Interrupted, Service};
+
+/// A block without parameters.
+#[derive(Clone, Copy)]
+struct Nothing;
+
+impl Params for Nothing {
+    const DECLARED: &'static [Declared] = &[];
+    fn index(self) -> u32 {
+        0
+    }
+}
+
+params!(Wait { Input { WT: INT } });
+
+pub(super) const ROWS: &[Row] = &[
+    Row::sfc::<Nothing>(43, "RE_TRIGR", |call| {
+        call.cx.retrigger_watchdog();
+        Ok(())
+    }),
+    Row::sfc::<Nothing>(46, "STP", |call| Err(call.cx.stop())),
+    Row::sfc::<Wait>(47, "WAIT", wait).needs(Service::Waiting).note("a time not above 0 does not wait"),
+];
+
+fn wait(call: &mut Call<'_>) -> Done {
+    let time = call.int(Wait::WT);
+    let Some(waiting) = call.cx.waiting() else { return Err(Interrupted::NoService) };
+    match u32::try_from(time) {
+        Ok(microseconds @ 1..) => waiting.wait(microseconds),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Interrupted;
+    use crate::testing::Fake;
+
+    #[test]
+    fn the_program_is_controlled() {
+        let mut fake = Fake::new("SYSTEM:SFC43");
+        fake.run();
+        assert_eq!((fake.retriggered, fake.ended), (1, Ok(())));
+        let mut fake = Fake::new("SYSTEM:SFC46");
+        fake.run();
+        assert_eq!(fake.ended, Err(Interrupted::Abort));
+        for (time, waited) in [(500i16, vec![500]), (0, vec![]), (-1, vec![])] {
+            let mut fake = Fake::new("SYSTEM:SFC47").with("WT", time.to_be_bytes());
+            fake.run();
+            assert_eq!((fake.station.waited, fake.ended), (waited, Ok(())));
+        }
+    }
+}

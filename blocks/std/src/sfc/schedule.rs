@@ -1,0 +1,233 @@
+//! SFC 28 to 31: time-of-day interrupts; SFC 32 to 34: time-delay interrupts.
+//! ["Handling Time-of-Day Interrupts", "Handling Time-Delay Interrupts"]
+
+use crate::call::Call;
+use crate::declare::{Params, params};
+use crate::moment::Moment;
+use crate::services::{Period, Schedule};
+use crate::table::Row;
+use crate::{Done, Interrupted, Service};
+
+params!(SetTint { Input { OB_NR: INT, SDT: DT, PERIOD: WORD } Return { RET_VAL: INT } });
+params!(Ob { Input { OB_NR: INT } Return { RET_VAL: INT } });
+params!(Query { Input { OB_NR: INT } Return { RET_VAL: INT } Output { STATUS: WORD } });
+params!(SrtDint { Input { OB_NR: INT, DTIME: TIME, SIGN: WORD } Return { RET_VAL: INT } });
+
+pub(super) const ROWS: &[Row] = &[
+    Row::sfc::<SetTint>(28, "SET_TINT", set_tint).needs(Service::Schedule).note("seconds of SDT count as 0"),
+    Row::sfc::<Ob>(29, "CAN_TINT", |call| on_ob(call, Ob::RET_VAL, can_tint)).needs(Service::Schedule),
+    Row::sfc::<Ob>(30, "ACT_TINT", |call| on_ob(call, Ob::RET_VAL, act_tint)).needs(Service::Schedule),
+    Row::sfc::<Query>(31, "QRY_TINT", |call| query(call, tint_state)).needs(Service::Schedule),
+    Row::sfc::<SrtDint>(32, "SRT_DINT", srt_dint)
+        .needs(Service::Schedule)
+        .note("1 to 60000 ms; a new start begins anew"),
+    Row::sfc::<Ob>(33, "CAN_DINT", |call| on_ob(call, Ob::RET_VAL, can_dint)).needs(Service::Schedule),
+    Row::sfc::<Query>(34, "QRY_DINT", |call| query(call, dint_state)).needs(Service::Schedule),
+];
+
+/// OB_NR names no interrupt this CPU has.
+const WRONG_OB: u16 = 0x8090;
+/// Nothing was set or started for the OB.
+const NOT_SET: u16 = 0x80A0;
+/// The start lies in the past.
+const PAST: u16 = 0x80A1;
+
+/// Bits of STATUS that are 0 unless something is locked are not listed.
+const ACTIVE: u16 = 1 << 2;
+const LOADED: u16 = 1 << 4;
+
+fn set_tint(call: &mut Call<'_>) -> Done {
+    let (ob, sdt, period) = (call.word(SetTint::OB_NR), call.dt(SetTint::SDT), call.word(SetTint::PERIOD));
+    let Some(schedule) = call.cx.schedule() else { return Err(Interrupted::NoService) };
+    let now = schedule.moment();
+    let start = Moment::from_bytes(sdt).ok().and_then(|m| Moment::from_ms(m.ms() - m.ms() % 60_000));
+    let code = match (schedule.time_of_day(ob), start, Period::from_word(period)) {
+        (None, ..) => WRONG_OB,
+        (_, None, _) => 0x8091,
+        (.., None) => 0x8092,
+        (Some(_), Some(start), Some(Period::Once)) if start < now => PAST,
+        (Some(interrupt), Some(start), Some(period)) => {
+            interrupt.set = Some((start, period));
+            interrupt.active = false;
+            0
+        }
+    };
+    call.end(SetTint::RET_VAL, code)
+}
+
+/// A block whose only input is OB_NR.
+fn on_ob(call: &mut Call<'_>, ret_val: impl Params, run: fn(&mut dyn Schedule, u16) -> u16) -> Done {
+    let ob = call.word(Ob::OB_NR);
+    let Some(schedule) = call.cx.schedule() else { return Err(Interrupted::NoService) };
+    let code = run(schedule, ob);
+    call.end(ret_val, code)
+}
+
+/// What was set is forgotten.
+fn can_tint(schedule: &mut dyn Schedule, ob: u16) -> u16 {
+    match schedule.time_of_day(ob) {
+        None => WRONG_OB,
+        Some(interrupt) if interrupt.set.is_none() => NOT_SET,
+        Some(interrupt) => {
+            interrupt.set = None;
+            interrupt.active = false;
+            0
+        }
+    }
+}
+
+fn act_tint(schedule: &mut dyn Schedule, ob: u16) -> u16 {
+    let now = schedule.moment();
+    match schedule.time_of_day(ob) {
+        None => WRONG_OB,
+        Some(interrupt) => match interrupt.set {
+            None => NOT_SET,
+            Some((start, Period::Once)) if start < now => PAST,
+            Some(_) => {
+                interrupt.active = true;
+                0
+            }
+        },
+    }
+}
+
+/// STATUS of an interrupt: activated, loaded.
+type State = fn(&mut dyn Schedule, u16) -> Option<(bool, bool)>;
+
+fn tint_state(schedule: &mut dyn Schedule, ob: u16) -> Option<(bool, bool)> {
+    schedule.time_of_day(ob).map(|interrupt| (interrupt.active, interrupt.loaded))
+}
+
+fn dint_state(schedule: &mut dyn Schedule, ob: u16) -> Option<(bool, bool)> {
+    schedule.delay(ob).map(|interrupt| (interrupt.due.is_some(), interrupt.loaded))
+}
+
+fn query(call: &mut Call<'_>, state: State) -> Done {
+    let ob = call.word(Query::OB_NR);
+    let Some(schedule) = call.cx.schedule() else { return Err(Interrupted::NoService) };
+    let state = state(schedule, ob);
+    let status =
+        state.map_or(0, |(active, loaded)| (if active { ACTIVE } else { 0 }) | if loaded { LOADED } else { 0 });
+    call.set(Query::STATUS, u32::from(status));
+    call.end(Query::RET_VAL, if state.is_some() { 0 } else { WRONG_OB })
+}
+
+fn srt_dint(call: &mut Call<'_>) -> Done {
+    let (ob, delay, sign) = (call.word(SrtDint::OB_NR), call.raw(SrtDint::DTIME), call.word(SrtDint::SIGN));
+    let now = call.cx.now();
+    let Some(schedule) = call.cx.schedule() else { return Err(Interrupted::NoService) };
+    let code = match schedule.delay(ob) {
+        None => WRONG_OB,
+        Some(_) if !(1..=60_000).contains(&delay) => 0x8091,
+        Some(interrupt) => {
+            interrupt.due = Some((now.saturating_add(u64::from(delay) * 1_000_000), delay, sign));
+            0
+        }
+    };
+    call.end(SrtDint::RET_VAL, code)
+}
+
+fn can_dint(schedule: &mut dyn Schedule, ob: u16) -> u16 {
+    match schedule.delay(ob) {
+        None => WRONG_OB,
+        Some(interrupt) => match interrupt.due.take() {
+            Some(_) => 0,
+            None => NOT_SET,
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::services::{DelayInterrupt, Period, TimeOfDayInterrupt};
+    use crate::testing::{Fake, dt, moment};
+
+    const NOW: &str = "2024-03-01-00:00:00.000";
+    const LATER: &str = "2024-03-01-06:30:00.000";
+    const EARLIER: &str = "2024-02-01-06:30:00.000";
+
+    #[test]
+    fn setting_a_time_of_day() {
+        for (ob, sdt, period, code) in [
+            (10u16, dt("2024-03-01-06:30:12.345"), 0x0000u16, 0),
+            (10, dt(LATER), 0x1001, 0),
+            (10, dt(EARLIER), 0x1001, 0),
+            (10, dt(EARLIER), 0x0000, 0x80A1),
+            (11, dt(LATER), 0x1001, 0x8090),
+            (10, [0xFF; 8], 0x1001, 0x8091),
+            (10, dt(LATER), 0x0001, 0x8092),
+        ] {
+            let mut fake = Fake::new("SYSTEM:SFC28").with("OB_NR", ob.to_be_bytes()).with("SDT", sdt);
+            fake = fake.with("PERIOD", period.to_be_bytes()).with("RET_VAL", [9; 2]);
+            fake.station.moment = moment(NOW);
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.br), (code, code == 0), "{ob} {period:04X}");
+            let set = fake.station.time_of_day.set.map(|(start, _)| start.ms() % 60_000);
+            assert_eq!(set, (code == 0).then_some(0), "seconds count as 0");
+        }
+    }
+
+    /// Calls a block with OB_NR; RET_VAL and the interrupt afterwards.
+    fn on_ob(key: &str, ob: u16, interrupt: TimeOfDayInterrupt) -> (u32, TimeOfDayInterrupt) {
+        let mut fake = Fake::new(key).with("OB_NR", ob.to_be_bytes()).with("RET_VAL", [9; 2]);
+        fake.station.moment = moment(NOW);
+        fake.station.time_of_day = interrupt;
+        fake.run();
+        (fake.value("RET_VAL"), fake.station.time_of_day)
+    }
+
+    #[test]
+    fn activating_and_cancelling() {
+        let unset = TimeOfDayInterrupt { loaded: true, ..TimeOfDayInterrupt::default() };
+        let set = TimeOfDayInterrupt { set: Some((moment(LATER), Period::Once)), ..unset };
+        let active = TimeOfDayInterrupt { active: true, ..set };
+        let past = TimeOfDayInterrupt { set: Some((moment(EARLIER), Period::Once)), ..unset };
+        assert_eq!(on_ob("SYSTEM:SFC30", 10, set), (0, active));
+        assert_eq!(on_ob("SYSTEM:SFC30", 10, unset), (0x80A0, unset));
+        assert_eq!(on_ob("SYSTEM:SFC30", 10, past), (0x80A1, past));
+        assert_eq!(on_ob("SYSTEM:SFC30", 17, set), (0x8090, set));
+        assert_eq!(on_ob("SYSTEM:SFC29", 10, active), (0, unset));
+        assert_eq!(on_ob("SYSTEM:SFC29", 10, unset), (0x80A0, unset));
+        assert_eq!(on_ob("SYSTEM:SFC29", 9, unset), (0x8090, unset));
+    }
+
+    #[test]
+    fn queries() {
+        for (key, ob, active, loaded, status, code) in [
+            ("SYSTEM:SFC31", 10u16, true, true, 0x14, 0),
+            ("SYSTEM:SFC31", 10, false, true, 0x10, 0),
+            ("SYSTEM:SFC31", 20, true, true, 0, 0x8090),
+            ("SYSTEM:SFC34", 20, true, false, 0x04, 0),
+            ("SYSTEM:SFC34", 20, false, false, 0, 0),
+            ("SYSTEM:SFC34", 10, true, true, 0, 0x8090),
+        ] {
+            let mut fake =
+                Fake::new(key).with("OB_NR", ob.to_be_bytes()).with("RET_VAL", [9; 2]).with("STATUS", [9; 2]);
+            fake.station.time_of_day = TimeOfDayInterrupt { set: None, active, loaded };
+            fake.station.delay = DelayInterrupt { due: active.then_some((1, 1, 1)), loaded };
+            fake.run();
+            assert_eq!((fake.value("STATUS"), fake.value("RET_VAL")), (status, code), "{key} {ob}");
+        }
+    }
+
+    #[test]
+    fn delays() {
+        for (ob, time, code) in
+            [(20u16, 1u32, 0), (20, 60_000, 0), (20, 0, 0x8091), (20, 60_001, 0x8091), (24, 5, 0x8090)]
+        {
+            let mut fake = Fake::new("SYSTEM:SFC32").with("OB_NR", ob.to_be_bytes()).with("DTIME", time.to_be_bytes());
+            fake = fake.with("SIGN", [0x12, 0x34]).with("RET_VAL", [9; 2]);
+            fake.now = 7;
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.br), (code, code == 0), "{ob} {time}");
+            let due = (code == 0).then_some((7 + u64::from(time) * 1_000_000, time, 0x1234));
+            assert_eq!(fake.station.delay.due, due);
+        }
+        for (ob, due, code) in [(20u16, Some((1, 1, 1)), 0), (20, None, 0x80A0), (19, None, 0x8090)] {
+            let mut fake = Fake::new("SYSTEM:SFC33").with("OB_NR", ob.to_be_bytes()).with("RET_VAL", [9; 2]);
+            fake.station.delay.due = due;
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.station.delay.due), (code, None));
+        }
+    }
+}
