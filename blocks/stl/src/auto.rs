@@ -2,9 +2,71 @@
 
 use crate::codes;
 use crate::diagnostic::Sink;
-use crate::mnemonics::{Belongs, Mnemonics, belongs, operand_belongs};
+use crate::mnemonics::{IDENTIFIERS, Identifier, Mnemonics, ROWS, Words};
 use crate::parser::split_digits;
 use crate::token::{File, Kind, Token};
+
+/// Where a word exists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Belongs {
+    German,
+    International,
+    /// In both with one meaning.
+    Both,
+    /// In both with two meanings.
+    Differently,
+    Neither,
+}
+
+fn place_of<T>(german: Option<T>, international: Option<T>, same: impl Fn(&T, &T) -> bool) -> Belongs {
+    match (german, international) {
+        (Some(de), Some(en)) if same(&de, &en) => Belongs::Both,
+        (Some(_), Some(_)) => Belongs::Differently,
+        (Some(_), None) => Belongs::German,
+        (None, Some(_)) => Belongs::International,
+        (None, None) => Belongs::Neither,
+    }
+}
+
+/// In which sets a mnemonic exists.
+fn belongs(word: &str) -> Belongs {
+    let german = ROWS.iter().position(|r| r.german.eq_ignore_ascii_case(word));
+    let international = ROWS.iter().position(|r| r.international.eq_ignore_ascii_case(word));
+    place_of(german, international, |de, en| de == en)
+}
+
+/// In which sets an operand identifier exists; `addressed`: a number or bracket follows, as it does with all but status bits.
+fn operand_belongs(word: &str, addressed: bool) -> Belongs {
+    let wanted = |i: &Identifier| addressed || matches!(i, Identifier::Status(_));
+    let find = |german: bool| {
+        let word_of = |(de, en, _): &(&'static str, &'static str, Identifier)| if german { *de } else { *en };
+        IDENTIFIERS.iter().find(|row| wanted(&row.2) && word_of(row).eq_ignore_ascii_case(word)).map(|row| row.2)
+    };
+    place_of(find(true), find(false), |de, en| de == en)
+}
+
+/// The words of both sets, and which set each file is written in.
+#[derive(Debug)]
+pub(crate) struct Sets {
+    german: Words,
+    international: Words,
+    of: Vec<Mnemonics>,
+}
+
+impl Sets {
+    /// `of`: the set of each file, decided.
+    pub(crate) fn new(of: Vec<Mnemonics>) -> Self {
+        Self { german: Words::new(Mnemonics::German), international: Words::new(Mnemonics::International), of }
+    }
+
+    /// The words a file is written in.
+    pub(crate) fn of(&self, file: usize) -> &Words {
+        match self.of.get(file) {
+            Some(Mnemonics::International) => &self.international,
+            _ => &self.german,
+        }
+    }
+}
 
 /// What the words of a file say.
 #[derive(Default)]
@@ -111,6 +173,15 @@ mod tests {
         let file = File { text, tokens: lexer::lex(0, text, &mut sink) };
         let set = decide(0, &file, &mut sink);
         (set, sink.finish(&[text]).len())
+    }
+
+    #[test]
+    fn one_mnemonic_has_two_meanings_and_no_identifier_has() {
+        let two: Vec<_> = ROWS.iter().map(|r| r.german).filter(|w| belongs(w) == Belongs::Differently).collect();
+        assert_eq!(two, ["SE"]);
+        assert!(IDENTIFIERS.iter().all(|(de, en, _)| {
+            [de, en].iter().all(|w| !matches!(operand_belongs(w, true), Belongs::Differently | Belongs::Neither))
+        }));
     }
 
     #[test]

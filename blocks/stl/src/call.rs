@@ -6,7 +6,8 @@ use ob1_ir::{Arg, Call, CallMode, Number, Op, Operand, Place, Target, Width};
 use ob1_model::{Area, BlockId, BlockKind, DataType, Param, Section};
 
 use crate::codes;
-use crate::constant::{Constant, Encoded, PointerConstant};
+use crate::constant::{Constant, Encoded, PointerConstant, any_of_number};
+use crate::expand::Callee;
 use crate::lower::{Lowerer, called, fixed};
 use crate::mnemonics::BlockWord;
 use crate::operand::{Value, width_of, with_article};
@@ -43,7 +44,19 @@ impl<'l> Lowerer<'l, '_> {
             self.no_actuals(statement, "UC and CC");
             return Some(call_op(mode, target, instance, Vec::new()));
         }
+        self.around.callee = match (target, instance.and_then(fixed)) {
+            (Target::Local(_, at), _) => Some(Callee::Own(at)),
+            (_, Some(db)) => Some(Callee::Data(db)),
+            _ => None,
+        };
         let args = self.args(statement, id, info)?;
+        let of_open_block = |arg: &Arg| matches!(arg, Arg::Operand(Operand { place: Place::Fixed(Area::Db, _), .. }));
+        if self.around.opens_db() && args.iter().any(of_open_block) {
+            let message = "another actual of this call changes the DB register, so that DBX, DBB, DBW, DBD mean another data \
+                           block; write DB10.DBW 4";
+            self.sink.report(self.index, span, &codes::NOT_SUPPORTED, message);
+            return None;
+        }
         Some(call_op(mode, target, instance, args))
     }
 
@@ -225,6 +238,7 @@ fn target(reader: &mut Reader<'_, '_>, value: Value<'_>, mode: CallMode, span: S
                 (None, _) => format!("a {} cannot be called", word.name()),
             }
         }
+        Value::Instance(fb, _) => format!("an instance of {fb} is called with CALL, not with UC or CC"),
         other => format!("{} cannot be called", other.describe()),
     };
     reader.report(span, &codes::CALL_TARGET, wrong);
@@ -288,10 +302,17 @@ fn fit(formal: &Param, value: Value<'_>, instance: bool) -> Result<Arg, Misfit> 
                 if fits { Ok(Arg::Operand(operand)) } else { Err(misfit()) }
             }
         },
-        Value::Block(BlockWord::Db, Number::Fixed(db)) if matches!(ty, DataType::Pointer | DataType::Any) => {
-            let at = ob1_model::BitAddr(0);
-            let pointer = PointerConstant { area: Some(Area::Db), at, db, any: None };
-            Ok(Arg::Bytes(if *ty == DataType::Any { pointer.any_bytes() } else { pointer.pointer_bytes() }.into()))
+        Value::Timer(Number::Fixed(n)) if *ty == DataType::Any => Ok(Arg::Bytes(any_of_number(0x1D, n).into())),
+        Value::Counter(Number::Fixed(n)) if *ty == DataType::Any => Ok(Arg::Bytes(any_of_number(0x1C, n).into())),
+        Value::Block(word, Number::Fixed(n)) if *ty == DataType::Any => match word {
+            BlockWord::Db => Ok(Arg::Bytes(any_of_number(0x19, n).into())),
+            BlockWord::Fc => Ok(Arg::Bytes(any_of_number(0x18, n).into())),
+            BlockWord::Fb => Ok(Arg::Bytes(any_of_number(0x17, n).into())),
+            _ => Err(misfit()),
+        },
+        Value::Block(BlockWord::Db, Number::Fixed(db)) if *ty == DataType::Pointer => {
+            let pointer = PointerConstant { area: Some(Area::Db), at: ob1_model::BitAddr(0), db, any: None };
+            Ok(Arg::Bytes(pointer.pointer_bytes().into()))
         }
         _ => Err(misfit()),
     }

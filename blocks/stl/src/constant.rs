@@ -67,12 +67,23 @@ impl PointerConstant {
     /// The 10 bytes of an ANY: 10h, type, count, data block, pointer. One BYTE when no type is written.
     pub(crate) fn any_bytes(self) -> Vec<u8> {
         let (code, count) = self.any.unwrap_or((2, 1));
+        if code == 0 {
+            // The null pointer, P#P 0.0 VOID 0, has nothing but its first byte.
+            return [&[0x10][..], &[0; 9]].concat();
+        }
         [&[0x10, code], &count.to_be_bytes()[..], &self.pointer_bytes()].concat()
     }
 }
 
+/// The ANY of a timer, counter or block: type code, number ["ANY Format for Parameter Types": the count is 1, bytes 4, 5 and 7
+/// are 0, byte 6 repeats the type].
+pub(crate) fn any_of_number(code: u8, number: u16) -> Vec<u8> {
+    let [high, low] = number.to_be_bytes();
+    vec![0x10, code, 0, 1, 0, 0, code, 0, high, low]
+}
+
 /// The type codes of an ANY [STL reference, "Format of the Parameter Type ANY"].
-pub(crate) const ANY_TYPES: [(&str, u8); 19] = [
+pub(crate) const ANY_TYPES: [(&str, u8); 20] = [
     ("BOOL", 0x01),
     ("BYTE", 0x02),
     ("CHAR", 0x03),
@@ -92,6 +103,7 @@ pub(crate) const ANY_TYPES: [(&str, u8); 19] = [
     ("COUNTER", 0x1C),
     ("TIMER", 0x1D),
     ("NIL", 0x00),
+    ("VOID", 0x00),
 ];
 
 /// Parses a number without sign, or a constant with prefix. The error is the sentence to report.
@@ -390,5 +402,8 @@ mod tests {
         assert_eq!(p.bits(), 0x8300_0018);
         let any = PointerConstant { area: Some(Area::Db), at: BitAddr::new(0, 0), db: 10, any: Some((2, 12)) };
         assert_eq!(any.any_bytes(), [0x10, 2, 0, 12, 0, 10, 0x84, 0, 0, 0]);
+        let null = PointerConstant { area: Some(Area::Peripheral), at: BitAddr(0), db: 0, any: Some((0, 0)) };
+        assert_eq!(null.any_bytes(), [0x10, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(any_of_number(0x1D, 300), [0x10, 0x1D, 0, 1, 0, 0, 0x1D, 0, 1, 44]);
     }
 }

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 
 use ob1_model::{BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 
+use crate::auto::Sets;
 use crate::codes;
 use crate::diagnostic::Sink;
 use crate::initial;
 use crate::library::Library;
-use crate::mnemonics::{BlockWord, Sets};
+use crate::mnemonics::BlockWord;
 use crate::operand::{Resolver, with_article};
 use crate::parse_types::TYPE_DEPTH;
 use crate::reader::Reader;

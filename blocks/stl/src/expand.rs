@@ -4,7 +4,8 @@
 //! A composed in/out of a function block lies in the instance as a POINTER. To reach a component, STEP 7 opens the data block the
 //! POINTER names and loads AR1 from it, so that the DB register and AR1 are changed by such a statement; so do we. An ANY or
 //! POINTER to instance data is put together at run time from DINO and AR2, in the local data; ACCU1 and ACCU2 are changed
-//! by such a call, as by any CALL of STEP 7.
+//! by such a call, as by any CALL of STEP 7. A POINTER for a composed in/out is written into the instance itself before the call,
+//! by which the DB register changes where that is a data block of its own.
 
 use std::collections::BTreeMap;
 
@@ -20,9 +21,19 @@ pub(crate) struct Around {
     pub(crate) points: bool,
     /// The POINTER that AR1 and the DB register must come from when the statement itself begins.
     pub(crate) reached: Option<BitAddr>,
+    /// The instance that is called, when it is a function block's.
+    pub(crate) callee: Option<Callee>,
 }
 
 impl Around {
+    /// True when what comes before the statement changes the DB register.
+    pub(crate) fn opens_db(&self) -> bool {
+        let opens = |op: &Op| {
+            matches!(op, Op::OpenDb(DbRegister::Db, _) | Op::Transfer(Operand { place: Place::InDb(..), .. }))
+        };
+        self.reached.is_some() || self.before.iter().any(opens)
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.before.is_empty() && self.after.is_empty() && self.reached.is_none() && !self.points
     }
@@ -90,19 +101,24 @@ pub(crate) enum Pointee {
     Through(BitAddr, BitAddr),
 }
 
-/// Puts a POINTER (6 bytes) together in the hidden local data; with a type and count an ANY (10 bytes). Gives its first byte.
-pub(crate) fn pointer(hidden: &mut Hidden, to: Pointee, any: Option<(u8, u16)>, before: &mut Vec<Op>) -> u32 {
-    let start = hidden.take(if any.is_some() { 10 } else { 6 });
-    let mut at = start;
+/// Puts a POINTER (6 bytes) together at a place; with a type and count an ANY (10 bytes). `place` gives the operand of a width
+/// so many bytes into it.
+pub(crate) fn pointer(
+    place: &dyn Fn(Width, u32) -> Operand,
+    to: Pointee,
+    any: Option<(u8, u16)>,
+    before: &mut Vec<Op>,
+) {
+    let mut at = 0;
     if let Some((code, count)) = any {
         before.push(Op::LoadConst(0x1000_0000 | (u32::from(code) << 16) | u32::from(count)));
-        before.push(Op::Transfer(local(Width::DWord, at)));
+        before.push(Op::Transfer(place(Width::DWord, at)));
         at += 4;
     }
     match to {
         Pointee::Instance(offset) => {
             before.push(Op::LoadDbNumber(DbRegister::Di));
-            before.push(Op::Transfer(local(Width::Word, at)));
+            before.push(Op::Transfer(place(Width::Word, at)));
             // AR2 holds where the instance begins, with the area DI; a pointer that is handed on names the data block itself.
             before.push(Op::TransferAr(AddressRegister::Ar2));
             before.push(Op::DWordLogic(WordLogic::And, Some(0x00FF_FFFF)));
@@ -111,15 +127,39 @@ pub(crate) fn pointer(hidden: &mut Hidden, to: Pointee, any: Option<(u8, u16)>, 
         }
         Pointee::Through(pointer, offset) => {
             before.push(Op::Load(instance(Width::Word, pointer, 0)));
-            before.push(Op::Transfer(local(Width::Word, at)));
+            before.push(Op::Transfer(place(Width::Word, at)));
             before.push(Op::Load(instance(Width::DWord, pointer, 2)));
             if offset.0 > 0 {
                 before.push(Op::AddConst { format: NumberFormat::DInt, value: offset.0 as i32 });
             }
         }
     }
-    before.push(Op::Transfer(local(Width::DWord, at + 2)));
-    start
+    before.push(Op::Transfer(place(Width::DWord, at + 2)));
+}
+
+/// The instance of a function block that is called.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Callee {
+    /// An instance data block.
+    Data(u16),
+    /// Within the caller's own instance.
+    Own(BitAddr),
+}
+
+impl Callee {
+    /// An operand in the instance.
+    pub(crate) fn operand(self, width: Width, at: BitAddr) -> Operand {
+        let place = match self {
+            Callee::Data(db) => Place::InDb(db, at),
+            Callee::Own(start) => Place::Instance(BitAddr(start.0 + at.0)),
+        };
+        Operand { width, place }
+    }
+}
+
+/// An operand in the hidden local data.
+pub(crate) fn hidden_operand(width: Width, byte: u32) -> Operand {
+    local(width, byte)
 }
 
 /// Moves a value between the place behind a POINTER and the hidden local data; `out` from there to the place. Bits move with

@@ -63,9 +63,10 @@ pub use symbol_table::{SymbolTable, TableForm, read_symbols};
 
 pub use xref::{Access, Reference, render_xref, xref, xref_with};
 
+use auto::Sets;
 use diagnostic::Sink;
 use elaborate::{Elaborator, Named};
-use mnemonics::{Sets, Words};
+use mnemonics::Words;
 use token::{File, Span};
 use world::{Data, World};
 

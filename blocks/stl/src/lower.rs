@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use ob1_ir::{AddressRegister, BitTest, CodeBlock, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width};
 use ob1_model::{Area, BitAddr, BlockId, DataType};
 
+use crate::auto::Sets;
 use crate::codes;
 use crate::constant::Constant;
 use crate::diagnostic::Sink;
@@ -12,7 +13,7 @@ use crate::elaborate::LONGEST;
 use crate::expand::{self, Around, Hidden};
 use crate::jumps::Labels;
 use crate::lints::Whole;
-use crate::mnemonics::{BlockWord, Row, Sets, Shape};
+use crate::mnemonics::{BlockWord, Row, Shape};
 use crate::operand::{Resolver, Value};
 use crate::reader::Reader;
 use crate::syntax::{Block, Statement};

@@ -63,6 +63,12 @@ pub(crate) fn in_instance(block: &CodeBlock, at: BitAddr, bits: u32) -> Option<S
     Some(format!("#{}{}", param.name, path_in(&param.ty, at.0 - param.at.0, bits)))
 }
 
+/// `#name` of what lies `at` bits behind the POINTER of a composed in/out.
+pub(crate) fn behind(block: &CodeBlock, pointer: BitAddr, at: BitAddr, bits: u32) -> Option<String> {
+    let param = block.interface.params.iter().find(|p| p.is_pointer() && p.at == pointer)?;
+    Some(format!("#{}{}", param.name, path_in(&param.ty, at.0, bits)))
+}
+
 /// `#name` of what lies at `at` in a block's local data; `None` beyond what is declared.
 pub(crate) fn in_local(block: &CodeBlock, at: BitAddr, bits: u32) -> Option<String> {
     let temps = block.interface.params.iter().filter(|p| p.section == Section::Temp);

@@ -72,9 +72,17 @@ impl Lowerer<'_, '_> {
             self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
             return None;
         }
+        if let (true, Some(callee)) = (by_pointer && !typed, self.around.callee) {
+            // The parameter itself stays open: its POINTER is written before the call.
+            let place = |width, byte: u32| callee.operand(width, BitAddr(formal.at.0 + byte * 8));
+            expand::pointer(&place, to, None, &mut self.around.before);
+            return Some(Reached::Arg(Arg::Open));
+        }
         let any = (formal.ty == DataType::Any).then(|| any_length(operand, ty));
-        let byte = expand::pointer(&mut self.hidden, to, any, &mut self.around.before);
-        Some(Reached::Arg(hidden_operand(Width::Byte, byte, 0)))
+        let start = self.hidden.take(if any.is_some() { 10 } else { 6 });
+        let place = |width, byte| expand::hidden_operand(width, start + byte);
+        expand::pointer(&place, to, any, &mut self.around.before);
+        Some(Reached::Arg(hidden_operand(Width::Byte, start, 0)))
     }
 
     /// What lies behind a POINTER, for a formal that takes the value itself or a reference to it.

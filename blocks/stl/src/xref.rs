@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use ob1_ir::{
-    Arg, BitTest, Call, CodeBlock, DataBlock, Number, Op, Operand, Place, Program, Stmt, Symbol, Target, Width,
+    AddressRegister, Arg, BitTest, Call, CodeBlock, DataBlock, Number, Op, Operand, Place, Program, Stmt, Symbol,
+    Target, Width,
 };
-use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 
 use crate::library::Library;
 use crate::mnemonics::Words;
@@ -87,8 +88,9 @@ pub fn xref_with(program: &Program, library: &Library) -> Vec<Reference> {
     let symbols = symbol_names(&program.symbols);
     let mut collector = Collector { data, interfaces, symbols, found: Vec::new() };
     for block in &program.blocks {
-        for stmt in &block.code {
-            Seen { block, stmt, all: &mut collector }.statement();
+        for (at, stmt) in block.code.iter().enumerate() {
+            let through = reached(block.code.get(at.saturating_sub(2)..at).unwrap_or_default());
+            Seen { block, stmt, through, all: &mut collector }.statement();
         }
     }
     let mut found = collector.found;
@@ -124,6 +126,8 @@ const LOCAL: u8 = 50;
 struct Seen<'s, 'c> {
     block: &'c CodeBlock,
     stmt: &'c Stmt,
+    /// The POINTER of a composed in/out that AR1 and the DB register come from.
+    through: Option<BitAddr>,
     all: &'s mut Collector<'c>,
 }
 
@@ -235,6 +239,12 @@ impl Seen<'_, '_> {
                 );
                 self.add((INDIRECT, 0, pointer.at.0, width), text, None, access, via);
             }
+            Place::Register(None, AddressRegister::Ar1, at)
+                if let Some(pointer) = self.through
+                    && let Some(name) = names::behind(self.block, pointer, at, bits) =>
+            {
+                self.add((LOCAL + 2, whose, pointer.0, width), format!("{id} {name}"), None, access, via);
+            }
             Place::Register(_, register, at) => {
                 self.add((INDIRECT, 1 + register as u32, at.0, width), text, None, access, via);
             }
@@ -260,7 +270,7 @@ impl Seen<'_, '_> {
                 self.add((INDIRECT, 3, pointer.at.0, class), text, None, access, via);
             }
             Number::Param(index) => {
-                let place = Place::Param { index, at: ob1_model::BitAddr(0) };
+                let place = Place::Param { index, at: BitAddr(0) };
                 self.operand(Operand { width: Width::Word, place }, access, via);
             }
             Number::Instance(at) => {
@@ -319,6 +329,19 @@ impl Seen<'_, '_> {
                 _ => {}
             },
             Arg::Bytes(bytes) => {
+                if let [0x10, code @ 0x17..=0x1D, 0, 1, 0, 0, again, 0, high, low] = **bytes
+                    && code == again
+                {
+                    let (word, class) = match code {
+                        0x1D => ("T", 10),
+                        0x1C => ("Z", 11),
+                        0x19 => ("DB", 30),
+                        0x18 => ("FC", class_of(BlockKind::Fc)),
+                        _ => ("FB", class_of(BlockKind::Fb)),
+                    };
+                    let number = Number::Fixed(u16::from_be_bytes([high, low]));
+                    return self.number(word, class, number, Access::ReadWrite, Some(via));
+                }
                 let pointer =
                     matches!(ty, Some(DataType::Pointer | DataType::Any)) || formal.is_some_and(Param::is_pointer);
                 if let Some((operand, any)) = pointer.then(|| pointed(bytes)).flatten() {
@@ -328,6 +351,17 @@ impl Seen<'_, '_> {
             }
             Arg::Open | Arg::Const(_) => {}
         }
+    }
+}
+
+/// The POINTER in the instance that the two statements before the present one reach through, when they do.
+fn reached(before: &[Stmt]) -> Option<BitAddr> {
+    match before {
+        [
+            Stmt { op: Op::OpenDb(_, Number::Instance(pointer)), .. },
+            Stmt { op: Op::LoadArFrom(AddressRegister::Ar1, o), .. },
+        ] if o.place == Place::Instance(BitAddr(pointer.0 + 16)) => Some(*pointer),
+        _ => None,
     }
 }
 
@@ -346,7 +380,7 @@ fn pointed(bytes: &[u8]) -> Option<(Operand, u32)> {
         rest => (Width::Byte, 1, rest),
     };
     let [db_high, db_low, area, a, b, c] = *<&[u8; 6]>::try_from(pointer).ok()?;
-    let at = ob1_model::BitAddr(u32::from_be_bytes([0, a, b, c]));
+    let at = BitAddr(u32::from_be_bytes([0, a, b, c]));
     let width = if at.bit() == 0 { width } else { Width::Bit };
     let place = match (Area::from_pointer_code(area)?, u16::from_be_bytes([db_high, db_low])) {
         (Area::Db, db) if db > 0 => Place::InDb(db, at),

@@ -136,6 +136,36 @@ fn both_sets_of_mnemonics_mean_the_same() {
 }
 
 #[test]
+fn the_set_of_mnemonics_is_found_in_every_source() {
+    let library = common::library();
+    for path in sources() {
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        if name.starts_with("auto_") || name.starts_with("errors_") {
+            continue;
+        }
+        let source = Source::new(name.clone(), std::fs::read(path).unwrap());
+        let options =
+            ob1_stl::Options { mnemonics: ob1_stl::Mnemonics::Auto, symbols: common::symbols(), ..Default::default() };
+        let library = if name.starts_with("bench_") { &ob1_stl::Library::new() } else { &library };
+        let found = ob1_stl::compile(std::slice::from_ref(&source), library, &options);
+        assert_eq!(found.program, common::compile_one(&name, &source.bytes).program, "{name}");
+    }
+}
+
+#[test]
+fn each_file_has_its_own_set() {
+    let frame = |n: u16, body: &str| format!("FUNCTION FC {n} : VOID\nBEGIN\n{body}END_FUNCTION\n");
+    let sources = [
+        Source::new("de.awl", frame(60, "U E 0.0;\nL S5T#1S;\nSE T 1;\nL P#E 1.0;\n")),
+        Source::new("en.awl", frame(61, "A I 0.0;\nL S5T#1S;\nSD T 1;\nL P#I 1.0;\n")),
+    ];
+    let options = ob1_stl::Options { mnemonics: ob1_stl::Mnemonics::Auto, ..Default::default() };
+    let output = ob1_stl::compile(&sources, &ob1_stl::Library::new(), &options);
+    assert_eq!(output.diagnostics, []);
+    assert_eq!(output.program.blocks[0].code, output.program.blocks[1].code);
+}
+
+#[test]
 fn every_number_is_seen_in_an_expectation() {
     // Made only by sources too large to lie here; robust.rs makes them.
     let elsewhere = ["S0003", "S0213", "S0214"];
