@@ -17,6 +17,7 @@ mod data;
 mod diagnostic;
 mod elaborate;
 mod expand;
+mod fit;
 mod initial;
 mod jumps;
 mod lexer;

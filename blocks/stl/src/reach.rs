@@ -4,9 +4,9 @@
 use ob1_ir::{Arg, Operand, Place, Width};
 use ob1_model::{Area, BitAddr, DataType, Param, Section};
 
-use crate::call::{any_length, same_layout};
 use crate::codes;
 use crate::expand::{self, Pointee};
+use crate::fit::{any_length, same_layout};
 use crate::lower::Lowerer;
 use crate::operand::{Value, width_of, with_article};
 use crate::token::Span;

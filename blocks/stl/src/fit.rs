@@ -1,0 +1,147 @@
+//! Actual parameters with a fixed address, a number or a constant, as the formals take them.
+
+use ob1_ir::{Arg, Number, Operand, Place, Width};
+use ob1_model::{Area, DataType, Param};
+
+use crate::constant::{Constant, Encoded, PointerConstant, any_of_number};
+use crate::mnemonics::BlockWord;
+use crate::operand::{Value, width_of};
+
+/// Why an actual parameter does not fit.
+pub(crate) enum Misfit {
+    /// What it is instead.
+    Type(String),
+    /// What is wrong with the constant.
+    Constant(String),
+}
+
+/// The actual as the formal takes it; `instance`: the callee keeps its parameters in an instance data block.
+pub(crate) fn fit(formal: &Param, value: Value<'_>, instance: bool) -> Result<Arg, Misfit> {
+    let ty = &formal.ty;
+    let described = value.describe();
+    let misfit = || Misfit::Type(described.clone());
+    if ty.is_parameter_type() {
+        return by_number(ty, value, misfit);
+    }
+    match value {
+        Value::Constant(Constant::Pointer(p))
+            if ty.is_composed() && !matches!(ty, DataType::Pointer | DataType::Any) =>
+        {
+            // P#DB10.DBX0.0 names the place of a structure, an array or a string.
+            composed_place(p).map(Arg::Operand).ok_or_else(misfit)
+        }
+        Value::Constant(constant) => match constant.encode(ty).map_err(Misfit::Constant)? {
+            Encoded::Bits(bits) => Ok(Arg::Const(bits)),
+            Encoded::Bytes(bytes) => Ok(Arg::Bytes(bytes.into())),
+        },
+        Value::Memory { operand, ty: actual } => match ty {
+            DataType::Pointer | DataType::Any => pointer_to(ty, operand, actual).ok_or_else(misfit),
+            _ if ty.is_composed() => {
+                let same = actual.is_some_and(|actual| same_layout(ty, actual));
+                match same {
+                    // The instance keeps a POINTER to the actual.
+                    true if instance && formal.is_pointer() => {
+                        pointer_to(&DataType::Pointer, operand, actual).ok_or_else(misfit)
+                    }
+                    true => Ok(Arg::Operand(operand)),
+                    false => Err(misfit()),
+                }
+            }
+            _ => {
+                let fits = width_of(ty) == Some(operand.width) && actual.is_none_or(|a| !a.is_composed());
+                if fits { Ok(Arg::Operand(operand)) } else { Err(misfit()) }
+            }
+        },
+        Value::Timer(Number::Fixed(n)) if *ty == DataType::Any => Ok(Arg::Bytes(any_of_number(0x1D, n).into())),
+        Value::Counter(Number::Fixed(n)) if *ty == DataType::Any => Ok(Arg::Bytes(any_of_number(0x1C, n).into())),
+        Value::Block(word, Number::Fixed(n)) if *ty == DataType::Any => match word {
+            BlockWord::Db => Ok(Arg::Bytes(any_of_number(0x19, n).into())),
+            BlockWord::Fc => Ok(Arg::Bytes(any_of_number(0x18, n).into())),
+            BlockWord::Fb => Ok(Arg::Bytes(any_of_number(0x17, n).into())),
+            _ => Err(misfit()),
+        },
+        Value::Block(BlockWord::Db, Number::Fixed(db)) if *ty == DataType::Pointer => {
+            let pointer = PointerConstant { area: Some(Area::Db), at: ob1_model::BitAddr(0), db, any: None };
+            Ok(Arg::Bytes(pointer.pointer_bytes().into()))
+        }
+        _ => Err(misfit()),
+    }
+}
+
+/// Timers, counters and blocks.
+fn by_number(ty: &DataType, value: Value<'_>, misfit: impl Fn() -> Misfit) -> Result<Arg, Misfit> {
+    match (ty, value) {
+        (DataType::Timer | DataType::TimerOrWord, Value::Timer(n)) => Ok(Arg::Number(n)),
+        (DataType::Counter, Value::Counter(n)) => Ok(Arg::Number(n)),
+        (DataType::BlockDb, Value::Block(BlockWord::Db, n)) => Ok(Arg::Number(n)),
+        (DataType::BlockFb, Value::Block(BlockWord::Fb, n)) => Ok(Arg::Number(n)),
+        (DataType::BlockFc, Value::Block(BlockWord::Fc, n)) => Ok(Arg::Number(n)),
+        (DataType::TimerOrWord, Value::Constant(constant)) => match constant.encode(ty) {
+            Ok(Encoded::Bits(bits)) => Ok(Arg::Const(bits)),
+            Ok(Encoded::Bytes(_)) => Err(misfit()),
+            Err(message) => Err(Misfit::Constant(message)),
+        },
+        (DataType::TimerOrWord, Value::Memory { operand, .. }) if operand.width == Width::Word => {
+            Ok(Arg::Operand(operand))
+        }
+        _ => Err(misfit()),
+    }
+}
+
+/// The place that `P#DB10.DBX0.0` names.
+fn composed_place(pointer: PointerConstant) -> Option<Operand> {
+    let place = match (pointer.area?, pointer.db) {
+        (Area::Db, db) if db > 0 => Place::InDb(db, pointer.at),
+        (area, 0) => Place::Fixed(area, pointer.at),
+        _ => return None,
+    };
+    Some(Operand { width: Width::Byte, place })
+}
+
+/// A POINTER or ANY to an operand. Own parameters of these types are handed on as they are.
+fn pointer_to(ty: &DataType, operand: Operand, actual: Option<&DataType>) -> Option<Arg> {
+    if actual.is_some_and(|a| a == ty) {
+        return Some(Arg::Operand(operand));
+    }
+    let (area, at, db) = match operand.place {
+        // The callee sees the caller's local data as the area V.
+        Place::Fixed(Area::Local, at) => (Area::PreviousLocal, at, 0),
+        Place::Fixed(area, at) => (area, at, 0),
+        Place::InDb(db, at) => (Area::Db, at, db),
+        _ => return None,
+    };
+    let pointer = PointerConstant { area: Some(area), at, db, any: Some(any_length(operand, actual)) };
+    Some(Arg::Bytes(if *ty == DataType::Any { pointer.any_bytes() } else { pointer.pointer_bytes() }.into()))
+}
+
+/// Type code and number of elements of an ANY to an operand; composed variables count in bytes.
+pub(crate) fn any_length(operand: Operand, actual: Option<&DataType>) -> (u8, u16) {
+    use crate::constant::ANY_TYPES;
+    if let Some(code) = actual
+        .filter(|ty| ty.elementary_bits().is_some())
+        .and_then(|ty| ANY_TYPES.iter().find(|(name, _)| *name == ty.name()))
+    {
+        return (code.1, 1);
+    }
+    if let Some(ty) = actual {
+        return (2, (ob1_model::Layout::bits(ty) / 8).min(u32::from(u16::MAX)) as u16);
+    }
+    match operand.width {
+        Width::Bit => (1, 1),
+        Width::Byte => (2, 1),
+        Width::Word => (4, 1),
+        Width::DWord => (6, 1),
+    }
+}
+
+/// True for types that mean the same bytes: names and start values do not count, the length of a STRING neither.
+pub(crate) fn same_layout(a: &DataType, b: &DataType) -> bool {
+    match (a, b) {
+        (DataType::Struct(a), DataType::Struct(b)) => {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same_layout(&a.ty, &b.ty))
+        }
+        (DataType::Array(da, a), DataType::Array(db, b)) => da == db && same_layout(a, b),
+        (DataType::String(_), DataType::String(_)) => true,
+        _ => a == b,
+    }
+}
