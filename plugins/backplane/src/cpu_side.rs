@@ -116,6 +116,13 @@ impl CpuSide {
         freshness
     }
 
+    /// Whether the driver has written its registers since the last [`Self::read_inputs`]: one load, for who waits spinning.
+    #[inline]
+    #[must_use]
+    pub fn inputs_changed(&self) -> bool {
+        self.inputs.is_outdated(&self.monitor.cells().inputs.registers)
+    }
+
     /// Reads of the input registers that had to keep the last copy.
     #[must_use]
     pub fn stale_reads(&self) -> u64 {

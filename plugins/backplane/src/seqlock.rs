@@ -123,10 +123,12 @@ impl<const N: usize> SeqReader<N> {
         self.sequence
     }
 
-    /// Whether the writer has started anything since the copy was taken.
+    /// Whether there is a whole content newer than the copy. While a writer is at work there is none yet: who looks then would
+    /// only get in its way, and its end is seen by the next look.
     #[inline]
     pub(crate) fn is_outdated(&self, cell: &SeqCell<N>) -> bool {
-        cell.sequence.load(Ordering::Relaxed) != self.sequence
+        let sequence = cell.sequence.load(Ordering::Relaxed);
+        sequence != self.sequence && sequence & 1 == 0
     }
 
     /// How many reads kept the last copy.

@@ -22,8 +22,9 @@ pub fn answer_registers(path: &Path) -> Result<(), Failure> {
         if side.outputs_changed() {
             let _ = side.read_outputs(&mut registers);
             side.write_inputs(&registers);
+        } else {
+            std::hint::spin_loop();
         }
-        std::hint::spin_loop();
     }
 }
 
@@ -53,13 +54,17 @@ pub fn measure() -> Result<Figure, Failure> {
     let mut serial = 0u64;
     let mut through_registers = || {
         serial += 1;
-        let mut out = [0u8; 16];
-        out[..8].copy_from_slice(&serial.to_ne_bytes());
-        out[8..].copy_from_slice(&serial.to_ne_bytes());
-        cpu.write_outputs(&out);
-        let mut seen = [0u8; 16];
-        while seen != out {
-            let _ = cpu.read_inputs(&mut seen);
+        // Word by word: sixteen bytes compared at once would wait for the two words just stored.
+        let mut registers = [0u8; 16];
+        registers.as_chunks_mut().0.fill(serial.to_ne_bytes());
+        cpu.write_outputs(&registers);
+        loop {
+            if cpu.inputs_changed() {
+                let _ = cpu.read_inputs(&mut registers);
+                if registers.as_chunks().0.iter().all(|word| u64::from_ne_bytes(*word) == serial) {
+                    break;
+                }
+            }
             std::hint::spin_loop();
         }
     };

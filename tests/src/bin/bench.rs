@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: the figures of the README, each beside its floor.
+//! `cargo xtask bench [NAME...]`: the figures of the README, each beside its floor.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -6,12 +6,17 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::{backplane, driver, memory, scan};
 
+const HELP: &str = "usage: cargo xtask bench [NAME...]
+  names: scan, pair, backplane, driver, memory (default: all)
+
+Exit status: 0 every aim met, 1 an aim missed, 2 it could not be measured.";
+
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let done = match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--peer", role, path] => answer(role, Path::new(path)).map(|()| true),
-        [] => measure(),
-        _ => Err("usage: cargo xtask bench".into()),
+        ref names if names.iter().all(|name| NAMES.contains(name)) => measure(names),
+        _ => Err(HELP.into()),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,
@@ -23,6 +28,8 @@ fn main() -> ExitCode {
     }
 }
 
+const NAMES: [&str; 5] = ["scan", "pair", "backplane", "driver", "memory"];
+
 fn answer(role: &str, path: &Path) -> Result<(), Failure> {
     match role {
         "registers" => backplane::answer_registers(path),
@@ -33,19 +40,21 @@ fn answer(role: &str, path: &Path) -> Result<(), Failure> {
 }
 
 /// Prints the table; true when every aim was met.
-fn measure() -> Result<bool, Failure> {
+fn measure(names: &[&str]) -> Result<bool, Failure> {
     println!("medians; a figure and its floor are measured in turns in the same run");
     let mut met = true;
-    let mut print = |figure: ob1_tests::bench::Figure| {
-        println!("{}", figure.line());
-        met &= figure.aim.1;
-    };
-    print(scan::empty()?);
-    print(scan::idle_pair()?);
-    print(backplane::measure()?);
-    print(driver::measure()?);
-    for figure in memory::measure()? {
-        print(figure);
+    for name in NAMES.into_iter().filter(|name| names.is_empty() || names.contains(name)) {
+        let figures = match name {
+            "scan" => vec![scan::empty()?],
+            "pair" => vec![scan::idle_pair()?],
+            "backplane" => vec![backplane::measure()?],
+            "driver" => vec![driver::measure()?],
+            _ => memory::measure()?.into(),
+        };
+        for figure in figures {
+            println!("{}", figure.line());
+            met &= figure.aim.1;
+        }
     }
     Ok(met)
 }
