@@ -1,6 +1,6 @@
 //! What a CPU is built with: sizes, cycle rules, and where its modules lie.
 
-use crate::Nanos;
+use crate::{CyclicInterrupt, Family, Nanos};
 
 /// The sizes and rules of one CPU. The defaults are those of an S7-300.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +17,8 @@ pub struct CpuConfig {
     pub counters: u16,
     /// Bytes of local data for all nested blocks together, 1024 to 1048576.
     pub local_bytes: u32,
+    /// What differs between S7-300 and S7-400, but for the number of accumulators, which can be chosen by itself.
+    pub family: Family,
     /// Accumulators: 2 (S7-300) or 4 (S7-400).
     pub accumulators: u8,
     /// Blocks nested in one another within a priority class, 1 to 64.
@@ -25,6 +27,8 @@ pub struct CpuConfig {
     pub min_cycle: Nanos,
     /// Cycle monitoring time; 0: none.
     pub watchdog: Nanos,
+    /// Cyclic interrupts whose interval or phase is not the default. Those of OBs that are not loaded have no effect.
+    pub cyclic: Vec<CyclicInterrupt>,
     /// The byte of bit memory that carries the clock pulses of 10 Hz (bit 0) to 0.5 Hz (bit 7).
     pub clock_memory: Option<u16>,
     /// Time of day at the runtime's time 0, in nanoseconds since 1990-01-01: the date in start information.
@@ -38,6 +42,14 @@ pub struct CpuConfig {
     pub peripheral_from_image: bool,
 }
 
+impl CpuConfig {
+    /// The defaults with the rules and the accumulators of a family.
+    #[must_use]
+    pub fn of(family: Family) -> Self {
+        Self { family, accumulators: family.accumulators(), ..Self::default() }
+    }
+}
+
 impl Default for CpuConfig {
     fn default() -> Self {
         Self {
@@ -47,10 +59,12 @@ impl Default for CpuConfig {
             timers: 256,
             counters: 256,
             local_bytes: 32 * 1024,
+            family: Family::S7_300,
             accumulators: 2,
             nesting_depth: 24,
             min_cycle: 0,
             watchdog: 150_000_000,
+            cyclic: Vec::new(),
             clock_memory: None,
             date_at_start: 0,
             port_items_per_scan: 64,
@@ -85,7 +99,7 @@ pub enum OperatingState {
     /// The program does not run, outputs are 0. Access port and modules are served.
     #[default]
     Stop,
-    /// OB 100 (warm) or OB 102 (cold) runs.
+    /// OB 100 (warm), OB 101 (hot) or OB 102 (cold) runs.
     Startup,
     /// The cycle runs.
     Run,
@@ -102,6 +116,9 @@ pub enum Command {
     Warm,
     /// Cold restart: as warm, and data blocks get their load values.
     Cold,
+    /// Hot restart, S7-400 only: everything keeps its value, OB 101 runs, and a new cycle begins; what was left of the interrupted
+    /// one is not run. Refused, with an entry in the diagnostic buffer, on an S7-300 and where no RUN came before.
+    Hot,
     /// Memory reset: STOP, everything as after loading, the diagnostic buffer stays.
     Reset,
 }
@@ -109,8 +126,10 @@ pub enum Command {
 /// What a cycle leaves behind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CycleEnd {
-    /// When the next cycle is due. In the past or present: at once.
+    /// When the next cycle or the next interrupt by time is due. In the past or present: at once.
     pub next_deadline: Nanos,
     /// The state now.
     pub state: OperatingState,
+    /// False when only interrupts were served because the next cycle was not due yet.
+    pub whole: bool,
 }

@@ -6,9 +6,11 @@ use ob1_model::{BlockId, BlockKind};
 use crate::engine::{
     Callee, Constants, Lowering, Reference, Signature, Signatures, collect, lower, verify, writes_param,
 };
+use crate::interrupts::Interrupts;
 use crate::log::LogWriter;
 use crate::machine::{Blocks, Interrupt, Machine, Watchdog};
 use crate::native::Native;
+use crate::ob_statistics::ObRecords;
 use crate::port::AccessPort;
 use crate::timers::{Counter, Timer};
 use crate::{
@@ -17,6 +19,8 @@ use crate::{
 
 /// Most bytes of a data block.
 const DB_BYTES: usize = 65_534;
+/// Longest interval and phase offset of a cyclic interrupt.
+const LONGEST_PERIOD: u64 = 60_000_000_000;
 /// References to actual parameters, for all nested calls together.
 const REFERENCES: usize = 8 * 1024;
 
@@ -96,6 +100,8 @@ impl Cpu {
             signatures,
             interrupt: interrupt.clone(),
         };
+        let obs: Vec<u16> =
+            blocks.callees.iter().filter(|(id, _)| id.kind == BlockKind::Ob).map(|(id, _)| id.number).collect();
         let (port, client) = AccessPort::new(config.port_capacity);
         let (log, reader) = LogWriter::new();
         let machine = Machine {
@@ -119,6 +125,10 @@ impl Cpu {
             local_top: 0,
             depth: 0,
             ob: ObInfo::default(),
+            inside: 0,
+            interrupts: Interrupts::new(&config.cyclic, |ob| blocks.ob(ob).is_some()),
+            obs: ObRecords::new(obs.into_iter()),
+            cycle_start: 0,
             native_caller: None,
             config,
         };
@@ -143,6 +153,12 @@ fn check_config(config: &CpuConfig, errors: &mut Vec<LoadError>) {
     if let Some(byte) = config.clock_memory {
         check("clock_memory", u64::from(byte), u64::from(config.memory_bytes).saturating_sub(1));
     }
+    for (i, c) in config.cyclic.iter().enumerate() {
+        check("cyclic.ob", u64::from(c.ob), 38);
+        check("cyclic.period", c.period, LONGEST_PERIOD);
+        check("cyclic.phase", c.phase, LONGEST_PERIOD);
+        check("cyclic interrupts of one OB", config.cyclic[..=i].iter().filter(|b| b.ob == c.ob).count() as u64, 1);
+    }
     let mut wrong = |field, value, max| errors.push(LoadError::Config { field, value, max });
     if config.accumulators != 2 && config.accumulators != 4 {
         wrong("accumulators", u64::from(config.accumulators), 4);
@@ -150,6 +166,14 @@ fn check_config(config: &CpuConfig, errors: &mut Vec<LoadError>) {
     // Below these a CPU cannot run at all; the message names the largest value, the documentation the smallest.
     if config.local_bytes < 1024 {
         wrong("local_bytes", u64::from(config.local_bytes), 1 << 20);
+    }
+    for c in &config.cyclic {
+        if c.ob < 30 {
+            wrong("cyclic.ob", u64::from(c.ob), 38);
+        }
+        if c.period == 0 {
+            wrong("cyclic.period", 0, LONGEST_PERIOD);
+        }
     }
     if config.nesting_depth == 0 {
         wrong("nesting_depth", 0, 64);

@@ -3,11 +3,13 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use ob1_model::{BlockId, BlockKind, Event, Fault, FaultKind, Site};
+use ob1_model::{BlockId, BlockKind, Event, FaultKind};
 
 use crate::calendar::date_and_time;
 use crate::engine::{Callee, Engine, Entry, Frame, Signatures};
+use crate::interrupts::Interrupts;
 use crate::log::{LogLine, LogWriter};
+use crate::ob_statistics::ObRecords;
 use crate::timers::{Counter, Timer};
 use crate::{
     Abort, Clock, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, Nanos, ObInfo, ShortText, Statistics,
@@ -95,6 +97,12 @@ pub(crate) struct Machine {
     /// Blocks nested in the running organization block.
     pub(crate) depth: u8,
     pub(crate) ob: ObInfo,
+    /// Time the running organization block was interrupted by others.
+    pub(crate) inside: Nanos,
+    pub(crate) interrupts: Interrupts,
+    pub(crate) obs: ObRecords,
+    /// When the running cycle began.
+    pub(crate) cycle_start: Nanos,
     /// Who called the native block that runs.
     pub(crate) native_caller: Option<Caller>,
 }
@@ -111,6 +119,11 @@ pub(crate) struct Blocks {
 }
 
 impl Blocks {
+    /// The organization block of this number, if it is loaded.
+    pub(crate) fn ob(&self, number: u16) -> Option<Callee> {
+        self.find(BlockId::new(BlockKind::Ob, number))
+    }
+
     /// The loaded block of this id. Not on the path of calls by number, which load time resolves.
     pub(crate) fn find(&self, id: BlockId) -> Option<Callee> {
         self.callees.binary_search_by_key(&id, |(id, _)| *id).ok().map(|i| self.callees[i].1)
@@ -133,43 +146,28 @@ impl Context<'_> {
         machine.now = machine.now.max(self.clock.now());
     }
 
-    /// A safe point that is due: time, operator's STOP, cycle monitoring.
+    /// A safe point that is due: time, operator's STOP, cycle monitoring, interrupts of higher classes.
     #[cold]
     pub(crate) fn attend(&mut self) -> Result<(), Abort> {
-        self.machine.interrupt.take_due();
-        self.look();
-        if self.machine.stopping {
-            return Err(Abort);
+        loop {
+            self.machine.interrupt.take_due();
+            self.look();
+            if self.machine.stopping {
+                return Err(Abort);
+            }
+            if self.machine.interrupt.take_halt() {
+                self.entry(Event::STOP_OPERATOR, 0, "");
+                self.machine.stopping = true;
+                return Err(Abort);
+            }
+            if self.machine.watchdog.expires.is_some_and(|expires| self.machine.now >= expires) {
+                self.cycle_exceeded()?;
+            }
+            // One at a time: interrupts that come faster than they are served must not hide halt and watchdog.
+            if !self.machine.interrupts.wants(self.machine.now) || !self.interrupt()? {
+                return Ok(());
+            }
         }
-        if self.machine.interrupt.take_halt() {
-            self.entry(Event::STOP_OPERATOR, 0, "");
-            self.machine.stopping = true;
-            return Err(Abort);
-        }
-        match self.machine.watchdog.expires {
-            Some(expires) if self.machine.now >= expires => self.cycle_exceeded(),
-            _ => Ok(()),
-        }
-    }
-
-    /// The watchdog has expired: OB 80 the first time, STOP without it or the second time in one cycle.
-    fn cycle_exceeded(&mut self) -> Result<(), Abort> {
-        let machine = &mut *self.machine;
-        machine.statistics.watchdogs += 1;
-        let limit_ms = (machine.config.watchdog / 1_000_000) as u32;
-        let second = std::mem::replace(&mut machine.watchdog.excess, true);
-        machine.watchdog.expires = Some(machine.now + machine.config.watchdog);
-        self.entry(Event::CYCLE_TIME_EXCEEDED, limit_ms, "");
-        let ob80 = self.blocks.find(BlockId::new(BlockKind::Ob, 80));
-        let (Some(callee), false) = (ob80, second) else {
-            self.stop(Event::STOP_TIME_ERROR, limit_ms, if second { "twice in one cycle" } else { "no OB 80" });
-            return Err(Abort);
-        };
-        let mut start = self.start_info(0x35, 0x01, 26, 80);
-        start[6..8].copy_from_slice(&(limit_ms.min(0xFFFF) as u16).to_be_bytes());
-        (start[8], start[9]) = (0x35, 0x01);
-        (start[10], start[11]) = (self.machine.ob.priority, self.machine.ob.number as u8);
-        self.run_ob(callee, ObInfo { number: 80, priority: 26, start })
     }
 
     /// The common parts of start information: event class and identifier, priority class, number, date.
@@ -188,6 +186,10 @@ impl Context<'_> {
             return Err(Abort);
         };
         machine.memory.bytes[at as usize..at as usize + 20].copy_from_slice(&info.start);
+        self.look();
+        let machine = &mut *self.machine;
+        let began = machine.now;
+        let outer_inside = std::mem::take(&mut machine.inside);
         let outer = std::mem::replace(&mut machine.ob, info);
         let caller = machine.native_caller.take();
         let depth = std::mem::take(&mut machine.depth);
@@ -196,7 +198,13 @@ impl Context<'_> {
             Callee::Code(block) => self.blocks.engine.call(block, &Entry::default(), self),
             Callee::Native(index) => crate::native::call(index, &Entry::default(), self).map(|_| ()),
         };
+        self.look();
         let machine = &mut *self.machine;
+        let whole = machine.now - began;
+        let inside = std::mem::replace(&mut machine.inside, outer_inside + whole);
+        if let (Ok(()), Some(record)) = (result, machine.obs.of(info.number)) {
+            record.ran(whole.saturating_sub(inside), whole);
+        }
         machine.ob = outer;
         machine.native_caller = caller;
         machine.depth = depth;
@@ -205,58 +213,11 @@ impl Context<'_> {
         result
     }
 
-    /// A programming or access error: its OB, or STOP. `Ok`: the program goes on with the next statement.
-    #[cold]
-    pub(crate) fn fault(&mut self, fault: Fault, site: Option<Site>, accus: [u32; 2]) -> Result<(), Abort> {
-        let number = fault.kind.ob();
-        let callee = self.blocks.find(BlockId::new(BlockKind::Ob, number));
-        let nested = self.machine.ob.number == number;
-        self.machine.diag.push(DiagEntry {
-            number: 0,
-            time: self.machine.now,
-            event: fault.kind.into(),
-            site,
-            accus,
-            data: fault.number,
-            text: ShortText::default(),
-        });
-        let (Some(callee), false) = (callee, nested) else {
-            let event = if number == 121 { Event(0x4562) } else { Event(0x4563) };
-            self.stop(event, u32::from(fault.kind.number()), if nested { "fault in the OB for faults" } else { "" });
-            return Err(Abort);
-        };
-        let [class, id] = fault.kind.number().to_be_bytes();
-        let mut start = self.start_info(class, id, self.machine.ob.priority, number as u8);
-        let block = site.map_or(BlockId::new(BlockKind::Ob, 0), |s| s.block);
-        start[4] = match block.kind {
-            BlockKind::Ob => 0x88,
-            BlockKind::Db => 0x8A,
-            BlockKind::Fc | BlockKind::Sfc => 0x8C,
-            BlockKind::Fb | BlockKind::Sfb => 0x8E,
-        };
-        start[6..8].copy_from_slice(&(fault.number as u16).to_be_bytes());
-        start[8..10].copy_from_slice(&block.number.to_be_bytes());
-        start[10..12].copy_from_slice(&(site.map_or(0, |s| s.line) as u16).to_be_bytes());
-        self.run_ob(callee, ObInfo { number, priority: self.machine.ob.priority, start })
-    }
-
     /// Starts the cycle monitoring anew, as at the beginning of a cycle.
     pub(crate) fn retrigger_watchdog(&mut self) {
         let machine = &mut *self.machine;
         machine.watchdog.excess = false;
         machine.watchdog.expires = (machine.config.watchdog > 0).then(|| machine.now + machine.config.watchdog);
-    }
-
-    /// OB 82, when it is loaded, for the module at `address` with the first four bytes of its diagnostic data.
-    pub(crate) fn diagnostic_interrupt(&mut self, address: u32, data: [u8; 4]) -> Result<(), Abort> {
-        let Some(callee) = self.blocks.find(BlockId::new(BlockKind::Ob, 82)) else { return Ok(()) };
-        // Bit 0 of the first byte says that something is wrong with the module: the event comes; else it goes.
-        let class = if data[0] & 1 == 1 { 0x39 } else { 0x38 };
-        let mut start = self.start_info(class, 0x42, 26, 82);
-        start[5] = 0x54;
-        start[6..8].copy_from_slice(&(address as u16).to_be_bytes());
-        start[8..12].copy_from_slice(&data);
-        self.run_ob(callee, ObInfo { number: 82, priority: 26, start })
     }
 
     /// Enters `event` and marks the CPU for STOP.

@@ -11,6 +11,10 @@ pub(crate) struct Plugged {
     pub(crate) input_bytes: u32,
     pub(crate) output_bytes: u32,
     pub(crate) module: Box<dyn Module>,
+    /// Its driver is lost.
+    pub(crate) lost: bool,
+    /// The transfer of its inputs and outputs failed, and the diagnostic buffer says so.
+    pub(crate) image_error: [bool; 2],
 }
 
 /// Why a peripheral access failed.
@@ -37,6 +41,8 @@ impl Modules {
                 input_bytes: u32::from(module.input_bytes()),
                 output_bytes: u32::from(module.output_bytes()),
                 module,
+                lost: false,
+                image_error: [false; 2],
             })
             .collect();
         for (i, a) in list.iter().enumerate() {
@@ -108,34 +114,40 @@ impl Modules {
         }
     }
 
-    /// Process image of the inputs. A module that does not answer reads as 0.
-    pub(crate) fn read_image(&mut self, memory: &mut Memory) {
+    /// One module's part of the process image of the inputs. A module that does not answer reads as 0.
+    pub(crate) fn read_image(&mut self, index: usize, memory: &mut Memory) -> Result<(), ModuleError> {
         let image = memory.inputs;
-        for plugged in &mut self.list {
-            let (first, len) = plugged.range(false);
-            let inside = image.len.saturating_sub(first).min(len);
-            if inside > 0 {
-                let at = (image.at + first) as usize;
-                let bytes = &mut memory.bytes[at..at + inside as usize];
-                if plugged.module.read(0, bytes).is_err() {
-                    bytes.fill(0);
-                }
+        let plugged = &mut self.list[index];
+        let (first, len) = plugged.range(false);
+        let inside = image.len.saturating_sub(first).min(len);
+        if inside == 0 {
+            return Ok(());
+        }
+        let at = (image.at + first) as usize;
+        let bytes = &mut memory.bytes[at..at + inside as usize];
+        match plugged.module.read(0, bytes) {
+            Ok(()) => plugged.image_error[0] = false,
+            Err(error) => {
+                bytes.fill(0);
+                return Err(error);
             }
         }
+        Ok(())
     }
 
-    /// Process image of the outputs.
-    pub(crate) fn write_image(&mut self, memory: &Memory) {
+    /// One module's part of the process image of the outputs. A module that does not answer gets the image again in the next scan.
+    pub(crate) fn write_image(&mut self, index: usize, memory: &Memory) -> Result<(), ModuleError> {
         let image = memory.outputs;
-        for plugged in &mut self.list {
-            let (first, len) = plugged.range(true);
-            let inside = image.len.saturating_sub(first).min(len);
-            if inside > 0 {
-                let at = (image.at + first) as usize;
-                // A module that does not answer gets the image again in the next scan.
-                let _ = plugged.module.write(0, &memory.bytes[at..at + inside as usize]);
-            }
+        let plugged = &mut self.list[index];
+        let (first, len) = plugged.range(true);
+        let inside = image.len.saturating_sub(first).min(len);
+        if inside == 0 {
+            return Ok(());
         }
+        let at = (image.at + first) as usize;
+        plugged.module.write(0, &memory.bytes[at..at + inside as usize])?;
+        plugged.image_error[1] = false;
+        Ok(())
     }
 
     /// STOP: every output register of every module becomes 0.

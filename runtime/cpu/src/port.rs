@@ -6,7 +6,7 @@
 use ob1_model::Area;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::{Command, DiagEntry, ModuleStatus, OperatingState, ScanStatistics};
+use crate::{Command, DiagEntry, InterruptError, ModuleStatus, ObStatistics, OperatingState, ScanStatistics};
 
 /// A place the port can read and write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,8 +61,19 @@ pub enum Ask {
     Diag(u32),
     /// The scan statistics.
     Statistics,
-    /// Starts the scan statistics anew.
+    /// Starts the scan statistics and those of the organization blocks anew.
     ResetStatistics,
+    /// The figures of the organization block with this index, in ascending order of the loaded ones.
+    ObStatistics(u32),
+    /// A hardware interrupt, see [`crate::Cpu::fire_hardware_interrupt`].
+    HardwareInterrupt {
+        /// The organization block, 40 to 47.
+        ob: u16,
+        /// Logical base address of the module, for the start information.
+        address: u16,
+        /// What the module reports, for the start information.
+        point: u32,
+    },
     /// The module with this index in the order they were given to the CPU.
     Module(u32),
 }
@@ -99,6 +110,10 @@ pub enum Answer {
     Diag(DiagEntry),
     /// Scan statistics.
     Statistics(ScanStatistics),
+    /// Figures of an organization block.
+    ObStatistics(ObStatistics),
+    /// Whether a hardware interrupt was taken.
+    Interrupt(Result<(), InterruptError>),
     /// A module's state.
     Module(ModuleStatus),
     /// Refused.

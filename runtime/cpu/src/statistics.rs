@@ -5,7 +5,7 @@ use hdrhistogram::Histogram;
 use crate::Nanos;
 
 /// Longest time a histogram tells apart, 60 s; longer ones count as that.
-const LONGEST: u64 = 60_000_000_000;
+pub(crate) const LONGEST: u64 = 60_000_000_000;
 
 /// A distribution of times in nanoseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -98,7 +98,7 @@ impl Statistics {
     }
 }
 
-fn distribution(histogram: &Histogram<u64>, max: u64) -> Distribution {
+pub(crate) fn distribution(histogram: &Histogram<u64>, max: u64) -> Distribution {
     if histogram.is_empty() {
         return Distribution::default();
     }

@@ -7,7 +7,8 @@ use std::alloc::System;
 use common::rack::TestModule;
 use common::*;
 use ob1_cpu::{
-    Ask, Cell, CellWidth, Cpu, CpuConfig, IoKind, IoModule, Module, ModuleSlot, Request, Stimulus, system_blocks,
+    Ask, Cell, CellWidth, Cpu, CpuConfig, CyclicInterrupt, IoKind, IoModule, Module, ModuleSlot, Request, Stimulus,
+    system_blocks,
 };
 use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
 use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section, TimerKind};
@@ -31,6 +32,9 @@ fn ten_thousand_cycles_allocate_nothing() {
     );
     let any = |byte: u8| Arg::Bytes(Box::from([0x10, 2, 0, 4, 0, 0, 0x83, 0, 0, byte]));
     let code = vec![
+        // Long enough for OB 35 to pre-empt it.
+        c(1500),
+        Op::Loop(1),
         u(m(0, 0)),
         c(0x0010),
         Op::StartTimer(TimerKind::OnDelay, Number::Fixed(1)),
@@ -40,14 +44,15 @@ fn ten_thousand_cycles_allocate_nothing() {
         load(operand(Width::Word, place(Area::Peripheral, 300, 0))),
         uc(CallMode::Unconditional, BlockId::new(BlockKind::Sfc, 43)),
     ];
-    let handlers = [121, 122].map(|n| block(ob(n), Interface::default(), vec![Op::Nop]));
+    let handlers = [35, 40, 80, 121, 122].map(|n| block(ob(n), Interface::default(), vec![Op::Nop]));
     let mut blocks = vec![ob1(code), add];
     blocks.extend(handlers);
     let program = program(blocks, vec![db(3, &[0; 4])]);
     let inputs = IoModule::new(IoKind::DigitalInput, 2, Box::new(Stimulus::new(2, vec![], 0).expect("fits")));
     let modules: Vec<(ModuleSlot, Box<dyn Module>)> =
         vec![(ModuleSlot::new("di", 0), Box::new(inputs)), (ModuleSlot::new("cp", 256), Box::new(TestModule::new(16)))];
-    let cpu = Cpu::new(CpuConfig::default(), &program, system_blocks(), modules).expect("loads");
+    let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, 100_000)], ..CpuConfig::default() };
+    let cpu = Cpu::new(config, &program, system_blocks(), modules).expect("loads");
     let mut bench = Bench::with(cpu);
     let mut client = bench.cpu.access_client().expect("the first");
     bench.run();
@@ -57,6 +62,7 @@ fn ten_thousand_cycles_allocate_nothing() {
         for id in 0..10_000 {
             client.post(Request { id, ask: Ask::Read(Cell::Db(3, 0), CellWidth::Word) }).expect("room");
             client.post(Request { id, ask: Ask::Statistics }).expect("room");
+            bench.cpu.fire_hardware_interrupt(40, 256, id).expect("room");
             bench.cycle();
             while client.take().is_some() {}
         }
@@ -66,4 +72,6 @@ fn ten_thousand_cycles_allocate_nothing() {
     assert!(quiet, "each of five rounds of 10,000 cycles allocated");
     assert_ne!(bench.dbw(3, 0), 0, "the program ran");
     assert_eq!(bench.cpu.state(), ob1_cpu::OperatingState::Run);
+    let figures: Vec<_> = bench.cpu.ob_statistics().filter(|o| [35, 40].contains(&o.ob)).collect();
+    assert!(figures.iter().all(|o| o.runs >= 10_000), "{figures:?}");
 }

@@ -182,3 +182,37 @@ fn a_long_start_up_is_no_long_cycle() {
     assert!(bench.clock.now > 200 * MS);
     assert_eq!(bench.cpu.statistics().watchdogs, 0);
 }
+
+#[test]
+fn warm_hot_and_cold_restart() {
+    let keep = |to: u32| -> Vec<Op> {
+        (0..3).flat_map(|i| [load(operand(ob1_ir::Width::DWord, l(4 * i, 0))), transfer(md(to + 4 * i))]).collect()
+    };
+    let start_up = |number| block(ob(number), Interface::default(), keep(20));
+    let first = vec![load(operand(ob1_ir::Width::Byte, l(1, 0))), transfer(mb(0))];
+    let blocks = || vec![ob1([first.clone(), count(10)].concat()), start_up(100), start_up(101), start_up(102)];
+    let hot = |family| {
+        let config = CpuConfig::of(family);
+        let mut bench = Bench::with(Cpu::new(config, &program(blocks(), vec![]), vec![], vec![]).expect("loads"));
+        bench.cpu.request(Command::Hot);
+        assert_eq!(bench.cycle().state, OperatingState::Stop, "there was no RUN");
+        bench.cpu.request(Command::Warm);
+        bench.run();
+        assert_eq!((bench.mb(0), bench.md(20), bench.md(24), bench.md(28)), (1, 0x1381_1B64, 0, 0x0004_7704));
+        bench.run();
+        bench.cpu.request(Command::Stop);
+        bench.cycle();
+        bench.cpu.request(Command::Hot);
+        bench.cycle();
+        bench
+    };
+    let mut bench = hot(ob1_cpu::Family::S7_300);
+    assert_eq!(bench.cpu.state(), OperatingState::Stop, "refused");
+    bench.cpu.request(Command::Cold);
+    bench.run();
+    assert_eq!((bench.mb(0), bench.mw(10)), (4, 1));
+    assert_eq!((bench.md(20), bench.md(24), bench.md(28)), (0x1385_1B66, 0x4304, 0x0008_7708), "STOP by operator");
+    let mut bench = hot(ob1_cpu::Family::S7_400);
+    assert_eq!((bench.cpu.state(), bench.mb(0), bench.mw(10)), (OperatingState::Run, 2, 3), "memory is as it was");
+    assert_eq!(bench.md(20), 0x1383_1B65);
+}

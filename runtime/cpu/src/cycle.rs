@@ -1,0 +1,249 @@
+//! Cycle control: one cycle in RUN, the interrupts between two cycles, the round in STOP.
+
+use ob1_model::Event;
+
+use crate::interrupts::{Hardware, slot_of};
+use crate::machine::{Context, Watchdog};
+use crate::{
+    Abort, Clock, Command, Cpu, CycleEnd, DiagEntry, Family, ModuleEvent, Nanos, ObInfo, OperatingState, ShortText,
+};
+
+/// Time between two looks at access port and modules in STOP.
+const STOP_CYCLE: Nanos = 10_000_000;
+/// Events taken from one module in one scan.
+const EVENTS_PER_SCAN: usize = 8;
+/// Half periods of the clock memory's bits 0 to 7 in milliseconds: 10, 5, 2.5, 2, 1.25, 1, 0.625 and 0.5 Hz.
+const CLOCK_HALF_MS: [u64; 8] = [50, 100, 200, 250, 400, 500, 800, 1000];
+/// Events of modules that are hardware interrupts: start requests for OB 40 to 47.
+const HARDWARE_EVENTS: std::ops::RangeInclusive<u16> = 0x1141..=0x1148;
+
+impl Cpu {
+    /// One whole cycle: access port, events of the modules, process image of the inputs, OB 1, process image of the outputs,
+    /// statistics. Before the next cycle is due, when an interrupt is: only that ([`CycleEnd::whole`] is false then). In STOP only
+    /// access port and modules are served. The caller sleeps until the deadline it is given.
+    pub fn cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
+        self.machine.now = self.machine.now.max(clock.now());
+        self.serve_port();
+        if self.machine.interrupt.take_halt() {
+            self.wanted = Some(Command::Stop);
+        }
+        if let Some(command) = self.wanted.take() {
+            self.obey(command, clock);
+        }
+        let now = self.machine.now;
+        match self.state {
+            OperatingState::Run if now < self.due && self.machine.interrupts.wants(now) => self.between_cycles(clock),
+            // After a start-up the first cycle begins now: OB 100 is not part of it.
+            OperatingState::Run => self.run_cycle(now, clock),
+            _ => self.stop_cycle(clock),
+        }
+    }
+
+    fn run_cycle(&mut self, start: Nanos, clock: &mut dyn Clock) -> CycleEnd {
+        let planned = if self.due <= start { self.due } else { start };
+        if let Some(last) = self.last_start.replace(start) {
+            let time = start - last;
+            self.machine.statistics.record_cycle(time);
+            let ms = (time / 1_000_000).min(32_767) as u16;
+            let [_, least, most] = self.cycle_ms;
+            let least = if self.machine.statistics.scans <= 1 { ms } else { least.min(ms) };
+            self.cycle_ms = [ms, least, most.max(ms)];
+        }
+        self.machine.cycle_start = start;
+        self.watch(start);
+        self.machine.modules.begin_scan(start);
+        let ran = self.module_events(clock).and_then(|()| {
+            self.clock_memory();
+            self.input_image(clock)?;
+            if self.machine.interrupts.wants(self.machine.now) {
+                self.context(clock).attend()?;
+            }
+            self.ob1(start - planned, clock)?;
+            // A cycle too long is noticed at its end too, when the last stretch had no safe point.
+            self.context(clock).attend()?;
+            self.output_image(clock)
+        });
+        self.machine.watchdog.expires = None;
+        if ran.is_err() || self.machine.stopping {
+            self.enter_stop();
+            return self.stop_cycle(clock);
+        }
+        let m = &mut self.machine;
+        m.modules.end_scan(m.now);
+        m.now = m.now.max(clock.now());
+        m.statistics.scans += 1;
+        m.statistics.record_execution(m.now - start);
+        let min = m.config.min_cycle;
+        self.due = planned + min;
+        if self.due < m.now {
+            m.statistics.overruns += u64::from(min > 0);
+            self.due = m.now;
+        }
+        CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: true }
+    }
+
+    /// Interrupts that come while the minimum cycle time is waited for.
+    fn between_cycles(&mut self, clock: &mut dyn Clock) -> CycleEnd {
+        self.watch(self.machine.now);
+        let ran = self.context(clock).attend();
+        self.machine.watchdog.expires = None;
+        if ran.is_err() || self.machine.stopping {
+            self.enter_stop();
+            return self.stop_cycle(clock);
+        }
+        // Rings for what an interrupt has written to a module.
+        self.machine.modules.end_scan(self.machine.now);
+        CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: false }
+    }
+
+    fn next_deadline(&self) -> Nanos {
+        self.due.min(self.machine.interrupts.next_due())
+    }
+
+    /// Starts the cycle monitoring.
+    fn watch(&mut self, start: Nanos) {
+        let limit = self.machine.config.watchdog;
+        self.machine.watchdog = Watchdog { expires: (limit > 0).then(|| start + limit), excess: false };
+    }
+
+    pub(crate) fn context<'a>(&'a mut self, clock: &'a mut dyn Clock) -> Context<'a> {
+        Context { machine: &mut self.machine, blocks: &self.blocks, clock }
+    }
+
+    fn input_image(&mut self, clock: &mut dyn Clock) -> Result<(), Abort> {
+        for index in 0..self.machine.modules.list.len() {
+            let m = &mut self.machine;
+            if let Err(error) = m.modules.read_image(index, &mut m.memory)
+                && m.config.family == Family::S7_400
+            {
+                self.context(clock).image_error(index, false, error)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn output_image(&mut self, clock: &mut dyn Clock) -> Result<(), Abort> {
+        for index in 0..self.machine.modules.list.len() {
+            let m = &mut self.machine;
+            if let Err(error) = m.modules.write_image(index, &m.memory)
+                && m.config.family == Family::S7_400
+            {
+                self.context(clock).image_error(index, true, error)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn ob1(&mut self, late: Nanos, clock: &mut dyn Clock) -> Result<(), Abort> {
+        let Some(callee) = self.blocks.ob(1) else { return Ok(()) };
+        let scan = std::mem::replace(&mut self.first_scan, 3);
+        let cycle_ms = self.cycle_ms;
+        if let Some(record) = self.machine.obs.of(1) {
+            record.late(late);
+        }
+        let mut cx = self.context(clock);
+        let mut start = cx.start_info(0x11, scan, 1, 1);
+        for (i, ms) in cycle_ms.into_iter().enumerate() {
+            start[6 + 2 * i..8 + 2 * i].copy_from_slice(&ms.to_be_bytes());
+        }
+        cx.run_ob(callee, ObInfo { number: 1, priority: 1, start })
+    }
+
+    /// Serves access port and modules while the program stands still.
+    pub(crate) fn stop_cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
+        let now = self.machine.now;
+        self.machine.modules.begin_scan(now);
+        // No organization block runs in STOP: this cannot abort.
+        let _ = self.module_events(clock);
+        let m = &mut self.machine;
+        for index in 0..m.modules.list.len() {
+            // A module that does not answer reads as 0; in STOP that is nobody's error.
+            let _ = m.modules.read_image(index, &mut m.memory);
+        }
+        m.modules.end_scan(now);
+        self.due = now + STOP_CYCLE;
+        CycleEnd { next_deadline: self.due, state: self.state, whole: true }
+    }
+
+    /// Diagnostic entries and interrupts of the modules.
+    fn module_events(&mut self, clock: &mut dyn Clock) -> Result<(), Abort> {
+        for index in 0..self.machine.modules.list.len() {
+            for _ in 0..EVENTS_PER_SCAN {
+                let Some(event) = self.machine.modules.list[index].module.poll_event() else { break };
+                self.module_event(index, &event, clock)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn module_event(&mut self, index: usize, event: &ModuleEvent, clock: &mut dyn Clock) -> Result<(), Abort> {
+        let run = self.state == OperatingState::Run;
+        let plugged = &mut self.machine.modules.list[index];
+        let address = plugged.slot.input_address;
+        let data = [event.data[0], event.data[1], event.data[2], event.data[3]];
+        if HARDWARE_EVENTS.contains(&event.event.0) {
+            let ob = event.event.0 - HARDWARE_EVENTS.start() + 40;
+            return if run { self.module_interrupt(ob, address, data, clock) } else { Ok(()) };
+        }
+        // A driver's first start is no return.
+        let station = match event.event {
+            Event::DRIVER_LOST => !std::mem::replace(&mut plugged.lost, true),
+            Event::DRIVER_UP => std::mem::replace(&mut plugged.lost, false),
+            _ => false,
+        };
+        let lost = plugged.lost;
+        let text = event_text(&plugged.slot.name, event);
+        self.machine.diag.push(DiagEntry {
+            number: 0,
+            time: self.machine.now,
+            event: event.event,
+            site: None,
+            accus: [0; 2],
+            data: address,
+            text,
+        });
+        if !run {
+            return Ok(());
+        }
+        if event.diagnostic_interrupt {
+            self.context(clock).diagnostic_interrupt(address, data)?;
+        }
+        if station { self.context(clock).station(address, index, lost) } else { Ok(()) }
+    }
+
+    /// A hardware interrupt of a module: it waits for its class, or, when its OB is not loaded, is an error at once.
+    fn module_interrupt(&mut self, ob: u16, address: u32, data: [u8; 4], clock: &mut dyn Clock) -> Result<(), Abort> {
+        let at = self.machine.now;
+        let Some(slot) = slot_of(ob) else { return Ok(()) };
+        let request =
+            Hardware { slot: slot as u8, output: false, address: address as u16, point: u32::from_be_bytes(data), at };
+        if self.blocks.ob(ob).is_none() {
+            let mut cx = self.context(clock);
+            let start = cx.interrupt_start(slot, &request);
+            return cx.missing_ob(ob, start);
+        }
+        if self.machine.interrupts.fire(request) {
+            return Ok(());
+        }
+        self.context(clock).request_error(slot, crate::events::Late::Waiting)
+    }
+
+    fn clock_memory(&mut self) {
+        let Some(byte) = self.machine.config.clock_memory else { return };
+        let ms = self.machine.now / 1_000_000;
+        let bits = (0u8..).zip(CLOCK_HALF_MS).fold(0, |bits, (i, half)| bits | (((ms / half) & 1) as u32) << i);
+        let at = (self.machine.memory.memory.at + u32::from(byte)) * 8;
+        self.machine.memory.write_bits(at, 8, bits);
+    }
+}
+
+/// The module's name, and the event's data where it is text.
+fn event_text(name: &str, event: &ModuleEvent) -> ShortText {
+    let data = event.data.get(..usize::from(event.len)).unwrap_or(&event.data);
+    match std::str::from_utf8(data) {
+        Ok(text) if !text.is_empty() && !text.contains(|c: char| c.is_control()) => {
+            ShortText::join(&[name, ": ", text])
+        }
+        _ => ShortText::new(name),
+    }
+}

@@ -1,0 +1,84 @@
+//! Interrupts in their turn: what is due runs when its priority class is above the running one, at safe points and between cycles.
+
+use crate::events::Late;
+use crate::interrupts::{Hardware, Passed, Request, SLOTS, ob_of, priority_of};
+use crate::{Abort, Context, Nanos, ObInfo};
+
+impl Context<'_> {
+    /// Runs the interrupt of the highest class that is due, when it is above the running class. False when there was none.
+    #[cold]
+    pub(crate) fn interrupt(&mut self) -> Result<bool, Abort> {
+        self.collect()?;
+        let Some(request) = self.machine.interrupts.take(self.machine.ob.priority) else { return Ok(false) };
+        self.run_interrupt(&request)?;
+        Ok(true)
+    }
+
+    /// Due times that have passed become requests; those that came too soon are errors.
+    fn collect(&mut self) -> Result<(), Abort> {
+        let passed = self.machine.interrupts.collect(self.machine.now);
+        if passed == Passed::default() {
+            return Ok(());
+        }
+        for slot in 0..SLOTS {
+            let bit = 1 << slot;
+            if passed.waiting & bit != 0 {
+                self.request_error(slot, Late::Waiting)?;
+            }
+            if passed.running & bit != 0 {
+                self.request_error(slot, Late::Running)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn run_interrupt(&mut self, request: &Request) -> Result<(), Abort> {
+        let number = ob_of(request.slot);
+        let start = self.interrupt_start(request.slot, &request.hardware);
+        let Some(callee) = self.blocks.ob(number) else {
+            self.machine.interrupts.done(request.slot);
+            return self.missing_ob(number, start);
+        };
+        let late = self.machine.now.saturating_sub(request.due);
+        if let Some(record) = self.machine.obs.of(number) {
+            record.late(late);
+        }
+        self.run_ob(callee, ObInfo { number, priority: priority_of(number), start })?;
+        // Due again while it ran is an error, and has to be seen before the run counts as ended.
+        let again = self.collect();
+        self.machine.interrupts.done(request.slot);
+        again
+    }
+
+    /// The start information of an interrupt.
+    pub(crate) fn interrupt_start(&self, slot: usize, hardware: &Hardware) -> [u8; 20] {
+        let ob = ob_of(slot);
+        let start = |id| self.start_info(0x11, id, priority_of(ob), ob as u8);
+        let interrupts = &self.machine.interrupts;
+        match ob {
+            10..=17 => start(0x11 + (ob - 10) as u8),
+            20..=23 => {
+                let mut start = start(0x21 + (ob - 20) as u8);
+                let delay = interrupts.delays[usize::from(ob - 20)];
+                start[6..8].copy_from_slice(&delay.sign.to_be_bytes());
+                start[8..12].copy_from_slice(&delay.ms.to_be_bytes());
+                start
+            }
+            30..=38 => {
+                let mut start = start(0x31 + (ob - 30) as u8);
+                let cyclic = interrupts.cyclic(slot);
+                let ms = |time: Nanos, most: u64| (time / 1_000_000).min(most) as u16;
+                start[6..8].copy_from_slice(&ms(cyclic.phase, 0xFFFF).to_be_bytes());
+                start[10..12].copy_from_slice(&ms(cyclic.period, 0x7FFF).to_be_bytes());
+                start
+            }
+            _ => {
+                let mut start = start(0x41 + (ob - 40) as u8);
+                start[5] = if hardware.output { 0x55 } else { 0x54 };
+                start[6..8].copy_from_slice(&hardware.address.to_be_bytes());
+                start[8..12].copy_from_slice(&hardware.point.to_be_bytes());
+                start
+            }
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! Events that call an organization block at once: programming, access and time errors, diagnosis of modules, lost stations, image
+//! errors. ["Organization Blocks" of the system software reference]
+
+use ob1_model::{BlockId, BlockKind, Event, Fault, Site};
+
+use crate::interrupts::{ob_of, priority_of};
+use crate::{Abort, Context, DiagEntry, ModuleError, ObInfo, ShortText};
+
+/// STOP because OB 85 is wanted and not loaded ("program sequence error").
+const STOP_SEQUENCE_ERROR: Event = Event(0x456D);
+/// Priority class of the OBs for asynchronous errors in RUN.
+const ASYNCHRONOUS: u8 = 26;
+
+/// Why a hardware interrupt was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InterruptError {
+    /// Not one of OB 40 to 47, or not loaded.
+    NoOb,
+    /// The CPU is not in RUN.
+    NotRunning,
+    /// Sixteen wait already.
+    Full,
+}
+
+/// Why a request for an organization block is a time error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Late {
+    /// 02: its OB is still being executed.
+    Running,
+    /// 07: one waits already.
+    Waiting,
+}
+
+impl Context<'_> {
+    /// The watchdog has expired: OB 80 the first time, STOP without it or the second time in one cycle.
+    pub(crate) fn cycle_exceeded(&mut self) -> Result<(), Abort> {
+        let machine = &mut *self.machine;
+        machine.statistics.watchdogs += 1;
+        let limit_ms = (machine.config.watchdog / 1_000_000) as u32;
+        let ran_ms = ((machine.now - machine.cycle_start) / 1_000_000).min(0xFFFF) as u16;
+        let second = std::mem::replace(&mut machine.watchdog.excess, true);
+        machine.watchdog.expires = Some(machine.now + machine.config.watchdog);
+        self.entry(Event::CYCLE_TIME_EXCEEDED, limit_ms, "");
+        if second {
+            self.stop(Event::STOP_TIME_ERROR, limit_ms, "twice in one cycle");
+            return Err(Abort);
+        }
+        let running = [self.machine.ob.priority, self.machine.ob.number as u8];
+        self.time_error(0x01, ran_ms, [0x35, 0x01], running, "no OB 80")
+    }
+
+    /// A request for the OB of a slot came too soon: OB 80, or STOP without it.
+    pub(crate) fn request_error(&mut self, slot: usize, late: Late) -> Result<(), Abort> {
+        let ob = ob_of(slot);
+        let id = match late {
+            Late::Running => 0x02,
+            Late::Waiting => 0x07,
+        };
+        let text = match late {
+            Late::Running => "the requested OB is still being executed",
+            Late::Waiting => "a request for this OB waits already",
+        };
+        self.entry(Event(0x3500 | u16::from(id)), u32::from(ob), text);
+        if self.machine.ob.number == 80 {
+            // OB 80 handles one already.
+            return Ok(());
+        }
+        let start = self.interrupt_start(slot, &crate::interrupts::Hardware::default());
+        let info = u16::from_be_bytes([start[6], start[7]]);
+        self.time_error(
+            id,
+            info,
+            [start[0], start[1]],
+            [priority_of(ob), ob as u8],
+            "a request came too soon, no OB 80",
+        )
+    }
+
+    fn time_error(&mut self, id: u8, info: u16, event: [u8; 2], ob: [u8; 2], stop: &str) -> Result<(), Abort> {
+        let Some(callee) = self.blocks.ob(80) else {
+            self.stop(Event::STOP_TIME_ERROR, u32::from(info), stop);
+            return Err(Abort);
+        };
+        let mut start = self.start_info(0x35, id, ASYNCHRONOUS, 80);
+        start[6..8].copy_from_slice(&info.to_be_bytes());
+        start[8..10].copy_from_slice(&event);
+        start[10..12].copy_from_slice(&ob);
+        self.run_ob(callee, ObInfo { number: 80, priority: ASYNCHRONOUS, start })
+    }
+
+    /// A programming or access error: its OB, or STOP. `Ok`: the program goes on with the next statement.
+    #[cold]
+    pub(crate) fn fault(&mut self, fault: Fault, site: Option<Site>, accus: [u32; 2]) -> Result<(), Abort> {
+        let number = fault.kind.ob();
+        let callee = self.blocks.ob(number);
+        let nested = self.machine.ob.number == number;
+        self.machine.diag.push(DiagEntry {
+            number: 0,
+            time: self.machine.now,
+            event: fault.kind.into(),
+            site,
+            accus,
+            data: fault.number,
+            text: ShortText::default(),
+        });
+        let (Some(callee), false) = (callee, nested) else {
+            let event = if number == 121 { Event::STOP_PROGRAMMING_ERROR } else { Event::STOP_ACCESS_ERROR };
+            self.stop(event, u32::from(fault.kind.number()), if nested { "fault in the OB for faults" } else { "" });
+            return Err(Abort);
+        };
+        let [class, id] = fault.kind.number().to_be_bytes();
+        let mut start = self.start_info(class, id, self.machine.ob.priority, number as u8);
+        let block = site.map_or(BlockId::new(BlockKind::Ob, 0), |s| s.block);
+        start[4] = match block.kind {
+            BlockKind::Ob => 0x88,
+            BlockKind::Db => 0x8A,
+            BlockKind::Fc | BlockKind::Sfc => 0x8C,
+            BlockKind::Fb | BlockKind::Sfb => 0x8E,
+        };
+        start[6..8].copy_from_slice(&(fault.number as u16).to_be_bytes());
+        start[8..10].copy_from_slice(&block.number.to_be_bytes());
+        start[10..12].copy_from_slice(&(site.map_or(0, |s| s.line) as u16).to_be_bytes());
+        self.run_ob(callee, ObInfo { number, priority: self.machine.ob.priority, start })
+    }
+
+    /// OB 82, when it is loaded, for the module at `address` with the first four bytes of its diagnostic data.
+    pub(crate) fn diagnostic_interrupt(&mut self, address: u32, data: [u8; 4]) -> Result<(), Abort> {
+        let Some(callee) = self.blocks.ob(82) else { return Ok(()) };
+        // Bit 0 of the first byte says that something is wrong with the module: the event comes; else it goes.
+        let class = if data[0] & 1 == 1 { 0x39 } else { 0x38 };
+        let mut start = self.start_info(class, 0x42, ASYNCHRONOUS, 82);
+        start[5] = 0x54;
+        start[6..8].copy_from_slice(&(address as u16).to_be_bytes());
+        start[8..12].copy_from_slice(&data);
+        self.run_ob(callee, ObInfo { number: 82, priority: ASYNCHRONOUS, start })
+    }
+
+    /// OB 86, when it is loaded: the station behind the module at `address` is lost or back. `index` counts the modules from 0.
+    ///
+    /// A lost driver is no reason for STOP here, unlike on the hardware: it is started again, and the scan goes on meanwhile.
+    pub(crate) fn station(&mut self, address: u32, index: usize, lost: bool) -> Result<(), Abort> {
+        let Some(callee) = self.blocks.ob(86) else { return Ok(()) };
+        let mut start = self.start_info(if lost { 0x39 } else { 0x38 }, 0xC4, ASYNCHRONOUS, 86);
+        start[6..8].copy_from_slice(&(address as u16).to_be_bytes());
+        // OB86_Z23 of error C4h: the logical base address, then master system and station number.
+        start[8..10].copy_from_slice(&(address as u16).to_be_bytes());
+        start[11] = (index + 1).min(0xFF) as u8;
+        self.run_ob(callee, ObInfo { number: 86, priority: ASYNCHRONOUS, start })
+    }
+
+    /// A module does not answer while the system transfers the process image: OB 85 at each transfer, STOP without it.
+    pub(crate) fn image_error(&mut self, index: usize, output: bool, error: ModuleError) -> Result<(), Abort> {
+        let plugged = &self.machine.modules.list[index];
+        let slot = &plugged.slot;
+        let base = slot.input_address.min(slot.output_address) as u16;
+        let byte = if output { slot.output_address } else { slot.input_address };
+        let id = if output { 0xB2 } else { 0xB1 };
+        let entry = DiagEntry {
+            number: 0,
+            time: self.machine.now,
+            event: Event(0x3900 | u16::from(id)),
+            site: None,
+            accus: [0; 2],
+            data: byte,
+            text: ShortText::join(&[
+                &slot.name,
+                if output { ": process image of the outputs" } else { ": process image of the inputs" },
+                if error == ModuleError::Absent { ", the module does not answer" } else { "" },
+            ]),
+        };
+        // Each transfer calls the OB; the buffer keeps where it began.
+        if !plugged.image_error[usize::from(output)] {
+            self.machine.diag.push(entry);
+            self.machine.modules.list[index].image_error[usize::from(output)] = true;
+        }
+        let mut start = self.start_info(0x39, id, ASYNCHRONOUS, 85);
+        start[4] = 0x10;
+        start[6..8].copy_from_slice(&base.to_be_bytes());
+        start[10..12].copy_from_slice(&(byte as u16).to_be_bytes());
+        self.sequence_error(start, "image error, no OB 85")
+    }
+
+    /// A start event for an OB that is not loaded: OB 85, or STOP without it.
+    pub(crate) fn missing_ob(&mut self, ob: u16, wanted: [u8; 20]) -> Result<(), Abort> {
+        self.entry(Event(0x35A1), u32::from(ob), "an event wants an OB that is not loaded");
+        let mut start = self.start_info(0x35, 0xA1, ASYNCHRONOUS, 85);
+        start[6..8].copy_from_slice(&wanted[6..8]);
+        start[8..10].copy_from_slice(&wanted[..2]);
+        start[10..12].copy_from_slice(&[self.machine.ob.priority, self.machine.ob.number as u8]);
+        self.sequence_error(start, "no OB 85")
+    }
+
+    fn sequence_error(&mut self, start: [u8; 20], stop: &str) -> Result<(), Abort> {
+        let Some(callee) = self.blocks.ob(85) else {
+            self.stop(STOP_SEQUENCE_ERROR, u32::from(start[1]), stop);
+            return Err(Abort);
+        };
+        self.run_ob(callee, ObInfo { number: 85, priority: ASYNCHRONOUS, start })
+    }
+}

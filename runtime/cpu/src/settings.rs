@@ -1,0 +1,55 @@
+//! What can be set about a CPU beside its sizes: family, cyclic interrupts.
+
+use crate::Nanos;
+
+/// The family whose rules apply.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Family {
+    /// Two accumulators; image errors are silent; no hot restart.
+    #[default]
+    S7_300,
+    /// Four accumulators; an image error calls OB 85 at each access, STOP without it; hot restart through OB 101.
+    S7_400,
+}
+
+impl Family {
+    /// The number of accumulators, 2 or 4.
+    #[must_use]
+    pub const fn accumulators(self) -> u8 {
+        match self {
+            Family::S7_300 => 2,
+            Family::S7_400 => 4,
+        }
+    }
+}
+
+/// What becomes of a cyclic interrupt that is due while its OB is still being executed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Missed {
+    /// It runs once afterwards, as on the hardware.
+    #[default]
+    CatchUp,
+    /// It is left out.
+    Skip,
+}
+
+/// A cyclic interrupt. OB 30 to 38 that are loaded but not configured run every 5 s, 2 s, 1 s, 500, 200, 100, 50, 20 and 10 ms.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CyclicInterrupt {
+    /// The organization block, 30 to 38.
+    pub ob: u16,
+    /// The interval, 1 ns to 60 s. It begins at the transition to RUN.
+    pub period: Nanos,
+    /// How much later than the interval the OB starts, 0 to 60 s.
+    pub phase: Nanos,
+    /// What becomes of a due time that is missed. Both ways it is counted and OB 80 is called.
+    pub missed: Missed,
+}
+
+impl CyclicInterrupt {
+    /// Without phase offset, caught up when missed.
+    #[must_use]
+    pub const fn new(ob: u16, period: Nanos) -> Self {
+        Self { ob, period, phase: 0, missed: Missed::CatchUp }
+    }
+}

@@ -1,0 +1,168 @@
+//! Operating states: what a command does, the three kinds of start-up, STOP, memory reset.
+
+use ob1_model::Event;
+
+use crate::machine::Watchdog;
+use crate::timers::{Counter, Timer};
+use crate::{Clock, Command, Cpu, Family, ObInfo, OperatingState};
+
+/// How the CPU goes from STOP to RUN.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Start {
+    Warm,
+    Hot,
+    Cold,
+}
+
+impl Start {
+    const fn text(self) -> &'static str {
+        match self {
+            Start::Warm => "warm restart",
+            Start::Hot => "hot restart",
+            Start::Cold => "cold restart",
+        }
+    }
+
+    /// OB10x_STRTUP: a manual request.
+    const fn request(self) -> u8 {
+        match self {
+            Start::Warm => 0x81,
+            Start::Hot => 0x83,
+            Start::Cold => 0x85,
+        }
+    }
+
+    /// "Startup just completed" in OB10x_STRT_INFO: by a command over the access port.
+    const fn completed(self) -> u8 {
+        match self {
+            Start::Warm => 0x04,
+            Start::Hot => 0x0C,
+            Start::Cold => 0x08,
+        }
+    }
+
+    /// OB1_SCAN_1 of the first cycle behind it.
+    const fn first_scan(self) -> u8 {
+        match self {
+            Start::Warm => 1,
+            Start::Hot => 2,
+            Start::Cold => 4,
+        }
+    }
+}
+
+impl Cpu {
+    pub(crate) fn obey(&mut self, command: Command, clock: &mut dyn Clock) {
+        let running = self.state == OperatingState::Run;
+        match command {
+            Command::Run if running => {}
+            Command::Run | Command::Warm => self.start_up(Start::Warm, clock),
+            Command::Cold => self.start_up(Start::Cold, clock),
+            Command::Hot if self.machine.config.family == Family::S7_300 => {
+                self.diagnose(Event::STARTUP, 0, "refused: an S7-300 has no hot restart");
+            }
+            Command::Hot if !self.has_run => self.diagnose(Event::STARTUP, 0, "refused: no RUN to go on from"),
+            Command::Hot => self.start_up(Start::Hot, clock),
+            Command::Stop if running => {
+                self.diagnose(Event::STOP_OPERATOR, 0, "");
+                self.enter_stop();
+            }
+            Command::Stop => {}
+            Command::Reset => {
+                if running {
+                    self.enter_stop();
+                }
+                self.clear(true);
+                self.has_run = false;
+                self.diagnose(Event::MEMORY_RESET, 0, "");
+            }
+        }
+    }
+
+    /// Process images, bit memory, timers and counters to 0; data blocks to their load values on `cold`.
+    fn clear(&mut self, cold: bool) {
+        let m = &mut self.machine;
+        m.memory.clear_areas();
+        m.timers.fill(Timer::default());
+        m.counters.fill(Counter::default());
+        if cold {
+            m.memory.reload_dbs();
+        }
+        for native in &self.blocks.natives {
+            native.block.reset();
+        }
+    }
+
+    /// The stacks of an aborted run are empty, nothing waits.
+    fn unwind(&mut self) {
+        let m = &mut self.machine;
+        m.stopping = false;
+        (m.refs_top, m.scratch_top, m.local_top, m.depth, m.inside) = (0, 0, 0, 0, 0);
+        m.frames.clear();
+        m.ob = ObInfo::default();
+        m.native_caller = None;
+        m.interrupts.clear();
+        for plugged in &mut m.modules.list {
+            plugged.image_error = [false; 2];
+        }
+    }
+
+    /// STOP to RUN through OB 100 (warm), OB 101 (hot) or OB 102 (cold; OB 100 when it is not loaded).
+    fn start_up(&mut self, kind: Start, clock: &mut dyn Clock) {
+        if self.state == OperatingState::Run {
+            self.diagnose(Event::STOP_OPERATOR, 0, "restart");
+            self.enter_stop();
+        }
+        let stop_event = self.stop_event;
+        if kind != Start::Hot {
+            self.clear(kind == Start::Cold);
+        }
+        self.unwind();
+        self.state = OperatingState::Startup;
+        self.diagnose(Event::STARTUP, 0, kind.text());
+        self.machine.modules.cpu_state(true);
+        self.machine.watchdog = Watchdog::default();
+        let ob = |number| self.blocks.ob(number).map(|callee| (number, callee));
+        let found = match kind {
+            Start::Warm => ob(100),
+            Start::Hot => ob(101),
+            Start::Cold => ob(102).or_else(|| ob(100)),
+        };
+        if let Some((number, callee)) = found {
+            let mut cx = self.context(clock);
+            let mut start = cx.start_info(0x13, kind.request(), 27, number as u8);
+            start[6..8].copy_from_slice(&stop_event.to_be_bytes());
+            start[9] = kind.completed();
+            // Start-up is permitted, automatic and manual; what was set last is this one.
+            (start[10], start[11]) = (0x77, kind.completed());
+            let ran = cx.run_ob(callee, ObInfo { number, priority: 27, start }).and_then(|()| cx.attend());
+            if ran.is_err() || self.machine.stopping {
+                self.enter_stop();
+                return;
+            }
+        }
+        self.state = OperatingState::Run;
+        self.has_run = true;
+        self.diagnose(Event::RUN, 0, "");
+        self.due = self.machine.now;
+        self.machine.interrupts.start(self.machine.now);
+        self.last_start = None;
+        self.cycle_ms = [0; 3];
+        self.first_scan = kind.first_scan();
+    }
+
+    /// The program stands still, every output is 0.
+    pub(crate) fn enter_stop(&mut self) {
+        self.state = OperatingState::Stop;
+        self.last_start = None;
+        self.stop_event = self.machine.diag.get(0).map_or(0, |entry| entry.event.0);
+        let m = &mut self.machine;
+        m.stopping = false;
+        m.interrupts.stop();
+        m.watchdog = Watchdog::default();
+        let outputs = m.memory.outputs;
+        m.memory.slice_mut(outputs).fill(0);
+        m.modules.outputs_off();
+        m.modules.cpu_state(false);
+    }
+}
