@@ -5,8 +5,9 @@ use std::collections::HashSet;
 use ob1_cp::LinePort;
 use ob1_cpu::Nanos;
 use ob1_firmware::{LineInput, LineSettings};
-use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine};
+use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 
+use super::Scenario;
 use super::tap::{self, Tap};
 
 /// Characters taken from the line at once.
@@ -30,8 +31,9 @@ pub struct Cable {
 impl Cable {
     /// A line without settings: those of the first parameters count.
     #[must_use]
-    pub fn new(name: &str, seed: u64, faults: FaultRates, until: Nanos) -> Self {
-        let config = SimConfig { faults, faults_until: until, ..SimConfig::new(9600, 20) };
+    pub fn new(name: &str, seed: u64, scenario: &Scenario, faults_until: Nanos) -> Self {
+        let Scenario { faults, coalesce, .. } = *scenario;
+        let config = SimConfig { faults, faults_until, coalesce, ..SimConfig::new(9600, 20) };
         Self {
             name: name.to_owned(),
             line: SimLine::new(config, seed),

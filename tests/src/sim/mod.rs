@@ -39,6 +39,8 @@ pub struct Scenario {
     pub duration: Nanos,
     /// Faults of the line.
     pub faults: FaultRates,
+    /// Characters that follow one another come together, at most this much late, as a tty hands them out; 0: each at its own time.
+    pub coalesce: Nanos,
     /// Mean time between two `kill -9` of drivers; 0: none.
     pub kill_every: Nanos,
     /// Every character that arrives goes into the log, too.
@@ -58,6 +60,7 @@ impl Scenario {
             duration: 60 * SECOND,
             faults,
             kill_every: [0, 5 * SECOND, 12 * SECOND][rng.below(3) as usize],
+            coalesce: [0, MS / 5, 2 * MS][rng.below(3) as usize],
             wire: false,
         }
     }
@@ -111,7 +114,7 @@ impl World {
                 // `pty:.../null-modem.pty` here and `serial:.../null-modem.pty` there are the two ends of one cable.
                 let name = line.split_once(':').map_or(line, |(_, rest)| rest);
                 let at = cables.iter().position(|c| c.name == name).unwrap_or_else(|| {
-                    cables.push(Cable::new(name, cable_seed.wrapping_add(cables.len() as u64), scenario.faults, calm));
+                    cables.push(Cable::new(name, cable_seed.wrapping_add(cables.len() as u64), scenario, calm));
                     ends.push(0);
                     cables.len() - 1
                 });
