@@ -7,7 +7,6 @@
 //! Facts: "System Software for S7-300/400, System and Standard Functions"; its section titles are cited in brackets.
 
 mod any;
-mod blocks;
 mod call;
 mod context;
 pub mod copy;
@@ -26,7 +25,6 @@ mod ti_s7;
 pub mod ticks;
 
 pub use any::{AnyPointer, AnyType};
-pub use blocks::{SystemBlock, SystemFunction, library};
 pub use context::{Context, Done, Interrupted, ModuleSize, Refused};
 pub use services::Service;
-pub use table::{Origin, StandardBlock, standard_block, standard_blocks};
+pub use table::{Origin, StandardBlock, library, standard_block, standard_blocks, system_functions};

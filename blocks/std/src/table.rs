@@ -132,6 +132,21 @@ pub fn standard_blocks() -> Vec<StandardBlock> {
     blocks
 }
 
+/// The system functions (SFC, SFB) a CPU with these services has.
+#[must_use]
+pub fn system_functions(has: &[Service]) -> Vec<StandardBlock> {
+    let offered = |block: &StandardBlock| {
+        block.origin == Origin::System && block.needs.is_none_or(|service| has.contains(&service))
+    };
+    standard_blocks().into_iter().filter(offered).collect()
+}
+
+/// The system functions a CPU has whose only services are parameters, memory and modules.
+#[must_use]
+pub fn library() -> Vec<StandardBlock> {
+    system_functions(&[])
+}
+
 /// A block by its name in a station file: `IEC:FC4`, `IEC:FC 4` or `IEC:DELETE`, without regard to case. `None` when there is
 /// none.
 #[must_use]
@@ -178,6 +193,14 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_cpu_offers_what_it_has_the_services_for() {
+        let offers = |blocks: &[StandardBlock], name: &str| blocks.iter().any(|block| block.name == name);
+        let (few, more) = (library(), system_functions(&[Service::WallClock]));
+        assert!(offers(&few, "BLKMOV") && !offers(&few, "READ_CLK") && !offers(&few, "CONCAT"));
+        assert!(offers(&more, "BLKMOV") && offers(&more, "READ_CLK") && !offers(&more, "SRT_DINT"));
     }
 
     #[test]

@@ -177,7 +177,9 @@ impl NativeContext for Call<'_, '_> {
         let Found::Place(bit, bits) = self.find(index, false)? else { return Err(NativeError::NoParam) };
         let range = Range { at: bit / 8, len: bits.div_ceil(8) };
         let at = range.locate(at, into.len() as u32).ok_or(NativeError::Outside)? as usize;
-        into.copy_from_slice(&self.cx.machine.memory.bytes[at..at + into.len()]);
+        // A STRING's operand may be shorter than declared.
+        let bytes = self.cx.machine.memory.bytes.get(at..at + into.len()).ok_or(NativeError::Outside)?;
+        into.copy_from_slice(bytes);
         Ok(())
     }
 
@@ -188,7 +190,8 @@ impl NativeContext for Call<'_, '_> {
         }
         let range = Range { at: bit / 8, len: bits / 8 };
         let at = range.locate(at, from.len() as u32).ok_or(NativeError::Outside)? as usize;
-        self.cx.machine.memory.bytes[at..at + from.len()].copy_from_slice(from);
+        let bytes = self.cx.machine.memory.bytes.get_mut(at..at + from.len()).ok_or(NativeError::Outside)?;
+        bytes.copy_from_slice(from);
         Ok(())
     }
 

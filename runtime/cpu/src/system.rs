@@ -1,122 +1,176 @@
-//! The system blocks of `ob1-std` as native blocks.
+//! The standard blocks of `ob1-std` as native blocks: what they ask of the CPU, put in the CPU's own words.
 
 use ob1_model::{Area, BlockId, Event, FaultKind, Interface};
-use ob1_std::{AnyPointer, SystemBlock, SystemFunction, copy, ticks};
+use ob1_std::{Context, Interrupted, ModuleSize, Refused, StandardBlock};
 
-use crate::{Abort, NativeArea, NativeBlock, NativeContext, NativeError};
+use crate::{Abort, ModuleError, NativeArea, NativeBlock, NativeContext, NativeError};
 
-/// Bytes copied at a time.
-const CHUNK: usize = 256;
-/// "STOP by the program".
-const STOP_BY_PROGRAM: Event = Event(0x4543);
-
-/// Every system block, ready for [`crate::Cpu::new`].
+/// The system functions this CPU has (SFC, SFB), ready for [`crate::Cpu::new`]. The compiler is told of the same by
+/// [`ob1_std::library`].
 #[must_use]
 pub fn system_blocks() -> Vec<Box<dyn NativeBlock>> {
-    ob1_std::library().into_iter().map(|block| Box::new(System(block)) as Box<dyn NativeBlock>).collect()
+    ob1_std::library().into_iter().map(|block| standard_block(block.id, block)).collect()
 }
 
-struct System(SystemBlock);
+/// A standard block under the number the user gives it. A block that [needs](StandardBlock::needs) a service this CPU does not
+/// have raises "block not loaded" when it is called, so it is not to be offered.
+#[must_use]
+pub fn standard_block(id: BlockId, block: StandardBlock) -> Box<dyn NativeBlock> {
+    Box::new(Standard { id, block })
+}
 
-impl NativeBlock for System {
+struct Standard {
+    id: BlockId,
+    block: StandardBlock,
+}
+
+impl NativeBlock for Standard {
     fn id(&self) -> BlockId {
-        self.0.id
+        self.id
     }
 
     fn name(&self) -> &str {
-        self.0.name
+        self.block.name
     }
 
     fn interface(&self) -> &Interface {
-        &self.0.interface
+        &self.block.interface
     }
 
     fn reset(&self) {}
 
     fn call(&self, cx: &mut dyn NativeContext) -> Result<(), Abort> {
-        match self.0.function {
-            SystemFunction::Stop => return Err(cx.stop(STOP_BY_PROGRAM, "")),
-            SystemFunction::RetriggerWatchdog => cx.retrigger_watchdog(),
-            SystemFunction::TimeTick => {
-                let now = cx.now();
-                result(cx, 0, ticks::time_tick(now));
-            }
-            SystemFunction::BlockMove => {
-                let code = pointers(cx).and_then(|(source, target)| copy::block_move(source, target));
-                carry_out(cx, code);
-            }
-            SystemFunction::Fill => {
-                let code = pointers(cx).and_then(|(source, target)| copy::fill(source, target));
-                carry_out(cx, code);
+        match self.block.run(&mut Bridge { cx }) {
+            Ok(()) => Ok(()),
+            Err(Interrupted::Abort) => Err(Abort),
+            Err(Interrupted::NoService) => {
+                let fault = match self.id.kind {
+                    ob1_model::BlockKind::Sfb => FaultKind::SfbNotLoaded,
+                    ob1_model::BlockKind::Sfc => FaultKind::SfcNotLoaded,
+                    ob1_model::BlockKind::Fb => FaultKind::FbNotLoaded,
+                    _ => FaultKind::FcNotLoaded,
+                };
+                cx.raise_fault(fault, u32::from(self.id.number))
             }
         }
-        Ok(())
     }
 }
 
-/// Writes RET_VAL. A call without parameters (`UC`) has none.
-fn result(cx: &mut dyn NativeContext, index: u32, value: u32) {
-    if cx.param_given(index) {
-        // RET_VAL is there and an output: this cannot fail.
-        let _ = cx.param_set(index, value);
+/// A call, as a standard block sees it.
+struct Bridge<'a> {
+    cx: &'a mut dyn NativeContext,
+}
+
+impl Bridge<'_> {
+    /// The area of a pointer. Local data is the caller's, whichever of its two codes the pointer has.
+    fn area(&mut self, area: Area, db: u16) -> Option<NativeArea> {
+        let (opened_db, opened_di) = self.cx.registers();
+        Some(match area {
+            Area::Input => NativeArea::Input,
+            Area::Output => NativeArea::Output,
+            Area::Memory => NativeArea::Memory,
+            Area::Local | Area::PreviousLocal => NativeArea::CallerLocal,
+            Area::Db => NativeArea::Db(if db == 0 { opened_db } else { db }),
+            Area::Di => NativeArea::Db(if db == 0 { opened_di } else { db }),
+            Area::Peripheral => return None,
+        })
     }
 }
 
-/// The ANY pointers of parameters 1 and 3.
-fn pointers(cx: &mut dyn NativeContext) -> Result<(Option<AnyPointer>, Option<AnyPointer>), u16> {
-    let mut any = |index: u32, error| {
-        let mut bytes = [0; 10];
-        match cx.param_read(index, 0, &mut bytes) {
-            Ok(()) => Ok(AnyPointer::parse(&bytes)),
-            Err(_) => Err(copy::parameter_error(index as u16 + 1, error)),
+fn refused(error: NativeError) -> Refused {
+    match error {
+        NativeError::NoParam => Refused::NoParam,
+        NativeError::NoDb => Refused::NoDb,
+        NativeError::DbNumber => Refused::DbNumber,
+        NativeError::ReadOnly => Refused::ReadOnly,
+        NativeError::NoModule => Refused::NoModule,
+        NativeError::Module(ModuleError::Absent) => Refused::Absent,
+        NativeError::Module(ModuleError::Busy) => Refused::Busy,
+        NativeError::Module(ModuleError::NoRecord) => Refused::NoRecord,
+        NativeError::Module(ModuleError::Outside) | NativeError::Outside => Refused::Outside,
+        // What only calls, timers and counters answer.
+        NativeError::Abort | NativeError::NoBlock | NativeError::NoTimer => Refused::NoParam,
+    }
+}
+
+impl Context for Bridge<'_> {
+    fn given(&mut self, index: u32) -> bool {
+        self.cx.param_given(index)
+    }
+
+    fn get(&mut self, index: u32) -> Result<u32, Refused> {
+        self.cx.param_get(index).map_err(refused)
+    }
+
+    fn set(&mut self, index: u32, value: u32) -> Result<(), Refused> {
+        self.cx.param_set(index, value).map_err(refused)
+    }
+
+    fn read(&mut self, index: u32, at: u32, into: &mut [u8]) -> Result<(), Refused> {
+        self.cx.param_read(index, at, into).map_err(refused)
+    }
+
+    fn write(&mut self, index: u32, at: u32, from: &[u8]) -> Result<(), Refused> {
+        self.cx.param_write(index, at, from).map_err(refused)
+    }
+
+    fn instance_read(&mut self, at: u32, into: &mut [u8]) -> Result<(), Refused> {
+        self.cx.area_read(NativeArea::Instance, at, into).map_err(refused)
+    }
+
+    fn instance_write(&mut self, at: u32, from: &[u8]) -> Result<(), Refused> {
+        self.cx.area_write(NativeArea::Instance, at, from).map_err(refused)
+    }
+
+    fn area_read(&mut self, area: Area, db: u16, at: u32, into: &mut [u8]) -> Result<(), Refused> {
+        match self.area(area, db) {
+            Some(area) => self.cx.area_read(area, at, into).map_err(refused),
+            None => self.io_read(at, into),
         }
-    };
-    Ok((any(0, FaultKind::AreaRead)?, any(2, FaultKind::AreaWrite)?))
-}
-
-/// Copies piece by piece and leaves the error code in RET_VAL; BR is 0 after an error.
-fn carry_out(cx: &mut dyn NativeContext, plan: Result<copy::Plan, u16>) {
-    let code = plan.and_then(|plan| run(cx, &plan)).err().unwrap_or(0);
-    result(cx, 1, u32::from(code));
-    cx.set_br(code == 0);
-}
-
-fn run(cx: &mut dyn NativeContext, plan: &copy::Plan) -> Result<(), u16> {
-    let (source, from) = place(cx, &plan.source);
-    let (target, to) = place(cx, &plan.target);
-    let mut buffer = [0; CHUNK];
-    let mut done = 0;
-    while done < plan.bytes {
-        let phase = done % plan.period;
-        let len = (plan.bytes - done).min(plan.period - phase).min(CHUNK as u32);
-        let piece = &mut buffer[..len as usize];
-        cx.area_read(source, from + phase, piece).map_err(|e| error(1, e, FaultKind::AreaLengthRead))?;
-        cx.area_write(target, to + done, piece).map_err(|e| error(3, e, FaultKind::AreaLengthWrite))?;
-        done += len;
     }
-    Ok(())
-}
 
-/// The area of an ANY pointer and the byte in it. Local data is the caller's, whichever of its two codes the pointer has.
-fn place(cx: &mut dyn NativeContext, any: &AnyPointer) -> (NativeArea, u32) {
-    let (db, di) = cx.registers();
-    let area = match any.area {
-        Area::Input => NativeArea::Input,
-        Area::Output => NativeArea::Output,
-        Area::Memory | Area::Peripheral => NativeArea::Memory,
-        Area::Local | Area::PreviousLocal => NativeArea::CallerLocal,
-        Area::Db => NativeArea::Db(if any.db == 0 { db } else { any.db }),
-        Area::Di => NativeArea::Db(if any.db == 0 { di } else { any.db }),
-    };
-    (area, any.at.byte())
-}
+    fn area_write(&mut self, area: Area, db: u16, at: u32, from: &[u8]) -> Result<(), Refused> {
+        match self.area(area, db) {
+            Some(area) => self.cx.area_write(area, at, from).map_err(refused),
+            None => self.io_write(at, from),
+        }
+    }
 
-fn error(parameter: u16, error: NativeError, outside: FaultKind) -> u16 {
-    let fault = match error {
-        NativeError::NoDb => FaultKind::DbNotLoaded,
-        NativeError::DbNumber => FaultKind::DbNumber,
-        NativeError::ReadOnly => FaultKind::WriteProtectedDb,
-        _ => outside,
-    };
-    copy::parameter_error(parameter, fault)
+    fn set_br(&mut self, br: bool) {
+        self.cx.set_br(br);
+    }
+
+    fn now(&mut self) -> u64 {
+        self.cx.now()
+    }
+
+    fn module(&mut self, address: u32) -> Result<ModuleSize, Refused> {
+        let (_, inputs, outputs) = self.cx.module_info(address).map_err(refused)?;
+        Ok(ModuleSize { inputs, outputs })
+    }
+
+    fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), Refused> {
+        self.cx.io_read(address, into).map_err(refused)
+    }
+
+    fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), Refused> {
+        self.cx.io_write(address, from).map_err(refused)
+    }
+
+    fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, Refused> {
+        self.cx.record_read(address, record, into).map_err(refused)
+    }
+
+    fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), Refused> {
+        self.cx.record_write(address, record, from).map_err(refused)
+    }
+
+    fn retrigger_watchdog(&mut self) {
+        self.cx.retrigger_watchdog();
+    }
+
+    fn stop(&mut self) -> Interrupted {
+        let Abort = self.cx.stop(Event::STOP_PROGRAM, "");
+        Interrupted::Abort
+    }
 }

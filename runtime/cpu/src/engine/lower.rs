@@ -1,7 +1,7 @@
 //! From the intermediate code to the pre-decoded form, at load.
 
 use ob1_ir::{BitTest, CallMode, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Program};
-use ob1_model::{Area, BlockId, BlockKind, Interface, Layout, Section};
+use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Layout, Section};
 
 use super::Callee;
 use super::code::{AREA_IN_POINTER, Base, Block, CallTarget, InstanceOf, Op, Scan, arithmetic};
@@ -27,6 +27,15 @@ pub(crate) struct Formal {
     pub(crate) written: bool,
     /// Bit in the instance of an FB.
     pub(crate) at: u32,
+    /// A STRING: its operand may be shorter than declared here, as its length bytes tell.
+    pub(crate) string: bool,
+}
+
+impl Formal {
+    /// Bits an operand passed by reference must have.
+    pub(crate) const fn least_bits(&self) -> u32 {
+        if self.string { 16 } else { self.bits }
+    }
 }
 
 /// What a caller must know of a block.
@@ -54,6 +63,7 @@ impl Signature {
                     number,
                     written: p.section != Section::Input || written(i),
                     at: p.at.0,
+                    string: matches!(p.ty, DataType::String(_)),
                 }
             })
             .collect();

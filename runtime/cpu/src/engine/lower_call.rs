@@ -208,7 +208,7 @@ fn reference_call(
             }
             Arg::Const(_) => return Err(wrong(format!("parameter {} is no single value", i + 1))),
             Arg::Bytes(bytes) => {
-                if formal.number || formal.elementary || bytes.len() < (formal.bits / 8) as usize {
+                if formal.number || formal.elementary || bytes.len() < (formal.least_bits() / 8) as usize {
                     return Err(wrong(format!("parameter {} has {} bits", i + 1, formal.bits)));
                 }
                 let at = l.constants.find(bytes).ok_or_else(|| wrong("constant not collected".into()))?;
@@ -225,7 +225,7 @@ fn reference_call(
                 check_width(*operand, formal, i, wrong)?;
                 if formal.number {
                     RefArg::Value(operand.place)
-                } else if let Some((byte, mask)) = fixed(operand.place, formal.bits, l) {
+                } else if let Some((byte, mask)) = fixed(operand.place, formal.least_bits(), l) {
                     refs.push(byte * 8 + mask.trailing_zeros());
                     continue;
                 } else {
@@ -252,7 +252,7 @@ fn operand_reference(
     take: &mut dyn FnMut(u32) -> u32,
     wrong: &dyn Fn(String) -> LoadError,
 ) -> Result<RefArg, LoadError> {
-    let (bits, out) = (formal.bits, formal.section != Section::Input);
+    let (bits, out) = (formal.least_bits(), formal.section != Section::Input);
     Ok(match place {
         Place::Fixed(Area::Local, at) => {
             let end = u64::from(at.0) + u64::from(bits);
