@@ -154,15 +154,16 @@ fn check_program(station: &Station) -> Result<Vec<Finding>, Vec<Finding>> {
     let addresses: Vec<u32> = station.modules.iter().map(|m| m.input_address).collect();
     let natives = loaded.native_blocks(&addresses).map_err(|failure| failure.findings().to_vec())?;
     let io = ProcessIo::new(ob1_backplane::IoImage::heap(), stimulus);
-    let modules = station.modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, station, m)?))).collect();
+    let modules =
+        station.modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, &station.name, m)?))).collect();
     assembly::load_cpu(station.cpu.clone(), &loaded, natives, modules)
         .map_err(|failure| [failure.findings(), loaded.findings.as_slice()].concat())?;
     Ok(loaded.findings)
 }
 
 /// A module over memory of this process, without a driver.
-fn dummy(io: &ProcessIo, station: &Station, config: &ModuleConfig) -> Option<Box<dyn Module>> {
-    let Some(settings) = assembly::cp_settings(&station.name, config) else { return io.module(config, false) };
+pub(crate) fn dummy(io: &ProcessIo, station: &str, config: &ModuleConfig) -> Option<Box<dyn Module>> {
+    let Some(settings) = assembly::cp_settings(station, config) else { return io.module(config, false) };
     let segment = ob1_backplane::Segment::heap();
     let side = ob1_backplane::CpuSide::create(&segment, usize::from(station::CP240_BYTES)).ok()?;
     let link = Box::new(ob1_host::module::AlwaysThere);

@@ -9,6 +9,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::access::protocol::CommandName;
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
+use crate::testing::{self, TestArgs};
 use crate::{check, janitor, remote, run, station};
 
 const AFTER: &str = "\
@@ -17,6 +18,7 @@ Examples:
   ob1 run press.toml --for 10s --report run.json   ten seconds, figures as JSON
   ob1 check press.toml                             everything that is wrong with a station
   ob1 exec press.awl --limit 10s                   bare sources in virtual time
+  ob1 test                                         the tests of this folder and below
   ob1 get press.toml M1.0 DB10.DBW20               values from the running station
   ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
   ob1 ctl press.toml stop                          to STOP
@@ -47,6 +49,7 @@ enum Command {
     Run(RunArgs),
     Check(CheckArgs),
     Exec(Box<ExecArgs>),
+    Test(TestArgs),
     Get(GetArgs),
     Set(SetArgs),
     Ctl(CtlArgs),
@@ -231,6 +234,7 @@ impl Command {
     fn run(self) -> ExitCode {
         let exit = match self {
             Command::Exec(args) => return exec::exec(&args).into(),
+            Command::Test(args) => return testing::test(&args).into(),
             Command::Run(args) => run::run(&run::Options {
                 station: args.station,
                 time: args.time,

@@ -37,6 +37,7 @@ Exit codes:
   7  a native block did not return; outputs are off
   8  the running station refused a request of get, set or ctl
   exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault.
+  test: 0 passed, 1 a test failed, 2 a test file or program cannot be used.
   With --fence-scan a forbidden system call ends the process by SIGSYS (shells show 159).";
 
 impl From<Exit> for std::process::ExitCode {
@@ -89,6 +90,24 @@ impl ExecExit {
 impl From<ExecExit> for std::process::ExitCode {
     fn from(exit: ExecExit) -> Self {
         Self::from(exit.code())
+    }
+}
+
+/// How `ob1 test` ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum TestExit {
+    /// All tests passed.
+    Passed = 0,
+    /// A test failed.
+    Failed = 1,
+    /// A test file or program cannot be used, or there is no test.
+    Unusable = 2,
+}
+
+impl From<TestExit> for std::process::ExitCode {
+    fn from(exit: TestExit) -> Self {
+        Self::from(exit as u8)
     }
 }
 

@@ -15,6 +15,7 @@ pub mod remote;
 pub mod run;
 pub mod rundir;
 pub mod station;
+pub mod testing;
 pub mod view;
 pub mod virtual_clock;
 pub mod watched;

@@ -200,7 +200,7 @@ pub(crate) fn read_all(paths: &[PathBuf], findings: &mut Vec<Finding>) -> Vec<So
             Ok(bytes) => sources.push(Source::new(name, bytes)),
             Err(error) => {
                 let message = format!("the source cannot be read: {error}");
-                let remedy = "paths of sources count from the station file";
+                let remedy = "paths count from the file that names them";
                 findings.push(Finding::whole(Level::Error, "C001", &name, message, remedy));
             }
         }

@@ -76,9 +76,35 @@ fn the_numbers_of_findings_are_in_the_document() {
         include_str!("../src/station/findings.rs"),
         include_str!("../src/io/stimulus.rs"),
         include_str!("../src/check.rs"),
+        include_str!("../src/testing/harness.rs"),
     ] {
         for code in source.split('"').filter(|word| word.len() == 4 && word.starts_with("C0")) {
             assert!(text.contains(&format!("| {code} |")), "docs/station-file.md does not list {code}");
+        }
+    }
+}
+
+#[test]
+fn every_key_of_a_test_file_is_in_its_document() {
+    let text = document("testing.md");
+    let source = include_str!("../src/testing/file.rs");
+    let keys = source.lines().filter_map(|line| line.trim().strip_prefix("pub(super) ")?.split_once(':'));
+    for (key, _) in keys.filter(|(key, _)| !key.contains(' ')) {
+        assert!(text.contains(key), "docs/testing.md does not name the key {key}");
+    }
+}
+
+#[test]
+fn the_test_files_of_the_document_are_understood() {
+    let folder = tempfile::tempdir().expect("a directory");
+    for (number, block) in blocks(&document("testing.md"), "toml").iter().enumerate() {
+        // Without their programs they cannot be used; what is told is about those alone.
+        let path = folder.path().join(format!("{number}.test.toml"));
+        std::fs::write(&path, block).expect("writable");
+        let report = ob1_command::testing::run_file(&path, "");
+        assert!(!report.refused.is_empty());
+        for finding in &report.refused {
+            assert_eq!(finding.code, "C001", "{finding}");
         }
     }
 }

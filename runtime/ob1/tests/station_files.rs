@@ -5,6 +5,9 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use ob1_command::station::Station;
+use ob1_cpu::CpuConfig;
+
 fn files() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/station");
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
@@ -16,11 +19,23 @@ fn files() -> Vec<PathBuf> {
     files
 }
 
+/// The station; of the CPU only what is not the default, so that a new setting does not change every answer.
+fn describe(mut station: Station) -> String {
+    let cpu = std::mem::take(&mut station.cpu);
+    let default = format!("{:#?}", CpuConfig::default());
+    let default: Vec<&str> = default.lines().collect();
+    let cpu = format!("{cpu:#?}");
+    let own = cpu.lines().filter(|line| !default.contains(line)).map(|line| format!("{line}\n"));
+    let cpu = format!("cpu:\n{}", own.collect::<String>());
+    let whole = default.iter().map(|line| format!("    {line}")).collect::<Vec<_>>().join("\n");
+    format!("{cpu}{station:#?}\n").replace(&format!("cpu: {}", whole.trim_start()), "cpu: (above)")
+}
+
 fn answer(path: &Path) -> String {
     let text = std::fs::read_to_string(path).expect("readable");
     let name = path.file_name().expect("a file").to_string_lossy();
     match ob1_command::station::parse(&text, &name, Path::new("/station")) {
-        Ok(station) => format!("{station:#?}\n"),
+        Ok(station) => describe(station),
         Err(findings) => {
             assert!(!findings.is_empty(), "{name}: refused without a reason");
             findings.iter().fold(String::new(), |mut out, finding| {

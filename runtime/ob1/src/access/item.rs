@@ -2,7 +2,7 @@
 
 use ob1_cpu::{Cell, CellWidth};
 use ob1_ir::{DataBlock, Program};
-use ob1_model::{Area, DataType};
+use ob1_model::{Area, Component, DataType};
 
 use crate::finding::nearest;
 
@@ -45,7 +45,7 @@ pub struct Names {
 struct NamedBlock {
     number: u16,
     name: Option<String>,
-    components: Vec<(String, DataType, u32)>,
+    components: Vec<Component>,
 }
 
 impl Names {
@@ -55,7 +55,7 @@ impl Names {
         let block = |data: &DataBlock| NamedBlock {
             number: data.number,
             name: data.name.clone(),
-            components: data.components.iter().map(|c| (c.path.clone(), c.ty.clone(), c.at.0)).collect(),
+            components: data.components.clone(),
         };
         Self {
             blocks: program.data.iter().map(block).collect(),
@@ -107,7 +107,7 @@ impl Names {
                 let (width, reading, type_name) = width;
                 let cell = match (area(name), name) {
                     (Some(area), _) => Cell::Area(area, checked_bits(byte)?),
-                    (None, "PE" | "PI" | "PA" | "PQ" | "P") => Cell::Peripheral(byte),
+                    (None, "PE" | "PI" | "PA" | "PQ" | "P") => Cell::Peripheral(checked_bits(byte)?),
                     (None, _) => return Err(unknown(text)),
                 };
                 Ok((cell, width, reading, type_name))
@@ -127,15 +127,15 @@ impl Names {
     }
 
     fn in_block(&self, db: u16, rest: &str) -> Result<Place, String> {
-        let component = |(_, ty, at): &(String, DataType, u32)| {
-            let (width, reading) = of_type(ty)?;
-            Some((Cell::Db(db, *at), width, reading, ty.name()))
+        let component = |found: &Component| {
+            let (width, reading) = of_type(&found.ty)?;
+            Some((Cell::Db(db, found.at.0), width, reading, found.ty.name()))
         };
         let block = self.blocks.iter().find(|b| b.number == db);
         let components = block.map(|b| b.components.as_slice()).unwrap_or_default();
-        if let Some(found) = components.iter().find(|(path, ..)| path.eq_ignore_ascii_case(rest)) {
-            return component(found)
-                .ok_or_else(|| format!("DB{db}.{rest} is a {}, which is no single value", found.1.name()));
+        if let Some(found) = Component::find(components, rest) {
+            return component(&found)
+                .ok_or_else(|| format!("DB{db}.{rest} is a {}, which is no single value", found.ty.name()));
         }
         let upper = rest.to_ascii_uppercase();
         let digits = upper.find(|c: char| c.is_ascii_digit()).unwrap_or(upper.len());
@@ -146,7 +146,7 @@ impl Names {
         if let Some(("DB", (width, reading, type_name))) = split_width(letters) {
             return Ok((Cell::Db(db, checked_bits(number(address)?)?), width, reading, type_name));
         }
-        let hint = nearest(&upper, components.iter().map(|(path, ..)| path.as_str()));
+        let hint = nearest(&upper, components.iter().map(|c| c.path.as_str()));
         let hint = hint.map_or_else(String::new, |near| format!("; did you mean DB{db}.{near}?"));
         Err(format!("DB{db} has no component {rest}{hint}"))
     }
@@ -210,7 +210,7 @@ fn bit_address(text: &str) -> Result<u32, String> {
 mod tests {
     use super::*;
     use ob1_ir::{DataKind, Symbol};
-    use ob1_model::{BitAddr, Component};
+    use ob1_model::BitAddr;
 
     fn names() -> Names {
         let component = |path: &str, ty, at| Component { path: path.into(), ty, at: BitAddr(at) };
@@ -250,8 +250,8 @@ mod tests {
             ("IW2", Cell::Area(Area::Input, 16), Word, Unsigned),
             ("AB5", Cell::Area(Area::Output, 40), Byte, Unsigned),
             ("Q4.1", Cell::Area(Area::Output, 33), Bit, Bool),
-            ("PEW256", Cell::Peripheral(256), Word, Unsigned),
-            ("PAB 3", Cell::Peripheral(3), Byte, Unsigned),
+            ("PEW256", Cell::Peripheral(2048), Word, Unsigned),
+            ("PAB 3", Cell::Peripheral(24), Byte, Unsigned),
             ("T2", Cell::Timer(2), Word, Unsigned),
             ("Z3", Cell::Counter(3), Word, Unsigned),
             ("DB10.DBW20", Cell::Db(10, 160), Word, Unsigned),

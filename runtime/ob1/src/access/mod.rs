@@ -6,3 +6,18 @@ pub mod item;
 pub mod protocol;
 pub mod server;
 pub(crate) mod value;
+
+use ob1_cpu::PortError;
+
+/// Why the CPU refuses a cell, in words.
+pub(crate) const fn reason(error: PortError) -> &'static str {
+    match error {
+        PortError::Outside => "outside the area",
+        PortError::NoDb => "the data block is not loaded",
+        PortError::ReadOnly => "cannot be written",
+        PortError::NoTimer => "no such timer or counter",
+        PortError::NoModule => "no module answers there",
+        PortError::NoEntry => "no such entry",
+        PortError::Value => "the value does not fit",
+    }
+}

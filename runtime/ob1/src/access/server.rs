@@ -8,12 +8,13 @@ use std::path::Path;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use ob1_cpu::{AccessClient, Answer, Ask, Command, OperatingState, PortError, Request as PortRequest};
+use ob1_cpu::{AccessClient, Answer, Ask, Command, OperatingState, Request as PortRequest};
 use rustix::event::{PollFd, PollFlags, poll};
 use serde_json::Value;
 
 use super::item::Item;
 use super::protocol::{CellValue, CommandName, Diagnostic, LINE_BYTES, Op, Request, Response, Status};
+use super::reason;
 use super::value;
 use crate::view::StationView;
 
@@ -280,18 +281,6 @@ fn cell_value(item: &Item, answer: Answer) -> Result<CellValue, String> {
         }),
         Answer::Refused(error) => Err(format!("{}: {}", item.name, reason(error))),
         _ => Err(format!("{}: the CPU gave another answer", item.name)),
-    }
-}
-
-fn reason(error: PortError) -> &'static str {
-    match error {
-        PortError::Outside => "outside the area",
-        PortError::NoDb => "the data block is not loaded",
-        PortError::ReadOnly => "cannot be written",
-        PortError::NoTimer => "no such timer or counter",
-        PortError::NoModule => "no module answers there",
-        PortError::NoEntry => "no such entry",
-        PortError::Value => "the value does not fit",
     }
 }
 

@@ -138,7 +138,7 @@ impl ExecArgs {
     /// What the words mean together.
     pub(super) fn check(&self) -> Result<(), String> {
         if self.start == Start::Hot {
-            return Err("--start hot: the CPU has no hot restart (OB 101) yet; use warm or cold".into());
+            return Err("--start hot: there is no RUN to go on from (OB 101 follows a STOP); use warm or cold".into());
         }
         if self.ob_start_info == Switch::Off {
             return Err("--ob-start-info off: the CPU always writes start information".into());

@@ -159,8 +159,7 @@ fn apply(change: &Change, image: &IoImage, field: &IoField) {
 fn change(time: Nanos, cell: &str, value: &toml::Value) -> Result<Change, String> {
     let item = Names::default().parse(cell)?;
     let bit = match item.cell {
-        Cell::Area(Area::Input, bit) => bit,
-        Cell::Peripheral(byte) => byte * 8,
+        Cell::Area(Area::Input, bit) | Cell::Peripheral(bit) => bit,
         _ => return Err(format!("{cell} is no input")),
     };
     let json = match value {

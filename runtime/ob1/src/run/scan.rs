@@ -124,7 +124,7 @@ impl Scan {
             let end = self.cpu.cycle(&mut self.clock);
             shared.in_cycle.store(false, Ordering::Relaxed);
             shared.cycles.fetch_add(1, Ordering::Relaxed);
-            if end.state == OperatingState::Run {
+            if end.state == OperatingState::Run && end.whole {
                 scans += 1;
                 shared.scans.store(scans, Ordering::Relaxed);
                 if self.limit == Some(scans) {

@@ -63,7 +63,7 @@ pub(super) fn number<T: TryFrom<i64> + Copy>(
 }
 
 /// One of a few words.
-pub(super) fn choice<T: Copy>(
+pub(crate) fn choice<T: Copy>(
     f: &mut Findings<'_>,
     key: &str,
     value: Option<&Placed<String>>,
@@ -203,7 +203,7 @@ fn block(f: &mut Findings<'_>, text: &Placed<String>) -> Option<BlockId> {
 }
 
 /// `FC 0`, `fb60`.
-fn parse_block(text: &str) -> Option<BlockId> {
+pub(crate) fn parse_block(text: &str) -> Option<BlockId> {
     let text = text.trim();
     let digits = text.find(|c: char| c.is_ascii_digit())?;
     let (kind, number) = text.split_at(digits);

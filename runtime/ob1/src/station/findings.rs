@@ -5,38 +5,38 @@ use std::ops::Range;
 use crate::finding::{Finding, Level, Text, nearest};
 
 /// The file cannot be read.
-pub(super) const UNREADABLE: &str = "C001";
+pub(crate) const UNREADABLE: &str = "C001";
 /// It is no TOML, or a value has the wrong type.
-pub(super) const SYNTAX: &str = "C002";
+pub(crate) const SYNTAX: &str = "C002";
 /// A key that does not exist.
-pub(super) const UNKNOWN_KEY: &str = "C003";
+pub(crate) const UNKNOWN_KEY: &str = "C003";
 /// A key that must be there is missing.
-pub(super) const MISSING: &str = "C004";
+pub(crate) const MISSING: &str = "C004";
 /// A value that cannot be.
-pub(super) const VALUE: &str = "C005";
+pub(crate) const VALUE: &str = "C005";
 /// A name that is there twice.
-pub(super) const TWICE: &str = "C006";
+pub(crate) const TWICE: &str = "C006";
 /// Two modules at one address, or a module outside the address space.
-pub(super) const ADDRESS: &str = "C007";
+pub(crate) const ADDRESS: &str = "C007";
 /// A parameter of a CP that cannot be.
-pub(super) const PARAMETER: &str = "C008";
+pub(crate) const PARAMETER: &str = "C008";
 /// A line that cannot be.
-pub(super) const LINE: &str = "C009";
+pub(crate) const LINE: &str = "C009";
 /// Two keys that do not go together.
-pub(super) const CONTRADICTION: &str = "C010";
+pub(crate) const CONTRADICTION: &str = "C010";
 
 /// Collects findings of one file.
-pub(super) struct Findings<'a> {
+pub(crate) struct Findings<'a> {
     source: Text<'a>,
     found: Vec<Finding>,
 }
 
 impl<'a> Findings<'a> {
-    pub(super) fn new(source: Text<'a>) -> Self {
+    pub(crate) fn new(source: Text<'a>) -> Self {
         Self { source, found: Vec::new() }
     }
 
-    pub(super) fn error(
+    pub(crate) fn error(
         &mut self,
         code: &str,
         at: Range<usize>,
@@ -47,7 +47,7 @@ impl<'a> Findings<'a> {
     }
 
     /// The station if nothing was found, else the findings in the order of the file.
-    pub(super) fn into_result<T>(mut self, value: T) -> Result<T, Vec<Finding>> {
+    pub(crate) fn into_result<T>(mut self, value: T) -> Result<T, Vec<Finding>> {
         if self.found.is_empty() {
             return Ok(value);
         }
@@ -56,8 +56,8 @@ impl<'a> Findings<'a> {
     }
 }
 
-/// What the TOML reader says, as a finding: an unknown key with the nearest known one.
-pub(super) fn of_toml(source: Text<'_>, error: &toml::de::Error) -> Finding {
+/// What the TOML reader says, as a finding: an unknown key with the nearest known one. `document` explains the keys.
+pub(crate) fn of_toml(source: Text<'_>, error: &toml::de::Error, document: &str) -> Finding {
     let at = error.span().unwrap_or(0..0);
     let message = error.message();
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
@@ -70,11 +70,11 @@ pub(super) fn of_toml(source: Text<'_>, error: &toml::de::Error) -> Finding {
             source.finding(Level::Error, UNKNOWN_KEY, at, format!("unknown key `{key}`"), remedy)
         }
         (Some("missing"), [key]) => {
-            let remedy = format!("add `{key}`; docs/station-file.md says what it means");
+            let remedy = format!("add `{key}`; {document} says what it means");
             source.finding(Level::Error, MISSING, at.start..at.start, format!("the key `{key}` is missing"), remedy)
         }
         _ => {
-            let remedy = "docs/station-file.md lists every key with its type".to_owned();
+            let remedy = format!("{document} lists every key with its type");
             source.finding(Level::Error, SYNTAX, at, message.replace('\n', ", "), remedy)
         }
     }

@@ -6,11 +6,12 @@
 mod check;
 mod duration;
 mod file;
-mod findings;
+pub(crate) mod findings;
 mod line;
 mod modules;
 mod types;
 
+pub(crate) use check::{choice, parse_block};
 pub use duration::parse_duration;
 pub use line::{Line, LineError};
 pub use types::*;
@@ -45,7 +46,8 @@ pub fn load(path: &Path) -> Result<Station, Vec<Finding>> {
 /// All findings, at least one of them an error.
 pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Station, Vec<Finding>> {
     let source = crate::finding::Text { file: name, text };
-    let file: file::StationFile = toml::from_str(text).map_err(|error| vec![findings::of_toml(source, &error)])?;
+    let file: file::StationFile =
+        toml::from_str(text).map_err(|error| vec![findings::of_toml(source, &error, "docs/station-file.md")])?;
     check::check(&file, source, folder)
 }
 

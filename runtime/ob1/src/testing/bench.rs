@@ -1,0 +1,216 @@
+//! A CPU on the bench: modules over memory of this process, virtual time, one scan at a time.
+
+use ob1_backplane::io_layout::IO_AREA_BYTES;
+use ob1_backplane::{IoField, IoImage};
+use ob1_cpu::{Cell, CellWidth, Clock, Command, Cpu, CpuConfig, Interrupt, Nanos, OperatingState};
+use ob1_ir::Program;
+use ob1_model::Area;
+
+use super::cells::Set;
+use crate::assembly;
+use crate::check::dummy;
+use crate::finding::Finding;
+use crate::io::{ProcessIo, Stimulus};
+use crate::program::{LoadFailure, Loaded};
+use crate::station::{Absent, ModuleConfig, ModuleKind};
+use crate::virtual_clock::VirtualClock;
+
+/// Statements that take no time in one scan: those of an ordinary program, so that timers run out to the millisecond.
+const FREE: u64 = 1_000_000;
+/// What each one beyond takes: a loop without end meets the watchdog.
+const NS_PER_STATEMENT: u64 = 100;
+/// Statements in one scan after which it is given up, whatever the watchdog says.
+const GIVE_UP: u64 = 1_000_000_000;
+
+/// Process I/O of sources without a station: as much as there can be.
+pub(super) fn bare_modules() -> Vec<ModuleConfig> {
+    let bytes = IO_AREA_BYTES as u16;
+    let module = |name: &str, kind| ModuleConfig {
+        name: name.into(),
+        input_address: 0,
+        output_address: 0,
+        absent: Absent::Zero,
+        kind,
+    };
+    vec![module("inputs", ModuleKind::Inputs { bytes }), module("outputs", ModuleKind::Outputs { bytes })]
+}
+
+/// Virtual time of a bench.
+#[derive(Debug)]
+struct BenchClock {
+    time: VirtualClock,
+    scan: u64,
+    interrupt: Interrupt,
+}
+
+impl Clock for BenchClock {
+    fn now(&mut self) -> Nanos {
+        self.time.now()
+    }
+
+    fn executed(&mut self, statements: u64) {
+        let before = self.scan;
+        self.scan = before.saturating_add(statements);
+        self.time.executed(self.scan.saturating_sub(before.max(FREE)));
+        if self.scan > GIVE_UP {
+            self.interrupt.halt();
+        }
+    }
+}
+
+/// A CPU on the bench.
+pub(super) struct Bench {
+    pub(super) cpu: Cpu,
+    clock: BenchClock,
+    io: ProcessIo,
+    field: IoField,
+    /// The process inputs, as they were set.
+    process: [u8; IO_AREA_BYTES],
+    /// Bytes of them that modules cover.
+    inputs: Vec<std::ops::Range<u32>>,
+    /// When the next scan or interrupt is due.
+    due: Nanos,
+    /// The time the test has come to: that of the last scan, or what `run` was to reach.
+    pub(super) now: Nanos,
+    pub(super) scans: u64,
+}
+
+impl Bench {
+    /// Loads `program` with modules in the form of a station's.
+    pub(super) fn new(
+        name: &str,
+        config: CpuConfig,
+        modules: &[ModuleConfig],
+        loaded: &Loaded,
+    ) -> Result<Self, Vec<Finding>> {
+        let of_load = |failure: LoadFailure| failure.findings().to_vec();
+        let addresses: Vec<u32> = modules.iter().map(|m| m.input_address).collect();
+        let natives = loaded.native_blocks(&addresses).map_err(of_load)?;
+        let image = IoImage::heap();
+        let field = image.field();
+        let io = ProcessIo::new(image, Stimulus::default());
+        let slots = modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, name, m)?))).collect();
+        let cpu = assembly::load_cpu(config, loaded, natives, slots).map_err(of_load)?;
+        let clock = BenchClock { time: VirtualClock::new(NS_PER_STATEMENT), scan: 0, interrupt: cpu.interrupt() };
+        let inputs = modules.iter().filter_map(|m| match m.kind {
+            ModuleKind::Inputs { bytes } => Some(m.input_address..m.input_address + u32::from(bytes)),
+            _ => None,
+        });
+        Ok(Self {
+            cpu,
+            clock,
+            io,
+            field,
+            process: [0; IO_AREA_BYTES],
+            inputs: inputs.collect(),
+            due: 0,
+            now: 0,
+            scans: 0,
+        })
+    }
+
+    /// Starts the CPU and runs the first scan, at time 0.
+    pub(super) fn start(&mut self, command: Command) {
+        self.cpu.request(command);
+        self.cycle();
+    }
+
+    /// What is due next: a scan (true), or interrupts by time alone.
+    fn cycle(&mut self) -> bool {
+        self.clock.scan = 0;
+        self.clock.time.advance_to(self.due);
+        self.now = self.now.max(self.clock.time.time());
+        let end = self.cpu.cycle(&mut self.clock);
+        self.due = end.next_deadline;
+        let whole = end.whole || end.state != OperatingState::Run;
+        self.scans += u64::from(whole);
+        whole
+    }
+
+    /// One scan, when it is due, with the interrupts before it.
+    pub(super) fn scan(&mut self) {
+        while !self.cycle() {}
+    }
+
+    /// The next scan or interrupt.
+    pub(super) fn step(&mut self) {
+        self.cycle();
+    }
+
+    /// All scans and interrupts that are due until `time`.
+    pub(super) fn run_until(&mut self, time: Nanos) {
+        while self.due <= time {
+            self.cycle();
+        }
+        self.now = self.now.max(time);
+    }
+
+    /// True when something is due until `time`.
+    pub(super) fn is_due_until(&self, time: Nanos) -> bool {
+        self.due <= time
+    }
+
+    pub(super) fn state(&self) -> OperatingState {
+        self.cpu.state()
+    }
+
+    /// Writes a cell. Inputs go to the module that has them, as the process would, else to the process image.
+    pub(super) fn set(&mut self, set: &Set) -> Result<(), String> {
+        let bit = match set.item.cell {
+            Cell::Area(Area::Input, bit) | Cell::Peripheral(bit) => Some(bit),
+            _ => None,
+        };
+        if let Some(bit) = bit.filter(|bit| self.inputs.iter().any(|bytes| bytes.contains(&(bit / 8)))) {
+            self.set_input(bit, set);
+        } else if matches!(set.item.cell, Cell::Peripheral(_)) {
+            return Err(format!("{}: no process input lies there", set.item.name));
+        }
+        if let Cell::Peripheral(_) = set.item.cell {
+            return Ok(());
+        }
+        let written = self.cpu.write(set.item.cell, set.item.width, set.value);
+        written.map_err(|error| format!("{}: {}", set.item.name, crate::access::reason(error)))
+    }
+
+    fn set_input(&mut self, bit: u32, set: &Set) {
+        let byte = (bit / 8) as usize;
+        if set.item.width == CellWidth::Bit {
+            let mask = 1u8 << (bit % 8);
+            let old = self.process.get(byte).copied().unwrap_or_default();
+            self.write_input(byte, &[if set.value != 0 { old | mask } else { old & !mask }]);
+        } else {
+            let bytes = set.value.to_be_bytes();
+            let len = usize::from(set.item.width.bits() / 8);
+            self.write_input(byte, &bytes[bytes.len() - len..]);
+        }
+    }
+
+    fn write_input(&mut self, byte: usize, data: &[u8]) {
+        self.field.write_inputs(byte, data);
+        for (cell, value) in self.process.iter_mut().skip(byte).zip(data) {
+            *cell = *value;
+        }
+    }
+
+    /// The process outputs.
+    pub(super) fn field(&self) -> IoField {
+        self.field.clone()
+    }
+}
+
+impl std::fmt::Debug for Bench {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Bench").field("cpu", &self.cpu).field("io", &self.io).finish_non_exhaustive()
+    }
+}
+
+/// The CPU of sources without a station.
+pub(super) fn bare_config(min_cycle: Nanos) -> CpuConfig {
+    let bytes = IO_AREA_BYTES as u32;
+    CpuConfig { input_bytes: bytes, output_bytes: bytes, memory_bytes: 2048, min_cycle, ..CpuConfig::default() }
+}
+
+/// A program with what its natives come from.
+pub(super) fn loaded(program: Program, of: &Loaded) -> Loaded {
+    Loaded { program, plugins: of.plugins.clone(), findings: Vec::new() }
+}

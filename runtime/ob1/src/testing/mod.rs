@@ -1,0 +1,88 @@
+//! `ob1 test`: unit tests for control programs, in virtual time. docs/testing.md
+
+mod bench;
+mod cells;
+mod file;
+mod find;
+mod harness;
+mod plan;
+mod report;
+mod run;
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+pub use find::find_tests;
+pub use report::{Failure, FileReport, Outcome, write_junit};
+pub use run::run_file;
+
+use crate::exit::TestExit;
+
+/// Test control programs in virtual time
+///
+/// A test is a TOML file NAME.test.toml beside the program: it sets inputs, lets time pass and says what outputs, data blocks and the
+/// diagnostic buffer must hold. Nothing waits: ten minutes of a timer take milliseconds.
+#[derive(Clone, Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 test examples/traffic-light\n  ob1 test press.test.toml --filter start --junit results.xml\n\n\
+    Exit codes: 0 all tests passed, 1 a test failed, 2 a test file or program cannot be used, or there is no test. docs/testing.md"
+)]
+pub struct TestArgs {
+    /// Test files, or folders that are searched for *.test.toml (the current one when none is given)
+    #[arg(value_name = "FILE|DIR")]
+    pub paths: Vec<PathBuf>,
+    /// Run only tests whose name contains this
+    #[arg(long, value_name = "TEXT")]
+    pub filter: Option<String>,
+    /// Write the results as JUnit XML
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// Print failures only
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Runs tests and prints their results.
+#[must_use]
+pub fn test(args: &TestArgs) -> TestExit {
+    let paths = if args.paths.is_empty() { vec![PathBuf::from(".")] } else { args.paths.clone() };
+    let files = match find_tests(&paths) {
+        Ok(files) => files,
+        Err(text) => {
+            eprintln!("ob1: {text}");
+            return TestExit::Unusable;
+        }
+    };
+    let filter = args.filter.as_deref().unwrap_or_default();
+    let reports: Vec<FileReport> = files.iter().map(|file| run_file(file, filter)).collect();
+    for report in reports.iter().filter(|r| !args.quiet || r.failed() > 0 || !r.refused.is_empty()) {
+        print!("{}", report.text());
+    }
+    let run: usize = reports.iter().map(|r| r.outcomes.len()).sum();
+    let failed: usize = reports.iter().map(FileReport::failed).sum();
+    let refused = reports.iter().filter(|r| !r.refused.is_empty()).count();
+    println!("{}", verdict(run, failed, refused));
+    if let Some(path) = &args.junit
+        && let Err(error) = write_junit(path, &reports)
+    {
+        eprintln!("ob1: {}: {error}", path.display());
+        return TestExit::Unusable;
+    }
+    match (refused, run, failed) {
+        (0, 1.., 0) => TestExit::Passed,
+        (0, 1.., _) => TestExit::Failed,
+        _ => TestExit::Unusable,
+    }
+}
+
+fn verdict(run: usize, failed: usize, refused: usize) -> String {
+    let mut text = format!("{} passed, {failed} failed", run - failed);
+    if refused > 0 {
+        text += &format!(", {refused} {} cannot be used", if refused == 1 { "file" } else { "files" });
+    }
+    if run == 0 && refused == 0 {
+        text += ": there is no such test";
+    }
+    text
+}
