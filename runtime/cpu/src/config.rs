@@ -1,6 +1,6 @@
 //! What a CPU is built with: sizes, cycle rules, and where its modules lie.
 
-use crate::{CyclicInterrupt, Family, Nanos};
+use crate::{CyclicInterrupt, Family, Nanos, Retentive};
 
 /// The sizes and rules of one CPU. The defaults are those of an S7-300.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +19,10 @@ pub struct CpuConfig {
     pub local_bytes: u32,
     /// What differs between S7-300 and S7-400, but for the number of accumulators, which can be chosen by itself.
     pub family: Family,
+    /// What keeps its value over a warm restart and a power cycle.
+    pub retentive: Retentive,
+    /// Bytes reserved for data blocks that the program makes itself (SFC 22), 0 to 64 MiB; 0: it cannot.
+    pub db_pool_bytes: u32,
     /// Accumulators: 2 (S7-300) or 4 (S7-400).
     pub accumulators: u8,
     /// Blocks nested in one another within a priority class, 1 to 64.
@@ -60,6 +64,8 @@ impl Default for CpuConfig {
             counters: 256,
             local_bytes: 32 * 1024,
             family: Family::S7_300,
+            retentive: Retentive::default(),
+            db_pool_bytes: 64 * 1024,
             accumulators: 2,
             nesting_depth: 24,
             min_cycle: 0,
@@ -112,9 +118,10 @@ pub enum Command {
     Run,
     /// To STOP.
     Stop,
-    /// Warm restart: process images, bit memory, timers and counters are cleared, data blocks keep their values.
+    /// Warm restart: what is retentive keeps its value, by default all data blocks; process images and the rest of bit memory, timers
+    /// and counters are cleared, other data blocks get their load values.
     Warm,
-    /// Cold restart: as warm, and data blocks get their load values.
+    /// Cold restart: nothing is kept. Data blocks get their load values, those made by the program are deleted.
     Cold,
     /// Hot restart, S7-400 only: everything keeps its value, OB 101 runs, and a new cycle begins; what was left of the interrupted
     /// one is not run. Refused, with an entry in the diagnostic buffer, on an S7-300 and where no RUN came before.

@@ -23,6 +23,7 @@ impl Cpu {
     /// access port and modules are served. The caller sleeps until the deadline it is given.
     pub fn cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
         self.machine.now = self.machine.now.max(clock.now());
+        self.machine.memory.reuse_deleted();
         self.serve_port();
         if self.machine.interrupt.take_halt() {
             self.wanted = Some(Command::Stop);

@@ -80,6 +80,8 @@ pub enum LoadError {
     },
     /// L011: a data block number that cannot be.
     DbNumber(u16),
+    /// L012: a data block that is to be retentive is not loaded.
+    Retentive(u16),
 }
 
 impl LoadError {
@@ -98,6 +100,7 @@ impl LoadError {
             LoadError::Code { .. } => 9,
             LoadError::Memory { .. } => 10,
             LoadError::DbNumber(_) => 11,
+            LoadError::Retentive(_) => 12,
         }
     }
 }
@@ -129,6 +132,7 @@ impl fmt::Display for LoadError {
             }
             LoadError::Code { site, reason } => write!(f, "{site}: {reason}"),
             LoadError::Memory { bytes } => write!(f, "the program needs {bytes} bytes of memory; at most 256 MiB"),
+            LoadError::Retentive(number) => write!(f, "DB {number} is to be retentive, but is not loaded"),
             LoadError::DbNumber(number) => write!(f, "there can be no DB {number}; numbers begin at 1"),
         }
     }

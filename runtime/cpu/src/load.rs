@@ -12,6 +12,7 @@ use crate::machine::{Blocks, Interrupt, Machine, Watchdog};
 use crate::native::Native;
 use crate::ob_statistics::ObRecords;
 use crate::port::AccessPort;
+use crate::retentive::Keep;
 use crate::timers::{Counter, Timer};
 use crate::{
     Cpu, CpuConfig, DiagBuffer, LoadError, Memory, Module, ModuleSlot, Modules, NativeBlock, ObInfo, Statistics,
@@ -79,6 +80,7 @@ impl Cpu {
             }
         }
         let memory = Memory::new(&config, &program.data, &constants.bytes).map_err(|error| vec![error])?;
+        let keep = Keep::new(&config, program, &memory, &mut errors);
         let lowering = Lowering {
             config: &config,
             memory: &memory,
@@ -129,6 +131,8 @@ impl Cpu {
             interrupts: Interrupts::new(&config.cyclic, |ob| blocks.ob(ob).is_some()),
             obs: ObRecords::new(obs.into_iter()),
             cycle_start: 0,
+            stopped_at: 0,
+            keep,
             native_caller: None,
             config,
         };
@@ -149,6 +153,7 @@ fn check_config(config: &CpuConfig, errors: &mut Vec<LoadError>) {
     check("counters", u64::from(config.counters), 2048);
     check("local_bytes", u64::from(config.local_bytes), 1 << 20);
     check("nesting_depth", u64::from(config.nesting_depth), 64);
+    check("db_pool_bytes", u64::from(config.db_pool_bytes), 64 << 20);
     check("port_capacity", config.port_capacity as u64, 65_536);
     if let Some(byte) = config.clock_memory {
         check("clock_memory", u64::from(byte), u64::from(config.memory_bytes).saturating_sub(1));

@@ -10,6 +10,7 @@ use crate::engine::{Callee, Engine, Entry, Frame, Signatures};
 use crate::interrupts::Interrupts;
 use crate::log::{LogLine, LogWriter};
 use crate::ob_statistics::ObRecords;
+use crate::retentive::Keep;
 use crate::timers::{Counter, Timer};
 use crate::{
     Abort, Clock, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, Nanos, ObInfo, ShortText, Statistics,
@@ -103,6 +104,10 @@ pub(crate) struct Machine {
     pub(crate) obs: ObRecords,
     /// When the running cycle began.
     pub(crate) cycle_start: Nanos,
+    /// When it went to STOP.
+    pub(crate) stopped_at: Nanos,
+    /// What is retentive.
+    pub(crate) keep: Keep,
     /// Who called the native block that runs.
     pub(crate) native_caller: Option<Caller>,
 }

@@ -6,6 +6,7 @@
 use ob1_ir::DataBlock;
 use ob1_model::cells;
 
+use crate::db_pool::{MADE, Made};
 use crate::{CpuConfig, LoadError};
 
 /// Bytes for operands that calls copy in and out, for all nested calls together.
@@ -63,13 +64,20 @@ pub(crate) struct Memory {
     pub(crate) local: Range,
     pub(crate) scratch: Range,
     pub(crate) constants: Range,
-    /// Data blocks in ascending order of their numbers.
-    dbs: Box<[Db]>,
+    /// Data blocks: those of the program in ascending order of their numbers, then places for those it makes itself.
+    pub(crate) dbs: Box<[Db]>,
+    pub(crate) program_dbs: usize,
     /// Number to index in `dbs`, +1; 0: not loaded.
-    by_number: Box<[u16]>,
+    pub(crate) by_number: Box<[u16]>,
+    /// Room for data blocks the program makes itself, see [`crate::db_pool`].
+    pub(crate) pool: Range,
+    pub(crate) made: Box<[Made]>,
+    /// One of them has been deleted in this scan.
+    pub(crate) freed: bool,
     /// Load values of all data blocks, for a cold restart.
     load_values: Box<[u8]>,
-    all_dbs: Range,
+    /// All data blocks of the program.
+    pub(crate) all_dbs: Range,
 }
 
 impl Memory {
@@ -92,10 +100,14 @@ impl Memory {
         let mut sorted: Vec<&DataBlock> = data.iter().collect();
         sorted.sort_by_key(|db| db.number);
         let need = first_db as usize + sorted.iter().map(|db| db.bytes.len().next_multiple_of(8)).sum::<usize>();
-        if need + TAIL > MAX_BYTES {
-            return Err(LoadError::Memory { bytes: need });
+        let pool_len = config.db_pool_bytes.next_multiple_of(8);
+        let whole = need + pool_len as usize;
+        if whole + TAIL > MAX_BYTES {
+            return Err(LoadError::Memory { bytes: whole });
         }
-        let mut by_number = vec![0u16; sorted.last().map_or(0, |db| usize::from(db.number)) + 1];
+        let last =
+            if pool_len > 0 { usize::from(u16::MAX) } else { sorted.last().map_or(0, |db| usize::from(db.number)) };
+        let mut by_number = vec![0u16; last + 1];
         let mut dbs = Vec::with_capacity(sorted.len());
         let mut load_values = Vec::with_capacity(need - first_db as usize);
         for block in sorted {
@@ -106,7 +118,10 @@ impl Memory {
             load_values.extend_from_slice(&block.bytes);
             load_values.resize(load_values.len().next_multiple_of(8), 0);
         }
-        let mut bytes = vec![0u8; need + TAIL].into_boxed_slice();
+        let program_dbs = dbs.len();
+        let made = if pool_len > 0 { MADE } else { 0 };
+        dbs.resize(program_dbs + made, Db::default());
+        let mut bytes = vec![0u8; whole + TAIL].into_boxed_slice();
         bytes[constants_range.bytes()].copy_from_slice(constants);
         let all_dbs = Range { at: first_db, len: u32::try_from(load_values.len()).unwrap_or(0) };
         bytes[all_dbs.bytes()].copy_from_slice(&load_values);
@@ -119,6 +134,10 @@ impl Memory {
             scratch,
             constants: constants_range,
             dbs: dbs.into_boxed_slice(),
+            program_dbs,
+            pool: Range { at: need as u32, len: pool_len },
+            made: vec![Made::default(); made].into_boxed_slice(),
+            freed: false,
             by_number: by_number.into_boxed_slice(),
             load_values: load_values.into_boxed_slice(),
             all_dbs,
@@ -140,10 +159,16 @@ impl Memory {
         &mut self.bytes[range.bytes()]
     }
 
-    /// Clears both process images, bit memory and local data.
-    pub(crate) fn clear_areas(&mut self) {
-        let end = self.scratch.end() as usize;
-        self.bytes[..end].fill(0);
+    /// Clears both process images, bit memory but for `keep` (ascending), and local data.
+    pub(crate) fn clear_areas(&mut self, keep: &[Range]) {
+        let (inputs, outputs) = (self.inputs, self.outputs);
+        self.slice_mut(inputs).fill(0);
+        self.slice_mut(outputs).fill(0);
+        for gap in gaps(self.memory, keep) {
+            self.bytes[gap.bytes()].fill(0);
+        }
+        let (from, to) = (self.local.at as usize, self.scratch.end() as usize);
+        self.bytes[from..to].fill(0);
     }
 
     /// Bytes [`Memory::snapshot_into`] copies.
@@ -163,9 +188,21 @@ impl Memory {
         true
     }
 
-    /// Gives every data block its load values.
-    pub(crate) fn reload_dbs(&mut self) {
-        self.bytes[self.all_dbs.bytes()].copy_from_slice(&self.load_values);
+    /// Gives the data blocks of the program their load values but for `keep` (ascending).
+    pub(crate) fn reload_dbs(&mut self, keep: &[Range]) {
+        let all = self.all_dbs;
+        for gap in gaps(all, keep) {
+            let from = (gap.at - all.at) as usize;
+            self.bytes[gap.bytes()].copy_from_slice(&self.load_values[from..from + gap.len as usize]);
+        }
+    }
+
+    /// The load values of a data block of the program.
+    pub(crate) fn load_values_mut(&mut self, number: u16) -> Option<&mut [u8]> {
+        let index = usize::from(*self.by_number.get(usize::from(number))?).checked_sub(1)?;
+        let db = self.dbs[..self.program_dbs].get(index)?;
+        let at = (db.at - self.all_dbs.at) as usize;
+        self.load_values.get_mut(at..at + db.len as usize)
     }
 
     /// Reads 1, 8, 16 or 32 bits at a bit address of the arena; 0 outside.
@@ -203,6 +240,13 @@ impl Memory {
     }
 }
 
+/// The parts of `all` that lie outside `keep`, which is in ascending order.
+fn gaps(all: Range, keep: &[Range]) -> impl Iterator<Item = Range> {
+    let starts = std::iter::once(all.at).chain(keep.iter().map(|range| range.end()));
+    let ends = keep.iter().map(|range| range.at).chain(std::iter::once(all.end()));
+    starts.zip(ends).map(|(at, end)| Range { at, len: end.saturating_sub(at) })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -226,7 +270,7 @@ mod tests {
         assert_eq!(memory.db(60_000), None);
         assert_eq!(memory.slice(memory.constants), [0xAA, 0xBB]);
         memory.write_bits(d3.at * 8, 32, 0);
-        memory.reload_dbs();
+        memory.reload_dbs(&[]);
         assert_eq!(memory.read_bits(d3.at * 8, 32), 0x0909_0909);
     }
 

@@ -79,14 +79,17 @@ impl Cpu {
         }
     }
 
-    /// Process images, bit memory, timers and counters to 0; data blocks to their load values on `cold`.
+    /// Everything that is not retentive becomes as after loading; on `cold` the rest too.
     fn clear(&mut self, cold: bool) {
         let m = &mut self.machine;
-        m.memory.clear_areas();
-        m.timers.fill(Timer::default());
-        m.counters.fill(Counter::default());
         if cold {
-            m.memory.reload_dbs();
+            m.memory.clear_areas(&[]);
+            m.memory.reload_dbs(&[]);
+            m.memory.delete_made();
+            m.timers.fill(Timer::default());
+            m.counters.fill(Counter::default());
+        } else {
+            m.keep.clear_rest(&mut m.memory, &mut m.timers, &mut m.counters);
         }
         for native in &self.blocks.natives {
             native.block.reset();
@@ -118,6 +121,11 @@ impl Cpu {
             self.clear(kind == Start::Cold);
         }
         self.unwind();
+        // Time stood still for the timers that are left.
+        let m = &mut self.machine;
+        let stood = m.now.saturating_sub(m.stopped_at);
+        m.timers.iter_mut().for_each(|timer| timer.shift(stood));
+        m.stopped_at = m.now;
         self.state = OperatingState::Startup;
         self.diagnose(Event::STARTUP, 0, kind.text());
         self.machine.modules.cpu_state(true);
@@ -158,6 +166,7 @@ impl Cpu {
         self.stop_event = self.machine.diag.get(0).map_or(0, |entry| entry.event.0);
         let m = &mut self.machine;
         m.stopping = false;
+        m.stopped_at = m.now;
         m.interrupts.stop();
         m.watchdog = Watchdog::default();
         let outputs = m.memory.outputs;

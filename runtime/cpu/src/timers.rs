@@ -8,6 +8,10 @@ use crate::{Nanos, TimerState};
 
 const NANOS_PER_MS: u64 = 1_000_000;
 
+/// The kinds in the order of their numbers in an image.
+const KINDS: [TimerKind; 5] =
+    [TimerKind::Pulse, TimerKind::ExtendedPulse, TimerKind::OnDelay, TimerKind::RetentiveOnDelay, TimerKind::OffDelay];
+
 /// One timer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Timer {
@@ -157,6 +161,49 @@ impl Timer {
         self.base << 12 | to_bcd(self.remaining(now))
     }
 
+    /// Bytes of an image.
+    pub(crate) const IMAGE: usize = 16;
+
+    /// Time has stood still for so long.
+    pub(crate) fn shift(&mut self, by: Nanos) {
+        if self.running {
+            self.end = self.end.saturating_add(by);
+        }
+    }
+
+    /// What is kept over a power cycle: kind, flags, base, and the time that is left.
+    pub(crate) fn image(&self, now: Nanos) -> [u8; Self::IMAGE] {
+        let mut image = [0; Self::IMAGE];
+        let kind = KINDS.iter().position(|kind| *kind == self.kind).unwrap_or(0);
+        let flags = [self.running, self.start_rlo, self.enable_rlo, self.latched];
+        let bits = flags.into_iter().rev().fold(0, |bits, flag| bits << 1 | u8::from(flag));
+        image[..3].copy_from_slice(&[kind as u8, bits, self.base as u8]);
+        image[4..6].copy_from_slice(&self.rest.to_le_bytes());
+        image[8..].copy_from_slice(&self.end.saturating_sub(now).to_le_bytes());
+        image
+    }
+
+    /// The timer of an image; `None` when it is none.
+    pub(crate) fn from_image(image: &[u8], now: Nanos) -> Option<Self> {
+        let [kind, bits, base, _, low, high, _, _, left @ ..] = image else { return None };
+        let flag = |n: u8| bits >> n & 1 == 1;
+        let rest = u16::from_le_bytes([*low, *high]);
+        if *bits > 0b1111 || *base > 3 || rest > 999 {
+            return None;
+        }
+        let left = u64::from_le_bytes(left.try_into().ok()?);
+        Some(Self {
+            kind: *KINDS.get(usize::from(*kind))?,
+            running: flag(0),
+            start_rlo: flag(1),
+            enable_rlo: flag(2),
+            latched: flag(3),
+            base: u16::from(*base),
+            rest,
+            end: now.checked_add(left)?,
+        })
+    }
+
     pub(crate) fn state(&self, now: Nanos) -> TimerState {
         TimerState { output: self.output(now), running: self.runs(now), remaining: self.remaining_bcd(now) }
     }
@@ -209,6 +256,30 @@ impl Counter {
             (self.up_rlo, self.down_rlo, self.set_rlo) = (false, false, false);
         }
         self.enable_rlo = rlo;
+    }
+
+    /// Bytes of an image.
+    pub(crate) const IMAGE: usize = 4;
+
+    /// What is kept over a power cycle.
+    pub(crate) fn image(self) -> [u8; Self::IMAGE] {
+        let [low, high] = self.value.to_le_bytes();
+        let flags = [self.up_rlo, self.down_rlo, self.set_rlo, self.enable_rlo];
+        [low, high, flags.into_iter().rev().fold(0, |bits, flag| bits << 1 | u8::from(flag)), 0]
+    }
+
+    /// The counter of an image; `None` when it is none.
+    pub(crate) fn from_image(image: &[u8]) -> Option<Self> {
+        let [low, high, bits, 0] = *image else { return None };
+        let value = u16::from_le_bytes([low, high]);
+        let flag = |n: u8| bits >> n & 1 == 1;
+        (value <= Self::MAX && bits <= 0b1111).then(|| Self {
+            value,
+            up_rlo: flag(0),
+            down_rlo: flag(1),
+            set_rlo: flag(2),
+            enable_rlo: flag(3),
+        })
     }
 
     /// `LC Z n`.

@@ -1,0 +1,367 @@
+//! Retentive memory: what a warm restart keeps, and its image for a power cycle.
+//!
+//! The image is one contiguous piece, all numbers little-endian: magic, version, length, number of data blocks made by the program; then
+//! what has to be the same when it is restored (checksum of the declarations, the ranges); then the made data blocks, the contents,
+//! and a checksum over everything before. Keeping it on a disk is the caller's business.
+
+use ob1_ir::Program;
+use ob1_model::BlockKind;
+
+use crate::memory::{Memory, Range};
+use crate::timers::{Counter, Timer};
+use crate::{Cpu, CpuConfig, LoadError, OperatingState};
+
+const MAGIC: [u8; 8] = *b"ob1 keep";
+const VERSION: u32 = 1;
+/// Magic, version, length, made data blocks.
+const HEAD: usize = 20;
+const CHECKSUM: usize = 8;
+
+/// What keeps its value over a warm restart and a power cycle. The default is no bit memory, timers or counters, and all data blocks.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Retentive {
+    /// Bytes of bit memory.
+    pub memory: Vec<std::ops::Range<u32>>,
+    /// Timers. A running one goes on with the time that was left.
+    pub timers: Vec<std::ops::Range<u16>>,
+    /// Counters.
+    pub counters: Vec<std::ops::Range<u16>>,
+    /// Data blocks.
+    pub data: RetentiveData,
+}
+
+/// Which data blocks are retentive.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum RetentiveData {
+    /// All, those the program makes itself too.
+    #[default]
+    All,
+    /// These. The others get their load values at a warm restart.
+    Only(Vec<DataRange>),
+}
+
+/// A data block, or bytes of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DataRange {
+    /// The data block.
+    pub db: u16,
+    /// Bytes of it; `None`: all.
+    pub bytes: Option<std::ops::Range<u32>>,
+}
+
+/// Why an image is not restored. Nothing has been changed then.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Why {
+    /// Not such an image at all.
+    NoImage,
+    /// Written by another version of this software.
+    Version(u32),
+    /// Cut off or changed.
+    Damaged,
+    /// Data blocks or function blocks are declared differently: the bytes would mean something else.
+    OtherProgram,
+    /// Other ranges are retentive now.
+    OtherRanges,
+    /// The data blocks the program had made find no room.
+    NoRoom,
+    /// The CPU is not in STOP.
+    NotInStop,
+}
+
+impl std::fmt::Display for Why {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Why::NoImage => f.write_str("this is no image of retentive memory"),
+            Why::Version(v) => write!(f, "the image has version {v}; this software reads version {VERSION}"),
+            Why::Damaged => f.write_str("the image is cut off or damaged"),
+            Why::OtherProgram => f.write_str("the image belongs to a program with other data blocks"),
+            Why::OtherRanges => f.write_str("the image was made with other retentive ranges"),
+            Why::NoRoom => f.write_str("the data blocks made by the program find no room"),
+            Why::NotInStop => f.write_str("the CPU is not in STOP"),
+        }
+    }
+}
+
+impl std::error::Error for Why {}
+
+/// The ranges, found in the arena.
+#[derive(Debug, Default)]
+pub(crate) struct Keep {
+    pub(crate) memory: Vec<Range>,
+    timers: Vec<std::ops::Range<usize>>,
+    counters: Vec<std::ops::Range<usize>>,
+    pub(crate) data: Vec<Range>,
+    made: bool,
+    /// The part of the header that has to be the same.
+    same: Vec<u8>,
+}
+
+impl Keep {
+    pub(crate) fn new(config: &CpuConfig, program: &Program, memory: &Memory, errors: &mut Vec<LoadError>) -> Self {
+        let r = &config.retentive;
+        let mut keep = Self::default();
+        for range in &r.memory {
+            let found = inside(range.start, range.end, config.memory_bytes, "retentive.memory", errors);
+            keep.memory.extend(found.map(|len| Range { at: memory.memory.at + range.start, len }));
+        }
+        for (ranges, all, field, to) in [
+            (&r.timers, config.timers, "retentive.timers", &mut keep.timers),
+            (&r.counters, config.counters, "retentive.counters", &mut keep.counters),
+        ] {
+            for range in ranges {
+                if inside(range.start.into(), range.end.into(), all.into(), field, errors).is_some() {
+                    to.push(usize::from(range.start)..usize::from(range.end));
+                }
+            }
+        }
+        match &r.data {
+            RetentiveData::All => {
+                keep.made = true;
+                keep.data.push(memory.all_dbs);
+            }
+            RetentiveData::Only(list) => {
+                for part in list {
+                    let Some(db) = memory.db(part.db) else {
+                        errors.push(LoadError::Retentive(part.db));
+                        continue;
+                    };
+                    let bytes = part.bytes.clone().unwrap_or(0..db.len);
+                    let found = inside(bytes.start, bytes.end, db.len, "retentive.data", errors);
+                    keep.data.extend(found.map(|len| Range { at: db.at + bytes.start, len }));
+                }
+            }
+        }
+        keep.memory.sort_unstable_by_key(|range| range.at);
+        keep.data.sort_unstable_by_key(|range| range.at);
+        let mut same = declarations(program).to_le_bytes().to_vec();
+        let numbers = |list: &[std::ops::Range<usize>]| -> Vec<Range> {
+            list.iter().map(|r| Range { at: r.start as u32, len: r.len() as u32 }).collect()
+        };
+        for list in [&keep.memory, &keep.data, &numbers(&keep.timers), &numbers(&keep.counters)] {
+            same.extend_from_slice(&(list.len() as u32).to_le_bytes());
+            for range in list {
+                same.extend_from_slice(&range.at.to_le_bytes());
+                same.extend_from_slice(&range.len.to_le_bytes());
+            }
+        }
+        keep.same = same;
+        keep
+    }
+
+    /// Everything else becomes as after loading.
+    pub(crate) fn clear_rest(&self, memory: &mut Memory, timers: &mut [Timer], counters: &mut [Counter]) {
+        memory.clear_areas(&self.memory);
+        memory.reload_dbs(&self.data);
+        clear_gaps(timers, &self.timers);
+        clear_gaps(counters, &self.counters);
+    }
+}
+
+fn inside(start: u32, end: u32, all: u32, field: &'static str, errors: &mut Vec<LoadError>) -> Option<u32> {
+    if start <= end && end <= all {
+        return Some(end - start);
+    }
+    errors.push(LoadError::Config { field, value: start.max(end).into(), max: all.into() });
+    None
+}
+
+fn clear_gaps<T: Default>(list: &mut [T], keep: &[std::ops::Range<usize>]) {
+    for (i, item) in list.iter_mut().enumerate() {
+        if !keep.iter().any(|range| range.contains(&i)) {
+            *item = T::default();
+        }
+    }
+}
+
+/// What gives the retained bytes their meaning: the declarations of data blocks and function blocks. Statements are not part of it, so
+/// that a program keeps its data when a statement changes.
+fn declarations(program: &Program) -> u64 {
+    use std::fmt::Write;
+    let mut hash = Hash::default();
+    // Writing into the hash cannot fail.
+    for db in &program.data {
+        let _ = write!(hash, "{} {:?} {} {:?};", db.number, db.kind, db.bytes.len(), db.components);
+    }
+    for fb in program.blocks.iter().filter(|block| block.id.kind == BlockKind::Fb) {
+        let _ = write!(hash, "{} {:?};", fb.id, fb.interface);
+    }
+    hash.0
+}
+
+/// FNV-1a over words of eight bytes.
+struct Hash(u64);
+
+impl Default for Hash {
+    fn default() -> Self {
+        Self(0xCBF2_9CE4_8422_2325)
+    }
+}
+
+impl Hash {
+    fn add(&mut self, bytes: &[u8]) {
+        for chunk in bytes.chunks(8) {
+            let mut word = [0; 8];
+            word[..chunk.len()].copy_from_slice(chunk);
+            self.0 = (self.0 ^ u64::from_le_bytes(word)).wrapping_mul(0x0100_0000_01B3).rotate_left(29);
+        }
+        self.0 = (self.0 ^ bytes.len() as u64).wrapping_mul(0x0100_0000_01B3);
+    }
+}
+
+impl std::fmt::Write for Hash {
+    fn write_str(&mut self, text: &str) -> std::fmt::Result {
+        self.add(text.as_bytes());
+        Ok(())
+    }
+}
+
+fn checksum(bytes: &[u8]) -> [u8; CHECKSUM] {
+    let mut hash = Hash::default();
+    hash.add(bytes);
+    hash.0.to_le_bytes()
+}
+
+/// Takes the image apart.
+struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    fn take(&mut self, len: usize) -> Result<&'a [u8], Why> {
+        let (head, rest) = self.0.split_at_checked(len).ok_or(Why::Damaged)?;
+        self.0 = rest;
+        Ok(head)
+    }
+
+    fn u32(&mut self) -> Result<u32, Why> {
+        self.take(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+    }
+}
+
+impl Cpu {
+    /// Bytes of the image of retentive memory now. More only when the program makes data blocks.
+    #[must_use]
+    pub fn retentive_len(&self) -> usize {
+        let keep = &self.machine.keep;
+        let made: usize =
+            if keep.made { self.machine.memory.made_dbs().map(|db| 12 + db.len as usize).sum() } else { 0 };
+        let ranges: usize = keep.memory.iter().chain(&keep.data).map(|r| r.len as usize).sum();
+        let timers: usize = keep.timers.iter().map(|r| r.len() * Timer::IMAGE).sum();
+        let counters: usize = keep.counters.iter().map(|r| r.len() * Counter::IMAGE).sum();
+        HEAD + keep.same.len() + made + ranges + timers + counters + CHECKSUM
+    }
+
+    /// Replaces what `into` holds by the image of retentive memory as it is between two cycles. Allocates only when `into` has no room
+    /// for [`Cpu::retentive_len`] bytes.
+    pub fn retentive_image(&self, into: &mut Vec<u8>) {
+        let m = &self.machine;
+        let len = self.retentive_len();
+        into.clear();
+        into.reserve(len);
+        let made = || m.memory.made_dbs().filter(|_| m.keep.made);
+        into.extend_from_slice(&MAGIC);
+        for number in [VERSION, len as u32, made().count() as u32] {
+            into.extend_from_slice(&number.to_le_bytes());
+        }
+        into.extend_from_slice(&m.keep.same);
+        for db in made() {
+            for number in [u32::from(db.number), db.len, u32::from(db.writable == 0)] {
+                into.extend_from_slice(&number.to_le_bytes());
+            }
+        }
+        for range in m.keep.memory.iter().chain(&m.keep.data) {
+            into.extend_from_slice(m.memory.slice(*range));
+        }
+        for timer in m.keep.timers.iter().flat_map(|r| &m.timers[r.clone()]) {
+            // Time stands still in STOP.
+            let now = if self.state == OperatingState::Stop { m.stopped_at } else { m.now };
+            into.extend_from_slice(&timer.image(now));
+        }
+        for counter in m.keep.counters.iter().flat_map(|r| &m.counters[r.clone()]) {
+            into.extend_from_slice(&counter.image());
+        }
+        for db in made() {
+            into.extend_from_slice(m.memory.slice(Range { at: db.at, len: db.len }));
+        }
+        let sum = checksum(into);
+        into.extend_from_slice(&sum);
+    }
+
+    /// Puts an image back, in STOP; the next warm or hot restart keeps it.
+    ///
+    /// # Errors
+    /// Why not; nothing has been changed then.
+    pub fn restore_retentive(&mut self, image: &[u8]) -> Result<(), Why> {
+        if self.state != OperatingState::Stop {
+            return Err(Why::NotInStop);
+        }
+        let mut reader = Reader(image);
+        if reader.take(MAGIC.len()).map_err(|_| Why::NoImage)? != MAGIC {
+            return Err(Why::NoImage);
+        }
+        let version = reader.u32()?;
+        if version != VERSION {
+            return Err(Why::Version(version));
+        }
+        let (len, made) = (reader.u32()?, reader.u32()?);
+        let end = image.len().checked_sub(CHECKSUM).ok_or(Why::Damaged)?;
+        if len as usize != image.len() || image[end..] != checksum(&image[..end]) {
+            return Err(Why::Damaged);
+        }
+        let m = &mut self.machine;
+        let same = reader.take(m.keep.same.len()).map_err(|_| Why::OtherRanges)?;
+        if same[..CHECKSUM] != m.keep.same[..CHECKSUM] {
+            return Err(Why::OtherProgram);
+        }
+        if same != m.keep.same {
+            return Err(Why::OtherRanges);
+        }
+        let blocks = reader.take(made as usize * 12)?;
+        let ranges: usize = m.keep.memory.iter().chain(&m.keep.data).map(|r| r.len as usize).sum();
+        let contents = reader.take(ranges)?;
+        let timers: usize = m.keep.timers.iter().map(std::ops::Range::len).sum();
+        let counters: usize = m.keep.counters.iter().map(std::ops::Range::len).sum();
+        let timers = reader.take(timers * Timer::IMAGE)?;
+        let counters = reader.take(counters * Counter::IMAGE)?;
+        let timers: Vec<Timer> = timers
+            .chunks_exact(Timer::IMAGE)
+            .map(|b| Timer::from_image(b, m.now).ok_or(Why::Damaged))
+            .collect::<Result<_, _>>()?;
+        let counters: Vec<Counter> = counters
+            .chunks_exact(Counter::IMAGE)
+            .map(|b| Counter::from_image(b).ok_or(Why::Damaged))
+            .collect::<Result<_, _>>()?;
+
+        m.memory.delete_made();
+        if let Err(why) = make(&mut m.memory, blocks, &mut reader) {
+            m.memory.delete_made();
+            return Err(why);
+        }
+        let mut contents = Reader(contents);
+        for range in m.keep.memory.iter().chain(&m.keep.data) {
+            m.memory.bytes[range.bytes()].copy_from_slice(contents.take(range.len as usize)?);
+        }
+        let (mut timers, mut counters) = (timers.into_iter(), counters.into_iter());
+        m.keep.timers.iter().for_each(|r| m.timers[r.clone()].iter_mut().zip(&mut timers).for_each(|(t, n)| *t = n));
+        m.keep
+            .counters
+            .iter()
+            .for_each(|r| m.counters[r.clone()].iter_mut().zip(&mut counters).for_each(|(t, n)| *t = n));
+        m.stopped_at = m.now;
+        self.has_run = true;
+        Ok(())
+    }
+}
+
+/// Makes the data blocks the program had made.
+fn make(memory: &mut Memory, blocks: &[u8], contents: &mut Reader<'_>) -> Result<(), Why> {
+    let mut blocks = Reader(blocks);
+    while !blocks.0.is_empty() {
+        let (number, len, read_only) = (blocks.u32()?, blocks.u32()?, blocks.u32()?);
+        let number = u16::try_from(number).map_err(|_| Why::Damaged)?;
+        let bytes = contents.take(len as usize)?;
+        let number = memory.make_db(number, number, len, read_only != 0).map_err(|_| Why::NoRoom)?;
+        if let Some(db) = memory.db(number) {
+            memory.slice_mut(Range { at: db.at, len }).copy_from_slice(bytes);
+        }
+    }
+    Ok(())
+}
