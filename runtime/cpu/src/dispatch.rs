@@ -2,6 +2,7 @@
 
 use crate::events::Late;
 use crate::interrupts::{Hardware, Passed, Request, SLOTS, ob_of, priority_of};
+use crate::services::period_word;
 use crate::{Abort, Context, Nanos, ObInfo};
 
 impl Context<'_> {
@@ -9,6 +10,12 @@ impl Context<'_> {
     #[cold]
     pub(crate) fn interrupt(&mut self) -> Result<bool, Abort> {
         self.collect()?;
+        let machine = &mut *self.machine;
+        if machine.services.locks.is_delayed() {
+            return Ok(false);
+        }
+        let locks = machine.services.locks;
+        machine.interrupts.cancel(|ob| locks.is_disabled(ob));
         let Some(request) = self.machine.interrupts.take(self.machine.ob.priority) else { return Ok(false) };
         self.run_interrupt(&request)?;
         Ok(true)
@@ -20,8 +27,14 @@ impl Context<'_> {
         if passed == Passed::default() {
             return Ok(());
         }
+        if passed.elapsed != 0 {
+            self.machine.elapsed(passed.elapsed);
+        }
         for slot in 0..SLOTS {
             let bit = 1 << slot;
+            if self.machine.services.locks.is_disabled(ob_of(slot)) {
+                continue;
+            }
             if passed.waiting & bit != 0 {
                 self.request_error(slot, Late::Waiting)?;
             }
@@ -56,7 +69,13 @@ impl Context<'_> {
         let start = |id| self.start_info(0x11, id, priority_of(ob), ob as u8);
         let interrupts = &self.machine.interrupts;
         match ob {
-            10..=17 => start(0x11 + (ob - 10) as u8),
+            10..=17 => {
+                let mut start = start(0x11 + (ob - 10) as u8);
+                let set = self.machine.services.time_of_day[slot].set;
+                let period = set.map_or(0, |(_, period)| period_word(period));
+                start[6..8].copy_from_slice(&period.to_be_bytes());
+                start
+            }
             20..=23 => {
                 let mut start = start(0x21 + (ob - 20) as u8);
                 let delay = interrupts.delays[usize::from(ob - 20)];

@@ -77,6 +77,9 @@ impl Context<'_> {
     }
 
     fn time_error(&mut self, id: u8, info: u16, event: [u8; 2], ob: [u8; 2], stop: &str) -> Result<(), Abort> {
+        if self.disabled(80) {
+            return Ok(());
+        }
         let Some(callee) = self.blocks.ob(80) else {
             self.stop(Event::STOP_TIME_ERROR, u32::from(info), stop);
             return Err(Abort);
@@ -91,6 +94,9 @@ impl Context<'_> {
     /// A programming or access error: its OB, or STOP. `Ok`: the program goes on with the next statement.
     #[cold]
     pub(crate) fn fault(&mut self, fault: Fault, site: Option<Site>, accus: [u32; 2]) -> Result<(), Abort> {
+        if self.machine.services.filter.absorbs(fault.kind) {
+            return Ok(());
+        }
         let number = fault.kind.ob();
         let callee = self.blocks.ob(number);
         let nested = self.machine.ob.number == number;
@@ -125,7 +131,7 @@ impl Context<'_> {
 
     /// OB 82, when it is loaded, for the module at `address` with the first four bytes of its diagnostic data.
     pub(crate) fn diagnostic_interrupt(&mut self, address: u32, data: [u8; 4]) -> Result<(), Abort> {
-        let Some(callee) = self.blocks.ob(82) else { return Ok(()) };
+        let Some(callee) = self.blocks.ob(82).filter(|_| !self.disabled(82)) else { return Ok(()) };
         // Bit 0 of the first byte says that something is wrong with the module: the event comes; else it goes.
         let class = if data[0] & 1 == 1 { 0x39 } else { 0x38 };
         let mut start = self.start_info(class, 0x42, ASYNCHRONOUS, 82);
@@ -139,7 +145,7 @@ impl Context<'_> {
     ///
     /// A lost driver is no reason for STOP here, unlike on the hardware: it is started again, and the scan goes on meanwhile.
     pub(crate) fn station(&mut self, address: u32, index: usize, lost: bool) -> Result<(), Abort> {
-        let Some(callee) = self.blocks.ob(86) else { return Ok(()) };
+        let Some(callee) = self.blocks.ob(86).filter(|_| !self.disabled(86)) else { return Ok(()) };
         let mut start = self.start_info(if lost { 0x39 } else { 0x38 }, 0xC4, ASYNCHRONOUS, 86);
         start[6..8].copy_from_slice(&(address as u16).to_be_bytes());
         // OB86_Z23 of error C4h: the logical base address, then master system and station number.
@@ -190,7 +196,15 @@ impl Context<'_> {
         self.sequence_error(start, "no OB 85")
     }
 
+    /// The program has locked the events of this OB (SFC 39).
+    fn disabled(&self, ob: u16) -> bool {
+        self.machine.services.locks.is_disabled(ob)
+    }
+
     fn sequence_error(&mut self, start: [u8; 20], stop: &str) -> Result<(), Abort> {
+        if self.disabled(85) {
+            return Ok(());
+        }
         let Some(callee) = self.blocks.ob(85) else {
             self.stop(STOP_SEQUENCE_ERROR, u32::from(start[1]), stop);
             return Err(Abort);

@@ -98,8 +98,8 @@ pub(crate) struct Passed {
     pub(crate) running: u32,
     /// Due while a request was waiting already.
     pub(crate) waiting: u32,
-    /// Time-of-day interrupts whose next time is wanted.
-    pub(crate) time_of_day: u32,
+    /// Time-of-day and time-delay interrupts whose time has come.
+    pub(crate) elapsed: u32,
 }
 
 /// All interrupts.
@@ -181,6 +181,11 @@ impl Interrupts {
         self.settle();
     }
 
+    /// Its time has come, and nobody has looked yet.
+    pub(crate) fn is_due(&self, slot: usize, now: Nanos) -> bool {
+        self.due[slot] <= now
+    }
+
     fn settle(&mut self) {
         self.next_due = if self.active { self.due.iter().copied().min().unwrap_or(NEVER) } else { NEVER };
     }
@@ -218,7 +223,7 @@ impl Interrupts {
                 keep = c.missed == Missed::CatchUp;
             } else {
                 self.due[slot] = NEVER;
-                passed.time_of_day |= if slot < DELAY { bit } else { 0 };
+                passed.elapsed |= bit;
             }
             if (self.pending | self.running) & bit != 0 {
                 self.overruns[slot] += 1;
@@ -280,6 +285,24 @@ impl Interrupts {
         self.running |= 1 << slot;
         let due = self.asked.get(slot).copied().unwrap_or(hardware.at);
         Some(Request { slot, due, hardware })
+    }
+
+    /// Requests of these slots are lost: their OBs are locked.
+    pub(crate) fn cancel(&mut self, locked: impl Fn(u16) -> bool) {
+        for slot in 0..SLOTS {
+            if self.pending & 1 << slot == 0 || !locked(ob_of(slot)) {
+                continue;
+            }
+            self.pending &= !(1 << slot);
+            let mut kept = 0;
+            for i in 0..self.queued {
+                if usize::from(self.queue[i].slot) != slot {
+                    self.queue[kept] = self.queue[i];
+                    kept += 1;
+                }
+            }
+            self.queued = kept;
+        }
     }
 
     /// The OB of this slot has ended.

@@ -28,6 +28,7 @@ mod port;
 mod ports;
 mod process_io;
 mod retentive;
+mod services;
 mod settings;
 mod startup;
 mod statistics;
@@ -47,6 +48,7 @@ pub use port::{AccessClient, Answer, Ask, Cell, CellWidth, PortError, Request, R
 pub use ports::*;
 pub use process_io::{IoBacking, IoKind, IoModule, Stimulus, StimulusOutside, StimulusStep, StimulusValue};
 pub use retentive::{DataRange, Retentive, RetentiveData, Why};
+pub use services::{SERVICES, Services};
 pub use settings::{CyclicInterrupt, Family, Missed};
 pub use statistics::{Distribution, ScanStatistics};
 pub use system::{standard_block, system_blocks};

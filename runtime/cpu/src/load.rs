@@ -13,6 +13,7 @@ use crate::native::Native;
 use crate::ob_statistics::ObRecords;
 use crate::port::AccessPort;
 use crate::retentive::Keep;
+use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::{
     Cpu, CpuConfig, DiagBuffer, LoadError, Memory, Module, ModuleSlot, Modules, NativeBlock, ObInfo, Statistics,
@@ -130,6 +131,7 @@ impl Cpu {
             inside: 0,
             interrupts: Interrupts::new(&config.cyclic, |ob| blocks.ob(ob).is_some()),
             obs: ObRecords::new(obs.into_iter()),
+            services: ServiceState::new(|ob| blocks.ob(ob).is_some()),
             cycle_start: 0,
             stopped_at: 0,
             keep,

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use ob1_model::{BlockId, BlockKind, Event, FaultKind};
+use ob1_std::services::ErrorFilter;
 
 use crate::calendar::date_and_time;
 use crate::engine::{Callee, Engine, Entry, Frame, Signatures};
@@ -11,6 +12,7 @@ use crate::interrupts::Interrupts;
 use crate::log::{LogLine, LogWriter};
 use crate::ob_statistics::ObRecords;
 use crate::retentive::Keep;
+use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::{
     Abort, Clock, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, Nanos, ObInfo, ShortText, Statistics,
@@ -102,6 +104,7 @@ pub(crate) struct Machine {
     pub(crate) inside: Nanos,
     pub(crate) interrupts: Interrupts,
     pub(crate) obs: ObRecords,
+    pub(crate) services: ServiceState,
     /// When the running cycle began.
     pub(crate) cycle_start: Nanos,
     /// When it went to STOP.
@@ -195,6 +198,12 @@ impl Context<'_> {
         let machine = &mut *self.machine;
         let began = machine.now;
         let outer_inside = std::mem::take(&mut machine.inside);
+        // The OBs for synchronous errors belong to the class they interrupt, and so do its masks.
+        let synchronous = matches!(info.number, 121 | 122);
+        let filter = machine.services.filter;
+        if !synchronous {
+            machine.services.filter = ErrorFilter::default();
+        }
         let outer = std::mem::replace(&mut machine.ob, info);
         let caller = machine.native_caller.take();
         let depth = std::mem::take(&mut machine.depth);
@@ -209,6 +218,12 @@ impl Context<'_> {
         let inside = std::mem::replace(&mut machine.inside, outer_inside + whole);
         if let (Ok(()), Some(record)) = (result, machine.obs.of(info.number)) {
             record.ran(whole.saturating_sub(inside), whole);
+        }
+        if !synchronous {
+            machine.services.filter = filter;
+            if info.number < 80 {
+                machine.services.locks.end_delays();
+            }
         }
         machine.ob = outer;
         machine.native_caller = caller;

@@ -8,7 +8,7 @@ use crate::memory::Range;
 use crate::timers::Counter;
 use crate::{
     Abort, DiagEntry, Instance, IoError, ModuleStatus, Nanos, NativeArea, NativeArg, NativeBlock, NativeContext,
-    NativeError, ObInfo, ShortText, TimerState,
+    NativeError, ObInfo, Services, ShortText, TimerState,
 };
 
 /// Bits of an address register that are an address.
@@ -58,6 +58,9 @@ pub(crate) fn call(index: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bo
     let mut call = Call { cx, native, entry, br: true };
     native.block.call(&mut call)?;
     let br = call.br;
+    if cx.machine.services.touched {
+        cx.machine.reschedule();
+    }
     if cx.machine.stopping { Err(Abort) } else { Ok(br) }
 }
 
@@ -372,6 +375,10 @@ impl NativeContext for Call<'_, '_> {
     fn retrigger_watchdog(&mut self) {
         self.cx.look();
         self.cx.retrigger_watchdog();
+    }
+
+    fn services(&mut self) -> Option<&mut dyn Services> {
+        Some(&mut *self.cx.machine)
     }
 }
 

@@ -228,6 +228,11 @@ pub trait NativeContext {
     fn log(&mut self, level: u8, text: &str);
     /// Restarts the cycle monitoring (SFC 43). Not in the plugin interface; nothing by default.
     fn retrigger_watchdog(&mut self) {}
+    /// What standard blocks ask for: clock, interrupts by time, masks and locks, data blocks. Not in the plugin interface; none by
+    /// default.
+    fn services(&mut self) -> Option<&mut dyn crate::Services> {
+        None
+    }
 }
 
 /// A block that is not made of statements: of a plugin, of the standard library, of the user, in Rust or C.

@@ -137,7 +137,16 @@ impl Keep {
         let numbers = |list: &[std::ops::Range<usize>]| -> Vec<Range> {
             list.iter().map(|r| Range { at: r.start as u32, len: r.len() as u32 }).collect()
         };
-        for list in [&keep.memory, &keep.data, &numbers(&keep.timers), &numbers(&keep.counters)] {
+        // Places in their area, not in the arena, where they move with the program's constants.
+        let places = |list: &[Range], base: u32| -> Vec<Range> {
+            list.iter().map(|r| Range { at: r.at - base, len: r.len }).collect()
+        };
+        for list in [
+            places(&keep.memory, memory.memory.at),
+            places(&keep.data, memory.all_dbs.at),
+            numbers(&keep.timers),
+            numbers(&keep.counters),
+        ] {
             same.extend_from_slice(&(list.len() as u32).to_le_bytes());
             for range in list {
                 same.extend_from_slice(&range.at.to_le_bytes());

@@ -105,6 +105,7 @@ impl Cpu {
         m.ob = ObInfo::default();
         m.native_caller = None;
         m.interrupts.clear();
+        m.services.clear();
         for plugged in &mut m.modules.list {
             plugged.image_error = [false; 2];
         }
@@ -143,6 +144,7 @@ impl Cpu {
             start[9] = kind.completed();
             // Start-up is permitted, automatic and manual; what was set last is this one.
             (start[10], start[11]) = (0x77, kind.completed());
+            cx.machine.services.start_up = start;
             let ran = cx.run_ob(callee, ObInfo { number, priority: 27, start }).and_then(|()| cx.attend());
             if ran.is_err() || self.machine.stopping {
                 self.enter_stop();

@@ -1,15 +1,16 @@
 //! The standard blocks of `ob1-std` as native blocks: what they ask of the CPU, put in the CPU's own words.
 
 use ob1_model::{Area, BlockId, Event, FaultKind, Interface};
+use ob1_std::services::{DataBlocks, ErrorFilter, InterruptLocks, Meters, Schedule, StartInfo, WallClock};
 use ob1_std::{Context, Interrupted, ModuleSize, Refused, StandardBlock};
 
 use crate::{Abort, ModuleError, NativeArea, NativeBlock, NativeContext, NativeError};
 
 /// The system functions this CPU has (SFC, SFB), ready for [`crate::Cpu::new`]. The compiler is told of the same by
-/// [`ob1_std::library`].
+/// [`ob1_std::system_functions`] with [`crate::SERVICES`].
 #[must_use]
 pub fn system_blocks() -> Vec<Box<dyn NativeBlock>> {
-    ob1_std::library().into_iter().map(|block| standard_block(block.id, block)).collect()
+    ob1_std::system_functions(crate::SERVICES).into_iter().map(|block| standard_block(block.id, block)).collect()
 }
 
 /// A standard block under the number the user gives it. A block that [needs](StandardBlock::needs) a service this CPU does not
@@ -167,6 +168,34 @@ impl Context for Bridge<'_> {
 
     fn retrigger_watchdog(&mut self) {
         self.cx.retrigger_watchdog();
+    }
+
+    fn wall_clock(&mut self) -> Option<&mut dyn WallClock> {
+        Some(self.cx.services()?)
+    }
+
+    fn meters(&mut self) -> Option<&mut dyn Meters> {
+        Some(self.cx.services()?)
+    }
+
+    fn schedule(&mut self) -> Option<&mut dyn Schedule> {
+        Some(self.cx.services()?)
+    }
+
+    fn error_filter(&mut self) -> Option<&mut ErrorFilter> {
+        Some(self.cx.services()?.error_filter())
+    }
+
+    fn interrupt_locks(&mut self) -> Option<&mut InterruptLocks> {
+        Some(self.cx.services()?.interrupt_locks())
+    }
+
+    fn data_blocks(&mut self) -> Option<&mut dyn DataBlocks> {
+        Some(self.cx.services()?)
+    }
+
+    fn start_info(&mut self) -> Option<&mut dyn StartInfo> {
+        Some(self.cx.services()?)
     }
 
     fn stop(&mut self) -> Interrupted {

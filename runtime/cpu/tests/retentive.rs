@@ -1,5 +1,7 @@
 //! Retentive memory: what the restarts keep, the image for a power cycle, images that are refused.
 
+#![allow(clippy::single_range_in_vec_init, reason = "a list of ranges with one range")]
+
 mod common;
 
 use common::*;

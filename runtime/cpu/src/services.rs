@@ -1,0 +1,241 @@
+//! What the standard blocks ask of the CPU beside memory and modules: clock, interrupts by time, masked errors, locks, data blocks.
+//!
+//! The rules of masks and locks stand in `ob1-std`; here they are kept, asked at the right places, and turned into due times.
+
+use ob1_std::Service;
+use ob1_std::moment::Moment;
+use ob1_std::services::{
+    CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError, ErrorFilter, InterruptLocks, LoadError,
+    Meters, Period, RunTimeMeter, Schedule, StartInfo, TimeOfDayInterrupt, WallClock,
+};
+
+use crate::Nanos;
+use crate::db_pool::NoDb;
+use crate::interrupts::{NEVER, slot_of};
+use crate::machine::Machine;
+
+/// The services this CPU has for standard blocks: those of [`crate::NativeContext::services`].
+pub const SERVICES: &[Service] = &[
+    Service::WallClock,
+    Service::Meters,
+    Service::Schedule,
+    Service::ErrorFilter,
+    Service::InterruptLocks,
+    Service::DataBlocks,
+    Service::StartInfo,
+];
+
+/// Longest data block SFC 22 makes.
+const LONGEST_DB: u16 = 65_534;
+
+/// The CPU's services, by the traits of `ob1-std`.
+pub trait Services: WallClock + Meters + Schedule + DataBlocks + StartInfo {
+    /// The filter of synchronous errors of the running priority class.
+    fn error_filter(&mut self) -> &mut ErrorFilter;
+    /// Which interrupts are locked and delayed.
+    fn interrupt_locks(&mut self) -> &mut InterruptLocks;
+}
+
+/// State behind the services.
+#[derive(Debug)]
+pub(crate) struct ServiceState {
+    pub(crate) filter: ErrorFilter,
+    pub(crate) locks: InterruptLocks,
+    pub(crate) time_of_day: [TimeOfDayInterrupt; 8],
+    pub(crate) delays: [DelayInterrupt; 4],
+    meters: [RunTimeMeter; 8],
+    /// Start information of the last start-up OB.
+    pub(crate) start_up: [u8; 20],
+    /// A block has asked for something that due times depend on.
+    pub(crate) touched: bool,
+}
+
+impl ServiceState {
+    pub(crate) fn new(loaded: impl Fn(u16) -> bool) -> Self {
+        Self {
+            filter: ErrorFilter::default(),
+            locks: InterruptLocks::default(),
+            time_of_day: std::array::from_fn(|i| TimeOfDayInterrupt {
+                loaded: loaded(10 + i as u16),
+                ..Default::default()
+            }),
+            delays: std::array::from_fn(|i| DelayInterrupt { loaded: loaded(20 + i as u16), ..Default::default() }),
+            meters: [RunTimeMeter::default(); 8],
+            start_up: [0; 20],
+            touched: false,
+        }
+    }
+
+    /// A start-up begins: masks, locks and interrupts by time that the program has set are gone. Run-time meters go on.
+    pub(crate) fn clear(&mut self) {
+        (self.filter, self.locks) = (ErrorFilter::default(), InterruptLocks::default());
+        self.time_of_day.iter_mut().for_each(|i| (i.set, i.active) = (None, false));
+        self.delays.iter_mut().for_each(|i| i.due = None);
+        self.touched = false;
+    }
+}
+
+/// The PERIOD word of a time-of-day interrupt.
+pub(crate) const fn period_word(period: Period) -> u16 {
+    match period {
+        Period::Once => 0x0000,
+        Period::EveryMinute => 0x0201,
+        Period::Hourly => 0x0401,
+        Period::Daily => 0x1001,
+        Period::Weekly => 0x1201,
+        Period::Monthly => 0x1401,
+        Period::Yearly => 0x1801,
+        Period::EndOfMonth => 0x2001,
+    }
+}
+
+impl Machine {
+    /// Looks at the interrupts by time again, after a block that may have changed them.
+    #[cold]
+    pub(crate) fn reschedule(&mut self) {
+        self.services.touched = false;
+        for i in 0..self.services.time_of_day.len() {
+            // One whose time has come already is on its way; looking for the next would lose it.
+            if !self.interrupts.is_due(i, self.now) {
+                self.next_time_of_day(i);
+            }
+        }
+        for (i, delay) in self.services.delays.iter().enumerate() {
+            let slot = slot_of(20 + i as u16).unwrap_or_default();
+            if let Some((due, ms, sign)) = delay.due {
+                self.interrupts.delays[i] = crate::interrupts::Delay { sign, ms };
+                self.interrupts.set_due(slot, due);
+            } else {
+                self.interrupts.set_due(slot, NEVER);
+            }
+        }
+        // What a lock held back comes at the next safe point.
+        self.interrupt.attend();
+    }
+
+    /// The next due time of a time-of-day interrupt, OB 10 + `i`; without one it is no longer active.
+    fn next_time_of_day(&mut self, i: usize) {
+        let now = self.moment_now();
+        let interrupt = &mut self.services.time_of_day[i];
+        let next = if interrupt.active { interrupt.next(now) } else { None };
+        interrupt.active = next.is_some();
+        let due = next.map_or(NEVER, |moment| (moment.ms() * 1_000_000).wrapping_sub(self.config.date_at_start));
+        self.interrupts.set_due(slot_of(10 + i as u16).unwrap_or_default(), due);
+    }
+
+    /// Interrupts by time whose due time has passed: the next one is looked for.
+    pub(crate) fn elapsed(&mut self, slots: u32) {
+        for i in 0..8 {
+            if slots & 1 << i != 0 {
+                self.next_time_of_day(i);
+            }
+        }
+        for (i, delay) in self.services.delays.iter_mut().enumerate() {
+            if slots & 1 << (8 + i) != 0 {
+                delay.due = None;
+            }
+        }
+    }
+
+    fn moment_now(&self) -> Moment {
+        let nanos: Nanos = self.config.date_at_start.wrapping_add(self.now);
+        Moment::from_ms(nanos / 1_000_000).unwrap_or(Moment::MAX)
+    }
+}
+
+impl Services for Machine {
+    fn error_filter(&mut self) -> &mut ErrorFilter {
+        &mut self.services.filter
+    }
+    fn interrupt_locks(&mut self) -> &mut InterruptLocks {
+        self.services.touched = true;
+        &mut self.services.locks
+    }
+}
+
+impl WallClock for Machine {
+    fn moment(&mut self) -> Moment {
+        self.moment_now()
+    }
+    fn set_moment(&mut self, moment: Moment) {
+        self.config.date_at_start = (moment.ms() * 1_000_000).wrapping_sub(self.now);
+        self.services.touched = true;
+    }
+}
+
+impl Meters for Machine {
+    fn meter(&mut self, number: u8) -> Option<&mut RunTimeMeter> {
+        self.services.meters.get_mut(usize::from(number))
+    }
+}
+
+impl Schedule for Machine {
+    fn moment(&mut self) -> Moment {
+        self.moment_now()
+    }
+    fn time_of_day(&mut self, ob: u16) -> Option<&mut TimeOfDayInterrupt> {
+        self.services.touched = true;
+        self.services.time_of_day.get_mut(usize::from(ob.checked_sub(10)?))
+    }
+    fn delay(&mut self, ob: u16) -> Option<&mut DelayInterrupt> {
+        self.services.touched = true;
+        self.services.delays.get_mut(usize::from(ob.checked_sub(20)?))
+    }
+}
+
+impl DataBlocks for Machine {
+    fn create(&mut self, request: &DbRequest) -> Result<u16, CreateError> {
+        if request.bytes == 0 || request.bytes > LONGEST_DB {
+            return Err(CreateError::Length);
+        }
+        if request.low == 0 || request.low > request.high {
+            return Err(CreateError::Numbers);
+        }
+        // There is no load memory that could hold what is made at run time.
+        if request.load_memory || request.unlinked || self.memory.pool.len == 0 {
+            return Err(CreateError::NoMemory);
+        }
+        self.memory.make_db(request.low, request.high, u32::from(request.bytes), request.read_only).map_err(|why| {
+            match why {
+                NoDb::Number => CreateError::NoneFree,
+                NoDb::Room => CreateError::NoMemory,
+            }
+        })
+    }
+    fn delete(&mut self, number: u16) -> Result<(), DeleteError> {
+        self.info(number)?;
+        // Statements that name a data block of the program have been resolved to its bytes.
+        if self.memory.delete_db(number) { Ok(()) } else { Err(DeleteError::Fixed) }
+    }
+    fn info(&mut self, number: u16) -> Result<DbInfo, DeleteError> {
+        if number == 0 {
+            return Err(DeleteError::Number);
+        }
+        let db = self.memory.db(number).ok_or(DeleteError::Missing)?;
+        Ok(DbInfo { bytes: db.len as u16, read_only: db.writable == 0, unlinked: false })
+    }
+    fn load_read(&mut self, number: u16, at: u32, into: &mut [u8]) -> Result<(), LoadError> {
+        let values = self.memory.load_values_mut(number).ok_or(LoadError::Missing)?;
+        let from = values.get(at as usize..at as usize + into.len()).ok_or(LoadError::Outside)?;
+        into.copy_from_slice(from);
+        Ok(())
+    }
+    fn load_write(&mut self, number: u16, at: u32, from: &[u8]) -> Result<(), LoadError> {
+        let values = self.memory.load_values_mut(number).ok_or(LoadError::Missing)?;
+        values.get_mut(at as usize..at as usize + from.len()).ok_or(LoadError::Outside)?.copy_from_slice(from);
+        Ok(())
+    }
+}
+
+impl StartInfo for Machine {
+    fn current(&mut self) -> [u8; 12] {
+        first_twelve(&self.ob.start)
+    }
+    fn start_up(&mut self) -> [u8; 12] {
+        first_twelve(&self.services.start_up)
+    }
+}
+
+fn first_twelve(start: &[u8; 20]) -> [u8; 12] {
+    std::array::from_fn(|i| start[i])
+}
