@@ -10,7 +10,8 @@ use crate::assembly;
 use crate::exit::Exit;
 use crate::finding::{Finding, Level};
 use crate::io::{ProcessIo, Stimulus};
-use crate::program;
+use crate::library::Choice;
+use crate::program::{self, Loaded};
 use crate::station::{self, Mnemonics, ModuleConfig, ModuleKind, Plugin, Station};
 
 /// What the command line asks for.
@@ -26,8 +27,12 @@ pub struct Options {
     pub symbols: Vec<PathBuf>,
     /// Mnemonics of sources.
     pub mnemonics: Mnemonics,
+    /// Standard blocks of sources.
+    pub standard: Vec<Choice>,
     /// The classic porting traps too.
     pub lints: bool,
+    /// The compiled program as text.
+    pub listing: bool,
     /// Findings as JSON.
     pub json: bool,
     /// Modules and parameters too.
@@ -82,7 +87,7 @@ fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
         let finding = Finding::whole(Level::Error, "C012", &name, "a station file among sources", remedy);
         return Checked { findings: vec![finding], ..Checked::default() };
     }
-    let plugins: Vec<Plugin> = options.plugins.iter().map(|name| plugin_of(name)).collect();
+    let plugins: Vec<Plugin> = options.plugins.iter().map(|name| Plugin::of_name(name)).collect();
     let loaded = match program::load_plugins(&plugins) {
         Ok(loaded) => loaded,
         Err(findings) => return Checked { findings, ..Checked::default() },
@@ -93,7 +98,7 @@ fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
             describe_plugin(&mut text, plugin.info());
         }
     }
-    let library = match program::library(&loaded) {
+    let library = match program::library(&loaded, &options.standard) {
         Ok(library) => library,
         Err(findings) => return Checked { findings, text },
     };
@@ -101,19 +106,21 @@ fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
         files: options.library.iter().chain(files).cloned().collect(),
         symbols: options.symbols.clone(),
         mnemonics: options.mnemonics,
+        library: options.standard.clone(),
         lints: options.lints,
     };
     let mut findings = match program::compile(&sources, &library) {
-        Ok((_, findings)) | Err(findings) => findings,
+        Ok((program, findings)) => {
+            if options.listing {
+                text += &ob1_stl::listing(&program);
+            }
+            findings
+        }
+        Err(findings) => findings,
     };
     let of_library = |f: &Finding| options.library.iter().any(|path| path.display().to_string() == f.file);
     findings.retain(|f| f.level == Level::Error || !of_library(f));
     Checked { findings, text }
-}
-
-fn plugin_of(name: &str) -> Plugin {
-    let is_path = name.contains('/') || Path::new(name).extension().is_some();
-    Plugin { name: name.to_owned(), path: is_path.then(|| PathBuf::from(name)), blocks: Vec::new() }
 }
 
 fn describe_plugin(text: &mut String, info: &ob1_host::plugin::PluginInfo) {
@@ -141,14 +148,20 @@ fn check_station(path: &Path, options: &Options) -> Checked {
         }
         Err(findings) => return Checked { findings, ..Checked::default() },
     };
-    let text = if options.verbose { describe(&station) } else { String::new() };
+    let mut text = if options.verbose { describe(&station) } else { String::new() };
     let findings = match check_program(&station) {
-        Ok(findings) | Err(findings) => findings,
+        Ok(loaded) => {
+            if options.listing {
+                text += &ob1_stl::listing(&loaded.program);
+            }
+            loaded.findings
+        }
+        Err(findings) => findings,
     };
     Checked { findings, text }
 }
 
-fn check_program(station: &Station) -> Result<Vec<Finding>, Vec<Finding>> {
+fn check_program(station: &Station) -> Result<Loaded, Vec<Finding>> {
     let stimulus = station.stimulus.as_deref().map_or(Ok(Stimulus::default()), Stimulus::load)?;
     let loaded = program::load(station).map_err(|failure| failure.findings().to_vec())?;
     let addresses: Vec<u32> = station.modules.iter().map(|m| m.input_address).collect();
@@ -158,7 +171,7 @@ fn check_program(station: &Station) -> Result<Vec<Finding>, Vec<Finding>> {
         station.modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, &station.name, m)?))).collect();
     assembly::load_cpu(station.cpu.clone(), &loaded, natives, modules)
         .map_err(|failure| [failure.findings(), loaded.findings.as_slice()].concat())?;
-    Ok(loaded.findings)
+    Ok(loaded)
 }
 
 /// A module over memory of this process, without a driver.

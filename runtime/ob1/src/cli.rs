@@ -10,6 +10,7 @@ use crate::access::protocol::CommandName;
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
 use crate::testing::{self, TestArgs};
+use crate::xref::{self, XrefArgs};
 use crate::{check, janitor, remote, run, station};
 
 const AFTER: &str = "\
@@ -50,6 +51,7 @@ enum Command {
     Check(CheckArgs),
     Exec(Box<ExecArgs>),
     Test(TestArgs),
+    Xref(XrefArgs),
     Get(GetArgs),
     Set(SetArgs),
     Ctl(CtlArgs),
@@ -118,6 +120,12 @@ struct CheckArgs {
     /// A symbol table of the sources: SDF, ASC, SEQ or DIF (a station file says it itself)
     #[arg(long, value_name = "FILE")]
     symbols: Vec<PathBuf>,
+    /// Standard blocks of the sources: FC4=IEC:FC4, or a whole library: IEC
+    #[arg(long, value_name = "FC4=IEC:FC4,...", value_delimiter = ',', value_parser = exec::Chosen::parse)]
+    standard: Vec<exec::Chosen>,
+    /// Also print the compiled program: blocks, layout of data, statements
+    #[arg(long)]
+    listing: bool,
     /// Look for the classic porting traps too
     #[arg(long)]
     lints: bool,
@@ -249,10 +257,13 @@ impl Command {
                 library: args.library,
                 symbols: args.symbols,
                 mnemonics: args.mnemonics.into(),
+                standard: args.standard.into_iter().flat_map(|chosen| chosen.0).collect(),
                 lints: args.lints,
+                listing: args.listing,
                 json: args.json,
                 verbose: args.verbose,
             }),
+            Command::Xref(args) => xref::xref(&args),
             Command::Get(args) => remote::get(&args.station, args.items, args.json),
             Command::Set(args) => remote::set(&args.station, &args.items),
             Command::Ctl(args) => {

@@ -11,6 +11,7 @@ use ob1_model::BlockId;
 use ob1_stl::{Library, Options, Severity, Source};
 
 use crate::finding::{Finding, Level};
+use crate::library::Choice;
 use crate::station::{self, Mnemonics, Station};
 
 /// What a station's files give.
@@ -20,6 +21,8 @@ pub struct Loaded {
     pub program: Program,
     /// The plugins and the renumbering of their blocks.
     pub plugins: Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>,
+    /// Standard blocks of libraries.
+    pub standard: Vec<Choice>,
     /// Warnings and lints.
     pub findings: Vec<Finding>,
 }
@@ -60,9 +63,9 @@ pub fn plugin_folders() -> Vec<PathBuf> {
 /// [`LoadFailure`], with everything that was found.
 pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
     let plugins = load_plugins(&station.plugins).map_err(LoadFailure::Plugin)?;
-    let library = library(&plugins).map_err(LoadFailure::Rejected)?;
+    let library = library(&plugins, &station.program.library).map_err(LoadFailure::Rejected)?;
     let (program, findings) = compile(&station.program, &library).map_err(LoadFailure::Rejected)?;
-    Ok(Loaded { program, plugins, findings })
+    Ok(Loaded { program, plugins, standard: station.program.library.clone(), findings })
 }
 
 impl Loaded {
@@ -72,7 +75,7 @@ impl Loaded {
     /// # Errors
     /// As [`load`]: a renumbering that cannot be.
     pub fn native_blocks(&self, modules: &[u32]) -> Result<Vec<Box<dyn NativeBlock>>, LoadFailure> {
-        let mut blocks = ob1_cpu::system_blocks();
+        let mut blocks = native_standard_blocks(&self.standard);
         for (plugin, renumber) in &self.plugins {
             let of_plugin = plugin.station(renumber, modules).map_err(|e| LoadFailure::Plugin(vec![of_error(&e)]))?;
             blocks.extend(of_plugin);
@@ -125,14 +128,30 @@ fn of_error(error: &PluginError) -> Finding {
     Finding::whole(Level::Error, error.refusal.number(), &file, error.refusal.to_string(), error.refusal.remedy())
 }
 
-/// What the compiler is told of system blocks and plugins.
+/// The blocks of the CPU itself, and the standard blocks a program has chosen.
+#[must_use]
+pub fn native_standard_blocks(standard: &[Choice]) -> Vec<Box<dyn NativeBlock>> {
+    let mut blocks = ob1_cpu::system_blocks();
+    blocks.extend(standard.iter().filter_map(|choice| Some(ob1_cpu::standard_block(choice.id, choice.block()?))));
+    blocks
+}
+
+/// What the compiler is told of system blocks, standard blocks and plugins.
 ///
 /// # Errors
 /// Two plugins that bring the same block.
-pub fn library(plugins: &[(Arc<Plugin>, BTreeMap<BlockId, BlockId>)]) -> Result<Library, Vec<Finding>> {
+pub fn library(
+    plugins: &[(Arc<Plugin>, BTreeMap<BlockId, BlockId>)],
+    standard: &[Choice],
+) -> Result<Library, Vec<Finding>> {
     let mut library = Library::new();
     for block in ob1_std::library() {
         library.insert(block.id, block.name, block.interface);
+    }
+    for choice in standard {
+        if let Some(block) = choice.block() {
+            library.insert(choice.id, block.name, block.interface);
+        }
     }
     let mut twice = Vec::new();
     for (plugin, renumber) in plugins {
@@ -140,7 +159,7 @@ pub fn library(plugins: &[(Arc<Plugin>, BTreeMap<BlockId, BlockId>)]) -> Result<
             let id = renumber.get(&block.id).copied().unwrap_or(block.id);
             if library.insert(id, &block.name, block.interface.clone()).is_some() {
                 let file = plugin.path().display().to_string();
-                let message = format!("{id} is brought by another plugin already");
+                let message = format!("{id} is brought by another plugin or library already");
                 let remedy = format!("renumber it: blocks = {{ \"{}\" = \"{} 100\" }}", block.id, id.kind.name());
                 twice.push(Finding::whole(Level::Error, "L002", &file, message, remedy));
             }
@@ -158,6 +177,8 @@ pub struct Sources {
     pub symbols: Vec<PathBuf>,
     /// Mnemonics of the sources.
     pub mnemonics: Mnemonics,
+    /// Standard blocks of libraries.
+    pub library: Vec<Choice>,
     /// Look for the classic porting traps too.
     pub lints: bool,
 }

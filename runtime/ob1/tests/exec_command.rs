@@ -193,3 +193,19 @@ fn what_cannot_be_is_refused_before_anything_runs() {
     }
     fails(&bench.exec(&["--limit", "2ms", "--dump", "M:0:1:no/such/m.bin"]), 6, "no/such/m.bin");
 }
+
+#[test]
+fn standard_blocks_by_number() {
+    let call = |block: &str| ob(1, &format!("L 5; T MW 0; CALL {block} (STR := DB5.S, RET_VAL := MW 2); CALL SFC 46;"));
+    let db = "DATA_BLOCK DB 5\nSTRUCT\n S : STRING [20] := 'seven';\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n";
+    // LEN, FC 21 of the IEC functions.
+    let call = |block: &str| call(block).replace("STR :=", "S :=");
+    let bench = Bench::new(&(db.to_owned() + &call("FC 121")));
+    fails(&bench.exec(&[]), 10, "FC 121");
+    assert_eq!(bench.memory(4, &["--library", "FC121=IEC:FC21"]), (Some(0), vec![0, 5, 0, 5]));
+    bench.write("p.awl", &(db.to_owned() + &call("FC 21")));
+    assert_eq!(bench.memory(4, &["--library", "FC4=IEC:FC4,FC21=IEC:LEN"]), (Some(0), vec![0, 5, 0, 5]));
+    assert_eq!(bench.memory(4, &["--library", "IEC"]), (Some(0), vec![0, 5, 0, 5]));
+    fails(&bench.exec(&["--library", "FC21=IEC:FC999"]), 1, "no standard block");
+    fails(&bench.exec(&["--library", "FC21=IEC:FC21,FC21=IEC:FC4"]), 1, "chosen twice");
+}

@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::dump::Dump;
 use crate::cli::Language;
+use crate::library::{self, Choice};
 use crate::station;
 
 /// Run bare sources without a station file: the start OB once, then OB 1 for ever
@@ -36,9 +37,9 @@ pub struct ExecArgs {
     /// The byte of bit memory with the clock pulses
     #[arg(long, value_name = "BYTE")]
     pub clock_memory: Option<u16>,
-    /// Standard blocks by number: FC4=IEC:FC4,...
-    #[arg(long, value_name = "FC4=IEC:FC4,...", value_delimiter = ',')]
-    pub library: Vec<String>,
+    /// Standard blocks by number; a library's name alone (IEC) takes all its blocks with STEP 7's numbers
+    #[arg(long, value_name = "FC4=IEC:FC4,...", value_delimiter = ',', value_parser = Chosen::parse)]
+    pub library: Vec<Chosen>,
     /// Start information in the first 20 bytes of an organization block's local data
     #[arg(long, value_enum, default_value_t = Switch::On)]
     pub ob_start_info: Switch,
@@ -126,6 +127,20 @@ pub enum Start {
     Hot,
 }
 
+/// What one word of `--library` chooses.
+#[derive(Clone, Debug)]
+pub struct Chosen(pub Vec<Choice>);
+
+impl Chosen {
+    /// See [`Choice::parse`].
+    ///
+    /// # Errors
+    /// What is wrong, in one sentence.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        Choice::parse(text).map(Self)
+    }
+}
+
 fn accumulators(text: &str) -> Result<u8, String> {
     match text {
         "2" => Ok(2),
@@ -135,6 +150,11 @@ fn accumulators(text: &str) -> Result<u8, String> {
 }
 
 impl ExecArgs {
+    /// The standard blocks of all `--library`.
+    pub(super) fn standard(&self) -> Vec<Choice> {
+        self.library.iter().flat_map(|chosen| chosen.0.iter().cloned()).collect()
+    }
+
     /// What the words mean together.
     pub(super) fn check(&self) -> Result<(), String> {
         if self.start == Start::Hot {
@@ -143,8 +163,8 @@ impl ExecArgs {
         if self.ob_start_info == Switch::Off {
             return Err("--ob-start-info off: the CPU always writes start information".into());
         }
-        if let Some(first) = self.library.first() {
-            return Err(format!("--library {first}: there are no standard blocks to choose from yet"));
+        if let Some(id) = library::twice(&self.standard()) {
+            return Err(format!("--library: {id} is chosen twice"));
         }
         if let Some(byte) = self.clock_memory.filter(|byte| u32::from(*byte) >= self.bit_memory) {
             return Err(format!("--clock-memory {byte} lies outside the {} bytes of bit memory", self.bit_memory));

@@ -8,11 +8,11 @@ mod clock;
 mod dump;
 mod stats;
 
-use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, OperatingState, system_blocks};
+use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, OperatingState};
 use ob1_ir::Program;
 use ob1_model::Event;
 
-pub use args::{Engine, ExecArgs, Start};
+pub use args::{Chosen, Engine, ExecArgs, Start, Switch};
 pub use dump::{Dump, DumpArea};
 pub use stats::{STATS_SCHEMA, Stats};
 
@@ -73,11 +73,12 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
 }
 
 fn compile(args: &ExecArgs) -> Result<Program, Failure> {
-    let library = program::library(&[]).map_err(|findings| rejected(&findings))?;
+    let library = program::library(&[], &args.standard()).map_err(|findings| rejected(&findings))?;
     let sources = Sources {
         files: args.files.clone(),
         symbols: args.symbols.clone(),
         mnemonics: args.mnemonics.into(),
+        library: args.standard(),
         lints: false,
     };
     let (program, findings) = program::compile(&sources, &library).map_err(|findings| rejected(&findings))?;
@@ -103,7 +104,7 @@ fn load(args: &ExecArgs, program: &Program) -> Result<Cpu, Failure> {
         date_at_start: if args.real_time { crate::assembly::date_now() } else { 0 },
         ..CpuConfig::default()
     };
-    let natives = system_blocks();
+    let natives = program::native_standard_blocks(&args.standard());
     let cpu = match args.engine {
         Engine::Reference => Cpu::new(config, program, natives, Vec::new()),
         Engine::Plain => Cpu::new_plain(config, program, natives, Vec::new()),

@@ -158,9 +158,8 @@ fn apply(change: &Change, image: &IoImage, field: &IoField) {
 
 fn change(time: Nanos, cell: &str, value: &toml::Value) -> Result<Change, String> {
     let item = Names::default().parse(cell)?;
-    let bit = match item.cell {
-        Cell::Area(Area::Input, bit) | Cell::Peripheral(bit) => bit,
-        _ => return Err(format!("{cell} is no input")),
+    let (Cell::Area(Area::Input, bit) | Cell::Peripheral(bit)) = item.cell else {
+        return Err(format!("{cell} is no input"));
     };
     let json = match value {
         toml::Value::Boolean(bit) => serde_json::Value::from(*bit),

@@ -1,5 +1,6 @@
 //! From the tables of the file to a [`Station`]: ranges, names, times, paths, blocks.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ob1_cpu::CpuConfig;
@@ -10,6 +11,7 @@ use super::findings::{CONTRADICTION, Findings, TWICE, VALUE};
 use super::types::{Mnemonics, Plugin, Realtime, Station};
 use super::{modules, parse_duration};
 use crate::finding::{Finding, Text, nearest};
+use crate::library::{self, Choice};
 use crate::program::Sources;
 
 pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Result<Station, Vec<Finding>> {
@@ -23,6 +25,7 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
             files: file.program.sources.iter().map(|s| folder.join(s.get_ref())).collect(),
             symbols: file.program.symbols.iter().map(|s| folder.join(s.get_ref())).collect(),
             mnemonics: mnemonics(f, file.program.mnemonics.as_ref()),
+            library: standard(f, &file.program.libraries, &file.library),
             lints: false,
         },
         plugins: plugins(f, &file.plugin, folder),
@@ -150,6 +153,33 @@ fn realtime(f: &mut Findings<'_>, table: &CpuTable) -> Realtime {
     }
     let affinity = asked.affinity.iter().map(|core| number(f, "affinity", Some(core), 0..=1023, 0)).collect();
     Realtime { priority, affinity, lock_memory: asked.lock_memory }
+}
+
+/// The standard blocks: whole libraries, and single ones by number, which may stand for those of a library.
+pub(crate) fn standard(
+    f: &mut Findings<'_>,
+    libraries: &[Placed<String>],
+    single: &BTreeMap<Placed<String>, Placed<String>>,
+) -> Vec<Choice> {
+    const REMEDY: &str = "libraries = [\"IEC\"] takes a whole one, [library] single blocks: \"FC 104\" = \"IEC:FC4\"";
+    let mut chosen = Vec::new();
+    for (number, key) in single {
+        match Choice::new(number.get_ref(), key.get_ref()) {
+            Ok(choice) => chosen.push(choice),
+            Err(message) => f.error(VALUE, number.span().start..key.span().end, message, REMEDY),
+        }
+    }
+    for name in libraries {
+        match library::whole(name.get_ref()) {
+            Ok(whole) => {
+                let fresh: Vec<Choice> =
+                    whole.into_iter().filter(|new| chosen.iter().all(|old: &Choice| old.id != new.id)).collect();
+                chosen.extend(fresh);
+            }
+            Err(message) => f.error(VALUE, name.span(), message, REMEDY),
+        }
+    }
+    chosen
 }
 
 fn mnemonics(f: &mut Findings<'_>, value: Option<&Placed<String>>) -> Mnemonics {

@@ -17,6 +17,8 @@ pub(super) struct StationFile {
     #[serde(default)]
     pub(super) program: ProgramTable,
     #[serde(default)]
+    pub(super) library: BTreeMap<Placed<String>, Placed<String>>,
+    #[serde(default)]
     pub(super) plugin: Vec<PluginTable>,
     #[serde(default)]
     pub(super) module: Vec<Placed<ModuleTable>>,
@@ -73,6 +75,8 @@ pub(super) struct ProgramTable {
     #[serde(default)]
     pub(super) symbols: Vec<Placed<String>>,
     pub(super) mnemonics: Option<Placed<String>>,
+    #[serde(default)]
+    pub(super) libraries: Vec<Placed<String>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -11,7 +11,7 @@ mod line;
 mod modules;
 mod types;
 
-pub(crate) use check::{choice, parse_block};
+pub(crate) use check::{choice, parse_block, standard};
 pub use duration::parse_duration;
 pub use line::{Line, LineError};
 pub use types::*;

@@ -1,6 +1,6 @@
 //! A station, checked: what `run`, `check` and the simulation build from.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use ob1_cpu::CpuConfig;
 use ob1_model::BlockId;
@@ -73,6 +73,15 @@ pub struct Plugin {
     pub path: Option<PathBuf>,
     /// Blocks that get another number: (number in the plugin, number in this station).
     pub blocks: Vec<(BlockId, BlockId)>,
+}
+
+impl Plugin {
+    /// As the command line names it: a path, or a bare name.
+    #[must_use]
+    pub fn of_name(name: &str) -> Self {
+        let is_path = name.contains('/') || Path::new(name).extension().is_some();
+        Self { name: name.to_owned(), path: is_path.then(|| PathBuf::from(name)), blocks: Vec::new() }
+    }
 }
 
 /// A module in its place.

@@ -19,6 +19,10 @@ pub(super) struct TestFile {
     #[serde(default)]
     pub(super) symbols: Vec<Placed<String>>,
     pub(super) mnemonics: Option<Placed<String>>,
+    #[serde(default)]
+    pub(super) libraries: Vec<Placed<String>>,
+    #[serde(default)]
+    pub(super) library: BTreeMap<Placed<String>, Placed<String>>,
     pub(super) cycle: Option<Placed<String>>,
     #[serde(default)]
     pub(super) test: Vec<Placed<TestTable>>,

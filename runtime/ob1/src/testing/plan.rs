@@ -10,7 +10,7 @@ use super::file::{Cells, Placed, StepTable, TestFile, TestTable};
 use crate::finding::{Finding, Text};
 use crate::program::Sources;
 use crate::station::findings::{CONTRADICTION, Findings, MISSING, VALUE, of_toml};
-use crate::station::{Mnemonics, choice, parse_block, parse_duration};
+use crate::station::{Mnemonics, choice, parse_block, parse_duration, standard};
 
 /// Minimum cycle time of a test without a station file.
 const CYCLE: Nanos = 10_000_000;
@@ -109,7 +109,8 @@ pub(super) fn parse(text: &str, name: &str, folder: &Path) -> Result<Plan, Vec<F
                 );
             }
             let (files, symbols) = (paths(&file.sources), paths(&file.symbols));
-            Tested::Sources(Sources { files, symbols, mnemonics, lints: false })
+            let library = standard(f, &file.libraries, &file.library);
+            Tested::Sources(Sources { files, symbols, mnemonics, library, lints: false })
         }
     };
     let cycle = file.cycle.as_ref().and_then(|cycle| time(f, cycle));

@@ -92,11 +92,11 @@ impl Subject {
             }
         };
         let plugins = program::load_plugins(&plugins)?;
-        let library = program::library(&plugins)?;
+        let library = program::library(&plugins, &wanted.library)?;
         let mut findings = Vec::new();
         let sources = program::read_all(&wanted.files, &mut findings);
         let (program, findings) = program::compile_texts(&sources, &wanted, &library, findings)?;
-        let loaded = Loaded { program, plugins, findings };
+        let loaded = Loaded { program, plugins, standard: wanted.library.clone(), findings };
         Ok(Self { name, config, modules, wanted, sources, library, loaded })
     }
 
