@@ -13,6 +13,7 @@ pub mod janitor;
 pub mod library;
 pub mod program;
 pub mod remote;
+pub mod retentive;
 pub mod run;
 pub mod rundir;
 pub mod station;

@@ -253,3 +253,51 @@ fn a_simulated_line_is_refused_with_a_hint() {
     assert_eq!(run.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&run.stderr).contains("sim:a belongs to the simulation"), "{run:?}");
 }
+
+#[test]
+fn retentive_memory_outlasts_a_power_cycle() {
+    let bench = Bench::new();
+    let station = format!("{STATION}\n[retentive]\nmemory = [\"0..1\"]\nevery = \"100ms\"\n");
+    bench.write("bench.toml", &station);
+    let count = || i64::from_str_radix(&text_of(&bench, "MW0"), 16).expect("hexadecimal");
+    {
+        let mut running = bench.start(&[]);
+        assert_eq!(bench.code(&["set", "bench", "DB5.SETPOINT=7.5", "MW0=1000", "MW2=0"]), Some(0));
+        running.signal("-INT");
+        assert_eq!(running.child.wait().expect("it ends").code(), Some(0));
+    }
+    {
+        let mut running = bench.start(&["--fence-scan"]);
+        assert_eq!(bench.value("DB5.SETPOINT"), 7.5);
+        assert!(count() >= 1000);
+        // Killed: what was written in RUN is there.
+        assert_eq!(bench.code(&["set", "bench", "DB5.SETPOINT=-1.0"]), Some(0));
+        let written = || file_with(&bench, &(-1.0f32).to_be_bytes());
+        until(written);
+        running.child.kill().expect("it lives");
+        running.child.wait().expect("it has ended");
+    }
+    until(|| !bench.rundir().exists());
+    {
+        let _running = bench.start(&[]);
+        assert_eq!(bench.value("DB5.SETPOINT"), -1.0);
+        assert_eq!(bench.code(&["ctl", "bench", "cold"]), Some(0));
+        until(|| bench.value("DB5.SETPOINT") == 1.5);
+    }
+    // Another program: refused, and the station starts.
+    until(|| !bench.rundir().exists());
+    bench.write("bench.awl", &PROGRAM.replace("SETPOINT : REAL", "OTHER : INT; SETPOINT : REAL"));
+    let output = bench.ob1(&["run", "bench.toml", "--scans", "5"]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("starts without retentive memory"), "{output:?}");
+}
+
+fn text_of(bench: &Bench, cell: &str) -> String {
+    bench.json(&["get", "bench", cell, "--json"])[0]["hex"].as_str().unwrap_or_default().to_owned()
+}
+
+/// Whether a retentive file has these bytes.
+fn file_with(bench: &Bench, bytes: &[u8]) -> bool {
+    let read = |slot: &str| std::fs::read(bench.folder.path().join(format!(".bench.retentive.{slot}")));
+    ["a", "b"].iter().filter_map(|slot| read(slot).ok()).any(|file| file.windows(bytes.len()).any(|w| w == bytes))
+}

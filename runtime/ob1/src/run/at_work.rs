@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use ob1_cpu::{Interrupt, LogReader, OperatingState};
+use ob1_cpu::{Cpu, Interrupt, LogReader, OperatingState};
 use ob1_host::driver::RunningFleet;
 use ob1_rt::MonotonicClock;
 
@@ -21,6 +21,8 @@ use crate::assembly::Assembly;
 use crate::exit::Exit;
 use crate::io::ProcessIo;
 use crate::janitor::Janitor;
+use crate::retentive;
+use crate::retentive::keeper::{Keeper, ScanEnd};
 use crate::rundir::RunDir;
 use crate::station::Station;
 use crate::view::{StationView, state_name};
@@ -44,6 +46,7 @@ pub(super) struct AtWork {
     min_cycle: u64,
     thread: Option<JoinHandle<Result<(), String>>>,
     monitor: Option<Monitor>,
+    keeper: Option<Keeper>,
     server: Option<Server>,
     fleet: Option<RunningFleet>,
     rundir: RunDir,
@@ -75,6 +78,7 @@ impl AtWork {
         let server = Server::start(&rundir.socket(), port, view.clone(), station.cpu.min_cycle)
             .map_err(system("the control socket"))?;
         let fleet = fleet.start(clock).map_err(system("the drivers"))?;
+        let (keeper, retentive) = keep(station, &mut cpu)?;
         let scan = Arc::new(ScanState::default());
         let (interrupt, log) = (cpu.interrupt(), cpu.log_reader());
         let thread = Scan {
@@ -86,6 +90,7 @@ impl AtWork {
             posture: Arc::clone(&view.posture),
             limit: options.scans,
             fence: options.fence,
+            retentive,
         }
         .start()
         .map_err(system("the scan thread"))?;
@@ -101,6 +106,7 @@ impl AtWork {
             min_cycle: station.cpu.min_cycle,
             thread: Some(thread),
             monitor: Some(monitor),
+            keeper,
             server: Some(server),
             fleet: Some(fleet),
             rundir,
@@ -203,6 +209,8 @@ impl AtWork {
         let fault = fault_in(&diagnostics);
         let exit = if fault.is_some() { Exit::Fault } else { Exit::Ok };
         let status = self.status();
+        // The last image comes out of a cycle in STOP.
+        drop(self.keeper.take());
         self.scan.finish();
         drop(self.monitor.take());
         if !self.fence
@@ -245,6 +253,20 @@ impl AtWork {
     fn status(&self) -> Option<Status> {
         self.client()?.ask(Op::Status).ok()?.status
     }
+}
+
+/// Reads retentive memory, and starts writing it, where the station file wants that.
+fn keep(station: &Station, cpu: &mut Cpu) -> Result<(Option<Keeper>, Option<ScanEnd>), Failure> {
+    let Some(file) = &station.retentive else { return Ok((None, None)) };
+    let restored = retentive::restore(file, &station.name, cpu);
+    let (store, told) = restored
+        .map_err(|e| Failure(Exit::System, format!("ob1: retentive memory in {}: {e}\n", file.folder.display())))?;
+    for text in told {
+        tracing::warn!("retentive memory: {text}");
+    }
+    let started = Keeper::start(store, file.every, cpu.retentive_len());
+    let (keeper, scan) = started.map_err(|e| Failure::system("retentive memory", &e))?;
+    Ok((Some(keeper), Some(scan)))
 }
 
 /// The fault that led to STOP, if the newest reason for one is a fault and no operator.

@@ -11,6 +11,7 @@ use std::thread::JoinHandle;
 use ob1_cpu::{Command, Cpu, OperatingState};
 use ob1_rt::{Grant, MonotonicClock};
 
+use crate::retentive::keeper::ScanEnd;
 use crate::station::Realtime;
 
 /// What other threads see of the scan.
@@ -77,6 +78,8 @@ pub(super) struct Scan {
     pub(super) posture: Arc<OnceLock<Vec<Grant>>>,
     pub(super) limit: Option<u64>,
     pub(super) fence: bool,
+    /// Hands retentive memory over, when it is written.
+    pub(super) retentive: Option<ScanEnd>,
 }
 
 impl Scan {
@@ -137,6 +140,9 @@ impl Scan {
                 OperatingState::Startup => 1,
                 OperatingState::Run => 2,
             };
+            if let Some(retentive) = &mut self.retentive {
+                retentive.after_cycle(&self.cpu);
+            }
             shared.state.store(state, Ordering::Release);
             shared.started.store(true, Ordering::Release);
             if shared.finish.load(Ordering::Acquire) {

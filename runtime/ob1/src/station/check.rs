@@ -9,7 +9,7 @@ use ob1_model::{BlockId, BlockKind};
 use super::file::{CpuTable, Placed, PluginTable, StationFile};
 use super::findings::{CONTRADICTION, Findings, TWICE, VALUE};
 use super::types::{Mnemonics, Plugin, Realtime, Station};
-use super::{modules, parse_duration};
+use super::{modules, parse_duration, retentive};
 use crate::finding::{Finding, Text, nearest};
 use crate::library::{self, Choice};
 use crate::program::Sources;
@@ -17,9 +17,12 @@ use crate::program::Sources;
 pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Result<Station, Vec<Finding>> {
     let mut findings = Findings::new(source);
     let f = &mut findings;
+    let mut cpu = cpu(f, &file.cpu);
+    let retentive = retentive::retentive(f, file.retentive.as_ref(), &file.station, folder, &mut cpu);
     let station = Station {
         name: name(f, "station", &file.station.name),
-        cpu: cpu(f, &file.cpu),
+        cpu,
+        retentive,
         realtime: realtime(f, &file.cpu),
         program: Sources {
             files: file.program.sources.iter().map(|s| folder.join(s.get_ref())).collect(),
@@ -224,7 +227,7 @@ fn same_kind(f: &mut Findings<'_>, at: &Placed<String>, (from, to): (BlockId, Bl
 }
 
 fn block(f: &mut Findings<'_>, text: &Placed<String>) -> Option<BlockId> {
-    let id = parse_block(text.get_ref());
+    let id = parse_block(text.get_ref()).filter(|id| id.kind != BlockKind::Db);
     if id.is_none() {
         let message = format!("\"{}\" is no block", text.get_ref());
         f.error(VALUE, text.span(), message, "a kind and a number: \"FC 0\", \"FB 60\"");
@@ -232,7 +235,7 @@ fn block(f: &mut Findings<'_>, text: &Placed<String>) -> Option<BlockId> {
     id
 }
 
-/// `FC 0`, `fb60`.
+/// `FC 0`, `fb60`, `DB 10`.
 pub(crate) fn parse_block(text: &str) -> Option<BlockId> {
     let text = text.trim();
     let digits = text.find(|c: char| c.is_ascii_digit())?;
@@ -243,6 +246,7 @@ pub(crate) fn parse_block(text: &str) -> Option<BlockId> {
         "FC" => BlockKind::Fc,
         "SFB" => BlockKind::Sfb,
         "SFC" => BlockKind::Sfc,
+        "DB" => BlockKind::Db,
         _ => return None,
     };
     Some(BlockId::new(kind, number.parse().ok()?))

@@ -14,6 +14,7 @@ pub(super) struct StationFile {
     pub(super) station: StationTable,
     #[serde(default)]
     pub(super) cpu: CpuTable,
+    pub(super) retentive: Option<RetentiveTable>,
     #[serde(default)]
     pub(super) program: ProgramTable,
     #[serde(default)]
@@ -30,6 +31,20 @@ pub(super) struct StationFile {
 #[serde(deny_unknown_fields)]
 pub(super) struct StationTable {
     pub(super) name: Placed<String>,
+    pub(super) state: Option<Placed<String>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RetentiveTable {
+    #[serde(default)]
+    pub(super) memory: Vec<Placed<String>>,
+    #[serde(default)]
+    pub(super) timers: Vec<Placed<String>>,
+    #[serde(default)]
+    pub(super) counters: Vec<Placed<String>>,
+    pub(super) data: Option<Vec<Placed<String>>>,
+    pub(super) every: Option<Placed<String>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

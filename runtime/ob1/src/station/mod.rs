@@ -9,6 +9,7 @@ mod file;
 pub(crate) mod findings;
 mod line;
 mod modules;
+mod retentive;
 mod types;
 
 pub(crate) use check::{choice, parse_block, standard};

@@ -8,6 +8,7 @@ use ob1_params::Cp240;
 
 use super::Line;
 use crate::program::Sources;
+use crate::retentive::RetentiveFile;
 
 /// Register bytes of a CP 240, each way.
 pub const CP240_BYTES: u16 = 16;
@@ -25,6 +26,8 @@ pub struct Station {
     pub program: Sources,
     /// Plugins, in the order of the file.
     pub plugins: Vec<Plugin>,
+    /// Where retentive memory is written; none: it does not outlast the runtime.
+    pub retentive: Option<RetentiveFile>,
     /// Modules, in the order of the file.
     pub modules: Vec<ModuleConfig>,
     /// A file of timed process inputs.

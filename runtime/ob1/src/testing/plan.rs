@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use ob1_cpu::{Command, Nanos, OperatingState};
-use ob1_model::BlockId;
+use ob1_model::{BlockId, BlockKind};
 
 use super::file::{Cells, Placed, StepTable, TestFile, TestTable};
 use crate::finding::{Finding, Text};
@@ -145,7 +145,7 @@ fn test(f: &mut Findings<'_>, table: Placed<TestTable>) -> Test {
         f.error(CONTRADICTION, name.span(), "`with` belongs to a test of one block", "add `call`, or use `set`");
     }
     let call = table.call.and_then(|call| {
-        let block = parse_block(call.get_ref()).filter(|id| id.kind != ob1_model::BlockKind::Ob);
+        let block = parse_block(call.get_ref()).filter(|id| !matches!(id.kind, BlockKind::Ob | BlockKind::Db));
         if block.is_none() {
             let message = format!("\"{}\" is no block that can be called", call.get_ref());
             f.error(VALUE, call.span(), message, "a kind and a number: \"FC 9\", \"FB 41\"");

@@ -1,0 +1,128 @@
+//! The bytes of a retentive file. The only place that knows bincode.
+//!
+//! Magic, version of this format and length of the content in little-endian, a checksum over version and content, then the content as
+//! bincode writes it. The image in it is the CPU's own and has its own version.
+
+use bincode::config::{Configuration, standard};
+
+const MAGIC: [u8; 8] = *b"ob1 file";
+const VERSION: u32 = 1;
+const HEAD: usize = 8 + 4 + 8 + 8;
+/// More than any CPU keeps: a length beyond is damage.
+const LONGEST: u64 = 1 << 30;
+
+/// What a file holds.
+#[derive(Clone, Debug, PartialEq, Eq, bincode::Encode, bincode::Decode)]
+pub struct Content {
+    /// The station it belongs to.
+    pub station: String,
+    /// Counts the files written: the higher one is newer.
+    pub sequence: u64,
+    /// The CPU's image.
+    pub image: Vec<u8>,
+}
+
+/// Why bytes are no retentive file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FormatError {
+    /// Something else.
+    #[error("this is no retentive file of ob1")]
+    Foreign,
+    /// Of another version of ob1.
+    #[error("its format has version {0}, this ob1 knows version {VERSION}")]
+    Version(u32),
+    /// Torn or changed.
+    #[error("it is torn or damaged")]
+    Damaged,
+    /// Of another station.
+    #[error("it belongs to the station \"{0}\"")]
+    OtherStation(String),
+}
+
+const fn config() -> Configuration {
+    standard()
+}
+
+/// The bytes of a file.
+///
+/// # Errors
+/// What bincode says; memory is the only thing that can be missing.
+pub fn encode(content: &Content) -> Result<Vec<u8>, String> {
+    let body = bincode::encode_to_vec(content, config()).map_err(|error| error.to_string())?;
+    let mut bytes = Vec::with_capacity(HEAD + body.len());
+    bytes.extend_from_slice(&MAGIC);
+    bytes.extend_from_slice(&VERSION.to_le_bytes());
+    bytes.extend_from_slice(&(body.len() as u64).to_le_bytes());
+    bytes.extend_from_slice(&checksum(&body).to_le_bytes());
+    bytes.extend_from_slice(&body);
+    Ok(bytes)
+}
+
+/// What bytes hold.
+///
+/// # Errors
+/// [`FormatError`].
+pub fn decode(bytes: &[u8], station: &str) -> Result<Content, FormatError> {
+    let (magic, rest) = bytes.split_first_chunk().ok_or(FormatError::Foreign)?;
+    if *magic != MAGIC {
+        return Err(FormatError::Foreign);
+    }
+    let (version, rest) = rest.split_first_chunk().ok_or(FormatError::Damaged)?;
+    let version = u32::from_le_bytes(*version);
+    if version != VERSION {
+        return Err(FormatError::Version(version));
+    }
+    let (len, rest) = rest.split_first_chunk().ok_or(FormatError::Damaged)?;
+    let (sum, body) = rest.split_first_chunk().ok_or(FormatError::Damaged)?;
+    let len = u64::from_le_bytes(*len);
+    if len != body.len() as u64 || len > LONGEST || checksum(body) != u64::from_le_bytes(*sum) {
+        return Err(FormatError::Damaged);
+    }
+    let (content, read): (Content, usize) =
+        bincode::decode_from_slice(body, config()).map_err(|_| FormatError::Damaged)?;
+    if read != body.len() {
+        return Err(FormatError::Damaged);
+    }
+    if content.station != station {
+        return Err(FormatError::OtherStation(content.station));
+    }
+    Ok(content)
+}
+
+/// FNV-1a, 64 bits, over the version and the content.
+fn checksum(body: &[u8]) -> u64 {
+    let bytes = VERSION.to_le_bytes().into_iter().chain(body.iter().copied());
+    bytes.fold(0xCBF2_9CE4_8422_2325, |sum, byte| (sum ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn content() -> Content {
+        Content { station: "press".into(), sequence: 7, image: (0..200).collect() }
+    }
+
+    #[test]
+    fn content_comes_back() {
+        let bytes = encode(&content()).expect("memory");
+        assert_eq!(decode(&bytes, "press"), Ok(content()));
+        assert_eq!(decode(&bytes, "saw"), Err(FormatError::OtherStation("press".into())));
+    }
+
+    #[test]
+    fn every_cut_and_every_changed_bit_is_noticed() {
+        let bytes = encode(&content()).expect("memory");
+        for len in 0..bytes.len() {
+            assert!(decode(&bytes[..len], "press").is_err(), "cut at {len}");
+        }
+        for bit in 0..bytes.len() * 8 {
+            let mut changed = bytes.clone();
+            changed[bit / 8] ^= 1 << (bit % 8);
+            assert!(decode(&changed, "press").is_err(), "bit {bit}");
+        }
+        let mut longer = bytes;
+        longer.push(0);
+        assert_eq!(decode(&longer, "press"), Err(FormatError::Damaged));
+    }
+}

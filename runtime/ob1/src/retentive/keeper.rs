@@ -1,0 +1,164 @@
+//! From the scan to the disk: the scan fills buffers it is given, a thread of its own writes them.
+//!
+//! The scan allocates nothing and takes no lock: buffers come and go through two rings. What comes too late for a buffer waits for the
+//! next one.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use ob1_cpu::{Cpu, OperatingState};
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use super::store::Store;
+
+/// Buffers under way.
+const BUFFERS: usize = 3;
+/// Time between two looks at the ring.
+const LOOK: Duration = Duration::from_millis(20);
+/// How long the last image is waited for.
+const LAST: Duration = Duration::from_secs(2);
+
+/// What the scan hands over.
+enum Handed {
+    Image(Vec<u8>),
+    /// The buffer is too small for an image of so many bytes.
+    TooSmall(Vec<u8>, usize),
+}
+
+/// The scan's end.
+pub struct ScanEnd {
+    empty: Consumer<Vec<u8>>,
+    full: Producer<Handed>,
+    wanted: Arc<AtomicBool>,
+    ran: bool,
+    owed: bool,
+}
+
+impl ScanEnd {
+    /// After each cycle: hands an image over when one is wanted, and when RUN has ended.
+    pub fn after_cycle(&mut self, cpu: &Cpu) {
+        let runs = cpu.state() == OperatingState::Run;
+        self.owed |= self.ran && !runs;
+        self.ran = runs;
+        if !self.owed && !self.wanted.load(Ordering::Relaxed) {
+            return;
+        }
+        let Ok(mut buffer) = self.empty.pop() else { return };
+        let len = cpu.retentive_len();
+        let handed = if len > buffer.capacity() {
+            Handed::TooSmall(buffer, len)
+        } else {
+            cpu.retentive_image(&mut buffer);
+            self.owed = false;
+            self.wanted.store(false, Ordering::Relaxed);
+            Handed::Image(buffer)
+        };
+        // There are no more buffers than the ring has places.
+        let _ = self.full.push(handed);
+    }
+}
+
+/// The writing thread.
+#[derive(Debug)]
+pub struct Keeper {
+    finish: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Keeper {
+    /// Starts the thread that writes into `store`: an image every `every`, where something has changed, and one at each end of RUN.
+    /// `len` is the length of the CPU's image.
+    ///
+    /// # Errors
+    /// No thread can be had.
+    pub fn start(store: Store, every: Duration, len: usize) -> std::io::Result<(Self, ScanEnd)> {
+        let (mut to_scan, empty) = RingBuffer::new(BUFFERS);
+        let (full, from_scan) = RingBuffer::new(BUFFERS);
+        for _ in 0..BUFFERS {
+            let _ = to_scan.push(Vec::with_capacity(len));
+        }
+        let wanted = Arc::new(AtomicBool::new(false));
+        let scan = ScanEnd { empty, full, wanted: Arc::clone(&wanted), ran: false, owed: false };
+        let (finish, finished) = mpsc::channel();
+        let mut writer = Writer { store, from_scan, to_scan, written: Vec::new(), complained: false };
+        let thread = ob1_rt::spawn("ob1-retentive", move || {
+            let mut next = Instant::now() + every;
+            while finished.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+                writer.drain();
+                if Instant::now() >= next {
+                    next = Instant::now() + every;
+                    wanted.store(true, Ordering::Relaxed);
+                }
+            }
+            // The CPU is in STOP and goes on cycling: one image more, of what was written since.
+            wanted.store(true, Ordering::Relaxed);
+            let end = Instant::now() + LAST;
+            while wanted.load(Ordering::Relaxed) && Instant::now() < end {
+                writer.drain();
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            writer.drain();
+        })?;
+        Ok((Self { finish: Some(finish), thread: Some(thread) }, scan))
+    }
+}
+
+impl Drop for Keeper {
+    /// Writes the last image, while the scan still cycles.
+    fn drop(&mut self) {
+        drop(self.finish.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+struct Writer {
+    store: Store,
+    from_scan: Consumer<Handed>,
+    to_scan: Producer<Vec<u8>>,
+    /// The image on the disk.
+    written: Vec<u8>,
+    complained: bool,
+}
+
+impl Writer {
+    fn drain(&mut self) {
+        while let Ok(handed) = self.from_scan.pop() {
+            let mut buffer = match handed {
+                Handed::Image(image) => {
+                    self.write(&image);
+                    image
+                }
+                Handed::TooSmall(mut buffer, len) => {
+                    buffer.clear();
+                    buffer.reserve(len);
+                    buffer
+                }
+            };
+            buffer.clear();
+            let _ = self.to_scan.push(buffer);
+        }
+    }
+
+    fn write(&mut self, image: &[u8]) {
+        if self.written == image {
+            return;
+        }
+        match self.store.write(image) {
+            Ok(_) => {
+                self.written.clear();
+                self.written.extend_from_slice(image);
+                self.complained = false;
+            }
+            Err(error) if !self.complained => {
+                self.complained = true;
+                tracing::warn!("retentive memory cannot be written: {error}; it is tried again");
+            }
+            Err(_) => {}
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Retentive memory over power cycles: read before the start, written while the station runs and when it stops. docs/station-file.md
+
+pub mod format;
+pub mod keeper;
+pub mod store;
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use ob1_cpu::Cpu;
+
+use store::Store;
+
+/// Where and how often retentive memory is written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RetentiveFile {
+    /// The folder.
+    pub folder: PathBuf,
+    /// Time between two images in RUN.
+    pub every: Duration,
+}
+
+/// Puts the newest generation back that fits, and tells what was refused.
+///
+/// # Errors
+/// The folder cannot be used.
+pub fn restore(file: &RetentiveFile, station: &str, cpu: &mut Cpu) -> std::io::Result<(Store, Vec<String>)> {
+    let (store, found) = Store::open(&file.folder, station)?;
+    let mut told = found.refused;
+    for generation in &found.generations {
+        match cpu.restore_retentive(&generation.image) {
+            Ok(()) => return Ok((store, told)),
+            Err(why) => told.push(format!("generation {}: {why}", generation.sequence)),
+        }
+    }
+    if !told.is_empty() {
+        told.push("the station starts without retentive memory".into());
+    }
+    Ok((store, told))
+}
