@@ -40,8 +40,9 @@ fn ask_everything(station: &Running) {
 }
 
 fn counted(site: &Site, name: &str, counter: &OsStr) -> (Running, Counts) {
-    let counts = Counts::new(site.path(format!("{name}.counts")));
-    let environment = [("LD_PRELOAD", counter), ("OB1_COUNT_FILE", counts.path().as_os_str())];
+    let counts = Counts::new();
+    let file = counts.path();
+    let environment = [("LD_PRELOAD", counter), ("OB1_COUNT_FILE", file.as_os_str())];
     (site.run_with(&format!("{name}.toml"), &[], &environment), counts)
 }
 
@@ -108,7 +109,7 @@ fn the_scan_makes_no_system_call_it_may_not() {
 
     // The fence does fall on a plugin that asks the kernel for something.
     let driver = a.driver_process();
-    a.set("M200.0", 1);
+    a.try_set("M200.0", 1);
     let ended = a.end();
     assert_eq!(ended.signal(), Some(Signal::SYS.as_raw()), "{ended:?}");
     driver.wait("a driver without a runtime");

@@ -53,10 +53,11 @@ impl Drop for Janitor {
 
 /// The janitor's whole life: waits for end of file on stdin, then cleans up.
 pub fn run(rundir: &Path, published: &[PathBuf]) {
+    let runtime = rundir::owner(rundir);
     let mut ignored = [0; 64];
     let mut stdin = io::stdin().lock();
     while stdin.read(&mut ignored).is_ok_and(|read| read > 0) {}
-    rundir::bury(rundir, || remove_published(published));
+    rundir::bury(rundir, &runtime, || remove_published(published));
 }
 
 /// Removes links the drivers have left. A living driver ends by the same end of file and removes its own.

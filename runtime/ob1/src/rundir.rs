@@ -9,16 +9,21 @@ use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Write as _};
 use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _, OpenOptionsExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
+use rustix::process::{Pid, test_kill_process};
 
 /// Name of the control socket in the directory.
 pub const SOCKET: &str = "control.sock";
 /// Name of the process I/O image.
 pub const IO: &str = "io";
 const PID: &str = "pid";
-/// Another owner may vanish between two looks; more often than this it does not.
-const ATTEMPTS: usize = 50;
+/// Another owner may vanish between two looks; more often than this it does not. With [`STEP`] in between also how long a dead runtime
+/// and its janitor are waited for: 5 s.
+const ATTEMPTS: usize = 500;
+const STEP: Duration = Duration::from_millis(10);
 
 /// Why a runtime directory cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -103,7 +108,12 @@ impl RunDir {
         for _ in 0..ATTEMPTS {
             private_dir(&path)?;
             let Some(lock) = lock_of(&path)? else {
-                let pid = fs::read_to_string(path.join(PID)).unwrap_or_default().trim().to_owned();
+                let pid = owner(&path);
+                // A runtime that was killed a moment ago, or its janitor at work.
+                if !lives(&pid) {
+                    std::thread::sleep(STEP);
+                    continue;
+                }
                 return Err(RunDirError::Running { name: name.to_owned(), pid, path });
             };
             // A janitor may have removed the directory between our opening and our locking.
@@ -217,20 +227,46 @@ fn remove(dir: &Path) {
     let _ = fs::remove_dir(dir);
 }
 
-/// For the janitor: takes a dead station's directory over and keeps it while `work` runs; then removes it. False when it has a living
-/// owner or is gone.
-pub(crate) fn bury(dir: &Path, work: impl FnOnce()) -> bool {
-    if fs::symlink_metadata(dir).is_err() {
-        work();
-        return true;
+/// The process that owns a directory, as it says itself; empty while it is being claimed or buried.
+pub(crate) fn owner(dir: &Path) -> String {
+    fs::read_to_string(dir.join(PID)).unwrap_or_default().trim().to_owned()
+}
+
+/// Whether there is a process of this number.
+fn lives(pid: &str) -> bool {
+    let pid = pid.parse().ok().filter(|pid| *pid > 0).and_then(Pid::from_raw);
+    pid.is_some_and(|pid| test_kill_process(pid) != Err(Errno::SRCH))
+}
+
+/// For the janitor: takes the directory of the runtime `dead` over and keeps it while `work` runs; then removes it. False when it has a
+/// living owner or does not get free.
+///
+/// A dying process closes its files in no useful order: the janitor may know of its end before the lock is gone.
+pub(crate) fn bury(dir: &Path, dead: &str, work: impl FnOnce()) -> bool {
+    for _ in 0..ATTEMPTS {
+        if fs::symlink_metadata(dir).is_err() {
+            work();
+            return true;
+        }
+        match lock_of(dir) {
+            Ok(Some(lock)) if still_there(dir, &lock) => {
+                // Nobody's now: who wants to claim it waits.
+                let _ = lock.set_len(0);
+                work();
+                remove(dir);
+                return true;
+            }
+            Ok(Some(_)) | Err(_) => return false,
+            Ok(None) => {
+                let now = owner(dir);
+                if now != dead && lives(&now) {
+                    return false;
+                }
+                std::thread::sleep(STEP);
+            }
+        }
     }
-    let Ok(Some(lock)) = lock_of(dir) else { return false };
-    if !still_there(dir, &lock) {
-        return false;
-    }
-    work();
-    remove(dir);
-    true
+    false
 }
 
 #[cfg(test)]
@@ -278,7 +314,36 @@ mod tests {
     fn a_living_station_is_not_buried() {
         let base = tempfile::tempdir().expect("a directory");
         let living = RunDir::claim_in(base.path(), "s").expect("free");
-        assert!(!bury(living.path(), || panic!("it lives")));
+        assert!(!bury(living.path(), "1", || panic!("it lives")));
         assert!(living.path().exists());
+    }
+
+    #[test]
+    fn a_dying_owner_is_waited_for() {
+        let base = tempfile::tempdir().expect("a directory");
+        let dying = RunDir::claim_in(base.path(), "s").expect("free");
+        let (path, pid) = (dying.path().to_owned(), std::process::id().to_string());
+        let janitor = std::thread::spawn({
+            let path = path.clone();
+            move || bury(&path, &pid, || ())
+        });
+        // As at its death: the lock goes, the directory stays.
+        let RunDir { path: _, lock } = &dying;
+        rustix::fs::flock(lock, FlockOperation::Unlock).expect("it is held");
+        assert!(janitor.join().expect("no panic"));
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn who_claims_waits_for_the_janitor() {
+        let base = tempfile::tempdir().expect("a directory");
+        let dead = RunDir::claim_in(base.path(), "s").expect("free");
+        dead.lock.set_len(0).expect("a file");
+        let next = std::thread::spawn({
+            let base = base.path().to_owned();
+            move || RunDir::claim_in(&base, "s").map(|dir| dir.path().exists())
+        });
+        drop(dead);
+        assert!(next.join().expect("no panic").expect("free at last"));
     }
 }

@@ -1,8 +1,12 @@
 //! Things in C that a test builds for itself: plugins and the allocation counter.
 
-use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::fs::File;
+use std::os::fd::AsRawFd as _;
+use std::os::unix::fs::FileExt as _;
+use std::path::PathBuf;
 use std::process::Command;
+
+use rustix::fs::{MemfdFlags, memfd_create};
 
 use super::checkout;
 use super::site::Site;
@@ -23,24 +27,27 @@ pub(crate) fn build(site: &Site, source: &str, library: &str, flags: &[&str]) ->
     path
 }
 
-/// The counter of `tests/native/count_alloc.c`.
+/// The counter of `tests/native/count_alloc.c`. In memory: a page of a file on a disk can make whoever writes to it wait for the disk.
 #[derive(Debug)]
-pub(crate) struct Counts(PathBuf);
+pub(crate) struct Counts(File);
 
 impl Counts {
     /// A new counter at zero.
-    pub(crate) fn new(path: PathBuf) -> Self {
-        File::create(&path).and_then(|file| file.set_len(16)).expect("room for a file");
-        Self(path)
+    pub(crate) fn new() -> Self {
+        let file = File::from(memfd_create("counts", MemfdFlags::CLOEXEC).expect("memory"));
+        file.set_len(16).expect("memory");
+        Self(file)
     }
 
-    pub(crate) fn path(&self) -> &Path {
-        &self.0
+    /// Where other processes find it, as long as we live.
+    pub(crate) fn path(&self) -> PathBuf {
+        PathBuf::from(format!("/proc/{}/fd/{}", std::process::id(), self.0.as_raw_fd()))
     }
 
     /// Heap calls so far: (of the scan thread, of all threads of the process and its children).
     pub(crate) fn read(&self) -> (u64, u64) {
-        let bytes = fs::read(&self.0).expect("the counter");
+        let mut bytes = [0; 16];
+        self.0.read_exact_at(&mut bytes, 0).expect("the counter");
         let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"));
         (word(0), word(8))
     }

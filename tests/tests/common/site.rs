@@ -16,6 +16,10 @@ use super::{Guard, checkout, plugin_dir, program};
 /// QVZ and ZVZ in which a partner surely answers, however busy the machine: the tests are about telegrams, not about its speed.
 pub(crate) const PATIENT: &str = "qvz_ms = 2000, zvz_ms = 1000, ";
 
+/// The cycle watchdog of the demo's stations: longer than a busy machine may take a scan off its core, shorter than the second after
+/// which a silent driver counts as hung. An OB 1 that waited for such a driver would be caught.
+const WATCHDOG: &str = "watchdog = \"500ms\"";
+
 /// The folder of a test. Dropping it ends every process that was started from it, whoever started it.
 #[derive(Debug)]
 pub(crate) struct Site {
@@ -141,9 +145,10 @@ impl Drop for Site {
     }
 }
 
-/// A station file of the demo with [`PATIENT`] times and an edit.
+/// A station file of the demo with [`PATIENT`] times, [`WATCHDOG`], and an edit.
 pub(crate) fn demo_station(name: &str, edit: impl FnOnce(String) -> String) -> String {
     let text = fs::read_to_string(checkout("examples/two-stations").join(name)).expect("a file of the demo");
+    let text = replaced(&text, "watchdog = \"150ms\"", WATCHDOG);
     edit(replaced(&text, "priority = ", &format!("{PATIENT}priority = ")))
 }
 

@@ -116,6 +116,11 @@ impl Running {
         self.ask(Op::Set { items }).expect("this cell can be written");
     }
 
+    /// The same for a station that may not live to answer.
+    pub(crate) fn try_set(&self, name: &str, value: i64) {
+        self.try_ask(Op::Set { items: BTreeMap::from([(name.to_owned(), Value::from(value))]) });
+    }
+
     pub(crate) fn status(&self) -> Status {
         self.ask(Op::Status).expect("never refused").status.expect("an answer to status")
     }
