@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use ob1_cpu::CpuConfig;
+use ob1_cpu::{CpuConfig, Family};
 use ob1_model::{BlockId, BlockKind};
 
 use super::file::{CpuTable, Placed, PluginTable, StationFile};
@@ -101,7 +101,7 @@ fn time(f: &mut Findings<'_>, value: Option<&Placed<String>>, default: u64) -> u
 }
 
 fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
-    let d = CpuConfig::default();
+    let d = CpuConfig::of(family(f, table.family.as_ref()));
     let image = &table.process_image;
     let config = CpuConfig {
         input_bytes: number(f, "inputs", image.inputs.as_ref(), 0..=8192, d.input_bytes),
@@ -140,6 +140,17 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
         );
     }
     config
+}
+
+fn family(f: &mut Findings<'_>, value: Option<&Placed<i64>>) -> Family {
+    match value.map(|family| (*family.get_ref(), family.span())) {
+        None | Some((300, _)) => Family::S7_300,
+        Some((400, _)) => Family::S7_400,
+        Some((other, at)) => {
+            f.error(VALUE, at, format!("family = {other} is none"), "300 (S7-300) or 400 (S7-400)");
+            Family::S7_300
+        }
+    }
 }
 
 fn realtime(f: &mut Findings<'_>, table: &CpuTable) -> Realtime {

@@ -58,6 +58,7 @@ pub(super) struct CpuTable {
     pub(super) timers: Option<Placed<i64>>,
     pub(super) counters: Option<Placed<i64>>,
     pub(super) local_bytes: Option<Placed<i64>>,
+    pub(super) family: Option<Placed<i64>>,
     pub(super) accumulators: Option<Placed<i64>>,
     pub(super) nesting_depth: Option<Placed<i64>>,
     pub(super) clock_memory: Option<Placed<i64>>,
