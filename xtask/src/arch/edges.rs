@@ -54,6 +54,7 @@ const TABLE: &[Row] = &[
             "ob1-host",
             "ob1-backplane",
             "ob1-params",
+            "bincode",
             "clap",
             "hdrhistogram",
             "parking_lot",
