@@ -44,10 +44,20 @@ impl Param {
         Self { name: name.to_owned(), aliases: Vec::new(), section, ty, at: BitAddr(0), initial: None }
     }
 
-    /// True for an in/out parameter of a composed type: a function block keeps a POINTER to the actual in its instance.
+    /// True for an in/out parameter of a composed type: a function block keeps a POINTER to the actual in its instance. What is
+    /// declared POINTER or ANY is one already, and lies there as it is.
     #[must_use]
     pub const fn is_pointer(&self) -> bool {
-        matches!(self.section, Section::InOut) && self.ty.is_composed()
+        matches!(self.section, Section::InOut)
+            && self.ty.is_composed()
+            && !matches!(self.ty, DataType::Pointer | DataType::Any)
+    }
+
+    /// Bits of the parameter as a call hands it over: those of a POINTER for a composed in/out of a block with an instance, else
+    /// those of its type.
+    #[must_use]
+    pub fn passed_bits(&self, has_instance: bool) -> u32 {
+        Layout::bits(if has_instance && self.is_pointer() { &DataType::Pointer } else { &self.ty })
     }
 
     /// True when `name` is this parameter's name or one of its other spellings.
@@ -122,6 +132,7 @@ mod tests {
                 param("a", Section::Input, DataType::Bool),
                 param("b", Section::Output, DataType::Bool),
                 param("c", Section::InOut, DataType::DateAndTime),
+                param("p", Section::InOut, DataType::Any),
                 param("d", Section::Static, DataType::Byte),
                 param("t", Section::Temp, DataType::Word),
             ],
@@ -129,8 +140,8 @@ mod tests {
         };
         interface.lay_out(true);
         let places: Vec<_> = interface.params.iter().map(|p| p.at.to_string()).collect();
-        assert_eq!(places, ["0.0", "2.0", "4.0", "10.0", "0.0"]);
-        assert_eq!((interface.instance_bytes, interface.temp_bytes), (12, 2));
+        assert_eq!(places, ["0.0", "2.0", "4.0", "10.0", "20.0", "0.0"]);
+        assert_eq!((interface.instance_bytes, interface.temp_bytes), (22, 2));
         interface.lay_out(false);
         assert_eq!((interface.instance_bytes, interface.temp_bytes), (0, 2));
     }

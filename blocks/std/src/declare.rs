@@ -1,6 +1,6 @@
 //! How a block declares its parameters: one enum, whose variants carry the manual's names and count the parameters.
 
-use ob1_model::{DataType, Interface, Layout, Param, Section};
+use ob1_model::{DataType, Interface, Param, Section};
 
 /// A declared parameter or static.
 #[derive(Clone, Copy)]
@@ -28,23 +28,7 @@ pub(crate) fn interface(declared: &[Declared], has_instance: bool) -> Interface 
     };
     let mut interface = Interface { params: declared.iter().map(param).collect(), ..Interface::default() };
     interface.lay_out(has_instance);
-    if has_instance {
-        lay_out_any(&mut interface);
-    }
     interface
-}
-
-/// An ANY in/out of a system function block lies in the instance as the ten bytes it has, not as a POINTER to them.
-fn lay_out_any(interface: &mut Interface) {
-    let mut instance = Layout::new();
-    for section in [Section::Input, Section::Output, Section::InOut, Section::Static] {
-        for param in interface.params.iter_mut().filter(|p| p.section == section) {
-            let by_pointer = param.is_pointer() && param.ty != DataType::Any;
-            param.at = instance.place(if by_pointer { &DataType::Pointer } else { &param.ty });
-        }
-        instance.end_section();
-    }
-    interface.instance_bytes = instance.bytes();
 }
 
 /// `params!(NAME { Input { IN: BOOL, PT: TIME } Output { Q: BOOL } })`: an enum of the parameters in the order written, which

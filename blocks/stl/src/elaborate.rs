@@ -356,7 +356,7 @@ impl<'e> Elaborator<'e> {
         }
         let takes_initial = block.frame == Frame::Fb && section != Section::Temp && resolved.fb.is_none();
         let mut param = Param::new(&declaration.name, section, resolved.ty);
-        if declaration.initial.is_some() && (!takes_initial || param.is_pointer()) {
+        if declaration.initial.is_some() && (!takes_initial || section == Section::InOut && param.ty.is_composed()) {
             self.sink.report(block.file, declaration.span, &codes::INITIAL_VALUE, "there is no start value here");
         } else {
             param.initial = self.start_value(block.file, declaration.initial.as_ref(), declaration.span, &param.ty);

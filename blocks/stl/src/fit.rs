@@ -28,7 +28,11 @@ pub(crate) fn fit(formal: &Param, value: Value<'_>, instance: bool) -> Result<Ar
             if ty.is_composed() && !matches!(ty, DataType::Pointer | DataType::Any) =>
         {
             // P#DB10.DBX0.0 names the place of a structure, an array or a string.
-            composed_place(p).map(Arg::Operand).ok_or_else(misfit)
+            let operand = composed_place(p).ok_or_else(misfit)?;
+            if instance && formal.is_pointer() {
+                return pointer_to(&DataType::Pointer, operand, None).ok_or_else(misfit);
+            }
+            Ok(Arg::Operand(operand))
         }
         Value::Constant(constant) => match constant.encode(ty).map_err(Misfit::Constant)? {
             Encoded::Bits(bits) => Ok(Arg::Const(bits)),

@@ -1,6 +1,6 @@
 //! Native blocks: what they can ask of the CPU during a call.
 
-use ob1_model::{BitAddr, BlockId, Event, Fault, FaultKind, Layout, Section, Site, TimerKind};
+use ob1_model::{BitAddr, BlockId, Event, Fault, FaultKind, Section, Site, TimerKind};
 
 use crate::engine::{Callee, Entry};
 use crate::machine::Context;
@@ -41,7 +41,7 @@ impl Native {
         let formals = interface
             .formals()
             .map(|p| Formal {
-                bits: Layout::bits(&p.ty),
+                bits: p.passed_bits(block.id().kind.has_instance()),
                 number: p.ty.is_parameter_type(),
                 input: p.section == Section::Input,
                 at: p.at.0,

@@ -2,26 +2,8 @@
 
 mod common;
 
-use common::{Bench, MS};
-use ob1_cpu::{Cpu, CpuConfig, NativeBlock, standard_block, system_blocks};
-use ob1_stl::{Library, Options, Source, compile};
-
-/// A CPU with a program, the system functions, and library blocks under their own numbers.
-fn bench(source: &str, keys: &[&str]) -> Bench {
-    let mut library = Library::new();
-    let mut natives: Vec<Box<dyn NativeBlock>> = system_blocks();
-    for key in keys {
-        let block = ob1_std::standard_block(key).expect("a standard block");
-        natives.push(standard_block(block.id, block));
-    }
-    for block in &natives {
-        library.insert(block.id(), block.name(), block.interface().clone());
-    }
-    let source = Source { name: "test.awl".into(), bytes: source.as_bytes().to_vec() };
-    let output = compile(&[source], &library, &Options::default());
-    assert!(output.is_good(), "{:#?}", output.diagnostics);
-    Bench::with(Cpu::new(CpuConfig::default(), &output.program, natives, vec![]).expect("loads"))
-}
+use common::MS;
+use common::source::bench;
 
 #[test]
 fn an_iec_timer_and_a_counter_in_virtual_time() {

@@ -1,7 +1,7 @@
 //! From the intermediate code to the pre-decoded form, at load.
 
 use ob1_ir::{BitTest, CallMode, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Program};
-use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Layout, Section};
+use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section};
 
 use super::Callee;
 use super::code::{AREA_IN_POINTER, Base, Block, CallTarget, InstanceOf, Op, Scan, arithmetic};
@@ -54,7 +54,7 @@ impl Signature {
             .formals()
             .enumerate()
             .map(|(i, p)| {
-                let bits = Layout::bits(&p.ty);
+                let bits = p.passed_bits(id.kind.has_instance());
                 let number = p.ty.is_parameter_type();
                 Formal {
                     section: p.section,

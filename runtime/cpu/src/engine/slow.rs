@@ -401,8 +401,11 @@ fn address_registers(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault
             *register = add_ar(*register, offset);
         }
         Op::OpenDb(register, n) => {
-            let n = number(n, r, m)?;
-            let db = resolve::open(m, n, register)?;
+            let db = match number(n, r, m)? {
+                // The POINTER of an operand outside data blocks names none: nothing is open then, and that is no error.
+                0 => crate::memory::Db::default(),
+                n => resolve::open(m, n, register)?,
+            };
             match register {
                 DbRegister::Db => r.db = db,
                 DbRegister::Di => r.di = db,

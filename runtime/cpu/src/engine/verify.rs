@@ -165,7 +165,7 @@ pub(crate) fn verify(block: &CodeBlock, errors: &mut Vec<LoadError>) {
         let site = Site { block: block.id, network: 0, line: 0 };
         for p in block.interface.params.iter().filter(|p| p.section != Section::Temp) {
             let BitAddr(at) = p.at;
-            if u64::from(at) + u64::from(Layout::bits(&p.ty)) > u64::from(block.interface.instance_bytes) * 8 {
+            if u64::from(at) + u64::from(p.passed_bits(true)) > u64::from(block.interface.instance_bytes) * 8 {
                 errors.push(LoadError::Code { site, reason: format!("{} lies outside the instance data", p.name) });
             }
         }
