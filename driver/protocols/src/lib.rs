@@ -6,19 +6,18 @@
 //!
 //! * [`machine`]: the contract all protocols share.
 //! * [`ascii`]: bare characters, telegrams end with a pause.
-//! * [`mbus`]: M-Bus master.
 //! * [`s3964`]: 3964 and 3964R.
+//! * [`modbus`]: Modbus RTU and ASCII, master and slave.
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod ascii;
 pub mod machine;
-pub mod mbus;
+pub mod modbus;
 pub mod s3964;
 
 pub use ascii::Ascii;
 pub use machine::{
     Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,
 };
-pub use mbus::MBus;
 pub use s3964::S3964;

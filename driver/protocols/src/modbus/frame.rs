@@ -1,0 +1,294 @@
+//! Characters with their times to telegrams. Master and slave receive in the same way.
+//!
+//! "Instead of start and end ID, RTU uses a time watcher." [S0 L2060] The manual gives no times; they are those of the Modbus
+//! specification for serial lines: 3.5 characters of silence separate telegrams, within one it is 1.5 at most; above 19200 bit/s
+//! 1.75 ms and 0.75 ms.
+//!
+//! The time of a character is that of its end, so a pause between two characters is what lies between their ends less one character.
+//! A device that hands characters over in bursts (a UART with a FIFO, a USB adapter) tells a burst's time only:
+//! [`Config::with_bursts`] says how late it may be. A telegram whose check is right is taken after the silence all the same; only one
+//! that is not whole is waited for.
+
+use super::{Failure, Mode, TELEGRAM_BYTES, ascii, pdu, rtu};
+use crate::machine::{MS, Nanos, SECOND};
+
+/// Above this rate the silences of RTU no longer depend on it.
+const FIXED_ABOVE_BAUD: u32 = 19_200;
+
+/// Most bytes of a telegram with its check: CRC (LRC: one less).
+const BUFFER: usize = TELEGRAM_BYTES + 2;
+
+/// How telegrams are told apart.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// RTU or ASCII.
+    pub mode: Mode,
+    /// Time of one character on the line.
+    pub char_time: Nanos,
+    /// RTU: silence that ends a telegram and that is kept before one. 0: none is kept, and a telegram ends when it has the length
+    /// its function code asks for and its check is right. ASCII has none.
+    pub silence: Nanos,
+    /// RTU: longest pause within a telegram; 0: not looked at.
+    pub gap: Nanos,
+    /// Longest time that a telegram that is not whole is waited for after its last character.
+    pub patience: Nanos,
+    /// Bytes of a register: 2, or 4 with 32-bit extensions.
+    pub register_bytes: usize,
+}
+
+impl Config {
+    /// The times of the Modbus specification for this rate.
+    pub const fn new(mode: Mode, baud: u32, char_time: Nanos) -> Self {
+        let (silence, gap) = match mode {
+            Mode::Rtu if baud > FIXED_ABOVE_BAUD => (1_750_000, 750_000),
+            Mode::Rtu => (char_time * 7 / 2, char_time * 3 / 2),
+            Mode::Ascii => (0, 0),
+        };
+        let patience = match mode {
+            Mode::Rtu => silence,
+            // "Intervals of up to one second may elapse between characters within the message."
+            Mode::Ascii => SECOND,
+        };
+        Self { mode, char_time, silence, gap, patience, register_bytes: pdu::REGISTER_BYTES }
+    }
+
+    /// The same on a line that hands characters over up to `late` after they have come in.
+    #[must_use]
+    pub const fn with_bursts(mut self, late: Nanos) -> Self {
+        if self.gap > 0 {
+            self.gap += late;
+        }
+        self.patience += late;
+        self
+    }
+
+    /// The same without silences: as fast as the partner can. For lines that separate telegrams by themselves, and to measure.
+    #[must_use]
+    pub const fn without_silence(mut self) -> Self {
+        if matches!(self.mode, Mode::Rtu) {
+            (self.silence, self.gap) = (0, 0);
+            self.patience += 50 * MS;
+        }
+        self
+    }
+}
+
+/// A telegram has ended: whole, or not.
+pub type End = Result<(), Failure>;
+
+/// Puts telegrams together.
+#[derive(Clone, Debug)]
+pub struct Receiver {
+    config: Config,
+    direction: pdu::Direction,
+    /// Characters have come that no end has followed yet.
+    open: bool,
+    /// End of the last character.
+    last: Nanos,
+    /// The first thing that was wrong with the telegram.
+    flaw: Option<Failure>,
+    bytes: [u8; BUFFER],
+    len: usize,
+    /// RTU: over what has come in.
+    crc: u16,
+    /// ASCII: the first digit of a byte.
+    half: Option<u8>,
+    /// ASCII: CR has come.
+    cr: bool,
+    /// Length of the last whole telegram.
+    telegram: usize,
+}
+
+impl Receiver {
+    /// One that has heard nothing yet, for telegrams that go this way.
+    pub const fn new(config: Config, direction: pdu::Direction) -> Self {
+        Self {
+            config,
+            direction,
+            open: false,
+            last: 0,
+            flaw: None,
+            bytes: [0; BUFFER],
+            len: 0,
+            crc: rtu::CRC_START,
+            half: None,
+            cr: false,
+            telegram: 0,
+        }
+    }
+
+    /// The configuration.
+    pub const fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Whether a telegram is coming in.
+    pub const fn is_open(&self) -> bool {
+        self.open
+    }
+
+    /// The telegram that has just ended well; until the next character.
+    pub fn telegram(&self) -> &[u8] {
+        self.bytes.get(..self.telegram).unwrap_or(&[])
+    }
+
+    /// When the line has been silent for long enough to send.
+    pub const fn quiet_at(&self) -> Nanos {
+        self.last + self.config.silence
+    }
+
+    /// Forgets what has come in; the line counts as busy until `now`.
+    pub const fn clear(&mut self, now: Nanos) {
+        self.reset();
+        self.open = false;
+        self.last = now;
+    }
+
+    const fn reset(&mut self) {
+        (self.len, self.crc, self.half, self.cr, self.flaw, self.telegram) = (0, rtu::CRC_START, None, false, None, 0);
+    }
+
+    /// Characters came in together, the last of them now. Before their [`Receiver::character`]s.
+    pub const fn chunk(&mut self, now: Nanos, characters: usize) {
+        let begun = now.saturating_sub(self.config.char_time * characters as u64);
+        if self.open && self.config.gap > 0 && begun.saturating_sub(self.last) > self.config.gap {
+            self.spoil(Failure::Incomplete);
+        }
+    }
+
+    /// One character; what it ends, if anything.
+    pub fn character(&mut self, now: Nanos, byte: u8) -> Option<End> {
+        self.last = now;
+        match self.config.mode {
+            Mode::Rtu => self.rtu(byte),
+            Mode::Ascii => self.ascii(byte),
+        }
+    }
+
+    /// A character that could not be read: it spoils the telegram it belongs to.
+    pub const fn unreadable(&mut self, now: Nanos) {
+        self.last = now;
+        self.begin();
+        self.spoil(Failure::DataLost);
+    }
+
+    /// When [`Receiver::tick`] is due.
+    pub fn deadline(&self) -> Option<Nanos> {
+        let wait = if self.is_whole() { self.config.silence } else { self.config.patience };
+        self.open.then(|| self.last + wait)
+    }
+
+    /// Time has passed; what has ended by that.
+    pub fn tick(&mut self, now: Nanos) -> Option<End> {
+        if self.deadline().is_none_or(|at| now < at) {
+            return None;
+        }
+        Some(match self.config.mode {
+            Mode::Rtu => self.end_rtu(),
+            // Without CR LF it is a part.
+            Mode::Ascii => self.end(Err(self.flaw.unwrap_or(Failure::Incomplete))),
+        })
+    }
+
+    const fn begin(&mut self) {
+        if !self.open {
+            self.reset();
+            self.open = true;
+        }
+    }
+
+    const fn spoil(&mut self, failure: Failure) {
+        if self.flaw.is_none() {
+            self.flaw = Some(failure);
+        }
+    }
+
+    const fn end(&mut self, end: End) -> End {
+        self.open = false;
+        end
+    }
+
+    fn store(&mut self, byte: u8) {
+        match self.bytes.get_mut(self.len) {
+            Some(place) => {
+                *place = byte;
+                self.len += 1;
+            }
+            None => self.spoil(Failure::Overflow),
+        }
+    }
+
+    // ---- RTU ----
+
+    /// RTU: nothing is wrong, and the check is right.
+    const fn is_whole(&self) -> bool {
+        matches!(self.config.mode, Mode::Rtu) && self.flaw.is_none() && self.len >= 4 && self.crc == 0
+    }
+
+    fn rtu(&mut self, byte: u8) -> Option<End> {
+        self.begin();
+        self.store(byte);
+        self.crc = rtu::crc_push(self.crc, byte);
+        let at_once = self.config.silence == 0 && self.is_whole() && self.expected() == Some(self.len - 2);
+        at_once.then(|| self.end_rtu())
+    }
+
+    /// Length of the telegram by its first bytes.
+    fn expected(&self) -> Option<usize> {
+        pdu::length(self.direction, self.bytes.get(..self.len)?, self.config.register_bytes)
+    }
+
+    fn end_rtu(&mut self) -> End {
+        if self.is_whole() {
+            self.telegram = self.len - 2;
+            return self.end(Ok(()));
+        }
+        let part = self.len < 4 || self.expected().is_some_and(|expected| self.len < expected + 2);
+        let wrong = if part { Failure::Incomplete } else { Failure::Fault };
+        self.end(Err(self.flaw.unwrap_or(wrong)))
+    }
+
+    // ---- ASCII ----
+
+    fn ascii(&mut self, byte: u8) -> Option<End> {
+        if byte == ascii::START {
+            // Whatever came before: here a telegram begins.
+            self.open = false;
+            self.begin();
+            return None;
+        }
+        if !self.open {
+            self.begin();
+            self.spoil(Failure::Start);
+        }
+        match byte {
+            ascii::LF => {
+                let cr = self.cr;
+                return Some(self.end_ascii(cr));
+            }
+            // CR was not the end.
+            _ if self.cr => self.spoil(Failure::Overflow),
+            ascii::CR => self.cr = true,
+            _ => match (ascii::digit(byte), self.half.take()) {
+                (None, _) => self.spoil(Failure::Fault),
+                (Some(high), None) => self.half = Some(high),
+                (Some(low), Some(high)) => self.store(high << 4 | low),
+            },
+        }
+        None
+    }
+
+    fn end_ascii(&mut self, cr: bool) -> End {
+        let bytes = self.bytes.get(..self.len).unwrap_or(&[]);
+        let end = match self.flaw {
+            Some(flaw) => Err(flaw),
+            None if !cr => Err(Failure::Overflow),
+            None if self.half.is_some() || self.len < 3 => Err(Failure::Incomplete),
+            None if self.len > TELEGRAM_BYTES + 1 => Err(Failure::Overflow),
+            None if ascii::lrc(bytes) != 0 => Err(Failure::Fault),
+            None => Ok(self.len - 1),
+        };
+        self.telegram = end.unwrap_or(0);
+        self.end(end.map(drop))
+    }
+}

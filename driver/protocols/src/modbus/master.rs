@@ -1,0 +1,263 @@
+//! The master: one order, one request, one answer. [S0 "Master-Slave-Communication"]
+//!
+//! An order is a request telegram. It ends when its answer, good or with an error announced by the slave, has been delivered; when no
+//! valid answer came, with the plain text of the [`Failure`] delivered in its place and an error (ours: the manual tells the program by
+//! the text alone); a broadcast, when its last bit is out. "After a broadcast the master is not waiting for a respond telegram." [S0 L2309]
+//!
+//! The delay time runs from the last bit of the request to the first character of the answer; from there on the times of
+//! [`frame`](super::frame) decide (ours). Telegrams that are not the answer do not end the wait.
+
+use super::frame::{self, End, Receiver};
+use super::pdu::{self, BROADCAST, Direction, Function, Match};
+use super::{FRAME_CHARACTERS, Failure, Mode, TELEGRAM_BYTES};
+use crate::machine::{Event, Input, LineFault, MS, Machine, Nanos, Order, Phase, SendError, Sink, What};
+
+/// Configuration of [`Master`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// How telegrams travel.
+    pub frame: frame::Config,
+    /// Delay time: longest wait for the first character of the answer.
+    pub wait: Nanos,
+}
+
+impl Config {
+    /// A CP 240: the delay time in milliseconds as parametrised, 0 for the automatic one.
+    pub const fn cp240(frame: frame::Config, baud: u32, wait_ms: u16) -> Self {
+        let wait = if wait_ms == 0 { automatic_wait(frame.mode, baud) } else { wait_ms as Nanos * MS };
+        Self { frame, wait }
+    }
+}
+
+/// The delay time "evaluated automatically": 50 ms + 2926000 ms / baud rate (ASCII), 5190000 ms / baud rate (RTU). [S0 "Delay time"]
+pub const fn automatic_wait(mode: Mode, baud: u32) -> Nanos {
+    let per_baud: Nanos = match mode {
+        Mode::Ascii => 2_926_000,
+        Mode::Rtu => 5_190_000,
+    };
+    let baud = if baud == 0 { 1 } else { baud as Nanos };
+    50 * MS + per_baud * MS / baud
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Idle,
+    /// The line has to be silent first. It is not waited for longer than `until`.
+    Silence {
+        until: Nanos,
+    },
+    /// The request is leaving.
+    Output,
+    /// The answer has to begin before `until`, and to end before `end`, whatever the line does.
+    Answer {
+        until: Nanos,
+        end: Nanos,
+    },
+}
+
+/// A Modbus master.
+#[derive(Clone, Debug)]
+pub struct Master {
+    config: Config,
+    state: State,
+    receiver: Receiver,
+    request: [u8; TELEGRAM_BYTES],
+    len: usize,
+}
+
+impl Master {
+    /// A machine before its first step.
+    pub fn new(config: Config) -> Self {
+        let receiver = Receiver::new(config.frame.clone(), Direction::Answer);
+        Self { config, state: State::Idle, receiver, request: [0; TELEGRAM_BYTES], len: 0 }
+    }
+
+    /// The configuration.
+    pub const fn config(&self) -> &Config {
+        &self.config
+    }
+
+    fn request(&self) -> &[u8] {
+        self.request.get(..self.len).unwrap_or(&[])
+    }
+
+    fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Sink) {
+        match order {
+            Order::Abort => {
+                if self.state == State::Output {
+                    out.take_back();
+                }
+                self.receiver.clear(now);
+                if self.busy() {
+                    self.state = State::Idle;
+                    out.sent(Err(SendError::Aborted));
+                }
+            }
+            Order::Send(_) if self.busy() => out.sent(Err(SendError::Busy)),
+            Order::Send(telegram) => match (self.request.get_mut(..telegram.len()), telegram) {
+                (None, _) => out.sent(Err(SendError::TooLong)),
+                (Some(request), [address, code, ..])
+                    // "Only write commands may be sent as broadcast." [S0 L2051]
+                    if *address != BROADCAST || Function::of(*code).is_some_and(Function::writes) =>
+                {
+                    request.copy_from_slice(telegram);
+                    self.len = telegram.len();
+                    self.state = State::Silence { until: now + self.config.wait };
+                    self.silence(now, out);
+                }
+                _ => out.sent(Err(SendError::Frame)),
+            },
+        }
+    }
+
+    /// Sends as soon as the line has been silent for long enough.
+    fn silence(&mut self, now: Nanos, out: &mut dyn Sink) {
+        let State::Silence { until } = self.state else { return };
+        if now < self.receiver.quiet_at().min(until) {
+            return;
+        }
+        let mut frame = [0; FRAME_CHARACTERS];
+        match self.config.frame.mode.encode(self.request(), &mut frame) {
+            Some(len) => {
+                self.receiver.clear(now);
+                self.state = State::Output;
+                out.transmit(frame.get(..len).unwrap_or(&[]));
+            }
+            // Not to be had: the length was checked with the order.
+            None => self.end(Err(SendError::TooLong), out),
+        }
+    }
+
+    fn tx_done(&mut self, now: Nanos, out: &mut dyn Sink) {
+        if self.state != State::Output {
+            return;
+        }
+        self.receiver.clear(now);
+        if self.request().first() == Some(&BROADCAST) {
+            return self.end(Ok(()), out);
+        }
+        let until = now + self.config.wait;
+        // Twice the longest telegram, and its last pause: a partner that never falls silent does not keep the order for ever.
+        let frame = &self.config.frame;
+        let end = until + 2 * FRAME_CHARACTERS as u64 * (frame.char_time + frame.gap) + frame.patience;
+        self.state = State::Answer { until, end };
+    }
+
+    fn received(&mut self, now: Nanos, bytes: &[u8], out: &mut dyn Sink) {
+        self.receiver.chunk(now, bytes.len());
+        for byte in bytes {
+            if let Some(end) = self.receiver.character(now, *byte) {
+                self.ended(end, out);
+            }
+        }
+    }
+
+    /// A telegram has ended.
+    fn ended(&mut self, end: End, out: &mut dyn Sink) {
+        if !matches!(self.state, State::Answer { .. }) {
+            // Nobody was asked, or an answer that came too late.
+            return;
+        }
+        let failure = match end {
+            Err(failure) => failure,
+            Ok(()) => match pdu::matches(self.request(), self.receiver.telegram(), self.config.frame.register_bytes) {
+                Match::Answer => return self.answered(out),
+                Match::Foreign => return,
+                Match::Short => Failure::Incomplete,
+                Match::Long => Failure::Overflow,
+            },
+        };
+        self.fail(failure, out);
+    }
+
+    fn answered(&mut self, out: &mut dyn Sink) {
+        let answer = self.receiver.telegram();
+        if out.room() < answer.len() {
+            // "... because either the receive buffer is full ..." [S0 "Master doesn't receive valid data"]
+            return self.fail(Failure::DataLost, out);
+        }
+        out.deliver(answer);
+        self.end(Ok(()), out);
+    }
+
+    /// "The master enters an error message into the receive block in plain text." [S0 "Master doesn't receive valid data"]
+    fn fail(&mut self, failure: Failure, out: &mut dyn Sink) {
+        out.report(Event { phase: Phase::Acknowledge, what: What::Modbus(failure) });
+        if out.room() < failure.telegram().len() {
+            out.report(Event { phase: Phase::Acknowledge, what: What::NoBuffer });
+        } else {
+            out.deliver(failure.telegram());
+        }
+        self.end(Err(failure.outcome()), out);
+    }
+
+    fn end(&mut self, outcome: Result<(), SendError>, out: &mut dyn Sink) {
+        self.state = State::Idle;
+        out.sent(outcome);
+    }
+
+    fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut dyn Sink) {
+        out.report(Event { phase: self.phase(), what: What::Line(fault) });
+        match fault {
+            // Whatever was coming in ends in the air; the delay time goes on.
+            LineFault::Gone | LineFault::Back => self.receiver.clear(now),
+            _ => self.receiver.unreadable(now),
+        }
+    }
+
+    fn phase(&self) -> Phase {
+        match self.state {
+            State::Answer { .. } if self.receiver.is_open() => Phase::Receive,
+            State::Idle | State::Silence { .. } => Phase::Idle,
+            State::Output => Phase::Output,
+            State::Answer { .. } => Phase::Acknowledge,
+        }
+    }
+
+    fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+        if let Some(end) = self.receiver.tick(now) {
+            self.ended(end, out);
+        }
+        match self.state {
+            State::Silence { .. } => self.silence(now, out),
+            // "No telegram arrived within the specified delay time." [S0 "Master doesn't receive valid data"]
+            State::Answer { until, .. } if now >= until && !self.receiver.is_open() => self.fail(Failure::NoData, out),
+            // "The telegram end wasn't recognized."
+            State::Answer { end, .. } if now >= end => {
+                self.receiver.clear(now);
+                self.fail(Failure::Overflow, out);
+            }
+            _ => {}
+        }
+    }
+
+    fn deadline(&self) -> Option<Nanos> {
+        let own = match self.state {
+            State::Idle | State::Output => None,
+            State::Silence { until } => Some(self.receiver.quiet_at().min(until)),
+            State::Answer { end, .. } if self.receiver.is_open() => Some(end),
+            State::Answer { until, .. } => Some(until),
+        };
+        own.into_iter().chain(self.receiver.deadline()).min()
+    }
+}
+
+impl Machine for Master {
+    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+        match input {
+            Input::Tick => self.tick(now, out),
+            // What comes in while we send is our own echo, or nobody's.
+            Input::Rx(_) if self.state == State::Output => {}
+            Input::Rx(bytes) => self.received(now, bytes, out),
+            Input::TxDone => self.tx_done(now, out),
+            Input::LineFault(fault) => self.fault(now, fault, out),
+            Input::Modem(_) => {}
+            Input::Order(order) => self.order(now, order, out),
+        }
+        self.deadline()
+    }
+
+    fn busy(&self) -> bool {
+        self.state != State::Idle
+    }
+}

@@ -1,0 +1,242 @@
+//! What the bytes of a telegram mean: function codes, lengths, requests, answers, exceptions. [S0 "Modbus - Function codes"]
+//!
+//! Registers have two bytes; where a slave has registers of four bytes too (codes 03h, 06h, 10h with the "32-bit extensions" of
+//! [S4 "32-Bit Registers"]), the functions take the size as a parameter.
+
+/// Bytes of a register.
+pub const REGISTER_BYTES: usize = 2;
+/// Bytes of a register with 32-bit extensions.
+pub const LONG_REGISTER_BYTES: usize = 4;
+/// Most bytes of user data in a telegram. [S0 L2397], [S0 L2458]
+pub const DATA_BYTES: usize = 250;
+/// Address of all slaves. [S0 "Broadcast with slave address = 0"]
+pub const BROADCAST: u8 = 0;
+/// Set in the function code of an answer that announces an error. [S0 "Respond of the slave"]
+pub const ERROR_BIT: u8 = 0x80;
+
+/// The function codes of the manual.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Function {
+    /// 01h: read n bits of the master output area 0x.
+    ReadOutputBits = 0x01,
+    /// 02h: read n bits of the master input area 1x.
+    ReadInputBits = 0x02,
+    /// 03h: read n words of the master output area 4x.
+    ReadOutputWords = 0x03,
+    /// 04h: read n words of the master input area 3x.
+    ReadInputWords = 0x04,
+    /// 05h: write 1 bit to the master output area 0x.
+    WriteBit = 0x05,
+    /// 06h: write 1 word to the master output area 4x.
+    WriteWord = 0x06,
+    /// 0Fh: write n bits to the master output area 0x.
+    WriteBits = 0x0F,
+    /// 10h: write n words to the master output area 4x.
+    WriteWords = 0x10,
+}
+
+impl Function {
+    /// The function of a code.
+    pub const fn of(code: u8) -> Option<Self> {
+        Some(match code {
+            0x01 => Self::ReadOutputBits,
+            0x02 => Self::ReadInputBits,
+            0x03 => Self::ReadOutputWords,
+            0x04 => Self::ReadInputWords,
+            0x05 => Self::WriteBit,
+            0x06 => Self::WriteWord,
+            0x0F => Self::WriteBits,
+            0x10 => Self::WriteWords,
+            _ => return None,
+        })
+    }
+
+    /// "Only write commands may be sent as broadcast." [S0 L2051]
+    pub const fn writes(self) -> bool {
+        matches!(self, Self::WriteBit | Self::WriteWord | Self::WriteBits | Self::WriteWords)
+    }
+}
+
+/// Why a slave refuses; the codes of the Modbus specification (the manual calls the rest of such a telegram "not relevant").
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Exception {
+    /// The function code is none of the eight.
+    Function = 1,
+    /// Not all of it lies inside the area.
+    Address = 2,
+    /// A number of elements that is not permitted, or that does not go with the bytes.
+    Value = 3,
+}
+
+/// A request, taken apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request<'a> {
+    /// 01h, 02h.
+    ReadBits {
+        /// Of the input area (02h) or the output area (01h).
+        input: bool,
+        /// First bit.
+        first: u16,
+        /// Number of bits, 1 to 2000.
+        count: u16,
+    },
+    /// 03h, 04h.
+    ReadWords {
+        /// Of the input area (04h) or the output area (03h).
+        input: bool,
+        /// First word.
+        first: u16,
+        /// Number of words, 1 to 125.
+        count: u16,
+    },
+    /// 05h.
+    WriteBit {
+        /// Which.
+        at: u16,
+        /// 0000h: false, FF00h: true.
+        on: bool,
+    },
+    /// 0Fh.
+    WriteBits {
+        /// First bit.
+        first: u16,
+        /// Number of bits, 1 to 2000.
+        count: u16,
+        /// Their bytes, lowest bit first.
+        data: &'a [u8],
+    },
+    /// 06h and 10h.
+    WriteWords {
+        /// First word.
+        first: u16,
+        /// Their bytes, high byte first.
+        data: &'a [u8],
+    },
+}
+
+fn word(telegram: &[u8], at: usize) -> Option<u16> {
+    let bytes = telegram.get(at..at + 2)?;
+    Some(u16::from_be_bytes([bytes[0], bytes[1]]))
+}
+
+impl<'a> Request<'a> {
+    /// Takes a request telegram (address first, no check) apart, as a slave must: function, then numbers. Whether the area is large
+    /// enough is the area's matter.
+    ///
+    /// # Errors
+    /// The exception to answer with.
+    pub fn parse(telegram: &'a [u8]) -> Result<Self, Exception> {
+        let function = telegram.get(1).copied().and_then(Function::of).ok_or(Exception::Function)?;
+        let (Some(first), Some(value)) = (word(telegram, 2), word(telegram, 4)) else { return Err(Exception::Value) };
+        let count = usize::from(value);
+        let bare = telegram.len() == 6;
+        // Number of bytes, then the bytes; all of it, and no more.
+        let data = || match telegram.get(6..).and_then(<[u8]>::split_first) {
+            Some((bytes, data)) if usize::from(*bytes) == data.len() => Ok(data),
+            _ => Err(Exception::Value),
+        };
+        let request = match function {
+            Function::ReadOutputBits | Function::ReadInputBits => {
+                check(bare && (1..=8 * DATA_BYTES).contains(&count))?;
+                Self::ReadBits { input: function == Function::ReadInputBits, first, count: value }
+            }
+            Function::ReadOutputWords | Function::ReadInputWords => {
+                check(bare && (1..=DATA_BYTES / REGISTER_BYTES).contains(&count))?;
+                Self::ReadWords { input: function == Function::ReadInputWords, first, count: value }
+            }
+            Function::WriteBit => {
+                // "Status Bit" = 0000h: Bit = 0; FF00h: Bit = 1. [S0 L2415-L2417]
+                check(bare && (value == 0x0000 || value == 0xFF00))?;
+                Self::WriteBit { at: first, on: value != 0 }
+            }
+            Function::WriteWord => {
+                check(bare)?;
+                Self::WriteWords { first, data: telegram.get(4..6).unwrap_or(&[]) }
+            }
+            Function::WriteBits => {
+                let data = data()?;
+                check((1..=8 * DATA_BYTES).contains(&count) && data.len() == count.div_ceil(8))?;
+                Self::WriteBits { first, count: value, data }
+            }
+            Function::WriteWords => {
+                let data = data()?;
+                check((1..=DATA_BYTES / REGISTER_BYTES).contains(&count) && data.len() == REGISTER_BYTES * count)?;
+                Self::WriteWords { first, data }
+            }
+        };
+        Ok(request)
+    }
+}
+
+const fn check(good: bool) -> Result<(), Exception> {
+    if good { Ok(()) } else { Err(Exception::Value) }
+}
+
+/// Which way a telegram goes: its length follows from it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// Master to slave.
+    Request,
+    /// Slave to master.
+    Answer,
+}
+
+/// Length of a telegram by its first bytes; `None`: more of it must be known, or the function code is none of the eight.
+pub fn length(direction: Direction, telegram: &[u8], register_bytes: usize) -> Option<usize> {
+    let code = *telegram.get(1)?;
+    if direction == Direction::Answer && code & ERROR_BIT != 0 {
+        return Some(3);
+    }
+    let write_word = 4 + register_bytes;
+    Some(match (direction, Function::of(code)?) {
+        (_, Function::WriteWord) => write_word,
+        (Direction::Request, Function::WriteBits | Function::WriteWords) => 7 + usize::from(*telegram.get(6)?),
+        (Direction::Answer, function) if !function.writes() => 3 + usize::from(*telegram.get(2)?),
+        _ => 6,
+    })
+}
+
+/// How an answer goes with its request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Match {
+    /// It is the answer, good or with an error announced.
+    Answer,
+    /// It is the answer to something else: of another slave, to another function, about other elements.
+    Foreign,
+    /// Shorter than its own function code and number of bytes say.
+    Short,
+    /// Longer than that.
+    Long,
+}
+
+/// Holds an answer (with a good check) against its request. A function code that is none of the eight cannot be looked into.
+pub fn matches(request: &[u8], answer: &[u8], register_bytes: usize) -> Match {
+    let (Some(asked), Some(code)) = (request.get(1), answer.get(1)) else { return Match::Short };
+    if request.first() != answer.first() || code & !ERROR_BIT != *asked {
+        return Match::Foreign;
+    }
+    if code & ERROR_BIT == 0 && Function::of(*code).is_none() {
+        return Match::Answer;
+    }
+    match length(Direction::Answer, answer, register_bytes) {
+        Some(length) if answer.len() > length => return Match::Long,
+        Some(length) if answer.len() == length => {}
+        _ => return Match::Short,
+    }
+    let expected = match Function::of(*code) {
+        // Announced as an error, or not to be looked into.
+        None => true,
+        // Address and value or number come back. [S0 "Modbus - Function codes"]
+        Some(Function::WriteWord) => request.get(2..4 + register_bytes) == answer.get(2..4 + register_bytes),
+        Some(function) if function.writes() => request.get(2..6) == answer.get(2..6),
+        Some(function) => {
+            let count = word(request, 4).map_or(0, usize::from);
+            let bits = matches!(function, Function::ReadOutputBits | Function::ReadInputBits);
+            let bytes = if bits { count.div_ceil(8) } else { register_bytes * count };
+            answer.len() == 3 + bytes
+        }
+    };
+    if expected { Match::Answer } else { Match::Foreign }
+}
