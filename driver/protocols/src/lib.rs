@@ -8,16 +8,19 @@
 //! * [`ascii`]: bare characters, telegrams end with a pause.
 //! * [`s3964`]: 3964 and 3964R.
 //! * [`modbus`]: Modbus RTU and ASCII, master and slave.
+//! * [`rk512`]: RK 512 on top of either.
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod ascii;
 pub mod machine;
 pub mod modbus;
+pub mod rk512;
 pub mod s3964;
 
 pub use ascii::Ascii;
 pub use machine::{
     Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,
 };
+pub use rk512::Rk512;
 pub use s3964::S3964;

@@ -247,8 +247,10 @@ impl<const N: usize> S3964<N> {
     }
 }
 
-impl<const N: usize> Machine for S3964<N> {
-    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+/// What RK 512 needs of the procedure below it.
+impl<const N: usize> S3964<N> {
+    /// The first half of a step: takes the input, begins nothing.
+    pub(crate) fn take(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) {
         match input {
             Input::Tick => self.tick(now, out),
             Input::Rx(bytes) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
@@ -257,10 +259,42 @@ impl<const N: usize> Machine for S3964<N> {
             Input::Modem(_) => {} // The procedure needs no accompanying signals.
             Input::Order(order) => self.order(now, order, out),
         }
+    }
+
+    /// The second half: an order that may begin begins. The result is the next deadline.
+    pub(crate) fn go(&mut self, now: Nanos, out: &mut dyn Sink) -> Option<Nanos> {
         if self.state == State::Idle && self.job.is_some() && now >= self.pause_until {
             self.connect(now, out);
         }
         self.deadline()
+    }
+
+    /// The first `len` bytes of what was delivered last.
+    pub(crate) fn received(&self, len: usize) -> &[u8] {
+        &self.rx[..len.min(N)]
+    }
+
+    /// Whether the line is free: nothing is leaving, coming in or being waited for.
+    pub(crate) fn is_free(&self) -> bool {
+        self.state == State::Idle
+    }
+
+    /// Whether the running order's block has left completely at least once.
+    pub(crate) fn block_is_out(&self) -> bool {
+        self.job.as_ref().is_some_and(Job::is_out)
+    }
+
+    /// Forgets the running order between two halves of a step, without a word: the telegram that was delivered in the first
+    /// half has shown that the partner has it.
+    pub(crate) fn forget_order(&mut self) {
+        self.job = None;
+    }
+}
+
+impl<const N: usize> Machine for S3964<N> {
+    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+        self.take(now, input, out);
+        self.go(now, out)
     }
 
     fn busy(&self) -> bool {

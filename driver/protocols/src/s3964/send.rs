@@ -13,11 +13,18 @@ pub(super) struct Job {
     connects: u16,
     /// Attempts to send the block that have failed.
     blocks: u16,
+    /// The whole block has left at least once: the partner may have it.
+    out: bool,
 }
 
 impl Job {
     pub(super) fn new(len: usize) -> Self {
-        Self { len, connects: 0, blocks: 0 }
+        Self { len, connects: 0, blocks: 0, out: false }
+    }
+
+    /// The whole block has left at least once.
+    pub(super) fn is_out(&self) -> bool {
+        self.out
     }
 }
 
@@ -95,7 +102,7 @@ impl<const N: usize> S3964<N> {
     pub(super) fn output_character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) {
         if self.output.is_out(now) {
             // The line has had its time and has not said so yet: this is the answer.
-            self.state = State::Acknowledge { expiry: now + self.config.qvz };
+            self.output_done(now);
             return self.acknowledge_character(now, byte, out);
         }
         match byte {
@@ -124,6 +131,9 @@ impl<const N: usize> S3964<N> {
 
     /// The last bit of the block is out: QVZ begins.
     pub(super) fn output_done(&mut self, now: Nanos) {
+        if let Some(job) = &mut self.job {
+            job.out = true;
+        }
         self.state = State::Acknowledge { expiry: now + self.config.qvz };
     }
 

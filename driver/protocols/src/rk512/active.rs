@@ -1,0 +1,211 @@
+//! The active role: send the telegrams of an own order one by one, wait for the reaction to each.
+
+use super::codec::{self, PIECE};
+use super::event::{BadReaction, Event, OrderError};
+use super::{Command, Owner, Request, Rk512};
+use crate::machine::{Nanos, SendError};
+
+/// An own order.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Own {
+    request: Request,
+    /// Bytes of data that are through: the partner has said so, or they are here.
+    at: usize,
+    /// The telegram under way is a follow-on telegram.
+    follow: bool,
+    stage: Stage,
+    /// How often it has been sent because BWZ ran out.
+    repetitions: u16,
+    /// Reaction monitoring; begins with the first acknowledgement of the telegram under way.
+    until: Option<Nanos>,
+}
+
+/// Where the telegram under way is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// It waits for the line.
+    ToSend,
+    /// The procedure below has it.
+    OnLine,
+    /// The partner has it; `bwz`: STX of the reaction must come before.
+    Awaiting { bwz: Option<Nanos> },
+}
+
+impl Own {
+    pub(super) fn is_to_send(&self) -> bool {
+        self.stage == Stage::ToSend
+    }
+
+    pub(super) fn deadline(&self) -> Option<Nanos> {
+        match self.stage {
+            Stage::Awaiting { bwz } => bwz.into_iter().chain(self.until).min(),
+            Stage::ToSend | Stage::OnLine => None,
+        }
+    }
+
+    /// Bytes of data of the telegram under way.
+    fn piece(&self) -> usize {
+        match self.request.command {
+            Command::Send => (self.request.bytes() - self.at).min(PIECE),
+            Command::Fetch => 0,
+        }
+    }
+}
+
+impl<const N: usize> Rk512<N> {
+    /// An order of the CPU.
+    pub(super) fn start(&mut self, request: Request, data: &[u8], out: &mut dyn Owner) {
+        let bytes = request.bytes();
+        let expected = if request.command == Command::Send { bytes } else { 0 };
+        let refused = if self.own.is_some() {
+            OrderError::Busy
+        } else if bytes > self.config.data_max || bytes > N {
+            OrderError::TooLong
+        } else if bytes == 0 || data.len() != expected {
+            OrderError::Invalid
+        } else {
+            self.own_data[..data.len()].copy_from_slice(data);
+            let stage = Stage::ToSend;
+            self.own = Some(Own { request, at: 0, follow: false, stage, repetitions: 0, until: None });
+            return;
+        };
+        out.ended(Err(refused));
+    }
+
+    /// The telegram under way; marks it as being on the line. [S0 "Structure of the output message"],
+    /// [S0 "Structure of the input message"], [S0 "Structure of additional messages"]
+    pub(super) fn compose_order(&mut self, telegram: &mut [u8]) -> usize {
+        let Some(own) = &mut self.own else { return 0 };
+        own.stage = Stage::OnLine;
+        let head = if own.follow { codec::SHORT } else { codec::HEADER };
+        if own.follow {
+            telegram[..head].copy_from_slice(&own.request.follow_header());
+        } else {
+            telegram[..head].copy_from_slice(&own.request.header());
+        }
+        let piece = own.piece();
+        telegram[head..head + piece].copy_from_slice(&self.own_data[own.at..own.at + piece]);
+        head + piece
+    }
+
+    /// The procedure below is through with our telegram: the monitoring times begin. [S0 L1678], [S0 L1635]
+    pub(super) fn order_sent(&mut self, now: Nanos, outcome: Result<(), SendError>, out: &mut dyn Owner) {
+        let Some(own) = &mut self.own else { return };
+        match outcome {
+            Ok(()) => {
+                own.stage = Stage::Awaiting { bwz: None };
+                own.until.get_or_insert(now + self.config.reaction);
+            }
+            Err(error) => self.end_own(Err(OrderError::Line(error)), out),
+        }
+    }
+
+    /// BWZ runs while the line is free: it ends with STX of the reaction. An order of the partner, or something that was no telegram,
+    /// lets it begin anew.
+    pub(super) fn watch_bwz(&mut self, now: Nanos) {
+        let free = self.line.is_free();
+        let time = self.config.line.bwz;
+        if let Some(Own { stage: Stage::Awaiting { bwz }, .. }) = &mut self.own {
+            if !free || time == 0 {
+                *bwz = None;
+            } else {
+                bwz.get_or_insert(now + time);
+            }
+        }
+    }
+
+    pub(super) fn own_times(&mut self, now: Nanos, out: &mut dyn Owner) {
+        let Some(own) = &mut self.own else { return };
+        let Stage::Awaiting { bwz } = own.stage else { return };
+        if own.until.is_some_and(|until| now >= until) {
+            // [S0 L1678]: "a maximum period of 5s during which a reaction must be received". It holds for all repetitions together.
+            self.end_own(Err(OrderError::NoReaction), out);
+        } else if bwz.is_some_and(|bwz| now >= bwz) {
+            // [S0 L1635]: beyond BWZ the telegram is sent again; DBL counts the attempts, as for a block.
+            own.repetitions += 1;
+            if own.repetitions < self.config.line.block_attempts {
+                own.stage = Stage::ToSend;
+                out.report(Event::Repetition(own.repetitions));
+            } else {
+                self.end_own(Err(OrderError::BwzExceeded), out);
+            }
+        }
+    }
+
+    /// Whether a reaction that comes now would be the one to our telegram.
+    pub(super) fn awaits_reaction(&self) -> bool {
+        match self.own.as_ref().map(|own| own.stage) {
+            Some(Stage::Awaiting { .. }) => true,
+            // Its acknowledgement was lost, or spoilt: the reaction tells that it has arrived.
+            Some(Stage::OnLine) if self.line.block_is_out() => true,
+            // It is to be sent once more, because BWZ ran out.
+            Some(Stage::OnLine | Stage::ToSend) => self.own.as_ref().is_some_and(|own| own.until.is_some()),
+            None => false,
+        }
+    }
+
+    /// A reaction has come.
+    pub(super) fn reaction(&mut self, follow: bool, number: u8, data: &[u8], out: &mut dyn Owner) {
+        if !self.awaits_reaction() {
+            // Without an order, or before our telegram can have arrived: of something before. [reference 3.12]
+            return out.report(Event::BadReaction(BadReaction::Sequence));
+        }
+        let Some(own) = &mut self.own else { return };
+        if follow != own.follow {
+            return self.bad_reaction(BadReaction::Sequence, out);
+        }
+        if number != 0 {
+            // [reference 4.5]: the order ends, without data, without further telegrams.
+            return self.end_own(Err(OrderError::Rejected(number)), out);
+        }
+        let bytes = own.request.bytes();
+        let piece = match own.request.command {
+            Command::Send if !data.is_empty() => return self.bad_reaction(BadReaction::SendData, out),
+            Command::Send => own.piece(),
+            // Less than 128 bytes is tolerated in a telegram. [reference 4.4]
+            Command::Fetch => match self.own_data[..bytes].get_mut(own.at..own.at + data.len()) {
+                Some(place) if !data.is_empty() && data.len() <= PIECE => {
+                    place.copy_from_slice(data);
+                    data.len()
+                }
+                _ => return self.bad_reaction(BadReaction::Data, out),
+            },
+        };
+        own.at += piece;
+        if own.at == bytes {
+            return self.end_own(Ok(()), out);
+        }
+        *own = Own { follow: true, stage: Stage::ToSend, repetitions: 0, until: None, ..*own };
+        self.forget_own_telegram();
+    }
+
+    /// A reaction that is none ends the order it would belong to. [reference 3.12]
+    pub(super) fn bad_reaction(&mut self, bad: BadReaction, out: &mut dyn Owner) {
+        if self.awaits_reaction() {
+            self.end_own(Err(OrderError::BadReaction(bad)), out);
+        } else {
+            out.report(Event::BadReaction(bad));
+        }
+    }
+
+    fn end_own(&mut self, outcome: Result<(), OrderError>, out: &mut dyn Owner) {
+        self.forget_own_telegram();
+        let Some(own) = self.own.take() else { return };
+        match outcome {
+            Ok(()) if own.request.command == Command::Fetch => out.ended(Ok(&self.own_data[..own.request.bytes()])),
+            Ok(()) => out.ended(Ok(&[])),
+            Err(error) => {
+                out.report(Event::Failed(error));
+                out.ended(Err(error));
+            }
+        }
+    }
+
+    /// What the procedure below still wants to repeat has been answered.
+    fn forget_own_telegram(&mut self) {
+        if self.carries == super::Carries::Order {
+            self.line.forget_order();
+            self.carries = super::Carries::Nothing;
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! What is set at an RK 512 interface, and what differs between the CPs that speak it.
+
+use crate::machine::{Nanos, SECOND};
+use crate::s3964;
+
+/// Configuration of [`Rk512`](super::Rk512). Times in nanoseconds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// The procedure below: 3964 or 3964R. Its BWZ is the longest time from the acknowledgement of an order's telegram to STX of the
+    /// reaction, after which the telegram is sent again, its `block_attempts` (DBL) times in all; 0: not at all (CP 341). [S0 L1635]
+    pub line: s3964::Config,
+    /// Reaction monitoring: longest time from the first acknowledgement of an order's telegram to its reaction; it begins
+    /// anew with each follow-on telegram. [S0 L1678], [reference 4.7]
+    pub reaction: Nanos,
+    /// How long the CPU has to answer an order of the partner; after that it is refused with 2Ah. Shorter than the partner's reaction
+    /// monitoring.
+    pub answer_wait: Nanos,
+    /// How long the next telegram of the partner's order is waited for.
+    pub follow_wait: Nanos,
+    /// Longest order in bytes; the machine's own buffer is a further limit.
+    pub data_max: usize,
+    /// Highest byte a coordination flag may lie in, 0 to 254.
+    pub flag_byte_max: u8,
+    /// Highest CPU number in the partner's orders; 0 to 4.
+    pub cpu_max: u8,
+}
+
+impl Config {
+    /// The CP 240: 5 s for the reaction [S0 L1678], 1024 bytes [S0 "Error message CP Byte 0"], flags in bytes 0 to 199 [reference
+    /// 9.4]. A CPU number is taken as the Siemens texts say, 1 to 4, and not looked at.
+    pub fn cp240(line: s3964::Config) -> Self {
+        Self {
+            line,
+            reaction: 5 * SECOND,
+            answer_wait: 4 * SECOND,
+            follow_wait: 5 * SECOND,
+            data_max: 1024,
+            flag_byte_max: 199,
+            cpu_max: 4,
+        }
+    }
+
+    /// The CP 341: 20 s for the reaction [reference 4.7], 4096 bytes [reference 4.8], 10 s for the CPU to take the data [reference 3.6,
+    /// 0409h].
+    pub fn cp341(line: s3964::Config) -> Self {
+        Self {
+            line,
+            reaction: 20 * SECOND,
+            answer_wait: 10 * SECOND,
+            follow_wait: 20 * SECOND,
+            data_max: 4096,
+            flag_byte_max: 254,
+            cpu_max: 4,
+        }
+    }
+
+    /// Reaction monitoring of a CP 341 whose option "transmission-rate dependent" is on. [reference 4.7]
+    ///
+    /// The table gives 300, 600, 1200 and "from 38400" baud; between them 5 s (ours).
+    pub const fn reaction_at(baud: u32) -> Nanos {
+        match baud {
+            0..=300 => 10 * SECOND,
+            301..=600 => 7 * SECOND,
+            601..=19_200 => 5 * SECOND,
+            _ => 3 * SECOND,
+        }
+    }
+}

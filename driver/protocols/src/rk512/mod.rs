@@ -1,0 +1,356 @@
+//! RK 512: orders with a header, each telegram a block of 3964(R), each answered by a reaction.
+//!
+//! ```text
+//! active                                     passive
+//! [00 00 A D db dw length flag  data]  ->
+//!                                      <-    [00 00 00 code]             SEND [S0 "Structure of the output message"]
+//! [FF 00 A D  data]                    ->
+//!                                      <-    [FF 00 00 code]             more than 128 bytes
+//!
+//! [00 00 E D db dw length flag]        ->
+//!                                      <-    [00 00 00 code  data]       FETCH [S0 "Structure of the input message"]
+//! [FF 00 E D]                          ->
+//!                                      <-    [FF 00 00 code  data]
+//! ```
+//!
+//! One machine plays both roles at once: an own order waits for its reaction while orders of the partner come in and are
+//! answered ("quasi full duplex", one order each way) [reference 4.5]. The active role is in `active`, the passive one in
+//! `passive`; [`codec`] knows the telegrams, [`Config`] the differences between CPs.
+//!
+//! 3964(R) may deliver a block twice, when the acknowledgement of the first is lost. The rules here (ours, the texts are silent):
+//! a reaction proves that the telegram it answers has arrived, once that has left completely; one that comes earlier
+//! belongs to something before. A telegram that is the same as the last one, before our reaction can have arrived, is the
+//! last one. When it cannot be told whether a follow-on telegram is the last one or the next with the same data,
+//! the order is refused: an error, never wrong data.
+
+mod active;
+pub mod codec;
+mod config;
+mod event;
+mod passive;
+
+pub use codec::{Area, Command, Coordination, Flag, Request};
+pub use config::Config;
+pub use event::{AnswerError, BadReaction, Event, OrderError, Refusal, code};
+
+use crate::machine::{self, LineFault, Machine as _, ModemLines, Nanos, SendError, TELEGRAM_MAX};
+use crate::s3964::S3964;
+use active::Own;
+use passive::{Partner, Reply};
+
+/// Longest telegram on the line that is taken in. 138 bytes is what a partner may send; what is a little longer is refused with an error
+/// number instead of NAK.
+const LINE: usize = 256;
+
+/// What happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input<'a> {
+    /// Time has passed; nothing else.
+    Tick,
+    /// Characters came in; as [`machine::Input::Rx`].
+    Rx(&'a [u8]),
+    /// The last bit of everything handed to [`Owner::transmit`] has left the line.
+    TxDone,
+    /// The line could not read a character, or is gone.
+    LineFault(LineFault),
+    /// The modem lines have changed.
+    Modem(ModemLines),
+    /// The CPU wants something.
+    Order(Order<'a>),
+}
+
+impl<'a> Input<'a> {
+    /// What a line says.
+    pub const fn of_line(input: machine::Input<'a>) -> Option<Self> {
+        Some(match input {
+            machine::Input::Tick => Self::Tick,
+            machine::Input::Rx(bytes) => Self::Rx(bytes),
+            machine::Input::TxDone => Self::TxDone,
+            machine::Input::LineFault(fault) => Self::LineFault(fault),
+            machine::Input::Modem(lines) => Self::Modem(lines),
+            machine::Input::Order(machine::Order::Abort) => Self::Order(Order::Abort),
+            machine::Input::Order(machine::Order::Send(_)) => return None,
+        })
+    }
+}
+
+/// An order of the CPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order<'a> {
+    /// Do this; for a SEND with these data. The end is told by [`Owner::ended`], exactly once an order.
+    ///
+    /// While an order is running a second one is answered at once with [`OrderError::Busy`]; the first goes on.
+    Start(Request, &'a [u8]),
+    /// The answer to the order of the partner that [`Owner::asked`] brought. Without one it is dropped.
+    Answer(Answer<'a>),
+    /// From now on the CPU takes orders of the partner (true, as at the start) or does not (CPU in STOP).
+    Serve(bool),
+    /// Drop everything in both roles and go back to idle. The RESET of the CPU, or new parameters.
+    Abort,
+}
+
+/// What the CPU answers to an order of the partner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer<'a> {
+    /// The data of the SEND have been taken.
+    Taken,
+    /// The data of the FETCH; as many as the request says.
+    Data(&'a [u8]),
+    /// Refused with this error number, not 0. [reference 4.6]
+    Refused(u8),
+}
+
+/// Where the machine puts its results. Called only inside [`Rk512::step`].
+pub trait Owner {
+    /// Puts characters on the line, behind those handed over before.
+    fn transmit(&mut self, bytes: &[u8]);
+
+    /// Takes back what has not begun to leave; as [`machine::Sink::take_back`].
+    fn take_back(&mut self) -> usize {
+        0
+    }
+
+    /// The own order has ended: the data of the FETCH (of a SEND none), or why it failed.
+    fn ended(&mut self, outcome: Result<&[u8], OrderError>);
+
+    /// The partner wants something; with the data of a SEND. Answer with [`Order::Answer`]; until then no other comes.
+    fn asked(&mut self, request: &Request, data: &[u8]);
+
+    /// The order of the partner is over, exactly once for each [`Owner::asked`]: the answer has arrived, or why not. An answer given
+    /// from now on belongs to nothing.
+    fn answered(&mut self, outcome: Result<(), AnswerError>);
+
+    /// Something worth the LED `ER`, a diagnostic entry or a line of the trace.
+    fn report(&mut self, event: Event);
+}
+
+/// RK 512 on 3964 or 3964R, with room for orders of `N` bytes of data in each role.
+#[derive(Clone, Debug)]
+pub struct Rk512<const N: usize = TELEGRAM_MAX> {
+    config: Config,
+    line: S3964<LINE>,
+    /// Whose telegram the procedure below is sending.
+    carries: Carries,
+    own: Option<Own>,
+    own_data: [u8; N],
+    partner: Option<Partner>,
+    partner_data: [u8; N],
+    /// The reaction that is to be sent, or being sent.
+    reply: Option<Reply>,
+    /// The CPU takes orders of the partner.
+    serves: bool,
+}
+
+/// Whose telegram the procedure below is sending.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Carries {
+    Nothing,
+    Order,
+    Reaction,
+}
+
+impl<const N: usize> Rk512<N> {
+    /// A machine before its first step.
+    pub fn new(config: Config) -> Self {
+        let line = S3964::new(config.line.clone());
+        Self {
+            config,
+            line,
+            carries: Carries::Nothing,
+            own: None,
+            own_data: [0; N],
+            partner: None,
+            partner_data: [0; N],
+            reply: None,
+            serves: true,
+        }
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Whether an own order is running, that is, accepted and not yet answered by [`Owner::ended`].
+    pub fn busy(&self) -> bool {
+        self.own.is_some()
+    }
+
+    /// Whether an order of the partner waits for [`Order::Answer`].
+    pub fn is_asking(&self) -> bool {
+        self.partner.as_ref().is_some_and(Partner::is_asked)
+    }
+
+    /// Takes one input at time `now`; the result is the next deadline. The laws are those of [`machine::Machine`].
+    pub fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Owner) -> Option<Nanos> {
+        let line = match input {
+            Input::Tick => machine::Input::Tick,
+            Input::TxDone => machine::Input::TxDone,
+            Input::LineFault(fault) => machine::Input::LineFault(fault),
+            Input::Modem(lines) => machine::Input::Modem(lines),
+            Input::Rx(bytes) => {
+                let mut due = None;
+                // One at a time: a telegram is dealt with before the procedure below begins something new.
+                for byte in bytes {
+                    due = self.drive(now, machine::Input::Rx(core::slice::from_ref(byte)), out);
+                }
+                return self.deadline(due);
+            }
+            Input::Order(order) => {
+                self.order(now, order, out);
+                machine::Input::Rx(&[])
+            }
+        };
+        let due = self.drive(now, line, out);
+        self.deadline(due)
+    }
+
+    fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Owner) {
+        match order {
+            Order::Start(request, data) => self.start(request, data, out),
+            Order::Answer(answer) => self.answer(answer, out),
+            Order::Serve(serves) => {
+                self.serves = serves;
+                if !serves && self.is_asking() {
+                    self.refuse_asked(out);
+                }
+            }
+            Order::Abort => self.abort(now, out),
+        }
+    }
+
+    fn abort(&mut self, now: Nanos, out: &mut dyn Owner) {
+        // Its word on its running order is not passed on: the order here ends below, whoever's turn it was.
+        self.line.take(now, machine::Input::Order(machine::Order::Abort), &mut Tap::new(out));
+        self.carries = Carries::Nothing;
+        self.reply = None;
+        if self.own.take().is_some() {
+            out.ended(Err(OrderError::Aborted));
+        }
+        if self.partner.take().is_some_and(|partner| partner.owes_an_end()) {
+            out.answered(Err(AnswerError::Aborted));
+        }
+    }
+
+    /// The procedure below takes an input; then what it brought, our own times, and what is to be sent.
+    fn drive(&mut self, now: Nanos, input: machine::Input<'_>, out: &mut dyn Owner) -> Option<Nanos> {
+        let mut tap = Tap::new(out);
+        self.line.take(now, input, &mut tap);
+        let Tap { delivered, sent, .. } = tap;
+        if let Some(outcome) = sent {
+            self.line_sent(now, outcome, out);
+        }
+        if let Some(len) = delivered {
+            let mut telegram = [0; LINE];
+            let telegram = &mut telegram[..len.min(LINE)];
+            telegram.copy_from_slice(self.line.received(len));
+            self.telegram(now, telegram, out);
+        }
+        self.own_times(now, out);
+        self.partner_times(now, out);
+        self.hand_down(now, out);
+        let due = self.line.go(now, &mut Tap::new(out));
+        self.watch_bwz(now);
+        due
+    }
+
+    fn telegram(&mut self, now: Nanos, telegram: &[u8], out: &mut dyn Owner) {
+        match codec::parse(telegram) {
+            Ok(codec::Telegram::Reaction { follow, code, data }) => self.reaction(follow, code, data, out),
+            Ok(codec::Telegram::Order(request, data)) => self.partner_order(now, request, data, out),
+            Ok(codec::Telegram::Follow { command, area, data }) => self.partner_follow(now, command, area, data, out),
+            // What cannot be told from a reaction is taken for one while one is due.
+            Err(codec::Malformed::Short) if self.awaits_reaction() && telegram.len() < codec::SHORT => {
+                self.bad_reaction(BadReaction::Structure, out);
+            }
+            Err(codec::Malformed::ReactionBytes) => self.bad_reaction(BadReaction::Structure, out),
+            Err(malformed) => {
+                let follow = telegram.first() == Some(&0xFF);
+                self.refuse(follow, malformed.into(), out);
+            }
+        }
+    }
+
+    /// The procedure below is through with a telegram.
+    fn line_sent(&mut self, now: Nanos, outcome: Result<(), SendError>, out: &mut dyn Owner) {
+        match core::mem::replace(&mut self.carries, Carries::Nothing) {
+            Carries::Nothing => {}
+            Carries::Order => self.order_sent(now, outcome, out),
+            Carries::Reaction => self.reply_sent(now, outcome, out),
+        }
+    }
+
+    /// Gives the next telegram to the procedure below: a reaction first, the partner waits for it.
+    fn hand_down(&mut self, now: Nanos, out: &mut dyn Owner) {
+        if self.line.busy() {
+            return;
+        }
+        let mut telegram = [0; LINE];
+        let (carries, len) = match (self.compose_reply(&mut telegram), &self.own) {
+            (Some(len), _) => (Carries::Reaction, len),
+            (None, Some(own)) if own.is_to_send() => (Carries::Order, self.compose_order(&mut telegram)),
+            _ => return,
+        };
+        self.carries = carries;
+        let mut tap = Tap::new(out);
+        self.line.take(now, machine::Input::Order(machine::Order::Send(&telegram[..len])), &mut tap);
+        if let Some(outcome) = tap.sent {
+            // A procedure configured for telegrams shorter than ours.
+            self.line_sent(now, outcome, out);
+        }
+    }
+
+    /// Takes back the reaction that is being sent or to be sent. Only while the line is free.
+    fn forget_reply(&mut self) {
+        self.reply = None;
+        if self.carries == Carries::Reaction {
+            self.line.forget_order();
+            self.carries = Carries::Nothing;
+        }
+    }
+
+    fn deadline(&self, line: Option<Nanos>) -> Option<Nanos> {
+        let own = self.own.as_ref().and_then(Own::deadline);
+        let partner = self.partner.as_ref().and_then(Partner::deadline);
+        line.into_iter().chain(own).chain(partner).min()
+    }
+}
+
+/// The procedure's view of the machine above it.
+struct Tap<'a> {
+    out: &'a mut dyn Owner,
+    delivered: Option<usize>,
+    sent: Option<Result<(), SendError>>,
+}
+
+impl<'a> Tap<'a> {
+    fn new(out: &'a mut dyn Owner) -> Self {
+        Self { out, delivered: None, sent: None }
+    }
+}
+
+impl machine::Sink for Tap<'_> {
+    fn transmit(&mut self, bytes: &[u8]) {
+        self.out.transmit(bytes);
+    }
+
+    fn take_back(&mut self) -> usize {
+        self.out.take_back()
+    }
+
+    fn room(&self) -> usize {
+        LINE
+    }
+
+    fn deliver(&mut self, telegram: &[u8]) {
+        self.delivered = Some(telegram.len());
+    }
+
+    fn sent(&mut self, outcome: Result<(), SendError>) {
+        self.sent = Some(outcome);
+    }
+
+    fn report(&mut self, event: machine::Event) {
+        self.out.report(Event::Line(event));
+    }
+}
