@@ -411,7 +411,7 @@ impl Sink for Outlet<'_> {
         }
         match event.what {
             What::NoBuffer | What::TooLong => self.port.count(CpCounter::Rejected, 1),
-            What::CharacterDelay | What::BadDle(_) | What::BadCheck { .. } => {
+            What::CharacterDelay | What::Restarted | What::BadDle(_) | What::BadCheck { .. } => {
                 self.port.count(CpCounter::ReceiveErrors, 1);
             }
             What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {

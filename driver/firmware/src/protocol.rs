@@ -1,13 +1,17 @@
 //! From the parameters to the protocol machine.
 
-use ob1_params::{Ascii as AsciiParams, Cp240 as Parameters, Flow, Priority, Protocol as Chosen, S3964 as S3964Params};
-use ob1_protocols::{Ascii, Input, MS, Machine, Nanos, Order, S3964, Sink, ascii, s3964};
+use ob1_params::{
+    Ascii as AsciiParams, Cp240 as Parameters, Flow, Priority, Protocol as Chosen, S3964 as S3964Params,
+    StxEtx as StxEtxParams,
+};
+use ob1_protocols::{Ascii, Input, MS, Machine, Nanos, Order, S3964, Sink, StxEtx, ascii, s3964, stx_etx};
 
 /// How to build the machine of a parameter record.
 #[derive(Debug, Clone)]
 pub(crate) enum Setup {
     Ascii(ascii::Config),
     S3964(s3964::Config),
+    StxEtx(stx_etx::Config),
 }
 
 impl Setup {
@@ -17,7 +21,8 @@ impl Setup {
         match &parameters.protocol {
             Chosen::Ascii(p) => Some(Self::Ascii(ascii_config(p, char_time))),
             Chosen::S3964(p) if !p.rk512 => Some(Self::S3964(s3964_config(p, char_time))),
-            Chosen::S3964(_) | Chosen::StxEtx(_) | Chosen::Modbus(_) => None,
+            Chosen::StxEtx(p) => Some(Self::StxEtx(stx_etx_config(p, char_time))),
+            Chosen::S3964(_) | Chosen::Modbus(_) => None,
         }
     }
 
@@ -25,6 +30,7 @@ impl Setup {
         match self {
             Self::Ascii(config) => Protocol::Ascii(Ascii::new(config.clone())),
             Self::S3964(config) => Protocol::S3964(S3964::new(config.clone())),
+            Self::StxEtx(config) => Protocol::StxEtx(StxEtx::new(config.clone())),
         }
     }
 }
@@ -32,14 +38,29 @@ impl Setup {
 fn ascii_config(p: &AsciiParams, char_time: Nanos) -> ascii::Config {
     ascii::Config {
         fragmented: p.fragmented,
-        flow: match p.flow {
-            Flow::None => ascii::Flow::None,
-            Flow::Hardware => ascii::Flow::Hardware,
-            Flow::XonXoff => ascii::Flow::XonXoff,
-        },
+        flow: flow(p.flow),
         zna: Nanos::from(p.zna_ms) * MS,
         zvz: Nanos::from(p.zvz_ms) * MS,
         ..ascii::Config::cp240(char_time)
+    }
+}
+
+fn stx_etx_config(p: &StxEtxParams, char_time: Nanos) -> stx_etx::Config {
+    stx_etx::Config {
+        start: stx_etx::Flags::new(p.start, p.start_flags),
+        end: stx_etx::Flags::new(p.end, p.end_flags),
+        flow: flow(p.flow),
+        zna: Nanos::from(p.zna_ms) * MS,
+        tmo: Nanos::from(p.tmo_ms) * MS,
+        ..stx_etx::Config::cp240(char_time)
+    }
+}
+
+const fn flow(flow: Flow) -> ascii::Flow {
+    match flow {
+        Flow::None => ascii::Flow::None,
+        Flow::Hardware => ascii::Flow::Hardware,
+        Flow::XonXoff => ascii::Flow::XonXoff,
     }
 }
 
@@ -67,6 +88,7 @@ pub(crate) enum Protocol {
     None,
     Ascii(Ascii),
     S3964(S3964),
+    StxEtx(StxEtx),
 }
 
 impl Protocol {
@@ -76,6 +98,7 @@ impl Protocol {
             Self::None => None,
             Self::Ascii(machine) => machine.step(now, input, out),
             Self::S3964(machine) => machine.step(now, input, out),
+            Self::StxEtx(machine) => machine.step(now, input, out),
         }
     }
 

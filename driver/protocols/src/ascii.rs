@@ -8,34 +8,15 @@
 //! longer than [`Config::flow_wait`] fails. This side stops the partner while no receive buffer is free. In XON/XOFF mode
 //! the two characters never belong to a telegram.
 
+use crate::flow::Gate;
+pub use crate::flow::{Flow, XOFF, XON};
 use crate::machine::{
-    Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,
+    Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Phase, SECOND, Sink, TELEGRAM_MAX, What,
 };
-
-/// Goes on.
-pub const XON: u8 = 0x11;
-/// Stops.
-pub const XOFF: u8 = 0x13;
+use crate::output::{Flags, Output, Rules};
 
 /// Bytes in a block of ASCII-fragmented: what one exchange over the back plane carries.
 pub const FRAGMENT: usize = 12;
-
-/// Characters handed to the line at a time while the partner may stop us: what it must be able to take after its XOFF.
-const CHUNK: usize = 16;
-
-/// How often a free receive buffer is looked for while the partner is stopped.
-const ROOM_POLL: Nanos = 20 * MS;
-
-/// Who may stop the other, and how.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Flow {
-    /// Nobody.
-    None,
-    /// RTS and CTS.
-    Hardware,
-    /// The characters XON and XOFF.
-    XonXoff,
-}
 
 /// Configuration of [`Ascii`]. Times in nanoseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -72,36 +53,10 @@ impl Config {
 pub struct Ascii<const N: usize = TELEGRAM_MAX> {
     config: Config,
     started: bool,
-    send: Send,
+    output: Output<N>,
     receive: Receive,
-    /// The partner has stopped us.
-    stopped: bool,
-    /// We have stopped the partner; look for a buffer at this time.
-    stopping: Option<Nanos>,
-    tx: [u8; N],
+    gate: Gate,
     rx: [u8; N],
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Send {
-    Idle,
-    /// `next` of `len` bytes have been handed over and are leaving; give up at `until`: something below us holds them back
-    /// (a driver that looks at CTS by itself).
-    Output {
-        next: usize,
-        len: usize,
-        until: Option<Nanos>,
-    },
-    /// The partner has stopped us; give up at `until`.
-    Stopped {
-        next: usize,
-        len: usize,
-        until: Option<Nanos>,
-    },
-    /// The last bit is out; ZNA runs.
-    Pause {
-        until: Nanos,
-    },
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,16 +76,16 @@ enum Receive {
 impl<const N: usize> Ascii<N> {
     /// A machine before its first step.
     pub fn new(config: Config) -> Self {
-        Self {
-            config,
-            started: false,
-            send: Send::Idle,
-            receive: Receive::Idle,
-            stopped: false,
-            stopping: None,
-            tx: [0; N],
-            rx: [0; N],
-        }
+        let rules = Rules {
+            start: Flags::NONE,
+            end: Flags::NONE,
+            flow: config.flow,
+            zna: config.zna,
+            char_time: config.char_time,
+            flow_wait: config.flow_wait,
+        };
+        let gate = Gate::new(config.flow);
+        Self { config, started: false, output: Output::new(rules), receive: Receive::Idle, gate, rx: [0; N] }
     }
 
     /// The configuration.
@@ -141,7 +96,7 @@ impl<const N: usize> Ascii<N> {
     fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
         if !self.started {
             self.started = true;
-            self.release_partner(out);
+            self.gate.open(out);
         }
         match self.receive {
             Receive::Collect { len, until } if now >= until => {
@@ -152,102 +107,15 @@ impl<const N: usize> Ascii<N> {
             Receive::Discard { until } if now >= until => self.receive = Receive::Idle,
             _ => {}
         }
-        if self.stopping.is_some_and(|poll| now >= poll) || (self.stopping.is_some() && out.room() > 0) {
-            self.stopping = Some(now + ROOM_POLL);
-            if out.room() > 0 {
-                self.stopping = None;
-                self.release_partner(out);
-            }
-        }
-        match self.send {
-            Send::Pause { until } if now >= until => self.end(Ok(()), out),
-            Send::Stopped { until: Some(until), .. } | Send::Output { until: Some(until), .. } if now >= until => {
-                out.take_back();
-                out.report(Event { phase: Phase::Output, what: What::AckDelay });
-                self.end(Err(SendError::AckDelay), out);
-            }
-            _ => {}
-        }
-    }
-
-    // ---- sending ----
-
-    fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Sink) {
-        match order {
-            Order::Abort => {
-                out.take_back();
-                self.receive = Receive::Idle;
-                if self.busy() {
-                    self.end(Err(SendError::Aborted), out);
-                }
-            }
-            Order::Send(_) if self.busy() => out.sent(Err(SendError::Busy)),
-            Order::Send(telegram) => match self.tx.get_mut(..telegram.len()) {
-                Some(buffer) => {
-                    buffer.copy_from_slice(telegram);
-                    self.output(now, 0, telegram.len(), out);
-                }
-                None => out.sent(Err(SendError::TooLong)),
-            },
-        }
-    }
-
-    /// Hands over what comes next, or begins the pause after the telegram.
-    fn output(&mut self, now: Nanos, next: usize, len: usize, out: &mut dyn Sink) {
-        if next == len {
-            // [S0 "ASCII"]: "only reset when the data has been transferred and the ZNA has expired".
-            self.send = Send::Pause { until: now + self.config.zna };
-            if self.config.zna == 0 {
-                self.end(Ok(()), out);
-            }
-        } else if self.stopped {
-            self.stop(now, next, len);
-        } else {
-            let chunk = if self.config.flow == Flow::None { len } else { CHUNK };
-            let end = len.min(next + chunk);
-            out.transmit(&self.tx[next..end]);
-            let leaves = now + self.config.char_time * (end - next) as u64;
-            let until = (self.config.flow_wait > 0).then(|| leaves + self.config.flow_wait);
-            self.send = Send::Output { next: end, len, until };
-        }
-    }
-
-    fn stop(&mut self, now: Nanos, next: usize, len: usize) {
-        let until = (self.config.flow_wait > 0).then(|| now + self.config.flow_wait);
-        self.send = Send::Stopped { next, len, until };
-    }
-
-    fn tx_done(&mut self, now: Nanos, out: &mut dyn Sink) {
-        if let Send::Output { next, len, .. } = self.send {
-            self.output(now, next, len, out);
-        }
-    }
-
-    /// The partner stops us or lets us go on. [S0 "Flow control"]
-    fn flow(&mut self, now: Nanos, stopped: bool, out: &mut dyn Sink) {
-        let before = core::mem::replace(&mut self.stopped, stopped);
-        match self.send {
-            Send::Output { next, len, .. } if stopped && !before => {
-                let back = out.take_back().min(next);
-                if back > 0 {
-                    self.stop(now, next - back, len);
-                }
-            }
-            Send::Stopped { next, len, .. } if !stopped => self.output(now, next, len, out),
-            _ => {}
-        }
-    }
-
-    fn end(&mut self, outcome: Result<(), SendError>, out: &mut dyn Sink) {
-        self.send = Send::Idle;
-        out.sent(outcome);
+        self.gate.tick(now, out);
+        self.output.tick(now, out);
     }
 
     // ---- receiving ----
 
     fn character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) {
         if self.config.flow == Flow::XonXoff && (byte == XON || byte == XOFF) {
-            return self.flow(now, byte == XOFF, out);
+            return self.output.set_stopped(now, byte == XOFF, out);
         }
         let until = now + self.config.zvz();
         match self.receive {
@@ -280,13 +148,7 @@ impl<const N: usize> Ascii<N> {
             room if len > room => self.reject_whole(now, What::TooLong, out),
             _ => out.deliver(&self.rx[..len]),
         }
-        if out.room() == 0 && self.config.flow != Flow::None && self.stopping.is_none() {
-            self.stopping = Some(now + ROOM_POLL);
-            match self.config.flow {
-                Flow::XonXoff => out.transmit(&[XOFF]),
-                _ => out.rts(false),
-            }
-        }
+        self.gate.check(now, out);
     }
 
     /// A telegram that cannot be had: what follows of it goes the same way.
@@ -301,14 +163,6 @@ impl<const N: usize> Ascii<N> {
             self.reject(now, what, out);
         } else {
             out.report(Event { phase: Phase::Receive, what });
-        }
-    }
-
-    fn release_partner(&mut self, out: &mut dyn Sink) {
-        match self.config.flow {
-            Flow::None => {}
-            Flow::Hardware => out.rts(true),
-            Flow::XonXoff => out.transmit(&[XON]),
         }
     }
 
@@ -328,13 +182,8 @@ impl<const N: usize> Ascii<N> {
             Receive::Idle => None,
             Receive::Collect { until, .. } | Receive::Discard { until } => Some(until),
         };
-        let send = match self.send {
-            Send::Idle => None,
-            Send::Output { until, .. } | Send::Stopped { until, .. } => until,
-            Send::Pause { until } => Some(until),
-        };
         let start = (!self.started).then_some(0);
-        [receive, send, self.stopping, start].into_iter().flatten().min()
+        [receive, self.output.deadline(), self.gate.deadline(), start].into_iter().flatten().min()
     }
 }
 
@@ -343,16 +192,23 @@ impl<const N: usize> Machine for Ascii<N> {
         match input {
             Input::Tick => self.tick(now, out),
             Input::Rx(bytes) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
-            Input::TxDone => self.tx_done(now, out),
+            Input::TxDone => self.output.tx_done(now, out),
             Input::LineFault(fault) => self.fault(now, fault, out),
-            Input::Modem(ModemLines { cts, .. }) if self.config.flow == Flow::Hardware => self.flow(now, !cts, out),
+            Input::Modem(ModemLines { cts, .. }) if self.config.flow == Flow::Hardware => {
+                self.output.set_stopped(now, !cts, out);
+            }
             Input::Modem(_) => {}
-            Input::Order(order) => self.order(now, order, out),
+            Input::Order(order) => {
+                if order == Order::Abort {
+                    self.receive = Receive::Idle;
+                }
+                self.output.order(now, order, out);
+            }
         }
         self.deadline()
     }
 
     fn busy(&self) -> bool {
-        self.send != Send::Idle
+        self.output.is_busy()
     }
 }

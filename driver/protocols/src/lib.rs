@@ -9,14 +9,18 @@
 //! * [`s3964`]: 3964 and 3964R.
 //! * [`modbus`]: Modbus RTU and ASCII, master and slave.
 //! * [`rk512`]: RK 512 on top of either.
+//! * [`stx_etx`]: telegrams between start and end characters.
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod ascii;
+mod flow;
 pub mod machine;
 pub mod modbus;
+mod output;
 pub mod rk512;
 pub mod s3964;
+pub mod stx_etx;
 
 pub use ascii::Ascii;
 pub use machine::{
@@ -24,3 +28,4 @@ pub use machine::{
 };
 pub use rk512::Rk512;
 pub use s3964::S3964;
+pub use stx_etx::StxEtx;

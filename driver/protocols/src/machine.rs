@@ -214,6 +214,8 @@ pub enum What {
     NoBuffer,
     /// A telegram is longer than the buffer, or than the room in it.
     TooLong,
+    /// A telegram began before the one before it had ended, which is lost.
+    Restarted,
     /// A telegram without user data; acknowledged, not delivered.
     Empty,
     /// The partner did not repeat a refused telegram in time (CP 341).
@@ -242,7 +244,7 @@ impl Event {
             (What::Exhausted, _) => 0x070A,
             (What::Unexpected(_), _) => 0x0802,
             (What::BadDle(_), _) => 0x0805,
-            (What::CharacterDelay, _) => 0x0806,
+            (What::CharacterDelay | What::Restarted, _) => 0x0806,
             (What::BadCheck { .. }, _) => 0x0808,
             (What::NoBuffer, _) => 0x080A,
             (What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun), _) => 0x080C,

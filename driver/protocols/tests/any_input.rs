@@ -4,6 +4,7 @@
 use ob1_protocols::ascii::{self, Ascii};
 use ob1_protocols::modbus::{Master, Mode, Slave, frame, master, slave};
 use ob1_protocols::s3964::{self, Priority, S3964};
+use ob1_protocols::stx_etx::{self, Flags, StxEtx};
 use ob1_protocols::{Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, SECOND, SendError, Sink};
 use proptest::prelude::*;
 
@@ -174,5 +175,20 @@ proptest! {
         let frame = frame::Config::new(mode, 9600, MS);
         let config = if long { slave::Config::long(frame, address) } else { slave::Config::short(frame, address) };
         drive(&mut Slave::new(config), &steps);
+    }
+
+    #[test]
+    fn stx_etx(
+        steps in proptest::collection::vec(step(), 0..200),
+        flow in 0..3_usize,
+        start in 0..3_u8,
+        end in 0..3_u8,
+        same: bool,
+        zna in 0..3_u64,
+    ) {
+        let flow = [ascii::Flow::None, ascii::Flow::Hardware, ascii::Flow::XonXoff][flow];
+        let (start, end) = (Flags::new([0x02, 0x10], start), Flags::new(if same { [0x02, 0x10] } else { [0x03, 0x15] }, end));
+        let config = stx_etx::Config { flow, start, end, zna: zna * 20 * MS, ..stx_etx::Config::cp240(MS) };
+        drive(&mut StxEtx::<1024>::new(config), &steps);
     }
 }

@@ -167,9 +167,9 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
 /// Refuses what the parameter record can say but the CP cannot do yet.
 fn implemented(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) {
     let missing = match &params.protocol {
-        Protocol::Ascii(_) => false,
+        Protocol::Ascii(_) | Protocol::StxEtx(_) => false,
         Protocol::S3964(p) => p.rk512,
-        Protocol::StxEtx(_) | Protocol::Modbus(_) => true,
+        Protocol::Modbus(_) => true,
     };
     if missing {
         let keys = table.params.as_ref().and_then(|keys| {
@@ -177,7 +177,7 @@ fn implemented(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) {
         });
         let at = keys.or_else(|| table.raw.as_ref().map(Placed::span)).unwrap_or_else(|| table.kind.span());
         let message = format!("the protocol \"{}\" is not implemented yet", params.protocol_name());
-        f.error(PARAMETER, at, message, "use \"ascii\", \"3964\" or \"3964r\"");
+        f.error(PARAMETER, at, message, "use \"ascii\", \"stx-etx\", \"3964\" or \"3964r\"");
     }
 }
 

@@ -1,0 +1,77 @@
+//! Flow control: who may stop the other, and this side's half of it. [S0 "Flow control"]
+
+use crate::machine::{MS, Nanos, Sink};
+
+/// Goes on. [S0 L2010]
+pub const XON: u8 = 0x11;
+/// Stops. [S0 L2010]
+pub const XOFF: u8 = 0x13;
+
+/// Who may stop the other, and how.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flow {
+    /// Nobody.
+    None,
+    /// RTS and CTS.
+    Hardware,
+    /// The characters XON and XOFF.
+    XonXoff,
+}
+
+/// How often a free receive buffer is looked for while the partner is stopped.
+const ROOM_POLL: Nanos = 20 * MS;
+
+/// The partner is stopped when the receive buffer has less room than this: what it may still send before it obeys, and no
+/// telegram worth the name would fit anyway. The manual names no figure; 50 characters as at the CP 341. [reference 6.4]
+const MARGIN: usize = 50;
+
+/// Stops the partner while the receive buffer is full.
+#[derive(Clone, Debug)]
+pub(crate) struct Gate {
+    flow: Flow,
+    /// The partner is stopped; look for room at this time.
+    stopped: Option<Nanos>,
+}
+
+impl Gate {
+    pub(crate) const fn new(flow: Flow) -> Self {
+        Self { flow, stopped: None }
+    }
+
+    /// Lets the partner send, once at the start: it may have been stopped by whoever was here before.
+    pub(crate) fn open(&self, out: &mut dyn Sink) {
+        match self.flow {
+            Flow::None => {}
+            Flow::Hardware => out.rts(true),
+            Flow::XonXoff => out.transmit(&[XON]),
+        }
+    }
+
+    /// A telegram has come: is there room for another?
+    pub(crate) fn check(&mut self, now: Nanos, out: &mut dyn Sink) {
+        if self.flow == Flow::None || self.stopped.is_some() || out.room() >= MARGIN {
+            return;
+        }
+        self.stopped = Some(now + ROOM_POLL);
+        match self.flow {
+            Flow::XonXoff => out.transmit(&[XOFF]),
+            _ => out.rts(false),
+        }
+    }
+
+    pub(crate) fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+        if self.stopped.is_none() {
+            return;
+        }
+        if out.room() >= MARGIN {
+            self.stopped = None;
+            self.open(out);
+        } else if self.stopped.is_some_and(|poll| now >= poll) {
+            self.stopped = Some(now + ROOM_POLL);
+        }
+    }
+
+    pub(crate) fn deadline(&self) -> Option<Nanos> {
+        self.stopped
+    }
+}
