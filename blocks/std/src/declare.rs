@@ -6,6 +6,8 @@ use ob1_model::{DataType, Interface, Param, Section};
 #[derive(Clone, Copy)]
 pub(crate) struct Declared {
     pub(crate) name: &'static str,
+    /// Other spellings the manuals print.
+    pub(crate) aliases: &'static [&'static str],
     pub(crate) section: Section,
     pub(crate) ty: fn() -> DataType,
     /// Initial value as laid-out bytes; empty for zeros.
@@ -24,7 +26,8 @@ pub(crate) trait Params: Copy {
 pub(crate) fn interface(declared: &[Declared], has_instance: bool) -> Interface {
     let param = |d: &Declared| {
         let initial = (!d.initial.is_empty()).then(|| d.initial.to_vec());
-        Param { initial, ..Param::new(d.name, d.section, (d.ty)()) }
+        let aliases = d.aliases.iter().map(|&alias| alias.to_owned()).collect();
+        Param { initial, aliases, ..Param::new(d.name, d.section, (d.ty)()) }
     };
     let mut interface = Interface { params: declared.iter().map(param).collect(), ..Interface::default() };
     interface.lay_out(has_instance);
@@ -32,9 +35,9 @@ pub(crate) fn interface(declared: &[Declared], has_instance: bool) -> Interface 
 }
 
 /// `params!(NAME { Input { IN: BOOL, PT: TIME } Output { Q: BOOL } })`: an enum of the parameters in the order written, which
-/// is the order of a STEP 7 call; `= expr` gives an initial value as bytes.
+/// is the order of a STEP 7 call; `NAME | OTHER` is one parameter with two spellings, `= expr` gives an initial value as bytes.
 macro_rules! params {
-    ($name:ident { $($section:ident { $($param:ident : $ty:ident $(= $initial:expr)?),+ $(,)? })* }) => {
+    ($name:ident { $($section:ident { $($param:ident $(| $alias:ident)* : $ty:ident $(= $initial:expr)?),+ $(,)? })* }) => {
         #[allow(non_camel_case_types, clippy::upper_case_acronyms, dead_code, reason = "the manual's names; not all are read")]
         #[derive(Clone, Copy)]
         pub(crate) enum $name { $($($param),+),* }
@@ -43,6 +46,7 @@ macro_rules! params {
             const DECLARED: &'static [crate::declare::Declared] = &[$($(
                 crate::declare::Declared {
                     name: stringify!($param),
+                    aliases: &[$(stringify!($alias)),*],
                     section: ob1_model::Section::$section,
                     ty: crate::declare::types::$ty,
                     initial: crate::declare::initial!($($initial)?),
@@ -82,6 +86,7 @@ pub(crate) mod types {
     elementary! {
         BOOL = DataType::Bool,
         BYTE = DataType::Byte,
+        CHAR = DataType::Char,
         WORD = DataType::Word,
         INT = DataType::Int,
         DWORD = DataType::DWord,
@@ -95,6 +100,8 @@ pub(crate) mod types {
         STRING = DataType::String(254),
         POINTER = DataType::Pointer,
         ANY = DataType::Any,
+        BLOCK_DB = DataType::BlockDb,
+        TIMER_OR_WORD = DataType::TimerOrWord,
     }
 
     fn fields(fields: &[(&str, DataType)]) -> DataType {

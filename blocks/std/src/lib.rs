@@ -11,7 +11,9 @@ mod call;
 mod context;
 pub mod copy;
 mod declare;
+mod handling;
 mod iec;
+mod known;
 pub mod moment;
 mod pid;
 pub mod services;
@@ -26,5 +28,6 @@ pub mod ticks;
 
 pub use any::{AnyPointer, AnyType};
 pub use context::{Context, Done, Interrupted, ModuleSize, Refused};
+pub use known::known_system_function;
 pub use services::Service;
 pub use table::{Origin, StandardBlock, library, standard_block, standard_blocks, system_functions};

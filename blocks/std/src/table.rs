@@ -6,7 +6,7 @@ use ob1_model::{BlockId, BlockKind, Interface};
 
 use crate::call::Call;
 use crate::declare::{self, Declared, Params};
-use crate::{Context, Done, Service, iec, pid, sfb, sfc, ti_s7};
+use crate::{Context, Done, Service, handling, iec, pid, sfb, sfc, ti_s7};
 
 /// The library a block comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -19,6 +19,12 @@ pub enum Origin {
     TiS7,
     /// "PID Control Blocks".
     Pid,
+    /// The handling blocks of the CP 240: declared here, served by a plugin.
+    Cp240,
+    /// The handling blocks of the CP 341: declared here, served by a plugin.
+    Cp341,
+    /// The handling blocks of the CP 040: declared here, served by a plugin.
+    Cp040,
 }
 
 impl Origin {
@@ -30,7 +36,16 @@ impl Origin {
             Origin::Iec => "IEC",
             Origin::TiS7 => "TI-S7",
             Origin::Pid => "PID",
+            Origin::Cp240 => "CP240",
+            Origin::Cp341 => "CP341",
+            Origin::Cp040 => "CP040",
         }
+    }
+
+    /// Only names and parameters of its blocks are known here: a plugin has to serve them.
+    #[must_use]
+    pub const fn is_declared_only(self) -> bool {
+        matches!(self, Origin::Cp240 | Origin::Cp341 | Origin::Cp040)
     }
 }
 
@@ -121,7 +136,7 @@ impl fmt::Debug for StandardBlock {
 }
 
 fn rows() -> impl Iterator<Item = &'static Row> {
-    [sfc::ROWS, sfb::ROWS, iec::ROWS, ti_s7::ROWS, pid::ROWS].into_iter().flatten().copied().flatten()
+    [sfc::ROWS, sfb::ROWS, iec::ROWS, ti_s7::ROWS, pid::ROWS, handling::ROWS].into_iter().flatten().copied().flatten()
 }
 
 /// Every standard block: by library, kind and number in ascending order.

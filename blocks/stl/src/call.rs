@@ -68,16 +68,8 @@ impl<'l> Lowerer<'l, '_> {
     }
 
     fn unknown_block(&mut self, id: BlockId, span: Span) {
-        let message = format!("{id} is neither in the program nor in the library");
-        let remedy = match id.kind {
-            BlockKind::Sfc | BlockKind::Sfb => {
-                format!(
-                    "Name the library that has it in the station file, or with --library; {id} may also not exist here."
-                )
-            }
-            _ => "Add its source, or load the plugin that has it, e.g. --plugin libob1_cp240.so".to_owned(),
-        };
-        self.sink.report_with(self.index, span, &codes::NO_BLOCK, message, remedy);
+        let missing = self.resolver.world.unknown_block(id);
+        self.sink.report_with(self.index, span, &codes::NO_BLOCK, missing.message, missing.remedy);
     }
 
     /// Holds the instance data block against the FB called; asks for it when no source declares it.

@@ -95,6 +95,7 @@ impl<'e> Elaborator<'e> {
     /// Everything but the statements.
     pub(crate) fn run(&mut self) {
         self.name_blocks();
+        self.world.missing = self.library.all_missing().clone();
         for (id, block) in self.library.iter() {
             let info = Info::new(Some(block.name.clone()), block.interface.clone(), BTreeMap::new());
             self.world.blocks.insert(id, info);

@@ -56,7 +56,7 @@ use ob1_ir::{DataBlock, Program, Symbol};
 use ob1_model::BlockId;
 
 pub use diagnostic::{Diagnostic, Severity, render, render_all};
-pub use library::{Library, LibraryBlock};
+pub use library::{Library, LibraryBlock, Missing};
 pub use listing::listing;
 pub use mnemonics::Mnemonics;
 pub use source::Source;

@@ -13,10 +13,20 @@ pub struct LibraryBlock {
     pub interface: Interface,
 }
 
+/// What to say of a block that is not in the library but is called.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Missing {
+    /// What it is, and why it is not there: `SFC 54 RALRM: this CPU has no alarms of modules`.
+    pub message: String,
+    /// What to do.
+    pub remedy: String,
+}
+
 /// The blocks a program may call beside its own.
 #[derive(Clone, Debug, Default)]
 pub struct Library {
     blocks: BTreeMap<BlockId, LibraryBlock>,
+    missing: BTreeMap<BlockId, Missing>,
 }
 
 impl Library {
@@ -39,6 +49,15 @@ impl Library {
     #[must_use]
     pub fn get(&self, id: BlockId) -> Option<&LibraryBlock> {
         self.blocks.get(&id)
+    }
+
+    /// A call of the block, which neither program nor library have, is to be reported with these words.
+    pub fn explain(&mut self, id: BlockId, missing: Missing) {
+        self.missing.insert(id, missing);
+    }
+
+    pub(crate) const fn all_missing(&self) -> &BTreeMap<BlockId, Missing> {
+        &self.missing
     }
 
     /// All blocks in order.

@@ -173,12 +173,8 @@ impl Elaborator<'_> {
             return None;
         }
         let Some(info) = self.world.blocks.get(&id) else {
-            self.sink.report(
-                file,
-                span,
-                &codes::NO_BLOCK,
-                format!("{id} is neither in the program nor in the library"),
-            );
+            let missing = self.world.unknown_block(id);
+            self.sink.report_with(file, span, &codes::NO_BLOCK, missing.message, missing.remedy);
             return None;
         };
         let ty = instance_type(&info.interface);

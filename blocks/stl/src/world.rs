@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use ob1_ir::{DataKind, Operand};
-use ob1_model::{BlockId, Component, DataType, Interface, Section};
+use ob1_model::{BlockId, BlockKind, Component, DataType, Interface, Section};
 
+use crate::library::Missing;
 use crate::mnemonics::BlockWord;
 use crate::path::FieldIndex;
 
@@ -93,9 +94,22 @@ pub(crate) struct World {
     /// By name in capitals.
     pub(crate) symbols: BTreeMap<String, Symbolic>,
     pub(crate) fields: FieldIndex,
+    /// What the library says of blocks it does not have.
+    pub(crate) missing: BTreeMap<BlockId, Missing>,
 }
 
 impl World {
+    /// What to say of a block that neither program nor library have, and what to do.
+    pub(crate) fn unknown_block(&self, id: BlockId) -> Missing {
+        self.missing.get(&id).cloned().unwrap_or_else(|| Missing {
+            message: format!("{id} is neither in the program nor in the library"),
+            remedy: match id.kind {
+                BlockKind::Sfc | BlockKind::Sfb => "Leave the call out, or replace it: this CPU does not have it.".to_owned(),
+                _ => "Add its source, or load the plugin that has it, e.g. --plugin libob1_cp240.so".to_owned(),
+            },
+        })
+    }
+
     pub(crate) fn symbol(&self, name: &str) -> Option<&Symbolic> {
         self.symbols.get(&name.to_uppercase())
     }

@@ -17,6 +17,7 @@ use serde_json::json;
 use crate::access::item::Names;
 use crate::finding::{Finding, Level};
 use crate::io::{ProcessIo, Stimulus};
+use crate::offer::Unserved;
 use crate::program::{LoadFailure, Loaded};
 use crate::station::{Absent, CP240_BYTES, Line, ModuleConfig, ModuleKind, Station};
 use crate::view::{ModuleView, StationView};
@@ -87,7 +88,7 @@ pub fn load_cpu(
     modules: Vec<(ModuleSlot, Box<dyn Module>)>,
 ) -> Result<Cpu, LoadFailure> {
     Cpu::new(config, &loaded.program, natives, modules).map_err(|errors| {
-        LoadFailure::Rejected(errors.iter().map(|error| of_load_error(error, &loaded.program)).collect())
+        LoadFailure::Rejected(Unserved::new(&loaded.standard, &loaded.plugins).findings(&errors, &loaded.program))
     })
 }
 

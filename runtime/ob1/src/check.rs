@@ -10,7 +10,7 @@ use crate::assembly;
 use crate::exit::Exit;
 use crate::finding::{Finding, Level};
 use crate::io::{ProcessIo, Stimulus};
-use crate::library::Choice;
+use crate::library::Chosen;
 use crate::program::{self, Loaded};
 use crate::station::{self, Mnemonics, ModuleConfig, ModuleKind, Plugin, Station};
 
@@ -28,7 +28,7 @@ pub struct Options {
     /// Mnemonics of sources.
     pub mnemonics: Mnemonics,
     /// Standard blocks of sources.
-    pub standard: Vec<Choice>,
+    pub standard: Vec<Chosen>,
     /// The classic porting traps too.
     pub lints: bool,
     /// The compiled program as text.
@@ -98,15 +98,17 @@ fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
             describe_plugin(&mut text, plugin.info());
         }
     }
-    let library = match program::library(&loaded, &options.standard) {
-        Ok(library) => library,
+    let standard = Chosen::settled(&options.standard);
+    let library = standard.and_then(|standard| Ok((program::library(&loaded, &standard)?, standard)));
+    let (library, standard) = match library {
+        Ok(both) => both,
         Err(findings) => return Checked { findings, text },
     };
     let sources = program::Sources {
         files: options.library.iter().chain(files).cloned().collect(),
         symbols: options.symbols.clone(),
         mnemonics: options.mnemonics,
-        library: options.standard.clone(),
+        library: standard,
         lints: options.lints,
     };
     let mut findings = match program::compile(&sources, &library) {

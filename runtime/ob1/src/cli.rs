@@ -9,6 +9,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::access::protocol::CommandName;
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
+use crate::library::Chosen;
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
 use crate::{check, janitor, remote, run, station};
@@ -121,8 +122,8 @@ struct CheckArgs {
     #[arg(long, value_name = "FILE")]
     symbols: Vec<PathBuf>,
     /// Standard blocks of the sources: FC4=IEC:FC4, or a whole library: IEC
-    #[arg(long, value_name = "FC4=IEC:FC4,...", value_delimiter = ',', value_parser = exec::Chosen::parse)]
-    standard: Vec<exec::Chosen>,
+    #[arg(long, value_name = "FC4=IEC:FC4,...", value_delimiter = ',', value_parser = Chosen::parse)]
+    standard: Vec<Chosen>,
     /// Also print the compiled program: blocks, layout of data, statements
     #[arg(long)]
     listing: bool,
@@ -257,7 +258,7 @@ impl Command {
                 library: args.library,
                 symbols: args.symbols,
                 mnemonics: args.mnemonics.into(),
-                standard: args.standard.into_iter().flat_map(|chosen| chosen.0).collect(),
+                standard: args.standard,
                 lints: args.lints,
                 listing: args.listing,
                 json: args.json,

@@ -11,6 +11,7 @@ pub mod finding;
 pub mod io;
 pub mod janitor;
 pub mod library;
+mod offer;
 pub mod program;
 pub mod remote;
 pub mod retentive;

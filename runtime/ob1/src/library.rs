@@ -1,9 +1,12 @@
 //! Standard blocks of a program: numbers are the user's, names those of the libraries (docs/standard-blocks.md).
 
+use std::collections::BTreeMap;
+use std::fmt;
+
 use ob1_model::BlockId;
 use ob1_std::{Origin, StandardBlock, standard_block, standard_blocks};
 
-use crate::finding::nearest;
+use crate::finding::{Finding, Level, nearest};
 use crate::station::parse_block;
 
 /// A standard block under the number a program has for it.
@@ -32,20 +35,54 @@ impl Choice {
         Ok(Self { id, key: block.key() })
     }
 
-    /// `FC4=IEC:FC4`, or a library as a whole with the numbers STEP 7 gives: `IEC`.
-    ///
-    /// # Errors
-    /// What is wrong, in one sentence.
-    pub fn parse(text: &str) -> Result<Vec<Self>, String> {
-        match text.split_once('=') {
-            Some((number, key)) => Ok(vec![Self::new(number, key)?]),
-            None => whole(text),
-        }
-    }
-
     /// The block itself.
     pub(crate) fn block(&self) -> Option<StandardBlock> {
         standard_block(&self.key)
+    }
+}
+
+/// What one word of the command line chooses.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Chosen {
+    /// `FC4=IEC:FC4`.
+    Single(Choice),
+    /// A library as a whole with the numbers STEP 7 gives: `IEC`.
+    Library(Vec<Choice>),
+}
+
+impl Chosen {
+    /// `FC4=IEC:FC4`, or `IEC`.
+    ///
+    /// # Errors
+    /// What is wrong, in one sentence.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        match text.split_once('=') {
+            Some((number, key)) => Ok(Self::Single(Choice::new(number, key)?)),
+            None => Ok(Self::Library(whole(text)?)),
+        }
+    }
+
+    /// As [`Chosen::together`], for commands that report findings.
+    pub(crate) fn settled(words: &[Self]) -> Result<Vec<Choice>, Vec<Finding>> {
+        Self::together(words).map_err(|text| vec![Finding::whole(Level::Error, "C006", "--standard", text, "")])
+    }
+
+    /// All words of a command line together; see [`merge`].
+    ///
+    /// # Errors
+    /// Numbers that two blocks want, in one sentence.
+    pub fn together(words: &[Self]) -> Result<Vec<Choice>, String> {
+        let (mut single, mut libraries) = (Vec::new(), Vec::new());
+        for word in words {
+            match word {
+                Self::Single(choice) => single.push(choice.clone()),
+                Self::Library(choices) => libraries.extend_from_slice(choices),
+            }
+        }
+        merge(single, libraries).map_err(|clashes| {
+            let clashes: Vec<String> = clashes.iter().map(Clash::to_string).collect();
+            format!("{}; say which one is meant: FC4=IEC:FC4", clashes.join(", "))
+        })
     }
 }
 
@@ -64,7 +101,7 @@ pub fn whole(library: &str) -> Result<Vec<Choice>, String> {
         .collect();
     if chosen.is_empty() {
         return Err(format!(
-            "there is no library \"{library}\"; there are IEC, TI-S7 and PID (docs/standard-blocks.md)"
+            "there is no library \"{library}\"; there are IEC, TI-S7, PID, CP240, CP341 and CP040 (docs/standard-blocks.md)"
         ));
     }
     Ok(chosen)
@@ -77,12 +114,42 @@ fn unknown(key: &str) -> String {
     format!("there is no standard block \"{key}\"{hint} (docs/standard-blocks.md lists them)")
 }
 
-/// The numbers that are chosen twice.
-#[must_use]
-pub fn twice(choices: &[Choice]) -> Option<BlockId> {
-    let mut ids: Vec<BlockId> = choices.iter().map(|choice| choice.id).collect();
-    ids.sort_unstable();
-    ids.windows(2).find(|pair| pair[0] == pair[1]).map(|pair| pair[0])
+/// Single choices, and whole libraries beside them: a single one stands for the block a library would bring under its number.
+///
+/// # Errors
+/// Numbers that two of the libraries, or two of the single choices, want for different blocks.
+pub fn merge(single: Vec<Choice>, libraries: Vec<Choice>) -> Result<Vec<Choice>, Vec<Clash>> {
+    let mut chosen: BTreeMap<BlockId, Choice> = BTreeMap::new();
+    let mut clashes = Vec::new();
+    for (choices, yields) in [(single, false), (libraries, true)] {
+        let before = if yields { chosen.keys().copied().collect() } else { Vec::new() };
+        for choice in choices.into_iter().filter(|choice| !before.contains(&choice.id)) {
+            match chosen.get(&choice.id) {
+                Some(first) if first.key != choice.key => {
+                    clashes.push(Clash { id: choice.id, first: first.key.clone(), second: choice.key });
+                }
+                _ => _ = chosen.insert(choice.id, choice),
+            }
+        }
+    }
+    if clashes.is_empty() { Ok(chosen.into_values().collect()) } else { Err(clashes) }
+}
+
+/// A number that two blocks want.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Clash {
+    /// The number.
+    pub id: BlockId,
+    /// The block that came first.
+    pub first: String,
+    /// The other one.
+    pub second: String,
+}
+
+impl fmt::Display for Clash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} is wanted for {} and for {}", self.id, self.first, self.second)
+    }
 }
 
 #[cfg(test)]
@@ -93,12 +160,31 @@ mod tests {
     #[test]
     fn blocks_are_chosen_by_key_or_name_or_as_a_library() {
         let fc4 = Choice { id: BlockId::new(BlockKind::Fc, 104), key: "IEC:FC4".into() };
-        assert_eq!(Choice::parse("FC104=IEC:FC4"), Ok(vec![fc4.clone()]));
-        assert_eq!(Choice::parse("fc 104=iec:delete"), Ok(vec![fc4]));
-        let iec = Choice::parse("IEC").expect("a library");
-        assert!(iec.len() > 20 && twice(&iec).is_none());
-        let both = [iec.clone(), iec].concat();
-        assert!(twice(&both).is_some());
+        assert_eq!(Chosen::parse("FC104=IEC:FC4"), Ok(Chosen::Single(fc4.clone())));
+        assert_eq!(Chosen::parse("fc 104=iec:delete"), Ok(Chosen::Single(fc4)));
+        let iec = whole("iec").expect("a library");
+        assert!(iec.len() > 20);
+        assert_eq!(Chosen::parse("IEC"), Ok(Chosen::Library(iec)));
+    }
+
+    fn together(words: &[&str]) -> Result<Vec<String>, String> {
+        let words: Vec<Chosen> = words.iter().map(|word| Chosen::parse(word).expect(word)).collect();
+        let merged = Chosen::together(&words)?;
+        Ok(merged.iter().map(|choice| format!("{}={}", choice.id, choice.key)).collect())
+    }
+
+    #[test]
+    fn a_number_is_one_block() {
+        // What is said twice is said once; a single choice stands for that of a library.
+        assert_eq!(together(&["IEC", "IEC"]).map(|all| all.len()), Ok(40));
+        let merged = together(&["CP341", "FC5=IEC:FC16"]).expect("no clash");
+        assert_eq!(merged, ["FB 7=CP341:FB7", "FB 8=CP341:FB8", "FC 5=IEC:FC16", "FC 6=CP341:FC6"]);
+        // The libraries of two manuals want the same numbers.
+        let clash = together(&["IEC", "CP341"]).expect_err("FC 5 and FC 6");
+        assert!(clash.contains("FC 5 is wanted for IEC:FC5 and for CP341:FC5, FC 6 is"), "{clash}");
+        let settled = together(&["IEC", "CP341", "FC5=CP341:FC5", "FC6=IEC:FC6", "FC106=CP341:FC6"]);
+        assert_eq!(settled.map(|all| all.len()), Ok(43));
+        assert!(together(&["FC4=IEC:FC4", "FC4=IEC:FC5"]).is_err());
     }
 
     #[test]
@@ -112,7 +198,7 @@ mod tests {
             ("SYSTEM", "no library"),
             ("", "no library"),
         ] {
-            let error = Choice::parse(text).expect_err(text);
+            let error = Chosen::parse(text).expect_err(text);
             assert!(error.contains(part), "{text}: {error}");
         }
     }

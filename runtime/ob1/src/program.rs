@@ -12,6 +12,7 @@ use ob1_stl::{Library, Options, Severity, Source};
 
 use crate::finding::{Finding, Level};
 use crate::library::Choice;
+use crate::offer;
 use crate::station::{self, Mnemonics, Station};
 
 /// What a station's files give.
@@ -132,7 +133,10 @@ fn of_error(error: &PluginError) -> Finding {
 #[must_use]
 pub fn native_standard_blocks(standard: &[Choice]) -> Vec<Box<dyn NativeBlock>> {
     let mut blocks = ob1_cpu::system_blocks();
-    blocks.extend(standard.iter().filter_map(|choice| Some(ob1_cpu::standard_block(choice.id, choice.block()?))));
+    let chosen = standard.iter().filter_map(|choice| Some((choice.id, choice.block()?)));
+    // A declared block is a plugin's business.
+    let ours = chosen.filter(|(_, block)| !block.origin.is_declared_only());
+    blocks.extend(ours.map(|(id, block)| ob1_cpu::standard_block(id, block)));
     blocks
 }
 
@@ -145,11 +149,16 @@ pub fn library(
     standard: &[Choice],
 ) -> Result<Library, Vec<Finding>> {
     let mut library = Library::new();
-    for block in ob1_std::library() {
+    offer::explain_missing(&mut library);
+    for block in ob1_std::system_functions(ob1_cpu::SERVICES) {
         library.insert(block.id, block.name, block.interface);
     }
+    let mut declared = BTreeMap::new();
     for choice in standard {
         if let Some(block) = choice.block() {
+            if block.origin.is_declared_only() {
+                declared.insert(choice.id, block.name);
+            }
             library.insert(choice.id, block.name, block.interface);
         }
     }
@@ -157,7 +166,10 @@ pub fn library(
     for (plugin, renumber) in plugins {
         for block in &plugin.info().blocks {
             let id = renumber.get(&block.id).copied().unwrap_or(block.id);
-            if library.insert(id, &block.name, block.interface.clone()).is_some() {
+            let before = library.insert(id, &block.name, block.interface.clone());
+            // A plugin that serves what is declared under this number is what the declaration is for.
+            let serves = declared.remove(&id).is_some_and(|name| name.eq_ignore_ascii_case(&block.name));
+            if before.is_some() && !serves {
                 let file = plugin.path().display().to_string();
                 let message = format!("{id} is brought by another plugin or library already");
                 let remedy = format!("renumber it: blocks = {{ \"{}\" = \"{} 100\" }}", block.id, id.kind.name());

@@ -7,9 +7,9 @@ use ob1_stl::Reference;
 use serde_json::{Value, json};
 
 use crate::cli::Language;
-use crate::exec::Chosen;
 use crate::exit::Exit;
 use crate::finding::{Finding, Level};
+use crate::library::Chosen;
 use crate::program::{self, LoadFailure, Sources};
 use crate::station::{self, Plugin};
 
@@ -88,7 +88,7 @@ fn references(args: &XrefArgs) -> Result<Vec<Reference>, Vec<Finding>> {
     }
     let plugins: Vec<Plugin> = args.plugin.iter().map(|name| Plugin::of_name(name)).collect();
     let plugins = program::load_plugins(&plugins)?;
-    let standard: Vec<_> = args.standard.iter().flat_map(|chosen| chosen.0.iter().cloned()).collect();
+    let standard = Chosen::settled(&args.standard)?;
     let library = program::library(&plugins, &standard)?;
     let sources = Sources {
         files: args.files.clone(),

@@ -207,5 +207,35 @@ fn standard_blocks_by_number() {
     assert_eq!(bench.memory(4, &["--library", "FC4=IEC:FC4,FC21=IEC:LEN"]), (Some(0), vec![0, 5, 0, 5]));
     assert_eq!(bench.memory(4, &["--library", "IEC"]), (Some(0), vec![0, 5, 0, 5]));
     fails(&bench.exec(&["--library", "FC21=IEC:FC999"]), 1, "no standard block");
-    fails(&bench.exec(&["--library", "FC21=IEC:FC21,FC21=IEC:FC4"]), 1, "chosen twice");
+    fails(&bench.exec(&["--library", "FC21=IEC:FC21,FC21=IEC:FC4"]), 1, "FC 21 is wanted for IEC:FC21 and for IEC:FC4");
+}
+
+#[test]
+fn blocks_that_are_not_there_are_named() {
+    for (code, args, parts) in [
+        // A block of STEP 7 that nobody has written here, and a number STEP 7 does not use.
+        ("CALL SFC 5;", &[][..], &["S0602", "SFC 5 GADR_LGC is a block of STEP 7 that this CPU does not have"][..]),
+        ("CALL SFC 16;", &[], &["S0602", "SFC 16 is neither"]),
+        ("CALL SFB 12, DB 5;", &[], &["S0602", "SFB 12 BSEND"]),
+        // Numbers of libraries: all blocks that have it by default.
+        ("CALL FC 5;", &[], &["S0602", "IEC:FC5 DI_STRNG", "CP341:FC5 V24_STAT", "--library FC5=IEC:FC5"]),
+        // Declared, but nobody serves it.
+        (
+            "CALL FC 6 (LADDR := 256, RTS := M 0.0, DTR := M 0.1);",
+            &["--library", "CP341"],
+            &["L020", "OB 1, network 1, line 7 calls FC 6 V24_SET (CP341:FC6)", "p.awl:7"],
+        ),
+        (
+            "CALL FB 8, DB 50 (LADDR := 256);",
+            &["--library", "CP341"],
+            &["L020", "FB 8 P_SND_RK (CP341:FB8), which is declared only"],
+        ),
+        ("CALL FC 106 (LADDR := 256);", &["--library", "FC106=CP341:FC6"], &["S0608", "RTS"]),
+    ] {
+        let output = Bench::new(&ob(1, code)).exec(args);
+        for part in parts {
+            fails(&output, 10, part);
+        }
+        assert!(!String::from_utf8_lossy(&output.stderr).contains("L006"), "{output:?}");
+    }
 }

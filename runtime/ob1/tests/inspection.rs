@@ -57,3 +57,48 @@ fn lints_are_looked_for_on_request() {
     assert_eq!(lints.status.code(), Some(0), "a lint is no error: {lints:?}");
     assert!(String::from_utf8_lossy(&lints.stderr).contains("lint S0"), "{lints:?}");
 }
+
+/// A station without a plugin whose program calls a handling block.
+fn declared_station(folder: &Path, libraries: &str) -> String {
+    let source = "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n CALL FC 106 (LADDR := 256, RTS := M 0.0, DTR := M 0.1);\nEND_ORGANIZATION_BLOCK\n";
+    std::fs::write(folder.join("p.awl"), source).expect("writable");
+    let station =
+        format!("[station]\nname = \"declared\"\n\n[program]\nsources = [\"p.awl\"]\n{libraries}\n");
+    let path = folder.join("s.toml");
+    std::fs::write(&path, station).expect("writable");
+    path.display().to_string()
+}
+
+#[test]
+fn a_declared_block_compiles_but_does_not_run() {
+    let folder = tempfile::tempdir().expect("a directory");
+    let station = declared_station(folder.path(), "libraries = [\"CP240\"]\n[library]\n\"FC 106\" = \"CP341:FC6\"");
+    let source = folder.path().join("p.awl").display().to_string();
+    // The sources by themselves are right.
+    let sources = ob1(&["check", &source, "--standard", "FC106=CP341:FC6"]);
+    assert_eq!((sources.status.code(), text(&sources).as_str()), (Some(0), "ok\n"));
+    // The station is not: nobody serves the block.
+    for (args, code) in [(&["check", &station][..], 1), (&["run", &station, "--scans", "1"], 2), (&["xref", &station], 0)] {
+        let output = ob1(args);
+        assert_eq!(output.status.code(), Some(code), "{output:?}");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        let told = stderr.contains("L020") && stderr.contains("V24_SET (CP341:FC6)");
+        assert_eq!(told, code != 0, "{args:?}: {stderr}");
+    }
+}
+
+#[test]
+fn libraries_that_want_the_same_numbers_are_told_apart() {
+    let folder = tempfile::tempdir().expect("a directory");
+    let station = declared_station(folder.path(), "libraries = [\"IEC\", \"CP341\"]");
+    let output = ob1(&["check", &station]);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(stderr.contains("C006") && stderr.contains("FC 5 is wanted for IEC:FC5 and for CP341:FC5"), "{stderr}");
+    assert!(stderr.contains("\"FC 5\" = \"IEC:FC5\""), "{stderr}");
+    let source = folder.path().join("p.awl").display().to_string();
+    for command in ["check", "xref"] {
+        let output = ob1(&[command, &source, "--standard", "IEC,CP341"]);
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains("FC 6 is wanted for"), "{output:?}");
+    }
+}

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::dump::Dump;
 use crate::cli::Language;
-use crate::library::{self, Choice};
+use crate::library::{Choice, Chosen};
 use crate::station;
 
 /// Run bare sources without a station file: the start OB once, then OB 1 for ever
@@ -127,20 +127,6 @@ pub enum Start {
     Hot,
 }
 
-/// What one word of `--library` chooses.
-#[derive(Clone, Debug)]
-pub struct Chosen(pub Vec<Choice>);
-
-impl Chosen {
-    /// See [`Choice::parse`].
-    ///
-    /// # Errors
-    /// What is wrong, in one sentence.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        Choice::parse(text).map(Self)
-    }
-}
-
 fn accumulators(text: &str) -> Result<u8, String> {
     match text {
         "2" => Ok(2),
@@ -151,8 +137,8 @@ fn accumulators(text: &str) -> Result<u8, String> {
 
 impl ExecArgs {
     /// The standard blocks of all `--library`.
-    pub(super) fn standard(&self) -> Vec<Choice> {
-        self.library.iter().flat_map(|chosen| chosen.0.iter().cloned()).collect()
+    pub(super) fn standard(&self) -> Result<Vec<Choice>, String> {
+        Chosen::together(&self.library).map_err(|clash| format!("--library: {clash}"))
     }
 
     /// What the words mean together.
@@ -162,9 +148,6 @@ impl ExecArgs {
         }
         if self.ob_start_info == Switch::Off {
             return Err("--ob-start-info off: the CPU always writes start information".into());
-        }
-        if let Some(id) = library::twice(&self.standard()) {
-            return Err(format!("--library: {id} is chosen twice"));
         }
         if let Some(byte) = self.clock_memory.filter(|byte| u32::from(*byte) >= self.bit_memory) {
             return Err(format!("--clock-memory {byte} lies outside the {} bytes of bit memory", self.bit_memory));

@@ -12,12 +12,14 @@ use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, OperatingState};
 use ob1_ir::Program;
 use ob1_model::Event;
 
-pub use args::{Chosen, Engine, ExecArgs, Start, Switch};
+pub use args::{Engine, ExecArgs, Start, Switch};
 pub use dump::{Dump, DumpArea};
 pub use stats::{STATS_SCHEMA, Stats};
 
 use crate::exit::{ExecExit, Exit};
 use crate::finding::Finding;
+use crate::library::Choice;
+use crate::offer::Unserved;
 use crate::program::{self, Sources};
 use clock::ExecClock;
 use stats::Meter;
@@ -44,9 +46,11 @@ fn rejected(findings: &[Finding]) -> Failure {
 }
 
 fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
-    args.check().map_err(|text| (ExecExit::Other(Exit::Usage), format!("ob1: {text}\n")))?;
-    let program = compile(args)?;
-    let mut cpu = load(args, &program)?;
+    let usage = |text| (ExecExit::Other(Exit::Usage), format!("ob1: {text}\n"));
+    args.check().map_err(usage)?;
+    let standard = args.standard().map_err(usage)?;
+    let program = compile(args, &standard)?;
+    let mut cpu = load(args, &standard, &program)?;
     for dump in &args.dump {
         // Before the run: a dump that cannot be is known at once, not after a minute.
         dump.bytes(&cpu).map_err(|text| (ExecExit::Other(Exit::Usage), format!("ob1: --dump {text}\n")))?;
@@ -72,13 +76,13 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     Ok(exit)
 }
 
-fn compile(args: &ExecArgs) -> Result<Program, Failure> {
-    let library = program::library(&[], &args.standard()).map_err(|findings| rejected(&findings))?;
+fn compile(args: &ExecArgs, standard: &[Choice]) -> Result<Program, Failure> {
+    let library = program::library(&[], standard).map_err(|findings| rejected(&findings))?;
     let sources = Sources {
         files: args.files.clone(),
         symbols: args.symbols.clone(),
         mnemonics: args.mnemonics.into(),
-        library: args.standard(),
+        library: standard.to_vec(),
         lints: false,
     };
     let (program, findings) = program::compile(&sources, &library).map_err(|findings| rejected(&findings))?;
@@ -90,7 +94,7 @@ fn compile(args: &ExecArgs) -> Result<Program, Failure> {
     Ok(program)
 }
 
-fn load(args: &ExecArgs, program: &Program) -> Result<Cpu, Failure> {
+fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<Cpu, Failure> {
     let config = CpuConfig {
         input_bytes: args.inputs,
         output_bytes: args.outputs,
@@ -104,14 +108,13 @@ fn load(args: &ExecArgs, program: &Program) -> Result<Cpu, Failure> {
         date_at_start: if args.real_time { crate::assembly::date_now() } else { 0 },
         ..CpuConfig::default()
     };
-    let natives = program::native_standard_blocks(&args.standard());
+    let natives = program::native_standard_blocks(standard);
     let cpu = match args.engine {
         Engine::Reference => Cpu::new(config, program, natives, Vec::new()),
         Engine::Plain => Cpu::new_plain(config, program, natives, Vec::new()),
     };
     cpu.map_err(|errors| {
-        let findings: Vec<Finding> = errors.iter().map(|e| crate::assembly::of_load_error(e, program)).collect();
-        rejected(&findings)
+        rejected(&Unserved::new(standard, &[]).findings(&errors, program))
     })
 }
 

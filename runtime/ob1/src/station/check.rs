@@ -176,7 +176,7 @@ pub(crate) fn standard(
     single: &BTreeMap<Placed<String>, Placed<String>>,
 ) -> Vec<Choice> {
     const REMEDY: &str = "libraries = [\"IEC\"] takes a whole one, [library] single blocks: \"FC 104\" = \"IEC:FC4\"";
-    let mut chosen = Vec::new();
+    let (mut chosen, mut of_libraries) = (Vec::new(), Vec::new());
     for (number, key) in single {
         match Choice::new(number.get_ref(), key.get_ref()) {
             Ok(choice) => chosen.push(choice),
@@ -185,15 +185,19 @@ pub(crate) fn standard(
     }
     for name in libraries {
         match library::whole(name.get_ref()) {
-            Ok(whole) => {
-                let fresh: Vec<Choice> =
-                    whole.into_iter().filter(|new| chosen.iter().all(|old: &Choice| old.id != new.id)).collect();
-                chosen.extend(fresh);
-            }
+            Ok(whole) => of_libraries.extend(whole),
             Err(message) => f.error(VALUE, name.span(), message, REMEDY),
         }
     }
-    chosen
+    let settled = library::merge(chosen, of_libraries);
+    settled.unwrap_or_else(|clashes| {
+        let at = libraries.last().map_or(0..0, Placed::span);
+        for clash in clashes {
+            let remedy = format!("say which one in [library]: \"{}\" = \"{}\"", clash.id, clash.first);
+            f.error(TWICE, at.clone(), clash.to_string(), remedy);
+        }
+        Vec::new()
+    })
 }
 
 fn mnemonics(f: &mut Findings<'_>, value: Option<&Placed<String>>) -> Mnemonics {

@@ -1,0 +1,165 @@
+//! The handling blocks of the communication processors, declared: name, default number and parameters, so that programs that call
+//! them compile. What they do is a plugin's business; a call that no plugin serves is refused when the program is loaded.
+//!
+//! Parameters: CP 240 [S0 "SEND (FC 0)"] and the sections after it; CP 341 and CP 040 from the help texts of their blocks. A spelling
+//! after `|` is one that a manual's example or table has beside the first.
+
+use ob1_model::BlockKind::{self, Fb, Fc};
+
+use crate::call::Call;
+use crate::declare::{Params, params};
+use crate::table::{Origin, Row};
+use crate::{Done, Interrupted};
+
+params!(Send {
+    Input { ADR: INT, _DB: BLOCK_DB, ABD | ADB: WORD, ANZ: WORD }
+    InOut { FRG: BOOL, GESE: WORD, ANZ_INT: WORD, ENDE_KOMM | ENDE_KOM: BOOL, LETZTER_BLOCK: BOOL, SENDEN_LAEUFT: BOOL,
+        FEHLER_KOM | FEHL_KOM: BOOL }
+    Output { PAFE: BYTE }
+});
+// The table calls EMFR an output, but the block looks whether the program has set it back [S0 "RECEIVE (FC 1)"].
+params!(Receive {
+    Input { ADR: INT, _DB: BLOCK_DB, ABD | ADB: WORD }
+    Output { ANZ: WORD }
+    InOut { EMFR: BOOL, GEEM: WORD, ANZ_INT: WORD, EMPF_LAEUFT | EMP_LAEUFT: BOOL, LETZTER_BLOCK: BOOL,
+        FEHLER_EMPF | FEHL_EMPF: BOOL }
+    Output { PAFE: BYTE }
+});
+params!(Fetch {
+    Input { ADR: INT, QDB: BLOCK_DB, QBDW: WORD, LANG: INT, ZDB: BLOCK_DB, ZBDW: INT, KOOR: WORD }
+    Output { ANZW: WORD, PAFE: BYTE }
+    InOut { ANZ: WORD, GESE: WORD, KOPF_GESE | KOPF_GESENET: BOOL, WART_DATEN: BOOL, EMPF_LAEUFT: BOOL, LETZTER_BLOCK: BOOL,
+        FEHL_KOM | FEHLER_KOM: BOOL }
+});
+params!(SendRk {
+    Input { ADR: INT, QDB: BLOCK_DB, QBDW: WORD, LANG: INT, ZDB: BLOCK_DB, ZBDW: INT, KOOR: WORD }
+    Output { ANZW: WORD, PAFE: BYTE }
+    InOut { ANZ: WORD, GESE: WORD, KOPF_GESENET | KOPF_GESE: BOOL, ERSTER_BLOCK: BOOL, SENDEN_LAEUFT: BOOL,
+        SENDEN_FERTIG: BOOL, LETZTER_BLOCK: BOOL, FEHLER: BOOL }
+});
+// ANZW is "in" in the table and written all the same: in_out.
+params!(All {
+    Input { ADR: INT }
+    InOut { ANZW: WORD }
+    Output { PAFE: BYTE }
+    InOut { GESE: WORD, ANZ: WORD, DB_KOPF: WORD, ABF_KOPF: WORD, KOPF_AUSGEW: BOOL, LETZTER_BLOCK: BOOL,
+        SENDE_LAEUFT | SENDEN_LAEUFT: BOOL, EMPF_LAEUFT: BOOL, ENDE_KOM | ENDE_KOMM: BOOL, SEND_ALL: BOOL,
+        RECEIV_ALL | RECEIVE_ALL: BOOL, FEHLER: BOOL }
+});
+params!(ControlBits {
+    Input { ADR: INT, RTS: BOOL, DTR: BOOL, MASKE_RTS | MASK_RTS: BOOL, MASKE_DTR | MASK_DTR: BOOL }
+    Output { STATUS: BYTE, DELTA_STATUS: BYTE }
+    InOut { START: BOOL, AUFTRAG_LAEU: BOOL }
+    Output { RET_VAL: WORD }
+});
+params!(Synchron {
+    Input { ADR: INT, TIMER_NR: TIMER_OR_WORD }
+    InOut { ANL: BOOL, NULL: BOOL, RESET: BOOL, STEUERB_S: BYTE, STEUERB_R: BYTE }
+});
+params!(V24Stat {
+    Input { LADDR: INT }
+    Output { DTR_OUT: BOOL, DSR_IN: BOOL, RTS_OUT: BOOL, CTS_IN: BOOL, DCD_IN: BOOL, RI_IN: BOOL }
+});
+params!(V24Set { Input { LADDR: INT, RTS: BOOL, DTR: BOOL } });
+params!(ReceiveRk {
+    Input { EN_R: BOOL, R: BOOL, LADDR: INT, DB_NO: INT, DBB_NO: INT }
+    Output { L_TYP: CHAR, L_NO: INT, L_OFFSET: INT, L_CF_BYT: INT, L_CF_BIT: INT, NDR: BOOL, ERROR: BOOL, LEN: INT,
+        STATUS: WORD }
+});
+params!(SendRk341 {
+    Input { SF: CHAR = *b"S", REQ: BOOL, R: BOOL, LADDR: INT, DB_NO: INT, DBB_NO: INT, LEN: INT, R_CPU_NO: INT = [0, 1],
+        R_TYP: CHAR, R_NO: INT, R_OFFSET: INT, R_CF_BYT: INT = [0, 255], R_CF_BIT: INT }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+});
+params!(Send040 {
+    Input { REQ: BOOL, R: BOOL, LADDR: INT, DB_NO: INT, DBB_NO: INT, LEN: INT, IO_SIZE: WORD }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+    InOut { CONTROL: BYTE }
+});
+params!(Receive040 {
+    Input { EN_R: BOOL, R: BOOL, LADDR: INT, DB_NO: INT, DBB_NO: INT, IO_SIZE: WORD }
+    Output { NDR: BOOL, ERROR: BOOL, STATUS: WORD, LEN: INT }
+    InOut { CONTROL: BYTE }
+});
+params!(Com040 {
+    Input { REQ_SEND: BOOL, EN_RECV: BOOL, RESET: BOOL, ADDR_IN: INT, ADDR_OUT: INT, DB_NO_SEND: INT, DBB_NO_SEND: INT,
+        LEN_SEND: INT, DB_NO_RECV: INT, DBB_NO_RECV: INT, IO_SIZE: WORD }
+    Output { LEN_RECV: INT, DONE_SEND: BOOL, ERROR_SEND: BOOL, STATUS_SEND: WORD, NDR_RECV: BOOL, ERROR_RECV: BOOL,
+        STATUS_RECV: WORD }
+    InOut { CONTROL: BYTE }
+});
+
+pub(crate) const ROWS: &[&[Row]] = &[
+    &[
+        declared::<Send>(Origin::Cp240, Fc, 0, "SEND"),
+        declared::<Receive>(Origin::Cp240, Fc, 1, "RECEIVE"),
+        declared::<Fetch>(Origin::Cp240, Fc, 2, "FETCH_RK512"),
+        declared::<SendRk>(Origin::Cp240, Fc, 3, "SEND_RK512"),
+        declared::<All>(Origin::Cp240, Fc, 4, "S/R_ALL_RK512"),
+        declared::<ControlBits>(Origin::Cp240, Fc, 8, "STEUERBIT"),
+        declared::<Synchron>(Origin::Cp240, Fc, 9, "SYNCHRON_RESET"),
+        declared::<Receive>(Origin::Cp240, Fc, 11, "ASCII_FRAGMENT"),
+    ],
+    &[
+        declared::<V24Stat>(Origin::Cp341, Fc, 5, "V24_STAT"),
+        declared::<V24Set>(Origin::Cp341, Fc, 6, "V24_SET"),
+        declared::<ReceiveRk>(Origin::Cp341, Fb, 7, "P_RCV_RK"),
+        declared::<SendRk341>(Origin::Cp341, Fb, 8, "P_SND_RK"),
+    ],
+    &[
+        declared::<Send040>(Origin::Cp040, Fb, 60, "SEND"),
+        declared::<Receive040>(Origin::Cp040, Fb, 61, "RECEIVE"),
+        declared::<Com040>(Origin::Cp040, Fb, 65, "CP040_COM"),
+    ],
+];
+
+const fn declared<P: Params>(origin: Origin, kind: BlockKind, number: u16, name: &'static str) -> Row {
+    Row::new::<P>(origin, kind, number, name, served_by_a_plugin).note("declared; a plugin serves it")
+}
+
+/// A declaration cannot run; the loader does not let it come to that.
+fn served_by_a_plugin(_: &mut Call<'_>) -> Done {
+    Err(Interrupted::NoService)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{Origin, standard_block, standard_blocks};
+
+    #[test]
+    fn instances_lie_as_their_programs_read_them() {
+        // LEN of P_RCV_RK and STATUS of P_SND_RK by byte; the initial values the help texts give.
+        let at = |key: &str, name: &str| {
+            let block = standard_block(key).expect(key);
+            block.interface.find(name).map(|p| (p.at.to_string(), p.initial.clone())).expect(name)
+        };
+        assert_eq!(at("CP341:FB8", "SF"), ("0.0".into(), Some(b"S".to_vec())));
+        assert_eq!(at("CP341:FB8", "R_CF_BYT"), ("18.0".into(), Some(vec![0, 255])));
+        assert_eq!(at("CP341:FB8", "STATUS"), ("24.0".into(), None));
+        assert_eq!(at("CP341:FB7", "NDR"), ("18.0".into(), None));
+        assert_eq!(at("CP341:FB7", "LEN"), ("20.0".into(), None));
+    }
+
+    #[test]
+    fn they_are_declarations_alone() {
+        let declared: Vec<String> =
+            standard_blocks().iter().filter(|b| b.origin.is_declared_only()).map(|b| b.id.to_string()).collect();
+        assert_eq!(declared.len(), 15, "{declared:?}");
+        assert!(!Origin::System.is_declared_only() && !Origin::Iec.is_declared_only());
+    }
+
+    #[test]
+    fn every_spelling_is_the_same_parameter() {
+        for (key, one, other) in [
+            ("CP240:FC0", "ENDE_KOM", "ende_komm"),
+            ("CP240:FC0", "ADB", "ABD"),
+            ("CP240:FC1", "FEHL_EMPF", "FEHLER_EMPF"),
+            ("CP240:FC8", "MASK_DTR", "MASKE_DTR"),
+            ("CP240:FC3", "KOPF_GESE", "KOPF_GESENET"),
+        ] {
+            let interface = standard_block(key).expect(key).interface;
+            let index = |name| interface.formal(name).map(|(index, _)| index);
+            assert!(index(one).is_some() && index(one) == index(other), "{key} {one} {other}");
+        }
+    }
+}
