@@ -104,7 +104,9 @@ impl World {
         self.missing.get(&id).cloned().unwrap_or_else(|| Missing {
             message: format!("{id} is neither in the program nor in the library"),
             remedy: match id.kind {
-                BlockKind::Sfc | BlockKind::Sfb => "Leave the call out, or replace it: this CPU does not have it.".to_owned(),
+                BlockKind::Sfc | BlockKind::Sfb => {
+                    "Leave the call out, or replace it: this CPU does not have it.".to_owned()
+                }
                 _ => "Add its source, or load the plugin that has it, e.g. --plugin libob1_cp240.so".to_owned(),
             },
         })

@@ -62,8 +62,7 @@ fn lints_are_looked_for_on_request() {
 fn declared_station(folder: &Path, libraries: &str) -> String {
     let source = "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n CALL FC 106 (LADDR := 256, RTS := M 0.0, DTR := M 0.1);\nEND_ORGANIZATION_BLOCK\n";
     std::fs::write(folder.join("p.awl"), source).expect("writable");
-    let station =
-        format!("[station]\nname = \"declared\"\n\n[program]\nsources = [\"p.awl\"]\n{libraries}\n");
+    let station = format!("[station]\nname = \"declared\"\n\n[program]\nsources = [\"p.awl\"]\n{libraries}\n");
     let path = folder.join("s.toml");
     std::fs::write(&path, station).expect("writable");
     path.display().to_string()
@@ -78,7 +77,9 @@ fn a_declared_block_compiles_but_does_not_run() {
     let sources = ob1(&["check", &source, "--standard", "FC106=CP341:FC6"]);
     assert_eq!((sources.status.code(), text(&sources).as_str()), (Some(0), "ok\n"));
     // The station is not: nobody serves the block.
-    for (args, code) in [(&["check", &station][..], 1), (&["run", &station, "--scans", "1"], 2), (&["xref", &station], 0)] {
+    for (args, code) in
+        [(&["check", &station][..], 1), (&["run", &station, "--scans", "1"], 2), (&["xref", &station], 0)]
+    {
         let output = ob1(args);
         assert_eq!(output.status.code(), Some(code), "{output:?}");
         let stderr = String::from_utf8_lossy(&output.stderr);

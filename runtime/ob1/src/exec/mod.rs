@@ -113,9 +113,7 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<Cpu, 
         Engine::Reference => Cpu::new(config, program, natives, Vec::new()),
         Engine::Plain => Cpu::new_plain(config, program, natives, Vec::new()),
     };
-    cpu.map_err(|errors| {
-        rejected(&Unserved::new(standard, &[]).findings(&errors, program))
-    })
+    cpu.map_err(|errors| rejected(&Unserved::new(standard, &[]).findings(&errors, program)))
 }
 
 /// Cycles until the end.
