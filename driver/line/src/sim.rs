@@ -1,4 +1,4 @@
-//! The simulated line: two ends, virtual time, faults.
+//! The simulated line in virtual time: [`SimLine`] has two ends, [`SimBus`] any number of participants.
 //!
 //! Characters take their time: start bit, data bits, parity bit and stop bits at the baud rate. What is written at one end
 //! comes out at the other when its last bit does, and [`SimEvent::TxDone`] tells the writer when everything is out. The
@@ -24,11 +24,13 @@
 //! assert_eq!(buffer[0], b'H');
 //! ```
 
+mod bus;
 mod direction;
 mod faults;
 mod rng;
 
 use crate::line::{LineFault, Nanos};
+pub use bus::{Bursts, BusConfig, BusEvent, Frame, Participant, SimBus};
 use direction::Direction;
 pub use faults::FaultRates;
 pub use rng::SplitMix64;

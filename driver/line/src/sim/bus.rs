@@ -1,0 +1,417 @@
+//! A simulated line with any number of participants: two on a cable, or many on a two-wire RS-485 bus.
+//!
+//! Like [`SimLine`](super::SimLine) it keeps the time of every character and lets them suffer by a seed; with two participants, full
+//! duplex and the same seed it gives the same events. What it has beyond that: each participant has its own character frame, and one that listens with
+//! another baud rate or parity hears faults; on a two-wire line everybody hears everybody, who speaks is deaf, and who speaks
+//! at the same time as another spoils both; a participant may send a break; faults may come in bursts.
+
+use std::collections::VecDeque;
+
+use super::faults::Fate;
+use super::{FaultRates, SplitMix64};
+use crate::line::{LineFault, ModemLines, Nanos};
+use crate::settings::{LineSettings, Parity};
+
+/// Number of a participant, in the order in which they joined.
+pub type Participant = usize;
+
+/// Bursts a sender remembers: more than one character can overlap with.
+const REMEMBERED: usize = 8;
+
+/// The character frame a participant sends and listens with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Frame {
+    /// Time of one character.
+    pub char_time: Nanos,
+    /// Its parity.
+    pub parity: Parity,
+    /// Data bits, 5 to 8.
+    pub data_bits: u8,
+}
+
+impl Frame {
+    /// The frame of these settings.
+    pub const fn of(settings: &LineSettings) -> Self {
+        Self { char_time: settings.time_of(1), parity: settings.parity, data_bits: settings.data_bits }
+    }
+
+    /// What a receiver with this frame makes of a character that was sent with another.
+    fn hears(&self, sent: &Self, byte: u8) -> Result<u8, LineFault> {
+        // A UART bears 2 to 3 % of difference.
+        if self.char_time.abs_diff(sent.char_time) > sent.char_time / 40 {
+            return Err(LineFault::Framing);
+        }
+        if self.parity != Parity::None && self.parity != sent.parity {
+            return Err(LineFault::Parity);
+        }
+        Ok(byte & (0xFF >> (8 - self.data_bits.clamp(5, 8))))
+    }
+}
+
+/// Times in which more goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Bursts {
+    /// Mean time from the end of one to the beginning of the next.
+    pub every: Nanos,
+    /// How long one lasts.
+    pub length: Nanos,
+    /// What goes wrong with a character that begins in one.
+    pub faults: FaultRates,
+}
+
+/// What the bus is like.
+#[derive(Debug, Clone, Copy)]
+pub struct BusConfig {
+    /// Two wires: everybody on the same pair.
+    pub half_duplex: bool,
+    /// Panic when two speak at the same time on two wires, or when time goes back.
+    pub strict: bool,
+    /// What goes wrong all the time.
+    pub faults: FaultRates,
+    /// What goes wrong at times.
+    pub bursts: Option<Bursts>,
+}
+
+impl BusConfig {
+    /// A line on which nothing goes wrong. On two wires collisions are counted.
+    pub const fn new(half_duplex: bool) -> Self {
+        Self { half_duplex, strict: false, faults: FaultRates::NONE, bursts: None }
+    }
+}
+
+/// What a participant sees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BusEvent {
+    /// So many characters were received and stand at the beginning of the buffer.
+    Rx(usize),
+    /// A character that could not be read, in its place between the others.
+    Fault(LineFault),
+    /// The last bit of everything written by this participant is out.
+    TxDone,
+    /// The modem lines as they now stand (null modem: the other's RTS is CTS, its DTR is DSR and carrier).
+    Modem(ModemLines),
+}
+
+/// A character on its way, or what became of it.
+#[derive(Debug, Clone, Copy)]
+struct Item {
+    begin: Nanos,
+    end: Nanos,
+    /// When it is heard: its end, or later.
+    arrival: Nanos,
+    frame: Frame,
+    what: What,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum What {
+    Byte(u8),
+    Fault(LineFault),
+}
+
+/// What a participant has not yet been told.
+#[derive(Debug, Clone, Copy)]
+enum News {
+    Byte(u8),
+    Other(BusEvent),
+}
+
+#[derive(Debug, Clone)]
+struct Member {
+    frame: Frame,
+    queue: VecDeque<Item>,
+    /// When it spoke: begin and end of each uninterrupted stretch, the newest last.
+    spoke: VecDeque<(Nanos, Nanos)>,
+    busy_until: Nanos,
+    owes_done: bool,
+    last_arrival: Nanos,
+    modem: ModemLines,
+    news: VecDeque<News>,
+}
+
+impl Member {
+    fn spoke_in(&self, begin: Nanos, end: Nanos) -> bool {
+        self.spoke.iter().any(|(from, to)| *from < end && begin < *to)
+    }
+
+    fn speak(&mut self, begin: Nanos, end: Nanos) {
+        match self.spoke.back_mut() {
+            Some((_, to)) if *to == begin => *to = end,
+            _ => {
+                if self.spoke.len() == REMEMBERED {
+                    self.spoke.pop_front();
+                }
+                self.spoke.push_back((begin, end));
+            }
+        }
+    }
+
+    /// No two characters arrive within less than a character time.
+    fn push(&mut self, begin: Nanos, time: Nanos, delay: Nanos, what: What) {
+        let arrival = (begin + time).max(self.last_arrival + time) + delay;
+        self.last_arrival = arrival;
+        self.queue.push_back(Item { begin, end: begin + time, arrival, frame: self.frame, what });
+    }
+}
+
+/// When bursts come: drawn one after the other from a stream of their own.
+#[derive(Debug, Clone)]
+struct Weather {
+    rng: SplitMix64,
+    bursts: Bursts,
+    begin: Nanos,
+}
+
+impl Weather {
+    fn new(bursts: Bursts, seed: u64) -> Self {
+        let mut weather = Self { rng: SplitMix64::new(seed), bursts, begin: 0 };
+        weather.next(0);
+        weather
+    }
+
+    fn next(&mut self, from: Nanos) {
+        let every = self.bursts.every;
+        self.begin = from.saturating_add(every / 2).saturating_add(self.rng.below(every));
+    }
+
+    fn is_bad(&mut self, at: Nanos) -> bool {
+        // A burst of no length would never end this loop with `every` 0.
+        let length = self.bursts.length.max(1);
+        while at >= self.begin.saturating_add(length) {
+            self.next(self.begin + length);
+        }
+        at >= self.begin
+    }
+}
+
+/// A line between any number of participants.
+#[derive(Debug, Clone)]
+pub struct SimBus {
+    config: BusConfig,
+    rng: SplitMix64,
+    weather: Option<Weather>,
+    members: Vec<Member>,
+    now: Nanos,
+    collisions: u64,
+}
+
+impl SimBus {
+    /// A line without participants. The seed determines everything that goes wrong.
+    pub fn new(config: BusConfig, seed: u64) -> Self {
+        Self {
+            config,
+            rng: SplitMix64::new(seed),
+            weather: config.bursts.map(|bursts| Weather::new(bursts, seed ^ 0x6275_7273_7473)),
+            members: Vec::new(),
+            now: 0,
+            collisions: 0,
+        }
+    }
+
+    /// A participant joins.
+    pub fn join(&mut self, frame: Frame) -> Participant {
+        self.members.push(Member {
+            frame,
+            queue: VecDeque::new(),
+            spoke: VecDeque::new(),
+            busy_until: 0,
+            owes_done: false,
+            last_arrival: 0,
+            modem: ModemLines::default(),
+            news: VecDeque::new(),
+        });
+        self.members.len() - 1
+    }
+
+    /// How many participants there are.
+    pub fn participants(&self) -> usize {
+        self.members.len()
+    }
+
+    /// Characters that met another's on two wires.
+    pub fn collisions(&self) -> u64 {
+        self.collisions
+    }
+
+    /// Changes the frame of a participant, for what it writes and hears from now on.
+    pub fn set_frame(&mut self, who: Participant, frame: Frame) {
+        if let Some(member) = self.members.get_mut(who) {
+            member.frame = frame;
+        }
+    }
+
+    /// Sends characters, behind those that are still leaving.
+    pub fn write(&mut self, who: Participant, now: Nanos, bytes: &[u8]) {
+        self.advance(now);
+        let Self { config, rng, weather, members, .. } = self;
+        let Some(member) = members.get_mut(who).filter(|_| !bytes.is_empty()) else { return };
+        let time = member.frame.char_time;
+        let mut begin = member.busy_until.max(now);
+        for &byte in bytes {
+            let bad = weather.as_mut().is_some_and(|weather| weather.is_bad(begin));
+            let faults = config.bursts.filter(|_| bad).map_or(config.faults, |bursts| bursts.faults);
+            match faults.draw(rng) {
+                Fate::Whole => member.push(begin, time, 0, What::Byte(byte)),
+                Fate::Flip(mask) => member.push(begin, time, 0, What::Byte(byte ^ mask)),
+                Fate::Lost => {}
+                Fate::Doubled => {
+                    member.push(begin, time, 0, What::Byte(byte));
+                    member.push(begin, time, 0, What::Byte(byte));
+                }
+                Fate::Late(delay) => member.push(begin, time, delay, What::Byte(byte)),
+                Fate::Unreadable(fault) => member.push(begin, time, 0, What::Fault(fault)),
+            }
+            begin += time;
+        }
+        let from = member.busy_until.max(now);
+        member.speak(from, begin);
+        member.busy_until = begin;
+        member.owes_done = true;
+    }
+
+    /// Holds the line at 0 for so long, behind what is still leaving.
+    pub fn send_break(&mut self, who: Participant, now: Nanos, length: Nanos) {
+        self.advance(now);
+        let Some(member) = self.members.get_mut(who) else { return };
+        let begin = member.busy_until.max(now);
+        member.push(begin, length, 0, What::Fault(LineFault::Break));
+        member.speak(begin, begin + length);
+        member.busy_until = begin + length;
+        member.owes_done = true;
+    }
+
+    /// Takes back the characters of `who` that have not begun to leave; the result is how many.
+    pub fn take_back(&mut self, who: Participant, now: Nanos) -> usize {
+        self.advance(now);
+        let Some(member) = self.members.get_mut(who) else { return 0 };
+        let time = member.frame.char_time.max(1);
+        let waiting = member.busy_until.saturating_sub(now) / time;
+        member.busy_until -= waiting * time;
+        while member.queue.back().is_some_and(|item| item.begin >= member.busy_until) {
+            member.queue.pop_back();
+        }
+        if waiting > 0 {
+            member.last_arrival = member.queue.back().map_or(now, |item| item.arrival);
+            if let Some((_, to)) = member.spoke.back_mut() {
+                *to = member.busy_until.max(now);
+            }
+        }
+        waiting as usize
+    }
+
+    /// Switches RTS and DTR of `who`; the others see them at the same instant. Two wires have no modem lines.
+    pub fn set_modem(&mut self, who: Participant, now: Nanos, rts: bool, dtr: bool) {
+        self.advance(now);
+        if self.config.half_duplex {
+            return;
+        }
+        let lines = ModemLines { cts: rts, dsr: dtr, ri: false, dcd: dtr };
+        for (_, member) in self.members.iter_mut().enumerate().filter(|(number, _)| *number != who) {
+            if member.modem != lines {
+                member.modem = lines;
+                member.news.push_back(News::Other(BusEvent::Modem(lines)));
+            }
+        }
+    }
+
+    /// Whether `who` has characters on the line or waiting to be.
+    pub fn is_sending(&self, who: Participant, now: Nanos) -> bool {
+        self.members.get(who).is_some_and(|member| now < member.busy_until)
+    }
+
+    /// When the next event happens.
+    pub fn next_event(&self) -> Option<Nanos> {
+        if self.members.iter().any(|member| !member.news.is_empty()) {
+            return Some(self.now);
+        }
+        self.next_due().map(|(at, ..)| at)
+    }
+
+    /// Takes the next event that has happened by `now`, with the participant that sees it: of the first of them all in
+    /// their order, then of the second. `buffer` must not be empty.
+    pub fn pop(&mut self, now: Nanos, buffer: &mut [u8]) -> Option<(Participant, BusEvent)> {
+        self.advance(now);
+        let (who, member) = self.members.iter_mut().enumerate().find(|(_, member)| !member.news.is_empty())?;
+        let mut taken = 0;
+        while let Some(News::Byte(byte)) = member.news.front() {
+            let Some(place) = buffer.get_mut(taken) else { break };
+            *place = *byte;
+            taken += 1;
+            member.news.pop_front();
+        }
+        if taken > 0 {
+            return Some((who, BusEvent::Rx(taken)));
+        }
+        match member.news.pop_front() {
+            Some(News::Other(event)) => Some((who, event)),
+            Some(News::Byte(_)) | None => None,
+        }
+    }
+
+    /// The next thing due: when, whether it is an arrival (ends of transmission come first), whose.
+    fn next_due(&self) -> Option<(Nanos, bool, Participant)> {
+        let dues = self.members.iter().enumerate().flat_map(|(who, member)| {
+            let done = member.owes_done.then_some((member.busy_until, false, who));
+            let item = member.queue.front().map(|item| (item.arrival, true, who));
+            [done, item]
+        });
+        dues.flatten().min()
+    }
+
+    fn advance(&mut self, now: Nanos) {
+        if now < self.now {
+            assert!(!self.config.strict, "simulated bus at {} ns: time goes back", self.now);
+            return;
+        }
+        while let Some((_, arrival, who)) = self.next_due().filter(|(at, ..)| *at <= now) {
+            if arrival {
+                self.arrive(who);
+            } else {
+                self.members[who].owes_done = false;
+                self.members[who].news.push_back(News::Other(BusEvent::TxDone));
+            }
+        }
+        self.now = now;
+    }
+
+    /// Hands the first character of `from` to everybody who hears it.
+    fn arrive(&mut self, from: Participant) {
+        let Some(item) = self.members[from].queue.pop_front() else { return };
+        let half_duplex = self.config.half_duplex;
+        let spoke = |member: &Member| half_duplex && member.spoke_in(item.begin, item.end);
+        let collides = self.members.iter().enumerate().any(|(who, member)| who != from && spoke(member));
+        let mut what = item.what;
+        if collides {
+            self.collisions += 1;
+            assert!(!self.config.strict, "simulated bus at {} ns: two speak at the same time", item.end);
+            what = self.spoilt(what);
+        }
+        for (_, member) in self.members.iter_mut().enumerate().filter(|(who, _)| *who != from) {
+            if spoke(member) {
+                continue;
+            }
+            let heard = match what {
+                What::Byte(byte) => member.frame.hears(&item.frame, byte),
+                What::Fault(fault) => Err(fault),
+            };
+            member.news.push_back(match heard {
+                Ok(byte) => News::Byte(byte),
+                Err(fault) => News::Other(BusEvent::Fault(fault)),
+            });
+        }
+    }
+
+    /// What two characters at once look like: mostly no character at all, sometimes one that nobody has sent.
+    fn spoilt(&mut self, what: What) -> What {
+        let draw = self.rng.next_u64();
+        match what {
+            What::Byte(byte) if draw & 3 == 0 => What::Byte(byte & (draw >> 8) as u8),
+            What::Byte(_) | What::Fault(LineFault::Framing | LineFault::Parity) => What::Fault(LineFault::Framing),
+            What::Fault(LineFault::Break) => What::Fault(LineFault::Break),
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "bus_tests.rs"]
+mod tests;
