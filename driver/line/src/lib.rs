@@ -10,14 +10,17 @@
 // Two ioctls that no crate wraps (see `sys`), and the borrowed descriptor of a serial port.
 #![allow(unsafe_code)]
 
+pub mod hub;
 mod line;
 mod link;
 mod parmrk;
 mod real;
+pub mod seqpacket;
 mod settings;
 pub mod sim;
 mod spec;
 mod sys;
+mod wire;
 
 pub use line::{Line, LineEvent, LineFault, ModemLines, Nanos, PollFds};
 pub use parmrk::{Decoded, Mark, ParmrkDecoder};

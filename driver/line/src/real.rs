@@ -169,7 +169,15 @@ impl RealLine {
 
     /// Whether the last bit of everything is out; otherwise moves the time to look again.
     fn tx_done(&mut self, now: Nanos) -> bool {
-        if !self.sending || self.tx_end > 0 || now < self.sent_at {
+        if !self.sending || self.tx_end > 0 {
+            return false;
+        }
+        if self.state == State::Up && self.link.tells_drained() {
+            let left = self.link.drained() == Some(true);
+            self.sending = !left;
+            return left;
+        }
+        if now < self.sent_at {
             return false;
         }
         if self.state == State::Up && self.link.drained() == Some(false) {
@@ -245,7 +253,10 @@ impl RealLine {
 
 impl Line for RealLine {
     fn apply(&mut self, settings: &LineSettings) -> Result<(), SettingsError> {
-        if let Err(error) = settings.check() {
+        let odd_stop_bits = self.link.does_odd_stop_bits();
+        if let Err(error) =
+            settings.check().or_else(|e| if e == SettingsError::StopBits && odd_stop_bits { Ok(()) } else { Err(e) })
+        {
             self.link.close();
             self.forget();
             self.state = State::Refused;
@@ -322,7 +333,8 @@ impl Line for RealLine {
             State::Opening(until) => until,
             State::Refused | State::Up => None,
         };
-        let sent = (self.sending && self.tx_end == 0).then_some(self.sent_at);
+        let told = self.state == State::Up && self.link.tells_drained();
+        let sent = (self.sending && self.tx_end == 0 && !told).then_some(self.sent_at);
         open.into_iter().chain(sent).min()
     }
 
@@ -353,7 +365,11 @@ impl Line for RealLine {
     fn take_back(&mut self, now: Nanos) -> usize {
         let waiting = self.tx_end - self.tx_begin;
         (self.tx_begin, self.tx_end) = (0, 0);
-        let taken = waiting + if self.state == State::Up { self.link.take_back() } else { 0 };
+        let mut taken = waiting + if self.state == State::Up { self.link.take_back() } else { 0 };
+        if self.state == State::Up && self.sending && self.link.reckons_taken_back() {
+            let unsent = self.sent_at.saturating_sub(now) / self.settings.time_of(1).max(1);
+            taken = taken.max(unsent as usize);
+        }
         if taken > 0 {
             // The character in the shift register still leaves.
             let rest = self.sent_at.saturating_sub(self.settings.time_of(taken));

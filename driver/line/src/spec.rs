@@ -1,5 +1,5 @@
 //! The text that names a line in the station file: `serial:/dev/ttyUSB0`, `pty:PATH`, `tcp:HOST:PORT`,
-//! `tcp-listen:PORT`.
+//! `tcp-listen:PORT`, `sim:PATH`.
 
 use std::fmt;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -25,6 +25,8 @@ pub enum LineSpec {
     /// Without an address only this machine can connect (127.0.0.1): a line to a plant is not opened to the network by
     /// leaving something out. Port 0 takes any free port.
     Listen(SocketAddr),
+    /// `sim:PATH`: a place on a simulated line, whose process listens at PATH.
+    Sim(PathBuf),
 }
 
 /// Why a text is no line.
@@ -58,7 +60,7 @@ impl FromStr for LineSpec {
     fn from_str(text: &str) -> Result<Self, SpecError> {
         let whole = || text.to_owned();
         let (kind, rest) = text.split_once(':').ok_or_else(|| SpecError::Kind(whole()))?;
-        if !matches!(kind, "serial" | "pty" | "tcp" | "tcp-listen") {
+        if !matches!(kind, "serial" | "pty" | "tcp" | "tcp-listen" | "sim") {
             return Err(SpecError::Kind(whole()));
         }
         if rest.is_empty() {
@@ -67,6 +69,7 @@ impl FromStr for LineSpec {
         match kind {
             "serial" => Ok(Self::Serial(absolute(text, rest)?)),
             "pty" => Ok(Self::Pty(absolute(text, rest)?)),
+            "sim" => Ok(Self::Sim(absolute(text, rest)?)),
             "tcp" => {
                 let (host, port) = rest.rsplit_once(':').ok_or_else(|| SpecError::Host(whole()))?;
                 let host = host.strip_prefix('[').and_then(|h| h.strip_suffix(']')).unwrap_or(host);
@@ -110,6 +113,7 @@ impl fmt::Display for LineSpec {
             Self::Tcp { host, port } if host.contains(':') => write!(f, "tcp:[{host}]:{port}"),
             Self::Tcp { host, port } => write!(f, "tcp:{host}:{port}"),
             Self::Listen(address) => write!(f, "tcp-listen:{address}"),
+            Self::Sim(path) => write!(f, "sim:{}", path.display()),
         }
     }
 }
@@ -123,6 +127,7 @@ mod tests {
         for (text, printed) in [
             ("serial:/dev/ttyUSB0", "serial:/dev/ttyUSB0"),
             ("pty:/tmp/a b", "pty:/tmp/a b"),
+            ("sim:/run/a.line", "sim:/run/a.line"),
             ("tcp:plc.local:4001", "tcp:plc.local:4001"),
             ("tcp:[::1]:4001", "tcp:[::1]:4001"),
             ("tcp-listen:4001", "tcp-listen:127.0.0.1:4001"),

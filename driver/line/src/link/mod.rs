@@ -2,6 +2,7 @@
 
 mod pty;
 mod serial;
+mod sim;
 mod tcp_client;
 mod tcp_common;
 mod tcp_listener;
@@ -52,9 +53,24 @@ pub(crate) trait Link {
         None
     }
 
+    /// Whether the line itself says when everything has left, by something to read: then nothing is computed.
+    fn tells_drained(&self) -> bool {
+        false
+    }
+
     /// Drops what the device still has to send; the result is how many bytes.
     fn take_back(&mut self) -> usize {
         0
+    }
+
+    /// Whether `take_back` cannot say how many: then it is computed from the time.
+    fn reckons_taken_back(&self) -> bool {
+        false
+    }
+
+    /// Whether 1.5 stop bits can be had.
+    fn does_odd_stop_bits(&self) -> bool {
+        false
     }
 
     /// Whether bytes for which there is no room are lost instead of waiting: a wire that nobody listens to.
@@ -85,6 +101,7 @@ pub(crate) fn of(spec: &LineSpec) -> Box<dyn Link> {
         LineSpec::Serial(path) => Box::new(serial::SerialLink::new(path.clone())),
         LineSpec::Pty(path) => Box::new(pty::PtyLink::new(path.clone())),
         LineSpec::Tcp { host, port } => Box::new(tcp_client::ClientLink::new(host.clone(), *port)),
+        LineSpec::Sim(path) => Box::new(sim::SimLink::new(path.clone())),
         LineSpec::Listen(address) => Box::new(tcp_listener::ListenerLink::new(*address)),
     }
 }

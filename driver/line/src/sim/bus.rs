@@ -118,6 +118,7 @@ enum News {
 
 #[derive(Debug, Clone)]
 struct Member {
+    present: bool,
     frame: Frame,
     queue: VecDeque<Item>,
     /// When it spoke: begin and end of each uninterrupted stretch, the newest last.
@@ -125,11 +126,22 @@ struct Member {
     busy_until: Nanos,
     owes_done: bool,
     last_arrival: Nanos,
+    /// The modem lines it sees, and its own RTS and DTR.
     modem: ModemLines,
+    drives: (bool, bool),
     news: VecDeque<News>,
 }
 
 impl Member {
+    /// The modem lines that another's RTS and DTR are here.
+    fn see(&mut self, rts: bool, dtr: bool) {
+        let lines = ModemLines { cts: rts, dsr: dtr, ri: false, dcd: dtr };
+        if self.modem != lines {
+            self.modem = lines;
+            self.news.push_back(News::Other(BusEvent::Modem(lines)));
+        }
+    }
+
     fn spoke_in(&self, begin: Nanos, end: Nanos) -> bool {
         self.spoke.iter().any(|(from, to)| *from < end && begin < *to)
     }
@@ -208,9 +220,10 @@ impl SimBus {
         }
     }
 
-    /// A participant joins.
+    /// A participant joins. A cable has two, and a third hears nothing good of it.
     pub fn join(&mut self, frame: Frame) -> Participant {
-        self.members.push(Member {
+        let member = Member {
+            present: true,
             frame,
             queue: VecDeque::new(),
             spoke: VecDeque::new(),
@@ -218,14 +231,40 @@ impl SimBus {
             owes_done: false,
             last_arrival: 0,
             modem: ModemLines::default(),
+            drives: (false, false),
             news: VecDeque::new(),
-        });
-        self.members.len() - 1
+        };
+        let levels = self.members.iter().rev().find(|member| member.present).map(|member| member.drives);
+        let who = match self.members.iter().position(|member| !member.present && member.queue.is_empty()) {
+            Some(free) => {
+                self.members[free] = member;
+                free
+            }
+            None => {
+                self.members.push(member);
+                self.members.len() - 1
+            }
+        };
+        if let Some((rts, dtr)) = levels {
+            self.members[who].see(rts, dtr);
+        }
+        who
     }
 
-    /// How many participants there are.
+    /// A participant leaves: it is told nothing more, its modem lines fall. What it has written still leaves, as from the buffer
+    /// of a UART; its number is given to a later one.
+    pub fn leave(&mut self, who: Participant, now: Nanos) {
+        self.set_modem(who, now, false, false);
+        if let Some(member) = self.members.get_mut(who) {
+            member.present = false;
+            member.owes_done = false;
+            member.news.clear();
+        }
+    }
+
+    /// How many participants are there.
     pub fn participants(&self) -> usize {
-        self.members.len()
+        self.members.iter().filter(|member| member.present).count()
     }
 
     /// Characters that met another's on two wires.
@@ -305,11 +344,11 @@ impl SimBus {
         if self.config.half_duplex {
             return;
         }
-        let lines = ModemLines { cts: rts, dsr: dtr, ri: false, dcd: dtr };
-        for (_, member) in self.members.iter_mut().enumerate().filter(|(number, _)| *number != who) {
-            if member.modem != lines {
-                member.modem = lines;
-                member.news.push_back(News::Other(BusEvent::Modem(lines)));
+        for (number, member) in self.members.iter_mut().enumerate() {
+            if number == who {
+                member.drives = (rts, dtr);
+            } else if member.present {
+                member.see(rts, dtr);
             }
         }
     }
@@ -387,7 +426,7 @@ impl SimBus {
             what = self.spoilt(what);
         }
         for (_, member) in self.members.iter_mut().enumerate().filter(|(who, _)| *who != from) {
-            if spoke(member) {
+            if !member.present || spoke(member) {
                 continue;
             }
             let heard = match what {

@@ -206,3 +206,17 @@ fn a_participant_that_does_not_exist_is_no_panic() {
     bus.set_modem(7, 0, true, true);
     assert_eq!((bus.take_back(7, 0), bus.is_sending(7, 0), bus.next_event()), (0, false, None));
 }
+
+#[test]
+fn who_leaves_is_told_nothing_and_its_number_is_free_once_its_characters_are_out() {
+    let mut bus = bus(BusConfig::new(false), 2);
+    bus.write(0, 0, &[1, 2]);
+    bus.write(1, 0, &[9]);
+    bus.leave(0, 500);
+    assert_eq!(bus.participants(), 1);
+    assert_eq!(bus.join(FRAME), 2, "it is still sending");
+    bus.leave(2, 500);
+    assert_eq!(drain(&mut bus), ["1000 1 TxDone", "1000 1 [01]", "2000 1 [02]"]);
+    assert_eq!(bus.join(FRAME), 0);
+    assert_eq!(bus.participants(), 2);
+}

@@ -1,0 +1,241 @@
+//! The process that is a simulated line: CPs connect to a socket, and what one sends the others hear, in its time, with its faults.
+//!
+//! The model is [`SimBus`], the same as in virtual time; here somebody hands in the real one. A late owner delays characters, never
+//! loses them. The partner of a CP may be another CP, of this or of another station, or a [`Partner`] that the line brings along.
+
+use std::io;
+use std::os::fd::AsFd;
+use std::path::{Path, PathBuf};
+
+use rustix::event::{PollFd, PollFlags};
+
+use crate::line::{Line, LineEvent, LineFault, Nanos, PollFds};
+use crate::real::RealLine;
+use crate::seqpacket::{Channel, Listener, MESSAGE_MAX, Sent};
+use crate::settings::LineSettings;
+use crate::sim::{BusConfig, BusEvent, Frame, Participant, SimBus};
+use crate::spec::LineSpec;
+use crate::wire::{FromHub, ToHub};
+
+/// Who else is on the line.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Partner {
+    /// Nobody but the CPs.
+    #[default]
+    None,
+    /// Somebody who sends back every character.
+    Echo,
+    /// A program that opens this pty: it has the line's speed and faults, whatever it sets there.
+    Pty(PathBuf),
+}
+
+/// CPs on two wires, at most: the unit loads of RS-485.
+const MOST: usize = 32;
+
+/// A CP on the line.
+struct Guest {
+    channel: Channel,
+    who: Participant,
+    /// `W` messages so far.
+    written: u32,
+    gone: bool,
+}
+
+/// The partner at work.
+enum AtWork {
+    Echo(Participant),
+    Pty(Box<RealLine>, Participant),
+}
+
+/// A simulated line and those on it.
+pub struct Hub {
+    bus: SimBus,
+    listener: Listener,
+    guests: Vec<Guest>,
+    partner: Option<AtWork>,
+    most: usize,
+    lost: u64,
+    turned_away: u64,
+}
+
+impl Hub {
+    /// A line that listens at `path`. The caller owns that name (see [`Listener::bind`]).
+    ///
+    /// # Errors
+    /// What the system says about the path.
+    pub fn open(path: &Path, config: BusConfig, seed: u64, partner: &Partner) -> io::Result<Self> {
+        let mut bus = SimBus::new(config, seed);
+        let frame = Frame::of(&LineSettings::default());
+        let partner = match partner {
+            Partner::None => None,
+            Partner::Echo => Some(AtWork::Echo(bus.join(frame))),
+            Partner::Pty(path) => {
+                Some(AtWork::Pty(Box::new(RealLine::new(&LineSpec::Pty(path.clone()))), bus.join(frame)))
+            }
+        };
+        let most = if config.half_duplex { MOST } else { 2 - usize::from(partner.is_some()) };
+        let listener = Listener::bind(path)?;
+        Ok(Self { bus, listener, guests: Vec::new(), partner, most, lost: 0, turned_away: 0 })
+    }
+
+    /// CPs on the line.
+    pub fn guests(&self) -> usize {
+        self.guests.len()
+    }
+
+    /// Messages a CP did not fetch in time, which it has lost.
+    pub const fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Callers for whom the line has no place: a cable has two ends.
+    pub const fn turned_away(&self) -> u64 {
+        self.turned_away
+    }
+
+    /// Characters that met another's on two wires.
+    pub fn collisions(&self) -> u64 {
+        self.bus.collisions()
+    }
+
+    /// The descriptors to wait for.
+    pub fn poll_fds<'a>(&'a self, fds: &mut Vec<PollFd<'a>>) {
+        fds.push(PollFd::from_borrowed_fd(self.listener.as_fd(), PollFlags::IN));
+        fds.extend(self.guests.iter().map(|guest| PollFd::from_borrowed_fd(guest.channel.as_fd(), PollFlags::IN)));
+        if let Some(AtWork::Pty(line, _)) = &self.partner {
+            let mut of_line = PollFds::default();
+            line.poll_fds(&mut of_line);
+            fds.extend(of_line.into_entries());
+        }
+    }
+
+    /// When [`Self::work`] is due although nothing is ready.
+    pub fn deadline(&self) -> Option<Nanos> {
+        let partner = match &self.partner {
+            Some(AtWork::Pty(line, _)) => line.deadline(),
+            _ => None,
+        };
+        self.bus.next_event().into_iter().chain(partner).min()
+    }
+
+    /// Does everything that has come up by `now`.
+    pub fn work(&mut self, now: Nanos) {
+        self.admit();
+        self.listen(now);
+        self.hear_pty(now);
+        self.speak(now);
+        let Self { bus, guests, .. } = self;
+        guests.retain(|guest| {
+            if guest.gone {
+                bus.leave(guest.who, now);
+            }
+            !guest.gone
+        });
+    }
+
+    fn admit(&mut self) {
+        while let Ok(Some(channel)) = self.listener.accept() {
+            if self.guests.len() >= self.most {
+                self.turned_away += 1;
+                continue;
+            }
+            let who = self.bus.join(Frame::of(&LineSettings::default()));
+            self.guests.push(Guest { channel, who, written: 0, gone: false });
+        }
+    }
+
+    fn listen(&mut self, now: Nanos) {
+        let mut buffer = [0; MESSAGE_MAX];
+        for guest in &mut self.guests {
+            while !guest.gone {
+                match guest.channel.receive(&mut buffer) {
+                    Ok(None) => break,
+                    Ok(Some([])) | Err(_) => guest.gone = true,
+                    Ok(Some(message)) => match ToHub::read(message) {
+                        Some(ToHub::Settings(settings)) => {
+                            let frame = Frame::of(&settings);
+                            self.bus.set_frame(guest.who, frame);
+                            // The partner is set like the CP: nobody else could do it.
+                            if let Some(AtWork::Echo(who) | AtWork::Pty(_, who)) = &self.partner {
+                                self.bus.set_frame(*who, frame);
+                            }
+                        }
+                        Some(ToHub::Write(bytes)) => {
+                            guest.written = guest.written.wrapping_add(1);
+                            self.bus.write(guest.who, now, bytes);
+                        }
+                        Some(ToHub::TakeBack) => drop(self.bus.take_back(guest.who, now)),
+                        Some(ToHub::Modem { rts, dtr }) => self.bus.set_modem(guest.who, now, rts, dtr),
+                        // Not one of ours.
+                        None => guest.gone = true,
+                    },
+                }
+            }
+        }
+    }
+
+    fn hear_pty(&mut self, now: Nanos) {
+        let Some(AtWork::Pty(line, who)) = &mut self.partner else { return };
+        line.ready();
+        let mut buffer = [0; 256];
+        while let Some(event) = line.next_event(now, &mut buffer) {
+            if let LineEvent::Rx(count) = event {
+                self.bus.write(*who, now, &buffer[..count]);
+            }
+        }
+    }
+
+    /// Tells everybody what has happened to them.
+    fn speak(&mut self, now: Nanos) {
+        let mut buffer = [0; 512];
+        let mut message = Vec::new();
+        while let Some((who, event)) = self.bus.pop(now, &mut buffer) {
+            match &mut self.partner {
+                Some(AtWork::Echo(partner)) if *partner == who => {
+                    if let BusEvent::Rx(count) = event {
+                        self.bus.write(who, now, &buffer[..count]);
+                    }
+                    continue;
+                }
+                Some(AtWork::Pty(line, partner)) if *partner == who => {
+                    if let BusEvent::Rx(count) = event {
+                        // Only as much as a pty holds: nobody reads it, and then it is lost as on a wire.
+                        let _ = line.write(now, &buffer[..count]);
+                    }
+                    continue;
+                }
+                _ => {}
+            }
+            let Some(guest) = self.guests.iter_mut().find(|guest| guest.who == who) else { continue };
+            let mut marked = Vec::new();
+            let news = match event {
+                BusEvent::Rx(count) => {
+                    mark(&buffer[..count], &mut marked);
+                    FromHub::Received(&marked)
+                }
+                BusEvent::Fault(LineFault::Break) => FromHub::Received(&[0xFF, 0, 0]),
+                BusEvent::Fault(LineFault::Parity | LineFault::Framing) => FromHub::Received(&[0xFF, 0, 1]),
+                // More was written meanwhile: its end is told by another one.
+                BusEvent::TxDone if self.bus.is_sending(who, now) => continue,
+                BusEvent::TxDone => FromHub::Done(guest.written),
+                BusEvent::Modem(lines) => FromHub::Modem(lines),
+            };
+            news.write(&mut message);
+            match guest.channel.send(&message) {
+                Ok(Sent::Yes) => {}
+                Ok(Sent::Full) => self.lost += 1,
+                Err(_) => guest.gone = true,
+            }
+        }
+    }
+}
+
+/// Characters as a tty with `PARMRK` hands them out.
+fn mark(bytes: &[u8], into: &mut Vec<u8>) {
+    for &byte in bytes {
+        into.push(byte);
+        if byte == 0xFF {
+            into.push(byte);
+        }
+    }
+}

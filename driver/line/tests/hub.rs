@@ -1,0 +1,221 @@
+//! CPs on the process that is a simulated line: real sockets, virtual time.
+
+use std::path::PathBuf;
+
+use ob1_line::hub::{Hub, Partner};
+use ob1_line::sim::{BusConfig, FaultRates};
+use ob1_line::{Line, LineEvent, LineFault, LineSettings, Nanos, Parity, RealLine, StopBits};
+
+const MS: Nanos = 1_000_000;
+
+/// A line and CPs on it, all driven by one clock.
+struct World {
+    _dir: tempfile::TempDir,
+    path: PathBuf,
+    hub: Option<Hub>,
+    lines: Vec<RealLine>,
+    now: Nanos,
+    log: Vec<String>,
+}
+
+impl World {
+    fn new(config: BusConfig, partner: &Partner, settings: &[LineSettings]) -> Self {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("bus.line");
+        let hub = Hub::open(&path, config, 3, partner).expect("a free name");
+        let lines = settings
+            .iter()
+            .map(|settings| {
+                let mut line = RealLine::new(&format!("sim:{}", path.display()).parse().expect("a line"));
+                line.apply(settings).expect("a simulated line can do all of them");
+                line
+            })
+            .collect();
+        let mut world = Self { _dir: dir, path, hub: Some(hub), lines, now: 0, log: Vec::new() };
+        world.run(1);
+        world
+    }
+
+    /// Everything until so much time has passed.
+    fn run(&mut self, time: Nanos) {
+        let end = self.now + time;
+        loop {
+            // Whatever is said at an instant is heard at that instant.
+            for _ in 0..3 {
+                if let Some(hub) = &mut self.hub {
+                    hub.work(self.now);
+                }
+                for (number, line) in self.lines.iter_mut().enumerate() {
+                    line.ready();
+                    let mut buffer = [0; 64];
+                    while let Some(event) = line.next_event(self.now, &mut buffer) {
+                        let us = self.now / 1000;
+                        self.log.push(match event {
+                            LineEvent::Rx(n) => format!("{us} {number} {:02X?}", &buffer[..n]),
+                            LineEvent::Gone(_) => format!("{us} {number} gone"),
+                            other => format!("{us} {number} {other:?}"),
+                        });
+                    }
+                }
+            }
+            let hub = self.hub.as_ref().and_then(Hub::deadline);
+            let next = self.lines.iter().filter_map(Line::deadline).chain(hub).min().unwrap_or(end);
+            if self.now >= end {
+                return;
+            }
+            self.now = next.clamp(self.now + 1, end);
+        }
+    }
+
+    fn take(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.log)
+    }
+}
+
+fn at_9600() -> LineSettings {
+    LineSettings::default()
+}
+
+#[test]
+fn two_cps_hear_each_other_in_the_time_of_the_line() {
+    let mut world = World::new(BusConfig::new(false), &Partner::None, &[at_9600(), at_9600()]);
+    assert_eq!(world.take(), ["0 0 Up([])", "0 1 Up([])"]);
+    let begin = world.now;
+    assert_eq!(world.lines[0].write(begin, &[0x10, 0xFF]), 2);
+    world.run(10 * MS);
+    assert_eq!(world.take(), ["1041 1 [10]", "2083 0 TxDone", "2083 1 [FF]"]);
+    // Both ways at once, and twice before the first is out: one end for both.
+    world.lines[0].write(world.now, &[1]);
+    world.lines[1].write(world.now, &[2]);
+    world.run(MS / 2);
+    world.lines[0].write(world.now, &[3]);
+    world.run(10 * MS);
+    let log = world.take();
+    assert_eq!(log.iter().filter(|line| line.contains("0 TxDone")).count(), 1, "{log:?}");
+    assert_eq!(log.len(), 5, "{log:?}");
+}
+
+#[test]
+fn what_has_not_left_is_taken_back() {
+    let mut world = World::new(BusConfig::new(false), &Partner::None, &[at_9600(), at_9600()]);
+    world.take();
+    world.lines[0].write(world.now, &[7; 100]);
+    world.run(5 * MS);
+    let taken = world.lines[0].take_back(world.now);
+    assert!((94..=96).contains(&taken), "{taken}");
+    world.run(200 * MS);
+    let log = world.take();
+    assert_eq!(log.iter().filter(|line| line.contains("[07]")).count() + taken, 100, "{log:?}");
+    assert_eq!(log.iter().filter(|line| line.contains("TxDone")).count(), 1, "{log:?}");
+}
+
+#[test]
+fn cps_that_are_set_differently_hear_faults() {
+    let even = LineSettings { parity: Parity::Even, ..at_9600() };
+    let fast = LineSettings { baud: 19_200, ..at_9600() };
+    for (other, fault) in [(even, LineFault::Parity), (fast, LineFault::Framing)] {
+        let mut world = World::new(BusConfig::new(false), &Partner::None, &[at_9600(), other]);
+        world.take();
+        world.lines[0].write(world.now, &[1]);
+        world.run(10 * MS);
+        let log = world.take();
+        assert!(log.iter().any(|line| line.contains(&format!("1 Fault({fault:?})"))), "{log:?}");
+        // Set alike they understand each other, without anybody connecting again.
+        world.lines[1].apply(&at_9600()).expect("possible");
+        world.run(MS);
+        world.take();
+        world.lines[0].write(world.now, &[1]);
+        world.run(10 * MS);
+        let log = world.take();
+        assert!(log.iter().any(|line| line.ends_with("1 [01]")), "{log:?}");
+    }
+    let odd = LineSettings { stop_bits: StopBits::OneAndHalf, ..at_9600() };
+    assert_eq!(World::new(BusConfig::new(false), &Partner::None, &[odd]).take(), ["0 0 Up([])"]);
+}
+
+#[test]
+fn a_cable_has_two_ends_and_two_wires_have_room() {
+    let mut cable = World::new(BusConfig::new(false), &Partner::None, &[at_9600(); 3]);
+    let hub = cable.hub.as_ref().expect("there");
+    assert_eq!((hub.guests(), hub.turned_away()), (2, 1));
+    assert!(cable.take().iter().any(|line| line.ends_with("2 gone")), "the third is told");
+
+    let mut wires = World::new(BusConfig::new(true), &Partner::None, &[at_9600(); 3]);
+    wires.take();
+    wires.lines[1].write(wires.now, &[5]);
+    wires.run(2 * MS);
+    assert_eq!(wires.take(), ["1041 0 [05]", "1041 1 TxDone", "1041 2 [05]"]);
+    wires.lines[0].write(wires.now, &[1]);
+    wires.lines[1].write(wires.now, &[2]);
+    wires.run(2 * MS);
+    assert_eq!(wires.hub.as_ref().map(Hub::collisions), Some(2));
+}
+
+#[test]
+fn the_line_goes_and_comes_back() {
+    let mut world = World::new(BusConfig::new(false), &Partner::None, &[at_9600(), at_9600()]);
+    world.take();
+    world.hub = None;
+    world.run(100 * MS);
+    let log = world.take();
+    assert_eq!(log.iter().filter(|line| line.ends_with("gone")).count(), 2, "{log:?}");
+    // Swallowed, but its end comes: a protocol does not hang on a line that is gone.
+    world.lines[0].write(world.now, &[1]);
+    world.run(5 * MS);
+    assert!(world.take().iter().any(|line| line.ends_with("0 TxDone")));
+    world.hub = Some(Hub::open(&world.path, BusConfig::new(false), 4, &Partner::None).expect("free again"));
+    world.run(2000 * MS);
+    let log = world.take();
+    assert_eq!(log.iter().filter(|line| line.contains("Up")).count(), 2, "{log:?}");
+    world.lines[1].write(world.now, &[9]);
+    world.run(5 * MS);
+    assert!(world.take().iter().any(|line| line.ends_with("0 [09]")));
+}
+
+#[test]
+fn modem_lines_cross() {
+    let mut world = World::new(BusConfig::new(false), &Partner::None, &[at_9600(), at_9600()]);
+    world.run(MS);
+    assert!(world.lines[0].modem_lines().is_some_and(|lines| lines.cts && lines.dsr && lines.dcd));
+    world.lines[1].set_modem_lines(false, true);
+    world.run(MS);
+    assert!(world.lines[0].modem_lines().is_some_and(|lines| !lines.cts && lines.dsr));
+    world.lines.pop();
+    world.run(MS);
+    assert!(world.lines[0].modem_lines().is_some_and(|lines| !lines.cts && !lines.dsr && !lines.dcd), "unplugged");
+}
+
+#[test]
+fn an_echo_comes_back_in_twice_the_time_and_suffers_the_faults_of_the_line() {
+    let faults = FaultRates { parity: 500_000, ..FaultRates::NONE };
+    let mut world = World::new(BusConfig { faults, ..BusConfig::new(false) }, &Partner::Echo, &[at_9600()]);
+    world.take();
+    world.lines[0].write(world.now, &[0xFF; 200]);
+    world.run(1000 * MS);
+    let log = world.take();
+    let of = |what: &str| log.iter().filter(|line| line.ends_with(what)).count();
+    // What the echo could not read it does not send: half get there, half of these come back.
+    assert_eq!((of("TxDone"), log[0].as_str()), (1, log[0].as_str()));
+    assert!((30..70).contains(&of("[FF]")) && (30..70).contains(&of("Fault(Framing)")), "{log:?}");
+}
+
+#[test]
+fn a_program_on_the_pty_is_the_partner() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let pty = dir.path().join("partner");
+    let mut world = World::new(BusConfig::new(false), &Partner::Pty(pty.clone()), &[at_9600()]);
+    world.run(MS);
+    let mut program = RealLine::new(&format!("serial:{}", pty.display()).parse().expect("a line"));
+    let mut buffer = [0; 64];
+    assert!(matches!(program.next_event(0, &mut buffer), Some(LineEvent::Up(_))));
+    world.lines[0].write(world.now, b"ping");
+    world.run(10 * MS);
+    program.ready();
+    assert_eq!(program.next_event(0, &mut buffer), Some(LineEvent::Rx(4)));
+    assert_eq!(&buffer[..4], b"ping");
+    world.take();
+    program.write(0, b"pong");
+    world.run(10 * MS);
+    let heard = world.take().iter().filter(|line| line.contains(" 0 [")).count();
+    assert_eq!(heard, 4, "one by one, however fast the pty is");
+}
