@@ -2,6 +2,7 @@
 //! standard input.
 
 mod config;
+mod hub;
 mod port;
 mod process;
 
@@ -42,6 +43,10 @@ struct Arguments {
     #[arg(long, value_name = "PATH")]
     segment: PathBuf,
 
+    /// Be a simulated line instead of a CP; the runtime writes this JSON text (docs/driver.md).
+    #[arg(long, value_name = "JSON", value_parser = hub::HubConfig::parse)]
+    hub: Option<hub::HubConfig>,
+
     /// Name for the log.
     #[arg(long, default_value = "cp")]
     name: String,
@@ -80,7 +85,11 @@ fn main() -> ExitCode {
     };
     info!(generation = segment.generation(), "attached");
 
-    match Process::new(segment, Duration::from_micros(arguments.spin), terminate).run() {
+    let ended = match &arguments.hub {
+        Some(config) => hub::run(config, segment, &terminate),
+        None => Process::new(segment, Duration::from_micros(arguments.spin), terminate).run().map_err(Into::into),
+    };
+    match ended {
         Ok(End::Closed) => {
             info!("standard input is closed: end");
             ExitCode::SUCCESS

@@ -222,7 +222,7 @@ impl Process {
 }
 
 /// Takes the rings; true at the end of the file.
-fn doorbell_closed() -> Result<bool, Errno> {
+pub(crate) fn doorbell_closed() -> Result<bool, Errno> {
     let mut rings = [0; 64];
     match rustix::io::read(rustix::stdio::stdin(), &mut rings) {
         Ok(0) => Ok(true),

@@ -19,7 +19,8 @@ use crate::finding::{Finding, Level};
 use crate::io::{ProcessIo, Stimulus};
 use crate::offer::Unserved;
 use crate::program::{LoadFailure, Loaded};
-use crate::station::{Absent, CP240_BYTES, Line, ModuleConfig, ModuleKind, Station};
+use crate::simulated;
+use crate::station::{Absent, CP240_BYTES, Line, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
 use crate::view::{ModuleView, StationView};
 use crate::watched::{Running, watch_all};
 
@@ -65,10 +66,26 @@ pub fn slot(config: &ModuleConfig) -> ModuleSlot {
 }
 
 /// What a CP of the station is told: parameter bytes, and the driver's configuration as JSON. `None` for process I/O.
+///
+/// With the runtime directory of a station that runs, and its simulated lines, also where its line is and where it can be listened to.
 #[must_use]
-pub fn cp_settings(station: &str, config: &ModuleConfig) -> Option<CpSettings> {
+pub fn cp_settings(
+    station: &str,
+    config: &ModuleConfig,
+    place: Option<(&Path, &[SimulatedLine])>,
+) -> Option<CpSettings> {
     let ModuleKind::Cp240 { bytes, line, .. } = &config.kind else { return None };
-    let json = json!({ "module": "cp240", "station": station, "name": config.name, "line": line.to_string() });
+    let mut text = line.to_string();
+    let mut json = json!({ "module": "cp240", "station": station, "name": config.name });
+    if let Some((rundir, lines)) = place {
+        if let Line::Sim(name) = line
+            && let Some(line) = lines.iter().find(|line| line.name == *name)
+        {
+            text = format!("sim:{}", simulated::socket(rundir, line).display());
+        }
+        json["trace"] = json!(rundir.join(format!("{}.trace", config.name)));
+    }
+    json["line"] = text.into();
     Some(CpSettings {
         parameters: *bytes,
         json: json.to_string().into_bytes(),
@@ -121,17 +138,22 @@ pub fn assemble(
     station: &Station,
     loaded: &Loaded,
     drivers: &DriverSettings,
+    rundir: &Path,
     clock: MonotonicClock,
 ) -> Result<Assembly, AssemblyError> {
     let mut building = Building {
         station,
         drivers,
+        rundir,
         fleet: Fleet::new(),
         io: None,
         links: Vec::new(),
         views: Vec::new(),
         modules: Vec::new(),
     };
+    for line in &station.simulated_lines {
+        simulated::add(&mut building.fleet, rundir, line, drivers).map_err(AssemblyError::System)?;
+    }
     for config in &station.modules {
         building.add(config)?;
     }
@@ -161,12 +183,17 @@ pub fn published(station: &Station) -> Vec<PathBuf> {
             ModuleKind::Cp240 { line: Line::Pty(path), .. } => Some(path.clone()),
             _ => None,
         })
+        .chain(station.simulated_lines.iter().filter_map(|line| match &line.partner {
+            Partner::Pty(path) => Some(path.clone()),
+            Partner::None | Partner::Echo => None,
+        }))
         .collect()
 }
 
 struct Building<'a> {
     station: &'a Station,
     drivers: &'a DriverSettings,
+    rundir: &'a Path,
     fleet: Fleet,
     io: Option<ProcessIo>,
     links: Vec<(String, PathBuf)>,
@@ -177,7 +204,7 @@ struct Building<'a> {
 impl Building<'_> {
     fn add(&mut self, config: &ModuleConfig) -> Result<(), AssemblyError> {
         let mut view = ModuleView::new(config);
-        let module = match cp_settings(&self.station.name, config) {
+        let module = match cp_settings(&self.station.name, config, Some((self.rundir, &self.station.simulated_lines))) {
             Some(settings) => self.cp(config, settings, &mut view)?,
             None => self.process_io(config)?,
         };

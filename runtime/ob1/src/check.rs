@@ -178,7 +178,7 @@ fn check_program(station: &Station) -> Result<Loaded, Vec<Finding>> {
 
 /// A module over memory of this process, without a driver.
 pub(crate) fn dummy(io: &ProcessIo, station: &str, config: &ModuleConfig) -> Option<Box<dyn Module>> {
-    let Some(settings) = assembly::cp_settings(station, config) else { return io.module(config, false) };
+    let Some(settings) = assembly::cp_settings(station, config, None) else { return io.module(config, false) };
     let segment = ob1_backplane::Segment::heap();
     let side = ob1_backplane::CpuSide::create(&segment, usize::from(station::CP240_BYTES)).ok()?;
     let link = Box::new(ob1_host::module::AlwaysThere);

@@ -17,6 +17,7 @@ pub mod remote;
 pub mod retentive;
 pub mod run;
 pub mod rundir;
+pub mod simulated;
 pub mod station;
 pub mod testing;
 pub mod view;

@@ -244,14 +244,15 @@ fn check_says_what_is_wrong_and_where() {
 }
 
 #[test]
-fn a_simulated_line_is_refused_with_a_hint() {
+fn a_simulated_line_without_its_table_is_refused_with_a_hint() {
     let bench = Bench::new();
     let cp = "\n[[module]]\ntype = \"cp240\"\nname = \"cp\"\naddress = 256\nline = \"sim:a\"\nparams = { protocol = \"ascii\" }\n";
     bench.write("bench.toml", &format!("{STATION}{cp}"));
-    assert_eq!(bench.code(&["check", "bench.toml"]), Some(0), "a simulation may use it");
     let run = bench.ob1(&["run", "bench.toml"]);
     assert_eq!(run.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&run.stderr).contains("sim:a belongs to the simulation"), "{run:?}");
+    assert!(String::from_utf8_lossy(&run.stderr).contains("[[simulated_line]] with name = \"a\""), "{run:?}");
+    bench.write("bench.toml", &format!("{STATION}{cp}\n[[simulated_line]]\nname = \"a\"\n"));
+    assert_eq!(bench.code(&["check", "bench.toml"]), Some(0));
 }
 
 #[test]

@@ -18,7 +18,7 @@ use crate::finding::{Finding, Level};
 use crate::janitor::Janitor;
 use crate::program::{self, LoadFailure};
 use crate::rundir::{RunDir, RunDirError};
-use crate::station::{self, Line, ModuleKind, Station};
+use crate::station::{self, ModuleKind, Station};
 
 use at_work::AtWork;
 pub use report::{Ended, REPORT_SCHEMA, Report};
@@ -79,7 +79,6 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     console::start_log(options.quiet);
     let signals = Signals::catch().map_err(|e| Failure::system("signals", &e))?;
     let station = station::load(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
-    refuse_simulated(&station)?;
     let loaded = program::load(&station).map_err(|f| Failure::of_load(&f))?;
     // Lints are for `check`.
     for finding in loaded.findings.iter().filter(|f| f.level != Level::Lint && !options.quiet) {
@@ -90,7 +89,8 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
         Failure(exit, format!("ob1: {error}\n"))
     })?;
     let clock = MonotonicClock::start();
-    let assembly = assembly::assemble(&station, &loaded, &driver_settings(&station, options.quiet)?, clock);
+    let drivers = driver_settings(&station, options.quiet)?;
+    let assembly = assembly::assemble(&station, &loaded, &drivers, rundir.path(), clock);
     let assembly = assembly.map_err(|error| match error {
         AssemblyError::Load(failure) => Failure::of_load(&failure),
         AssemblyError::System(text) => Failure(Exit::System, format!("ob1: {text}\n")),
@@ -112,20 +112,6 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
 
 fn exit_of(report: &Report) -> Exit {
     if report.fault.is_some() { Exit::Fault } else { Exit::Ok }
-}
-
-fn refuse_simulated(station: &Station) -> Result<(), Failure> {
-    for module in &station.modules {
-        if let ModuleKind::Cp240 { line: Line::Sim(name), .. } = &module.kind {
-            let text = format!(
-                "ob1: module {}: the line sim:{name} belongs to the simulation\n  = give it a real line to run it (serial:, pty:, \
-                 tcp:, tcp-listen:), or simulate the station: cargo xtask sim\n",
-                module.name
-            );
-            return Err(Failure(Exit::Rejected, text));
-        }
-    }
-    Ok(())
 }
 
 fn driver_settings(station: &Station, quiet: bool) -> Result<DriverSettings, Failure> {

@@ -9,7 +9,7 @@ use ob1_model::{BlockId, BlockKind};
 use super::file::{CpuTable, Placed, PluginTable, StationFile};
 use super::findings::{CONTRADICTION, Findings, TWICE, VALUE};
 use super::types::{Mnemonics, Plugin, Realtime, Station};
-use super::{modules, parse_duration, retentive};
+use super::{modules, parse_duration, retentive, simulated};
 use crate::finding::{Finding, Text, nearest};
 use crate::library::{self, Choice};
 use crate::program::Sources;
@@ -33,6 +33,7 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
         },
         plugins: plugins(f, &file.plugin, folder),
         modules: modules::modules(f, &file.module, folder),
+        simulated_lines: simulated::lines(f, &file.simulated_line, &file.module, folder),
         stimulus: file.process_io.stimulus.as_ref().map(|s| folder.join(s.get_ref())),
     };
     findings.into_result(station)
@@ -89,7 +90,7 @@ pub(crate) fn choice<T: Copy>(
     None
 }
 
-fn time(f: &mut Findings<'_>, value: Option<&Placed<String>>, default: u64) -> u64 {
+pub(super) fn time(f: &mut Findings<'_>, value: Option<&Placed<String>>, default: u64) -> u64 {
     let Some(value) = value else { return default };
     match parse_duration(value.get_ref()) {
         Ok(time) => time.as_nanos() as u64,

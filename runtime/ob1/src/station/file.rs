@@ -24,7 +24,39 @@ pub(super) struct StationFile {
     #[serde(default)]
     pub(super) module: Vec<Placed<ModuleTable>>,
     #[serde(default)]
+    pub(super) simulated_line: Vec<SimulatedLineTable>,
+    #[serde(default)]
     pub(super) process_io: ProcessIoTable,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SimulatedLineTable {
+    pub(super) name: Placed<String>,
+    pub(super) duplex: Option<Placed<String>>,
+    #[serde(default)]
+    pub(super) shared: bool,
+    pub(super) seed: Option<Placed<i64>>,
+    pub(super) faults: Option<RatesTable>,
+    pub(super) bursts: Option<Placed<RatesTable>>,
+    pub(super) partner: Option<Placed<String>>,
+}
+
+/// Fault rates, and for bursts their times.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RatesTable {
+    pub(super) flip: Option<Placed<i64>>,
+    pub(super) lose: Option<Placed<i64>>,
+    pub(super) double: Option<Placed<i64>>,
+    pub(super) delay: Option<Placed<i64>>,
+    pub(super) parity: Option<Placed<i64>>,
+    pub(super) framing: Option<Placed<i64>>,
+    #[serde(rename = "break")]
+    pub(super) break_: Option<Placed<i64>>,
+    pub(super) delay_max: Option<Placed<String>>,
+    pub(super) every: Option<Placed<String>>,
+    pub(super) length: Option<Placed<String>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -14,7 +14,7 @@ pub enum Line {
     Tcp(String),
     /// `tcp-listen:PORT`, `tcp-listen:ADDRESS:PORT`: waits for one client.
     Listen(String),
-    /// `sim:NAME`: a simulated line; for the simulation only.
+    /// `sim:NAME`: a simulated line, described in a table `[[simulated_line]]`.
     Sim(String),
 }
 
@@ -36,8 +36,8 @@ pub enum LineError {
 }
 
 /// What may stand there.
-pub(super) const REMEDY: &str =
-    "a line is \"serial:DEVICE\", \"pty:PATH\", \"tcp:HOST:PORT\", \"tcp-listen:PORT\" or \"tcp-listen:ADDRESS:PORT\"";
+pub(super) const REMEDY: &str = "a line is \"serial:DEVICE\", \"pty:PATH\", \"tcp:HOST:PORT\", \"tcp-listen:PORT\", \
+     \"tcp-listen:ADDRESS:PORT\" or \"sim:NAME\"";
 
 impl Line {
     /// Reads a line; relative paths start from `folder`, which is made absolute if it can be.

@@ -10,6 +10,7 @@ pub(crate) mod findings;
 mod line;
 mod modules;
 mod retentive;
+mod simulated;
 mod types;
 
 pub(crate) use check::{choice, parse_block, standard};

@@ -30,8 +30,73 @@ pub struct Station {
     pub retentive: Option<RetentiveFile>,
     /// Modules, in the order of the file.
     pub modules: Vec<ModuleConfig>,
+    /// Simulated lines, in the order of the file.
+    pub simulated_lines: Vec<SimulatedLine>,
     /// A file of timed process inputs.
     pub stimulus: Option<PathBuf>,
+}
+
+/// A simulated line: a process that is the cable, or the two wires, between CPs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SimulatedLine {
+    /// Its name, as in `sim:NAME`.
+    pub name: String,
+    /// Two-wire RS-485: any number of participants, one may speak at a time. Otherwise a cable with two ends.
+    pub half_duplex: bool,
+    /// Stations of this user that have a shared line of this name are on the same one.
+    pub shared: bool,
+    /// Determines what goes wrong.
+    pub seed: u64,
+    /// What goes wrong all the time.
+    pub faults: FaultRates,
+    /// What goes wrong at times.
+    pub bursts: Option<Bursts>,
+    /// Who else is on the line.
+    pub partner: Partner,
+}
+
+/// Faults of a simulated line, in characters per million.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FaultRates {
+    /// One bit inverted, unnoticed.
+    pub flip: u32,
+    /// Lost.
+    pub lose: u32,
+    /// Comes twice.
+    pub double: u32,
+    /// Comes later, up to [`Self::delay_max`] nanoseconds.
+    pub delay: u32,
+    /// A parity error.
+    pub parity: u32,
+    /// A framing error.
+    pub framing: u32,
+    /// A break.
+    pub break_: u32,
+    /// Longest delay, in nanoseconds.
+    pub delay_max: u64,
+}
+
+/// Times in which more goes wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bursts {
+    /// Mean time between two, in nanoseconds.
+    pub every: u64,
+    /// How long one lasts, in nanoseconds.
+    pub length: u64,
+    /// What goes wrong in it.
+    pub faults: FaultRates,
+}
+
+/// Who is on a simulated line besides the CPs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Partner {
+    /// Nobody.
+    #[default]
+    None,
+    /// Somebody who sends back every character.
+    Echo,
+    /// A program that opens this pty.
+    Pty(PathBuf),
 }
 
 /// What is asked of the operating system for the scan thread.

@@ -1,0 +1,93 @@
+//! Stations on a simulated line, as real processes: a cable shared by two, one that is killed, an echo, two wires within one station.
+
+mod common;
+
+use std::fs;
+
+use common::checkout;
+use common::ledger::{self, Ledger};
+use common::processes::Watched;
+use common::site::{PATIENT, Site, replaced};
+use common::station::Running;
+use rustix::process::Signal;
+
+/// The example, in a place of its own; `edit` changes the tables of the line.
+fn example(edit: impl Fn(String) -> String) -> Site {
+    let site = Site::two_stations();
+    for name in ["station-a.toml", "station-b.toml"] {
+        let text = fs::read_to_string(checkout("examples/simulated-line").join(name)).expect("a file of the example");
+        let text = replaced(&text, "../two-stations/", "");
+        let text = replaced(&text, "watchdog = \"150ms\"", "watchdog = \"500ms\"");
+        site.write(name, &edit(replaced(&text, "priority = ", &format!("{PATIENT}priority = "))));
+    }
+    site
+}
+
+fn start(site: &Site) -> (Running, Running) {
+    (site.run("station-a.toml").until_run(), site.run("station-b.toml").until_run())
+}
+
+/// The processes that are lines.
+fn hubs(site: &Site) -> Vec<Watched> {
+    let is_hub = |process: &Watched| {
+        let line = fs::read(format!("/proc/{}/cmdline", process.pid)).unwrap_or_default();
+        line.split(|byte| *byte == 0).any(|word| word == b"--hub")
+    };
+    site.processes().into_iter().filter(is_hub).collect()
+}
+
+#[test]
+fn the_example_runs_on_its_bad_cable() {
+    // The bursts are for the eye: they would make a short run a matter of luck.
+    let site = example(|text| text.lines().filter(|l| !l.starts_with("bursts")).map(|l| format!("{l}\n")).collect());
+    let (a, b) = start(&site);
+    ledger::flow(&a, 150);
+    let (of_a, of_b) = ledger::rest(&a, &b);
+    // 150 telegrams and their echoes are some 20,000 characters: dozens have suffered, and the protocol has mended it.
+    assert!(of_a["GOOD"] >= 150 && of_a["WRONG"] == 0, "{of_a:?}\n{of_b:?}");
+    assert_eq!(of_a["STARTED"], of_a["DONE"] + of_a["ERROR"] + of_a["ABORTED"], "{of_a:?}");
+    let errors = |station: &Running| -> u64 {
+        let counters = &station.status().modules[0].counters;
+        counters.get("receive_errors").copied().unwrap_or(0)
+    };
+    assert!(errors(&a) + errors(&b) > 0, "a bad cable without errors");
+    assert_eq!(hubs(&site).len(), 2, "one is the line, one stands by");
+    for ended in [a.interrupt(), b.interrupt()] {
+        assert_eq!(ended.code(), Some(0), "{ended:?}");
+    }
+    site.wait_until_empty();
+}
+
+#[test]
+fn a_line_outlives_the_station_that_started_it_and_its_own_death() {
+    let quiet = |text: String| {
+        text.lines()
+            .filter(|l| !l.starts_with("bursts") && !l.starts_with("faults"))
+            .map(|l| format!("{l}\n"))
+            .collect()
+    };
+    let site = example(quiet);
+    let (a, b) = start(&site);
+    ledger::flow(&a, 20);
+    // One of the two is the line. With both dead it is gone for a moment, whichever it was.
+    for hub in hubs(&site) {
+        hub.signal(Signal::KILL);
+    }
+    a.until("the line is gone", |a| (a.entries("F203h") > 0 || line_errors(a) > 0).then_some(()));
+    ledger::flow(&a, 20);
+    // A is restarted: B stays on the line, or its own takes over.
+    let code = a.interrupt().code();
+    assert_eq!(code, Some(0));
+    let a = site.run("station-a.toml").until_run();
+    ledger::flow(&a, 20);
+    let of_a = Ledger::of_a(&a);
+    assert_eq!(of_a["WRONG"], 0, "{of_a:?}");
+    for ended in [a.interrupt(), b.interrupt()] {
+        assert_eq!(ended.code(), Some(0), "{ended:?}");
+    }
+    site.wait_until_empty();
+}
+
+fn line_errors(station: &Running) -> u64 {
+    station.status().modules[0].counters.get("line_faults").copied().unwrap_or(0)
+}
