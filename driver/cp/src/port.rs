@@ -7,6 +7,9 @@ use tracing::{debug, info, trace, warn};
 
 use crate::config::Config;
 
+/// How late a real line may hand characters over: the FIFO of a UART, the latency timer of a USB adapter (16 ms), a busy machine.
+const LATENESS: Nanos = 50_000_000;
+
 /// A real line, or none yet.
 #[derive(Default)]
 pub(crate) struct Port {
@@ -60,6 +63,10 @@ impl LinePort for Port {
 
     fn take_back(&mut self, now: Nanos) -> usize {
         self.line.as_mut().map_or(0, |line| line.take_back(now))
+    }
+
+    fn lateness(&self) -> Nanos {
+        LATENESS
     }
 
     fn set_modem_lines(&mut self, _now: Nanos, rts: bool, dtr: bool) {

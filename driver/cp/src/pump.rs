@@ -46,6 +46,11 @@ pub trait LinePort {
         0
     }
 
+    /// How late characters that have come in may be handed over, because they come in bursts.
+    fn lateness(&self) -> Nanos {
+        0
+    }
+
     /// Sets RTS and DTR.
     fn set_modem_lines(&mut self, now: Nanos, rts: bool, dtr: bool) {
         let _ = (now, rts, dtr);
@@ -325,6 +330,10 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
 
     fn line_settings(&mut self, settings: &LineSettings) {
         self.line.apply(self.now, settings);
+    }
+
+    fn lateness(&self) -> Nanos {
+        self.line.lateness()
     }
 
     fn rts(&mut self, on: bool) {

@@ -4,6 +4,7 @@ use ob1_params::Cp240 as Parameters;
 use ob1_protocols::{Event, Input, LineFault, ModemLines, Nanos, Order, SendError, Sink, What};
 
 use crate::leds::{LedDriver, Leds};
+use crate::modbus;
 use crate::port::{CpCounter, CpEvent, CpInput, CpPort, LineInput, ParameterFault, StartReason};
 use crate::protocol::{Protocol, Setup};
 use crate::receive::{self, ReceiveSide};
@@ -13,6 +14,9 @@ use crate::send::{self, SendSide};
 
 /// Parameter byte shown when the protocol is one this firmware does not have.
 const PROTOCOL_BYTE: u8 = 1;
+
+/// Protocol codes of the Modbus modes. [S0 "Modbus - Parameterization"]
+const MODBUS_CODES: [u8; 6] = [0x0A, 0x0B, 0x0C, 0x0D, 0x1C, 0x1D];
 
 /// Where the module is on its way to work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,6 +45,8 @@ pub struct Cp240 {
     phase: Phase,
     /// Number of the start-up, 1 to 255.
     number: u8,
+    /// The CPU is in STOP.
+    cpu_stopped: bool,
     /// A reset request stands in the registers and has been answered.
     reset_seen: bool,
     outputs: Registers,
@@ -70,6 +76,7 @@ impl Cp240 {
         Self {
             phase: Phase::Off,
             number: (generation.wrapping_mul(37) % 255) as u8,
+            cpu_stopped: false,
             reset_seen: false,
             outputs: [0; 16],
             shown: [0; 16],
@@ -100,8 +107,13 @@ impl Cp240 {
                 self.look(now, port);
             }
             CpInput::Line(line) => self.line(now, line, port),
-            CpInput::CpuRun(true) => {}
+            CpInput::CpuRun(true) => {
+                if core::mem::take(&mut self.cpu_stopped) {
+                    self.leds.stop_run();
+                }
+            }
             CpInput::CpuRun(false) => {
+                self.cpu_stopped = true;
                 // The rest of a telegram will not come any more, whatever the registers show.
                 if self.send.discard() {
                     port.event(now, CpEvent::OrderDiscarded { code: None });
@@ -135,6 +147,8 @@ impl Cp240 {
         self.leds.power();
         let decoded =
             if bytes.iter().all(|b| *b == 0) { Ok(Parameters::unconfigured()) } else { Parameters::decode(bytes) };
+        let is_modbus = MODBUS_CODES.contains(&bytes[usize::from(PROTOCOL_BYTE)]);
+        self.leds.parameters(now, is_modbus, decoded.is_ok());
         let parameters = match decoded {
             Ok(parameters) => parameters,
             Err(error) => {
@@ -142,14 +156,22 @@ impl Cp240 {
                 return self.refuse(error.byte.map_or(0, |byte| byte as u8));
             }
         };
-        let Some(setup) = Setup::of(&parameters) else {
+        let Some(setup) = Setup::of(&parameters, port.lateness()) else {
             port.event(now, CpEvent::NoParameters(ParameterFault::Protocol(parameters.protocol_name())));
             return self.refuse(PROTOCOL_BYTE);
         };
+        let has_identifier = setup.has_identifier();
         self.setup = Some(setup);
         self.receive_buffers = parameters.receive_buffers();
         port.line_settings(&parameters.line_settings());
-        self.identify(now, StartReason::Parameters, port);
+        if has_identifier {
+            self.identify(now, StartReason::Parameters, port);
+        } else {
+            // "With valid parameters ... the Modbus module is ready for communication." [S0 "Commissioning"]
+            self.work(now, port);
+            self.send.begin(tx_word(&self.outputs));
+            self.look_registers(now, port);
+        }
     }
 
     fn refuse(&mut self, byte: u8) {
@@ -189,6 +211,9 @@ impl Cp240 {
         let Some(setup) = &self.setup else { return };
         self.receive.clear(self.receive_buffers);
         self.protocol = setup.build();
+        let long = self.protocol.slave().is_some_and(|slave| slave.config().confirmed);
+        self.send.set_area(long);
+        self.receive.set_area(long);
         self.phase = Phase::Working;
         port.event(now, CpEvent::Working);
         self.drive(now, Input::Tick, port);
@@ -202,7 +227,7 @@ impl Cp240 {
     fn look(&mut self, now: Nanos, port: &mut dyn CpPort) {
         let (rx, tx) = (rx_word(&self.outputs), tx_word(&self.outputs));
         let reset = rx == RESET;
-        let asked = reset && !self.reset_seen;
+        let asked = reset && !self.reset_seen && self.setup.as_ref().is_some_and(Setup::has_identifier);
         self.reset_seen = reset;
         match self.phase {
             Phase::Off | Phase::NoParameters(_) => {}
@@ -227,6 +252,11 @@ impl Cp240 {
     }
 
     fn look_registers(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        if let Some(slave) = self.protocol.slave()
+            && modbus::take_image(slave, &self.outputs)
+        {
+            return;
+        }
         self.look_send(now, port);
         self.look_receive(now, port);
     }
@@ -239,7 +269,12 @@ impl Cp240 {
             send::Step::Complete => {
                 port.count(CpCounter::OrdersAccepted, 1);
                 port.event(now, CpEvent::Order(self.send.telegram()));
-                if self.line_gone && !self.protocol.is_acknowledged() {
+                if let Some(slave) = self.protocol.slave() {
+                    let output = self.send.for_output_area();
+                    let data = self.send.telegram();
+                    let stored = if output { slave.set_output(data) } else { slave.set_input(data) };
+                    self.ended(now, if stored { Ok(()) } else { Err(SendError::TooLong) }, port);
+                } else if self.line_gone && !self.protocol.is_acknowledged() {
                     self.ended(now, Err(SendError::Frame), port);
                 } else {
                     self.order(now, port);
@@ -254,9 +289,21 @@ impl Cp240 {
             receive::Step::Delivered(length) => {
                 port.count(CpCounter::Delivered, 1);
                 port.event(now, CpEvent::Delivered(length));
+                self.change_taken(true);
                 // The buffer has become free: a protocol may have kept its partner waiting for that.
                 self.drive(now, Input::Tick, port);
             }
+            receive::Step::Refused => {
+                port.count(CpCounter::ReceiveAborted, 1);
+                self.change_taken(false);
+                self.drive(now, Input::Tick, port);
+            }
+        }
+    }
+
+    fn change_taken(&mut self, stored: bool) {
+        if let Some(slave) = self.protocol.slave() {
+            slave.change_taken(stored);
         }
     }
 
@@ -266,7 +313,10 @@ impl Cp240 {
             Phase::Off | Phase::Clearing => compose(0, 0, &[]),
             Phase::NoParameters(byte) => compose(NO_PARAMETERS, SYSTEM | u16::from(byte), &[]),
             Phase::Identify => compose(STARTUP, SYSTEM | u16::from(self.number), &[]),
-            Phase::Working => compose(self.receive.rest(), self.send.echo(), self.receive.block()),
+            Phase::Working => match self.protocol.image() {
+                Some(image) => image,
+                None => compose(self.receive.word(), self.send.echo(), self.receive.block()),
+            },
         };
         if registers != self.shown {
             self.shown = registers;
@@ -327,6 +377,12 @@ impl Cp240 {
     fn after_step(&mut self, now: Nanos, outcome: Option<Result<(), SendError>>, port: &mut dyn CpPort) {
         if let Some(outcome) = outcome {
             self.ended(now, outcome, port);
+        }
+        if let Some(slave) = self.protocol.slave()
+            && let Some(bytes) = modbus::offer_change(slave, &mut self.receive)
+        {
+            port.count(CpCounter::Received, 1);
+            port.event(now, CpEvent::Changed(bytes));
         }
         // A telegram may have come: offer it if nothing else is on show.
         if self.receive.rest() == 0 {
@@ -406,6 +462,9 @@ impl Sink for Outlet<'_> {
     }
 
     fn report(&mut self, event: Event) {
+        if event.what == What::NoBuffer {
+            self.leds.internal();
+        }
         if event.lights_er() && event.what != What::Line(LineFault::Gone) {
             self.leds.error(self.now);
         }
@@ -417,6 +476,7 @@ impl Sink for Outlet<'_> {
             What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {
                 self.port.count(CpCounter::ReceiveErrors, 1);
             }
+            What::Modbus(_) => self.port.count(CpCounter::ReceiveErrors, 1),
             _ => {}
         }
         self.port.event(self.now, CpEvent::Protocol(event));

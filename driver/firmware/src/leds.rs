@@ -5,6 +5,9 @@ use ob1_protocols::{MS, Nanos, SECOND};
 /// How long ER stays on after the last error. [S0 L1458]
 const ERROR_TIME: Nanos = 4 * SECOND;
 
+/// Modbus without valid parameters: on for so long, then off for so long (ours).
+const FLASH: Nanos = 250 * MS;
+
 /// How long RxD stays on after the last byte, so that it can be seen.
 const RECEIVE_TIME: Nanos = 50 * MS;
 
@@ -33,18 +36,55 @@ pub(crate) struct LedDriver {
     receive_until: Nanos,
     /// An open circuit keeps ER on.
     line_gone: bool,
+    modbus: bool,
+    /// Modbus: an internal error keeps ER on until the CPU goes from STOP to RUN.
+    internal: bool,
+    /// Modbus without valid parameters: ER, TxD and RxD are on or off until then.
+    flashing: Option<(bool, Nanos)>,
 }
 
 impl LedDriver {
     pub(crate) const fn new() -> Self {
-        Self { leds: Leds::NONE, error_until: 0, receive_until: 0, line_gone: false }
+        Self {
+            leds: Leds::NONE,
+            error_until: 0,
+            receive_until: 0,
+            line_gone: false,
+            modbus: false,
+            internal: false,
+            flashing: None,
+        }
     }
 
     pub(crate) fn power(&mut self) {
         self.leds.power = true;
     }
 
+    /// New parameters, for one of the Modbus modes or not, valid or not. Modbus: "After switching on the voltage supply the LEDs ER, TxD and
+    /// RxD are flashing ... with valid parameters the LEDs ER, TxD and RxD extinguish." [S0 "Commissioning"]
+    pub(crate) fn parameters(&mut self, now: Nanos, modbus: bool, valid: bool) {
+        if modbus {
+            (self.leds.error, self.leds.transmit, self.leds.receive) = (false, false, false);
+        }
+        (self.modbus, self.internal) = (modbus, false);
+        self.flashing = (modbus && !valid).then_some((true, now + FLASH));
+    }
+
+    /// An internal error, which Modbus shows until a STOP-RUN of the CPU. [S0 L1458], [S0 L2086]
+    pub(crate) fn internal(&mut self) {
+        self.internal |= self.modbus;
+    }
+
+    /// The CPU has gone from STOP to RUN.
+    pub(crate) fn stop_run(&mut self) {
+        self.internal = false;
+    }
+
     pub(crate) fn error(&mut self, now: Nanos) {
+        // "For Modbus this signalizes an internal error", and nothing of the line. [S0 L1458]
+        if self.modbus {
+            return;
+        }
         self.leds.error = true;
         self.error_until = now + ERROR_TIME;
     }
@@ -69,20 +109,59 @@ impl LedDriver {
     pub(crate) fn at(&mut self, now: Nanos) -> Leds {
         self.leds.error &= self.line_gone || now < self.error_until;
         self.leds.receive &= now < self.receive_until;
-        self.leds
+        match &mut self.flashing {
+            Some((on, until)) => {
+                if now >= *until {
+                    (*on, *until) = (!*on, now + FLASH);
+                }
+                Leds { error: *on, transmit: *on, receive: *on, ..self.leds }
+            }
+            None => Leds { error: self.leds.error || self.internal, ..self.leds },
+        }
     }
 
     /// When one of them goes out.
     pub(crate) fn deadline(&self) -> Option<Nanos> {
         let error = (self.leds.error && !self.line_gone).then_some(self.error_until);
         let receive = self.leds.receive.then_some(self.receive_until);
-        error.into_iter().chain(receive).min()
+        let flash = self.flashing.map(|(_, until)| until);
+        error.into_iter().chain(receive).chain(flash).min()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn modbus_flashes_until_its_parameters_are_valid() {
+        let mut leds = LedDriver::new();
+        leds.power();
+        leds.parameters(0, true, false);
+        for n in 0..6 {
+            let on = n % 2 == 0;
+            let expected = Leds { power: true, error: on, transmit: on, receive: on };
+            assert_eq!((leds.at(n * FLASH), leds.at((n + 1) * FLASH - 1)), (expected, expected));
+            assert_eq!(leds.deadline(), Some((n + 1) * FLASH));
+        }
+        leds.parameters(2 * SECOND, true, true);
+        assert_eq!(leds.at(2 * SECOND), Leds { power: true, ..Leds::NONE });
+        assert_eq!(leds.deadline(), None);
+    }
+
+    #[test]
+    fn modbus_shows_internal_errors_until_stop_run() {
+        let mut leds = LedDriver::new();
+        leds.internal();
+        assert!(!leds.at(0).error, "of Modbus alone");
+        leds.parameters(0, true, true);
+        leds.error(0);
+        assert!(!leds.at(0).error, "an error of the line is none");
+        leds.internal();
+        assert!(leds.at(100 * SECOND).error);
+        leds.stop_run();
+        assert!(!leds.at(100 * SECOND).error);
+    }
 
     #[test]
     fn er_goes_out_4_s_after_the_last_error() {

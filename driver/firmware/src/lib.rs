@@ -9,6 +9,7 @@
 
 mod cp240;
 mod leds;
+mod modbus;
 mod port;
 mod protocol;
 mod receive;

@@ -62,6 +62,12 @@ pub trait CpPort {
     /// Sets baud rate, character frame and flow control; called once for each valid parameter record.
     fn line_settings(&mut self, settings: &LineSettings);
 
+    /// How late the line may hand over characters that have come in, because they come in bursts. RTU tells telegrams apart by their
+    /// silences. 0: each comes at its time.
+    fn lateness(&self) -> Nanos {
+        0
+    }
+
     /// Sets the modem line RTS.
     fn rts(&mut self, on: bool) {
         let _ = on;
@@ -156,6 +162,8 @@ pub enum CpEvent<'a> {
     SendFailed(u8),
     /// This telegram was received.
     Received(&'a [u8]),
+    /// Modbus slave "long": the master has changed so many bytes that go to the CPU together.
+    Changed(usize),
     /// A telegram of this length was handed over to the CPU.
     Delivered(usize),
     /// The protocol met something.

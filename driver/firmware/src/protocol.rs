@@ -4,7 +4,11 @@ use ob1_params::{
     Ascii as AsciiParams, Cp240 as Parameters, Flow, Priority, Protocol as Chosen, S3964 as S3964Params,
     StxEtx as StxEtxParams,
 };
+use ob1_protocols::modbus::{Master, Slave};
 use ob1_protocols::{Ascii, Input, MS, Machine, Nanos, Order, S3964, Sink, StxEtx, ascii, s3964, stx_etx};
+
+use crate::modbus;
+use crate::registers::Registers;
 
 /// How to build the machine of a parameter record.
 #[derive(Debug, Clone)]
@@ -12,17 +16,19 @@ pub(crate) enum Setup {
     Ascii(ascii::Config),
     S3964(s3964::Config),
     StxEtx(stx_etx::Config),
+    Modbus(modbus::Setup),
 }
 
 impl Setup {
-    /// `None`: this firmware does not have the protocol.
-    pub(crate) fn of(parameters: &Parameters) -> Option<Self> {
+    /// `late`: how late the line may hand characters over. `None`: this firmware does not have the protocol.
+    pub(crate) fn of(parameters: &Parameters, late: Nanos) -> Option<Self> {
         let char_time = parameters.char_time_ns();
         match &parameters.protocol {
             Chosen::Ascii(p) => Some(Self::Ascii(ascii_config(p, char_time))),
             Chosen::S3964(p) if !p.rk512 => Some(Self::S3964(s3964_config(p, char_time))),
             Chosen::StxEtx(p) => Some(Self::StxEtx(stx_etx_config(p, char_time))),
-            Chosen::S3964(_) | Chosen::Modbus(_) => None,
+            Chosen::Modbus(p) => Some(Self::Modbus(modbus::Setup::of(p, parameters.baud, char_time, late))),
+            Chosen::S3964(_) => None,
         }
     }
 
@@ -31,7 +37,14 @@ impl Setup {
             Self::Ascii(config) => Protocol::Ascii(Ascii::new(config.clone())),
             Self::S3964(config) => Protocol::S3964(S3964::new(config.clone())),
             Self::StxEtx(config) => Protocol::StxEtx(StxEtx::new(config.clone())),
+            Self::Modbus(modbus::Setup::Master(config)) => Protocol::ModbusMaster(Master::new(config.clone())),
+            Self::Modbus(modbus::Setup::Slave(config)) => Protocol::ModbusSlave(Box::new(Slave::new(config.clone()))),
         }
+    }
+
+    /// Whether the CP shows a start-up identifier and waits for FC 9. In the Modbus modes the manual calls no FC 9.
+    pub(crate) const fn has_identifier(&self) -> bool {
+        !matches!(self, Self::Modbus(_))
     }
 }
 
@@ -81,7 +94,7 @@ fn s3964_config(p: &S3964Params, char_time: Nanos) -> s3964::Config {
     }
 }
 
-/// The protocol at work. The variants differ in size by little and there is one of it: no box.
+/// The protocol at work. The variants differ in size by little and there is one of it: no box but for the slave with its areas.
 #[derive(Debug)]
 pub(crate) enum Protocol {
     /// The CP does not work.
@@ -89,6 +102,8 @@ pub(crate) enum Protocol {
     Ascii(Ascii),
     S3964(S3964),
     StxEtx(StxEtx),
+    ModbusMaster(Master),
+    ModbusSlave(Box<Slave>),
 }
 
 impl Protocol {
@@ -99,13 +114,31 @@ impl Protocol {
             Self::Ascii(machine) => machine.step(now, input, out),
             Self::S3964(machine) => machine.step(now, input, out),
             Self::StxEtx(machine) => machine.step(now, input, out),
+            Self::ModbusMaster(machine) => machine.step(now, input, out),
+            Self::ModbusSlave(machine) => machine.step(now, input, out),
         }
     }
 
     /// Whether the partner acknowledges telegrams. Where nobody does, an order on a line that is known to be gone must
     /// not count as done because its last bit has "left".
     pub(crate) const fn is_acknowledged(&self) -> bool {
-        matches!(self, Self::S3964(_))
+        matches!(self, Self::S3964(_) | Self::ModbusMaster(_))
+    }
+
+    /// The Modbus slave, if it is one.
+    pub(crate) const fn slave(&mut self) -> Option<&mut Slave> {
+        match self {
+            Self::ModbusSlave(slave) => Some(slave),
+            _ => None,
+        }
+    }
+
+    /// The registers, where they are not a handshake: the data of the Modbus slave "short".
+    pub(crate) fn image(&self) -> Option<Registers> {
+        match self {
+            Self::ModbusSlave(slave) => modbus::image(slave),
+            _ => None,
+        }
     }
 
     /// Drops the running order.

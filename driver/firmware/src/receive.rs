@@ -1,6 +1,6 @@
 //! CP -> CPU: the oldest received telegram handed over block by block [S0 "Example RECEIVE data"].
 
-use crate::registers::{BLOCK_BYTES, count};
+use crate::registers::{AREA, BLOCK_BYTES, OUTSIDE, count};
 use crate::ring::Ring;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,6 +22,8 @@ pub(crate) enum Step {
     Offered,
     /// A telegram of this length was handed over completely and has left the buffer.
     Delivered(usize),
+    /// The CPU refuses the changed area; it has left the buffer.
+    Refused,
 }
 
 /// The receive buffer and its handshake.
@@ -30,11 +32,13 @@ pub(crate) struct ReceiveSide {
     state: State,
     pub(crate) ring: Ring,
     block: [u8; BLOCK_BYTES],
+    /// Bit of all counts: the telegrams are changed areas of the Modbus slave "long".
+    area: u16,
 }
 
 impl ReceiveSide {
     pub(crate) const fn new() -> Self {
-        Self { state: State::Idle, ring: Ring::new(), block: [0; BLOCK_BYTES] }
+        Self { state: State::Idle, ring: Ring::new(), block: [0; BLOCK_BYTES], area: 0 }
     }
 
     /// Back to "nothing received"; the number of telegrams dropped.
@@ -45,7 +49,20 @@ impl ReceiveSide {
         dropped
     }
 
+    /// Whether telegrams are changed areas.
+    pub(crate) const fn set_area(&mut self, area: bool) {
+        self.area = if area { AREA } else { 0 };
+    }
+
     /// `RX`.
+    pub(crate) const fn word(&self) -> u16 {
+        match self.rest() {
+            0 => 0,
+            rest => rest | self.area,
+        }
+    }
+
+    /// The count in `RX`.
     pub(crate) const fn rest(&self) -> u16 {
         match self.state {
             State::Idle | State::Closing => 0,
@@ -60,6 +77,12 @@ impl ReceiveSide {
 
     /// Looks at `RX echo`.
     pub(crate) fn look(&mut self, echo: u16) -> Step {
+        if self.area != 0 && echo == OUTSIDE && matches!(self.state, State::Offered { .. }) {
+            self.ring.pop();
+            self.state = State::Closing;
+            return Step::Refused;
+        }
+        let echo = if echo == 0 { 0 } else { echo ^ self.area };
         match (self.state, count(echo)) {
             (State::Idle, Some(0)) => match self.ring.oldest() {
                 Some(length) => {

@@ -24,6 +24,13 @@ pub const SYSTEM: u16 = 0x8000;
 /// `TX echo`: the order ended with an error, the code is in the low byte; `TX`: seen.
 pub const FAILED: u16 = 0x2000;
 
+/// `TX`: Modbus output area, `ANZ OR 4000h` [S0 L2311]. `RX` and `RX echo`: the telegram is a changed area of the Modbus slave "long" and
+/// begins with its offset.
+pub const AREA: u16 = 0x4000;
+
+/// `RX echo`: the CPU cannot store the changed area, its own ends before.
+pub const OUTSIDE: u16 = FAILED | 0x02;
+
 /// Bits 0 to 10 hold a count; a word with any other bit set is none.
 const COUNT_BITS: u16 = 0x07FF;
 

@@ -1,6 +1,6 @@
 //! CPU -> CP: a telegram collected block by block, and how its order ends [S0 "Example SEND data"].
 
-use crate::registers::{BLOCK_BYTES, BUFFER_BYTES, FAILED, count};
+use crate::registers::{AREA, BLOCK_BYTES, BUFFER_BYTES, FAILED, count};
 
 /// Error code of a telegram that is longer than the buffer. [S0 L1298]
 const TOO_LONG: u8 = 0x17;
@@ -18,6 +18,8 @@ enum State {
     Failed(u8),
     /// The CPU has seen it; its `TX` has to leave the acknowledgement.
     Closing,
+    /// What stands in `TX` is of an earlier life: the CPU has to take it back first.
+    Stale,
 }
 
 /// What the CPU's count has brought about.
@@ -41,11 +43,15 @@ pub(crate) struct SendSide {
     state: State,
     buffer: [u8; BUFFER_BYTES],
     length: usize,
+    /// The bit 4000h is permitted: the telegram may be for the Modbus output area.
+    area: bool,
+    /// It stood in the first count.
+    for_output_area: bool,
 }
 
 impl SendSide {
     pub(crate) const fn new() -> Self {
-        Self { state: State::Idle, buffer: [0; BUFFER_BYTES], length: 0 }
+        Self { state: State::Idle, buffer: [0; BUFFER_BYTES], length: 0, area: false, for_output_area: false }
     }
 
     /// Back to "nothing to send"; true if an order was with the protocol and will never be answered.
@@ -54,6 +60,22 @@ impl SendSide {
         self.state = State::Idle;
         self.length = 0;
         aborted
+    }
+
+    /// Whether `ANZ OR 4000h` is permitted.
+    pub(crate) const fn set_area(&mut self, area: bool) {
+        self.area = area;
+    }
+
+    /// Whether the complete telegram is for the output area.
+    pub(crate) const fn for_output_area(&self) -> bool {
+        self.for_output_area
+    }
+
+    /// A start without start-up identifier: a count that stands in `TX` belongs to a telegram that is lost. `TX echo` shows 1 until
+    /// it is gone, which no job of the CPU goes on with, and which makes the next one write 0 first.
+    pub(crate) const fn begin(&mut self, tx: u16) {
+        self.state = if tx == 0 { State::Idle } else { State::Stale };
     }
 
     /// Whether an order is with the protocol.
@@ -70,6 +92,7 @@ impl SendSide {
     pub(crate) const fn echo(&self) -> u16 {
         match self.state {
             State::Idle | State::Closing => 0,
+            State::Stale => 1,
             State::Collecting { rest } | State::Transmitting { rest } => rest as u16,
             State::Failed(code) => FAILED | code as u16,
         }
@@ -77,7 +100,14 @@ impl SendSide {
 
     /// Looks at `TX` and the block that came with it.
     pub(crate) fn look(&mut self, tx: u16, block: &[u8]) -> Step {
+        let has_bit = self.area && tx & AREA != 0;
+        let tx = if has_bit { tx & !AREA } else { tx };
         match self.state {
+            State::Stale if tx == 0 => {
+                self.state = State::Idle;
+                Step::Stored
+            }
+            State::Stale => Step::Wait,
             State::Idle => match count(tx) {
                 None | Some(0) => Step::Wait,
                 Some(total) if total > BUFFER_BYTES => {
@@ -85,7 +115,7 @@ impl SendSide {
                     Step::Refused
                 }
                 Some(total) => {
-                    self.length = 0;
+                    (self.length, self.for_output_area) = (0, has_bit);
                     self.store(total, block)
                 }
             },

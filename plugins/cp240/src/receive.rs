@@ -2,7 +2,10 @@
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
-use crate::registers::{BLOCK_BYTES, Count, Module, Pafe, REGISTER_BYTES, Words, address, read, rx_count};
+use crate::registers::{
+    BLOCK_BYTES, CHANGED_AREA, Count, Module, OFFSET_BYTES, OUTSIDE, Pafe, REGISTER_BYTES, Words, address, read,
+    rx_count,
+};
 use crate::state::CpState;
 
 interface! {
@@ -50,6 +53,8 @@ pub(crate) enum Step {
     Wait,
     /// Store `len` bytes at `to`, then echo the count.
     Take { to: u16, len: u16, count: u16 },
+    /// The changed area does not lie inside of the data block: tell the CP.
+    Refuse,
     /// Both sides at 0: the telegram is finished.
     Finish,
     /// The job is over with an error, the echo goes back to 0.
@@ -60,7 +65,7 @@ impl Job {
     /// No job is running and the program has taken the last telegram.
     pub(crate) fn start(self, rx: u16) -> (Self, Step) {
         match rx_count(rx) {
-            Count::Bytes(bytes) if bytes > 0 => Job { anz_int: bytes, empf_laeuft: true, ..Job::default() }.take(bytes),
+            Count::Bytes(bytes) if bytes > 0 => Job { anz_int: rx, empf_laeuft: true, ..Job::default() }.take(rx),
             _ => (self, Step::Wait),
         }
     }
@@ -68,24 +73,47 @@ impl Job {
     /// A job is running, on the CP it was started on. `emfr` keeps back what would go into the program's buffer.
     pub(crate) fn go_on(self, rx: u16, emfr: bool) -> (Self, Step) {
         let Some(rest) = self.rest() else { return (self, Step::Failed) };
-        let Count::Bytes(rx) = rx_count(rx) else { return (self, Step::Wait) };
+        let Count::Bytes(count) = rx_count(rx) else { return (self, Step::Wait) };
+        let same_kind = (rx ^ self.anz_int) & CHANGED_AREA == 0;
+        if self.fehler_empf {
+            // Refused: until the CP has seen that.
+            return (self, if rx == self.anz_int { Step::Wait } else { Step::Finish });
+        }
         if self.letzter_block {
             // The telegram is complete; the CP answers the last echo with 0 [S0 L1872].
-            let last = (self.anz_int - 1) % BLOCK_BYTES + 1;
-            return (self, if rx == last { Step::Wait } else { Step::Finish });
+            let last = ((self.anz_int & !CHANGED_AREA) - 1) % BLOCK_BYTES + 1;
+            return (self, if same_kind && count == last { Step::Wait } else { Step::Finish });
         }
-        if rx == rest {
+        if same_kind && count == rest {
             return if emfr { (self, Step::Wait) } else { self.take(rx) };
         }
         // Not yet: the count of the block before.
-        (self, if self.geem > 0 && rx == rest + BLOCK_BYTES { Step::Wait } else { Step::Failed })
+        let before = same_kind && self.geem > 0 && count == rest + BLOCK_BYTES;
+        (self, if before { Step::Wait } else { Step::Failed })
     }
 
     /// Counts 18, 6: stored, then echoed [S0 L1864-L1876].
-    fn take(self, count: u16) -> (Self, Step) {
+    fn take(self, word: u16) -> (Self, Step) {
+        let count = word & !CHANGED_AREA;
         let len = count.min(BLOCK_BYTES);
         let job = Job { geem: self.geem + len, letzter_block: count <= BLOCK_BYTES, ..self };
-        (job, Step::Take { to: self.geem, len, count })
+        (job, Step::Take { to: self.geem, len, count: word })
+    }
+
+    /// "Writing accesses of the master should not be outside of the reception area otherwise the RECEIVE block announces a range
+    /// error." [S0 L2624]
+    fn refuse(self) -> (Self, Step) {
+        (Job { geem: self.bytes(), letzter_block: true, fehler_empf: true, ..self }, Step::Refuse)
+    }
+
+    /// Length of the telegram, an offset before it included.
+    fn bytes(self) -> u16 {
+        self.anz_int & !CHANGED_AREA
+    }
+
+    /// Bytes of the offset before the data: the telegram is a changed area, or it is none.
+    fn offset_bytes(self) -> u16 {
+        if self.anz_int & CHANGED_AREA == 0 { 0 } else { OFFSET_BYTES }
     }
 
     /// Bytes not stored yet; `None` when GEEM and ANZ_INT are not ours.
@@ -148,10 +176,18 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     if step == Step::Wait {
         return Ok(Pafe::Ok);
     }
-    // A telegram that does not fit waits in the CP until it does (ours).
     let (db, abd) = (cx.get(receive::_DB)?, cx.get(receive::ABD)?);
     let db_len = cx.len(Area::Db(db));
-    let pafe = Pafe::check(db_len, abd, next.anz_int)?;
+    let is_area = next.offset_bytes() > 0;
+    module.state.offset.set(if is_area { u16::from_be_bytes([block[0], block[1]]) } else { 0 });
+    let begin = abd.saturating_add(module.state.offset.get());
+    let pafe = Pafe::check(db_len, begin, next.bytes().saturating_sub(next.offset_bytes()))?;
+    if pafe == Pafe::Short && is_area {
+        module.state.receive.take(&module.info);
+        let (next, step) = next.refuse();
+        return act(cx, &module, next, step, &block).map(|_| pafe);
+    }
+    // A telegram that does not fit waits in the CP until it does (ours).
     if pafe != Pafe::Ok {
         return Ok(pafe);
     }
@@ -165,7 +201,7 @@ fn lost(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, words: Words) -
     if !words.not_ready() && !module.write(cx, 0, &[0, 0])? {
         return Ok(Pafe::Ok);
     }
-    end(cx, module, !job.letzter_block).map(|()| Pafe::Ok)
+    end(cx, module, !job.letzter_block || job.fehler_empf).map(|()| Pafe::Ok)
 }
 
 fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, step: Step, block: &[u8]) -> Result<Pafe, Abort> {
@@ -173,8 +209,10 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, step: Step, bloc
         Step::Wait => {}
         Step::Take { to, len, count } => {
             let (db, abd) = (cx.get(receive::_DB)?, cx.get(receive::ABD)?);
-            let bytes = block.get(..usize::from(len)).unwrap_or(block);
-            if let Err(refused) = cx.write(Area::Db(db), u32::from(abd) + u32::from(to), bytes)? {
+            let head = job.offset_bytes();
+            let bytes = block.get(usize::from(head.saturating_sub(to))..usize::from(len)).unwrap_or(&[]);
+            let at = u32::from(abd) + u32::from(module.state.offset.get()) + u32::from(to.saturating_sub(head));
+            if let Err(refused) = cx.write(Area::Db(db), at, bytes)? {
                 return match Pafe::of(refused) {
                     Some(pafe) => Ok(pafe),
                     None => cx.raise_fault(0x2530, u32::from(db)).map(|()| Pafe::Ok),
@@ -185,13 +223,18 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, step: Step, bloc
             }
             store(cx, job)?;
             if job.letzter_block {
-                cx.set(receive::ANZ, job.anz_int)?;
+                cx.set(receive::ANZ, job.bytes().saturating_sub(head))?;
                 cx.set(receive::EMFR, true)?;
+            }
+        }
+        Step::Refuse => {
+            if module.write(cx, 0, &OUTSIDE.to_be_bytes())? {
+                store(cx, job)?;
             }
         }
         Step::Finish => {
             if module.write(cx, 0, &[0, 0])? {
-                end(cx, module, false)?;
+                end(cx, module, job.fehler_empf)?;
             }
         }
         Step::Failed => {

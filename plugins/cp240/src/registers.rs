@@ -14,6 +14,12 @@ pub(crate) const BLOCK_BYTES: u16 = 12;
 pub(crate) const TELEGRAM_MAX: u16 = 1024;
 /// `TX`: Modbus output area, `ANZ OR 4000h` [S0 L2311].
 pub(crate) const OUTPUT_AREA: u16 = 0x4000;
+/// `RX` and `RX echo`: a changed area of the Modbus slave "long"; the telegram begins with its offset in the receive area.
+pub(crate) const CHANGED_AREA: u16 = 0x4000;
+/// Bytes of that offset.
+pub(crate) const OFFSET_BYTES: u16 = 2;
+/// `RX echo`: the changed area does not lie inside of the receive data block.
+pub(crate) const OUTSIDE: u16 = FAILED | 0x02;
 /// `TX echo`: the order failed, the low byte says why. `TX`: that is understood.
 pub(crate) const FAILED: u16 = 0x2000;
 /// Bit of the system words; with the number of a start-up, that start-up in `TX echo` and its acknowledgement in `TX`.
@@ -53,9 +59,9 @@ impl Count {
     }
 }
 
-/// Sorts `RX`.
+/// Sorts `RX`; the bit of a changed area aside.
 pub(crate) fn rx_count(word: u16) -> Count {
-    if word & SYSTEM != 0 { Count::System } else { Count::bytes(word) }
+    if word & SYSTEM != 0 { Count::System } else { Count::bytes(word & !CHANGED_AREA) }
 }
 
 /// Sorts `TX echo`. A CP that echoes the output-area bit with the count means the count.

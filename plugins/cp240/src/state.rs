@@ -12,6 +12,8 @@ ob1_sdk::state! {
         pub(crate) receive: Claim,
         /// The telegram that was being received does not fit together: wait until the CP has ended it.
         pub(crate) discard: Cell<bool>,
+        /// Modbus slave "long": where the changed area that is being received begins.
+        pub(crate) offset: Cell<u16>,
         /// Number of the start-up FC 9 has acknowledged last; 0 for none.
         pub(crate) acknowledged: Cell<u8>,
         /// After that acknowledgement both output words have been written 0: the CP works.

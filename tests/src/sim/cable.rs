@@ -19,6 +19,7 @@ pub struct Cable {
     /// What the ends are called in the station files.
     pub name: String,
     line: SimLine,
+    coalesce: Nanos,
     sent: [Tap; 2],
     arrived: [Tap; 2],
     /// Telegrams put on the line, and telegrams that came out good by the check character.
@@ -37,6 +38,7 @@ impl Cable {
         Self {
             name: name.to_owned(),
             line: SimLine::new(config, seed),
+            coalesce,
             sent: Default::default(),
             arrived: Default::default(),
             telegrams: HashSet::new(),
@@ -136,6 +138,10 @@ impl LinePort for CableEnd<'_> {
         }
         self.cable.orphaned[self.end as usize] = false;
         self.cable.line.write(self.end, now, bytes);
+    }
+
+    fn lateness(&self) -> Nanos {
+        self.cable.coalesce
     }
 
     fn take_back(&mut self, now: Nanos) -> usize {

@@ -2,6 +2,7 @@
 
 use super::fake_cp::FakeCp;
 use crate::receive::{Job, Step};
+use crate::registers::OUTSIDE;
 
 /// FC 1's call, with its data block and EMFR.
 #[derive(Default)]
@@ -31,9 +32,10 @@ impl Caller {
                     (self.anz, self.emfr) = (job.anz_int, true);
                 }
             }
+            Step::Refuse => cp.write(0, &OUTSIDE.to_be_bytes()),
             Step::Finish => {
                 cp.write(0, &[0, 0]);
-                self.job = Job::default();
+                self.job = Job { fehler_empf: job.fehler_empf, ..Job::default() };
             }
             Step::Failed => {
                 cp.write(0, &[0, 0]);
@@ -141,4 +143,26 @@ fn counters_that_are_not_ours_fail_the_job() {
         let job = Job { geem, anz_int, letzter_block, empf_laeuft: true, ..Job::default() };
         assert_eq!(job.go_on(6, false).1, Step::Failed, "{job:?}");
     }
+}
+
+/// A changed area of the Modbus slave "long": the bit goes with every count, back too.
+#[test]
+fn the_counts_of_a_changed_area() {
+    let (job, step) = Job::default().start(0x4012);
+    assert_eq!(step, Step::Take { to: 0, len: 12, count: 0x4012 });
+    assert_eq!(job, Job { geem: 12, anz_int: 0x4012, empf_laeuft: true, ..Job::default() });
+    assert_eq!(job.go_on(0x4012, false).1, Step::Wait, "the CP has not looked yet");
+    assert_eq!(job.go_on(6, false).1, Step::Failed, "another kind of telegram");
+    let (job, step) = job.go_on(0x4006, false);
+    assert_eq!(step, Step::Take { to: 12, len: 6, count: 0x4006 });
+    assert_eq!(job.go_on(0x4006, false).1, Step::Wait);
+    assert_eq!(job.go_on(0, false).1, Step::Finish);
+}
+
+/// A refusal stands until the CP has seen it; the job ends with an error.
+#[test]
+fn a_refused_area_ends_with_an_error() {
+    let job = Job { geem: 18, anz_int: 0x4012, empf_laeuft: true, letzter_block: true, fehler_empf: true };
+    assert_eq!(job.go_on(0x4012, false).1, Step::Wait);
+    assert_eq!(job.go_on(0, false).1, Step::Finish);
 }
