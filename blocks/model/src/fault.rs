@@ -5,7 +5,7 @@
 
 use std::fmt;
 
-use crate::BlockId;
+use crate::{Area, BlockId};
 
 /// Where in the program something happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,15 +161,59 @@ impl FaultKind {
 pub struct Fault {
     /// What went wrong.
     pub kind: FaultKind,
+    /// How memory was accessed, where that was the fault; `None` otherwise.
+    pub access: Option<Access>,
     /// The block, timer, counter or area byte concerned.
     pub number: u32,
+}
+
+/// An access to memory as OB 121 and OB 122 describe it (OB121_RESERVED_1, OB122_MEM_AREA): in bits 7 to 4 its width (0 bit, 1 byte,
+/// 2 word, 3 double word), in bits 3 to 0 the area (0 peripheral, 1 inputs, 2 outputs, 3 bit memory, 4 global data block, 5 instance data
+/// block, 6 own local data, 7 the caller's). ["Programming Error Organization Block", "I/O Access Error Organization Block"]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Access(u8);
+
+impl Access {
+    /// An access of so many bits; above 16 it counts as a double word.
+    #[must_use]
+    pub const fn new(area: Area, bits: u32) -> Self {
+        let width = match bits {
+            ..=1 => 0,
+            2..=8 => 1,
+            9..=16 => 2,
+            _ => 3,
+        };
+        Self(width << 4 | area.pointer_code() & 0x0F)
+    }
+
+    /// The byte of the start information.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        self.0
+    }
 }
 
 impl Fault {
     /// A fault about `number`.
     #[must_use]
     pub const fn new(kind: FaultKind, number: u32) -> Self {
-        Self { kind, number }
+        Self { kind, access: None, number }
+    }
+
+    /// A fault of an access to `bits` bits at a byte of an area.
+    #[must_use]
+    pub const fn at(kind: FaultKind, area: Area, bits: u32, byte: u32) -> Self {
+        Self { kind, access: Some(Access::new(area, bits)), number: byte }
+    }
+
+    /// The word of OB 121's and OB 122's start information that tells what was wrong (OB121_FLT_REG, OB122_MEM_ADDR): a byte address,
+    /// the illegal area, the number of a timer, counter or block; of a BCD conversion the register, which is accumulator 1: 0.
+    #[must_use]
+    pub const fn source(&self) -> u16 {
+        match self.kind {
+            FaultKind::BcdConversion => 0,
+            _ => self.number as u16,
+        }
     }
 }
 
@@ -194,8 +238,20 @@ impl Event {
     pub const STOP_ACCESS_ERROR: Event = Event(0x4563);
     /// STOP by a time error: watchdog without OB 80, or twice in one cycle.
     pub const STOP_TIME_ERROR: Event = Event(0x4568);
+    /// STOP because OB 85 is wanted and not loaded (program sequence error).
+    pub const STOP_SEQUENCE_ERROR: Event = Event(0x456D);
     /// Cycle time exceeded.
     pub const CYCLE_TIME_EXCEEDED: Event = Event(0x3501);
+    /// An OB is requested that is still being executed.
+    pub const OB_STILL_RUNS: Event = Event(0x3502);
+    /// An OB is requested for which a request waits already.
+    pub const OB_QUEUE_OVERFLOW: Event = Event(0x3507);
+    /// An event wants an OB that is not loaded.
+    pub const OB_NOT_LOADED: Event = Event(0x35A1);
+    /// Access error while the system reads the process image of the inputs.
+    pub const INPUT_IMAGE_ERROR: Event = Event(0x39B1);
+    /// Access error while the system writes the process image of the outputs.
+    pub const OUTPUT_IMAGE_ERROR: Event = Event(0x39B2);
     /// A plugin block panicked (ours).
     pub const PLUGIN_PANIC: Event = Event(0xF101);
     /// A plugin block asked for STOP or broke the rules of the interface (ours).
@@ -213,6 +269,33 @@ impl Event {
     /// A CP's error is gone (ours).
     pub const CP_ERROR_GONE: Event = Event(0xF205);
 
+    /// Every event with a name that is no fault.
+    pub const ALL: [Event; 23] = [
+        Event::STARTUP,
+        Event::RUN,
+        Event::STOP_OPERATOR,
+        Event::MEMORY_RESET,
+        Event::STOP_PROGRAM,
+        Event::STOP_PROGRAMMING_ERROR,
+        Event::STOP_ACCESS_ERROR,
+        Event::STOP_TIME_ERROR,
+        Event::STOP_SEQUENCE_ERROR,
+        Event::CYCLE_TIME_EXCEEDED,
+        Event::OB_STILL_RUNS,
+        Event::OB_QUEUE_OVERFLOW,
+        Event::OB_NOT_LOADED,
+        Event::INPUT_IMAGE_ERROR,
+        Event::OUTPUT_IMAGE_ERROR,
+        Event::PLUGIN_PANIC,
+        Event::PLUGIN_STOP,
+        Event::PLUGIN_ENTRY,
+        Event::DRIVER_LOST,
+        Event::DRIVER_UP,
+        Event::SEGMENT_GARBAGE,
+        Event::CP_ERROR,
+        Event::CP_ERROR_GONE,
+    ];
+
     /// The event's text.
     #[must_use]
     pub const fn text(self) -> &'static str {
@@ -225,7 +308,13 @@ impl Event {
             0x4562 => "STOP by programming error, OB 121 not loaded",
             0x4563 => "STOP by access error, OB 122 not loaded",
             0x4568 => "STOP by time error",
+            0x456D => "STOP by program sequence error, OB 85 not loaded",
             0x3501 => "cycle time exceeded",
+            0x3502 => "OB requested while it is still being executed",
+            0x3507 => "OB requested while a request for it waits already",
+            0x35A1 => "event for an OB that is not loaded",
+            0x39B1 => "access error in the transfer of the process image of the inputs",
+            0x39B2 => "access error in the transfer of the process image of the outputs",
             0x2521 => "BCD conversion error",
             0x2522 => "area length error when reading",
             0x2523 => "area length error when writing",
@@ -257,6 +346,8 @@ impl Event {
             0xF203 => "a CP's shared memory is not valid",
             0xF204 => "a CP reports an error",
             0xF205 => "a CP's error is gone",
+            // Entries of the program itself (SFC 52): classes 8 and 9 are for its messages, A and B for the user's own.
+            _ if matches!(self.0 >> 12, 8..=0xB) => "entry of the program",
             _ => "event",
         }
     }
@@ -271,6 +362,34 @@ impl From<FaultKind> for Event {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_access_in_the_words_of_ob_121() {
+        for (area, bits, code) in [
+            (Area::Peripheral, 8, 0x10),
+            (Area::Input, 1, 0x01),
+            (Area::Output, 16, 0x22),
+            (Area::Memory, 32, 0x33),
+            (Area::Db, 64, 0x34),
+            (Area::Di, 1, 0x05),
+            (Area::Local, 16, 0x26),
+            (Area::PreviousLocal, 8, 0x17),
+        ] {
+            assert_eq!(Access::new(area, bits).code(), code);
+        }
+        assert_eq!(Fault::new(FaultKind::BcdConversion, 0xABC).source(), 0);
+        assert_eq!(Fault::at(FaultKind::AreaLengthRead, Area::Db, 8, 300).source(), 300);
+    }
+
+    #[test]
+    fn every_event_has_a_text_of_its_own() {
+        for (i, event) in Event::ALL.into_iter().enumerate() {
+            assert_ne!(event.text(), "event", "{event:?}");
+            for other in &Event::ALL[..i] {
+                assert!(*other != event && other.text() != event.text(), "{event:?} and {other:?}");
+            }
+        }
+    }
 
     #[test]
     fn every_fault_has_a_number_and_a_text_of_its_own() {

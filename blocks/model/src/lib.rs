@@ -14,7 +14,7 @@ mod types;
 
 pub use address::{Area, BitAddr};
 pub use block::{BlockId, BlockKind};
-pub use fault::{Event, Fault, FaultKind, Site};
+pub use fault::{Access, Event, Fault, FaultKind, Site};
 pub use interface::{Interface, Param, Section};
 pub use layout::{Component, Layout, align_to};
 pub use s5time::{S5Time, TimerKind};

@@ -1,13 +1,12 @@
 //! Events that call an organization block at once: programming, access and time errors, diagnosis of modules, lost stations, image
 //! errors. ["Organization Blocks" of the system software reference]
 
-use ob1_model::{BlockId, BlockKind, Event, Fault, Site};
+use ob1_model::{Access, BlockId, BlockKind, Event, Fault, Site};
 
+use crate::engine::Interrupted;
 use crate::interrupts::{ob_of, priority_of};
 use crate::{Abort, Context, DiagEntry, ModuleError, ObInfo, ShortText};
 
-/// STOP because OB 85 is wanted and not loaded ("program sequence error").
-const STOP_SEQUENCE_ERROR: Event = Event(0x456D);
 /// Priority class of the OBs for asynchronous errors in RUN.
 const ASYNCHRONOUS: u8 = 26;
 
@@ -52,15 +51,11 @@ impl Context<'_> {
     /// A request for the OB of a slot came too soon: OB 80, or STOP without it.
     pub(crate) fn request_error(&mut self, slot: usize, late: Late) -> Result<(), Abort> {
         let ob = ob_of(slot);
-        let id = match late {
-            Late::Running => 0x02,
-            Late::Waiting => 0x07,
+        let (id, event) = match late {
+            Late::Running => (0x02, Event::OB_STILL_RUNS),
+            Late::Waiting => (0x07, Event::OB_QUEUE_OVERFLOW),
         };
-        let text = match late {
-            Late::Running => "the requested OB is still being executed",
-            Late::Waiting => "a request for this OB waits already",
-        };
-        self.entry(Event(0x3500 | u16::from(id)), u32::from(ob), text);
+        self.about_ob(event, ob);
         if self.machine.ob.number == 80 {
             // OB 80 handles one already.
             return Ok(());
@@ -74,6 +69,21 @@ impl Context<'_> {
             [priority_of(ob), ob as u8],
             "a request came too soon, no OB 80",
         )
+    }
+
+    /// An entry about an organization block.
+    fn about_ob(&mut self, event: Event, ob: u16) {
+        let mut digits = [0; 3];
+        let text = ob_name(ob, &mut digits);
+        self.machine.diag.push(DiagEntry {
+            number: 0,
+            time: self.machine.now,
+            event,
+            site: None,
+            accus: [0; 2],
+            data: u32::from(ob),
+            text: ShortText::join(&["OB ", text]),
+        });
     }
 
     fn time_error(&mut self, id: u8, info: u16, event: [u8; 2], ob: [u8; 2], stop: &str) -> Result<(), Abort> {
@@ -91,12 +101,19 @@ impl Context<'_> {
         self.run_ob(callee, ObInfo { number: 80, priority: ASYNCHRONOUS, start })
     }
 
-    /// A programming or access error: its OB, or STOP. `Ok`: the program goes on with the next statement.
+    /// A programming or access error: its OB, or STOP. `Ok`: the program goes on with the next statement, with what SFC 44 has
+    /// put in ACCU1, if it was called.
     #[cold]
-    pub(crate) fn fault(&mut self, fault: Fault, site: Option<Site>, accus: [u32; 2]) -> Result<(), Abort> {
+    pub(crate) fn fault(
+        &mut self,
+        fault: Fault,
+        site: Option<Site>,
+        interrupted: &Interrupted,
+    ) -> Result<Option<u32>, Abort> {
         if self.machine.services.filter.absorbs(fault.kind) {
-            return Ok(());
+            return Ok(None);
         }
+        let [a1, a2, ..] = interrupted.accus;
         let number = fault.kind.ob();
         let callee = self.blocks.ob(number);
         let nested = self.machine.ob.number == number;
@@ -105,7 +122,7 @@ impl Context<'_> {
             time: self.machine.now,
             event: fault.kind.into(),
             site,
-            accus,
+            accus: [a1, a2],
             data: fault.number,
             text: ShortText::default(),
         });
@@ -123,10 +140,17 @@ impl Context<'_> {
             BlockKind::Fc | BlockKind::Sfc => 0x8C,
             BlockKind::Fb | BlockKind::Sfb => 0x8E,
         };
-        start[6..8].copy_from_slice(&(fault.number as u16).to_be_bytes());
+        start[5] = fault.access.map_or(0, Access::code);
+        start[6..8].copy_from_slice(&fault.source().to_be_bytes());
         start[8..10].copy_from_slice(&block.number.to_be_bytes());
+        // The address of the statement is its line here.
         start[10..12].copy_from_slice(&(site.map_or(0, |s| s.line) as u16).to_be_bytes());
-        self.run_ob(callee, ObInfo { number, priority: self.machine.ob.priority, start })
+        let outer = self.machine.substitute.take();
+        self.machine.interrupted = Some(*interrupted);
+        let ran = self.run_ob(callee, ObInfo { number, priority: self.machine.ob.priority, start });
+        self.machine.interrupted = None;
+        let substitute = std::mem::replace(&mut self.machine.substitute, outer);
+        ran.map(|()| substitute)
     }
 
     /// OB 82, when it is loaded, for the module at `address` with the first four bytes of its diagnostic data.
@@ -160,17 +184,16 @@ impl Context<'_> {
         let slot = &plugged.slot;
         let base = slot.input_address.min(slot.output_address) as u16;
         let byte = if output { slot.output_address } else { slot.input_address };
-        let id = if output { 0xB2 } else { 0xB1 };
+        let event = if output { Event::OUTPUT_IMAGE_ERROR } else { Event::INPUT_IMAGE_ERROR };
         let entry = DiagEntry {
             number: 0,
             time: self.machine.now,
-            event: Event(0x3900 | u16::from(id)),
+            event,
             site: None,
             accus: [0; 2],
             data: byte,
             text: ShortText::join(&[
                 &slot.name,
-                if output { ": process image of the outputs" } else { ": process image of the inputs" },
                 if error == ModuleError::Absent { ", the module does not answer" } else { "" },
             ]),
         };
@@ -179,7 +202,8 @@ impl Context<'_> {
             self.machine.diag.push(entry);
             self.machine.modules.list[index].image_error[usize::from(output)] = true;
         }
-        let mut start = self.start_info(0x39, id, ASYNCHRONOUS, 85);
+        let [class, id] = event.0.to_be_bytes();
+        let mut start = self.start_info(class, id, ASYNCHRONOUS, 85);
         start[4] = 0x10;
         start[6..8].copy_from_slice(&base.to_be_bytes());
         start[10..12].copy_from_slice(&(byte as u16).to_be_bytes());
@@ -188,7 +212,7 @@ impl Context<'_> {
 
     /// A start event for an OB that is not loaded: OB 85, or STOP without it.
     pub(crate) fn missing_ob(&mut self, ob: u16, wanted: [u8; 20]) -> Result<(), Abort> {
-        self.entry(Event(0x35A1), u32::from(ob), "an event wants an OB that is not loaded");
+        self.about_ob(Event::OB_NOT_LOADED, ob);
         let mut start = self.start_info(0x35, 0xA1, ASYNCHRONOUS, 85);
         start[6..8].copy_from_slice(&wanted[6..8]);
         start[8..10].copy_from_slice(&wanted[..2]);
@@ -206,9 +230,29 @@ impl Context<'_> {
             return Ok(());
         }
         let Some(callee) = self.blocks.ob(85) else {
-            self.stop(STOP_SEQUENCE_ERROR, u32::from(start[1]), stop);
+            self.stop(Event::STOP_SEQUENCE_ERROR, u32::from(start[1]), stop);
             return Err(Abort);
         };
         self.run_ob(callee, ObInfo { number: 85, priority: ASYNCHRONOUS, start })
+    }
+}
+
+/// The number of an organization block in decimal, without allocating.
+fn ob_name(ob: u16, digits: &mut [u8; 3]) -> &str {
+    let ob = ob.min(999);
+    *digits = [ob / 100, ob / 10 % 10, ob % 10].map(|digit| b'0' + digit as u8);
+    let first = digits.iter().take(2).take_while(|digit| **digit == b'0').count();
+    std::str::from_utf8(&digits[first..]).unwrap_or("")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ob_name;
+
+    #[test]
+    fn numbers_of_organization_blocks() {
+        for (ob, text) in [(0, "0"), (1, "1"), (35, "35"), (100, "100"), (121, "121")] {
+            assert_eq!(ob_name(ob, &mut [0; 3]), text);
+        }
     }
 }

@@ -136,6 +136,8 @@ impl Cpu {
             stopped_at: 0,
             keep,
             native_caller: None,
+            interrupted: None,
+            substitute: None,
             config,
         };
         Ok(Cpu::assemble(machine, blocks, port, client, reader))

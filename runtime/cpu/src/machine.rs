@@ -7,7 +7,7 @@ use ob1_model::{BlockId, BlockKind, Event, FaultKind};
 use ob1_std::services::ErrorFilter;
 
 use crate::calendar::date_and_time;
-use crate::engine::{Callee, Engine, Entry, Frame, Signatures};
+use crate::engine::{Callee, Engine, Entry, Frame, Interrupted, Signatures};
 use crate::interrupts::Interrupts;
 use crate::log::{LogLine, LogWriter};
 use crate::ob_statistics::ObRecords;
@@ -113,6 +113,10 @@ pub(crate) struct Machine {
     pub(crate) keep: Keep,
     /// Who called the native block that runs.
     pub(crate) native_caller: Option<Caller>,
+    /// Registers for the error organization block that is about to begin.
+    pub(crate) interrupted: Option<Interrupted>,
+    /// What SFC 44 has given to the block that an error has interrupted.
+    pub(crate) substitute: Option<u32>,
 }
 
 /// What runs: blocks by number, and who executes them.

@@ -2,7 +2,7 @@
 
 use ob1_model::{BitAddr, BlockId, Event, Fault, FaultKind, Section, Site, TimerKind};
 
-use crate::engine::{Callee, Entry};
+use crate::engine::{Callee, Entry, Interrupted};
 use crate::machine::Context;
 use crate::memory::Range;
 use crate::timers::Counter;
@@ -330,7 +330,7 @@ impl NativeContext for Call<'_, '_> {
 
     fn raise_fault(&mut self, kind: FaultKind, number: u32) -> Result<(), Abort> {
         let site = self.site();
-        self.cx.fault(Fault::new(kind, number), Some(site), [0; 2])
+        self.cx.fault(Fault::new(kind, number), Some(site), &Interrupted::default()).map(|_| ())
     }
 
     fn diagnostic_interrupt(&mut self, address: u32, data: &[u8]) -> Result<(), NativeError> {
@@ -399,7 +399,11 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
     if call.cx.machine.depth >= call.cx.machine.config.nesting_depth {
         let site = call.site();
         let fault = Fault::new(FaultKind::NestingDepth, u32::from(call.cx.machine.depth));
-        return call.cx.fault(fault, Some(site), [0; 2]).map_err(|Abort| NativeError::Abort);
+        return call
+            .cx
+            .fault(fault, Some(site), &Interrupted::default())
+            .map(|_| ())
+            .map_err(|Abort| NativeError::Abort);
     }
     let tops = (call.cx.machine.refs_top, call.cx.machine.scratch_top);
     let mut entry = Entry {

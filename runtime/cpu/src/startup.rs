@@ -104,6 +104,7 @@ impl Cpu {
         m.frames.clear();
         m.ob = ObInfo::default();
         m.native_caller = None;
+        (m.interrupted, m.substitute) = (None, None);
         m.interrupts.clear();
         m.services.clear();
         for plugged in &mut m.modules.list {

@@ -11,8 +11,8 @@ fn ar1(area: Option<Area>, byte: u32) -> Place {
     Place::Register(area, AddressRegister::Ar1, BitAddr::byte_addr(byte))
 }
 
-/// Statements whose last one is wrong, the error, and the number it is about.
-fn table() -> Vec<(Vec<Op>, FaultKind, u32)> {
+/// Statements whose last one is wrong, the error, the number it is about, and how memory was accessed as OB 121 and OB 122 tell it.
+fn table() -> Vec<(Vec<Op>, FaultKind, u32, u32)> {
     let pointer = |byte: u32| Pointer { area: Area::Memory, at: BitAddr::byte_addr(byte) };
     let word = |place| Operand { width: Width::Word, place };
     let by_number = |kind, byte| {
@@ -24,41 +24,54 @@ fn table() -> Vec<(Vec<Op>, FaultKind, u32)> {
         }))
     };
     vec![
-        (vec![load(mw(255))], FaultKind::AreaLengthRead, 255),
-        (vec![transfer(md(300))], FaultKind::AreaLengthWrite, 300),
-        (vec![load(dbw(0))], FaultKind::AreaLengthRead, 0),
-        (vec![Op::OpenDb(DbRegister::Db, Number::Fixed(7)), load(dbw(3))], FaultKind::AreaLengthRead, 3),
-        (vec![Op::OpenDb(DbRegister::Db, Number::Fixed(7)), transfer(dbw(4))], FaultKind::AreaLengthWrite, 4),
-        (vec![Op::OpenDb(DbRegister::Db, Number::Fixed(8)), transfer(dbw(0))], FaultKind::WriteProtectedDb, 8),
+        (vec![load(mw(255))], FaultKind::AreaLengthRead, 255, 0x23),
+        (vec![transfer(md(300))], FaultKind::AreaLengthWrite, 300, 0x33),
+        (vec![load(dbw(0))], FaultKind::AreaLengthRead, 0, 0x24),
+        (vec![Op::OpenDb(DbRegister::Db, Number::Fixed(7)), load(dbw(3))], FaultKind::AreaLengthRead, 3, 0x24),
+        (vec![Op::OpenDb(DbRegister::Db, Number::Fixed(7)), transfer(dbw(4))], FaultKind::AreaLengthWrite, 4, 0x24),
+        (vec![Op::OpenDb(DbRegister::Db, Number::Fixed(8)), transfer(dbw(0))], FaultKind::WriteProtectedDb, 8, 0),
         (
             vec![Op::OpenDb(DbRegister::Di, Number::Fixed(8)), transfer(word(place(Area::Di, 0, 0)))],
             FaultKind::WriteProtectedDi,
             8,
+            0,
         ),
-        (vec![transfer(in_db(8, Width::Word, 0, 0))], FaultKind::WriteProtectedDb, 8),
-        (vec![load(in_db(7, Width::Word, 100, 0))], FaultKind::AreaLengthRead, 100),
-        (vec![load(in_db(99, Width::Word, 0, 0))], FaultKind::DbNotLoaded, 99),
-        (vec![Op::OpenDb(DbRegister::Db, Number::Fixed(99))], FaultKind::DbNotLoaded, 99),
+        (vec![transfer(in_db(8, Width::Word, 0, 0))], FaultKind::WriteProtectedDb, 8, 0),
+        (vec![load(in_db(7, Width::Word, 100, 0))], FaultKind::AreaLengthRead, 100, 0x24),
+        (vec![load(in_db(99, Width::Word, 0, 0))], FaultKind::DbNotLoaded, 99, 0),
+        (vec![Op::OpenDb(DbRegister::Db, Number::Fixed(99))], FaultKind::DbNotLoaded, 99, 0),
         // Number 0 opens nothing; an access finds that out.
-        (vec![Op::OpenDb(DbRegister::Db, Number::Memory(pointer(200))), load(dbw(0))], FaultKind::AreaLengthRead, 0),
-        (vec![Op::LoadArConst(AddressRegister::Ar1, 0x8900_0000), load(word(ar1(None, 0)))], FaultKind::AreaRead, 0x89),
-        (vec![Op::LoadArConst(AddressRegister::Ar1, 0), transfer(word(ar1(None, 0)))], FaultKind::AreaWrite, 0),
+        (
+            vec![Op::OpenDb(DbRegister::Db, Number::Memory(pointer(200))), load(dbw(0))],
+            FaultKind::AreaLengthRead,
+            0,
+            0x24,
+        ),
+        (
+            vec![Op::LoadArConst(AddressRegister::Ar1, 0x8900_0000), load(word(ar1(None, 0)))],
+            FaultKind::AreaRead,
+            0x89,
+            0,
+        ),
+        (vec![Op::LoadArConst(AddressRegister::Ar1, 0), transfer(word(ar1(None, 0)))], FaultKind::AreaWrite, 0, 0),
         (
             vec![Op::LoadArConst(AddressRegister::Ar1, 3), load(word(ar1(Some(Area::Memory), 8)))],
             FaultKind::AlignmentRead,
             8,
+            0x23,
         ),
         (
             vec![Op::LoadArConst(AddressRegister::Ar1, 0x8300_0003), transfer(word(ar1(None, 8)))],
             FaultKind::AlignmentWrite,
             8,
+            0x23,
         ),
-        (vec![Op::LoadTimer(Number::Fixed(256))], FaultKind::TimerNumber, 256),
-        (vec![Op::SetRlo, Op::CountUp(Number::Fixed(1000))], FaultKind::CounterNumber, 1000),
-        (vec![by_number(BlockKind::Fc, 200)], FaultKind::FcNotLoaded, 0),
-        (vec![by_number(BlockKind::Fb, 200)], FaultKind::FbNotLoaded, 0),
-        (vec![load(word(place(Area::Peripheral, 256, 0)))], FaultKind::PeripheralRead, 256),
-        (vec![transfer(word(place(Area::Peripheral, 256, 0)))], FaultKind::PeripheralWrite, 256),
+        (vec![Op::LoadTimer(Number::Fixed(256))], FaultKind::TimerNumber, 256, 0),
+        (vec![Op::SetRlo, Op::CountUp(Number::Fixed(1000))], FaultKind::CounterNumber, 1000, 0),
+        (vec![by_number(BlockKind::Fc, 200)], FaultKind::FcNotLoaded, 0, 0),
+        (vec![by_number(BlockKind::Fb, 200)], FaultKind::FbNotLoaded, 0, 0),
+        (vec![load(word(place(Area::Peripheral, 256, 0)))], FaultKind::PeripheralRead, 256, 0x20),
+        (vec![transfer(word(place(Area::Peripheral, 256, 0)))], FaultKind::PeripheralWrite, 256, 0x20),
     ]
 }
 
@@ -70,7 +83,7 @@ fn data() -> Vec<ob1_ir::DataBlock> {
 
 #[test]
 fn without_its_ob_an_error_is_stop_and_says_where() {
-    for (ops, kind, number) in table() {
+    for (ops, kind, number, _) in table() {
         let line = ops.len() as u32 + 1;
         let name = format!("{ops:?}");
         let mut code = vec![c(0xABCD)];
@@ -88,7 +101,7 @@ fn without_its_ob_an_error_is_stop_and_says_where() {
 
 #[test]
 fn with_its_ob_the_program_goes_on_behind_the_statement() {
-    for (ops, kind, number) in table() {
+    for (ops, kind, number, access) in table() {
         let name = format!("{ops:?}");
         let mut code = ops;
         let line = code.len() as u32;
@@ -105,7 +118,8 @@ fn with_its_ob_the_program_goes_on_behind_the_statement() {
         bench.run();
         assert_eq!(bench.mw(10), 1, "{name}");
         assert_eq!(bench.mw(100), u32::from(kind.number()), "{name}: class and error");
-        assert_eq!((bench.mb(103), bench.mb(104), bench.mw(106)), (u32::from(kind.ob()), 0x88, number), "{name}");
+        assert_eq!((bench.mb(103), bench.mw(106)), (u32::from(kind.ob()), number), "{name}");
+        assert_eq!((bench.mb(102), bench.mb(104), bench.mb(105)), (1, 0x88, access), "{name}: class, block, access");
         assert_eq!((bench.mw(108), bench.mw(110)), (1, line), "{name}: block number and line");
     }
 }
@@ -133,4 +147,99 @@ fn register_indirect_access_reaches_the_last_byte_and_no_further() {
     assert_eq!(bench.cycle().state, OperatingState::Stop);
     assert_eq!(bench.mw(254), 0x1234);
     assert_eq!(bench.cpu.diagnostics().nth(1).map(|e| (e.event.0, e.data)), Some((0x2522, 255)));
+}
+
+#[test]
+fn the_source_of_an_error_by_its_kind() {
+    // Bits, areas of every kind, digits above 9, through functions and function blocks.
+    let bit = |area| u(place(area, 9000, 1));
+    for (ops, event, access, source) in [
+        (vec![bit(Area::Input)], 0x2522, 0x01, 9000),
+        (vec![Op::SetRlo, Op::Assign(place(Area::Output, 9000, 1))], 0x2523, 0x02, 9000),
+        (vec![load(Operand { width: Width::Byte, place: place(Area::Input, 9000, 0) })], 0x2522, 0x11, 9000),
+        (vec![load(Operand { width: Width::DWord, place: place(Area::Di, 9000, 0) })], 0x2522, 0x35, 9000),
+        (
+            vec![
+                Op::LoadArConst(AddressRegister::Ar1, 0x8600_0000 + 8 * 9000),
+                load(Operand { width: Width::Word, place: ar1(None, 0) }),
+            ],
+            0x2522,
+            0x26,
+            9000,
+        ),
+        (
+            vec![
+                Op::LoadArConst(AddressRegister::Ar1, 0x8700_0000 + 8 * 9000),
+                load(Operand { width: Width::Byte, place: ar1(None, 0) }),
+            ],
+            0x2522,
+            0x17,
+            9000,
+        ),
+        (vec![c(0xABC), Op::Convert(ob1_ir::Convert::Bti)], 0x2521, 0, 0),
+        (vec![load(Operand { width: Width::Byte, place: place(Area::Peripheral, 7, 0) })], 0x2942, 0x10, 7),
+        (vec![transfer(Operand { width: Width::DWord, place: place(Area::Peripheral, 7, 0) })], 0x2943, 0x30, 7),
+    ] {
+        for (block_type, id) in [(0x8C, fc(7)), (0x8E, fb(7))] {
+            let called = block(id, Interface::default(), ops.clone());
+            let ob = if event >> 8 == 0x25 { 121 } else { 122 };
+            let keep = (0..3)
+                .flat_map(|i| [load(Operand { width: Width::DWord, place: l(4 * i, 0) }), transfer(md(100 + 4 * i))]);
+            let handler = block(common::ob(ob), Interface::default(), keep.collect());
+            let mut bench =
+                Bench::new(&program(vec![ob1(vec![uc(CallMode::Unconditional, id)]), called, handler], data()));
+            bench.run();
+            let name = format!("{ops:?} in {id}");
+            assert_eq!(
+                (bench.md(100), bench.md(104)),
+                (event << 16 | 0x0100 | u32::from(ob), block_type << 24 | access << 16 | source),
+                "{name}"
+            );
+            assert_eq!(bench.md(108), 7 << 16 | ops.len() as u32, "{name}: block number and line");
+        }
+    }
+}
+
+/// OB 121 and OB 122 find the registers of the interrupted block; it gets them back whatever they do. A load that fails gives 0.
+#[test]
+fn the_registers_of_the_interrupted_block() {
+    let code = vec![
+        Op::OpenDb(DbRegister::Db, Number::Fixed(7)),
+        Op::LoadArConst(AddressRegister::Ar1, 0x8300_0123),
+        c(0x1111_1111),
+        c(0x2222_2222),
+        load(Operand { width: Width::Word, place: place(Area::Peripheral, 256, 0) }),
+        transfer(md(40)),
+        Op::ExchangeAccus,
+        transfer(md(44)),
+        c(0x3333_3333),
+        transfer(Operand { width: Width::Word, place: place(Area::Peripheral, 256, 0) }),
+        transfer(md(48)),
+        Op::TransferAr(AddressRegister::Ar1),
+        transfer(md(52)),
+        Op::LoadDbNumber(DbRegister::Db),
+        transfer(mw(56)),
+    ];
+    let handler = vec![
+        transfer(md(20)),
+        Op::ExchangeAccus,
+        transfer(md(24)),
+        Op::TransferAr(AddressRegister::Ar1),
+        transfer(md(28)),
+        Op::LoadDbNumber(DbRegister::Db),
+        transfer(mw(32)),
+        Op::LoadArConst(AddressRegister::Ar1, 0),
+        Op::OpenDb(DbRegister::Db, Number::Fixed(8)),
+        c(0xFFFF_FFFF),
+        c(0xFFFF_FFFF),
+    ];
+    let handler = block(ob(122), Interface::default(), handler);
+    let mut bench = Bench::new(&program(vec![ob1(code), handler], data()));
+    bench.run();
+    // The second error, of the transfer, is what the handler has seen last.
+    assert_eq!((bench.md(20), bench.md(24)), (0x3333_3333, 0x2222_2222));
+    assert_eq!((bench.md(28), bench.mw(32)), (0x8300_0123, 7));
+    assert_eq!((bench.md(40), bench.md(44)), (0, 0x2222_2222), "a load that fails loads 0");
+    assert_eq!(bench.md(48), 0x3333_3333, "a transfer that fails changes nothing");
+    assert_eq!((bench.md(52), bench.mw(56)), (0x8300_0123, 7));
 }

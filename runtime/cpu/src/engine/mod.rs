@@ -22,6 +22,7 @@ use crate::{Abort, Context};
 pub(crate) use call::Frame;
 pub(crate) use lower::{Constants, Lowering, Signature, Signatures, lower};
 pub(crate) use lower_call::collect;
+pub(crate) use regs::Interrupted;
 pub(crate) use run::Reference;
 pub(crate) use verify::{verify, writes_param};
 

@@ -44,7 +44,7 @@ pub(crate) fn locate(place: Place, bits: u32, write: bool, r: &mut Regs, m: &Mac
         Place::Instance(at) => in_db(r.di, DbRegister::Di, (r.ar2 & POINTER_BITS).wrapping_add(at.0), bits, write),
         Place::Memory(area, pointer) => {
             let at = read_pointer(pointer, 32, r, m)? & POINTER_BITS;
-            aligned(at, bits, write)?;
+            aligned(area, at, bits, write)?;
             in_area(area, at, bits, write, r, m)
         }
         Place::Register(area, register, offset) => {
@@ -53,13 +53,13 @@ pub(crate) fn locate(place: Place, bits: u32, write: bool, r: &mut Regs, m: &Mac
                 AddressRegister::Ar2 => r.ar2,
             };
             let at = pointer.wrapping_add(offset.0) & POINTER_BITS;
-            aligned(at, bits, write)?;
             let area = match area {
                 Some(area) => area,
                 None => Area::from_pointer_code((pointer >> 24) as u8).ok_or_else(|| {
                     Fault::new(if write { FaultKind::AreaWrite } else { FaultKind::AreaRead }, pointer >> 24)
                 })?,
             };
+            aligned(area, at, bits, write)?;
             in_area(area, at, bits, write, r, m)
         }
     }
@@ -71,9 +71,12 @@ pub(crate) fn reference(index: u16, r: &Regs, m: &Machine) -> u32 {
     m.refs.get(r.refs as usize + usize::from(index)).copied().unwrap_or(0)
 }
 
-fn aligned(at: u32, bits: u32, write: bool) -> Result<(), Fault> {
+/// Whole bytes begin at one.
+#[inline(always)]
+pub(crate) fn aligned(area: Area, at: u32, bits: u32, write: bool) -> Result<(), Fault> {
     if bits > 1 && at & 7 != 0 {
-        return Err(Fault::new(if write { FaultKind::AlignmentWrite } else { FaultKind::AlignmentRead }, at / 8));
+        let kind = if write { FaultKind::AlignmentWrite } else { FaultKind::AlignmentRead };
+        return Err(Fault::at(kind, area, bits, at / 8));
     }
     Ok(())
 }
@@ -92,19 +95,25 @@ pub(crate) fn in_area(area: Area, at: u32, bits: u32, write: bool, r: &Regs, m: 
     };
     match range.locate(at / 8, bits.div_ceil(8)) {
         Some(byte) => Ok(Where::Arena(byte * 8 + at % 8)),
-        None => Err(outside(at, write)),
+        None => Err(outside(area, at, bits, write)),
     }
 }
 
-fn outside(at: u32, write: bool) -> Fault {
-    Fault::new(if write { FaultKind::AreaLengthWrite } else { FaultKind::AreaLengthRead }, at / 8)
+#[cold]
+fn outside(area: Area, at: u32, bits: u32, write: bool) -> Fault {
+    let kind = if write { FaultKind::AreaLengthWrite } else { FaultKind::AreaLengthRead };
+    Fault::at(kind, area, bits, at / 8)
 }
 
 /// `bits` bits at `at` of the data block in a register.
 pub(crate) fn in_db(db: Db, register: DbRegister, at: u32, bits: u32, write: bool) -> Result<Where, Fault> {
     let range = Range { at: db.at, len: db.len };
     let Some(byte) = range.locate(at / 8, bits.div_ceil(8)) else {
-        return Err(outside(at, write));
+        let area = match register {
+            DbRegister::Db => Area::Db,
+            DbRegister::Di => Area::Di,
+        };
+        return Err(outside(area, at, bits, write));
     };
     if write && db.writable == 0 {
         return Err(Fault::new(
@@ -133,7 +142,7 @@ pub(crate) fn open(m: &Machine, number: u16, register: DbRegister) -> Result<Db,
 fn read_pointer(pointer: Pointer, bits: u8, r: &Regs, m: &Machine) -> Result<u32, Fault> {
     match in_area(pointer.area, pointer.at.0, u32::from(bits), false, r, m)? {
         Where::Arena(at) => Ok(m.memory.read_bits(at, bits)),
-        Where::Peripheral(byte) => Err(outside(byte, false)),
+        Where::Peripheral(at) => Err(outside(pointer.area, at, u32::from(bits), false)),
     }
 }
 
@@ -174,7 +183,7 @@ pub(crate) fn write(place: Place, bits: u8, value: u32, r: &mut Regs, m: &mut Ma
 fn read_peripheral(m: &mut Machine, at: u32, bits: u8) -> Result<u32, Fault> {
     let mut bytes = [0; 4];
     let len = usize::from(bits.div_ceil(8));
-    m.io_read(at / 8, &mut bytes[4 - len..]).map_err(|_| Fault::new(FaultKind::PeripheralRead, at / 8))?;
+    m.io_read(at / 8, &mut bytes[4 - len..]).map_err(|_| peripheral(FaultKind::PeripheralRead, at, bits))?;
     let value = u32::from_be_bytes(bytes);
     Ok(if bits == 1 { value >> (at % 8) & 1 } else { value })
 }
@@ -182,10 +191,15 @@ fn read_peripheral(m: &mut Machine, at: u32, bits: u8) -> Result<u32, Fault> {
 fn write_peripheral(m: &mut Machine, at: u32, bits: u8, value: u32) -> Result<(), Fault> {
     if bits == 1 {
         // There are no peripheral bits.
-        return Err(Fault::new(FaultKind::PeripheralWrite, at / 8));
+        return Err(peripheral(FaultKind::PeripheralWrite, at, bits));
     }
     let len = usize::from(bits / 8);
-    m.io_write(at / 8, &value.to_be_bytes()[4 - len..]).map_err(|_| Fault::new(FaultKind::PeripheralWrite, at / 8))
+    let from = &value.to_be_bytes()[4 - len..];
+    m.io_write(at / 8, from).map_err(|_| peripheral(FaultKind::PeripheralWrite, at, bits))
+}
+
+fn peripheral(kind: FaultKind, at: u32, bits: u8) -> Fault {
+    Fault::at(kind, Area::Peripheral, u32::from(bits), at / 8)
 }
 
 /// The block kinds' "not loaded" and number faults.

@@ -6,7 +6,7 @@ use ob1_model::{Area, Fault, FaultKind, Site};
 use super::arith::{self, low_word};
 use super::call::{self, CallSite, Prepared, Tops};
 use super::code::{AREA_IN_POINTER, Base, Block, Call, InstanceOf, Op, Scan};
-use super::regs::{BR, OS, Regs, status_bit, with_cc};
+use super::regs::{BR, Interrupted, OS, Regs, status_bit, with_cc};
 use super::resolve::{self, Where};
 use super::slow;
 use super::{Callee, Engine, Entry};
@@ -76,14 +76,11 @@ fn register_indirect(
     m: &Machine,
 ) -> Result<Where, Fault> {
     let at = pointer.wrapping_add(offset) & resolve::POINTER_BITS;
-    if bits > 1 && at & 7 != 0 {
-        let kind = if write { FaultKind::AlignmentWrite } else { FaultKind::AlignmentRead };
-        return Err(Fault::new(kind, at / 8));
-    }
     let code = if code == AREA_IN_POINTER { (pointer >> 24) as u8 } else { code };
     let Some(area) = Area::from_pointer_code(code) else {
         return Err(Fault::new(if write { FaultKind::AreaWrite } else { FaultKind::AreaRead }, u32::from(code)));
     };
+    resolve::aligned(area, at, bits, write)?;
     resolve::in_area(area, at, bits, write, r, m)
 }
 
@@ -144,7 +141,7 @@ impl Reference {
         let Some(mut code) = self.blocks.get(current as usize) else { return Ok(()) };
         let mut r = match self.begin(code, entry, cx.machine) {
             Ok(r) => r,
-            Err(fault) => return cx.fault(fault, Some(code.site(0)), [0; 2]),
+            Err(fault) => return cx.fault(fault, Some(code.site(0)), &Interrupted::default()).map(|_| ()),
         };
         let mut pc = 0usize;
         // Statements of the running stretch are counted when it is left: those from `from` to `pc`.
@@ -184,7 +181,13 @@ impl Reference {
                 count!();
                 from = pc;
                 cx.machine.pending = executed;
-                cx.fault(fault, Some(code.site(pc - 1)), [r.a1, r.a2])?;
+                let mut regs = r;
+                let value = cx.fault(fault, Some(code.site(pc - 1)), &regs.interrupted())?;
+                if code.stmts.get(pc - 1).is_some_and(|stmt| slow::loads(&stmt.op)) {
+                    slow::load(&mut regs, 0);
+                }
+                regs.a1 = value.unwrap_or(regs.a1);
+                r = regs;
                 executed = cx.machine.pending;
                 continue;
             }};
@@ -559,7 +562,11 @@ impl Reference {
         let local = m.memory.local.locate(m.local_top, code.local_len).ok_or(full)?;
         m.local_top += code.local_len;
         m.depth += 1;
-        Ok(Regs::new(entry, local, code.local_len))
+        let mut r = Regs::new(entry, local, code.local_len);
+        if let Some(interrupted) = m.interrupted.take() {
+            r.take_over(&interrupted);
+        }
+        Ok(r)
     }
 }
 

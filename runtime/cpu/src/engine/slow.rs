@@ -220,6 +220,13 @@ pub(crate) fn load(r: &mut Regs, value: u32) {
     r.a1 = value;
 }
 
+/// True for statements that load ACCU1 from memory: one that fails loads 0, or what SFC 44 gives.
+/// ["Inserting Substitute Values for Error Detection" of Programming with STEP 7]
+pub(crate) const fn loads(op: &Op) -> bool {
+    use Op::{Load, LoadCounter, LoadCounterBcd, LoadTimer, LoadTimerBcd};
+    matches!(op, Load(_) | LoadTimer(_) | LoadTimerBcd(_) | LoadCounter(_) | LoadCounterBcd(_))
+}
+
 fn load_transfer(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     match *op {
         Op::Load(operand) => {
