@@ -5,6 +5,7 @@ use ob1_model::{Access, BlockId, BlockKind, Event, Fault, Site};
 
 use crate::engine::Interrupted;
 use crate::interrupts::{ob_of, priority_of};
+use crate::szl::block_code;
 use crate::{Abort, Context, DiagEntry, ModuleError, ObInfo, ShortText};
 
 /// Priority class of the OBs for asynchronous errors in RUN.
@@ -134,12 +135,7 @@ impl Context<'_> {
         let [class, id] = fault.kind.number().to_be_bytes();
         let mut start = self.start_info(class, id, self.machine.ob.priority, number as u8);
         let block = site.map_or(BlockId::new(BlockKind::Ob, 0), |s| s.block);
-        start[4] = match block.kind {
-            BlockKind::Ob => 0x88,
-            BlockKind::Db => 0x8A,
-            BlockKind::Fc | BlockKind::Sfc => 0x8C,
-            BlockKind::Fb | BlockKind::Sfb => 0x8E,
-        };
+        start[4] = block_code(block.kind);
         start[5] = fault.access.map_or(0, Access::code);
         start[6..8].copy_from_slice(&fault.source().to_be_bytes());
         start[8..10].copy_from_slice(&block.number.to_be_bytes());

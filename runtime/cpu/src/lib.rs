@@ -21,6 +21,7 @@ mod load;
 mod log;
 mod machine;
 mod memory;
+mod messages;
 mod modules;
 mod native;
 mod ob_statistics;
@@ -33,6 +34,7 @@ mod settings;
 mod startup;
 mod statistics;
 mod system;
+mod szl;
 mod timers;
 
 pub use config::{Command, CpuConfig, CycleEnd, ModuleSlot, OperatingState};

@@ -128,6 +128,8 @@ impl Cpu {
             local_top: 0,
             depth: 0,
             ob: ObInfo::default(),
+            class_ob: 0,
+            started: 0,
             inside: 0,
             interrupts: Interrupts::new(&config.cyclic, |ob| blocks.ob(ob).is_some()),
             obs: ObRecords::new(obs.into_iter()),

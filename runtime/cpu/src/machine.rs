@@ -100,6 +100,10 @@ pub(crate) struct Machine {
     /// Blocks nested in the running organization block.
     pub(crate) depth: u8,
     pub(crate) ob: ObInfo,
+    /// The organization block that gives the running class: `ob`, but where that is OB 121 or OB 122.
+    pub(crate) class_ob: u16,
+    /// When the last start-up began.
+    pub(crate) started: Nanos,
     /// Time the running organization block was interrupted by others.
     pub(crate) inside: Nanos,
     pub(crate) interrupts: Interrupts,
@@ -182,6 +186,18 @@ impl Context<'_> {
         }
     }
 
+    /// Time passes inside the scan; what is due meanwhile is served.
+    pub(crate) fn wait(&mut self, time: Nanos) -> Result<(), Abort> {
+        self.look();
+        let deadline = self.machine.now.saturating_add(time);
+        while self.machine.now < deadline {
+            let watchdog = self.machine.watchdog.expires.unwrap_or(deadline);
+            self.clock.wait(deadline.min(watchdog).min(self.machine.interrupts.next_due()));
+            self.attend()?;
+        }
+        Ok(())
+    }
+
     /// The common parts of start information: event class and identifier, priority class, number, date.
     pub(crate) fn start_info(&self, class: u8, id: u8, priority: u8, number: u8) -> [u8; 20] {
         let mut start = [0; 20];
@@ -202,11 +218,18 @@ impl Context<'_> {
         let machine = &mut *self.machine;
         let began = machine.now;
         let outer_inside = std::mem::take(&mut machine.inside);
-        // The OBs for synchronous errors belong to the class they interrupt, and so do its masks.
+        // The OBs for synchronous errors belong to the class they interrupt, and so do its masks and its run time.
         let synchronous = matches!(info.number, 121 | 122);
-        let filter = machine.services.filter;
+        let (filter, outer_class) = (machine.services.filter, machine.class_ob);
         if !synchronous {
             machine.services.filter = ErrorFilter::default();
+            machine.class_ob = info.number;
+            if let Some(record) = machine.obs.of(outer_class) {
+                record.pause(began, outer_inside);
+            }
+            if let Some(record) = machine.obs.of(info.number) {
+                record.begin(began);
+            }
         }
         let outer = std::mem::replace(&mut machine.ob, info);
         let caller = machine.native_caller.take();
@@ -219,12 +242,14 @@ impl Context<'_> {
         self.look();
         let machine = &mut *self.machine;
         let whole = machine.now - began;
-        let inside = std::mem::replace(&mut machine.inside, outer_inside + whole);
+        let inside = machine.inside;
+        machine.inside = outer_inside + if synchronous { inside } else { whole };
         if let (Ok(()), Some(record)) = (result, machine.obs.of(info.number)) {
             record.ran(whole.saturating_sub(inside), whole);
         }
         if !synchronous {
             machine.services.filter = filter;
+            machine.class_ob = outer_class;
             if info.number < 80 {
                 machine.services.locks.end_delays();
             }

@@ -197,10 +197,13 @@ impl Memory {
         }
     }
 
-    /// The load values of a data block of the program.
+    /// The load values of a data block. One that the program has made has none but its bytes.
     pub(crate) fn load_values_mut(&mut self, number: u16) -> Option<&mut [u8]> {
         let index = usize::from(*self.by_number.get(usize::from(number))?).checked_sub(1)?;
-        let db = self.dbs[..self.program_dbs].get(index)?;
+        let Some(db) = self.dbs[..self.program_dbs].get(index) else {
+            let db = self.dbs.get(index)?;
+            return self.bytes.get_mut(Range { at: db.at, len: db.len }.bytes());
+        };
         let at = (db.at - self.all_dbs.at) as usize;
         self.load_values.get_mut(at..at + db.len as usize)
     }

@@ -5,6 +5,9 @@ use crate::{LoadError, Memory, Module, ModuleError, ModuleSlot, ModuleStatus, Na
 /// Bytes of the peripheral area.
 const PERIPHERAL_BYTES: u32 = 65_536;
 
+/// The slot of the first module: behind power supply, CPU and interface module, as on an S7-300.
+pub(crate) const SLOT: u16 = 4;
+
 /// A module in its place.
 pub(crate) struct Plugged {
     pub(crate) slot: ModuleSlot,
@@ -166,6 +169,12 @@ impl Modules {
 }
 
 impl Plugged {
+    /// The address is one of the module's input or output bytes, or where it begins.
+    pub(crate) fn has(&self, address: u32, output: bool) -> bool {
+        let (first, len) = self.range(output);
+        address == first || address > first && address - first < len
+    }
+
     fn range(&self, outputs: bool) -> (u32, u32) {
         if outputs {
             (self.slot.output_address, self.output_bytes)

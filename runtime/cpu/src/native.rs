@@ -377,6 +377,10 @@ impl NativeContext for Call<'_, '_> {
         self.cx.retrigger_watchdog();
     }
 
+    fn wait(&mut self, microseconds: u32) -> Result<(), Abort> {
+        self.cx.wait(u64::from(microseconds) * 1000)
+    }
+
     fn services(&mut self) -> Option<&mut dyn Services> {
         Some(&mut *self.cx.machine)
     }

@@ -1,6 +1,7 @@
 //! Figures of each loaded organization block: runs, execution time, lateness, requests lost. Recording allocates nothing.
 
 use hdrhistogram::Histogram;
+use ob1_std::services::RunTimes;
 
 use crate::Nanos;
 use crate::statistics::{Distribution, LONGEST, distribution};
@@ -32,8 +33,21 @@ pub(crate) struct ObRecord {
     longest: Nanos,
     latest: Nanos,
     /// Of the last completed run: without and with the higher classes.
-    pub(crate) last_run: Nanos,
-    pub(crate) last_whole: Nanos,
+    last: Option<(Nanos, Nanos)>,
+    /// How late the next run begins.
+    waited: Nanos,
+    current: Option<Current>,
+}
+
+/// A run under way.
+#[derive(Clone, Copy, Debug)]
+struct Current {
+    began: Nanos,
+    requested: Nanos,
+    /// Since when a higher class runs, and how long others had before.
+    paused: Option<(Nanos, Nanos)>,
+    /// It has asked for its own times.
+    asked: bool,
 }
 
 impl ObRecord {
@@ -47,23 +61,60 @@ impl ObRecord {
             lateness: histogram(),
             longest: 0,
             latest: 0,
-            last_run: 0,
-            last_whole: 0,
+            last: None,
+            waited: 0,
+            current: None,
         }
     }
 
     /// A run has ended.
     pub(crate) fn ran(&mut self, run: Nanos, whole: Nanos) {
         self.runs += 1;
-        (self.last_run, self.last_whole) = (run, whole);
+        (self.last, self.current) = (Some((run, whole)), None);
         self.longest = self.longest.max(run);
         self.execution.saturating_record(run.clamp(1, LONGEST));
     }
 
     /// A run begins so late.
     pub(crate) fn late(&mut self, by: Nanos) {
+        self.waited = by;
         self.latest = self.latest.max(by);
         self.lateness.saturating_record(by.clamp(1, LONGEST));
+    }
+
+    /// A run begins.
+    pub(crate) fn begin(&mut self, now: Nanos) {
+        let requested = now.saturating_sub(std::mem::take(&mut self.waited));
+        self.current = Some(Current { began: now, requested, paused: None, asked: false });
+    }
+
+    /// A higher class begins; others have had `inside` of the time before.
+    pub(crate) fn pause(&mut self, now: Nanos, inside: Nanos) {
+        if let Some(current) = &mut self.current {
+            current.paused = Some((now, inside));
+        }
+    }
+
+    /// The times SFC 78 tells. `inside`: the block is the running one, and others have had so much of its time. `own`: it asks for
+    /// its own times, and gets those of the last run once.
+    pub(crate) fn times(&mut self, now: Nanos, inside: Option<Nanos>, own: bool, into: &mut RunTimes) {
+        let micros = |time: Nanos| u32::try_from(time / 1000).unwrap_or(u32::MAX >> 1);
+        if let Some((run, whole)) = self.last {
+            (into.last_run, into.last_whole) = (micros(run), micros(whole));
+        }
+        let Some(current) = &mut self.current else { return };
+        if current.asked {
+            (into.last_run, into.last_whole) = (u32::MAX, u32::MAX);
+        }
+        current.asked |= own;
+        let (until, inside) = match (inside, current.paused) {
+            (Some(inside), _) => (now, inside),
+            (None, Some(paused)) => paused,
+            (None, None) => (now, 0),
+        };
+        into.request = micros(current.requested) & (u32::MAX >> 1);
+        into.current_whole = micros(now.saturating_sub(current.began));
+        into.current_run = micros(until.saturating_sub(current.began).saturating_sub(inside));
     }
 
     pub(crate) fn reset(&mut self) {
@@ -107,6 +158,11 @@ impl ObRecords {
     pub(crate) fn of(&mut self, ob: u16) -> Option<&mut ObRecord> {
         let place = usize::from(*self.places.get(usize::from(ob))?);
         self.list.get_mut(place.checked_sub(1)?)
+    }
+
+    /// A start-up begins: nothing is under way, and what SFC 78 knows of last runs is gone.
+    pub(crate) fn restart(&mut self) {
+        self.list.iter_mut().for_each(|record| (record.last, record.current) = (None, None));
     }
 
     pub(crate) fn reset(&mut self) {

@@ -14,6 +14,10 @@ pub trait Clock {
     /// Told at safe points how many statements have been executed since the last time. A virtual clock charges time for them, so that a
     /// loop on a timer ends and the watchdog fires; a real clock ignores it.
     fn executed(&mut self, statements: u64);
+
+    /// A block waits inside the scan (SFC 47) until `deadline`, or until something is due before. A virtual clock moves there. A real
+    /// one has nothing to do: its time goes on by itself, and a scan does not sleep.
+    fn wait(&mut self, _deadline: Nanos) {}
 }
 
 /// Why a module cannot be accessed.
@@ -228,6 +232,14 @@ pub trait NativeContext {
     fn log(&mut self, level: u8, text: &str);
     /// Restarts the cycle monitoring (SFC 43). Not in the plugin interface; nothing by default.
     fn retrigger_watchdog(&mut self) {}
+    /// Comes back after so many microseconds; higher classes may run meanwhile (SFC 47). Not in the plugin interface; at once by
+    /// default.
+    ///
+    /// # Errors
+    /// The CPU goes to STOP.
+    fn wait(&mut self, _microseconds: u32) -> Result<(), Abort> {
+        Ok(())
+    }
     /// What standard blocks ask for: clock, interrupts by time, masks and locks, data blocks. Not in the plugin interface; none by
     /// default.
     fn services(&mut self) -> Option<&mut dyn crate::Services> {

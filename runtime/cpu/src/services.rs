@@ -5,14 +5,17 @@
 use ob1_std::Service;
 use ob1_std::moment::Moment;
 use ob1_std::services::{
-    CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError, ErrorFilter, InterruptLocks, LoadError,
-    Meters, Period, RunTimeMeter, Schedule, StartInfo, TimeOfDayInterrupt, WallClock,
+    AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError, ErrorFilter,
+    ImageError, Images, InterruptLocks, LoadError, Messages, Meters, Period, RunTimeMeter, Schedule, StartInfo,
+    SystemStatus, TimeOfDayInterrupt, WallClock,
 };
 
 use crate::Nanos;
 use crate::db_pool::NoDb;
 use crate::interrupts::{NEVER, slot_of};
 use crate::machine::Machine;
+use crate::messages::Signals;
+use crate::modules::SLOT;
 
 /// The services this CPU has for standard blocks: those of [`crate::NativeContext::services`].
 pub const SERVICES: &[Service] = &[
@@ -23,17 +26,27 @@ pub const SERVICES: &[Service] = &[
     Service::InterruptLocks,
     Service::DataBlocks,
     Service::StartInfo,
+    Service::ReplaceValue,
+    Service::Images,
+    Service::SystemStatus,
+    Service::Messages,
+    Service::AlarmSource,
+    Service::Waiting,
 ];
 
 /// Longest data block SFC 22 makes.
 const LONGEST_DB: u16 = 65_534;
 
 /// The CPU's services, by the traits of `ob1-std`.
-pub trait Services: WallClock + Meters + Schedule + DataBlocks + StartInfo {
+pub trait Services:
+    WallClock + Meters + Schedule + DataBlocks + StartInfo + Images + SystemStatus + Messages + AlarmSource
+{
     /// The filter of synchronous errors of the running priority class.
     fn error_filter(&mut self) -> &mut ErrorFilter;
     /// Which interrupts are locked and delayed.
     fn interrupt_locks(&mut self) -> &mut InterruptLocks;
+    /// Puts a value into ACCU1 of the block that an error has interrupted; `false` outside OB 121 and OB 122.
+    fn replace_value(&mut self, value: u32) -> bool;
 }
 
 /// State behind the services.
@@ -46,6 +59,8 @@ pub(crate) struct ServiceState {
     meters: [RunTimeMeter; 8],
     /// Start information of the last start-up OB.
     pub(crate) start_up: [u8; 20],
+    /// Signals of block-related messages.
+    pub(crate) signals: Signals,
     /// A block has asked for something that due times depend on.
     pub(crate) touched: bool,
 }
@@ -62,6 +77,7 @@ impl ServiceState {
             delays: std::array::from_fn(|i| DelayInterrupt { loaded: loaded(20 + i as u16), ..Default::default() }),
             meters: [RunTimeMeter::default(); 8],
             start_up: [0; 20],
+            signals: Signals::default(),
             touched: false,
         }
     }
@@ -72,6 +88,7 @@ impl ServiceState {
         self.time_of_day.iter_mut().for_each(|i| (i.set, i.active) = (None, false));
         self.delays.iter_mut().for_each(|i| i.due = None);
         self.touched = false;
+        self.signals = Signals::default();
     }
 }
 
@@ -151,6 +168,62 @@ impl Services for Machine {
         self.services.touched = true;
         &mut self.services.locks
     }
+    fn replace_value(&mut self, value: u32) -> bool {
+        let synchronous = matches!(self.ob.number, 121 | 122);
+        if synchronous {
+            self.substitute = Some(value);
+        }
+        synchronous
+    }
+}
+
+/// There is one process image; it has no partitions.
+impl Images for Machine {
+    fn update_inputs(&mut self, partition: u8) -> Result<(), ImageError> {
+        if partition != 0 {
+            return Err(ImageError::NotConfigured);
+        }
+        let mut result = Ok(());
+        for index in 0..self.modules.list.len() {
+            if self.modules.read_image(index, &mut self.memory).is_err() {
+                result = result.and(Err(ImageError::Access(self.modules.list[index].slot.input_address as u16)));
+            }
+        }
+        result
+    }
+    fn update_outputs(&mut self, partition: u8) -> Result<(), ImageError> {
+        if partition != 0 {
+            return Err(ImageError::NotConfigured);
+        }
+        let mut result = Ok(());
+        for index in 0..self.modules.list.len() {
+            if self.modules.write_image(index, &self.memory).is_err() {
+                result = result.and(Err(ImageError::Access(self.modules.list[index].slot.output_address as u16)));
+            }
+        }
+        result
+    }
+}
+
+impl AlarmSource for Machine {
+    /// Hardware and diagnostic interrupts with their four bytes; a lost or returned station without any.
+    fn alarm(&mut self) -> Option<AlarmInfo> {
+        let start = self.ob.start;
+        let address = u32::from(u16::from_be_bytes([start[6], start[7]]));
+        let bytes: &[u8] = match self.ob.number {
+            40..=47 | 82 => &start[8..12],
+            86 => &[],
+            _ => return None,
+        };
+        let output = start[5] == 0x55;
+        let place = self.modules.list.iter().position(|plugged| plugged.has(address, output)).unwrap_or(0);
+        let mut data = [0; 64];
+        // Header: length, type (reserved in the central rack), slot, specifier (reserved).
+        data[..4].copy_from_slice(&[4 + bytes.len() as u8, 0, (place as u16 + SLOT) as u8, 0]);
+        data[4..4 + bytes.len()].copy_from_slice(bytes);
+        let len = if bytes.is_empty() { 0 } else { 4 + bytes.len() as u8 };
+        Some(AlarmInfo { address: address | u32::from(output) << 15, start, data, len })
+    }
 }
 
 impl WallClock for Machine {
@@ -191,8 +264,8 @@ impl DataBlocks for Machine {
         if request.low == 0 || request.low > request.high {
             return Err(CreateError::Numbers);
         }
-        // There is no load memory that could hold what is made at run time.
-        if request.load_memory || request.unlinked || self.memory.pool.len == 0 {
+        // There is no load memory beside the work memory that could hold what is made at run time.
+        if request.unlinked || self.memory.pool.len == 0 {
             return Err(CreateError::NoMemory);
         }
         self.memory.make_db(request.low, request.high, u32::from(request.bytes), request.read_only).map_err(|why| {

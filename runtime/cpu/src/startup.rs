@@ -102,7 +102,7 @@ impl Cpu {
         m.stopping = false;
         (m.refs_top, m.scratch_top, m.local_top, m.depth, m.inside) = (0, 0, 0, 0, 0);
         m.frames.clear();
-        m.ob = ObInfo::default();
+        (m.ob, m.class_ob) = (ObInfo::default(), 0);
         m.native_caller = None;
         (m.interrupted, m.substitute) = (None, None);
         m.interrupts.clear();
@@ -127,25 +127,26 @@ impl Cpu {
         let m = &mut self.machine;
         let stood = m.now.saturating_sub(m.stopped_at);
         m.timers.iter_mut().for_each(|timer| timer.shift(stood));
-        m.stopped_at = m.now;
+        (m.stopped_at, m.started) = (m.now, m.now);
+        m.obs.restart();
         self.state = OperatingState::Startup;
         self.diagnose(Event::STARTUP, 0, kind.text());
         self.machine.modules.cpu_state(true);
         self.machine.watchdog = Watchdog::default();
-        let ob = |number| self.blocks.ob(number).map(|callee| (number, callee));
-        let found = match kind {
-            Start::Warm => ob(100),
-            Start::Hot => ob(101),
-            Start::Cold => ob(102).or_else(|| ob(100)),
+        let number = match kind {
+            Start::Cold if self.blocks.ob(102).is_some() => 102,
+            Start::Warm | Start::Cold => 100,
+            Start::Hot => 101,
         };
-        if let Some((number, callee)) = found {
-            let mut cx = self.context(clock);
-            let mut start = cx.start_info(0x13, kind.request(), 27, number as u8);
-            start[6..8].copy_from_slice(&stop_event.to_be_bytes());
-            start[9] = kind.completed();
-            // Start-up is permitted, automatic and manual; what was set last is this one.
-            (start[10], start[11]) = (0x77, kind.completed());
-            cx.machine.services.start_up = start;
+        let found = self.blocks.ob(number);
+        let mut cx = self.context(clock);
+        let mut start = cx.start_info(0x13, kind.request(), 27, number as u8);
+        start[6..8].copy_from_slice(&stop_event.to_be_bytes());
+        start[9] = kind.completed();
+        // Start-up is permitted, automatic and manual; what was set last is this one.
+        (start[10], start[11]) = (0x77, kind.completed());
+        cx.machine.services.start_up = start;
+        if let Some(callee) = found {
             let ran = cx.run_ob(callee, ObInfo { number, priority: 27, start }).and_then(|()| cx.attend());
             if ran.is_err() || self.machine.stopping {
                 self.enter_stop();

@@ -1,7 +1,10 @@
 //! The standard blocks of `ob1-std` as native blocks: what they ask of the CPU, put in the CPU's own words.
 
 use ob1_model::{Area, BlockId, Event, FaultKind, Interface};
-use ob1_std::services::{DataBlocks, ErrorFilter, InterruptLocks, Meters, Schedule, StartInfo, WallClock};
+use ob1_std::services::{
+    AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Schedule, StartInfo, SystemStatus,
+    Waiting, WallClock,
+};
 use ob1_std::{Context, Interrupted, ModuleSize, Refused, StandardBlock};
 
 use crate::{Abort, ModuleError, NativeArea, NativeBlock, NativeContext, NativeError};
@@ -91,6 +94,12 @@ fn refused(error: NativeError) -> Refused {
         NativeError::Module(ModuleError::Outside) | NativeError::Outside => Refused::Outside,
         // What only calls, timers and counters answer.
         NativeError::Abort | NativeError::NoBlock | NativeError::NoTimer => Refused::NoParam,
+    }
+}
+
+impl Waiting for Bridge<'_> {
+    fn wait(&mut self, microseconds: u32) -> Result<(), Interrupted> {
+        self.cx.wait(microseconds).map_err(|Abort| Interrupted::Abort)
     }
 }
 
@@ -184,6 +193,30 @@ impl Context for Bridge<'_> {
 
     fn error_filter(&mut self) -> Option<&mut ErrorFilter> {
         Some(self.cx.services()?.error_filter())
+    }
+
+    fn replace_value(&mut self, value: u32) -> Option<bool> {
+        Some(self.cx.services()?.replace_value(value))
+    }
+
+    fn images(&mut self) -> Option<&mut dyn Images> {
+        Some(self.cx.services()?)
+    }
+
+    fn system_status(&mut self) -> Option<&mut dyn SystemStatus> {
+        Some(self.cx.services()?)
+    }
+
+    fn messages(&mut self) -> Option<&mut dyn Messages> {
+        Some(self.cx.services()?)
+    }
+
+    fn alarm_source(&mut self) -> Option<&mut dyn AlarmSource> {
+        Some(self.cx.services()?)
+    }
+
+    fn waiting(&mut self) -> Option<&mut dyn Waiting> {
+        Some(self)
     }
 
     fn interrupt_locks(&mut self) -> Option<&mut InterruptLocks> {

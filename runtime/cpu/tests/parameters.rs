@@ -213,8 +213,11 @@ fn constants_for_inputs_of_functions_and_function_blocks() {
     }
 }
 
-/// What a STRUCT, an ARRAY, a STRING and a DATE_AND_TIME have in common: eight bytes or more, told apart by the first word.
-const COMPOSED: [(&str, &str, &str); 4] = [
+/// Composed types, told apart by their first word; some no longer than an elementary one.
+const COMPOSED: [(&str, &str, &str); 7] = [
+    ("STRUCT a : INT; END_STRUCT", "#i.a", "#x.a"),
+    ("STRUCT a : INT; b : BYTE; END_STRUCT", "#i.a", "#x.a"),
+    ("ARRAY [5..6] OF WORD", "#i[5]", "#x[5]"),
     ("STRUCT a : INT; b : REAL; c : INT; END_STRUCT", "#i.a", "#x.a"),
     ("ARRAY [1..4] OF INT", "#i[1]", "#x[1]"),
     ("ARRAY [0..1, 2..3] OF INT", "#i[0,2]", "#x[0,2]"),

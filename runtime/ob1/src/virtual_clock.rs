@@ -36,6 +36,10 @@ impl Clock for VirtualClock {
     fn executed(&mut self, statements: u64) {
         self.now = self.now.saturating_add(statements.saturating_mul(self.ns_per_statement));
     }
+
+    fn wait(&mut self, deadline: Nanos) {
+        self.advance_to(deadline);
+    }
 }
 
 #[cfg(test)]

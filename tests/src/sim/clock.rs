@@ -17,4 +17,8 @@ impl Clock for VirtualClock {
     fn executed(&mut self, statements: u64) {
         self.0 += statements * NS_PER_STATEMENT;
     }
+
+    fn wait(&mut self, deadline: Nanos) {
+        self.0 = self.0.max(deadline);
+    }
 }

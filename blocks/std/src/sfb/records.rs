@@ -132,11 +132,11 @@ fn ralrm(call: &mut Call<'_>) -> Done {
     call.br(result.is_ok())
 }
 
-/// TINFO: start information and the alarm's address; AINFO: the alarm's bytes. As much as the targets hold.
+/// TINFO: start information, then eight bytes that are 0 for a module of the central rack 0; AINFO: the alarm's bytes. As much as the
+/// targets hold.
 fn information(call: &mut Call<'_>, alarm: &crate::services::AlarmInfo) -> Result<(), u32> {
-    let mut task = [0; 32];
+    let mut task = [0; 28];
     task[..20].copy_from_slice(&alarm.start);
-    task[20..24].copy_from_slice(&alarm.address.to_be_bytes());
     if let Some(target) = call.any(Ralrm::TINFO) {
         let len = target.bytes().unwrap_or(0).min(task.len() as u32) as usize;
         call.write_at(&target, 0, &task[..len]).map_err(|e| status(LOCAL, write_error(8, e)))?;
@@ -217,7 +217,7 @@ mod tests {
             fake.station.alarm = present.then_some(alarm);
             fake.run();
             assert_eq!((fake.value("NEW"), fake.value("STATUS")), (new, 0), "{mode} {asked:X}");
-            let (task, bytes): ([u8; 4], [u8; 3]) = if written { ([3, 0, 0, 2], [7, 8, 9]) } else { ([0; 4], [0; 3]) };
+            let (task, bytes): ([u8; 4], [u8; 3]) = if written { ([3, 0, 0, 0], [7, 8, 9]) } else { ([0; 4], [0; 3]) };
             assert_eq!((fake.memory_at(19, 4), fake.memory_at(40, 3)), (&task[..], &bytes[..]), "{mode} {asked:X}");
         }
         let mut fake = Fake::new("SYSTEM:SFB54").with("MODE", [0, 3]);

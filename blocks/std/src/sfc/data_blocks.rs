@@ -27,7 +27,9 @@ pub(super) const ROWS: &[Row] = &[
     Row::sfc::<CreatDb>(22, "CREAT_DB", creat_db).needs(Service::DataBlocks),
     Row::sfc::<DelDb>(23, "DEL_DB", del_db).needs(Service::DataBlocks),
     Row::sfc::<TestDb>(24, "TEST_DB", test_db).needs(Service::DataBlocks),
-    Row::sfc::<CreaDbl>(82, "CREA_DBL", crea_dbl).needs(Service::DataBlocks).note("answers in the same call"),
+    Row::sfc::<CreaDbl>(82, "CREA_DBL", crea_dbl)
+        .needs(Service::DataBlocks)
+        .note("answers in the same call; the bytes of the data block are its load values too, UNLINKED is refused"),
     Row::sfc::<Dbl>(83, "READ_DBL", |call| dbl(call, read_dbl))
         .needs(Service::DataBlocks)
         .note("answers in the same call"),

@@ -33,11 +33,14 @@ fn rd_sinfo(call: &mut Call<'_>) -> Done {
     call.end(RdSinfo::RET_VAL, 0)
 }
 
+/// The extract of an SZL-ID that stands for "header information only".
+const HEADER_ONLY: u16 = 0x0F00;
 /// Bytes of a system status list: the most that reaches DR.
 const LIST: usize = 2048;
 
-/// SZL_HEADER tells length and number of all records; DR takes as many whole ones as it has room for, RET_VAL is 0081h when
-/// some are missing, and 8081h when there is no room for one.
+/// DR takes as many whole records as it has room for, RET_VAL is 0081h when some are missing, and 8081h when there is no room for
+/// one. SZL_HEADER tells the length of a record and how many are in DR; of an extract "header information only" (xFyz), how many
+/// there are.
 fn rdsysst(call: &mut Call<'_>) -> Done {
     if !call.bool(RdSysSt::REQ) {
         call.set_bool(RdSysSt::BUSY, false);
@@ -49,7 +52,9 @@ fn rdsysst(call: &mut Call<'_>) -> Done {
     let Some(status) = call.cx.system_status() else { return Err(Interrupted::NoService) };
     let mut buffer = [0; LIST];
     let (mut records, mut kept, mut used) = (0u16, 0u16, 0usize);
-    let result = status.list(id, index, &mut |record| {
+    let header_only = id & HEADER_ONLY == HEADER_ONLY;
+    let list = if header_only { id & !HEADER_ONLY } else { id };
+    let result = status.list(list, index, &mut |record| {
         records = records.saturating_add(1);
         let end = used + record.len();
         if records == kept + 1 && end <= room {
@@ -61,10 +66,15 @@ fn rdsysst(call: &mut Call<'_>) -> Done {
         (Err(StatusError::Id), _) => 0x8082,
         (Err(StatusError::Index), _) => 0x8083,
         (Err(StatusError::NotNow), _) => 0x8085,
+        (Ok(length), _) if header_only => {
+            let [[a, b], [c, d]] = [length.to_be_bytes(), records.to_be_bytes()];
+            let _ = call.cx.write(RdSysSt::SZL_HEADER as u32, 0, &[a, b, c, d]);
+            0
+        }
         (Ok(_), None) => write_error(7, Refused::NoParam),
         (Ok(_), Some(_)) if kept == 0 && records > 0 => 0x8081,
         (Ok(length), Some(any)) => {
-            let [[a, b], [c, d]] = [length.to_be_bytes(), records.to_be_bytes()];
+            let [[a, b], [c, d]] = [length.to_be_bytes(), kept.to_be_bytes()];
             let _ = call.cx.write(RdSysSt::SZL_HEADER as u32, 0, &[a, b, c, d]);
             match call.write_at(&any, 0, &buffer[..used]) {
                 Ok(()) if kept < records => 0x0081,
@@ -110,10 +120,11 @@ mod tests {
     fn status_lists() {
         for (req, id, index, room, code, header, data) in [
             (1, 0x0011u16, 0u16, 8, 0, [0, 3, 0, 2], [1, 2, 3, 4, 5, 6]),
-            (1, 0x0011, 0, 5, 0x0081, [0, 3, 0, 2], [1, 2, 3, 0, 0, 0]),
+            (1, 0x0011, 0, 5, 0x0081, [0, 3, 0, 1], [1, 2, 3, 0, 0, 0]),
             (1, 0x0011, 0, 2, 0x8081, [0; 4], [0; 6]),
             (1, 0x0011, 1, 8, 0x8083, [0; 4], [0; 6]),
             (1, 0x0012, 0, 8, 0x8085, [0; 4], [0; 6]),
+            (1, 0x0F11, 0, 8, 0, [0, 3, 0, 2], [0; 6]),
             (1, 0x0F13, 0, 8, 0x8082, [0; 4], [0; 6]),
             (0, 0x0011, 0, 8, 0x7000, [0; 4], [0; 6]),
         ] {

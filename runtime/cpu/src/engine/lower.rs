@@ -59,7 +59,7 @@ impl Signature {
                 Formal {
                     section: p.section,
                     bits,
-                    elementary: !number && bits <= 32,
+                    elementary: p.ty.elementary_bits().is_some(),
                     number,
                     written: p.section != Section::Input || written(i),
                     at: p.at.0,

@@ -22,6 +22,9 @@ impl Clock for ManualClock {
     fn executed(&mut self, statements: u64) {
         self.now += statements * self.ns_per_statement;
     }
+    fn wait(&mut self, deadline: Nanos) {
+        self.now = self.now.max(deadline);
+    }
 }
 
 pub const MS: Nanos = 1_000_000;

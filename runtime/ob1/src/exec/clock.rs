@@ -96,4 +96,11 @@ impl Clock for ExecClock {
         }
         self.look_at_limits();
     }
+
+    fn wait(&mut self, deadline: Nanos) {
+        if let Time::Virtual(clock) = &mut self.time {
+            clock.wait(deadline);
+        }
+        self.look_at_limits();
+    }
 }

@@ -56,6 +56,10 @@ impl Clock for BenchClock {
             self.interrupt.halt();
         }
     }
+
+    fn wait(&mut self, deadline: Nanos) {
+        self.time.wait(deadline);
+    }
 }
 
 /// A CPU on the bench.

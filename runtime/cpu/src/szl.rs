@@ -1,0 +1,366 @@
+//! System status lists (SZL) as SFC 51 reads them: module identification, characteristics, memory and system areas, LEDs, operating
+//! state, interrupts, modules and their diagnosis, the diagnostic buffer.
+//!
+//! Layouts are those of the reference. An ID is list (low byte), extract (bits 8 to 11) and module class (bits 12 to 15, 0: CPU).
+//! ["System Status Lists (SSL)" of the system software reference]
+
+use ob1_model::BlockKind;
+use ob1_std::services::{RunTimes, StatusError, SystemStatus};
+
+use crate::calendar::date_and_time;
+use crate::interrupts::{priority_of, slot_of};
+use crate::machine::Machine;
+use crate::modules::{Plugged, SLOT};
+use crate::{DiagEntry, Family};
+
+/// Who gets the records.
+type Each<'a> = &'a mut dyn FnMut(&[u8]);
+/// Length of a record, or why there is none.
+type Length = Result<u16, StatusError>;
+
+/// The lists there are, for list 0000h.
+const LISTS: [u16; 27] = [
+    0x0000, 0x0011, 0x0111, 0x0012, 0x0112, 0x0013, 0x0113, 0x0014, 0x0015, 0x0115, 0x0019, 0x0119, 0x001C, 0x011C,
+    0x0222, 0x0124, 0x0424, 0x0074, 0x0174, 0x0091, 0x0A91, 0x0C91, 0x0D91, 0x00A0, 0x01A0, 0x00B1, 0x00B3,
+];
+/// LEDs of list xy74: SF, RUN, STOP, FRCE.
+const LEDS: [u16; 4] = [0x0001, 0x0004, 0x0005, 0x0006];
+/// Organization blocks of list 0222, and those SFC 78 knows, beside the interrupts.
+const OTHER_OBS: [u16; 14] = [1, 80, 81, 82, 83, 84, 85, 86, 87, 88, 100, 101, 102, 121];
+/// Bytes of a diagnostic data record 1, at most.
+const RECORD: usize = 16;
+
+impl SystemStatus for Machine {
+    fn list(&mut self, id: u16, index: u16, each: &mut dyn FnMut(&[u8])) -> Result<u16, StatusError> {
+        match id {
+            0x0000 => words(&LISTS, each),
+            0x0011 | 0x0111 => self.identification((id == 0x0111).then_some(index), each),
+            0x0012 | 0x0112 => self.characteristics((id == 0x0112).then_some(index), each),
+            0x0013 | 0x0113 => self.memory_areas((id == 0x0113).then_some(index), each),
+            0x0014 => self.system_areas(each),
+            0x0015 | 0x0115 => self.block_types((id == 0x0115).then_some(index), each),
+            0x0019 | 0x0074 => self.leds(None, each),
+            0x0119 | 0x0174 => self.leds(Some(index), each),
+            0x001C | 0x011C => self.components((id == 0x011C).then_some(index), each),
+            0x0222 => self.interrupt_status(index, each),
+            0x0124 | 0x0424 => self.operating_state(each),
+            0x0091 | 0x0A91 | 0x0D91 => self.module_status(None, each),
+            0x0C91 => self.module_status(Some(index), each),
+            0x00A0 => self.diagnostic_buffer(usize::MAX, each),
+            0x01A0 => self.diagnostic_buffer(usize::from(index), each),
+            0x00B1 => self.diagnostic_record(index, 0, each),
+            0x00B3 => self.diagnostic_record(index, 1, each),
+            _ => Err(StatusError::Id),
+        }
+    }
+
+    fn run_times(&mut self, ob: u16) -> Option<RunTimes> {
+        let own = ob == 0;
+        let ob = if own { self.class_ob } else { ob };
+        if !OTHER_OBS.contains(&ob) && slot_of(ob).is_none() {
+            return None;
+        }
+        let mut times =
+            RunTimes { ob, priority: u16::from(priority_of(ob)), last_run: u32::MAX, ..RunTimes::default() };
+        let (now, running, inside) = (self.now, self.class_ob, self.inside);
+        if let Some(record) = self.obs.of(ob) {
+            record.times(now, (running == ob).then_some(inside), own, &mut times);
+        }
+        Some(times)
+    }
+}
+
+/// A record of words.
+fn words(list: &[u16], each: Each<'_>) -> Length {
+    list.iter().for_each(|word| each(&word.to_be_bytes()));
+    Ok(2)
+}
+
+/// Calls `give` for each index of a list, or for the one that is asked for.
+fn chosen(all: &[u16], index: Option<u16>, give: &mut dyn FnMut(u16)) -> Result<(), StatusError> {
+    match index {
+        None => all.iter().for_each(|index| give(*index)),
+        Some(index) if all.contains(&index) => give(index),
+        Some(_) => return Err(StatusError::Index),
+    }
+    Ok(())
+}
+
+/// A record that is filled piece by piece.
+struct Record<const N: usize> {
+    bytes: [u8; N],
+    at: usize,
+}
+
+impl<const N: usize> Record<N> {
+    fn new() -> Self {
+        Self { bytes: [0; N], at: 0 }
+    }
+
+    fn put(mut self, bytes: &[u8]) -> Self {
+        let end = (self.at + bytes.len()).min(N);
+        self.bytes[self.at..end].copy_from_slice(&bytes[..end - self.at]);
+        self.at = end;
+        self
+    }
+
+    fn word(self, word: u16) -> Self {
+        self.put(&word.to_be_bytes())
+    }
+
+    fn long(self, long: u32) -> Self {
+        self.put(&long.to_be_bytes())
+    }
+
+    /// Text, filled up with `fill` to `len` bytes.
+    fn text(self, text: &str, len: usize, fill: u8) -> Self {
+        let mut bytes = [fill; 32];
+        let used = text.len().min(len).min(bytes.len());
+        bytes[..used].copy_from_slice(&text.as_bytes()[..used]);
+        self.put(&bytes[..len.min(32)])
+    }
+}
+
+/// The number in front of each dot of this version.
+fn version() -> [u8; 3] {
+    let mut numbers = env!("CARGO_PKG_VERSION").split('.').map(|n| n.parse().unwrap_or(0));
+    std::array::from_fn(|_| numbers.next().unwrap_or(0))
+}
+
+impl Machine {
+    const fn name(&self) -> &'static str {
+        match self.config.family {
+            Family::S7_300 => "ob1 S7-300",
+            Family::S7_400 => "ob1 S7-400",
+        }
+    }
+
+    /// Order number (20 characters), type, version of module, hardware and firmware.
+    fn identification(&self, index: Option<u16>, each: Each<'_>) -> Length {
+        let [major, minor, patch] = version();
+        chosen(&[1, 6, 7], index, &mut |index| {
+            let record =
+                Record::<28>::new().word(index).text(if index == 7 { "" } else { self.name() }, 20, b' ').word(0);
+            let record = match index {
+                7 => record.put(&[b'V', major, minor, patch]),
+                _ => record.word(1).word(0),
+            };
+            each(&record.bytes);
+        })?;
+        Ok(28)
+    }
+
+    /// By groups: MC7 unit, time system, system response, instructions.
+    fn characteristics(&self, group: Option<u16>, each: Each<'_>) -> Length {
+        let large = self.config.family == Family::S7_400;
+        // Interpreter; 1 ms, all clock functions; which restarts; 32 bits, floats with functions, 4 accumulators, MCR, AR1 and AR2,
+        // area-crossing, area-internal, memory-indirect for M, DB, DI, L, parameters of FCs, edges of I, Q, M, DB, DI, L, /FC.
+        let groups: [(u16, &[u16]); 4] = [
+            (0x0000, &[0x0002]),
+            (0x0100, &[0x0101, 0x0105]),
+            (0x0200, if large { &[0x0202] } else { &[0x0205] }),
+            (
+                0x0300,
+                &[
+                    0x0302, 0x0303, 0x0304, 0x0305, 0x0306, 0x0307, 0x0308, 0x0309, 0x030A, 0x030B, 0x030C, 0x030D,
+                    0x030E, 0x030F, 0x0310, 0x0311, 0x0312, 0x0313, 0x0314, 0x0315, 0x0316,
+                ],
+            ),
+        ];
+        if group.is_some_and(|group| groups.iter().all(|(id, _)| *id != group)) {
+            return Err(StatusError::Index);
+        }
+        for (_, list) in groups.into_iter().filter(|(id, _)| group.is_none_or(|group| group == *id)) {
+            for word in list.iter().filter(|word| **word != 0x0305 || self.config.accumulators == 4) {
+                each(&word.to_be_bytes());
+            }
+        }
+        Ok(2)
+    }
+
+    /// The work memory: all data blocks, and the room for those the program makes.
+    fn memory_areas(&self, index: Option<u16>, each: Each<'_>) -> Length {
+        let all = self.memory.bytes.len() as u32;
+        let made: u32 = self.memory.made.iter().filter(|m| m.db.number != 0).map(|m| m.db.len).sum();
+        let used = all - self.memory.pool.len + made;
+        chosen(&[1], index, &mut |index| {
+            let record = Record::<36>::new().word(index).word(1).long(all).word(0b1_0001).word(0);
+            each(&record.long(all).long(used).long(all - used).bytes);
+        })?;
+        Ok(36)
+    }
+
+    /// Process images, bit memory, timers, counters, peripheral area, local data: how many, and how many are retentive.
+    fn system_areas(&self, each: Each<'_>) -> Length {
+        let c = &self.config;
+        let short = |n: u32| n.min(0xFFFF) as u16;
+        let retentive = |ranges: &[std::ops::Range<u32>]| ranges.iter().map(|r| r.end.saturating_sub(r.start)).sum();
+        let few = |ranges: &[std::ops::Range<u16>]| ranges.iter().map(|r| r.end.saturating_sub(r.start)).sum();
+        let memory: u32 = retentive(&c.retentive.memory);
+        for (index, count, kept) in [
+            (1, short(c.input_bytes), 0),
+            (2, short(c.output_bytes), 0),
+            (3, short(c.memory_bytes * 8), short(memory * 8)),
+            (4, c.timers, few(&c.retentive.timers)),
+            (5, c.counters, few(&c.retentive.counters)),
+            (6, 0xFFFF, 0),
+            (7, short(c.local_bytes), 0),
+            (8, short(c.memory_bytes), short(memory)),
+            (9, short(c.local_bytes / 1024), 0),
+        ] {
+            each(&Record::<8>::new().word(index).word(1).word(count).word(kept).bytes);
+        }
+        Ok(8)
+    }
+
+    /// OB, DB, SDB, FC, FB: how many there can be, and how large.
+    fn block_types(&self, index: Option<u16>, each: Each<'_>) -> Length {
+        chosen(&[0x0800, 0x0A00, 0x0B00, 0x0C00, 0x0E00], index, &mut |index| {
+            let (count, kbytes) = match index {
+                0x0800 => ((OTHER_OBS.len() + 1 + crate::interrupts::SLOTS) as u16, 64),
+                0x0A00 => (0xFFFF, 64),
+                0x0B00 => (0, 0),
+                _ => (0xFFFF, 64),
+            };
+            each(&Record::<10>::new().word(index).word(count).word(kbytes).long(u32::from(kbytes) * 1024).bytes);
+        })?;
+        Ok(10)
+    }
+
+    fn leds(&self, index: Option<u16>, each: Each<'_>) -> Length {
+        let fault = self.modules.list.iter().any(|plugged| plugged.lost || !plugged.module.status().present);
+        let start_up = matches!(self.class_ob, 100..=102);
+        chosen(&LEDS, index, &mut |led| {
+            // The program runs: RUN, flashing at 2 Hz in the start-up.
+            let (on, blink) = match led {
+                0x0001 => (fault, 0),
+                0x0004 => (true, u8::from(start_up)),
+                _ => (false, 0),
+            };
+            each(&Record::<4>::new().word(led).put(&[u8::from(on), blink]).bytes);
+        })?;
+        Ok(4)
+    }
+
+    /// Names: of the station and of the module, the plant's (none), copyright, module type.
+    fn components(&self, index: Option<u16>, each: Each<'_>) -> Length {
+        chosen(&[1, 2, 3, 4, 5, 7], index, &mut |index| {
+            let (text, len) = match index {
+                1 | 2 => (self.name(), 24),
+                3 => ("", 32),
+                4 => ("ob1", 26),
+                5 => ("0", 24),
+                _ => (self.name(), 32),
+            };
+            each(&Record::<34>::new().word(index).text(text, len, 0).bytes);
+        })?;
+        Ok(34)
+    }
+
+    /// Start information of an OB as it would be now, what can be done with it, and when it is called.
+    fn interrupt_status(&mut self, ob: u16, each: Each<'_>) -> Length {
+        let Some(loaded) =
+            (OTHER_OBS.contains(&ob) || ob == 122 || slot_of(ob).is_some()).then(|| self.obs.of(ob).is_some())
+        else {
+            return Err(StatusError::Index);
+        };
+        let (event, active) = match ob {
+            1 => (0x1101, true),
+            10..=17 => (0x1111 + ob - 10, self.services.time_of_day[usize::from(ob - 10)].active),
+            20..=23 => (0x1121 + ob - 20, self.services.delays[usize::from(ob - 20)].due.is_some()),
+            30..=38 => (0x1131 + ob - 30, loaded),
+            40..=47 => (0x1141 + ob - 40, loaded),
+            100..=102 => (0x1381, false),
+            121 => (0x2521, false),
+            122 => (0x2942, false),
+            _ => (0x3501, false),
+        };
+        let locked = self.services.locks.is_disabled(ob);
+        let silent = locked && self.services.locks.is_silent(ob);
+        let flags = u16::from(locked) << 1 | u16::from(active) << 2 | u16::from(loaded) << 4 | u16::from(silent) << 6;
+        let start = Record::<28>::new().word(event).put(&[priority_of(ob), ob as u8]);
+        let mut record = start.bytes;
+        record[20..22].copy_from_slice(&flags.to_be_bytes());
+        each(&record);
+        Ok(28)
+    }
+
+    /// The last transition: its event, this state (6: STARTUP, 8: RUN) and that before.
+    fn operating_state(&self, each: Each<'_>) -> Length {
+        let start_up = matches!(self.class_ob, 100..=102);
+        let (event, now, before) = if start_up { (0x4301, 0x06, 0x04) } else { (0x4302, 0x08, 0x06) };
+        // Request of the start-up, and its OB10x_STRT_INFO but for the first byte.
+        let start = &self.services.start_up;
+        let record = Record::<20>::new().word(event).put(&[0xFF, before << 4 | now]).long(0);
+        let record = record.put(&[start[1], start[9], start[10], start[11]]);
+        each(&record.put(&date_and_time(self.config.date_at_start + self.started)).bytes);
+        Ok(20)
+    }
+
+    /// Rack and slot, address, expected and actual type, state, area and width.
+    fn module_status(&self, address: Option<u16>, each: Each<'_>) -> Length {
+        let base = |plugged: &Plugged| plugged.slot.input_address.min(plugged.slot.output_address);
+        let wanted = |plugged: &Plugged| address.is_none_or(|a| plugged.has(u32::from(a & 0x7FFF), a & 0x8000 != 0));
+        let mut found = false;
+        for (place, plugged) in self.modules.list.iter().enumerate().filter(|(_, plugged)| wanted(plugged)) {
+            found = true;
+            let present = plugged.module.status().present && !plugged.lost;
+            // Module available or not, fault, in the local bus segment.
+            let state = if present { 0x0002 } else { 0x0005 } | 0x0080;
+            let family = u16::from(self.config.family == Family::S7_300) << 4;
+            let record = Record::<16>::new().word(0).word((place as u16 + SLOT) << 8).word(base(plugged) as u16);
+            each(&record.word(0).word(0).word(0).word(state).word(family | 1).bytes);
+        }
+        if found || address.is_none() { Ok(16) } else { Err(StatusError::Index) }
+    }
+
+    /// The newest entries first: event, block type, number, block and line as OB 121 has them, date and time.
+    fn diagnostic_buffer(&self, most: usize, each: Each<'_>) -> Length {
+        for entry in self.diag.iter().take(most) {
+            each(&self.diagnostic_entry(entry));
+        }
+        Ok(20)
+    }
+
+    fn diagnostic_entry(&self, entry: &DiagEntry) -> [u8; 20] {
+        let (kind, block, line) = match entry.site {
+            Some(site) => (block_code(site.block.kind), site.block.number, site.line as u16),
+            None => (0, 0, 0),
+        };
+        let record = Record::<20>::new().word(entry.event.0).word(0).put(&[kind, 0]).word(entry.data as u16);
+        let record = record.word(block).word(line);
+        record.put(&date_and_time(self.config.date_at_start.wrapping_add(entry.time))).bytes
+    }
+
+    /// Diagnostic data record 0 or 1 of the module at a logical address.
+    fn diagnostic_record(&mut self, address: u16, number: u8, each: Each<'_>) -> Length {
+        let (at, output) = (u32::from(address & 0x7FFF), address & 0x8000 != 0);
+        let plugged = self.modules.list.iter_mut().find(|plugged| plugged.has(at, output)).ok_or(StatusError::Index)?;
+        let mut bytes = [0; RECORD];
+        let room = if number == 0 { 4 } else { RECORD };
+        match plugged.module.record_read(number, &mut bytes[..room]) {
+            Ok(len) => {
+                let len = if number == 0 { 4 } else { len };
+                each(&bytes[..len]);
+                Ok(len as u16)
+            }
+            // No diagnostic data of its own: what the CPU knows. Module fault, wrong or missing module, communication.
+            Err(_) if number == 0 => {
+                let present = plugged.module.status().present && !plugged.lost;
+                each(if present { &[0, 0x0C, 0, 0] } else { &[0x01, 0x0C, 0x03, 0] });
+                Ok(4)
+            }
+            Err(_) => Err(StatusError::NotNow),
+        }
+    }
+}
+
+/// The type of a block as start information and lists tell it.
+pub(crate) const fn block_code(kind: BlockKind) -> u8 {
+    match kind {
+        BlockKind::Ob => 0x88,
+        BlockKind::Db => 0x8A,
+        BlockKind::Fc | BlockKind::Sfc => 0x8C,
+        BlockKind::Fb | BlockKind::Sfb => 0x8E,
+    }
+}
