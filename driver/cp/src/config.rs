@@ -16,6 +16,8 @@ struct Keys {
     #[serde(default)]
     name: String,
     line: String,
+    #[serde(default)]
+    diagnostics: bool,
 }
 
 /// The configuration, checked.
@@ -24,6 +26,8 @@ pub(crate) struct Config {
     pub(crate) station: String,
     pub(crate) name: String,
     pub(crate) line: LineSpec,
+    /// Errors raise diagnostic interrupts.
+    pub(crate) diagnostics: bool,
 }
 
 impl Config {
@@ -34,7 +38,7 @@ impl Config {
             return Err(Refused(format!("module \"{}\": this driver is a {MODULE}", keys.module)));
         }
         let line = keys.line.parse().map_err(|e| Refused(format!("{e}")))?;
-        Ok(Self { station: keys.station, name: keys.name, line })
+        Ok(Self { station: keys.station, name: keys.name, line, diagnostics: keys.diagnostics })
     }
 }
 
@@ -44,10 +48,12 @@ mod tests {
 
     #[test]
     fn the_runtimes_text_is_understood() {
-        let json = br#"{"module":"cp240","station":"a","name":"cp1","line":"pty:/tmp/x","later":1}"#;
+        let json = br#"{"module":"cp240","station":"a","name":"cp1","line":"pty:/tmp/x","diagnostics":true,"later":1}"#;
         let config = Config::parse(json).unwrap();
         assert_eq!((config.station.as_str(), config.name.as_str()), ("a", "cp1"));
         assert_eq!(config.line.to_string(), "pty:/tmp/x");
+        assert!(config.diagnostics);
+        assert!(!Config::parse(br#"{"module":"cp240","line":"pty:/tmp/x"}"#).unwrap().diagnostics);
     }
 
     #[test]

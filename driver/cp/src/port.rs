@@ -43,6 +43,10 @@ impl LinePort for Port {
         Ok(())
     }
 
+    fn diagnostics(&self) -> bool {
+        self.config.as_ref().is_some_and(|config| config.diagnostics)
+    }
+
     fn apply(&mut self, _now: Nanos, settings: &LineSettings) {
         if let Some(line) = &mut self.line {
             info!(%settings, "line settings");

@@ -56,6 +56,11 @@ pub trait LinePort {
         let _ = (now, rts, dtr);
     }
 
+    /// Whether the configuration enables diagnostics; asked after [`Self::configure`].
+    fn diagnostics(&self) -> bool {
+        false
+    }
+
     /// Something for the log.
     fn trace(&mut self, now: Nanos, event: &CpEvent<'_>) {
         let _ = (now, event);
@@ -83,6 +88,8 @@ struct End {
     modem_inputs: ob1_firmware::ModemLines,
     /// RTS as the protocol wants it.
     rts: bool,
+    /// DTR as the CP wants it (FC 8).
+    dtr: bool,
     parameters: Parameters,
     /// Error number of a line that is gone.
     line_error: Option<u32>,
@@ -106,6 +113,7 @@ impl CpPump {
                 modem: ModemOutputs::default(),
                 modem_inputs: ob1_firmware::ModemLines::default(),
                 rts: true,
+                dtr: true,
                 parameters: Parameters::None,
                 line_error: None,
                 state: DriverState::Starting,
@@ -251,6 +259,7 @@ impl CpPump {
         self.params_revision = params.revision;
         let bytes = params.bytes;
         let configured = line.configure(now, params.json);
+        self.cp.enable_diagnostics(line.diagnostics());
         self.end.parameters = Parameters::Valid;
         self.step(now, CpInput::Parameters(&bytes), line);
         if let Err(refused) = configured {
@@ -289,10 +298,10 @@ impl End {
         }
     }
 
-    /// RTS and DTR as they are: the CPU's where it drives them, otherwise the protocol's, and DTR ON.
+    /// RTS and DTR as they are: the CPU's where it drives them, otherwise the CP's.
     fn modem_levels(&self) -> (bool, bool) {
         let rts = if self.modem.drive_rts { self.modem.rts } else { self.rts };
-        let dtr = !self.modem.drive_dtr || self.modem.dtr;
+        let dtr = if self.modem.drive_dtr { self.modem.dtr } else { self.dtr };
         (rts, dtr)
     }
 
@@ -341,6 +350,11 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
         self.end.drive_modem(self.now, self.line);
     }
 
+    fn dtr(&mut self, on: bool) {
+        self.end.dtr = on;
+        self.end.drive_modem(self.now, self.line);
+    }
+
     fn leds(&mut self, leds: Leds) {
         self.end.segment.set_leds(translate::leds(leds));
     }
@@ -365,6 +379,11 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
                 self.end.emit(now, EventCode::NoParameters as u32, &[byte]);
             }
             CpEvent::SendFailed(code) => self.end.emit(now, EventCode::SendFailed as u32, &[*code]),
+            CpEvent::Diagnosis { incoming, data } => {
+                let kind = if *incoming { EventKind::DiagnosticIncoming } else { EventKind::DiagnosticOutgoing };
+                let number = u32::from(u16::from_be_bytes([data[4], data[5]]));
+                self.end.segment.emit_event(Event::new(now, kind, number, data));
+            }
             CpEvent::Protocol(event) => {
                 if let Some(number) = event.number() {
                     self.end.emit(now, u32::from(number), &[]);

@@ -1,10 +1,12 @@
 //! The module: start-up, the two handshakes, the protocol, and the bookkeeping between them.
 
 use ob1_params::Cp240 as Parameters;
-use ob1_protocols::{Event, Input, LineFault, ModemLines, Nanos, Order, SendError, Sink, What};
+use ob1_protocols::{Event, Input, LineFault, Nanos, Order, SendError, Sink, What};
 
+use crate::diagnosis::{Diagnosis, Kind};
 use crate::leds::{LedDriver, Leds};
 use crate::modbus;
+use crate::modem::Modem;
 use crate::port::{CpCounter, CpEvent, CpInput, CpPort, LineInput, ParameterFault, StartReason};
 use crate::protocol::{Protocol, Setup};
 use crate::receive::{self, ReceiveSide};
@@ -62,9 +64,10 @@ pub struct Cp240 {
     line_gone: bool,
     /// The order was broken off because the line is gone.
     line_broke_off: bool,
-    modem: Option<ModemLines>,
+    modem: Modem,
     leds: LedDriver,
     leds_shown: Leds,
+    diagnosis: Diagnosis,
 }
 
 impl Cp240 {
@@ -88,9 +91,10 @@ impl Cp240 {
             receive: ReceiveSide::new(),
             line_gone: false,
             line_broke_off: false,
-            modem: None,
+            modem: Modem::new(),
             leds: LedDriver::new(),
             leds_shown: Leds::NONE,
+            diagnosis: Diagnosis::NONE,
         }
     }
 
@@ -127,12 +131,21 @@ impl Cp240 {
             self.leds_shown = leds;
             port.leds(leds);
         }
+        if let Some((incoming, data)) = self.diagnosis.tell(leds.error) {
+            port.event(now, CpEvent::Diagnosis { incoming, data });
+        }
         self.protocol_due.into_iter().chain(self.leds.deadline()).min()
     }
 
     /// Whether the CP works: parameters are valid and the CPU has acknowledged the start-up.
     pub fn is_working(&self) -> bool {
         self.phase == Phase::Working
+    }
+
+    /// Enables or disables diagnostics: errors that light ER are also told as [`CpEvent::Diagnosis`]. Off unless enabled; the
+    /// parameter bytes have no place for it (ours: a switch of the station file).
+    pub fn enable_diagnostics(&mut self, enabled: bool) {
+        self.diagnosis.enabled = enabled;
     }
 
     /// Telegrams in the receive buffer.
@@ -215,9 +228,12 @@ impl Cp240 {
         self.send.set_area(long);
         self.receive.set_area(long);
         self.phase = Phase::Working;
+        self.modem.reset();
+        port.rts(true);
+        port.dtr(true);
         port.event(now, CpEvent::Working);
         self.drive(now, Input::Tick, port);
-        if let Some(lines) = self.modem {
+        if let Some(lines) = self.modem.lines() {
             self.drive(now, Input::Modem(lines), port);
         }
     }
@@ -266,6 +282,17 @@ impl Cp240 {
             send::Step::Wait | send::Step::Stored => {}
             send::Step::Discarded => port.event(now, CpEvent::OrderDiscarded { code: None }),
             send::Step::Refused => port.event(now, CpEvent::OrderDiscarded { code: Some(SendError::TooLong.code()) }),
+            send::Step::Line(command) => {
+                let rts_is_free = !self.protocol.drives_rts();
+                let (switched, answer) = self.modem.command(command, rts_is_free);
+                if let Some(on) = switched.rts {
+                    port.rts(on);
+                }
+                if let Some(on) = switched.dtr {
+                    port.dtr(on);
+                }
+                self.send.answer(answer);
+            }
             send::Step::Complete => {
                 port.count(CpCounter::OrdersAccepted, 1);
                 port.event(now, CpEvent::Order(self.send.telegram()));
@@ -336,6 +363,7 @@ impl Cp240 {
             LineInput::Fault(LineFault::Gone) => {
                 self.line_gone = true;
                 self.leds.line(now, true);
+                self.diagnosis.error(Kind::OpenCircuit, 0);
                 port.count(CpCounter::LineFaults, 1);
             }
             LineInput::Fault(LineFault::Back) => {
@@ -343,8 +371,12 @@ impl Cp240 {
                 self.leds.line(now, false);
                 port.count(CpCounter::LineRestarts, 1);
             }
-            LineInput::Fault(_) => self.leds.error(now),
-            LineInput::Modem(lines) => self.modem = Some(lines),
+            LineInput::Fault(fault) => {
+                self.leds.error(now);
+                let event = Event { phase: ob1_protocols::Phase::Idle, what: What::Line(fault) };
+                self.diagnosis.error(Kind::Line, event.number().unwrap_or(0));
+            }
+            LineInput::Modem(lines) => self.modem.input(lines),
         }
         // Before the CPU has acknowledged the start-up nothing is kept of what is received.
         if self.phase != Phase::Working {
@@ -360,7 +392,15 @@ impl Cp240 {
 
     /// Hands the complete telegram to the protocol.
     fn order(&mut self, now: Nanos, port: &mut dyn CpPort) {
-        let mut out = Outlet::new(now, &mut self.receive.ring, &mut self.leds, port);
+        let mut out = Outlet {
+            now,
+            ring: &mut self.receive.ring,
+            leds: &mut self.leds,
+            modem: &mut self.modem,
+            diagnosis: &mut self.diagnosis,
+            port,
+            outcome: None,
+        };
         let input = Input::Order(Order::Send(self.send.telegram()));
         self.protocol_due = self.protocol.step(now, input, &mut out);
         let outcome = out.outcome;
@@ -368,7 +408,15 @@ impl Cp240 {
     }
 
     fn drive(&mut self, now: Nanos, input: Input<'_>, port: &mut dyn CpPort) {
-        let mut out = Outlet::new(now, &mut self.receive.ring, &mut self.leds, port);
+        let mut out = Outlet {
+            now,
+            ring: &mut self.receive.ring,
+            leds: &mut self.leds,
+            modem: &mut self.modem,
+            diagnosis: &mut self.diagnosis,
+            port,
+            outcome: None,
+        };
         self.protocol_due = self.protocol.step(now, input, &mut out);
         let outcome = out.outcome;
         self.after_step(now, outcome, port);
@@ -408,7 +456,7 @@ impl Cp240 {
         self.send.ended(outcome.map_err(SendError::code));
         // The end is shown before a count that was left waiting is looked at.
         self.publish(port);
-        self.send.look(tx_word(&self.outputs), block(&self.outputs));
+        self.look_send(now, port);
     }
 }
 
@@ -422,14 +470,10 @@ struct Outlet<'a> {
     now: Nanos,
     ring: &'a mut Ring,
     leds: &'a mut LedDriver,
+    modem: &'a mut Modem,
+    diagnosis: &'a mut Diagnosis,
     port: &'a mut dyn CpPort,
     outcome: Option<Result<(), SendError>>,
-}
-
-impl<'a> Outlet<'a> {
-    fn new(now: Nanos, ring: &'a mut Ring, leds: &'a mut LedDriver, port: &'a mut dyn CpPort) -> Self {
-        Self { now, ring, leds, port, outcome: None }
-    }
 }
 
 impl Sink for Outlet<'_> {
@@ -467,6 +511,9 @@ impl Sink for Outlet<'_> {
         }
         if event.lights_er() && event.what != What::Line(LineFault::Gone) {
             self.leds.error(self.now);
+            if let Some(kind) = Kind::of(event) {
+                self.diagnosis.error(kind, event.number().unwrap_or(0));
+            }
         }
         match event.what {
             What::NoBuffer | What::TooLong => self.port.count(CpCounter::Rejected, 1),
@@ -483,6 +530,7 @@ impl Sink for Outlet<'_> {
     }
 
     fn rts(&mut self, on: bool) {
+        self.modem.set_rts(on);
         self.port.rts(on);
     }
 }

@@ -8,8 +8,10 @@
 #![forbid(unsafe_code)]
 
 mod cp240;
+mod diagnosis;
 mod leds;
 mod modbus;
+mod modem;
 mod port;
 mod protocol;
 mod receive;
@@ -18,6 +20,7 @@ mod ring;
 mod send;
 
 pub use cp240::Cp240;
+pub use diagnosis::DiagnosticBytes;
 pub use leds::Leds;
 pub use ob1_params::LineSettings;
 pub use ob1_protocols::{LineFault, ModemLines, Nanos};

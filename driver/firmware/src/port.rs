@@ -3,6 +3,7 @@
 use ob1_params::{LineSettings, ParamError};
 use ob1_protocols::{Event, Input, LineFault, ModemLines, Nanos};
 
+use crate::diagnosis::DiagnosticBytes;
 use crate::leds::Leds;
 use crate::registers::Registers;
 
@@ -70,6 +71,11 @@ pub trait CpPort {
 
     /// Sets the modem line RTS.
     fn rts(&mut self, on: bool) {
+        let _ = on;
+    }
+
+    /// Sets the modem line DTR.
+    fn dtr(&mut self, on: bool) {
         let _ = on;
     }
 
@@ -168,4 +174,12 @@ pub enum CpEvent<'a> {
     Delivered(usize),
     /// The protocol met something.
     Protocol(Event),
+    /// Diagnostics are enabled, and ER has come on (or another kind of error has joined) or has gone out: a diagnostic
+    /// interrupt for the CPU.
+    Diagnosis {
+        /// The error comes; otherwise all errors have gone.
+        incoming: bool,
+        /// Bytes of the module's diagnosis.
+        data: DiagnosticBytes,
+    },
 }

@@ -141,6 +141,15 @@ impl Protocol {
         }
     }
 
+    /// Whether RTS is the protocol's: hardware flow control.
+    pub(crate) fn drives_rts(&self) -> bool {
+        match self {
+            Self::Ascii(machine) => machine.config().flow == ascii::Flow::Hardware,
+            Self::StxEtx(machine) => machine.config().flow == ascii::Flow::Hardware,
+            _ => false,
+        }
+    }
+
     /// Drops the running order.
     pub(crate) const ABORT: Input<'static> = Input::Order(Order::Abort);
 }

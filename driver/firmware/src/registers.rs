@@ -31,6 +31,12 @@ pub const AREA: u16 = 0x4000;
 /// `RX echo`: the CPU cannot store the changed area, its own ends before.
 pub const OUTSIDE: u16 = FAILED | 0x02;
 
+/// Framing bits of a line command in `TX` and of its answer in `TX echo`.
+pub const LINE: u16 = 0x1800;
+
+/// The five bits above a count: what kind of word it is.
+const KIND: u16 = 0xF800;
+
 /// Bits 0 to 10 hold a count; a word with any other bit set is none.
 const COUNT_BITS: u16 = 0x07FF;
 
@@ -61,6 +67,11 @@ pub(crate) fn compose(rx: u16, tx: u16, block: &[u8]) -> Registers {
         *to = *from;
     }
     registers
+}
+
+/// A word as a line command: its bits 0 to 10.
+pub(crate) const fn line_command(word: u16) -> Option<u16> {
+    if word & KIND == LINE { Some(word & COUNT_BITS) } else { None }
 }
 
 /// A word as a count of bytes, possibly one that is too large for a telegram.

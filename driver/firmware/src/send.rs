@@ -1,6 +1,6 @@
 //! CPU -> CP: a telegram collected block by block, and how its order ends [S0 "Example SEND data"].
 
-use crate::registers::{AREA, BLOCK_BYTES, BUFFER_BYTES, FAILED, count};
+use crate::registers::{AREA, BLOCK_BYTES, BUFFER_BYTES, FAILED, count, line_command};
 
 /// Error code of a telegram that is longer than the buffer. [S0 L1298]
 const TOO_LONG: u8 = 0x17;
@@ -20,6 +20,8 @@ enum State {
     Closing,
     /// What stands in `TX` is of an earlier life: the CPU has to take it back first.
     Stale,
+    /// The answer to a line command is on show; `TX` has to leave the command.
+    Answered(u16),
 }
 
 /// What the CPU's count has brought about.
@@ -35,6 +37,8 @@ pub(crate) enum Step {
     Discarded,
     /// The telegram is too long.
     Refused,
+    /// A line command: [`SendSide::answer`] it.
+    Line(u16),
 }
 
 /// The send buffer and its handshake.
@@ -95,6 +99,7 @@ impl SendSide {
             State::Stale => 1,
             State::Collecting { rest } | State::Transmitting { rest } => rest as u16,
             State::Failed(code) => FAILED | code as u16,
+            State::Answered(word) => word,
         }
     }
 
@@ -109,7 +114,8 @@ impl SendSide {
             }
             State::Stale => Step::Wait,
             State::Idle => match count(tx) {
-                None | Some(0) => Step::Wait,
+                None => line_command(tx).map_or(Step::Wait, Step::Line),
+                Some(0) => Step::Wait,
                 Some(total) if total > BUFFER_BYTES => {
                     self.state = State::Failed(TOO_LONG);
                     Step::Refused
@@ -143,9 +149,10 @@ impl SendSide {
                 Step::Stored
             }
             State::Closing if tx == FAILED => Step::Wait,
+            State::Answered(_) if line_command(tx).is_some() => Step::Wait,
             // 0, or already the first count of the next telegram: the CPU may have written over its 0 before anyone here
             // has seen it.
-            State::Closing => {
+            State::Closing | State::Answered(_) => {
                 self.state = State::Idle;
                 self.look(tx, block)
             }
@@ -160,6 +167,13 @@ impl SendSide {
             self.length = 0;
         }
         collecting
+    }
+
+    /// Shows the answer to a line command.
+    pub(crate) fn answer(&mut self, word: u16) {
+        if self.state == State::Idle {
+            self.state = State::Answered(word);
+        }
     }
 
     /// The protocol is through with the order.
@@ -234,6 +248,20 @@ mod tests {
             assert_eq!(send.look(word, &BLOCK), Step::Wait, "{word:04X}h does not follow 30");
             assert_eq!(send.echo(), 30);
         }
+    }
+
+    #[test]
+    fn a_line_command_is_answered_until_it_is_taken_back() {
+        let mut send = SendSide::new();
+        assert_eq!(send.look(0x1805, &BLOCK), Step::Line(5));
+        send.answer(0x1C3F);
+        assert_eq!((send.look(0x1805, &BLOCK), send.echo()), (Step::Wait, 0x1C3F));
+        send.look(0, &BLOCK);
+        assert_eq!(send.echo(), 0);
+        send.look(0x1800, &BLOCK);
+        send.answer(0x1C00);
+        assert_eq!(send.look(5, &BLOCK), Step::Stored, "a 0 that was overwritten is not waited for");
+        assert_eq!(send.look(0x1805, &BLOCK), Step::Wait, "not while a telegram is collected");
     }
 
     #[test]

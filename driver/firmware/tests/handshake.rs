@@ -218,3 +218,19 @@ fn a_character_that_could_not_be_read_lights_er_for_4_s() {
     assert!(!bench.log.leds.error);
     assert_eq!(bench.due, None, "and then it rests");
 }
+
+/// [S0 "Communication with ASCII-fragmented"]: blocks of 12 bytes go to the CPU before the telegram has ended.
+#[test]
+fn fragments_are_offered_as_they_come() {
+    let mut parameters = ascii(1);
+    parameters[1] = 0x11;
+    let mut bench = Bench::working(&parameters);
+    bench.line(LineInput::Rx(b"0123456789AB"));
+    assert_eq!(bench.fetch(), b"0123456789AB");
+    // A CPU that is slow does not lose blocks: the number of receive buffers counts telegrams.
+    bench.line(LineInput::Rx(b"CDEFGHIJKLMNOPQRSTUVWXYZ...........end"));
+    bench.pass(40 * MS);
+    for block in [b"CDEFGHIJKLMN".as_slice(), b"OPQRSTUVWXYZ", b"...........e", b"nd"] {
+        assert_eq!(bench.fetch(), block);
+    }
+}

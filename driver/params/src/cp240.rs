@@ -288,10 +288,11 @@ impl Cp240 {
         self.line_settings().char_time_ns()
     }
 
-    /// Number of receive buffers: the parameter for ASCII; 250 telegrams otherwise. [S0 "Properties"]
+    /// Number of receive buffers: the parameter for ASCII; 250 telegrams otherwise [S0 "Properties"], and 250 blocks for
+    /// ASCII-fragmented: a block is no telegram.
     pub fn receive_buffers(&self) -> u8 {
         match &self.protocol {
-            Protocol::Ascii(p) => p.receive_buffers,
+            Protocol::Ascii(p) if !p.fragmented => p.receive_buffers,
             _ => 250,
         }
     }

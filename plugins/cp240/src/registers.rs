@@ -31,6 +31,10 @@ pub(crate) const RESET: u16 = 0x8002;
 /// `RX`: no valid parameters.
 pub(crate) const NO_PARAMETERS: u16 = 0x8003;
 
+/// `TX echo`: the answer to a line command, STATUS in bits 0 to 5, DELTA_STATUS in bits 6 to 9.
+pub(crate) const LINE_ANSWER: u16 = 0x1C00;
+const LINE_ANSWER_MASK: u16 = 0xFC00;
+
 /// The two words the CP writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Words {
@@ -47,6 +51,13 @@ pub(crate) enum Count {
     Bytes(u16),
     /// The order failed, with the CP's error code.
     Failed(u8),
+    /// The answer to a line command: STATUS and DELTA_STATUS of FC 8.
+    Line {
+        /// RTS, DTR, CD, RI, DSR, CTS in bits 5 to 0.
+        status: u8,
+        /// CD, RI, DSR, CTS in bits 3 to 0.
+        delta: u8,
+    },
     /// A system word.
     System,
     /// Outside the rules: treated as absent.
@@ -69,6 +80,9 @@ pub(crate) fn tx_count(word: u16) -> Count {
     match word & !OUTPUT_AREA {
         word if word & SYSTEM != 0 => Count::System,
         word if word & 0xFF00 == FAILED => Count::Failed(word as u8),
+        word if word & LINE_ANSWER_MASK == LINE_ANSWER => {
+            Count::Line { status: word as u8 & 0x3F, delta: (word >> 6) as u8 & 0x0F }
+        }
         word => Count::bytes(word),
     }
 }

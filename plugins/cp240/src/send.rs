@@ -90,7 +90,7 @@ impl Job {
             }
             Count::Bytes(_) => (self, Step::Word(0)),
             Count::Failed(_) => (self, Step::Word(FAILED)),
-            Count::System | Count::Nonsense => (self, Step::Wait),
+            Count::Line { .. } | Count::System | Count::Nonsense => (self, Step::Wait),
         }
     }
 
@@ -115,7 +115,7 @@ impl Job {
                 let before = if self.gese == 0 { 0 } else { posted + BLOCK_BYTES };
                 self.wait_or_fail(echo == before)
             }
-            Count::System | Count::Nonsense => (self, Step::Wait),
+            Count::Line { .. } | Count::System | Count::Nonsense => (self, Step::Wait),
         }
     }
 
@@ -183,8 +183,8 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let (db, abd) = (cx.get(send::_DB)?, cx.get(send::ABD)?);
     let db_len = cx.len(Area::Db(db));
     let pafe = Pafe::check(db_len, abd, bytes)?;
-    // A CP whose process is down takes nothing: FRG waits for it.
-    if pafe != Pafe::Ok || !module.info.present {
+    // A CP whose process is down takes nothing: FRG waits for it, and for a line command of FC 8.
+    if pafe != Pafe::Ok || !module.info.present || module.state.line.holds(&module.info) {
         return Ok(pafe);
     }
     let (next, step) = job.start(anz, words);

@@ -10,6 +10,8 @@ ob1_sdk::state! {
     pub(crate) struct CpState {
         pub(crate) send: Claim,
         pub(crate) receive: Claim,
+        /// A line command of FC 8 stands in `TX`.
+        pub(crate) line: Claim,
         /// The telegram that was being received does not fit together: wait until the CP has ended it.
         pub(crate) discard: Cell<bool>,
         /// Modbus slave "long": where the changed area that is being received begins.

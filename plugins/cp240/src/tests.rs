@@ -1,5 +1,7 @@
 //! The step functions against a CP made of `docs/cp240-registers.md` alone.
 
+mod fragment;
+mod line;
 mod receive;
 mod send;
 mod synchron;

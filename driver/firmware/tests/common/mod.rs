@@ -16,6 +16,8 @@ pub(crate) struct Log {
     pub(crate) shown: Vec<(u16, u16)>,
     pub(crate) tx: Vec<u8>,
     pub(crate) settings: Vec<LineSettings>,
+    pub(crate) rts: Option<bool>,
+    pub(crate) dtr: Option<bool>,
     pub(crate) leds: Leds,
     pub(crate) counters: BTreeMap<CpCounter, u64>,
     pub(crate) events: Vec<String>,
@@ -34,6 +36,14 @@ impl CpPort for Log {
 
     fn line_settings(&mut self, settings: &LineSettings) {
         self.settings.push(*settings);
+    }
+
+    fn rts(&mut self, on: bool) {
+        self.rts = Some(on);
+    }
+
+    fn dtr(&mut self, on: bool) {
+        self.dtr = Some(on);
     }
 
     fn leds(&mut self, leds: Leds) {

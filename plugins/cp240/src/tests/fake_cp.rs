@@ -22,6 +22,8 @@ pub(super) struct FakeCp {
     pub(super) fails_with: Option<u8>,
     /// Every `TX` and every `RX echo` it has acted on.
     pub(super) log: Vec<u16>,
+    /// The answer to a line command.
+    pub(super) lines: u16,
     send: Send,
     collected: Vec<u8>,
     offered: Vec<u8>,
@@ -38,6 +40,7 @@ impl FakeCp {
             transmitted: Vec::new(),
             fails_with: None,
             log: Vec::new(),
+            lines: 0x1C00,
             send: Send::Collecting,
             collected: Vec::new(),
             offered: Vec::new(),
@@ -115,6 +118,15 @@ impl FakeCp {
 
     fn look_send(&mut self, tx: u16) {
         let echo = Self::word(&self.input, 2);
+        if tx & 0xF800 == 0x1800 {
+            if echo == 0 {
+                self.log.push(tx);
+                self.set(2, self.lines);
+            }
+            return;
+        }
+        let echo = if echo & 0xF800 == 0x1800 { 0 } else { echo };
+        self.set(2, echo);
         match self.send {
             Send::Collecting if tx != echo => {
                 self.log.push(tx);

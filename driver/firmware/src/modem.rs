@@ -1,0 +1,114 @@
+//! The modem lines, and the line command that reads and sets them (FC 8 STEUERBIT) [S0 "STUEBIT (FC 8)"],
+//! `docs/cp240-registers.md`.
+
+use ob1_protocols::ModemLines;
+
+use crate::registers::LINE;
+
+/// Bits of a command: new states, and which of them to take over.
+const COMMAND_RTS: u16 = 1 << 0;
+const COMMAND_DTR: u16 = 1 << 1;
+const COMMAND_SET_RTS: u16 = 1 << 2;
+const COMMAND_SET_DTR: u16 = 1 << 3;
+
+/// Marks an answer.
+const ANSWER: u16 = 1 << 10;
+/// First bit of DELTA_STATUS in an answer; STATUS begins at bit 0.
+const DELTA_SHIFT: u16 = 6;
+
+/// The lines as the module sees and drives them; `true` is ON.
+#[derive(Debug)]
+pub(crate) struct Modem {
+    /// `None`: the line has not told yet.
+    lines: Option<ModemLines>,
+    /// CTS, DSR, RI, CD (bits 0 to 3) that have changed since the last command.
+    delta: u16,
+    rts: bool,
+    dtr: bool,
+}
+
+/// What a command has switched.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Switched {
+    pub(crate) rts: Option<bool>,
+    pub(crate) dtr: Option<bool>,
+}
+
+impl Modem {
+    pub(crate) const fn new() -> Self {
+        Self { lines: None, delta: 0, rts: true, dtr: true }
+    }
+
+    pub(crate) const fn lines(&self) -> Option<ModemLines> {
+        self.lines
+    }
+
+    /// The line tells how its inputs stand. The first time nothing has changed.
+    pub(crate) fn input(&mut self, lines: ModemLines) {
+        if let Some(before) = self.lines.replace(lines) {
+            self.delta |= bits(before) ^ bits(lines);
+        }
+    }
+
+    /// The protocol switches RTS (hardware flow control).
+    pub(crate) fn set_rts(&mut self, on: bool) {
+        self.rts = on;
+    }
+
+    /// After a start-up RTS and DTR are ON and nothing has changed.
+    pub(crate) fn reset(&mut self) {
+        (self.delta, self.rts, self.dtr) = (0, true, true);
+    }
+
+    /// Carries out a command; the result is what was switched and the word of the answer. RTS belongs to the protocol where
+    /// that has hardware flow control.
+    pub(crate) fn command(&mut self, command: u16, rts_is_free: bool) -> (Switched, u16) {
+        let mut switched = Switched::default();
+        if command & COMMAND_SET_RTS != 0 && rts_is_free {
+            self.rts = command & COMMAND_RTS != 0;
+            switched.rts = Some(self.rts);
+        }
+        if command & COMMAND_SET_DTR != 0 {
+            self.dtr = command & COMMAND_DTR != 0;
+            switched.dtr = Some(self.dtr);
+        }
+        let status = self.lines.map_or(0, bits) | u16::from(self.dtr) << 4 | u16::from(self.rts) << 5;
+        let delta = std::mem::take(&mut self.delta) << DELTA_SHIFT;
+        (switched, LINE | ANSWER | delta | status)
+    }
+}
+
+/// CTS, DSR, RI, CD as bits 0 to 3 of STATUS. [S0 "STATUS, DELTA_STATUS"]
+fn bits(lines: ModemLines) -> u16 {
+    [lines.cts, lines.dsr, lines.ri, lines.cd].into_iter().rev().fold(0, |bits, on| bits << 1 | u16::from(on))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn status_has_the_bits_of_the_manual() {
+        let mut modem = Modem::new();
+        assert_eq!(modem.command(0, true), (Switched::default(), 0x1C30), "RTS and DTR are ON, the others not known");
+        modem.input(ModemLines { cts: true, dsr: false, ri: true, cd: false });
+        assert_eq!(modem.command(0, true).1, 0x1C35, "what is told first has not changed");
+        modem.input(ModemLines { cts: false, dsr: true, ri: true, cd: false });
+        modem.input(ModemLines { cts: true, dsr: true, ri: true, cd: true });
+        assert_eq!(modem.command(0, true).1, 0x1C3F | 0b1011 << 6, "CTS has changed and is as before");
+        assert_eq!(modem.command(0, true).1, 0x1C3F, "since the last access");
+    }
+
+    #[test]
+    fn only_what_the_mask_names_is_switched() {
+        let mut modem = Modem::new();
+        assert_eq!(modem.command(0b0011, true).0, Switched::default());
+        assert_eq!(modem.command(0b0100, true), (Switched { rts: Some(false), dtr: None }, 0x1C10));
+        assert_eq!(modem.command(0b1001, true), (Switched { rts: None, dtr: Some(false) }, 0x1C00));
+        assert_eq!(modem.command(0b1111, true), (Switched { rts: Some(true), dtr: Some(true) }, 0x1C30));
+        assert_eq!(modem.command(0b0100, false), (Switched::default(), 0x1C30), "RTS is the protocol's");
+        modem.command(0b1000, true);
+        modem.reset();
+        assert_eq!(modem.command(0, true).1, 0x1C30);
+    }
+}
