@@ -1,6 +1,6 @@
 //! What a CPU is built with: sizes, cycle rules, and where its modules lie.
 
-use crate::{CyclicInterrupt, Family, Nanos, Retentive};
+use crate::{CyclicInterrupt, Family, Nanos, Retentive, TimeOfDay};
 
 /// The sizes and rules of one CPU. The defaults are those of an S7-300.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,10 +33,15 @@ pub struct CpuConfig {
     pub watchdog: Nanos,
     /// Cyclic interrupts whose interval or phase is not the default. Those of OBs that are not loaded have no effect.
     pub cyclic: Vec<CyclicInterrupt>,
+    /// Time-of-day interrupts that are set without the program's doing.
+    pub time_of_day: Vec<TimeOfDay>,
     /// The byte of bit memory that carries the clock pulses of 10 Hz (bit 0) to 0.5 Hz (bit 7).
     pub clock_memory: Option<u16>,
     /// Time of day at the runtime's time 0, in nanoseconds since 1990-01-01: the date in start information.
     pub date_at_start: u64,
+    /// Organization blocks find their start information in the first 20 bytes of their local data. Without it these bytes are what
+    /// the block before left there; SFC 6 answers all the same.
+    pub ob_start_info: bool,
     /// Items of the access port served in one scan, at least 1.
     pub port_items_per_scan: u32,
     /// Items the access port's rings hold, at least 1.
@@ -71,8 +76,10 @@ impl Default for CpuConfig {
             min_cycle: 0,
             watchdog: 150_000_000,
             cyclic: Vec::new(),
+            time_of_day: Vec::new(),
             clock_memory: None,
             date_at_start: 0,
+            ob_start_info: true,
             port_items_per_scan: 64,
             port_capacity: 256,
             peripheral_from_image: false,

@@ -51,7 +51,7 @@ pub use ports::*;
 pub use process_io::{IoBacking, IoKind, IoModule, Stimulus, StimulusOutside, StimulusStep, StimulusValue};
 pub use retentive::{DataRange, Retentive, RetentiveData, Why};
 pub use services::{SERVICES, Services};
-pub use settings::{CyclicInterrupt, Family, Missed};
+pub use settings::{CyclicInterrupt, Family, Missed, TimeOfDay};
 pub use statistics::{Distribution, ScanStatistics};
 pub use system::{standard_block, system_blocks};
 

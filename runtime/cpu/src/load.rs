@@ -178,6 +178,9 @@ fn check_config(config: &CpuConfig, errors: &mut Vec<LoadError>) {
     if config.local_bytes < 1024 {
         wrong("local_bytes", u64::from(config.local_bytes), 1 << 20);
     }
+    for interrupt in config.time_of_day.iter().filter(|interrupt| !(10..=17).contains(&interrupt.ob)) {
+        wrong("time_of_day.ob", u64::from(interrupt.ob), 17);
+    }
     for c in &config.cyclic {
         if c.ob < 30 {
             wrong("cyclic.ob", u64::from(c.ob), 38);

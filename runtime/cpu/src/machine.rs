@@ -213,7 +213,9 @@ impl Context<'_> {
             self.stop(Event(FaultKind::NestingDepth.number()), u32::from(info.number), "no local data left");
             return Err(Abort);
         };
-        machine.memory.bytes[at as usize..at as usize + 20].copy_from_slice(&info.start);
+        if machine.config.ob_start_info {
+            machine.memory.bytes[at as usize..at as usize + 20].copy_from_slice(&info.start);
+        }
         self.look();
         let machine = &mut *self.machine;
         let began = machine.now;

@@ -130,6 +130,18 @@ impl Machine {
         self.interrupt.attend();
     }
 
+    /// Sets and activates the time-of-day interrupts of the configuration.
+    pub(crate) fn set_times_of_day(&mut self) {
+        for i in 0..self.config.time_of_day.len() {
+            let configured = self.config.time_of_day[i];
+            let slot = usize::from(configured.ob.saturating_sub(10));
+            if let Some(interrupt) = self.services.time_of_day.get_mut(slot).filter(|interrupt| interrupt.loaded) {
+                (interrupt.set, interrupt.active) = (Some((configured.start, configured.period)), true);
+                self.next_time_of_day(slot);
+            }
+        }
+    }
+
     /// The next due time of a time-of-day interrupt, OB 10 + `i`; without one it is no longer active.
     fn next_time_of_day(&mut self, i: usize) {
         let now = self.moment_now();

@@ -1,4 +1,7 @@
-//! What can be set about a CPU beside its sizes: family, cyclic interrupts.
+//! What can be set about a CPU beside its sizes: family, interrupts by time.
+
+use ob1_std::moment::Moment;
+use ob1_std::services::Period;
 
 use crate::Nanos;
 
@@ -52,4 +55,16 @@ impl CyclicInterrupt {
     pub const fn new(ob: u16, period: Nanos) -> Self {
         Self { ob, period, phase: 0, missed: Missed::CatchUp }
     }
+}
+
+/// A time-of-day interrupt that is set and activated at each start-up, as the hardware configuration does it. SFC 28 to 30 may change
+/// it until the next one. Without its OB it has no effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TimeOfDay {
+    /// The organization block, 10 to 17.
+    pub ob: u16,
+    /// The first time. One that has passed counts as the origin of the period.
+    pub start: Moment,
+    /// How often.
+    pub period: Period,
 }

@@ -52,6 +52,12 @@ impl Start {
 }
 
 impl Cpu {
+    /// Memory counts as that of a RUN before, so that a hot restart can go on from it, as after a power failure of a CPU with a
+    /// battery.
+    pub fn assume_run(&mut self) {
+        self.has_run = true;
+    }
+
     pub(crate) fn obey(&mut self, command: Command, clock: &mut dyn Clock) {
         let running = self.state == OperatingState::Run;
         match command {
@@ -123,6 +129,7 @@ impl Cpu {
             self.clear(kind == Start::Cold);
         }
         self.unwind();
+        self.machine.set_times_of_day();
         // Time stood still for the timers that are left.
         let m = &mut self.machine;
         let stood = m.now.saturating_sub(m.stopped_at);

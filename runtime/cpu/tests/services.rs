@@ -3,9 +3,13 @@
 mod common;
 
 use common::*;
-use ob1_cpu::{Cell, CellWidth, Command, Cpu, CpuConfig, CyclicInterrupt, OperatingState, PortError, system_blocks};
+use ob1_cpu::{
+    Cell, CellWidth, Command, Cpu, CpuConfig, CyclicInterrupt, OperatingState, PortError, TimeOfDay, system_blocks,
+};
 use ob1_ir::{AccuOp, Arg, CodeBlock, Jump, NumberFormat, Op, Width};
 use ob1_model::{BlockId, BlockKind, Interface};
+use ob1_std::moment::Moment;
+use ob1_std::services::Period;
 
 fn sfc(number: u16, args: Vec<Arg>) -> Op {
     call(BlockId::new(BlockKind::Sfc, number), args)
@@ -89,6 +93,30 @@ fn a_time_of_day_interrupt_comes_every_minute_until_the_restart() {
     bench.clock.now += 300_000 * MS;
     bench.run();
     assert_eq!(bench.mw(0), 0, "a restart forgets it");
+}
+
+#[test]
+fn a_time_of_day_interrupt_of_the_configuration_comes_after_each_start() {
+    let start_at = Moment::from_ms(90_000).expect("a moment");
+    let interrupt = TimeOfDay { ob: 10, start: start_at, period: Period::EveryMinute };
+    let config = CpuConfig { watchdog: 0, time_of_day: vec![interrupt], ..CpuConfig::default() };
+    let mut bench = start(config, vec![ob1(vec![Op::Nop]), organization(10, [count(0), keep(20)].concat())]);
+    for (seconds, runs) in [(89, 0), (90, 1), (149, 1), (150, 2)] {
+        bench.clock.now = seconds * 1000 * MS;
+        bench.run();
+        assert_eq!(bench.mw(0), runs, "after {seconds} s");
+    }
+    assert_eq!((bench.md(20), bench.md(24)), (0x1111_020A, 0x0000_0201));
+    bench.cpu.request(Command::Warm);
+    bench.run();
+    bench.clock.now = 211_000 * MS;
+    bench.run();
+    assert_eq!(bench.mw(0), 1, "set again by the restart");
+    // Without its OB it has no effect; an OB that is none is refused.
+    let of = |ob| CpuConfig { time_of_day: vec![TimeOfDay { ob, ..interrupt }], ..CpuConfig::default() };
+    let blocks = || program(vec![ob1(vec![Op::Nop])], vec![]);
+    assert!(Cpu::new(of(11), &blocks(), vec![], vec![]).is_ok());
+    assert!(Cpu::new(of(18), &blocks(), vec![], vec![]).is_err());
 }
 
 #[test]

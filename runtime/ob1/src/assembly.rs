@@ -165,6 +165,7 @@ pub fn assemble(
     let cpu = load_cpu(config, loaded, natives, building.modules).map_err(AssemblyError::Load)?;
     let view = StationView {
         name: station.name.clone(),
+        family: station.cpu.family,
         names: Arc::new(Names::new(&loaded.program)),
         modules: building.views,
         posture: Arc::new(OnceLock::new()),

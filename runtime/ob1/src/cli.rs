@@ -217,6 +217,8 @@ enum Action {
     Warm,
     /// Cold restart: OB 102 or OB 100; data blocks get their load values
     Cold,
+    /// Hot restart: OB 101; everything keeps its value (S7-400 only)
+    Hot,
     /// Memory reset: STOP, everything as after loading
     Reset,
     /// State, scan statistics, modules
@@ -273,6 +275,7 @@ impl Command {
                     Action::Stop => CommandName::Stop,
                     Action::Warm => CommandName::Warm,
                     Action::Cold => CommandName::Cold,
+                    Action::Hot => CommandName::Hot,
                     Action::Reset => CommandName::Reset,
                     Action::Status => return remote::status(&args.station, args.json).into(),
                     Action::Diag => return remote::diag(&args.station, args.json).into(),

@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use ob1_backplane::{Counter, DriverState, Monitor};
-use ob1_cpu::{Distribution, OperatingState, ScanStatistics};
+use ob1_cpu::{Distribution, Family, OperatingState, ScanStatistics};
 use ob1_host::driver;
 use ob1_rt::{Grant, MonotonicClock, Outcome};
 
@@ -16,6 +16,8 @@ use crate::station::{ModuleConfig, ModuleKind};
 pub struct StationView {
     /// The station's name.
     pub name: String,
+    /// The family of its CPU.
+    pub family: Family,
     /// The names of its cells.
     pub names: Arc<Names>,
     /// Its modules, in the order of the CPU.

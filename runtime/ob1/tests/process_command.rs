@@ -175,9 +175,24 @@ fn cells_are_read_and_written_and_the_state_changed() {
     assert_eq!(bench.code(&["ctl", "bench", "cold"]), Some(0));
     until(|| bench.json(&["ctl", "bench", "status", "--json"])["state"] == "RUN");
     assert_eq!(bench.value("DB5.COUNT"), -3, "its load value");
+    let hot = bench.ob1(&["ctl", "bench", "hot"]);
+    assert_eq!(hot.status.code(), Some(8), "{hot:?}");
+    assert!(String::from_utf8_lossy(&hot.stderr).contains("an S7-300 has no hot restart"), "{hot:?}");
     let events = bench.json(&["ctl", "bench", "diag", "--json"]);
     let events: Vec<&str> = events.as_array().expect("a list").iter().filter_map(|e| e["event"].as_str()).collect();
     assert_eq!(events, ["4302h", "4301h", "4304h", "4302h", "4301h"]);
+}
+
+#[test]
+fn an_s7_400_starts_hot() {
+    let bench = Bench::new();
+    bench.write("bench.toml", &format!("{STATION}\n[cpu]\nfamily = 400\n"));
+    let _station = bench.start(&[]);
+    assert_eq!(bench.code(&["set", "bench", "DB5.COUNT=7"]), Some(0));
+    assert_eq!(bench.code(&["ctl", "bench", "hot"]), Some(0));
+    let newest = || bench.json(&["ctl", "bench", "diag", "--json"])[1].clone();
+    until(|| newest()["text"].as_str().is_some_and(|text| text.contains("hot restart")));
+    assert_eq!(bench.value("DB5.COUNT"), 7, "everything keeps its value");
 }
 
 #[test]

@@ -66,6 +66,8 @@ pub enum CommandName {
     Warm,
     /// Cold restart.
     Cold,
+    /// Hot restart; refused by an S7-300.
+    Hot,
     /// Memory reset.
     Reset,
 }

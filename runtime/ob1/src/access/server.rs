@@ -8,7 +8,7 @@ use std::path::Path;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use ob1_cpu::{AccessClient, Answer, Ask, Command, OperatingState, Request as PortRequest};
+use ob1_cpu::{AccessClient, Answer, Ask, Command, Family, OperatingState, Request as PortRequest};
 use rustix::event::{PollFd, PollFlags, poll};
 use serde_json::Value;
 
@@ -218,6 +218,10 @@ impl Serving {
                     CommandName::Stop => Command::Stop,
                     CommandName::Warm => Command::Warm,
                     CommandName::Cold => Command::Cold,
+                    CommandName::Hot if self.view.family == Family::S7_300 => {
+                        return Err("an S7-300 has no hot restart; it takes family = 400 in [cpu]".into());
+                    }
+                    CommandName::Hot => Command::Hot,
                     CommandName::Reset => Command::Reset,
                 };
                 self.port.ask_one(Ask::Command(command))?;

@@ -123,7 +123,7 @@ pub enum Start {
     Cold,
     /// OB 100
     Warm,
-    /// OB 101
+    /// OB 101; memory counts as that of a RUN before, and the CPU as an S7-400
     Hot,
 }
 
@@ -143,12 +143,6 @@ impl ExecArgs {
 
     /// What the words mean together.
     pub(super) fn check(&self) -> Result<(), String> {
-        if self.start == Start::Hot {
-            return Err("--start hot: there is no RUN to go on from (OB 101 follows a STOP); use warm or cold".into());
-        }
-        if self.ob_start_info == Switch::Off {
-            return Err("--ob-start-info off: the CPU always writes start information".into());
-        }
         if let Some(byte) = self.clock_memory.filter(|byte| u32::from(*byte) >= self.bit_memory) {
             return Err(format!("--clock-memory {byte} lies outside the {} bytes of bit memory", self.bit_memory));
         }

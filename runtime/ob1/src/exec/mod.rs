@@ -8,7 +8,7 @@ mod clock;
 mod dump;
 mod stats;
 
-use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, OperatingState};
+use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, Family, OperatingState};
 use ob1_ir::Program;
 use ob1_model::Event;
 
@@ -100,10 +100,13 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<Cpu, 
         output_bytes: args.outputs,
         memory_bytes: args.bit_memory,
         accumulators: args.accumulators,
+        // Only this family starts hot.
+        family: if args.start == Start::Hot { Family::S7_400 } else { Family::S7_300 },
         clock_memory: args.clock_memory,
         min_cycle: args.min_cycle.as_nanos() as u64,
         watchdog: args.watchdog.as_nanos() as u64,
         peripheral_from_image: true,
+        ob_start_info: args.ob_start_info == Switch::On,
         // Virtual time begins at a fixed date: the same run gives the same start information.
         date_at_start: if args.real_time { crate::assembly::date_now() } else { 0 },
         ..CpuConfig::default()
@@ -118,9 +121,13 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<Cpu, 
 
 /// Cycles until the end.
 fn run(cpu: &mut Cpu, clock: &mut ExecClock, start: Start) -> ExecExit {
+    if start == Start::Hot {
+        cpu.assume_run();
+    }
     cpu.request(match start {
         Start::Cold => Command::Cold,
-        Start::Warm | Start::Hot => Command::Warm,
+        Start::Warm => Command::Warm,
+        Start::Hot => Command::Hot,
     });
     loop {
         let end = cpu.cycle(clock);

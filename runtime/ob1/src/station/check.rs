@@ -9,7 +9,7 @@ use ob1_model::{BlockId, BlockKind};
 use super::file::{CpuTable, Placed, PluginTable, StationFile};
 use super::findings::{CONTRADICTION, Findings, TWICE, VALUE};
 use super::types::{Mnemonics, Plugin, Realtime, Station};
-use super::{modules, parse_duration, retentive, simulated};
+use super::{interrupts, modules, parse_duration, retentive, simulated};
 use crate::finding::{Finding, Text, nearest};
 use crate::library::{self, Choice};
 use crate::program::Sources;
@@ -112,6 +112,9 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
         counters: number(f, "counters", table.counters.as_ref(), 0..=2048, d.counters),
         local_bytes: number(f, "local_bytes", table.local_bytes.as_ref(), 1024..=1_048_576, d.local_bytes),
         accumulators: number(f, "accumulators", table.accumulators.as_ref(), 2..=4, d.accumulators),
+        db_pool_bytes: number(f, "db_pool_bytes", table.db_pool_bytes.as_ref(), 0..=0x400_0000, d.db_pool_bytes),
+        cyclic: interrupts::cyclic(f, &table.cyclic),
+        time_of_day: interrupts::time_of_day(f, &table.time_of_day),
         nesting_depth: number(f, "nesting_depth", table.nesting_depth.as_ref(), 1..=64, d.nesting_depth),
         min_cycle: time(f, table.min_cycle.as_ref(), 1_000_000),
         watchdog: time(f, table.watchdog.as_ref(), d.watchdog),

@@ -94,8 +94,30 @@ pub(super) struct CpuTable {
     pub(super) accumulators: Option<Placed<i64>>,
     pub(super) nesting_depth: Option<Placed<i64>>,
     pub(super) clock_memory: Option<Placed<i64>>,
+    pub(super) db_pool_bytes: Option<Placed<i64>>,
+    #[serde(default)]
+    pub(super) cyclic: Vec<CyclicTable>,
+    #[serde(default)]
+    pub(super) time_of_day: Vec<TimeOfDayTable>,
     #[serde(default)]
     pub(super) realtime: RealtimeTable,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TimeOfDayTable {
+    pub(super) ob: Placed<i64>,
+    pub(super) start: Placed<String>,
+    pub(super) every: Option<Placed<String>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CyclicTable {
+    pub(super) ob: Placed<i64>,
+    pub(super) period: Placed<String>,
+    pub(super) phase: Option<Placed<String>>,
+    pub(super) missed: Option<Placed<String>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

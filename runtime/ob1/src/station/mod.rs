@@ -7,6 +7,7 @@ mod check;
 mod duration;
 mod file;
 pub(crate) mod findings;
+mod interrupts;
 mod line;
 mod modules;
 mod retentive;
