@@ -1,6 +1,6 @@
 //! What a CPU is built with: sizes, cycle rules, and where its modules lie.
 
-use crate::{CyclicInterrupt, Family, Nanos, Retentive, TimeOfDay};
+use crate::{AccountsConfig, CyclicInterrupt, Family, MissedCycle, Nanos, Retentive, TimeOfDay};
 
 /// The sizes and rules of one CPU. The defaults are those of an S7-300.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +29,10 @@ pub struct CpuConfig {
     pub nesting_depth: u8,
     /// Minimum cycle time; 0: the next cycle starts at once.
     pub min_cycle: Nanos,
+    /// What becomes of a deadline of the cycle that was missed.
+    pub missed: MissedCycle,
+    /// What is kept of every scan.
+    pub accounts: AccountsConfig,
     /// Cycle monitoring time; 0: none.
     pub watchdog: Nanos,
     /// Cyclic interrupts whose interval or phase is not the default. Those of OBs that are not loaded have no effect.
@@ -74,6 +78,8 @@ impl Default for CpuConfig {
             accumulators: 2,
             nesting_depth: 24,
             min_cycle: 0,
+            missed: MissedCycle::Now,
+            accounts: AccountsConfig::default(),
             watchdog: 150_000_000,
             cyclic: Vec::new(),
             time_of_day: Vec::new(),
@@ -146,4 +152,6 @@ pub struct CycleEnd {
     pub state: OperatingState,
     /// False when only interrupts were served because the next cycle was not due yet.
     pub whole: bool,
+    /// The cycle began or ended late: [`crate::Cpu::last_scan`] says more.
+    pub late: bool,
 }

@@ -1,14 +1,17 @@
 //! A CPU seen from outside: commands, figures, cells, access port. Its cycle is in [`crate::cycle`], its start-up in [`crate::startup`].
 
+use std::sync::Arc;
+
 use ob1_model::Event;
 
 use crate::cells;
-use crate::interrupts::{Hardware, priority_of, slot_of};
+use crate::interrupts::{Hardware, slot_of};
 use crate::machine::{Blocks, Interrupt, Machine};
 use crate::port::AccessPort;
 use crate::{
-    AccessClient, Answer, Ask, Cell, CellWidth, Command, DiagEntry, InterruptError, LogReader, ModuleCounters,
-    ModuleSlot, ModuleStatus, Nanos, ObStatistics, OperatingState, PortError, ScanStatistics, ShortText,
+    AccessClient, Accounts, Answer, Ask, Cell, CellWidth, Command, DiagEntry, InterruptError, LogReader,
+    ModuleCounters, ModuleSlot, ModuleStatus, Nanos, ObStatistics, OperatingState, PortError, ScanRecord,
+    ScanStatistics, ShortText,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -119,18 +122,30 @@ impl Cpu {
     /// The scan statistics.
     #[must_use]
     pub fn statistics(&self) -> ScanStatistics {
-        self.machine.statistics.snapshot(self.machine.statements + u64::from(self.machine.pending))
+        let statements = self.machine.statements + u64::from(self.machine.pending);
+        ScanStatistics { statements, ..self.machine.trace.accounts.figures().statistics() }
+    }
+
+    /// The accounts of every scan, for readers outside it.
+    #[must_use]
+    pub fn accounts(&self) -> Arc<Accounts> {
+        Arc::clone(&self.machine.trace.accounts)
+    }
+
+    /// The last finished scan.
+    #[must_use]
+    pub fn last_scan(&self) -> &ScanRecord {
+        &self.machine.trace.last
     }
 
     /// The figures of each loaded organization block, in ascending order of their numbers.
     pub fn ob_statistics(&self) -> impl Iterator<Item = ObStatistics> {
-        (0..self.machine.obs.list.len()).filter_map(|index| self.ob_figures(index))
-    }
-
-    fn ob_figures(&self, index: usize) -> Option<ObStatistics> {
-        let record = self.machine.obs.list.get(index)?;
-        let overruns = slot_of(record.ob).map_or(0, |slot| self.machine.interrupts.overruns[slot]);
-        Some(record.figures(priority_of(record.ob), overruns))
+        let figures = self.machine.trace.accounts.figures().obs;
+        figures.into_iter().map(|figures| {
+            // The accounts follow at the end of a cycle.
+            let overruns = slot_of(figures.ob).map_or(0, |slot| self.machine.interrupts.overruns[slot]);
+            ObStatistics { overruns, ..figures.statistics() }
+        })
     }
 
     /// A hardware interrupt for OB 40 to 47, with the address and the point of its start information. It runs in the next cycle, or
@@ -230,16 +245,6 @@ impl Cpu {
             }
             Ask::State => Answer::State(self.state),
             Ask::Diag(back) => Answer::Diag(*self.machine.diag.get(back as usize).ok_or(PortError::NoEntry)?),
-            Ask::Statistics => Answer::Statistics(self.statistics()),
-            Ask::ResetStatistics => {
-                self.machine.statistics.reset();
-                self.machine.obs.reset();
-                self.machine.interrupts.overruns.fill(0);
-                Answer::Done
-            }
-            Ask::ObStatistics(index) => {
-                Answer::ObStatistics(self.ob_figures(index as usize).ok_or(PortError::NoEntry)?)
-            }
             Ask::HardwareInterrupt { ob, address, point } => {
                 Answer::Interrupt(self.fire_hardware_interrupt(ob, address, point))
             }

@@ -2,10 +2,12 @@
 
 use ob1_model::Event;
 
+use crate::accounts::Ended;
 use crate::interrupts::{Hardware, slot_of};
-use crate::machine::{Context, Watchdog};
+use crate::machine::{Context, Machine, Watchdog};
 use crate::{
-    Abort, Clock, Command, Cpu, CycleEnd, DiagEntry, Family, ModuleEvent, Nanos, ObInfo, OperatingState, ShortText,
+    Abort, Clock, Command, Cpu, CycleEnd, DiagEntry, Family, MissedCycle, ModuleEvent, Nanos, ObInfo, OperatingState,
+    ShortText,
 };
 
 /// Time between two looks at access port and modules in STOP.
@@ -42,17 +44,20 @@ impl Cpu {
 
     fn run_cycle(&mut self, start: Nanos, clock: &mut dyn Clock) -> CycleEnd {
         let planned = if self.due <= start { self.due } else { start };
+        let m = &mut self.machine;
+        m.trace.begin(planned, start, m.inside, m.statements + u64::from(m.pending));
         if let Some(last) = self.last_start.replace(start) {
             let time = start - last;
-            self.machine.statistics.record_cycle(time);
+            self.machine.trace.accounts.cycle.record(time);
             let ms = (time / 1_000_000).min(32_767) as u16;
             let [_, least, most] = self.cycle_ms;
-            let least = if self.machine.statistics.scans <= 1 { ms } else { least.min(ms) };
+            let least = if self.machine.trace.accounts.scans() <= 1 { ms } else { least.min(ms) };
             self.cycle_ms = [ms, least, most.max(ms)];
         }
         self.machine.cycle_start = start;
         self.watch(start);
         self.machine.modules.begin_scan(start);
+        let mut outputs_from = start;
         let ran = self.module_events(clock).and_then(|()| {
             self.clock_memory();
             self.input_image(clock)?;
@@ -62,6 +67,7 @@ impl Cpu {
             self.ob1(start - planned, clock)?;
             // A cycle too long is noticed at its end too, when the last stretch had no safe point.
             self.context(clock).attend()?;
+            outputs_from = self.machine.now;
             self.output_image(clock)
         });
         self.machine.watchdog.expires = None;
@@ -72,15 +78,20 @@ impl Cpu {
         let m = &mut self.machine;
         m.modules.end_scan(m.now);
         m.now = m.now.max(clock.now());
-        m.statistics.scans += 1;
-        m.statistics.record_execution(m.now - start);
-        let min = m.config.min_cycle;
-        self.due = planned + min;
-        if self.due < m.now {
-            m.statistics.overruns += u64::from(min > 0);
-            self.due = m.now;
-        }
-        CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: true }
+        let (due, overran, missed) = m.next_cycle(planned);
+        self.due = due;
+        let ended = Ended {
+            end: m.now,
+            outputs_from,
+            inside: m.inside,
+            statements: m.statements + u64::from(m.pending),
+            overran,
+            missed,
+            site: m.trace.long_in.take().and_then(|at| self.blocks.engine.site(at)),
+        };
+        let late = m.trace.end(&ended);
+        m.account_interrupts();
+        CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: true, late }
     }
 
     /// Interrupts that come while the minimum cycle time is waited for.
@@ -93,8 +104,11 @@ impl Cpu {
             return self.stop_cycle(clock);
         }
         // Rings for what an interrupt has written to a module.
-        self.machine.modules.end_scan(self.machine.now);
-        CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: false }
+        let m = &mut self.machine;
+        m.modules.end_scan(m.now);
+        m.trace.between(m.now);
+        m.account_interrupts();
+        CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: false, late: false }
     }
 
     fn next_deadline(&self) -> Nanos {
@@ -142,12 +156,17 @@ impl Cpu {
         if let Some(record) = self.machine.obs.of(1) {
             record.late(late);
         }
+        let inside = self.machine.inside;
         let mut cx = self.context(clock);
         let mut start = cx.start_info(0x11, scan, 1, 1);
         for (i, ms) in cycle_ms.into_iter().enumerate() {
             start[6 + 2 * i..8 + 2 * i].copy_from_slice(&ms.to_be_bytes());
         }
-        cx.run_ob(callee, ObInfo { number: 1, priority: 1, start })
+        let ran = cx.run_ob(callee, ObInfo { number: 1, priority: 1, start });
+        let m = &mut self.machine;
+        let whole = m.obs.of(1).map_or(0, |record| record.last_whole());
+        m.trace.ob1_began(m.now.saturating_sub(whole), inside);
+        ran
     }
 
     /// Serves access port and modules while the program stands still.
@@ -163,7 +182,7 @@ impl Cpu {
         }
         m.modules.end_scan(now);
         self.due = now + STOP_CYCLE;
-        CycleEnd { next_deadline: self.due, state: self.state, whole: true }
+        CycleEnd { next_deadline: self.due, state: self.state, whole: true, late: false }
     }
 
     /// Diagnostic entries and interrupts of the modules.
@@ -235,6 +254,46 @@ impl Cpu {
         let bits = (0u8..).zip(CLOCK_HALF_MS).fold(0, |bits, (i, half)| bits | (((ms / half) & 1) as u32) << i);
         let at = (self.machine.memory.memory.at + u32::from(byte)) * 8;
         self.machine.memory.write_bits(at, 8, bits);
+    }
+}
+
+impl Machine {
+    /// When the cycle after the one planned at `planned` is due, now that this one has ended; whether it overran, and how many deadlines
+    /// no cycle will begin for.
+    fn next_cycle(&mut self, planned: Nanos) -> (Nanos, bool, u64) {
+        let (min, now) = (self.config.min_cycle, self.now);
+        let next = planned + min;
+        if next >= now || min == 0 {
+            return (next.max(now), false, 0);
+        }
+        let passed = (now - next) / min + 1;
+        match self.config.missed {
+            // The cycle that begins now stands for the first of them.
+            MissedCycle::Now => {
+                self.trace.missed(next + min, min, passed - 1, now);
+                (now, true, passed - 1)
+            }
+            MissedCycle::Skip => {
+                let due = next + passed * min;
+                self.trace.missed(next, min, passed, due);
+                (due, true, passed)
+            }
+            MissedCycle::CatchUp => {
+                let left_out = passed.saturating_sub(MissedCycle::MOST);
+                let due = next + left_out * min;
+                self.trace.missed(next, min, left_out, now);
+                (due, true, left_out)
+            }
+        }
+    }
+
+    /// Interrupts lost so far.
+    fn account_interrupts(&self) {
+        for account in &self.trace.accounts.obs {
+            if let Some(slot) = slot_of(account.ob) {
+                account.overruns.set(self.interrupts.overruns[slot]);
+            }
+        }
     }
 }
 

@@ -35,7 +35,7 @@ impl Context<'_> {
     /// The watchdog has expired: OB 80 the first time, STOP without it or the second time in one cycle.
     pub(crate) fn cycle_exceeded(&mut self) -> Result<(), Abort> {
         let machine = &mut *self.machine;
-        machine.statistics.watchdogs += 1;
+        machine.trace.accounts.watchdogs.add(1);
         let limit_ms = (machine.config.watchdog / 1_000_000) as u32;
         let ran_ms = ((machine.now - machine.cycle_start) / 1_000_000).min(0xFFFF) as u16;
         let second = std::mem::replace(&mut machine.watchdog.excess, true);

@@ -4,6 +4,7 @@
 //! [`Cpu::new`] loads a compiled program, native blocks and modules; [`Cpu::cycle`] runs one cycle and says when the next is due.
 //! The CPU knows time only through the [`Clock`] it is given and never sleeps: the caller does.
 
+mod accounts;
 mod calendar;
 mod cells;
 mod config;
@@ -24,7 +25,7 @@ mod memory;
 mod messages;
 mod modules;
 mod native;
-mod ob_statistics;
+mod obs;
 mod port;
 mod ports;
 mod process_io;
@@ -32,11 +33,14 @@ mod retentive;
 mod services;
 mod settings;
 mod startup;
-mod statistics;
 mod system;
 mod szl;
 mod timers;
 
+pub use accounts::{
+    Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ObStatistics,
+    ScanRecord, ScanStatistics,
+};
 pub use config::{Command, CpuConfig, CycleEnd, ModuleSlot, OperatingState};
 pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_TEXT, DiagEntry, ShortText};
@@ -45,18 +49,15 @@ pub use events::InterruptError;
 pub use item::{Item, ItemError, ItemNames, parse_item};
 pub use log::{LOG_TEXT, LogLine, LogReader};
 pub use machine::Interrupt;
-pub use ob_statistics::ObStatistics;
 pub use port::{AccessClient, Answer, Ask, Cell, CellWidth, PortError, Request, Response};
 pub use ports::*;
 pub use process_io::{IoBacking, IoKind, IoModule, Stimulus, StimulusOutside, StimulusStep, StimulusValue};
 pub use retentive::{DataRange, Retentive, RetentiveData, Why};
 pub use services::{SERVICES, Services};
-pub use settings::{CyclicInterrupt, Family, Missed, TimeOfDay};
-pub use statistics::{Distribution, ScanStatistics};
+pub use settings::{CyclicInterrupt, Family, Missed, MissedCycle, TimeOfDay};
 pub use system::{standard_block, system_blocks};
 
 use diag::DiagBuffer;
 use machine::Context;
 use memory::Memory;
 use modules::{IoError, Modules};
-use statistics::Statistics;

@@ -1,8 +1,11 @@
 //! Loading: program, native blocks and modules become a CPU, or a list of reasons why not.
 
+use std::sync::Arc;
+
 use ob1_ir::{DataKind, Op, Program};
 use ob1_model::{BlockId, BlockKind};
 
+use crate::accounts::{Accounts, Trace, plugin_blocks};
 use crate::engine::{
     Callee, Constants, Lowering, Reference, Signature, Signatures, collect, lower, verify, writes_param,
 };
@@ -10,14 +13,12 @@ use crate::interrupts::Interrupts;
 use crate::log::LogWriter;
 use crate::machine::{Blocks, Interrupt, Machine, Watchdog};
 use crate::native::Native;
-use crate::ob_statistics::ObRecords;
+use crate::obs::ObRecords;
 use crate::port::AccessPort;
 use crate::retentive::Keep;
 use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
-use crate::{
-    Cpu, CpuConfig, DiagBuffer, LoadError, Memory, Module, ModuleSlot, Modules, NativeBlock, ObInfo, Statistics,
-};
+use crate::{Cpu, CpuConfig, DiagBuffer, LoadError, Memory, Module, ModuleSlot, Modules, NativeBlock, ObInfo};
 
 /// Most bytes of a data block.
 const DB_BYTES: usize = 65_534;
@@ -96,15 +97,22 @@ impl Cpu {
         }
 
         let interrupt = Interrupt::default();
+        let obs: Vec<u16> = signatures
+            .0
+            .iter()
+            .filter(|s| s.id.kind == BlockKind::Ob && s.id.number < 128)
+            .map(|s| s.id.number)
+            .collect();
+        let timed = natives.iter().map(|block| &**block as &dyn NativeBlock).filter(|_| config.accounts.blocks);
+        let accounts = Accounts::new(&config.accounts, config.min_cycle, &obs, plugin_blocks(timed));
+        let accounts = Arc::new(accounts);
         let blocks = Blocks {
             engine: Box::new(Reference { blocks }),
-            natives: natives.into_iter().map(Native::new).collect(),
+            natives: Native::all(natives, config.accounts.blocks),
             callees: signatures.0.iter().map(|s| (s.id, s.callee)).collect(),
             signatures,
             interrupt: interrupt.clone(),
         };
-        let obs: Vec<u16> =
-            blocks.callees.iter().filter(|(id, _)| id.kind == BlockKind::Ob).map(|(id, _)| id.number).collect();
         let (port, client) = AccessPort::new(config.port_capacity);
         let (log, reader) = LogWriter::new();
         let machine = Machine {
@@ -113,7 +121,6 @@ impl Cpu {
             counters: vec![Counter::default(); usize::from(config.counters)].into_boxed_slice(),
             modules,
             diag: DiagBuffer::new(),
-            statistics: Statistics::new(),
             log,
             interrupt,
             now: 0,
@@ -132,7 +139,8 @@ impl Cpu {
             started: 0,
             inside: 0,
             interrupts: Interrupts::new(&config.cyclic, |ob| blocks.ob(ob).is_some()),
-            obs: ObRecords::new(obs.into_iter()),
+            obs: ObRecords::new(&accounts),
+            trace: Trace::new(accounts),
             services: ServiceState::new(|ob| blocks.ob(ob).is_some()),
             cycle_start: 0,
             stopped_at: 0,
@@ -140,6 +148,7 @@ impl Cpu {
             native_caller: None,
             interrupted: None,
             substitute: None,
+            at: None,
             config,
         };
         Ok(Cpu::assemble(machine, blocks, port, client, reader))

@@ -6,17 +6,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use ob1_model::{BlockId, BlockKind, Event, FaultKind};
 use ob1_std::services::ErrorFilter;
 
+use crate::accounts::Trace;
 use crate::calendar::date_and_time;
 use crate::engine::{Callee, Engine, Entry, Frame, Interrupted, Signatures};
 use crate::interrupts::Interrupts;
 use crate::log::{LogLine, LogWriter};
-use crate::ob_statistics::ObRecords;
+use crate::obs::ObRecords;
 use crate::retentive::Keep;
 use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
-use crate::{
-    Abort, Clock, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, Nanos, ObInfo, ShortText, Statistics,
-};
+use crate::{Abort, Clock, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, Nanos, ObInfo, ShortText};
 
 /// Statements after which the engine looks at the clock at its next safe point.
 pub(crate) const STATEMENTS_PER_LOOK: u32 = 1000;
@@ -78,7 +77,7 @@ pub(crate) struct Machine {
     pub(crate) counters: Box<[Counter]>,
     pub(crate) modules: Modules,
     pub(crate) diag: DiagBuffer,
-    pub(crate) statistics: Statistics,
+    pub(crate) trace: Trace,
     pub(crate) log: LogWriter,
     pub(crate) interrupt: Interrupt,
     /// The CPU's own time: moves at safe points and cycle control points.
@@ -121,6 +120,8 @@ pub(crate) struct Machine {
     pub(crate) interrupted: Option<Interrupted>,
     /// What SFC 44 has given to the block that an error has interrupted.
     pub(crate) substitute: Option<u32>,
+    /// The statement at which the engine last came to a safe point that was due.
+    pub(crate) at: Option<Caller>,
 }
 
 /// What runs: blocks by number, and who executes them.
@@ -168,6 +169,9 @@ impl Context<'_> {
         loop {
             self.machine.interrupt.take_due();
             self.look();
+            let at = self.machine.at.take();
+            let machine = &mut *self.machine;
+            machine.trace.safe_point(machine.now, at.or(machine.native_caller));
             if self.machine.stopping {
                 return Err(Abort);
             }
@@ -246,8 +250,10 @@ impl Context<'_> {
         let whole = machine.now - began;
         let inside = machine.inside;
         machine.inside = outer_inside + if synchronous { inside } else { whole };
+        let own = whole.saturating_sub(inside);
+        machine.trace.ob_ran(info.number, own);
         if let (Ok(()), Some(record)) = (result, machine.obs.of(info.number)) {
-            record.ran(whole.saturating_sub(inside), whole);
+            record.ran(own, whole);
         }
         if !synchronous {
             machine.services.filter = filter;

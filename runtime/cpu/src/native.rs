@@ -33,10 +33,21 @@ pub(crate) struct Native {
     formals: Box<[Formal]>,
     has_instance: bool,
     instance_bytes: u32,
+    /// Its account, for a block of a plugin.
+    account: Option<u32>,
 }
 
 impl Native {
-    pub(crate) fn new(block: Box<dyn NativeBlock>) -> Self {
+    /// All native blocks; those of plugins get their accounts, in their order, when `timed`.
+    pub(crate) fn all(blocks: Vec<Box<dyn NativeBlock>>, timed: bool) -> Vec<Self> {
+        let mut accounts = 0..;
+        let account = |block: &dyn NativeBlock, accounts: &mut std::ops::RangeFrom<u32>| {
+            if timed && block.is_plugin() { accounts.next() } else { None }
+        };
+        blocks.into_iter().map(|block| Self { account: account(&*block, &mut accounts), ..Self::new(block) }).collect()
+    }
+
+    fn new(block: Box<dyn NativeBlock>) -> Self {
         let interface = block.interface();
         let formals = interface
             .formals()
@@ -48,20 +59,43 @@ impl Native {
             })
             .collect();
         let (id, instance_bytes) = (block.id(), interface.instance_bytes);
-        Self { id, formals, has_instance: id.kind.has_instance(), instance_bytes, block }
+        Self { id, formals, has_instance: id.kind.has_instance(), instance_bytes, account: None, block }
     }
 }
 
 /// Calls a native block; the answer is the binary result it leaves.
 pub(crate) fn call(index: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
     let Some(native) = cx.blocks.natives.get(index as usize) else { return Ok(true) };
-    let mut call = Call { cx, native, entry, br: true };
-    native.block.call(&mut call)?;
-    let br = call.br;
+    let br = match native.account {
+        None => run(native, entry, cx)?,
+        Some(account) => timed(native, account, entry, cx)?,
+    };
     if cx.machine.services.touched {
         cx.machine.reschedule();
     }
     if cx.machine.stopping { Err(Abort) } else { Ok(br) }
+}
+
+#[inline]
+fn run(native: &Native, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
+    let mut call = Call { cx, native, entry, br: true };
+    native.block.call(&mut call)?;
+    Ok(call.br)
+}
+
+/// The same with the time it takes, without organization blocks and plugin blocks that run within it. The CPU's own time does not move
+/// by these looks at the clock.
+fn timed(native: &Native, account: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
+    let inside = cx.machine.inside;
+    let outer = std::mem::take(&mut cx.machine.trace.nested);
+    let began = cx.clock.now();
+    let result = run(native, entry, cx);
+    let whole = cx.clock.now().saturating_sub(began);
+    let machine = &mut *cx.machine;
+    let nested = machine.inside.saturating_sub(inside).saturating_add(machine.trace.nested);
+    machine.trace.nested = outer.saturating_add(whole);
+    machine.trace.plugin_ran(account, whole.saturating_sub(nested));
+    result
 }
 
 /// A call in progress.

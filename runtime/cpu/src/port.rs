@@ -1,12 +1,14 @@
 //! The access port: everything that looks into a running station from outside goes through these two rings.
 //!
+//! Figures of the scans do not: they stand in [`crate::Accounts`], where reading them costs the scan nothing.
+//!
 //! Requests and responses are small `Copy` items. The CPU serves a bounded number of them at the cycle control point; the client side
 //! is `Send` and belongs to one thread (a socket server), which knows names and types (see [`crate::parse_item`]).
 
 use ob1_model::Area;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::{Command, DiagEntry, InterruptError, ModuleStatus, ObStatistics, OperatingState, ScanStatistics};
+use crate::{Command, DiagEntry, InterruptError, ModuleStatus, OperatingState};
 
 /// A place the port can read and write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,12 +61,6 @@ pub enum Ask {
     State,
     /// The diagnostic entry so many entries back, 0 the newest.
     Diag(u32),
-    /// The scan statistics.
-    Statistics,
-    /// Starts the scan statistics and those of the organization blocks anew.
-    ResetStatistics,
-    /// The figures of the organization block with this index, in ascending order of the loaded ones.
-    ObStatistics(u32),
     /// A hardware interrupt, see [`crate::Cpu::fire_hardware_interrupt`].
     HardwareInterrupt {
         /// The organization block, 40 to 47.
@@ -108,10 +104,6 @@ pub enum Answer {
     State(OperatingState),
     /// A diagnostic entry.
     Diag(DiagEntry),
-    /// Scan statistics.
-    Statistics(ScanStatistics),
-    /// Figures of an organization block.
-    ObStatistics(ObStatistics),
     /// Whether a hardware interrupt was taken.
     Interrupt(Result<(), InterruptError>),
     /// A module's state.

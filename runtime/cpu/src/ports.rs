@@ -255,6 +255,10 @@ pub trait NativeBlock: Send {
     fn name(&self) -> &str;
     /// Its parameters.
     fn interface(&self) -> &Interface;
+    /// Brought by a plugin: the time of its calls is accounted for.
+    fn is_plugin(&self) -> bool {
+        false
+    }
     /// A start-up: state the block keeps for the station is zeroed.
     fn reset(&self);
     /// Runs it. `&self`, because a block may come to be called again from a block it called.

@@ -1,4 +1,4 @@
-//! What can be set about a CPU beside its sizes: family, interrupts by time.
+//! What can be set about a CPU beside its sizes: family, interrupts by time, missed deadlines.
 
 use ob1_std::moment::Moment;
 use ob1_std::services::Period;
@@ -34,6 +34,23 @@ pub enum Missed {
     CatchUp,
     /// It is left out.
     Skip,
+}
+
+/// What becomes of the schedule of the cycles when one has not ended, or could not begin, before the next was due.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MissedCycle {
+    /// The next cycle begins at once, and the minimum cycle time counts from there, as on the hardware.
+    #[default]
+    Now,
+    /// The schedule stays: deadlines that have passed are left out, the next cycle begins at the next one.
+    Skip,
+    /// The schedule stays: cycles begin at once until it has been caught up with. More than [`MissedCycle::MOST`] behind are left out.
+    CatchUp,
+}
+
+impl MissedCycle {
+    /// Most cycles that are caught up.
+    pub const MOST: u64 = 1000;
 }
 
 /// A cyclic interrupt. OB 30 to 38 that are loaded but not configured run every 5 s, 2 s, 1 s, 500, 200, 100, 50, 20 and 10 ms.

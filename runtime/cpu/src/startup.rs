@@ -111,6 +111,8 @@ impl Cpu {
         (m.ob, m.class_ob) = (ObInfo::default(), 0);
         m.native_caller = None;
         (m.interrupted, m.substitute) = (None, None);
+        m.at = None;
+        m.trace.start_up();
         m.interrupts.clear();
         m.services.clear();
         for plugged in &mut m.modules.list {

@@ -61,7 +61,7 @@ fn ten_thousand_cycles_allocate_nothing() {
         let region = Region::new(ALLOCATOR);
         for id in 0..10_000 {
             client.post(Request { id, ask: Ask::Read(Cell::Db(3, 0), CellWidth::Word) }).expect("room");
-            client.post(Request { id, ask: Ask::Statistics }).expect("room");
+            client.post(Request { id, ask: Ask::State }).expect("room");
             bench.cpu.fire_hardware_interrupt(40, 256, id).expect("room");
             bench.cycle();
             while client.take().is_some() {}

@@ -213,11 +213,10 @@ fn hardware_interrupts_by_call_and_port() {
     let mut client = bench.cpu.access_client().expect("the first");
     let ask = Ask::HardwareInterrupt { ob: 40, address: 0, point: 5 };
     client.post(Request { id: 1, ask }).expect("room");
-    client.post(Request { id: 2, ask: Ask::ObStatistics(1) }).expect("room");
     bench.cycle();
     assert_eq!(client.take().map(|r| r.answer), Some(Answer::Interrupt(Ok(()))));
-    let Some(Answer::ObStatistics(figures)) = client.take().map(|r| r.answer) else { panic!("figures") };
-    assert_eq!((figures.ob, figures.priority, figures.runs), (40, 16, 1));
+    let figures = bench.cpu.accounts().figures().obs[1].statistics();
+    assert_eq!((figures.ob, figures.priority, figures.runs), (40, 16, 2));
     assert_eq!((bench.mw(2), bench.md(28)), (2, 5));
     for _ in 0..16 {
         assert_eq!(bench.cpu.fire_hardware_interrupt(40, 0, 0), Ok(()));

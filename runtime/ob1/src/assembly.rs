@@ -21,6 +21,7 @@ use crate::offer::Unserved;
 use crate::program::{LoadFailure, Loaded};
 use crate::simulated;
 use crate::station::{Absent, CP240_BYTES, Line, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
+use crate::timing::Timings;
 use crate::view::{ModuleView, StationView};
 use crate::watched::{Running, watch_all};
 
@@ -162,6 +163,7 @@ pub fn assemble(
     let natives = watch_all(loaded.native_blocks(&addresses).map_err(AssemblyError::Load)?, &running);
     let mut config = station.cpu.clone();
     config.date_at_start = date_now();
+    let rules = config.clone();
     let cpu = load_cpu(config, loaded, natives, building.modules).map_err(AssemblyError::Load)?;
     let view = StationView {
         name: station.name.clone(),
@@ -170,6 +172,7 @@ pub fn assemble(
         modules: building.views,
         posture: Arc::new(OnceLock::new()),
         clock,
+        timings: Timings::new(cpu.accounts(), &rules, clock),
     };
     Ok(Assembly { cpu, view, fleet: building.fleet, io: building.io, links: building.links, running })
 }

@@ -202,7 +202,7 @@ struct CtlArgs {
     station: String,
     /// What to do
     action: Action,
-    /// Answers of status and diag as JSON
+    /// Answers of status, diag, timing and recorder as JSON
     #[arg(long)]
     json: bool,
 }
@@ -225,6 +225,10 @@ enum Action {
     Status,
     /// The diagnostic buffer, newest first
     Diag,
+    /// The accounts of every scan: distributions of times, late scans and their causes (docs/timing.md)
+    Timing,
+    /// The flight recorder: the scans up to the worst overrun, or up to now
+    Recorder,
 }
 
 /// Parses the command line of this process and does what it says.
@@ -279,6 +283,8 @@ impl Command {
                     Action::Reset => CommandName::Reset,
                     Action::Status => return remote::status(&args.station, args.json).into(),
                     Action::Diag => return remote::diag(&args.station, args.json).into(),
+                    Action::Timing => return remote::timing(&args.station, args.json).into(),
+                    Action::Recorder => return remote::recorder(&args.station, args.json).into(),
                 };
                 remote::command(&args.station, command)
             }

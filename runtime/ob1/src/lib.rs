@@ -20,6 +20,7 @@ pub mod rundir;
 pub mod simulated;
 pub mod station;
 pub mod testing;
+pub mod timing;
 pub mod view;
 pub mod virtual_clock;
 pub mod watched;

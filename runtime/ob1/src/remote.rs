@@ -7,6 +7,7 @@ use serde_json::Value;
 use crate::access::client::{AccessError, Client};
 use crate::access::protocol::{CommandName, Op, Response, Status, Times};
 use crate::exit::Exit;
+use crate::timing::text;
 
 fn ask(station: &str, op: Op) -> Result<Response, Exit> {
     Client::to_station(station).and_then(|mut client| client.ask(op)).map_err(|error| {
@@ -77,6 +78,34 @@ pub fn status(station: &str, json: bool) -> Exit {
     }
 }
 
+/// Prints the accounts of every scan.
+#[must_use]
+pub fn timing(station: &str, json: bool) -> Exit {
+    match ask(station, Op::Timing { histograms: json }).map(|response| response.timing) {
+        Ok(Some(timing)) if json => print_json(&timing),
+        Ok(Some(timing)) => {
+            print!("{}", text::timing(&timing));
+            Exit::Ok
+        }
+        Ok(None) => Exit::Refused,
+        Err(exit) => exit,
+    }
+}
+
+/// Prints the flight recorder.
+#[must_use]
+pub fn recorder(station: &str, json: bool) -> Exit {
+    match ask(station, Op::Recorder).map(|response| response.recorder) {
+        Ok(Some(recorder)) if json => print_json(&recorder),
+        Ok(Some(recorder)) => {
+            print!("{}", text::recorder(&recorder));
+            Exit::Ok
+        }
+        Ok(None) => Exit::Refused,
+        Err(exit) => exit,
+    }
+}
+
 /// Prints the diagnostic buffer.
 #[must_use]
 pub fn diag(station: &str, json: bool) -> Exit {
@@ -101,7 +130,10 @@ fn print_status(status: &Status) {
         status.pid,
         status.runtime_ns as f64 / 1e9
     );
-    println!("scans {}   overruns {}   watchdog {}", status.scans, status.overruns, status.watchdogs);
+    println!(
+        "scans {}   overruns {}   missed deadlines {}   late {}   watchdog {}",
+        status.scans, status.overruns, status.missed, status.late, status.watchdogs
+    );
     let line = |name: &str, t: &Times| {
         let us = |ns: f64| ns / 1000.0;
         println!(
@@ -114,6 +146,7 @@ fn print_status(status: &Status) {
         );
     };
     line("cycle", &status.cycle);
+    line("wake-up", &status.wake);
     line("execution", &status.execution);
     for grant in &status.posture {
         println!("{}: {} {}", grant.what, grant.outcome, grant.detail);

@@ -3,13 +3,14 @@
 use std::sync::{Arc, OnceLock};
 
 use ob1_backplane::{Counter, DriverState, Monitor};
-use ob1_cpu::{Distribution, Family, OperatingState, ScanStatistics};
+use ob1_cpu::{Distribution, Family, OperatingState};
 use ob1_host::driver;
 use ob1_rt::{Grant, MonotonicClock, Outcome};
 
 use crate::access::item::Names;
 use crate::access::protocol::{DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times};
 use crate::station::{ModuleConfig, ModuleKind};
+use crate::timing::Timings;
 
 /// A running station, as seen from other threads than the scan.
 #[derive(Clone, Debug)]
@@ -26,6 +27,8 @@ pub struct StationView {
     pub posture: Arc<OnceLock<Vec<Grant>>>,
     /// The clock of this runtime.
     pub clock: MonotonicClock,
+    /// The accounts of every scan.
+    pub timings: Timings,
 }
 
 /// A module, as seen from other threads than the scan.
@@ -98,8 +101,10 @@ fn driver_state(monitor: &Monitor) -> String {
 impl StationView {
     /// The station as others see it. `present` has one entry a module.
     #[must_use]
-    pub fn status(&self, state: OperatingState, statistics: &ScanStatistics, present: &[bool]) -> Status {
+    pub fn status(&self, state: OperatingState, present: &[bool]) -> Status {
         let memory = ob1_rt::memory();
+        let figures = self.timings.figures();
+        let statistics = figures.statistics();
         let module = |(index, module): (usize, &ModuleView)| module.status(present.get(index) == Some(&true));
         Status {
             station: self.name.clone(),
@@ -109,8 +114,11 @@ impl StationView {
             scans: statistics.scans,
             statements: statistics.statements,
             overruns: statistics.overruns,
+            missed: figures.missed,
+            late: figures.late,
             watchdogs: statistics.watchdogs,
             cycle: times(&statistics.cycle),
+            wake: times(&figures.wake.distribution()),
             execution: times(&statistics.execution),
             modules: self.modules.iter().enumerate().map(module).collect(),
             posture: self.posture.get().into_iter().flatten().map(grant).collect(),

@@ -55,6 +55,10 @@ impl NativeBlock for Watched {
         self.inner.interface()
     }
 
+    fn is_plugin(&self) -> bool {
+        self.inner.is_plugin()
+    }
+
     fn reset(&self) {
         self.inner.reset();
     }

@@ -157,6 +157,7 @@ impl Reference {
             () => {
                 if executed >= STATEMENTS_PER_LOOK || blocks.interrupt.is_due() {
                     cx.machine.pending = executed;
+                    cx.machine.at = Some(Caller { block: current, statement: pc as u32 });
                     cx.attend()?;
                     executed = cx.machine.pending;
                 }

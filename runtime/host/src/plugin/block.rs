@@ -95,6 +95,10 @@ impl NativeBlock for PluginBlock {
         &self.interface
     }
 
+    fn is_plugin(&self) -> bool {
+        true
+    }
+
     fn reset(&self) {
         self.state.clear();
         self.memory.clear();

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::timing::{Recorder, Timing};
+
 /// Longest line accepted, in bytes.
 pub const LINE_BYTES: usize = 64 * 1024;
 
@@ -48,6 +50,14 @@ pub enum Op {
     },
     /// Starts the scan statistics anew.
     ResetStatistics,
+    /// The accounts of every scan.
+    Timing {
+        /// With the buckets of all distributions.
+        #[serde(default)]
+        histograms: bool,
+    },
+    /// The flight recorder.
+    Recorder,
 }
 
 fn default_count() -> u32 {
@@ -92,13 +102,19 @@ pub struct Response {
     /// Answer to `diag`, newest first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diagnostics: Option<Vec<Diagnostic>>,
+    /// Answer to `timing`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub timing: Option<Box<Timing>>,
+    /// Answer to `recorder`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recorder: Option<Box<Recorder>>,
 }
 
 impl Response {
     /// Done, with nothing more to say.
     #[must_use]
     pub fn done(id: Value) -> Self {
-        Self { id, ok: true, error: None, values: None, status: None, diagnostics: None }
+        Self { id, ok: true, error: None, values: None, status: None, diagnostics: None, timing: None, recorder: None }
     }
 
     /// Refused.
@@ -139,10 +155,16 @@ pub struct Status {
     pub statements: u64,
     /// Cycles that began late because the one before took too long.
     pub overruns: u64,
+    /// Deadlines no cycle began for.
+    pub missed: u64,
+    /// Scans that began late or took long; `timing` says why.
+    pub late: u64,
     /// Expiries of the cycle watchdog.
     pub watchdogs: u64,
     /// From the start of a cycle to the start of the next.
     pub cycle: Times,
+    /// From the deadline of a cycle to its start.
+    pub wake: Times,
     /// From the start of a cycle to its end.
     pub execution: Times,
     /// In the order of the station file.

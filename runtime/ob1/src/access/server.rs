@@ -228,9 +228,9 @@ impl Serving {
             }
             Op::Status => response.status = Some(self.status()?),
             Op::Diag { count } => response.diagnostics = Some(self.diagnostics(count)?),
-            Op::ResetStatistics => {
-                self.port.ask_one(Ask::ResetStatistics)?;
-            }
+            Op::ResetStatistics => self.view.timings.reset(),
+            Op::Timing { histograms } => response.timing = Some(Box::new(self.view.timings.snapshot(histograms))),
+            Op::Recorder => response.recorder = Some(Box::new(self.view.timings.recorder())),
         }
         Ok(response)
     }
@@ -244,20 +244,16 @@ impl Serving {
 
     fn status(&mut self) -> Result<Status, String> {
         let count = self.view.modules.len() as u32;
-        let mut asks = vec![Ask::State, Ask::Statistics];
+        let mut asks = vec![Ask::State];
         asks.extend((0..count).map(Ask::Module));
         let mut answers = self.port.ask(&asks)?.into_iter();
         let state = match answers.next() {
             Some(Answer::State(state)) => state,
             _ => OperatingState::Stop,
         };
-        let statistics = match answers.next() {
-            Some(Answer::Statistics(statistics)) => statistics,
-            _ => ob1_cpu::ScanStatistics::default(),
-        };
         let present =
             answers.map(|answer| matches!(answer, Answer::Module(module) if module.present)).collect::<Vec<_>>();
-        Ok(self.view.status(state, &statistics, &present))
+        Ok(self.view.status(state, &present))
     }
 
     fn diagnostics(&mut self, count: u32) -> Result<Vec<Diagnostic>, String> {

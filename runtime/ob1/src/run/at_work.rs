@@ -25,6 +25,7 @@ use crate::retentive;
 use crate::retentive::keeper::{Keeper, ScanEnd};
 use crate::rundir::RunDir;
 use crate::station::Station;
+use crate::timing::Observer;
 use crate::view::{StationView, state_name};
 use crate::watched::Running;
 
@@ -46,6 +47,7 @@ pub(super) struct AtWork {
     min_cycle: u64,
     thread: Option<JoinHandle<Result<(), String>>>,
     monitor: Option<Monitor>,
+    observer: Option<Observer>,
     keeper: Option<Keeper>,
     server: Option<Server>,
     fleet: Option<RunningFleet>,
@@ -79,6 +81,8 @@ impl AtWork {
             .map_err(system("the control socket"))?;
         let fleet = fleet.start(clock).map_err(system("the drivers"))?;
         let (keeper, retentive) = keep(station, &mut cpu)?;
+        let (observer, late) =
+            Observer::start(view.timings.clone(), station.realtime.affinity.clone()).map_err(system("the observer"))?;
         let scan = Arc::new(ScanState::default());
         let (interrupt, log) = (cpu.interrupt(), cpu.log_reader());
         let thread = Scan {
@@ -91,6 +95,7 @@ impl AtWork {
             limit: options.scans,
             fence: options.fence,
             retentive,
+            late,
         }
         .start()
         .map_err(system("the scan thread"))?;
@@ -106,6 +111,7 @@ impl AtWork {
             min_cycle: station.cpu.min_cycle,
             thread: Some(thread),
             monitor: Some(monitor),
+            observer: Some(observer),
             keeper,
             server: Some(server),
             fleet: Some(fleet),
@@ -209,6 +215,9 @@ impl AtWork {
         let fault = fault_in(&diagnostics);
         let exit = if fault.is_some() { Exit::Fault } else { Exit::Ok };
         let status = self.status();
+        // Its last look explains what is not explained yet.
+        drop(self.observer.take());
+        let timing = self.view.timings.snapshot(true);
         // The last image comes out of a cycle in STOP.
         drop(self.keeper.take());
         self.scan.finish();
@@ -225,7 +234,7 @@ impl AtWork {
             fleet.stop();
         }
         let status = status.ok_or_else(|| Failure(Exit::System, "ob1: the CPU does not answer at its end\n".into()))?;
-        Ok(Report::new(ended, exit, fault, status, diagnostics))
+        Ok(Report::new(ended, exit, fault, status, diagnostics, timing))
     }
 
     /// Sends the CPU to STOP and waits for it.

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use crate::access::protocol::{Diagnostic, Status, Times};
 use crate::exit::Exit;
+use crate::timing::{self, Timing};
 
 /// Version of the report's form: raised when a field changes its meaning or goes.
 pub const REPORT_SCHEMA: u32 = 1;
@@ -56,6 +57,8 @@ pub struct Report {
     pub status: Status,
     /// The diagnostic buffer, newest first.
     pub diagnostics: Vec<Diagnostic>,
+    /// The accounts of every scan, with the buckets of all distributions.
+    pub timing: Timing,
 }
 
 impl Report {
@@ -65,9 +68,10 @@ impl Report {
         fault: Option<String>,
         status: Status,
         diagnostics: Vec<Diagnostic>,
+        timing: Timing,
     ) -> Self {
         let version = env!("CARGO_PKG_VERSION");
-        Self { schema: REPORT_SCHEMA, version, ended, exit: exit as u8, fault, status, diagnostics }
+        Self { schema: REPORT_SCHEMA, version, ended, exit: exit as u8, fault, status, diagnostics, timing }
     }
 
     /// Writes the report as JSON.
@@ -96,7 +100,9 @@ impl Report {
         );
         let _ = writeln!(out, "time in µs       min      mean       p50       p99     p99.9       max");
         row(&mut out, "cycle", &s.cycle);
+        row(&mut out, "wake-up", &s.wake);
         row(&mut out, "execution", &s.execution);
+        out += &timing::text::late(&self.timing.late);
         for grant in s.posture.iter().filter(|g| g.outcome != "granted") {
             let _ = writeln!(out, "{}: {}", grant.what, grant.detail);
             if let Some(remedy) = &grant.remedy {

@@ -1,7 +1,7 @@
 //! The scan thread: asks for its posture, then cycles until it is told to finish.
 //!
-//! From its first cycle on it allocates nothing, takes no lock another thread can hold, and makes no system call but the sleep and the
-//! doorbells; the fence proves it. What others want to know of it stands in atomics.
+//! From its first cycle on it allocates nothing, takes no lock another thread can hold, and makes no system call but the sleep, the
+//! doorbells, and one look at its kernel counters after a late scan; the fence proves it. What others want to know of it stands in atomics.
 
 use std::sync::Arc;
 use std::sync::OnceLock;
@@ -13,6 +13,7 @@ use ob1_rt::{Grant, MonotonicClock};
 
 use crate::retentive::keeper::ScanEnd;
 use crate::station::Realtime;
+use crate::timing::LateSender;
 
 /// What other threads see of the scan.
 #[derive(Debug, Default)]
@@ -80,6 +81,8 @@ pub(super) struct Scan {
     pub(super) fence: bool,
     /// Hands retentive memory over, when it is written.
     pub(super) retentive: Option<ScanEnd>,
+    /// Hands late scans over to be explained.
+    pub(super) late: LateSender,
 }
 
 impl Scan {
@@ -92,6 +95,7 @@ impl Scan {
         ob1_rt::block_signals();
         ob1_rt::prefault_stack();
         ob1_rt::warm_heap();
+        self.late.this_is_the_scan();
         self.ask_posture();
         if self.fence {
             ob1_rt::fence_scan().map_err(|e| e.to_string())?;
@@ -140,6 +144,9 @@ impl Scan {
                 OperatingState::Startup => 1,
                 OperatingState::Run => 2,
             };
+            if end.late {
+                self.late.send(self.cpu.last_scan());
+            }
             if let Some(retentive) = &mut self.retentive {
                 retentive.after_cycle(&self.cpu);
             }

@@ -1,37 +1,17 @@
-//! Figures of each loaded organization block: runs, execution time, lateness, requests lost. Recording allocates nothing.
+//! The organization blocks as the scan knows them: their place in the accounts, and the times of their last run.
 
-use hdrhistogram::Histogram;
+use std::sync::Arc;
+
 use ob1_std::services::RunTimes;
 
 use crate::Nanos;
-use crate::statistics::{Distribution, LONGEST, distribution};
+use crate::accounts::{Accounts, ObAccount};
 
-/// Figures of one organization block since the start or the last reset.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ObStatistics {
-    /// Its number.
-    pub ob: u16,
-    /// Its priority class.
-    pub priority: u8,
-    /// Completed runs.
-    pub runs: u64,
-    /// Requests lost, periods skipped, and requests that came while it was still being executed.
-    pub overruns: u64,
-    /// From start to end, without the higher classes that ran meanwhile.
-    pub execution: Distribution,
-    /// From the due time to the start: OB 1 against its deadline, interrupts against theirs. Empty for the others.
-    pub lateness: Distribution,
-}
-
-/// What is recorded of one block.
+/// One loaded organization block.
 #[derive(Debug)]
 pub(crate) struct ObRecord {
-    pub(crate) ob: u16,
-    pub(crate) runs: u64,
-    execution: Histogram<u64>,
-    lateness: Histogram<u64>,
-    longest: Nanos,
-    latest: Nanos,
+    place: usize,
+    accounts: Arc<Accounts>,
     /// Of the last completed run: without and with the higher classes.
     last: Option<(Nanos, Nanos)>,
     /// How late the next run begins.
@@ -51,35 +31,26 @@ struct Current {
 }
 
 impl ObRecord {
-    fn new(ob: u16) -> Self {
-        let histogram =
-            || Histogram::new_with_bounds(1, LONGEST, 3).expect("constant bounds that hdrhistogram accepts");
-        Self {
-            ob,
-            runs: 0,
-            execution: histogram(),
-            lateness: histogram(),
-            longest: 0,
-            latest: 0,
-            last: None,
-            waited: 0,
-            current: None,
-        }
+    fn account(&self) -> &ObAccount {
+        &self.accounts.obs[self.place]
     }
 
     /// A run has ended.
     pub(crate) fn ran(&mut self, run: Nanos, whole: Nanos) {
-        self.runs += 1;
         (self.last, self.current) = (Some((run, whole)), None);
-        self.longest = self.longest.max(run);
-        self.execution.saturating_record(run.clamp(1, LONGEST));
+        self.account().runs.add(1);
+        self.account().execution.record(run);
     }
 
     /// A run begins so late.
     pub(crate) fn late(&mut self, by: Nanos) {
         self.waited = by;
-        self.latest = self.latest.max(by);
-        self.lateness.saturating_record(by.clamp(1, LONGEST));
+        self.account().lateness.record(by);
+    }
+
+    /// The last completed run, with the higher classes; 0: none.
+    pub(crate) fn last_whole(&self) -> Nanos {
+        self.last.map_or(0, |(_, whole)| whole)
     }
 
     /// A run begins.
@@ -116,42 +87,27 @@ impl ObRecord {
         into.current_whole = micros(now.saturating_sub(current.began));
         into.current_run = micros(until.saturating_sub(current.began).saturating_sub(inside));
     }
-
-    pub(crate) fn reset(&mut self) {
-        self.execution.reset();
-        self.lateness.reset();
-        (self.runs, self.longest, self.latest) = (0, 0, 0);
-    }
-
-    pub(crate) fn figures(&self, priority: u8, overruns: u64) -> ObStatistics {
-        ObStatistics {
-            ob: self.ob,
-            priority,
-            runs: self.runs,
-            overruns,
-            execution: distribution(&self.execution, self.longest),
-            lateness: distribution(&self.lateness, self.latest),
-        }
-    }
 }
 
-/// The records of the loaded organization blocks, in ascending order.
+/// The loaded organization blocks, in ascending order.
 #[derive(Debug)]
 pub(crate) struct ObRecords {
-    pub(crate) list: Box<[ObRecord]>,
+    list: Box<[ObRecord]>,
     /// Number to place in `list`, +1; 0: not loaded.
     places: [u8; 128],
 }
 
 impl ObRecords {
-    pub(crate) fn new(obs: impl Iterator<Item = u16>) -> Self {
-        let mut numbers: Vec<u16> = obs.filter(|ob| *ob < 128).collect();
-        numbers.sort_unstable();
+    /// For the organization blocks that have an account.
+    pub(crate) fn new(accounts: &Arc<Accounts>) -> Self {
         let mut places = [0; 128];
-        for (place, ob) in (1..).zip(&numbers) {
-            places[usize::from(*ob)] = place;
+        for (place, account) in (1..).zip(&accounts.obs) {
+            if let Some(entry) = places.get_mut(usize::from(account.ob)) {
+                *entry = place;
+            }
         }
-        Self { list: numbers.into_iter().map(ObRecord::new).collect(), places }
+        let record = |place| ObRecord { place, accounts: Arc::clone(accounts), last: None, waited: 0, current: None };
+        Self { list: (0..accounts.obs.len()).map(record).collect(), places }
     }
 
     #[inline]
@@ -164,27 +120,24 @@ impl ObRecords {
     pub(crate) fn restart(&mut self) {
         self.list.iter_mut().for_each(|record| (record.last, record.current) = (None, None));
     }
-
-    pub(crate) fn reset(&mut self) {
-        self.list.iter_mut().for_each(ObRecord::reset);
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accounts::AccountsConfig;
 
     #[test]
     fn records_by_number() {
-        let mut records = ObRecords::new([35, 1, 121].into_iter());
+        let accounts = Arc::new(Accounts::new(&AccountsConfig::default(), 0, &[1, 35, 121], std::iter::empty()));
+        let mut records = ObRecords::new(&accounts);
         assert!(records.of(2).is_none() && records.of(500).is_none());
         let record = records.of(35).expect("loaded");
         record.ran(700, 900);
         record.late(50);
-        let figures = records.list[1].figures(12, 3);
-        assert_eq!((figures.ob, figures.runs, figures.overruns, figures.priority), (35, 1, 3, 12));
+        assert_eq!((record.last, record.last_whole()), (Some((700, 900)), 900));
+        let figures = accounts.figures().obs[1].statistics();
+        assert_eq!((figures.ob, figures.runs, figures.priority), (35, 1, 12));
         assert_eq!((figures.execution.max, figures.lateness.max), (700, 50));
-        records.reset();
-        assert_eq!(records.list[1].figures(12, 0).runs, 0);
     }
 }

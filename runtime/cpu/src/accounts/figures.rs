@@ -1,0 +1,174 @@
+//! What the accounts say at one moment, for readers outside the scan.
+
+use ob1_model::BlockId;
+
+use super::{BlockAccount, Distribution, Histogram};
+
+/// The figures of all accounts since load, or between two readings.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Figures {
+    /// Finished cycles in RUN.
+    pub scans: u64,
+    /// Statements executed, of all organization blocks.
+    pub statements: u64,
+    /// Cycles that had not ended when the next was due.
+    pub overruns: u64,
+    /// Deadlines that no cycle has begun for: skipped after an overrun, or after a wake-up that came too late.
+    pub missed: u64,
+    /// Cycles in which the watchdog expired.
+    pub watchdogs: u64,
+    /// Scans that began late or took long, by the thresholds.
+    pub late: u64,
+    /// From the start of a cycle to the start of the next.
+    pub cycle: Histogram,
+    /// From the start of a cycle to its end, without the wait.
+    pub execution: Histogram,
+    /// From the deadline of a cycle to its start: one value a cycle.
+    pub wake: Histogram,
+    /// The same with a value for each missed deadline too: how late the next cycle began for it. A pause of ten cycles is ten late
+    /// deadlines here and one late cycle in `wake`.
+    pub deadlines: Histogram,
+    /// Back plane and process image before OB 1: events of the modules, inputs.
+    pub inputs: Histogram,
+    /// Process image and back plane after OB 1: outputs, doorbells.
+    pub outputs: Histogram,
+    /// Each loaded organization block, in ascending order.
+    pub obs: Vec<ObFigures>,
+    /// Each block of a plugin, where their times are taken.
+    pub blocks: Vec<BlockFigures>,
+}
+
+impl Figures {
+    /// What has come since an earlier reading of the same accounts.
+    #[must_use]
+    pub fn since(&self, earlier: &Self) -> Self {
+        let ob =
+            |(now, then): (&ObFigures, Option<&ObFigures>)| then.map_or_else(|| now.clone(), |then| now.since(then));
+        let block = |(now, then): (&BlockFigures, Option<&BlockFigures>)| {
+            let execution = then.map_or_else(|| now.execution.clone(), |then| now.execution.since(&then.execution));
+            BlockFigures { execution, ..now.clone() }
+        };
+        Self {
+            scans: self.scans.saturating_sub(earlier.scans),
+            statements: self.statements.saturating_sub(earlier.statements),
+            overruns: self.overruns.saturating_sub(earlier.overruns),
+            missed: self.missed.saturating_sub(earlier.missed),
+            watchdogs: self.watchdogs.saturating_sub(earlier.watchdogs),
+            late: self.late.saturating_sub(earlier.late),
+            cycle: self.cycle.since(&earlier.cycle),
+            execution: self.execution.since(&earlier.execution),
+            wake: self.wake.since(&earlier.wake),
+            deadlines: self.deadlines.since(&earlier.deadlines),
+            inputs: self.inputs.since(&earlier.inputs),
+            outputs: self.outputs.since(&earlier.outputs),
+            obs: self.obs.iter().enumerate().map(|(i, now)| ob((now, earlier.obs.get(i)))).collect(),
+            blocks: self.blocks.iter().enumerate().map(|(i, now)| block((now, earlier.blocks.get(i)))).collect(),
+        }
+    }
+
+    /// The usual figures of the scan.
+    #[must_use]
+    pub fn statistics(&self) -> ScanStatistics {
+        ScanStatistics {
+            scans: self.scans,
+            statements: self.statements,
+            overruns: self.overruns,
+            watchdogs: self.watchdogs,
+            cycle: self.cycle.distribution(),
+            execution: self.execution.distribution(),
+        }
+    }
+}
+
+/// The figures of one organization block.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ObFigures {
+    /// Its number.
+    pub ob: u16,
+    /// Its priority class.
+    pub priority: u8,
+    /// Completed runs.
+    pub runs: u64,
+    /// Requests lost, periods skipped, and requests that came while it was still being executed.
+    pub overruns: u64,
+    /// From start to end, without the higher classes that ran meanwhile.
+    pub execution: Histogram,
+    /// From the due time to the start: OB 1 against its deadline, interrupts against theirs. Empty for the others.
+    pub lateness: Histogram,
+}
+
+impl ObFigures {
+    fn since(&self, earlier: &Self) -> Self {
+        Self {
+            runs: self.runs.saturating_sub(earlier.runs),
+            overruns: self.overruns.saturating_sub(earlier.overruns),
+            execution: self.execution.since(&earlier.execution),
+            lateness: self.lateness.since(&earlier.lateness),
+            ..*self
+        }
+    }
+
+    /// The same in few figures.
+    #[must_use]
+    pub fn statistics(&self) -> ObStatistics {
+        ObStatistics {
+            ob: self.ob,
+            priority: self.priority,
+            runs: self.runs,
+            overruns: self.overruns,
+            execution: self.execution.distribution(),
+            lateness: self.lateness.distribution(),
+        }
+    }
+}
+
+/// The figures of one block of a plugin.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BlockFigures {
+    /// Kind and number under which it is loaded.
+    pub block: BlockId,
+    /// Its name.
+    pub name: Box<str>,
+    /// Each call, without organization blocks and plugin blocks that ran within it.
+    pub execution: Histogram,
+}
+
+impl BlockFigures {
+    pub(super) fn of(account: &BlockAccount) -> Self {
+        Self { block: account.block, name: account.name.clone(), execution: account.execution.read() }
+    }
+}
+
+/// Figures of the scans since load.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ScanStatistics {
+    /// Finished cycles in RUN.
+    pub scans: u64,
+    /// Statements executed, of all organization blocks.
+    pub statements: u64,
+    /// Cycles that had not ended when the next was due.
+    pub overruns: u64,
+    /// Cycles in which the watchdog expired.
+    pub watchdogs: u64,
+    /// From the start of a cycle to the start of the next.
+    pub cycle: Distribution,
+    /// From the start of a cycle to its end, without the wait.
+    pub execution: Distribution,
+}
+
+/// Figures of one organization block since load.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObStatistics {
+    /// Its number.
+    pub ob: u16,
+    /// Its priority class.
+    pub priority: u8,
+    /// Completed runs.
+    pub runs: u64,
+    /// Requests lost, periods skipped, and requests that came while it was still being executed.
+    pub overruns: u64,
+    /// From start to end, without the higher classes that ran meanwhile.
+    pub execution: Distribution,
+    /// From the due time to the start: OB 1 against its deadline, interrupts against theirs. Empty for the others.
+    pub lateness: Distribution,
+}

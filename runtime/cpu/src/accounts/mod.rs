@@ -1,0 +1,219 @@
+//! The accounts of every scan: what the scan thread writes down, and what others read of it without the scan noticing.
+//!
+//! One writer, the scan; any number of readers. Everything is a relaxed atomic of its own, allocated at load: writing takes no lock,
+//! allocates nothing and waits for nobody, and reading costs the scan nothing. Nothing is ever reset here: whoever wants figures from a
+//! moment on takes the difference of two snapshots ([`Figures::since`]).
+
+mod figures;
+mod histogram;
+mod record;
+mod recorder;
+mod trace;
+
+pub use figures::{BlockFigures, Figures, ObFigures, ObStatistics, ScanStatistics};
+pub use histogram::{Distribution, Histogram};
+pub use record::{Flags, ScanRecord};
+pub use recorder::Flight;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use ob1_model::BlockId;
+
+use crate::Nanos;
+use crate::interrupts::{priority_of, slot_of};
+use histogram::Recording;
+use recorder::Recorder;
+pub(crate) use trace::{Ended, Trace, plugin_blocks};
+
+/// What is kept, and from when on a scan is late.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AccountsConfig {
+    /// A scan that begins so much after its deadline, or later, is late; 0: a tenth of the minimum cycle time, at least 100 µs.
+    pub late: Nanos,
+    /// A scan that takes so long, or longer, is late; 0: the minimum cycle time, or 10 ms without one.
+    pub long: Nanos,
+    /// Scans the flight recorder holds, 1 to 65536.
+    pub recorder: usize,
+    /// Take the time of each call of a plugin's block: two more looks at the clock for each.
+    pub blocks: bool,
+}
+
+impl Default for AccountsConfig {
+    fn default() -> Self {
+        Self { late: 0, long: 0, recorder: 256, blocks: true }
+    }
+}
+
+impl AccountsConfig {
+    /// The thresholds that apply with this minimum cycle time: (late, long).
+    #[must_use]
+    pub fn thresholds(&self, min_cycle: Nanos) -> (Nanos, Nanos) {
+        let late = if self.late > 0 { self.late } else { (min_cycle / 10).max(100_000) };
+        let long = match (self.long, min_cycle) {
+            (0, 0) => 10_000_000,
+            (0, cycle) => cycle,
+            (long, _) => long,
+        };
+        (late, long)
+    }
+}
+
+/// A counter with one writer.
+#[derive(Debug, Default)]
+pub(crate) struct Count(AtomicU64);
+
+impl Count {
+    #[inline]
+    pub(crate) fn add(&self, more: u64) {
+        self.0.store(self.get().wrapping_add(more), Ordering::Relaxed);
+    }
+
+    #[inline]
+    pub(crate) fn set(&self, value: u64) {
+        self.0.store(value, Ordering::Relaxed);
+    }
+
+    #[inline]
+    pub(crate) fn get(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// The account of one organization block.
+#[derive(Debug)]
+pub(crate) struct ObAccount {
+    pub(crate) ob: u16,
+    pub(crate) runs: Count,
+    pub(crate) overruns: Count,
+    pub(crate) execution: Recording,
+    pub(crate) lateness: Recording,
+}
+
+/// The account of one block of a plugin.
+#[derive(Debug)]
+pub(crate) struct BlockAccount {
+    pub(crate) block: BlockId,
+    pub(crate) name: Box<str>,
+    pub(crate) execution: Recording,
+}
+
+/// All accounts of one CPU. Written by its scan alone.
+#[derive(Debug)]
+pub struct Accounts {
+    pub(crate) scans: Count,
+    pub(crate) statements: Count,
+    pub(crate) overruns: Count,
+    pub(crate) missed: Count,
+    pub(crate) watchdogs: Count,
+    pub(crate) late: Count,
+    pub(crate) cycle: Recording,
+    pub(crate) execution: Recording,
+    pub(crate) wake: Recording,
+    pub(crate) deadlines: Recording,
+    pub(crate) inputs: Recording,
+    pub(crate) outputs: Recording,
+    pub(crate) obs: Box<[ObAccount]>,
+    pub(crate) blocks: Box<[BlockAccount]>,
+    recorder: Recorder,
+    late_from: Nanos,
+    long_from: Nanos,
+}
+
+impl Accounts {
+    pub(crate) fn new(
+        config: &AccountsConfig,
+        min_cycle: Nanos,
+        obs: &[u16],
+        blocks: impl Iterator<Item = (BlockId, Box<str>)>,
+    ) -> Self {
+        let (late_from, long_from) = config.thresholds(min_cycle);
+        let ob = |&ob: &u16| ObAccount {
+            ob,
+            runs: Count::default(),
+            overruns: Count::default(),
+            execution: Recording::new(),
+            lateness: Recording::new(),
+        };
+        Self {
+            scans: Count::default(),
+            statements: Count::default(),
+            overruns: Count::default(),
+            missed: Count::default(),
+            watchdogs: Count::default(),
+            late: Count::default(),
+            cycle: Recording::new(),
+            execution: Recording::new(),
+            wake: Recording::new(),
+            deadlines: Recording::new(),
+            inputs: Recording::new(),
+            outputs: Recording::new(),
+            obs: obs.iter().map(ob).collect(),
+            blocks: blocks.map(|(block, name)| BlockAccount { block, name, execution: Recording::new() }).collect(),
+            recorder: Recorder::new(config.recorder),
+            late_from,
+            long_from,
+        }
+    }
+
+    /// The figures so far, since load. May be read at any time from any thread; single figures of it may be of neighbouring scans.
+    #[must_use]
+    pub fn figures(&self) -> Figures {
+        Figures {
+            scans: self.scans.get(),
+            statements: self.statements.get(),
+            overruns: self.overruns.get(),
+            missed: self.missed.get(),
+            watchdogs: self.watchdogs.get(),
+            late: self.late.get(),
+            cycle: self.cycle.read(),
+            execution: self.execution.read(),
+            wake: self.wake.read(),
+            deadlines: self.deadlines.read(),
+            inputs: self.inputs.read(),
+            outputs: self.outputs.read(),
+            obs: self.obs.iter().map(|account| self.ob(account)).collect(),
+            blocks: self.blocks.iter().map(BlockFigures::of).collect(),
+        }
+    }
+
+    fn ob(&self, account: &ObAccount) -> ObFigures {
+        ObFigures {
+            ob: account.ob,
+            priority: priority_of(account.ob),
+            runs: account.runs.get(),
+            overruns: if slot_of(account.ob).is_some() { account.overruns.get() } else { 0 },
+            execution: account.execution.read(),
+            lateness: account.lateness.read(),
+        }
+    }
+
+    /// Scans so far.
+    #[must_use]
+    pub fn scans(&self) -> u64 {
+        self.scans.get()
+    }
+
+    /// From when on a scan is late: (beginning after its deadline, time it takes).
+    #[must_use]
+    pub fn thresholds(&self) -> (Nanos, Nanos) {
+        (self.late_from, self.long_from)
+    }
+
+    /// The last scans, oldest first: those that are still whole when they have been copied.
+    #[must_use]
+    pub fn flight(&self) -> Vec<ScanRecord> {
+        self.recorder.read()
+    }
+
+    /// The flight that an overrun has frozen, and makes room for the next one. There is one reader.
+    #[must_use]
+    pub fn take_frozen(&self) -> Option<Flight> {
+        self.recorder.take_frozen()
+    }
+
+    /// Overruns that could not freeze the recorder because the flight before had not been taken.
+    #[must_use]
+    pub fn freezes_skipped(&self) -> u64 {
+        self.recorder.skipped()
+    }
+}

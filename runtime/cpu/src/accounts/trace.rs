@@ -1,0 +1,183 @@
+//! What the scan gathers about itself while it runs; at its end it becomes a record and goes into the accounts.
+
+use std::sync::Arc;
+
+use ob1_model::{BlockId, Site};
+
+use super::{Accounts, Flags, ScanRecord};
+use crate::Nanos;
+use crate::machine::Caller;
+
+/// Most buckets a long pause is spread over in the distribution of the deadlines.
+const SPREAD: u64 = 512;
+
+/// The scan's side of the accounts.
+#[derive(Debug)]
+pub(crate) struct Trace {
+    pub(crate) accounts: Arc<Accounts>,
+    /// The scan that runs, as far as it is known.
+    record: ScanRecord,
+    /// The last finished scan.
+    pub(crate) last: ScanRecord,
+    /// Longest organization block since the last scan ended.
+    longest_ob: (u16, Nanos),
+    /// End of the last interrupt between two scans.
+    between_end: Nanos,
+    /// When the running scan has become long; [`Nanos::MAX`] when that has been noted.
+    long_at: Nanos,
+    /// The statement that was about to be executed then.
+    pub(crate) long_in: Option<Caller>,
+    /// Time of plugin blocks within the running one.
+    pub(crate) nested: Nanos,
+    /// Time of all organization blocks when the scan began.
+    inside: Nanos,
+    statements: u64,
+    watchdogs: u64,
+}
+
+impl Trace {
+    pub(crate) fn new(accounts: Arc<Accounts>) -> Self {
+        Self {
+            accounts,
+            record: ScanRecord::default(),
+            last: ScanRecord::default(),
+            longest_ob: (0, 0),
+            between_end: 0,
+            long_at: Nanos::MAX,
+            long_in: None,
+            nested: 0,
+            inside: 0,
+            statements: 0,
+            watchdogs: 0,
+        }
+    }
+
+    /// A start-up: nothing is carried over.
+    pub(crate) fn start_up(&mut self) {
+        (self.last, self.longest_ob, self.between_end) = (ScanRecord::default(), (0, 0), 0);
+    }
+
+    /// A scan begins. `inside` and `statements` are the machine's running sums.
+    pub(crate) fn begin(&mut self, planned: Nanos, start: Nanos, inside: Nanos, statements: u64) {
+        let accounts = &*self.accounts;
+        let lateness = start.saturating_sub(planned);
+        accounts.wake.record(lateness);
+        accounts.deadlines.record(lateness);
+        let (between_ob, _) = std::mem::take(&mut self.longest_ob);
+        self.record = ScanRecord {
+            scan: accounts.scans.get() + 1,
+            planned,
+            start,
+            carried: self.last.end.saturating_sub(planned).min(lateness),
+            between: self.between_end.saturating_sub(planned).min(lateness),
+            between_ob,
+            ..ScanRecord::default()
+        };
+        self.long_at = start.saturating_add(accounts.long_from);
+        (self.long_in, self.nested) = (None, 0);
+        (self.inside, self.statements, self.watchdogs) = (inside, statements, accounts.watchdogs.get());
+    }
+
+    /// OB 1 has begun, after `inside` nanoseconds of interrupts in this scan.
+    pub(crate) fn ob1_began(&mut self, at: Nanos, inside: Nanos) {
+        let interrupts = inside.saturating_sub(self.inside);
+        self.record.inputs = at.saturating_sub(self.record.start).saturating_sub(interrupts);
+    }
+
+    /// An organization block has ended.
+    #[inline]
+    pub(crate) fn ob_ran(&mut self, ob: u16, own: Nanos) {
+        if own > self.longest_ob.1 {
+            self.longest_ob = (ob, own);
+        }
+    }
+
+    /// A block of a plugin has returned after `own` nanoseconds of its own.
+    #[inline]
+    pub(crate) fn plugin_ran(&mut self, account: u32, own: Nanos) {
+        let Some(account) = self.accounts.blocks.get(account as usize) else { return };
+        account.execution.record(own);
+        self.record.plugins += own;
+        if own >= self.record.longest_plugin_time {
+            (self.record.longest_plugin, self.record.longest_plugin_time) = (Some(account.block), own);
+        }
+    }
+
+    /// A safe point: notes where the program is when the scan has become long.
+    #[inline]
+    pub(crate) fn safe_point(&mut self, now: Nanos, at: Option<Caller>) {
+        if now >= self.long_at {
+            (self.long_at, self.long_in) = (Nanos::MAX, at);
+        }
+    }
+
+    /// Interrupts between two scans have been served.
+    pub(crate) fn between(&mut self, end: Nanos) {
+        self.between_end = end;
+    }
+
+    /// The scan has ended; `outputs_from` is when the program had. The answer: whether it was late.
+    pub(crate) fn end(&mut self, ended: &Ended) -> bool {
+        let accounts = &*self.accounts;
+        let record = &mut self.record;
+        record.end = ended.end;
+        record.outputs = ended.end.saturating_sub(ended.outputs_from);
+        record.program = ended.inside.saturating_sub(self.inside);
+        record.statements = ended.statements.saturating_sub(self.statements);
+        (record.longest_ob, record.longest_ob_time) = std::mem::take(&mut self.longest_ob);
+        if let Some(site) = ended.site {
+            (record.long_in, record.long_at_line) = (Some(site.block), site.line);
+        }
+        record.missed = ended.missed;
+        record.flags = Flags {
+            began_late: record.lateness() >= accounts.late_from,
+            took_long: record.execution() >= accounts.long_from,
+            overran: ended.overran,
+            watchdog: accounts.watchdogs.get() > self.watchdogs,
+        };
+        accounts.execution.record(record.execution());
+        accounts.inputs.record(record.inputs);
+        accounts.outputs.record(record.outputs);
+        accounts.overruns.add(u64::from(ended.overran));
+        accounts.missed.add(ended.missed);
+        let late = record.flags.is_late();
+        accounts.late.add(u64::from(late));
+        accounts.statements.set(ended.statements);
+        accounts.recorder.push(record, ended.overran);
+        accounts.scans.set(record.scan);
+        self.last = *record;
+        late
+    }
+
+    /// Deadlines without a scan: each is as late as the scan that comes instead.
+    pub(crate) fn missed(&self, first: Nanos, period: Nanos, count: u64, next: Nanos) {
+        let stride = count.div_ceil(SPREAD).max(1);
+        let mut index = 0;
+        while index < count {
+            let times = stride.min(count - index);
+            let deadline = first.saturating_add(index.saturating_mul(period));
+            self.accounts.deadlines.record_times(next.saturating_sub(deadline), times);
+            index += times;
+        }
+    }
+}
+
+/// How a scan ended.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ended {
+    pub(crate) end: Nanos,
+    pub(crate) outputs_from: Nanos,
+    /// The machine's running sums.
+    pub(crate) inside: Nanos,
+    pub(crate) statements: u64,
+    pub(crate) overran: bool,
+    pub(crate) missed: u64,
+    pub(crate) site: Option<Site>,
+}
+
+/// What tells the blocks of plugins from those of the standard library.
+pub(crate) fn plugin_blocks<'a>(
+    natives: impl Iterator<Item = &'a dyn crate::NativeBlock> + 'a,
+) -> impl Iterator<Item = (BlockId, Box<str>)> + 'a {
+    natives.filter(|block| block.is_plugin()).map(|block| (block.id(), block.name().into()))
+}

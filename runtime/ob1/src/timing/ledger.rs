@@ -1,0 +1,82 @@
+//! The late scans so far: by class, and those worth keeping one by one.
+
+use std::collections::BTreeMap;
+
+use ob1_cpu::ScanRecord;
+
+use super::cause::{Cause, Class, Evidence};
+use super::snapshot::{ClassTotal, LateEntry, LateReport};
+
+/// Longest and newest entries that are kept, each.
+const KEPT: usize = 32;
+
+#[derive(Debug, Default)]
+pub(super) struct Ledger {
+    classes: BTreeMap<Class, ClassTotal>,
+    worst: Vec<LateEntry>,
+    newest: Vec<LateEntry>,
+    /// Late scans that came too fast to be told.
+    lost: u64,
+}
+
+impl Ledger {
+    pub(super) fn enter(&mut self, record: &ScanRecord, evidence: &Evidence, cause: Cause) {
+        let total = self.classes.entry(cause.class).or_default();
+        total.scans += 1;
+        total.time_ns = total.time_ns.saturating_add(cause.size);
+        total.worst_ns = total.worst_ns.max(cause.size);
+        let entry = LateEntry::new(record, evidence, cause);
+        if self.newest.len() == KEPT {
+            self.newest.remove(0);
+        }
+        self.newest.push(entry.clone());
+        let at = self.worst.partition_point(|kept| kept.size_ns >= entry.size_ns);
+        if at < KEPT {
+            self.worst.insert(at, entry);
+            self.worst.truncate(KEPT);
+        }
+    }
+
+    pub(super) fn lose(&mut self, count: u64) {
+        self.lost += count;
+    }
+
+    /// `late`: late scans by the accounts; those that are not explained yet are `pending`.
+    pub(super) fn report(&self, late: u64) -> LateReport {
+        let told: u64 = self.classes.values().map(|total| total.scans).sum();
+        let unexplained = self.classes.get(&Class::Unexplained).map_or(0, |total| total.scans);
+        LateReport {
+            scans: late,
+            pending: late.saturating_sub(told + self.lost),
+            lost: self.lost,
+            unexplained_share: if told == 0 { 0.0 } else { unexplained as f64 / told as f64 },
+            classes: Class::ALL.iter().filter_map(|class| Some((*class, *self.classes.get(class)?))).collect(),
+            worst: self.worst.clone(),
+            newest: self.newest.clone(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn totals_and_the_longest() {
+        let mut ledger = Ledger::default();
+        for scan in 1..=100 {
+            let class = if scan % 4 == 0 { Class::Unexplained } else { Class::Program };
+            let record = ScanRecord { scan, ..ScanRecord::default() };
+            let size = (scan * 37) % 101;
+            ledger.enter(&record, &Evidence::default(), Cause { class, what: String::new(), size });
+        }
+        ledger.lose(3);
+        let report = ledger.report(105);
+        assert_eq!((report.scans, report.pending, report.lost), (105, 2, 3));
+        assert!((report.unexplained_share - 0.25).abs() < 1e-9);
+        assert_eq!(report.classes[&Class::Program].scans, 75);
+        assert_eq!((report.newest.len(), report.newest[KEPT - 1].scan), (KEPT, 100));
+        let sizes: Vec<u64> = report.worst.iter().map(|entry| entry.size_ns).collect();
+        assert!(sizes.is_sorted_by(|a, b| a >= b) && sizes[0] == 100 && sizes.len() == KEPT, "{sizes:?}");
+    }
+}

@@ -1,0 +1,325 @@
+//! What the observer tells others: versioned, and the same in the socket's answers and in reports.
+
+use std::collections::BTreeMap;
+
+use ob1_cpu::{BlockFigures, Flight, Histogram, Nanos, ObFigures, ScanRecord};
+use serde::{Deserialize, Serialize};
+
+use super::cause::{Cause, Class, Evidence};
+
+/// Version of the form: raised when a field changes its meaning or goes. Fields may be added.
+pub const TIMING_SCHEMA: u32 = 1;
+
+/// The accounts of every scan since the start or the last reset. Times in nanoseconds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Timing {
+    /// [`TIMING_SCHEMA`].
+    pub schema: u32,
+    /// When this was read, by the runtime's clock.
+    pub time_ns: Nanos,
+    /// From when on it counts.
+    pub since_ns: Nanos,
+    /// The minimum cycle time; 0: none.
+    pub min_cycle_ns: Nanos,
+    /// What becomes of a missed deadline: `now`, `skip`, `catch_up`.
+    pub missed_rule: String,
+    /// A scan that begins so much after its deadline is late.
+    pub late_from_ns: Nanos,
+    /// A scan that takes so long is late.
+    pub long_from_ns: Nanos,
+    /// Finished cycles in RUN.
+    pub scans: u64,
+    /// Statements executed.
+    pub statements: u64,
+    /// Cycles that had not ended when the next was due.
+    pub overruns: u64,
+    /// Deadlines no cycle began for.
+    pub missed: u64,
+    /// Expiries of the watchdog.
+    pub watchdogs: u64,
+    /// From the start of a cycle to the start of the next.
+    pub cycle: Spread,
+    /// From the deadline of a cycle to its start, one value a cycle.
+    pub wake: Spread,
+    /// The same, with a value for each missed deadline too: nothing is left out because the scan was not there.
+    pub deadlines: Spread,
+    /// From the start of a cycle to its end.
+    pub execution: Spread,
+    /// Back plane and process image before OB 1.
+    pub inputs: Spread,
+    /// Process image and back plane after OB 1.
+    pub outputs: Spread,
+    /// Each loaded organization block.
+    pub obs: Vec<ObTiming>,
+    /// Each block of a plugin.
+    pub blocks: Vec<BlockTiming>,
+    /// The late scans.
+    pub late: LateReport,
+}
+
+/// A distribution. Values are known to within 0.4 %.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    /// How many.
+    pub count: u64,
+    /// Least.
+    pub min_ns: Nanos,
+    /// Mean.
+    pub mean_ns: f64,
+    /// Median.
+    pub p50_ns: Nanos,
+    /// 90 % are at most this.
+    pub p90_ns: Nanos,
+    /// 99 %.
+    pub p99_ns: Nanos,
+    /// 99.9 %.
+    pub p999_ns: Nanos,
+    /// 99.99 %.
+    pub p9999_ns: Nanos,
+    /// Greatest.
+    pub max_ns: Nanos,
+    /// Each bucket that holds something, ascending: its greatest value, and how many. Where they were asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub buckets: Vec<(Nanos, u64)>,
+}
+
+impl Spread {
+    pub(super) fn new(histogram: &Histogram, buckets: bool) -> Self {
+        let at = |quantile| histogram.quantile(quantile);
+        Self {
+            count: histogram.count(),
+            min_ns: histogram.min(),
+            mean_ns: histogram.mean(),
+            p50_ns: at(0.5),
+            p90_ns: at(0.9),
+            p99_ns: at(0.99),
+            p999_ns: at(0.999),
+            p9999_ns: at(0.9999),
+            max_ns: histogram.max(),
+            buckets: if buckets { histogram.buckets().collect() } else { Vec::new() },
+        }
+    }
+}
+
+/// An organization block.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ObTiming {
+    /// Its number.
+    pub ob: u16,
+    /// Its priority class.
+    pub priority: u8,
+    /// Completed runs.
+    pub runs: u64,
+    /// Requests lost, periods skipped, and requests that came while it was still being executed.
+    pub overruns: u64,
+    /// From start to end, without higher classes.
+    pub execution: Spread,
+    /// From the due time to the start.
+    pub lateness: Spread,
+}
+
+impl ObTiming {
+    pub(super) fn new(figures: &ObFigures, buckets: bool) -> Self {
+        Self {
+            ob: figures.ob,
+            priority: figures.priority,
+            runs: figures.runs,
+            overruns: figures.overruns,
+            execution: Spread::new(&figures.execution, buckets),
+            lateness: Spread::new(&figures.lateness, buckets),
+        }
+    }
+}
+
+/// A block of a plugin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BlockTiming {
+    /// Kind and number: `FC 0`.
+    pub block: String,
+    /// Its name.
+    pub name: String,
+    /// Each call, without organization blocks and plugin blocks within it.
+    pub execution: Spread,
+}
+
+impl BlockTiming {
+    pub(super) fn new(figures: &BlockFigures, buckets: bool) -> Self {
+        let (block, name) = (figures.block.to_string(), figures.name.to_string());
+        Self { block, name, execution: Spread::new(&figures.execution, buckets) }
+    }
+}
+
+/// The late scans.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LateReport {
+    /// How many.
+    pub scans: u64,
+    /// Not explained yet: at most a tenth of a second old.
+    pub pending: u64,
+    /// Came too fast to be told.
+    pub lost: u64,
+    /// Share of those explained that remain unexplained, 0 to 1: the host is suspected.
+    pub unexplained_share: f64,
+    /// By class; those that occurred.
+    pub classes: BTreeMap<Class, ClassTotal>,
+    /// The longest delays, longest first.
+    pub worst: Vec<LateEntry>,
+    /// The newest, newest last.
+    pub newest: Vec<LateEntry>,
+}
+
+/// The late scans of a class.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ClassTotal {
+    /// How many.
+    pub scans: u64,
+    /// Their delays together.
+    pub time_ns: Nanos,
+    /// The longest.
+    pub worst_ns: Nanos,
+}
+
+/// A late scan.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LateEntry {
+    /// Its number.
+    pub scan: u64,
+    /// Its deadline.
+    pub planned_ns: Nanos,
+    /// From its deadline to its start.
+    pub lateness_ns: Nanos,
+    /// From its start to its end.
+    pub execution_ns: Nanos,
+    /// Who made it late.
+    pub class: Class,
+    /// What exactly.
+    pub what: String,
+    /// How much of the delay that is.
+    pub size_ns: Nanos,
+    /// What the kernel counted.
+    pub evidence: Evidence,
+}
+
+impl LateEntry {
+    pub(super) fn new(record: &ScanRecord, evidence: &Evidence, cause: Cause) -> Self {
+        Self {
+            scan: record.scan,
+            planned_ns: record.planned,
+            lateness_ns: record.lateness(),
+            execution_ns: record.execution(),
+            class: cause.class,
+            what: cause.what,
+            size_ns: cause.size,
+            evidence: *evidence,
+        }
+    }
+}
+
+/// The flight recorder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Recorder {
+    /// [`TIMING_SCHEMA`].
+    pub schema: u32,
+    /// Flights frozen so far.
+    pub frozen: u64,
+    /// Overruns that came while a frozen flight had not been taken yet (at most 50 ms).
+    pub not_frozen: u64,
+    /// The flight with the longest delay at its end.
+    pub worst: Option<FlightDump>,
+    /// The last one.
+    pub newest: Option<FlightDump>,
+    /// The scans up to now.
+    pub now: FlightDump,
+}
+
+/// Scans in their order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FlightDump {
+    /// Oldest first; of a frozen flight the last one overran.
+    pub scans: Vec<ScanDump>,
+}
+
+impl FlightDump {
+    pub(super) fn new(flight: &Flight) -> Self {
+        Self { scans: flight.scans.iter().map(ScanDump::new).collect() }
+    }
+}
+
+/// One scan.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ScanDump {
+    /// Its number.
+    pub scan: u64,
+    /// Its deadline.
+    pub planned_ns: Nanos,
+    /// From its deadline to its start.
+    pub lateness_ns: Nanos,
+    /// Of that, the scan before.
+    pub carried_ns: Nanos,
+    /// Of that, organization blocks between the two scans.
+    pub between_ns: Nanos,
+    /// From its start to its end.
+    pub execution_ns: Nanos,
+    /// Back plane and process image before OB 1.
+    pub inputs_ns: Nanos,
+    /// All organization blocks, plugins included.
+    pub program_ns: Nanos,
+    /// All blocks of plugins.
+    pub plugins_ns: Nanos,
+    /// Process image and back plane after OB 1.
+    pub outputs_ns: Nanos,
+    /// Statements executed.
+    pub statements: u64,
+    /// The organization block that took longest.
+    pub longest_ob: u16,
+    /// Its time.
+    pub longest_ob_ns: Nanos,
+    /// The plugin block with the longest call.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub longest_plugin: Option<String>,
+    /// That call's time.
+    pub longest_plugin_ns: Nanos,
+    /// The block that ran when the scan had become long.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub long_in: Option<String>,
+    /// Its line.
+    pub long_at_line: u32,
+    /// Deadlines skipped after it.
+    pub missed: u64,
+    /// `late`, `long`, `overran`, `watchdog`.
+    pub flags: Vec<String>,
+}
+
+impl ScanDump {
+    fn new(record: &ScanRecord) -> Self {
+        let flags = record.flags;
+        let named = [
+            (flags.began_late, "late"),
+            (flags.took_long, "long"),
+            (flags.overran, "overran"),
+            (flags.watchdog, "watchdog"),
+        ];
+        Self {
+            scan: record.scan,
+            planned_ns: record.planned,
+            lateness_ns: record.lateness(),
+            carried_ns: record.carried,
+            between_ns: record.between,
+            execution_ns: record.execution(),
+            inputs_ns: record.inputs,
+            program_ns: record.program,
+            plugins_ns: record.plugins,
+            outputs_ns: record.outputs,
+            statements: record.statements,
+            longest_ob: record.longest_ob,
+            longest_ob_ns: record.longest_ob_time,
+            longest_plugin: record.longest_plugin.map(|block| block.to_string()),
+            longest_plugin_ns: record.longest_plugin_time,
+            long_in: record.long_in.map(|block| block.to_string()),
+            long_at_line: record.long_at_line,
+            missed: record.missed,
+            flags: named.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_owned()).collect(),
+        }
+    }
+}
