@@ -389,6 +389,11 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
                     self.end.emit(now, u32::from(number), &[]);
                 }
             }
+            CpEvent::Rk512(event) => {
+                if let Some(number) = event.number() {
+                    self.end.emit(now, u32::from(number), &[]);
+                }
+            }
             _ => {}
         }
         self.line.trace(now, &event);

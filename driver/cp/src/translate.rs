@@ -10,7 +10,8 @@ pub const LINE_TEXT_RECORD: u32 = 240;
 /// Numbers of the events a driver emits; all are messages, none an interrupt: a CPU without OB 82 must not stop because a
 /// cable was pulled.
 ///
-/// Events of a protocol have the numbers of the event classes 7 and 8 (`0701h` first repetition, `0808h` block check ...).
+/// Events of a protocol have the numbers of the event classes 7 and 8 (`0701h` first repetition, `0808h` block check ...), those of RK 512
+/// of 5, 6, 9 and 10 besides (`060Fh` locked by the coordination flag, `0A05h` no reaction ...).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum EventCode {

@@ -1,6 +1,9 @@
 //! The module: start-up, the two handshakes, the protocol, and the bookkeeping between them.
 
+mod rk512;
+
 use ob1_params::Cp240 as Parameters;
+use ob1_protocols::rk512::Order as Rk512Order;
 use ob1_protocols::{Event, Input, LineFault, Nanos, Order, SendError, Sink, What};
 
 use crate::diagnosis::{Diagnosis, Kind};
@@ -12,6 +15,7 @@ use crate::protocol::{Protocol, Setup};
 use crate::receive::{self, ReceiveSide};
 use crate::registers::{NO_PARAMETERS, RESET, Registers, STARTUP, SYSTEM, block, compose, rx_word, tx_word};
 use crate::ring::Ring;
+use crate::rk512::Rk512Side;
 use crate::send::{self, SendSide};
 
 /// Parameter byte shown when the protocol is one this firmware does not have.
@@ -60,6 +64,10 @@ pub struct Cp240 {
     protocol_due: Option<Nanos>,
     send: SendSide,
     receive: ReceiveSide,
+    /// The receive side of RK 512, in the place of `receive`.
+    rk512: Rk512Side,
+    /// RK 512: an order of the CPU waits until the one before is over.
+    order_waits: bool,
 
     line_gone: bool,
     /// The order was broken off because the line is gone.
@@ -89,6 +97,8 @@ impl Cp240 {
             protocol_due: None,
             send: SendSide::new(),
             receive: ReceiveSide::new(),
+            rk512: Rk512Side::new(),
+            order_waits: false,
             line_gone: false,
             line_broke_off: false,
             modem: Modem::new(),
@@ -115,9 +125,11 @@ impl Cp240 {
                 if core::mem::take(&mut self.cpu_stopped) {
                     self.leds.stop_run();
                 }
+                self.order_rk512(now, Rk512Order::Serve(true), port);
             }
             CpInput::CpuRun(false) => {
                 self.cpu_stopped = true;
+                self.order_rk512(now, Rk512Order::Serve(false), port);
                 // The rest of a telegram will not come any more, whatever the registers show.
                 if self.send.discard() {
                     port.event(now, CpEvent::OrderDiscarded { code: None });
@@ -194,12 +206,13 @@ impl Cp240 {
 
     /// Drops everything in both directions, and the protocol with it.
     fn drop_all(&mut self, port: &mut dyn CpPort) {
+        let rk512 = self.drop_rk512(port);
         if !matches!(self.protocol, Protocol::None) {
             port.take_back();
         }
         self.protocol = Protocol::None;
         self.protocol_due = None;
-        if self.send.clear() {
+        if self.send.clear() && rk512.is_none() {
             port.count(CpCounter::OrdersAborted, 1);
         }
         let dropped = self.receive.clear(self.receive_buffers);
@@ -227,12 +240,14 @@ impl Cp240 {
         let long = self.protocol.slave().is_some_and(|slave| slave.config().confirmed);
         self.send.set_area(long);
         self.receive.set_area(long);
+        self.send.set_framed(self.protocol.rk512().is_some());
         self.phase = Phase::Working;
         self.modem.reset();
         port.rts(true);
         port.dtr(true);
         port.event(now, CpEvent::Working);
         self.drive(now, Input::Tick, port);
+        self.order_rk512(now, Rk512Order::Serve(!self.cpu_stopped), port);
         if let Some(lines) = self.modem.lines() {
             self.drive(now, Input::Modem(lines), port);
         }
@@ -274,6 +289,9 @@ impl Cp240 {
             return;
         }
         self.look_send(now, port);
+        if self.protocol.rk512().is_some() {
+            return self.look_rk512(now, port);
+        }
         self.look_receive(now, port);
     }
 
@@ -293,6 +311,7 @@ impl Cp240 {
                 }
                 self.send.answer(answer);
             }
+            send::Step::Complete if self.protocol.rk512().is_some() => self.handed(now, port),
             send::Step::Complete => {
                 port.count(CpCounter::OrdersAccepted, 1);
                 port.event(now, CpEvent::Order(self.send.telegram()));
@@ -340,6 +359,9 @@ impl Cp240 {
             Phase::Off | Phase::Clearing => compose(0, 0, &[]),
             Phase::NoParameters(byte) => compose(NO_PARAMETERS, SYSTEM | u16::from(byte), &[]),
             Phase::Identify => compose(STARTUP, SYSTEM | u16::from(self.number), &[]),
+            Phase::Working if self.protocol.rk512().is_some() => {
+                compose(self.rk512.rx(), self.send.echo(), self.rk512.block())
+            }
             Phase::Working => match self.protocol.image() {
                 Some(image) => image,
                 None => compose(self.receive.word(), self.send.echo(), self.receive.block()),
@@ -395,6 +417,7 @@ impl Cp240 {
         let mut out = Outlet {
             now,
             ring: &mut self.receive.ring,
+            rk512: &mut self.rk512,
             leds: &mut self.leds,
             modem: &mut self.modem,
             diagnosis: &mut self.diagnosis,
@@ -411,6 +434,7 @@ impl Cp240 {
         let mut out = Outlet {
             now,
             ring: &mut self.receive.ring,
+            rk512: &mut self.rk512,
             leds: &mut self.leds,
             modem: &mut self.modem,
             diagnosis: &mut self.diagnosis,
@@ -431,6 +455,9 @@ impl Cp240 {
         {
             port.count(CpCounter::Received, 1);
             port.event(now, CpEvent::Changed(bytes));
+        }
+        if self.protocol.rk512().is_some() {
+            return self.after_rk512(now, port);
         }
         // A telegram may have come: offer it if nothing else is on show.
         if self.receive.rest() == 0 {
@@ -469,6 +496,7 @@ const fn next_number(number: u8) -> u8 {
 struct Outlet<'a> {
     now: Nanos,
     ring: &'a mut Ring,
+    rk512: &'a mut Rk512Side,
     leds: &'a mut LedDriver,
     modem: &'a mut Modem,
     diagnosis: &'a mut Diagnosis,

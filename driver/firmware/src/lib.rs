@@ -17,6 +17,7 @@ mod protocol;
 mod receive;
 pub mod registers;
 mod ring;
+mod rk512;
 mod send;
 
 pub use cp240::Cp240;

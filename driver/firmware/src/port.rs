@@ -1,7 +1,7 @@
 //! What goes into a CP and what comes out: the plugs of the module.
 
 use ob1_params::{LineSettings, ParamError};
-use ob1_protocols::{Event, Input, LineFault, ModemLines, Nanos};
+use ob1_protocols::{Event, Input, LineFault, ModemLines, Nanos, rk512};
 
 use crate::diagnosis::DiagnosticBytes;
 use crate::leds::Leds;
@@ -174,6 +174,12 @@ pub enum CpEvent<'a> {
     Delivered(usize),
     /// The protocol met something.
     Protocol(Event),
+    /// RK 512 met something.
+    Rk512(rk512::Event),
+    /// RK 512: this order of the partner goes to the CPU, with the data of a SEND.
+    Asked(&'a rk512::Request, &'a [u8]),
+    /// RK 512: the order of the partner is over.
+    Answered(Result<(), rk512::AnswerError>),
     /// Diagnostics are enabled, and ER has come on (or another kind of error has joined) or has gone out: a diagnostic
     /// interrupt for the CPU.
     Diagnosis {

@@ -5,6 +5,7 @@ use ob1_params::{
     StxEtx as StxEtxParams,
 };
 use ob1_protocols::modbus::{Master, Slave};
+use ob1_protocols::rk512::{self, Rk512};
 use ob1_protocols::{Ascii, Input, MS, Machine, Nanos, Order, S3964, Sink, StxEtx, ascii, s3964, stx_etx};
 
 use crate::modbus;
@@ -17,6 +18,7 @@ pub(crate) enum Setup {
     S3964(s3964::Config),
     StxEtx(stx_etx::Config),
     Modbus(modbus::Setup),
+    Rk512(rk512::Config),
 }
 
 impl Setup {
@@ -28,7 +30,7 @@ impl Setup {
             Chosen::S3964(p) if !p.rk512 => Some(Self::S3964(s3964_config(p, char_time))),
             Chosen::StxEtx(p) => Some(Self::StxEtx(stx_etx_config(p, char_time))),
             Chosen::Modbus(p) => Some(Self::Modbus(modbus::Setup::of(p, parameters.baud, char_time, late))),
-            Chosen::S3964(_) => None,
+            Chosen::S3964(p) => Some(Self::Rk512(rk512::Config::cp240(s3964_config(p, char_time)))),
         }
     }
 
@@ -39,6 +41,7 @@ impl Setup {
             Self::StxEtx(config) => Protocol::StxEtx(StxEtx::new(config.clone())),
             Self::Modbus(modbus::Setup::Master(config)) => Protocol::ModbusMaster(Master::new(config.clone())),
             Self::Modbus(modbus::Setup::Slave(config)) => Protocol::ModbusSlave(Box::new(Slave::new(config.clone()))),
+            Self::Rk512(config) => Protocol::Rk512(Box::new(Rk512::new(config.clone()))),
         }
     }
 
@@ -104,11 +107,12 @@ pub(crate) enum Protocol {
     StxEtx(StxEtx),
     ModbusMaster(Master),
     ModbusSlave(Box<Slave>),
+    Rk512(Box<Rk512>),
 }
 
 impl Protocol {
     /// One step; with no machine nothing happens.
-    pub(crate) fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    pub(crate) fn step<O: Sink + rk512::Owner>(&mut self, now: Nanos, input: Input<'_>, out: &mut O) -> Option<Nanos> {
         match self {
             Self::None => None,
             Self::Ascii(machine) => machine.step(now, input, out),
@@ -116,19 +120,29 @@ impl Protocol {
             Self::StxEtx(machine) => machine.step(now, input, out),
             Self::ModbusMaster(machine) => machine.step(now, input, out),
             Self::ModbusSlave(machine) => machine.step(now, input, out),
+            // Its orders come the other way: `Cp240::handed`.
+            Self::Rk512(machine) => machine.step(now, rk512::Input::of_line(input).unwrap_or(rk512::Input::Tick), out),
         }
     }
 
     /// Whether the partner acknowledges telegrams. Where nobody does, an order on a line that is known to be gone must
     /// not count as done because its last bit has "left".
     pub(crate) const fn is_acknowledged(&self) -> bool {
-        matches!(self, Self::S3964(_) | Self::ModbusMaster(_))
+        matches!(self, Self::S3964(_) | Self::ModbusMaster(_) | Self::Rk512(_))
     }
 
     /// The Modbus slave, if it is one.
     pub(crate) const fn slave(&mut self) -> Option<&mut Slave> {
         match self {
             Self::ModbusSlave(slave) => Some(slave),
+            _ => None,
+        }
+    }
+
+    /// The RK 512 machine, if that is the protocol.
+    pub(crate) const fn rk512(&mut self) -> Option<&mut Rk512> {
+        match self {
+            Self::Rk512(machine) => Some(machine),
             _ => None,
         }
     }

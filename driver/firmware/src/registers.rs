@@ -31,6 +31,13 @@ pub const AREA: u16 = 0x4000;
 /// `RX echo`: the CPU cannot store the changed area, its own ends before.
 pub const OUTSIDE: u16 = FAILED | 0x02;
 
+/// Framing of RK 512: an own order of the CPU (`TX`) and how it ended (`RX`).
+pub const OWN_ORDER: u16 = 0x0800;
+
+/// Framing of RK 512: an order of the partner (`RX`) and the CPU's answer (`TX`). Alone, without a count, in `RX echo`: the CPU takes
+/// orders of the partner.
+pub const PARTNER_ORDER: u16 = 0x1000;
+
 /// Framing bits of a line command in `TX` and of its answer in `TX echo`.
 pub const LINE: u16 = 0x1800;
 
@@ -72,6 +79,15 @@ pub(crate) fn compose(rx: u16, tx: u16, block: &[u8]) -> Registers {
 /// A word as a line command: its bits 0 to 10.
 pub(crate) const fn line_command(word: u16) -> Option<u16> {
     if word & KIND == LINE { Some(word & COUNT_BITS) } else { None }
+}
+
+/// A word as framing and count of RK 512; a word 0 has none.
+pub(crate) const fn framed_count(word: u16) -> Option<(u16, usize)> {
+    match word & KIND {
+        framing @ (OWN_ORDER | PARTNER_ORDER) => Some((framing, (word & COUNT_BITS) as usize)),
+        0 if word == 0 => Some((0, 0)),
+        _ => None,
+    }
 }
 
 /// A word as a count of bytes, possibly one that is too large for a telegram.

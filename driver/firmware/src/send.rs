@@ -1,6 +1,7 @@
 //! CPU -> CP: a telegram collected block by block, and how its order ends [S0 "Example SEND data"].
 
-use crate::registers::{AREA, BLOCK_BYTES, BUFFER_BYTES, FAILED, count, line_command};
+use crate::registers::{AREA, BLOCK_BYTES, BUFFER_BYTES, FAILED, count, framed_count, line_command};
+use crate::rk512::HEADER_BYTES;
 
 /// Error code of a telegram that is longer than the buffer. [S0 L1298]
 const TOO_LONG: u8 = 0x17;
@@ -45,17 +46,30 @@ pub(crate) enum Step {
 #[derive(Debug)]
 pub(crate) struct SendSide {
     state: State,
-    buffer: [u8; BUFFER_BYTES],
+    /// RK 512 has a header beside the data.
+    buffer: [u8; BUFFER_BYTES + HEADER_BYTES],
     length: usize,
     /// The bit 4000h is permitted: the telegram may be for the Modbus output area.
     area: bool,
     /// It stood in the first count.
     for_output_area: bool,
+    /// RK 512: telegrams carry a framing.
+    framed: bool,
+    /// Framing of the telegram; 0 without.
+    framing: u16,
 }
 
 impl SendSide {
     pub(crate) const fn new() -> Self {
-        Self { state: State::Idle, buffer: [0; BUFFER_BYTES], length: 0, area: false, for_output_area: false }
+        Self {
+            state: State::Idle,
+            buffer: [0; BUFFER_BYTES + HEADER_BYTES],
+            length: 0,
+            area: false,
+            for_output_area: false,
+            framed: false,
+            framing: 0,
+        }
     }
 
     /// Back to "nothing to send"; true if an order was with the protocol and will never be answered.
@@ -69,6 +83,32 @@ impl SendSide {
     /// Whether `ANZ OR 4000h` is permitted.
     pub(crate) const fn set_area(&mut self, area: bool) {
         self.area = area;
+    }
+
+    /// Whether telegrams are framed, as those of RK 512 are.
+    pub(crate) const fn set_framed(&mut self, framed: bool) {
+        self.framed = framed;
+    }
+
+    /// Framing of the complete telegram.
+    pub(crate) const fn framing(&self) -> u16 {
+        self.framing
+    }
+
+    /// A word as framing and count, the framing being what the protocol has.
+    const fn count(&self, word: u16) -> Option<(u16, usize)> {
+        if self.framed {
+            return framed_count(word);
+        }
+        match count(word) {
+            Some(count) => Some((0, count)),
+            None => None,
+        }
+    }
+
+    /// Longest telegram.
+    const fn limit(&self) -> usize {
+        if self.framed { BUFFER_BYTES + HEADER_BYTES } else { BUFFER_BYTES }
     }
 
     /// Whether the complete telegram is for the output area.
@@ -97,7 +137,7 @@ impl SendSide {
         match self.state {
             State::Idle | State::Closing => 0,
             State::Stale => 1,
-            State::Collecting { rest } | State::Transmitting { rest } => rest as u16,
+            State::Collecting { rest } | State::Transmitting { rest } => self.framing | rest as u16,
             State::Failed(code) => FAILED | code as u16,
             State::Answered(word) => word,
         }
@@ -113,29 +153,33 @@ impl SendSide {
                 Step::Stored
             }
             State::Stale => Step::Wait,
-            State::Idle => match count(tx) {
+            State::Idle => match self.count(tx) {
                 None => line_command(tx).map_or(Step::Wait, Step::Line),
-                Some(0) => Step::Wait,
-                Some(total) if total > BUFFER_BYTES => {
+                Some((_, 0)) => Step::Wait,
+                Some((_, total)) if total > self.limit() => {
                     self.state = State::Failed(TOO_LONG);
                     Step::Refused
                 }
-                Some(total) => {
-                    (self.length, self.for_output_area) = (0, has_bit);
+                Some((framing, total)) => {
+                    (self.length, self.for_output_area, self.framing) = (0, has_bit, framing);
                     self.store(total, block)
                 }
             },
-            State::Collecting { rest } => match count(tx) {
+            State::Collecting { rest } => match self.count(tx) {
                 // The counts have run down: the last block is here.
-                Some(0) if rest <= BLOCK_BYTES => {
+                Some((_, 0)) if rest <= BLOCK_BYTES => {
                     self.state = State::Transmitting { rest };
                     Step::Complete
                 }
-                Some(0) => {
+                Some((_, 0)) => {
                     self.discard();
                     Step::Discarded
                 }
-                Some(next) if rest > BLOCK_BYTES && next == rest - BLOCK_BYTES => self.store(next, block),
+                Some((framing, next))
+                    if framing == self.framing && rest > BLOCK_BYTES && next == rest - BLOCK_BYTES =>
+                {
+                    self.store(next, block)
+                }
                 // The count echoed already, or one that does not follow: treated as absent.
                 _ => Step::Wait,
             },

@@ -159,17 +159,6 @@ fn wrong_parameters_are_shown_with_their_byte() {
 }
 
 #[test]
-fn a_protocol_that_is_not_here_yet_is_refused() {
-    for code in [0x05, 0x06] {
-        let name = ob1_params::table::PROTOCOLS.iter().find(|(_, c, _)| *c == code).unwrap().0;
-        let parameters = ob1_params::Cp240::defaults(name).unwrap().encode();
-        let bench = Bench::starting(&parameters);
-        assert_eq!((bench.rx(), bench.tx_echo()), (0x8003, 0x8001), "{name}");
-        assert!(bench.has_event(name), "{:?}", bench.log.events);
-    }
-}
-
-#[test]
 fn without_configuration_it_runs_9600_8e1_ascii() {
     // [S0 "Note to default parameter!"]
     let mut bench = Bench::working(&[0; 16]);

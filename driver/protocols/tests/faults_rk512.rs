@@ -116,7 +116,7 @@ impl Owner for Port<'_> {
         if let Ok(data) = outcome {
             let telegrams = &self.books.accepted[self.books.order_mark..];
             let data = (request.command == Command::Fetch).then_some(data);
-            assert!(reactions_say(telegrams, data), "done without the partner's word");
+            assert!(reactions_say(telegrams, data, self.books.bcc), "done without the partner's word");
         }
         self.books.ended = Some(outcome.map(<[u8]>::to_vec));
     }
@@ -124,7 +124,7 @@ impl Owner for Port<'_> {
     fn asked(&mut self, request: &Request, data: &[u8]) {
         self.trace(format_args!("asked {request:?} {data:02X?}"));
         assert!(self.books.question.is_none(), "a second question before the first is over");
-        assert!(telegrams_say(&self.books.accepted, request, data), "not what came off the line");
+        assert!(telegrams_say(&self.books.accepted, request, data, self.books.bcc), "not what came off the line");
         let patience = match self.books.rng.below(40) {
             0 if self.now < FAULTY => 12 * SECOND,
             1..4 if self.now < FAULTY => 700 * MS,
@@ -191,13 +191,15 @@ fn checked(raw: &[Option<u8>], bcc: bool) -> Option<Vec<u8>> {
     Some(plain)
 }
 
-/// Whether these pieces, in their order, are the data. A piece that is the same as the one before may be that one once more.
-fn put_together<'a>(pieces: impl Iterator<Item = &'a [u8]>, data: &[u8]) -> bool {
+/// Whether these pieces, in their order, are the data. A piece that is the same as the one before may be that one once more; without
+/// block check character one of the two may have been spoilt.
+fn put_together<'a>(pieces: impl Iterator<Item = &'a [u8]>, data: &[u8], bcc: bool) -> bool {
     // All lengths the data may have after each piece.
     let mut lengths = vec![0];
     let mut before: Option<&[u8]> = None;
     for piece in pieces {
-        let again = if before == Some(piece) { lengths.clone() } else { Vec::new() };
+        let same = before.is_some_and(|before| before == piece || !bcc && before.len() == piece.len());
+        let again = if same { lengths.clone() } else { Vec::new() };
         lengths.retain(|at| data.get(*at..*at + piece.len()) == Some(piece));
         lengths.iter_mut().for_each(|at| *at += piece.len());
         lengths.extend(again);
@@ -209,23 +211,23 @@ fn put_together<'a>(pieces: impl Iterator<Item = &'a [u8]>, data: &[u8]) -> bool
 }
 
 /// Whether the last telegrams off the line are this order.
-fn telegrams_say(accepted: &[Vec<u8>], request: &Request, data: &[u8]) -> bool {
+fn telegrams_say(accepted: &[Vec<u8>], request: &Request, data: &[u8], bcc: bool) -> bool {
     let header = request.header();
     let letters = &header[2..4];
     let Some(begin) = accepted.iter().rposition(|t| t.starts_with(&header)) else { return false };
     // The same first telegram may have come more than once.
     let first = &accepted[begin][10..];
     let follow = accepted[begin + 1..].iter().filter(|t| t.starts_with(&[0xFF, 0]) && t[2..].starts_with(letters));
-    put_together(std::iter::once(first).chain(follow.map(|t| &t[4..])), data)
+    put_together(std::iter::once(first).chain(follow.map(|t| &t[4..])), data, bcc)
 }
 
 /// Whether the reactions off the line say "done", and, at a FETCH, these data.
-fn reactions_say(accepted: &[Vec<u8>], data: Option<&[u8]>) -> bool {
+fn reactions_say(accepted: &[Vec<u8>], data: Option<&[u8]>, bcc: bool) -> bool {
     let good = |t: &&Vec<u8>| matches!(t[..], [0x00 | 0xFF, 0, 0, 0, ..]);
     let reactions: Vec<_> = accepted.iter().filter(good).collect();
     let last_is_one = accepted.last().is_some_and(|t| good(&t));
     // Reactions to something before may have come first.
-    let fits = |from: usize, data| put_together(reactions[from..].iter().map(|t| &t[4..]), data);
+    let fits = |from: usize, data| put_together(reactions[from..].iter().map(|t| &t[4..]), data, bcc);
     last_is_one && data.is_none_or(|data| (0..reactions.len()).any(|from| fits(from, data)))
 }
 

@@ -167,8 +167,7 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
 /// Refuses what the parameter record can say but the CP cannot do yet.
 fn implemented(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) {
     let missing = match &params.protocol {
-        Protocol::Ascii(_) | Protocol::StxEtx(_) => false,
-        Protocol::S3964(p) => p.rk512,
+        Protocol::Ascii(_) | Protocol::StxEtx(_) | Protocol::S3964(_) => false,
         Protocol::Modbus(_) => true,
     };
     if missing {
@@ -177,7 +176,12 @@ fn implemented(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) {
         });
         let at = keys.or_else(|| table.raw.as_ref().map(Placed::span)).unwrap_or_else(|| table.kind.span());
         let message = format!("the protocol \"{}\" is not implemented yet", params.protocol_name());
-        f.error(PARAMETER, at, message, "use \"ascii\", \"stx-etx\", \"3964\" or \"3964r\"");
+        f.error(
+            PARAMETER,
+            at,
+            message,
+            "use \"ascii\", \"stx-etx\", \"3964\", \"3964r\", \"3964-rk512\" or \"3964r-rk512\"",
+        );
     }
 }
 

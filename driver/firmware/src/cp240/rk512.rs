@@ -1,0 +1,151 @@
+//! The module with RK 512: `TX` brings orders and answers, `RX` shows results and orders of the partner.
+
+use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
+use ob1_protocols::{Nanos, Sink};
+
+use super::{Cp240, Outlet, rx_word};
+use crate::port::{CpCounter, CpEvent, CpPort};
+use crate::protocol::Protocol;
+use crate::registers::OWN_ORDER;
+use crate::rk512::{Handed, Offer};
+
+impl Cp240 {
+    /// The CPU has handed over an order, or the answer to the partner's. `TX` is free again as soon as it has been taken over; how an
+    /// order ends is told by `RX`, so that an answer can go out while an order waits for its reaction.
+    pub(super) fn handed(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        let framing = self.send.framing();
+        if framing == OWN_ORDER {
+            if !self.order_waits {
+                port.count(CpCounter::OrdersAccepted, 1);
+                port.event(now, CpEvent::Order(self.send.telegram()));
+            }
+            // One that the program has given up is still running: this one begins after it.
+            self.order_waits = self.is_busy();
+            if self.order_waits {
+                return;
+            }
+        }
+        let order = match self.rk512.handed(framing, self.send.telegram()) {
+            Handed::Order(request, data) => Some(rk512::Order::Start(request, data)),
+            Handed::Answer(answer) => Some(rk512::Order::Answer(answer)),
+            Handed::Stale => None,
+            Handed::BadOrder => {
+                self.rk512.ended(Err(OrderError::Invalid));
+                port.count(CpCounter::SendErrors, 1);
+                port.event(now, CpEvent::SendFailed(OrderError::Invalid.code()));
+                None
+            }
+        };
+        if let (Some(order), Protocol::Rk512(machine)) = (order, &mut self.protocol) {
+            let mut out = Outlet {
+                now,
+                ring: &mut self.receive.ring,
+                rk512: &mut self.rk512,
+                leds: &mut self.leds,
+                modem: &mut self.modem,
+                diagnosis: &mut self.diagnosis,
+                port,
+                outcome: None,
+            };
+            self.protocol_due = machine.step(now, rk512::Input::Order(order), &mut out);
+        }
+        self.send.ended(Ok(()));
+        // The end is shown before a count that was left waiting is looked at.
+        self.publish(port);
+        self.look_registers(now, port);
+    }
+
+    /// An order that stands in no register.
+    pub(super) fn order_rk512(&mut self, now: Nanos, order: rk512::Order<'_>, port: &mut dyn CpPort) {
+        let mut out = Outlet {
+            now,
+            ring: &mut self.receive.ring,
+            rk512: &mut self.rk512,
+            leds: &mut self.leds,
+            modem: &mut self.modem,
+            diagnosis: &mut self.diagnosis,
+            port,
+            outcome: None,
+        };
+        if let Protocol::Rk512(machine) = &mut self.protocol {
+            self.protocol_due = machine.step(now, rk512::Input::Order(order), &mut out);
+        }
+    }
+
+    /// Looks at `RX echo`.
+    pub(super) fn look_rk512(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        if let Some((Offer::Partner, length)) = self.rk512.look(rx_word(&self.outputs)) {
+            port.count(CpCounter::Delivered, 1);
+            port.event(now, CpEvent::Delivered(length));
+        }
+    }
+
+    /// What a step of the protocol may have made possible.
+    pub(super) fn after_rk512(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        if self.order_waits && !self.is_busy() {
+            return self.handed(now, port);
+        }
+        self.look_rk512(now, port);
+    }
+
+    /// Forgets both roles, and counts what is lost. `None`: the protocol is another.
+    pub(super) fn drop_rk512(&mut self, port: &mut dyn CpPort) -> Option<()> {
+        let busy = self.protocol.rk512()?.busy();
+        let orders = u64::from(core::mem::take(&mut self.order_waits)) + u64::from(busy);
+        if orders > 0 {
+            port.count(CpCounter::OrdersAborted, orders);
+        }
+        if self.rk512.clear() {
+            port.count(CpCounter::ReceiveAborted, 1);
+        }
+        Some(())
+    }
+
+    fn is_busy(&mut self) -> bool {
+        self.protocol.rk512().is_some_and(|machine| machine.busy())
+    }
+}
+
+impl rk512::Owner for Outlet<'_> {
+    fn transmit(&mut self, bytes: &[u8]) {
+        Sink::transmit(self, bytes);
+    }
+
+    fn take_back(&mut self) -> usize {
+        Sink::take_back(self)
+    }
+
+    fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
+        self.rk512.ended(outcome);
+        match outcome {
+            Ok(_) => {
+                self.port.count(CpCounter::Sent, 1);
+                self.port.event(self.now, CpEvent::Sent);
+            }
+            Err(error) => {
+                self.port.count(CpCounter::SendErrors, 1);
+                self.port.event(self.now, CpEvent::SendFailed(error.code()));
+            }
+        }
+    }
+
+    fn asked(&mut self, request: &Request, data: &[u8]) {
+        self.rk512.asked(request, data);
+        self.port.count(CpCounter::Received, 1);
+        self.port.event(self.now, CpEvent::Asked(request, data));
+    }
+
+    fn answered(&mut self, outcome: Result<(), AnswerError>) {
+        if self.rk512.answered() {
+            self.port.count(CpCounter::ReceiveAborted, 1);
+        }
+        self.port.event(self.now, CpEvent::Answered(outcome));
+    }
+
+    fn report(&mut self, event: rk512::Event) {
+        match event {
+            rk512::Event::Line(event) => Sink::report(self, event),
+            other => self.port.event(self.now, CpEvent::Rk512(other)),
+        }
+    }
+}
