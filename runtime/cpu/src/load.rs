@@ -126,6 +126,8 @@ impl Cpu {
             now: 0,
             statements: 0,
             pending: 0,
+            look_after: 1,
+            pace: 0,
             watchdog: Watchdog::default(),
             stopping: false,
             refs: vec![0; REFERENCES].into_boxed_slice(),

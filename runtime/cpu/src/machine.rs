@@ -17,8 +17,10 @@ use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::{Abort, Clock, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, Nanos, ObInfo, ShortText};
 
-/// Statements after which the engine looks at the clock at its next safe point.
-pub(crate) const STATEMENTS_PER_LOOK: u32 = 1000;
+/// Statements after which the engine looks at the clock at its next safe point, at the latest.
+const STATEMENTS_PER_LOOK: u32 = 1000;
+/// Fewest statements between two looks at a clock whose pace is only guessed at.
+const FEWEST_STATEMENTS: u64 = 16;
 
 /// Flags that other threads may set; the scan looks at them at safe points.
 #[derive(Clone, Debug, Default)]
@@ -86,6 +88,10 @@ pub(crate) struct Machine {
     pub(crate) statements: u64,
     /// Statements it does not know of yet.
     pub(crate) pending: u32,
+    /// So many of them, and a safe point looks at the clock: at most [`STATEMENTS_PER_LOOK`], fewer when something is due before.
+    pub(crate) look_after: u32,
+    /// Nanoseconds that 1024 statements have taken between the last looks.
+    pub(crate) pace: u64,
     pub(crate) watchdog: Watchdog,
     /// A block asked for STOP or a fault led to it: every safe point aborts.
     pub(crate) stopping: bool,
@@ -158,9 +164,22 @@ impl Context<'_> {
     /// Time goes on: tells the clock of the statements executed and asks it.
     pub(crate) fn look(&mut self) {
         let machine = &mut *self.machine;
-        machine.statements += u64::from(machine.pending);
-        self.clock.executed(u64::from(std::mem::take(&mut machine.pending)));
+        let pending = u64::from(std::mem::take(&mut machine.pending));
+        let before = machine.now;
+        machine.statements += pending;
+        self.clock.executed(pending);
         machine.now = machine.now.max(self.clock.now());
+        if pending >= FEWEST_STATEMENTS {
+            machine.pace = (machine.now - before) * 1024 / pending;
+        }
+        let due = machine.interrupts.next_due().min(machine.watchdog.expires.unwrap_or(Nanos::MAX));
+        let time = due.saturating_sub(machine.now);
+        // A due time is seen at the first safe point behind it where statements are charged, else within some statements of it.
+        let statements = match self.clock.statements_in(time) {
+            Some(statements) => statements.max(1),
+            None => (time.saturating_mul(1024) / machine.pace.max(1)).max(FEWEST_STATEMENTS),
+        };
+        machine.look_after = statements.min(u64::from(STATEMENTS_PER_LOOK)) as u32;
     }
 
     /// A safe point that is due: time, operator's STOP, cycle monitoring, interrupts of higher classes.

@@ -356,7 +356,7 @@ impl NativeContext for Call<'_, '_> {
     fn attend(&mut self) -> Result<(), Abort> {
         let machine = &mut *self.cx.machine;
         machine.pending = machine.pending.saturating_add(1);
-        if machine.pending >= crate::machine::STATEMENTS_PER_LOOK || machine.interrupt.is_due() {
+        if machine.pending >= machine.look_after || machine.interrupt.is_due() {
             return self.cx.attend();
         }
         if machine.stopping { Err(Abort) } else { Ok(()) }

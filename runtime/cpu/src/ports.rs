@@ -15,6 +15,12 @@ pub trait Clock {
     /// loop on a timer ends and the watchdog fires; a real clock ignores it.
     fn executed(&mut self, statements: u64);
 
+    /// How many statements it takes until so much time has passed, for a clock that charges time for statements; `None` for one
+    /// whose time goes on by itself. So the CPU knows when to ask for the time again.
+    fn statements_in(&self, _time: Nanos) -> Option<u64> {
+        None
+    }
+
     /// A block waits inside the scan (SFC 47) until `deadline`, or until something is due before. A virtual clock moves there. A real
     /// one has nothing to do: its time goes on by itself, and a scan does not sleep.
     fn wait(&mut self, _deadline: Nanos) {}

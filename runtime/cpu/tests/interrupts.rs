@@ -343,3 +343,27 @@ fn the_process_image_is_not_touched_by_an_interrupt_between_cycles() {
     bench.run();
     assert_eq!(bench.cpu.read(input, CellWidth::Byte), Ok(9));
 }
+
+#[test]
+fn a_due_time_is_seen_at_the_first_safe_point_behind_it() {
+    // A loop of two statements, 200 ns a round: OB 35 at 3.1 us, and every 3.1 us, begins within 200 ns of its time.
+    let interval = 3_100;
+    let code = vec![c(500), Op::Nop, Op::Loop(1)];
+    let ob35 = CyclicInterrupt::new(35, interval);
+    let config = CpuConfig { cyclic: vec![ob35], watchdog: 0, ..CpuConfig::default() };
+    let mut bench = start(config, vec![ob1(code), organization(35, count(2))]);
+    for _ in 0..10 {
+        bench.run();
+    }
+    let figures = bench.cpu.ob_statistics().find(|o| o.ob == 35).expect("loaded");
+    assert_eq!((figures.runs, figures.overruns), (u64::from(bench.mw(2)), 0));
+    assert!(figures.runs > 300, "{figures:?}");
+    assert!(figures.lateness.max <= 200, "{figures:?}");
+    // The watchdog likewise: OB 80 with the cycle's time.
+    let config = CpuConfig { watchdog: 5 * MS + 50, ..CpuConfig::default() };
+    let endless = vec![Op::Nop, Op::Jump(ob1_ir::Jump::Always, 0)];
+    let mut bench = start(config, vec![ob1(endless)]);
+    assert_eq!(bench.cycle().state, OperatingState::Stop);
+    let excess = bench.cpu.diagnostics().find(|e| e.event.0 == 0x3501).expect("exceeded").time;
+    assert!((5 * MS + 50..=5 * MS + 250).contains(&excess), "{excess}");
+}

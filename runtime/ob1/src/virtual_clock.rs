@@ -37,6 +37,10 @@ impl Clock for VirtualClock {
         self.now = self.now.saturating_add(statements.saturating_mul(self.ns_per_statement));
     }
 
+    fn statements_in(&self, time: Nanos) -> Option<u64> {
+        Some(if self.ns_per_statement == 0 { u64::MAX } else { time.div_ceil(self.ns_per_statement) })
+    }
+
     fn wait(&mut self, deadline: Nanos) {
         self.advance_to(deadline);
     }

@@ -18,6 +18,10 @@ impl Clock for VirtualClock {
         self.0 += statements * NS_PER_STATEMENT;
     }
 
+    fn statements_in(&self, time: Nanos) -> Option<u64> {
+        Some(time.div_ceil(NS_PER_STATEMENT))
+    }
+
     fn wait(&mut self, deadline: Nanos) {
         self.0 = self.0.max(deadline);
     }

@@ -10,7 +10,7 @@ use super::regs::{BR, Interrupted, OS, Regs, status_bit, with_cc};
 use super::resolve::{self, Where};
 use super::slow;
 use super::{Callee, Engine, Entry};
-use crate::machine::{Caller, Context, Machine, STATEMENTS_PER_LOOK};
+use crate::machine::{Caller, Context, Machine};
 use crate::{Abort, native};
 
 /// The engine that defines the meaning of every statement.
@@ -155,7 +155,7 @@ impl Reference {
         }
         macro_rules! attend {
             () => {
-                if executed >= STATEMENTS_PER_LOOK || blocks.interrupt.is_due() {
+                if executed >= cx.machine.look_after || blocks.interrupt.is_due() {
                     cx.machine.pending = executed;
                     cx.machine.at = Some(Caller { block: current, statement: pc as u32 });
                     cx.attend()?;

@@ -22,6 +22,9 @@ impl Clock for ManualClock {
     fn executed(&mut self, statements: u64) {
         self.now += statements * self.ns_per_statement;
     }
+    fn statements_in(&self, time: Nanos) -> Option<u64> {
+        (self.ns_per_statement > 0).then(|| time.div_ceil(self.ns_per_statement))
+    }
     fn wait(&mut self, deadline: Nanos) {
         self.now = self.now.max(deadline);
     }

@@ -97,6 +97,13 @@ impl Clock for ExecClock {
         self.look_at_limits();
     }
 
+    fn statements_in(&self, time: Nanos) -> Option<u64> {
+        match &self.time {
+            Time::Virtual(clock) => clock.statements_in(time),
+            Time::Real(_) => None,
+        }
+    }
+
     fn wait(&mut self, deadline: Nanos) {
         if let Time::Virtual(clock) = &mut self.time {
             clock.wait(deadline);

@@ -57,6 +57,11 @@ impl Clock for BenchClock {
         }
     }
 
+    fn statements_in(&self, time: Nanos) -> Option<u64> {
+        let free = FREE.saturating_sub(self.scan);
+        Some(self.time.statements_in(time)?.saturating_add(free))
+    }
+
     fn wait(&mut self, deadline: Nanos) {
         self.time.wait(deadline);
     }
