@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ob1_backplane::io_layout::IO_AREA_BYTES;
-use ob1_params::{Cp240, ParamError, Protocol, Value};
+use ob1_params::{Cp240, ModbusKind, ParamError, Protocol, Value};
 
 use super::check::{choice, name, number};
 use super::file::{ModuleTable, Placed};
@@ -148,7 +148,7 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
             return None;
         }
     };
-    implemented(f, table, &params);
+    characters_of_modbus(f, table, &params);
     let Some(text) = &table.line else {
         f.error(MISSING, table.kind.span(), "the CP 240 has no line", format!("add `line`: {}", line::REMEDY));
         return None;
@@ -164,25 +164,26 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
     Some(ModuleKind::Cp240 { params: Box::new(params), bytes, line })
 }
 
-/// Refuses what the parameter record can say but the CP cannot do yet.
-fn implemented(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) {
-    let missing = match &params.protocol {
-        Protocol::Ascii(_) | Protocol::StxEtx(_) | Protocol::S3964(_) => false,
-        Protocol::Modbus(_) => true,
-    };
-    if missing {
-        let keys = table.params.as_ref().and_then(|keys| {
-            keys.get_ref().iter().find(|(key, _)| key.get_ref() == "protocol").map(|(_, value)| value.span())
-        });
-        let at = keys.or_else(|| table.raw.as_ref().map(Placed::span)).unwrap_or_else(|| table.kind.span());
-        let message = format!("the protocol \"{}\" is not implemented yet", params.protocol_name());
-        f.error(
-            PARAMETER,
-            at,
-            message,
-            "use \"ascii\", \"stx-etx\", \"3964\", \"3964r\", \"3964-rk512\" or \"3964r-rk512\"",
-        );
+/// The table lets every Modbus mode have 5 to 8 data bits. A byte as a character takes 8, hexadecimal text takes 7.
+fn characters_of_modbus(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) {
+    let Protocol::Modbus(modbus) = &params.protocol else { return };
+    use ModbusKind::{MasterRtu, SlaveRtuLong, SlaveRtuShort};
+    let is_rtu = matches!(modbus.kind, MasterRtu | SlaveRtuShort | SlaveRtuLong);
+    let needed = if is_rtu { 8 } else { 7 };
+    if params.data_bits < needed {
+        let mode = if is_rtu { "RTU" } else { "ASCII" };
+        let message = format!("Modbus {mode} cannot travel in characters of {} bits", params.data_bits);
+        let remedy = if is_rtu { "`data_bits = 8`" } else { "`data_bits = 7` or `data_bits = 8`" };
+        f.error(PARAMETER, place_of(table, "data_bits"), message, remedy);
     }
+}
+
+/// Where a parameter stands in the file: its value, or else what has all of them.
+fn place_of(table: &ModuleTable, key: &str) -> std::ops::Range<usize> {
+    let named = table.params.as_ref().and_then(|keys| {
+        keys.get_ref().iter().find(|(name, _)| name.get_ref() == key).map(|(_, value)| value.span())
+    });
+    named.or_else(|| table.raw.as_ref().map(Placed::span)).unwrap_or_else(|| table.kind.span())
 }
 
 type Keys = std::collections::BTreeMap<Placed<String>, Placed<toml::Value>>;
