@@ -261,6 +261,23 @@ fn outside_of_the_reception_area() {
     );
 }
 
+/// What the CPU refused is not there, and the same write is refused again; what it stored stays.
+#[test]
+fn a_refused_write_is_taken_back() {
+    let mut slave = long();
+    for (write, stored, left) in [
+        ("05 06 00 04 11 11 05 D3", true, [0x11, 0x11]),
+        ("05 06 00 04 22 22 51 36", false, [0x11, 0x11]),
+        ("05 06 00 04 22 22 51 36", false, [0x11, 0x11]),
+        ("05 06 00 04 22 22 51 36", true, [0x22, 0x22]),
+    ] {
+        check(&mut slave, &format!("0 start\n 10 rx {write}\n 13.5 timeout\n 20 abort"));
+        assert_eq!(slave.take_change(), Some(Change { first: 8, bytes: 8 }), "{write}");
+        slave.change_taken(stored);
+        assert_eq!(slave.areas().output()[8..10], left, "{write}");
+    }
+}
+
 /// SEND stores from 0 on; `ANZ OR 4000h` in the output area, without a change for the CPU. [S0 "Write to master output area"]
 #[test]
 fn what_the_cpu_sends() {

@@ -32,6 +32,8 @@ pub struct Areas {
     size: usize,
     input: [u8; AREA_BYTES],
     output: [u8; AREA_BYTES],
+    /// The output area as the CPU has it.
+    stored: [u8; AREA_BYTES],
     /// Blocks of the output area that the CPU has not been given yet; bit n is block n.
     changed: u128,
 }
@@ -40,7 +42,7 @@ impl Areas {
     /// Areas of this many bytes each, all 0.
     pub const fn new(size: usize) -> Self {
         let size = if size > AREA_BYTES { AREA_BYTES } else { size };
-        Self { size, input: [0; AREA_BYTES], output: [0; AREA_BYTES], changed: 0 }
+        Self { size, input: [0; AREA_BYTES], output: [0; AREA_BYTES], stored: [0; AREA_BYTES], changed: 0 }
     }
 
     /// The input area.
@@ -61,7 +63,7 @@ impl Areas {
     /// The CPU's data for the output area (`ANZ OR 4000h`). The CPU knows them: no block counts as changed by it.
     /// [S0 "Write to master output area"]
     pub fn set_output(&mut self, bytes: &[u8]) -> bool {
-        put(&mut self.output, self.size, bytes)
+        put(&mut self.stored, self.size, bytes) && put(&mut self.output, self.size, bytes)
     }
 
     /// Whether the master has changed something that [`Areas::take_change`] has not yet handed out.
@@ -80,6 +82,22 @@ impl Areas {
         let mask = (1_u128 << blocks) - 1;
         self.changed &= !(mask << first);
         Some(Change { first: first * BLOCK_BYTES, bytes: blocks * BLOCK_BYTES })
+    }
+
+    /// The CPU has stored a change, or cannot: then the area gets back what the CPU has, and the same write is a change again.
+    pub fn close_change(&mut self, change: Change, stored: bool) {
+        for block in change.first / BLOCK_BYTES..(change.first + change.bytes).min(self.size) / BLOCK_BYTES {
+            let bytes = block * BLOCK_BYTES..(block + 1) * BLOCK_BYTES;
+            // Written again in the meantime: that is a change of its own.
+            if self.changed >> block & 1 == 1 {
+                continue;
+            }
+            if stored {
+                self.stored[bytes.clone()].copy_from_slice(&self.output[bytes]);
+            } else {
+                self.output[bytes.clone()].copy_from_slice(&self.stored[bytes]);
+            }
+        }
     }
 
     /// Carries a request out; `answer` takes what follows address and function code. The result is its length.

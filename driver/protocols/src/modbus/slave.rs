@@ -52,7 +52,7 @@ pub struct Slave {
     receiver: Receiver,
     areas: Areas,
     /// A change is with the CPU.
-    with_cpu: bool,
+    with_cpu: Option<Change>,
     answer: [u8; TELEGRAM_BYTES],
     len: usize,
 }
@@ -63,7 +63,7 @@ impl Slave {
         let receiver = Receiver::new(config.frame.clone(), Direction::Request);
         let areas = Areas::new(config.area_bytes);
         let answer = [0; TELEGRAM_BYTES];
-        Self { config, state: State::Listen, receiver, areas, with_cpu: false, answer, len: 0 }
+        Self { config, state: State::Listen, receiver, areas, with_cpu: None, answer, len: 0 }
     }
 
     /// The configuration.
@@ -88,17 +88,18 @@ impl Slave {
 
     /// What the CPU has to be given next, unless it still has to confirm what it was given before.
     pub fn take_change(&mut self) -> Option<Change> {
-        if self.with_cpu {
+        if self.with_cpu.is_some() {
             return None;
         }
-        let change = self.areas.take_change();
-        self.with_cpu = change.is_some();
-        change
+        self.with_cpu = self.areas.take_change();
+        self.with_cpu
     }
 
     /// The CPU has stored what it was given, or refuses it because its own area ends before. Follow with [`Input::Tick`].
     pub fn change_taken(&mut self, stored: bool) {
-        self.with_cpu = false;
+        if let Some(change) = self.with_cpu.take() {
+            self.areas.close_change(change, stored);
+        }
         if !stored && self.state == State::Held {
             // "Writing master accesses must not lie outside of the reception area!" [S0 L2074]
             self.refuse(Exception::Address);
@@ -161,7 +162,7 @@ impl Slave {
 
     /// Answers, unless data are still to be taken.
     fn release(&mut self, now: Nanos, out: &mut dyn Sink) {
-        let waits = self.config.confirmed && (self.with_cpu || self.areas.has_changes());
+        let waits = self.config.confirmed && (self.with_cpu.is_some() || self.areas.has_changes());
         let writes = self.answer.get(1).copied().and_then(Function::of).is_some_and(Function::writes);
         if self.state != State::Held || (waits && writes) {
             return;

@@ -180,9 +180,10 @@ fn characters_of_modbus(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp24
 
 /// Where a parameter stands in the file: its value, or else what has all of them.
 fn place_of(table: &ModuleTable, key: &str) -> std::ops::Range<usize> {
-    let named = table.params.as_ref().and_then(|keys| {
-        keys.get_ref().iter().find(|(name, _)| name.get_ref() == key).map(|(_, value)| value.span())
-    });
+    let named = table
+        .params
+        .as_ref()
+        .and_then(|keys| keys.get_ref().iter().find(|(name, _)| name.get_ref() == key).map(|(_, value)| value.span()));
     named.or_else(|| table.raw.as_ref().map(Placed::span)).unwrap_or_else(|| table.kind.span())
 }
 
