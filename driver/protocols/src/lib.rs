@@ -10,6 +10,7 @@
 //! * [`modbus`]: Modbus RTU and ASCII, master and slave.
 //! * [`rk512`]: RK 512 on top of either.
 //! * [`stx_etx`]: telegrams between start and end characters.
+//! * [`trace`]: a line read by a bystander, for all of them.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -21,6 +22,7 @@ mod output;
 pub mod rk512;
 pub mod s3964;
 pub mod stx_etx;
+pub mod trace;
 
 pub use ascii::Ascii;
 pub use machine::{

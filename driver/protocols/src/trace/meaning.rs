@@ -1,0 +1,185 @@
+//! What a telegram or control character says, in words.
+
+use core::fmt;
+
+use crate::machine::LineFault;
+use crate::modbus::pdu::{Direction, ERROR_BIT, Function};
+use crate::rk512::codec::{Command, Malformed, Telegram, parse};
+
+/// The meaning of a [`Unit`](super::Unit); its text is one line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Meaning<'a> {
+    /// A control character: its name and what it does here.
+    Control(&'static str, &'static str),
+    /// A block of 3964(R), complete.
+    Block {
+        /// User data, DLEs single.
+        payload: &'a [u8],
+        /// 3964R: computed and received check character.
+        check: Option<(u8, u8)>,
+        /// The user data are a telegram of RK 512.
+        rk512: bool,
+    },
+    /// A telegram of ASCII or STX/ETX.
+    Telegram(&'a [u8]),
+    /// A frame of Modbus.
+    Modbus(Modbus<'a>),
+    /// Characters that make no telegram, and why.
+    Broken(&'static str),
+    /// A character that the line could not read.
+    Fault(LineFault),
+}
+
+/// A frame of Modbus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Modbus<'a> {
+    /// Address, function code and so on, without the check.
+    pub telegram: &'a [u8],
+    /// Request or answer.
+    pub direction: Direction,
+}
+
+impl<'a> Meaning<'a> {
+    /// User data, where there are any.
+    #[must_use]
+    pub const fn payload(&self) -> Option<&'a [u8]> {
+        match *self {
+            Self::Block { payload, .. } | Self::Telegram(payload) => Some(payload),
+            Self::Modbus(modbus) => Some(modbus.telegram),
+            Self::Control(..) | Self::Broken(_) | Self::Fault(_) => None,
+        }
+    }
+}
+
+impl fmt::Display for Meaning<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Control(name, text) => write!(f, "{name}: {text}"),
+            Self::Block { payload, check, rk512 } => {
+                write!(f, "block, {}", Bytes(payload.len()))?;
+                match check {
+                    Some((computed, received)) if computed == received => write!(f, ", BCC {received:02X}")?,
+                    Some((computed, received)) => {
+                        return write!(f, ", BCC {received:02X} WRONG, computed {computed:02X}");
+                    }
+                    None => {}
+                }
+                if rk512 { write!(f, "; RK512 {}", Rk512(payload)) } else { Ok(()) }
+            }
+            Self::Telegram(payload) => write!(f, "telegram, {}", Bytes(payload.len())),
+            Self::Modbus(modbus) => modbus.fmt(f),
+            Self::Broken(why) => f.write_str(why),
+            Self::Fault(fault) => f.write_str(match fault {
+                LineFault::Parity => "parity error",
+                LineFault::Framing => "framing error",
+                LineFault::Overrun => "characters lost in the receiver",
+                LineFault::Break => "break",
+                LineFault::Gone => "the line is gone",
+                LineFault::Back => "the line is back",
+            }),
+        }
+    }
+}
+
+/// `1 byte`, `2 bytes`.
+struct Bytes(usize);
+
+impl fmt::Display for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.0, if self.0 == 1 { "byte" } else { "bytes" })
+    }
+}
+
+/// A telegram of RK 512 in words.
+struct Rk512<'a>(&'a [u8]);
+
+impl fmt::Display for Rk512<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let command = |command| if command == Command::Send { "SEND" } else { "FETCH" };
+        match parse(self.0) {
+            Ok(Telegram::Order(request, data)) => {
+                let letter = char::from(request.area.letter());
+                write!(f, "{} {letter}", command(request.command))?;
+                if request.area.unit() == 2 && matches!(letter, 'D' | 'X') {
+                    write!(f, "B{} from word {}", request.db, request.start)?;
+                } else {
+                    write!(f, " from {}", request.start)?;
+                }
+                write!(f, ", {}", Bytes(request.bytes()))?;
+                match request.coordination.flag(u8::MAX) {
+                    Ok(Some(flag)) => write!(f, ", flag M {}.{}", flag.byte, flag.bit)?,
+                    Ok(None) => {}
+                    Err(_) => f.write_str(", coordination flag that cannot be")?,
+                }
+                if let Some(cpu) = request.coordination.cpu() {
+                    write!(f, ", CPU {cpu}")?;
+                }
+                if data.is_empty() { Ok(()) } else { write!(f, ", {} with it", Bytes(data.len())) }
+            }
+            Ok(Telegram::Follow { command: what, data, .. }) => {
+                write!(f, "follow-on telegram of {}", command(what))?;
+                if data.is_empty() { Ok(()) } else { write!(f, ", {}", Bytes(data.len())) }
+            }
+            Ok(Telegram::Reaction { follow, code, data }) => {
+                write!(f, "reaction{}", if follow { " to a follow-on telegram" } else { "" })?;
+                if code == 0 {
+                    f.write_str(", good")?
+                } else {
+                    write!(f, ", error {code:02X}h")?
+                }
+                if data.is_empty() { Ok(()) } else { write!(f, ", {}", Bytes(data.len())) }
+            }
+            Err(why) => f.write_str(match why {
+                Malformed::Short => "telegram that is too short",
+                Malformed::FirstBytes | Malformed::ReactionBytes => "telegram with wrong first bytes",
+                Malformed::CommandLetter => "telegram with a wrong command letter",
+                Malformed::AreaLetter => "telegram with a wrong area letter",
+            }),
+        }
+    }
+}
+
+impl fmt::Display for Modbus<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let byte = |at: usize| self.telegram.get(at).copied().unwrap_or(0);
+        let word = |at: usize| u16::from_be_bytes([byte(at), byte(at + 1)]);
+        let (slave, code) = (byte(0), byte(1));
+        if slave == 0 {
+            f.write_str("to all slaves")?;
+        } else {
+            write!(f, "slave {slave}")?;
+        }
+        let answer = self.direction == Direction::Answer;
+        f.write_str(if answer { ", answer: " } else { ", request: " })?;
+        if answer && code & ERROR_BIT != 0 {
+            let why = match byte(2) {
+                1 => "illegal function",
+                2 => "illegal address",
+                3 => "illegal value",
+                4 => "device failure",
+                5 => "acknowledge",
+                6 => "busy",
+                _ => "unknown",
+            };
+            return write!(f, "exception {:02X}h, {why}, to function {:02X}h", byte(2), code & !ERROR_BIT);
+        }
+        let Some(function) = Function::of(code) else { return write!(f, "function {code:02X}h") };
+        let what = match function {
+            Function::ReadOutputBits => "read output bits",
+            Function::ReadInputBits => "read input bits",
+            Function::ReadOutputWords => "read output words",
+            Function::ReadInputWords => "read input words",
+            Function::WriteBit => "write bit",
+            Function::WriteWord => "write word",
+            Function::WriteBits => "write bits",
+            Function::WriteWords => "write words",
+        };
+        write!(f, "{what} ({code:02X}h)")?;
+        match function {
+            Function::WriteBit => write!(f, ", {} := {}", word(2), if word(4) == 0 { 0 } else { 1 }),
+            Function::WriteWord => write!(f, ", {} := {:04X}h", word(2), word(4)),
+            _ if answer && !function.writes() => write!(f, ", {}", Bytes(usize::from(byte(2)))),
+            _ => write!(f, ", {} from {}", word(4), word(2)),
+        }
+    }
+}

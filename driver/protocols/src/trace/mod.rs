@@ -1,0 +1,88 @@
+//! What goes over a line, read by a bystander: characters of both directions in, telegrams and control characters with their meaning out.
+//!
+//! Total over any characters, without clock and allocation. A bystander cannot know what a CP has decided; where the line alone leaves
+//! it open, [`Meaning`] says what the characters are, not what became of them.
+
+mod meaning;
+mod reader;
+pub mod record;
+
+pub use meaning::{Meaning, Modbus};
+pub use reader::{Reader, Unit};
+
+use crate::machine::Nanos;
+use crate::output::Flags;
+
+/// Which way characters went, seen from the CP that is listened to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Way {
+    /// From the CP.
+    Out,
+    /// To the CP.
+    In,
+}
+
+impl Way {
+    /// The opposite.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Self::Out => Self::In,
+            Self::In => Self::Out,
+        }
+    }
+}
+
+/// What is spoken on the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dialect {
+    /// Bare characters; a pause of so long ends a telegram.
+    Ascii {
+        /// The pause.
+        pause: Nanos,
+    },
+    /// Telegrams between start and end characters.
+    StxEtx {
+        /// Start characters.
+        start: Flags,
+        /// End characters.
+        end: Flags,
+        /// The pause after which an open telegram has none.
+        pause: Nanos,
+    },
+    /// 3964 and 3964R.
+    S3964 {
+        /// With block check character.
+        bcc: bool,
+        /// With RK 512 on top.
+        rk512: bool,
+        /// The pause that breaks a block off.
+        pause: Nanos,
+    },
+    /// Modbus RTU.
+    ModbusRtu {
+        /// The CP is the master: what it sends are requests.
+        master: bool,
+        /// A pause that surely ends a frame.
+        pause: Nanos,
+    },
+    /// Modbus ASCII.
+    ModbusAscii {
+        /// As above.
+        master: bool,
+        /// As above.
+        pause: Nanos,
+    },
+}
+
+impl Dialect {
+    const fn pause(&self) -> Nanos {
+        match *self {
+            Self::Ascii { pause }
+            | Self::StxEtx { pause, .. }
+            | Self::S3964 { pause, .. }
+            | Self::ModbusRtu { pause, .. }
+            | Self::ModbusAscii { pause, .. } => pause,
+        }
+    }
+}

@@ -1,0 +1,371 @@
+//! Both directions of a line, character by character, into units.
+
+use super::meaning::{Meaning, Modbus};
+use super::{Dialect, Way};
+use crate::machine::{LineFault, Nanos};
+use crate::modbus::pdu::{self, Direction};
+use crate::modbus::{ascii, rtu};
+use crate::s3964::codec::{self, DLE, Decoder, NAK, STX};
+use crate::stx_etx;
+
+/// Longest telegram on the wire: 1024 bytes, every one a doubled DLE, and its frame.
+const RAW: usize = 2 * 1024 + 16;
+
+/// A telegram or a control character.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unit<'a> {
+    /// When its first character was seen.
+    pub begin: Nanos,
+    /// When its last one was.
+    pub end: Nanos,
+    /// Which way it went.
+    pub way: Way,
+    /// Its characters as they were on the line.
+    pub raw: &'a [u8],
+    /// What they mean.
+    pub meaning: Meaning<'a>,
+}
+
+/// The longest QVZ there is, and some more: after it nobody waits for an answer. [S0 "Timeout times"]
+const NO_ANSWER: Nanos = 6_000_000_000;
+
+/// Where units go.
+type Out<'a> = dyn FnMut(Unit<'_>) + 'a;
+
+/// What is open in one direction.
+#[derive(Debug)]
+struct Side {
+    raw: [u8; RAW],
+    len: usize,
+    payload: [u8; RAW],
+    payload_len: usize,
+    begin: Nanos,
+    last: Nanos,
+    link: Link,
+    /// Since when `link` is what it is.
+    since: Nanos,
+    /// A character of the block could not be read.
+    damaged: bool,
+    flags: Option<stx_etx::Decoder>,
+}
+
+/// Where a partner of 3964(R) is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Link {
+    Idle,
+    /// It has sent STX.
+    Called,
+    /// The other has answered DLE: what comes is a block.
+    Block(Decoder),
+    /// Its block is out.
+    Sent,
+}
+
+impl Side {
+    const fn new() -> Self {
+        Self {
+            raw: [0; RAW],
+            len: 0,
+            payload: [0; RAW],
+            payload_len: 0,
+            begin: 0,
+            last: 0,
+            link: Link::Idle,
+            since: 0,
+            damaged: false,
+            flags: None,
+        }
+    }
+
+    /// Keeps a character; false if there is no room.
+    fn keep(&mut self, now: Nanos, byte: u8) -> bool {
+        if self.len == 0 {
+            self.begin = now;
+        }
+        self.last = now;
+        let Some(place) = self.raw.get_mut(self.len) else { return false };
+        *place = byte;
+        self.len += 1;
+        true
+    }
+
+    fn keep_payload(&mut self, byte: u8) {
+        // Never longer than what is on the line.
+        if let Some(place) = self.payload.get_mut(self.payload_len) {
+            *place = byte;
+            self.payload_len += 1;
+        }
+    }
+
+    fn clear(&mut self) {
+        (self.len, self.payload_len, self.damaged) = (0, 0, false);
+    }
+
+    fn turn(&mut self, now: Nanos, link: Link) {
+        (self.link, self.since) = (link, now);
+    }
+
+    fn raw(&self) -> &[u8] {
+        &self.raw[..self.len]
+    }
+
+    /// Puts out everything that is kept.
+    fn put(&mut self, way: Way, meaning: impl FnOnce(&[u8], &[u8], &mut dyn FnMut(Meaning<'_>)), out: &mut Out<'_>) {
+        let (raw, payload) = (&self.raw[..self.len], &self.payload[..self.payload_len]);
+        let (begin, end) = (self.begin, self.last);
+        meaning(raw, payload, &mut |meaning| out(Unit { begin, end, way, raw, meaning }));
+        self.clear();
+    }
+}
+
+/// Reads a line.
+#[derive(Debug)]
+pub struct Reader {
+    dialect: Dialect,
+    sides: [Side; 2],
+}
+
+impl Reader {
+    /// A reader at a quiet line.
+    #[must_use]
+    pub fn new(dialect: Dialect) -> Self {
+        Self { dialect, sides: [Side::new(), Side::new()] }
+    }
+
+    /// What it takes the line for.
+    #[must_use]
+    pub const fn dialect(&self) -> &Dialect {
+        &self.dialect
+    }
+
+    /// Takes characters that were seen at `now`.
+    pub fn characters(&mut self, now: Nanos, way: Way, bytes: &[u8], out: &mut Out<'_>) {
+        self.silence(now, out);
+        // An answer ends what it answers.
+        let other = way.other();
+        if !bytes.is_empty() && !matches!(self.dialect, Dialect::S3964 { .. } | Dialect::Ascii { .. }) {
+            self.close(other, out);
+        }
+        for &byte in bytes {
+            match self.dialect {
+                Dialect::Ascii { .. } => self.keep(now, way, byte, out),
+                Dialect::StxEtx { start, end, .. } => {
+                    self.keep(now, way, byte, out);
+                    self.stx_etx(way, byte, start, end, out);
+                }
+                Dialect::S3964 { bcc, rk512, .. } => self.s3964(now, way, byte, bcc, rk512, out),
+                Dialect::ModbusRtu { master, .. } => {
+                    self.keep(now, way, byte, out);
+                    self.modbus_rtu(way, master, out);
+                }
+                Dialect::ModbusAscii { master, .. } => {
+                    if byte == ascii::START {
+                        self.close(way, out);
+                    }
+                    self.keep(now, way, byte, out);
+                    if byte == ascii::LF {
+                        self.modbus_ascii(way, master, out);
+                    }
+                }
+            }
+        }
+    }
+
+    /// A character came in that the line could not read.
+    pub fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut Out<'_>) {
+        self.silence(now, out);
+        let side = &mut self.sides[Way::In as usize];
+        let mut complete = false;
+        if let Link::Block(decoder) = &mut side.link {
+            // The block goes on, but nothing good can become of it.
+            side.damaged = true;
+            complete = decoder.unreadable();
+        } else {
+            self.close(Way::In, out);
+        }
+        out(Unit { begin: now, end: now, way: Way::In, raw: &[], meaning: Meaning::Fault(fault) });
+        if complete {
+            let side = &mut self.sides[Way::In as usize];
+            side.turn(now, Link::Sent);
+            side.put(Way::In, |_, _, put| put(Meaning::Broken("block with an unreadable check character")), out);
+        }
+    }
+
+    /// Everything handed to the line has left.
+    pub fn done(&mut self, now: Nanos, out: &mut Out<'_>) {
+        self.silence(now, out);
+        if matches!(self.dialect, Dialect::Ascii { .. }) {
+            self.close(Way::Out, out);
+        }
+    }
+
+    /// Time has passed: puts out what a pause has ended.
+    pub fn silence(&mut self, now: Nanos, out: &mut Out<'_>) {
+        for way in [Way::Out, Way::In] {
+            let side = &mut self.sides[way as usize];
+            let quiet = now.saturating_sub(if side.len > 0 { side.last } else { side.since });
+            let patience =
+                if side.link == Link::Called || side.link == Link::Sent { NO_ANSWER } else { self.dialect.pause() };
+            if quiet > patience {
+                self.close(way, out);
+                self.sides[way as usize].link = Link::Idle;
+            }
+        }
+    }
+
+    /// Puts out what is open, as at the end of a recording.
+    pub fn finish(&mut self, out: &mut Out<'_>) {
+        self.close(Way::Out, out);
+        self.close(Way::In, out);
+    }
+
+    /// Puts out what is open in one direction.
+    fn close(&mut self, way: Way, out: &mut Out<'_>) {
+        let side = &mut self.sides[way as usize];
+        side.flags = None;
+        if side.len == 0 {
+            return;
+        }
+        match self.dialect {
+            Dialect::Ascii { .. } => side.put(way, |raw, _, put| put(Meaning::Telegram(raw)), out),
+            Dialect::StxEtx { .. } => side.put(way, |_, _, put| put(Meaning::Broken("outside a telegram")), out),
+            Dialect::S3964 { .. } => {
+                let block = matches!(side.link, Link::Block(_));
+                side.link = Link::Idle;
+                let why = if block { "block broken off" } else { "characters without a meaning here" };
+                side.put(way, |_, _, put| put(Meaning::Broken(why)), out);
+            }
+            Dialect::ModbusRtu { .. } => {
+                let why = if side.len < 4 { "frame too short" } else { "frame with a wrong CRC, or not all of it" };
+                side.put(way, |_, _, put| put(Meaning::Broken(why)), out);
+            }
+            Dialect::ModbusAscii { .. } => {
+                side.put(way, |_, _, put| put(Meaning::Broken("frame without its end")), out)
+            }
+        }
+    }
+
+    fn keep(&mut self, now: Nanos, way: Way, byte: u8, out: &mut Out<'_>) {
+        if !self.sides[way as usize].keep(now, byte) {
+            self.close(way, out);
+            self.sides[way as usize].keep(now, byte);
+        }
+    }
+
+    fn stx_etx(&mut self, way: Way, byte: u8, start: stx_etx::Flags, end: stx_etx::Flags, out: &mut Out<'_>) {
+        let side = &mut self.sides[way as usize];
+        let mut decoder = side.flags.take().unwrap_or_else(|| stx_etx::Decoder::new(start, end));
+        let mut complete = false;
+        decoder.feed(byte, &mut |_, step| match step {
+            stx_etx::Step::Data(byte) => side.keep_payload(byte),
+            stx_etx::Step::Begin => side.payload_len = 0,
+            stx_etx::Step::End => complete = true,
+            stx_etx::Step::Noise(_) => {}
+        });
+        side.flags = Some(decoder);
+        if complete {
+            side.put(way, |_, payload, put| put(Meaning::Telegram(payload)), out);
+        }
+    }
+
+    fn s3964(&mut self, now: Nanos, way: Way, byte: u8, bcc: bool, rk512: bool, out: &mut Out<'_>) {
+        let [first, second] = &mut self.sides;
+        let (side, other) = if way == Way::Out { (first, second) } else { (second, first) };
+        if let Link::Block(mut decoder) = side.link {
+            if !side.keep(now, byte) {
+                side.turn(now, Link::Idle);
+                side.put(way, |_, _, put| put(Meaning::Broken("block without an end")), out);
+                return;
+            }
+            let step = decoder.push(byte);
+            side.link = Link::Block(decoder);
+            match step {
+                codec::Step::More => {}
+                codec::Step::Data(byte) => side.keep_payload(byte),
+                codec::Step::BadDle(_) => {
+                    side.turn(now, Link::Idle);
+                    side.put(way, |_, _, put| put(Meaning::Broken("DLE without DLE or ETX behind it")), out);
+                }
+                codec::Step::End { check } => {
+                    side.turn(now, Link::Sent);
+                    let damaged = side.damaged;
+                    let meaning = |_: &[u8], payload: &[u8], put: &mut dyn FnMut(Meaning<'_>)| {
+                        put(if damaged {
+                            Meaning::Broken("block with an unreadable character")
+                        } else {
+                            Meaning::Block { payload, check, rk512 }
+                        });
+                    };
+                    side.put(way, meaning, out);
+                }
+            }
+            return;
+        }
+        // A call, an answer, or nothing that has a meaning here.
+        let (idle, answered) = (Link::Idle, other.link);
+        let (own, others, text) = match (byte, answered) {
+            (STX, Link::Called) => (Link::Called, answered, "connection request, conflict: both want to send"),
+            (STX, _) => (Link::Called, answered, "connection request"),
+            (DLE, Link::Called) => (idle, Link::Block(Decoder::new(bcc)), "ready to receive"),
+            (DLE, Link::Sent) => (idle, idle, "block received"),
+            (NAK, Link::Called) => (side.link, idle, "connection refused"),
+            (NAK, Link::Sent) => (side.link, idle, "block refused"),
+            (NAK, Link::Block(_)) => (side.link, idle, "block broken off by the receiver"),
+            (NAK, Link::Idle) => (side.link, idle, "no connection"),
+            _ => {
+                // More of them may follow: they are put out together.
+                if !side.keep(now, byte) {
+                    self.close(way, out);
+                }
+                return;
+            }
+        };
+        self.close(way, out);
+        if byte == NAK {
+            // What it breaks off stands before it.
+            self.close(way.other(), out);
+        }
+        let name = match byte {
+            STX => "STX",
+            DLE => "DLE",
+            _ => "NAK",
+        };
+        let [first, second] = &mut self.sides;
+        let (side, other) = if way == Way::Out { (first, second) } else { (second, first) };
+        side.turn(now, own);
+        if other.link != others {
+            other.turn(now, others);
+        }
+        side.keep(now, byte);
+        side.put(way, |_, _, put| put(Meaning::Control(name, text)), out);
+    }
+
+    /// A frame ends where its length says so and its CRC is right; anything else is ended by a pause or an answer.
+    fn modbus_rtu(&mut self, way: Way, master: bool, out: &mut Out<'_>) {
+        let side = &mut self.sides[way as usize];
+        let Ok(telegram) = rtu::decode(side.raw()) else { return };
+        let asked = if (way == Way::Out) == master { Direction::Request } else { Direction::Answer };
+        let other = if asked == Direction::Request { Direction::Answer } else { Direction::Request };
+        // A slave hears the answers of other slaves too.
+        let fits = |direction| pdu::length(direction, telegram, pdu::REGISTER_BYTES) == Some(telegram.len());
+        let Some(direction) = [asked, other].into_iter().find(|direction| fits(*direction)) else { return };
+        let length = telegram.len();
+        side.put(
+            way,
+            |raw, _, put| put(Meaning::Modbus(Modbus { telegram: raw.get(..length).unwrap_or(raw), direction })),
+            out,
+        );
+    }
+
+    fn modbus_ascii(&mut self, way: Way, master: bool, out: &mut Out<'_>) {
+        let side = &mut self.sides[way as usize];
+        let direction = if (way == Way::Out) == master { Direction::Request } else { Direction::Answer };
+        match ascii::decode(&side.raw[..side.len], &mut side.payload) {
+            Ok(length) => {
+                side.payload_len = length;
+                side.put(way, |_, telegram, put| put(Meaning::Modbus(Modbus { telegram, direction })), out);
+            }
+            Err(_) => side.put(way, |_, _, put| put(Meaning::Broken("frame with a wrong LRC, or none")), out),
+        }
+    }
+}

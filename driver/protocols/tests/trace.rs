@@ -1,0 +1,249 @@
+//! A line read by a bystander: characters in, text out.
+
+use ob1_protocols::modbus::Mode;
+use ob1_protocols::trace::record::{HEAD, Kind, Record};
+use ob1_protocols::trace::{Dialect, Reader, Unit, Way};
+use ob1_protocols::{LineFault, MS, stx_etx};
+use proptest::prelude::*;
+
+const R: Dialect = Dialect::S3964 { bcc: true, rk512: false, pause: 200 * MS };
+const RK: Dialect = Dialect::S3964 { bcc: true, rk512: true, pause: 200 * MS };
+const RTU: Dialect = Dialect::ModbusRtu { master: true, pause: 50 * MS };
+
+/// Reads a script: `MS > HEX` (from the CP), `MS < HEX` (to it), `MS ! parity`, `MS .` (nothing, time passes); answers a line for each unit.
+fn read(dialect: Dialect, script: &str) -> Vec<String> {
+    let mut reader = Reader::new(dialect);
+    let mut lines = Vec::new();
+    let mut out = |unit: Unit<'_>| {
+        let arrow = if unit.way == Way::Out { '>' } else { '<' };
+        lines.push(format!("{} {arrow} {}", unit.begin / MS, unit.meaning));
+    };
+    for line in script.lines().map(str::trim).filter(|line| !line.is_empty()) {
+        let mut words = line.split_whitespace();
+        let now = words.next().and_then(|at| at.parse::<u64>().ok()).expect("a time") * MS;
+        let what = words.next().expect("a direction");
+        let bytes: Vec<u8> = words.filter_map(|word| u8::from_str_radix(word, 16).ok()).collect();
+        match what {
+            ">" => reader.characters(now, Way::Out, &bytes, &mut out),
+            "<" => reader.characters(now, Way::In, &bytes, &mut out),
+            "!" => reader.fault(now, LineFault::Parity, &mut out),
+            "done" => reader.done(now, &mut out),
+            _ => reader.silence(now, &mut out),
+        }
+    }
+    reader.finish(&mut out);
+    lines
+}
+
+#[track_caller]
+fn check(dialect: Dialect, script: &str, expected: &[&str]) {
+    assert_eq!(read(dialect, script), expected, "{script}");
+}
+
+#[test]
+fn a_block_of_3964r_with_its_handshake() {
+    // Reference 5.1: payload 02 10 03 15.
+    check(
+        R,
+        "0 > 02\n 1 < 10\n 1 > 02 10 10 03 15 10 03 07\n 9 < 10",
+        &[
+            "0 > STX: connection request",
+            "1 < DLE: ready to receive",
+            "1 > block, 4 bytes, BCC 07",
+            "9 < DLE: block received",
+        ],
+    );
+}
+
+#[test]
+fn what_goes_wrong_with_3964r() {
+    check(
+        R,
+        "0 < 02\n 1 > 10\n 2 < 31\n 3 < 10\n 4 < 03\n 5 < 23\n 6 > 15",
+        &[
+            "0 < STX: connection request",
+            "1 > DLE: ready to receive",
+            "2 < block, 1 byte, BCC 23 WRONG, computed 22",
+            "6 > NAK: block refused",
+        ],
+    );
+    check(
+        R,
+        "0 > 02\n 600 > 02\n 1200 < 15\n 1300 < 41 42\n 2000 .\n 2001 < 15",
+        &[
+            "0 > STX: connection request",
+            "600 > STX: connection request",
+            "1200 < NAK: connection refused",
+            "1300 < characters without a meaning here",
+            "2001 < NAK: no connection",
+        ],
+    );
+    check(
+        R,
+        "0 > 02\n 0 < 02\n 1 > 10\n 2 < 31 32\n 3 > 15\n 4 < 02\n 5 > 10\n 6 < 10 41",
+        &[
+            "0 > STX: connection request",
+            "0 < STX: connection request, conflict: both want to send",
+            "1 > DLE: ready to receive",
+            "2 < block broken off",
+            "3 > NAK: block broken off by the receiver",
+            "4 < STX: connection request",
+            "5 > DLE: ready to receive",
+            "6 < DLE without DLE or ETX behind it",
+        ],
+    );
+    check(
+        R,
+        "0 < 02\n 1 > 10\n 2 < 31\n 3 !\n 4 < 10 03 22\n 5 > 15\n 6 < 02\n 7 > 10\n 8 < 31 10 03\n 9 !\n 10 > 15",
+        &[
+            "0 < STX: connection request",
+            "1 > DLE: ready to receive",
+            "3 < parity error",
+            "2 < block with an unreadable character",
+            "5 > NAK: block refused",
+            "6 < STX: connection request",
+            "7 > DLE: ready to receive",
+            "9 < parity error",
+            "8 < block with an unreadable check character",
+            "10 > NAK: block refused",
+        ],
+    );
+    // A block that stops, and a caller who is never answered: no conflict hours later.
+    check(
+        R,
+        "0 < 02\n 1 > 10\n 2 < 31\n 500 .\n 600 > 02\n 9000 < 02",
+        &[
+            "0 < STX: connection request",
+            "1 > DLE: ready to receive",
+            "2 < block broken off",
+            "600 > STX: connection request",
+            "9000 < STX: connection request",
+        ],
+    );
+}
+
+#[test]
+fn the_headers_of_rk512() {
+    let block = |payload: &[u8]| {
+        let block: Vec<u8> = ob1_protocols::s3964::codec::block(payload, true).collect();
+        block.iter().map(|byte| format!("{byte:02X} ")).collect::<String>()
+    };
+    for (payload, text) in [
+        (&b"\0\0AD\x0A\x05\0\x02\xFF\xFF\x01\x02\x03\x04"[..], "SEND DB10 from word 5, 4 bytes, 4 bytes with it"),
+        (b"\0\0ED\x0A\x05\0\x02\x06\x24", "FETCH DB10 from word 5, 4 bytes, flag M 6.4, CPU 2"),
+        (b"\0\0EM\0\x05\0\x02\xFF\xFF", "FETCH M from 5, 2 bytes"),
+        (b"\xFF\0AD\x07", "follow-on telegram of SEND, 1 byte"),
+        (b"\0\0\0\0\x01\x02", "reaction, good, 2 bytes"),
+        (b"\xFF\0\0\x0C", "reaction to a follow-on telegram, error 0Ch"),
+        (b"\0\0QD\x0A\x05\0\x02\xFF\xFF", "telegram with a wrong command letter"),
+    ] {
+        let lines = read(RK, &format!("0 > 02\n 1 < 10\n 2 > {}", block(payload)));
+        assert!(lines[2].ends_with(&format!("; RK512 {text}")), "{lines:?}");
+    }
+}
+
+#[test]
+fn telegrams_of_ascii_end_with_a_pause() {
+    check(
+        Dialect::Ascii { pause: 200 * MS },
+        "0 < 41\n 100 < 42\n 400 < 43\n 450 > 31 32\n 460 done\n 1000 .",
+        &["0 < telegram, 2 bytes", "450 > telegram, 2 bytes", "400 < telegram, 1 byte"],
+    );
+}
+
+#[test]
+fn telegrams_between_start_and_end_characters() {
+    let dialect =
+        Dialect::StxEtx { start: stx_etx::Flags::new([2, 0], 1), end: stx_etx::Flags::new([3, 0], 1), pause: 200 * MS };
+    check(
+        dialect,
+        "0 < 02 41 42 03\n 5 < 31 32\n 500 < 02 41\n 1000 . ",
+        &["0 < telegram, 2 bytes", "5 < outside a telegram", "500 < outside a telegram"],
+    );
+}
+
+#[test]
+fn frames_of_modbus() {
+    // Reference of the Modbus specification: 01 03 00 00 00 02 C4 0B.
+    check(
+        RTU,
+        "0 > 01 03 00 00 00 02 C4 0B\n 10 < 01 03 04\n 11 < 00 06 00 05 DA 31\n 20 < 01 83 02 C0 F1\n 30 < 01 03 99",
+        &[
+            "0 > slave 1, request: read output words (03h), 2 from 0",
+            "10 < slave 1, answer: read output words (03h), 4 bytes",
+            "20 < slave 1, answer: exception 02h, illegal address, to function 03h",
+            "30 < frame too short",
+        ],
+    );
+    let mut frame = [0; ob1_protocols::modbus::FRAME_CHARACTERS];
+    let length = Mode::Ascii.encode(&[17, 6, 0, 1, 0, 3], &mut frame).expect("short");
+    let text: String = frame[..length].iter().map(|byte| format!("{byte:02X} ")).collect();
+    check(
+        Dialect::ModbusAscii { master: false, pause: 1000 * MS },
+        &format!("0 < {text}\n 5 < 3A 31 31 0D 0A\n 9 < 3A 31"),
+        &[
+            "0 < slave 17, request: write word (06h), 1 := 0003h",
+            "5 < frame with a wrong LRC, or none",
+            "9 < frame without its end",
+        ],
+    );
+    check(
+        Dialect::ModbusRtu { master: false, pause: 50 * MS },
+        "0 < 00 05 00 07 FF 00 3C 2A\n 5 < 01 03 00\n 100 .",
+        &["0 < to all slaves, request: write bit (05h), 7 := 1", "5 < frame too short"],
+    );
+}
+
+#[test]
+fn records_go_there_and_back() {
+    let mut bytes = Record::head(0x0102_0304_0506, Kind::Lost).to_vec();
+    assert_eq!(bytes.len(), HEAD);
+    bytes.extend(7u64.to_le_bytes());
+    let record = Record::read(&bytes).expect("a record");
+    assert_eq!((record.time, record.kind, record.data), (0x0102_0304_0506, Kind::Lost, &7u64.to_le_bytes()[..]));
+    assert_eq!(Record::read(&bytes[..8]), None);
+    bytes[8] = 200;
+    assert_eq!(Record::read(&bytes), None);
+}
+
+proptest! {
+    #[test]
+    fn every_character_is_told_once_whatever_comes(
+        which in 0..6usize,
+        steps in proptest::collection::vec((0..400u64, 0..5u8, proptest::collection::vec(prop_oneof![
+            Just(2u8), Just(3), Just(0x10), Just(0x15), Just(b':'), Just(10), any::<u8>()], 0..30)), 0..60),
+    ) {
+        let dialects = [
+            R,
+            RK,
+            RTU,
+            Dialect::Ascii { pause: 100 * MS },
+            Dialect::ModbusAscii { master: false, pause: 100 * MS },
+            Dialect::StxEtx { start: stx_etx::Flags::new([2, 0x10], 2), end: stx_etx::Flags::new([3, 0], 1), pause: 100 * MS },
+        ];
+        let mut reader = Reader::new(dialects[which]);
+        let (mut told, mut given) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
+        let mut out = |unit: Unit<'_>| {
+            told[unit.way as usize].extend_from_slice(unit.raw);
+            assert!(unit.begin <= unit.end);
+            assert!(!unit.meaning.to_string().is_empty());
+        };
+        let mut now = 0;
+        for (wait, what, bytes) in steps {
+            now += wait * MS;
+            match what {
+                0 | 1 => {
+                    given[0].extend_from_slice(&bytes);
+                    reader.characters(now, Way::Out, &bytes, &mut out);
+                }
+                2 | 3 => {
+                    given[1].extend_from_slice(&bytes);
+                    reader.characters(now, Way::In, &bytes, &mut out);
+                }
+                _ => reader.fault(now, LineFault::Framing, &mut out),
+            }
+        }
+        reader.finish(&mut out);
+        prop_assert_eq!(told, given);
+    }
+}
