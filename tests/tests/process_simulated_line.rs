@@ -3,6 +3,7 @@
 mod common;
 
 use std::fs;
+use std::process::Stdio;
 
 use common::checkout;
 use common::ledger::{self, Ledger};
@@ -41,7 +42,24 @@ fn the_example_runs_on_its_bad_cable() {
     // The bursts are for the eye: they would make a short run a matter of luck.
     let site = example(|text| text.lines().filter(|l| !l.starts_with("bursts")).map(|l| format!("{l}\n")).collect());
     let (a, b) = start(&site);
-    ledger::flow(&a, 150);
+    // A listener that sleeps for ever does not hold up anything.
+    let sleeper = site.command(common::program("ob1")).args(["trace", "station-a.toml"]).stdout(Stdio::piped()).spawn();
+    let mut sleeper = sleeper.expect("ob1 starts");
+    let asleep = Watched::find(sleeper.id()).expect("it listens until it is ended");
+    asleep.signal(Signal::STOP);
+    ledger::flow(&a, 75);
+    let live = site.ob1(&["trace", "station-a.toml", "cp", "--for", "1s", "--record", "line.trace"]).fine();
+    for what in [
+        "cp of station \"simulated-line-a\": 3964r, 115200 8N1",
+        "STX: connection request",
+        "BCC",
+        "DLE: block received",
+    ] {
+        assert!(live.contains(what), "no {what:?} in:\n{live}");
+    }
+    assert_eq!(site.ob1(&["trace", "--from", "line.trace"]).fine(), live, "a recording says the same");
+    ledger::flow(&a, 75);
+    sleeper.kill().and_then(|()| sleeper.wait().map(drop)).expect("a child");
     let (of_a, of_b) = ledger::rest(&a, &b);
     // 150 telegrams and their echoes are some 20,000 characters: dozens have suffered, and the protocol has mended it.
     assert!(of_a["GOOD"] >= 150 && of_a["WRONG"] == 0, "{of_a:?}\n{of_b:?}");

@@ -1,5 +1,7 @@
 //! The JSON text that the runtime transfers with the parameters: what the driver has to know and the CP has not.
 
+use std::path::PathBuf;
+
 use ob1_cp::Refused;
 use ob1_line::LineSpec;
 use serde::Deserialize;
@@ -18,6 +20,7 @@ struct Keys {
     line: String,
     #[serde(default)]
     diagnostics: bool,
+    trace: Option<PathBuf>,
 }
 
 /// The configuration, checked.
@@ -28,6 +31,8 @@ pub(crate) struct Config {
     pub(crate) line: LineSpec,
     /// Errors raise diagnostic interrupts.
     pub(crate) diagnostics: bool,
+    /// Where the tap listens.
+    pub(crate) trace: Option<PathBuf>,
 }
 
 impl Config {
@@ -38,7 +43,8 @@ impl Config {
             return Err(Refused(format!("module \"{}\": this driver is a {MODULE}", keys.module)));
         }
         let line = keys.line.parse().map_err(|e| Refused(format!("{e}")))?;
-        Ok(Self { station: keys.station, name: keys.name, line, diagnostics: keys.diagnostics })
+        let Keys { station, name, diagnostics, trace, .. } = keys;
+        Ok(Self { station, name, line, diagnostics, trace })
     }
 }
 

@@ -5,6 +5,7 @@ mod config;
 mod hub;
 mod port;
 mod process;
+mod tap;
 
 use std::io::IsTerminal as _;
 use std::path::PathBuf;

@@ -1,11 +1,13 @@
 //! The process's line: a real one, once the configuration has named it, and the log.
 
 use ob1_cp::{LinePort, Refused, to_line_settings};
+use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{CpEvent, LineSettings, Nanos};
 use ob1_line::{Line, RealLine};
 use tracing::{debug, info, trace, warn};
 
 use crate::config::Config;
+use crate::tap::Tap;
 
 /// How late a real line may hand characters over: the FIFO of a UART, the latency timer of a USB adapter (16 ms), a busy machine.
 const LATENESS: Nanos = 50_000_000;
@@ -15,9 +17,18 @@ const LATENESS: Nanos = 50_000_000;
 pub(crate) struct Port {
     line: Option<RealLine>,
     config: Option<Config>,
+    tap: Tap,
 }
 
 impl Port {
+    pub(crate) fn tap(&mut self) -> &mut Tap {
+        &mut self.tap
+    }
+
+    pub(crate) const fn tap_ref(&self) -> &Tap {
+        &self.tap
+    }
+
     pub(crate) fn line(&mut self) -> Option<&mut RealLine> {
         self.line.as_mut()
     }
@@ -38,6 +49,7 @@ impl LinePort for Port {
                 self.line = None;
                 self.line = Some(RealLine::new(&config.line));
             }
+            self.tap.open(config.trace.as_deref());
             self.config = Some(config);
         }
         Ok(())
@@ -45,6 +57,12 @@ impl LinePort for Port {
 
     fn diagnostics(&self) -> bool {
         self.config.as_ref().is_some_and(|config| config.diagnostics)
+    }
+
+    fn introduce(&mut self, now: Nanos, parameters: &[u8; 16]) {
+        if let Some(config) = &self.config {
+            self.tap.introduce(now, config, parameters);
+        }
     }
 
     fn apply(&mut self, _now: Nanos, settings: &LineSettings) {
@@ -57,6 +75,7 @@ impl LinePort for Port {
 
     fn transmit(&mut self, now: Nanos, bytes: &[u8]) {
         trace!(tx = ?bytes);
+        self.tap.tell(now, Kind::Out, bytes);
         if let Some(line) = &mut self.line {
             let taken = line.write(now, bytes);
             if taken < bytes.len() {
@@ -66,7 +85,9 @@ impl LinePort for Port {
     }
 
     fn take_back(&mut self, now: Nanos) -> usize {
-        self.line.as_mut().map_or(0, |line| line.take_back(now))
+        let taken = self.line.as_mut().map_or(0, |line| line.take_back(now));
+        self.tap.tell(now, Kind::TakenBack, &u32::try_from(taken).unwrap_or(u32::MAX).to_le_bytes());
+        taken
     }
 
     fn lateness(&self) -> Nanos {
@@ -80,6 +101,7 @@ impl LinePort for Port {
     }
 
     fn trace(&mut self, now: Nanos, event: &CpEvent<'_>) {
+        self.tap.note(now, event);
         match event {
             CpEvent::Startup { .. } | CpEvent::Working => info!(now, ?event),
             CpEvent::NoParameters(_) => warn!(now, ?event),

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use ob1_backplane::CpSide;
 use ob1_cp::{CpPump, HEARTBEAT};
+use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{LineFault, LineInput, ModemLines, Nanos};
 use ob1_line::{Line, LineEvent, PollFds};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -34,6 +35,8 @@ pub(crate) enum End {
 struct Ready {
     doorbell: bool,
     line: bool,
+    /// Somebody wants to listen.
+    tap: bool,
 }
 
 pub(crate) struct Process {
@@ -93,6 +96,10 @@ impl Process {
             if self.terminate.load(Ordering::Relaxed) {
                 return Ok(End::Terminated);
             }
+            if ready.tap {
+                let now = self.now();
+                self.port.tap().admit(now);
+            }
             if ready.line
                 && let Some(line) = self.port.line()
             {
@@ -134,19 +141,18 @@ impl Process {
         if let Some(real) = self.port.line_ref() {
             real.poll_fds(&mut line);
         }
-        let mut entries = [const { None }; 3];
-        entries[0] = Some(PollFd::new(&stdin, PollFlags::IN));
-        for (slot, entry) in entries[1..].iter_mut().zip(line.into_entries()) {
-            *slot = Some(entry);
-        }
-        // At most three of them, in order and without gaps.
-        let mut fds: Vec<PollFd<'_>> = entries.into_iter().flatten().collect();
+        let mut fds: Vec<PollFd<'_>> = Vec::with_capacity(4);
+        fds.push(PollFd::new(&stdin, PollFlags::IN));
+        fds.extend(line.into_entries());
+        let lines = fds.len();
+        fds.extend(self.port.tap_ref().fd().map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)));
         let timeout = Timespec::try_from(timeout).unwrap_or(Timespec { tv_sec: 1, tv_nsec: 0 });
         match poll(&mut fds, Some(&timeout)) {
             Ok(0) | Err(Errno::INTR) => Ok(Ready::default()),
             Ok(_) => Ok(Ready {
                 doorbell: fds.first().is_some_and(|fd| !fd.revents().is_empty()),
-                line: fds.iter().skip(1).any(|fd| !fd.revents().is_empty()),
+                line: fds.iter().take(lines).skip(1).any(|fd| !fd.revents().is_empty()),
+                tap: fds.iter().skip(lines).any(|fd| !fd.revents().is_empty()),
             }),
             Err(error) => Err(error),
         }
@@ -158,16 +164,25 @@ impl Process {
             let input = match event {
                 LineEvent::Rx(n) => {
                     tracing::trace!(rx = ?&buffer[..n]);
+                    self.port.tap().tell(now, Kind::In, &buffer[..n]);
                     LineInput::Rx(&buffer[..n])
                 }
-                LineEvent::TxDone => LineInput::TxDone,
-                LineEvent::Fault(fault) => LineInput::Fault(match fault {
-                    ob1_line::LineFault::Parity => LineFault::Parity,
-                    ob1_line::LineFault::Framing => LineFault::Framing,
-                    ob1_line::LineFault::Break => LineFault::Break,
-                }),
+                LineEvent::TxDone => {
+                    self.port.tap().tell(now, Kind::Done, &[]);
+                    LineInput::TxDone
+                }
+                LineEvent::Fault(fault) => {
+                    let (fault, number) = match fault {
+                        ob1_line::LineFault::Parity => (LineFault::Parity, 1),
+                        ob1_line::LineFault::Framing => (LineFault::Framing, 2),
+                        ob1_line::LineFault::Break => (LineFault::Break, 4),
+                    };
+                    self.port.tap().tell(now, Kind::Fault, &[number]);
+                    LineInput::Fault(fault)
+                }
                 LineEvent::Up(warnings) => {
                     info!("the line is up");
+                    self.port.tap().tell(now, Kind::Up, &[]);
                     for warning in warnings {
                         warn!("{warning}");
                     }
@@ -178,6 +193,7 @@ impl Process {
                 LineEvent::Gone(reason) => {
                     let errno = self.port.line().and_then(|line| line.errno()).unwrap_or(0);
                     warn!(reason, errno, "the line is gone");
+                    self.port.tap().tell(now, Kind::Gone, reason.as_bytes());
                     self.pump.line_error(now, errno, &reason);
                     self.line_is_gone(now);
                     continue;
@@ -216,6 +232,9 @@ impl Process {
         let lines = ModemLines { cts: lines.cts, dsr: lines.dsr, ri: lines.ri, cd: lines.dcd };
         if self.modem != Some(lines) {
             self.modem = Some(lines);
+            let bits = [lines.cts, lines.dsr, lines.ri, lines.cd];
+            let bits = bits.into_iter().rev().fold(0, |bits, on| bits << 1 | u8::from(on));
+            self.port.tap().tell(now, Kind::Modem, &[bits]);
             self.pump.line_event(now, LineInput::Modem(lines), &mut self.port);
         }
     }

@@ -34,6 +34,11 @@ pub trait LinePort {
         Ok(())
     }
 
+    /// The parameter bytes that came with it, if it was not refused.
+    fn introduce(&mut self, now: Nanos, parameters: &[u8; 16]) {
+        let _ = (now, parameters);
+    }
+
     /// Sets baud rate and character frame.
     fn apply(&mut self, now: Nanos, settings: &LineSettings);
 
@@ -260,6 +265,9 @@ impl CpPump {
         let bytes = params.bytes;
         let configured = line.configure(now, params.json);
         self.cp.enable_diagnostics(line.diagnostics());
+        if configured.is_ok() {
+            line.introduce(now, &bytes);
+        }
         self.end.parameters = Parameters::Valid;
         self.step(now, CpInput::Parameters(&bytes), line);
         if let Err(refused) = configured {

@@ -158,7 +158,7 @@ fn telegrams_between_start_and_end_characters() {
     check(
         dialect,
         "0 < 02 41 42 03\n 5 < 31 32\n 500 < 02 41\n 1000 . ",
-        &["0 < telegram, 2 bytes", "5 < outside a telegram", "500 < outside a telegram"],
+        &["0 < telegram, 2 bytes", "5 < outside a telegram", "500 < telegram without its end"],
     );
 }
 

@@ -12,7 +12,7 @@ use crate::exit::{self, Exit};
 use crate::library::Chosen;
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
-use crate::{check, janitor, remote, run, station};
+use crate::{check, janitor, remote, run, station, trace};
 
 const AFTER: &str = "\
 Examples:
@@ -24,6 +24,7 @@ Examples:
   ob1 get press.toml M1.0 DB10.DBW20               values from the running station
   ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
   ob1 ctl press.toml stop                          to STOP
+  ob1 trace press.toml                             every telegram on its lines
 
 Times have a unit: 250us, 10ms, 1.5s, 2min, 8h. Values: 1, -5, true, 16#1A, 2#1010, 1.5.
 
@@ -56,6 +57,7 @@ enum Command {
     Get(GetArgs),
     Set(SetArgs),
     Ctl(CtlArgs),
+    Trace(TraceArgs),
     /// Cleans up after a killed runtime; started by `run`.
     #[command(hide = true)]
     Janitor {
@@ -207,6 +209,41 @@ struct CtlArgs {
     json: bool,
 }
 
+/// Show what goes over the lines of a running station, or of a recording
+///
+/// Each telegram and each control character with its time (seconds since the driver's start), its direction (> from the CP, < to it), its
+/// meaning and its user data. Listening does not slow the CP down: what is not fetched in time is lost, and counted.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 trace press.toml\n  ob1 trace press.toml scale --raw\n  ob1 trace press --record line.trace --quiet --for 10min\n  \
+    ob1 trace --from line.trace\n  ob1 trace --from line.trace --pcapng line.pcapng       Modbus RTU, for Wireshark (docs/trace.md)"
+)]
+struct TraceArgs {
+    /// A running station: its name or its file
+    #[arg(required_unless_present = "from", conflicts_with = "from")]
+    station: Option<String>,
+    /// One of its CPs; without it all of them
+    cp: Option<String>,
+    /// Read a recording instead of a running station
+    #[arg(long, value_name = "FILE", conflicts_with = "record")]
+    from: Option<PathBuf>,
+    /// Record into this file
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Write the frames of Modbus RTU into this file
+    #[arg(long, value_name = "FILE")]
+    pcapng: Option<PathBuf>,
+    /// Show the characters as they were on the line instead of the user data
+    #[arg(long)]
+    raw: bool,
+    /// Print nothing
+    #[arg(long, short)]
+    quiet: bool,
+    /// End after this time: 10s, 8h
+    #[arg(long = "for", value_name = "TIME", value_parser = station::parse_duration)]
+    time: Option<Duration>,
+}
+
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Action {
     /// STOP to RUN by a warm restart; nothing in RUN
@@ -288,6 +325,16 @@ impl Command {
                 };
                 remote::command(&args.station, command)
             }
+            Command::Trace(args) => trace::trace(&trace::Options {
+                station: args.station,
+                cp: args.cp,
+                from: args.from,
+                record: args.record,
+                pcapng: args.pcapng,
+                raw: args.raw,
+                quiet: args.quiet,
+                time: args.time,
+            }),
             Command::Janitor { rundir, published } => {
                 janitor::run(&rundir, &published);
                 Exit::Ok

@@ -21,6 +21,7 @@ pub mod simulated;
 pub mod station;
 pub mod testing;
 pub mod timing;
+pub mod trace;
 pub mod view;
 pub mod virtual_clock;
 pub mod watched;

@@ -54,6 +54,8 @@ const TABLE: &[Row] = &[
             "ob1-host",
             "ob1-backplane",
             "ob1-params",
+            // `ob1 trace` reads what is spoken on a line.
+            "ob1-protocols",
             "bincode",
             "clap",
             "hdrhistogram",

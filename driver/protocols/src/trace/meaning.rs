@@ -123,9 +123,9 @@ impl fmt::Display for Rk512<'_> {
             Ok(Telegram::Reaction { follow, code, data }) => {
                 write!(f, "reaction{}", if follow { " to a follow-on telegram" } else { "" })?;
                 if code == 0 {
-                    f.write_str(", good")?
+                    f.write_str(", good")?;
                 } else {
-                    write!(f, ", error {code:02X}h")?
+                    write!(f, ", error {code:02X}h")?;
                 }
                 if data.is_empty() { Ok(()) } else { write!(f, ", {}", Bytes(data.len())) }
             }

@@ -44,7 +44,7 @@ struct Side {
     link: Link,
     /// Since when `link` is what it is.
     since: Nanos,
-    /// A character of the block could not be read.
+    /// A character of the block could not be read; with start characters: what is kept has begun with them.
     damaged: bool,
     flags: Option<stx_etx::Decoder>,
 }
@@ -228,7 +228,10 @@ impl Reader {
         }
         match self.dialect {
             Dialect::Ascii { .. } => side.put(way, |raw, _, put| put(Meaning::Telegram(raw)), out),
-            Dialect::StxEtx { .. } => side.put(way, |_, _, put| put(Meaning::Broken("outside a telegram")), out),
+            Dialect::StxEtx { .. } => {
+                let why = if side.damaged { "telegram without its end" } else { "outside a telegram" };
+                side.put(way, |_, _, put| put(Meaning::Broken(why)), out);
+            }
             Dialect::S3964 { .. } => {
                 let block = matches!(side.link, Link::Block(_));
                 side.link = Link::Idle;
@@ -240,7 +243,7 @@ impl Reader {
                 side.put(way, |_, _, put| put(Meaning::Broken(why)), out);
             }
             Dialect::ModbusAscii { .. } => {
-                side.put(way, |_, _, put| put(Meaning::Broken("frame without its end")), out)
+                side.put(way, |_, _, put| put(Meaning::Broken("frame without its end")), out);
             }
         }
     }
@@ -258,7 +261,7 @@ impl Reader {
         let mut complete = false;
         decoder.feed(byte, &mut |_, step| match step {
             stx_etx::Step::Data(byte) => side.keep_payload(byte),
-            stx_etx::Step::Begin => side.payload_len = 0,
+            stx_etx::Step::Begin => (side.payload_len, side.damaged) = (0, true),
             stx_etx::Step::End => complete = true,
             stx_etx::Step::Noise(_) => {}
         });

@@ -1,0 +1,154 @@
+//! `ob1 trace`: what goes over the lines of a running station, or went over them when it was recorded.
+
+mod pcapng;
+mod print;
+mod recording;
+mod source;
+
+use std::fs::File;
+use std::io::{self, Write as _};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use ob1_protocols::trace::record::Record;
+
+use crate::exit::Exit;
+
+pub use pcapng::Pcapng;
+pub use print::Printer;
+pub use recording::{Recorder, RecordingError, read};
+
+/// What the command line asks for.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// A running station, by its name or its file; or the first word is missing and `from` is there.
+    pub station: Option<String>,
+    /// One of its CPs; all of them without.
+    pub cp: Option<String>,
+    /// A recording to read instead.
+    pub from: Option<PathBuf>,
+    /// Where to record.
+    pub record: Option<PathBuf>,
+    /// Where to write frames for Wireshark.
+    pub pcapng: Option<PathBuf>,
+    /// Print the characters as they were on the line instead of the user data.
+    pub raw: bool,
+    /// Print nothing.
+    pub quiet: bool,
+    /// End after this time.
+    pub time: Option<Duration>,
+}
+
+/// Why a trace ended badly.
+#[derive(Debug, thiserror::Error)]
+pub enum TraceError {
+    /// The station does not run, or has no such CP.
+    #[error("{0}")]
+    Nobody(String),
+    /// The recording cannot be read.
+    #[error("{0}")]
+    Recording(#[from] RecordingError),
+    /// A file cannot be written.
+    #[error("{}: {error}", .path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
+    /// Waiting or printing failed.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+}
+
+/// Traces until its end.
+#[must_use]
+pub fn trace(options: &Options) -> Exit {
+    match run(options) {
+        Ok(()) => Exit::Ok,
+        // `| head` has seen enough.
+        Err(TraceError::Io(error)) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Ok,
+        Err(error) => {
+            eprintln!("ob1: {error}");
+            match error {
+                TraceError::Nobody(_) => Exit::Running,
+                TraceError::Recording(_) => Exit::Rejected,
+                TraceError::File { .. } | TraceError::Io(_) => Exit::System,
+            }
+        }
+    }
+}
+
+/// Where records go: to the eye, to a recording, to Wireshark.
+struct Sinks {
+    printer: Printer,
+    recorder: Option<Recorder<File>>,
+    pcapng: Option<Pcapng<File>>,
+    quiet: bool,
+}
+
+impl Sinks {
+    fn open(options: &Options) -> Result<Self, TraceError> {
+        let create =
+            |path: &PathBuf| File::create(path).map_err(|error| TraceError::File { path: path.clone(), error });
+        let recorder = options.record.as_ref().map(|path| Ok::<_, TraceError>(Recorder::new(create(path)?)?));
+        let pcapng = options.pcapng.as_ref().map(|path| Ok::<_, TraceError>(Pcapng::new(create(path)?)?));
+        Ok(Self {
+            printer: Printer::new(options.raw),
+            recorder: recorder.transpose()?,
+            pcapng: pcapng.transpose()?,
+            quiet: options.quiet,
+        })
+    }
+
+    fn take(&mut self, cp: u8, record: &Record<'_>) -> io::Result<()> {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.write(cp, record)?;
+        }
+        if let Some(pcapng) = &mut self.pcapng {
+            pcapng.take(cp, record)?;
+        }
+        self.printer.take(cp, record);
+        self.show()
+    }
+
+    fn show(&mut self) -> io::Result<()> {
+        let text = self.printer.text();
+        if self.quiet || text.is_empty() {
+            return Ok(());
+        }
+        let mut out = io::stdout().lock();
+        out.write_all(text.as_bytes())?;
+        out.flush()
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
+        if let Some(pcapng) = &mut self.pcapng {
+            pcapng.finish()?;
+        }
+        self.printer.finish();
+        self.show()
+    }
+}
+
+fn run(options: &Options) -> Result<(), TraceError> {
+    let mut sinks = Sinks::open(options)?;
+    match (&options.from, &options.station) {
+        (Some(path), _) => {
+            let bytes = std::fs::read(path).map_err(|error| TraceError::File { path: path.clone(), error })?;
+            for entry in read(&bytes)? {
+                let (cp, record) = entry?;
+                sinks.take(cp, &record)?;
+            }
+        }
+        (None, Some(station)) => source::live(station, options, &mut sinks)?,
+        (None, None) => return Err(TraceError::Nobody("name a running station, or a recording with --from".into())),
+    }
+    sinks.finish()?;
+    if let Some(pcapng) = &sinks.pcapng
+        && pcapng.frames() == 0
+    {
+        eprintln!("ob1: no frame of Modbus RTU: nothing in this trace that Wireshark has a dissector for");
+    }
+    Ok(())
+}

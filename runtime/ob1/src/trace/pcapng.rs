@@ -1,0 +1,126 @@
+//! Frames of Modbus RTU for Wireshark: a pcapng file of link type 250, RTAC serial. Its pseudo header has a place for the
+//! direction, and its payload can be decoded as Modbus RTU (docs/trace.md says how).
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+use ob1_protocols::trace::record::{Kind, Record};
+use ob1_protocols::trace::{Dialect, Meaning, Unit, Way};
+
+use super::print::Cp;
+
+/// `LINKTYPE_RTAC_SERIAL`.
+const LINK_TYPE: u16 = 250;
+/// Event types of the pseudo header: the end of data sent, of data received.
+const SENT: u8 = 0x03;
+const RECEIVED: u8 = 0x04;
+
+/// Writes a capture.
+#[derive(Debug)]
+pub struct Pcapng<W> {
+    file: W,
+    cps: BTreeMap<u8, Cp>,
+    frames: u64,
+}
+
+impl<W: Write> Pcapng<W> {
+    /// Begins one: section header, and one interface with times in nanoseconds.
+    ///
+    /// # Errors
+    /// Of the file.
+    pub fn new(mut file: W) -> io::Result<Self> {
+        let mut section = Vec::new();
+        section.extend(0x1A2B_3C4D_u32.to_le_bytes());
+        section.extend([1, 0, 0, 0]);
+        section.extend(u64::MAX.to_le_bytes());
+        block(&mut file, 0x0A0D_0D0A, &section)?;
+        let mut interface = Vec::new();
+        interface.extend(LINK_TYPE.to_le_bytes());
+        interface.extend([0, 0, 0, 0, 0, 0]);
+        // if_tsresol: 10^-9 s; end of options.
+        interface.extend([9, 0, 1, 0, 9, 0, 0, 0, 0, 0, 0, 0]);
+        block(&mut file, 1, &interface)?;
+        Ok(Self { file, cps: BTreeMap::new(), frames: 0 })
+    }
+
+    /// Frames written so far.
+    pub const fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// Takes a record.
+    ///
+    /// # Errors
+    /// Of the file.
+    pub fn take(&mut self, number: u8, record: &Record<'_>) -> io::Result<()> {
+        if record.kind == Kind::Hello {
+            self.finish_one(number)?;
+            if let Some((cp, _)) = Cp::of_hello(record.data) {
+                self.cps.insert(number, cp);
+            }
+            return Ok(());
+        }
+        self.with(number, |cp, out| cp.read(record, out))
+    }
+
+    /// Writes what is still open.
+    ///
+    /// # Errors
+    /// Of the file.
+    pub fn finish(&mut self) -> io::Result<()> {
+        for number in self.cps.keys().copied().collect::<Vec<_>>() {
+            self.finish_one(number)?;
+        }
+        Ok(())
+    }
+
+    fn finish_one(&mut self, number: u8) -> io::Result<()> {
+        self.with(number, |cp, out| cp.reader.finish(out))
+    }
+
+    fn with(&mut self, number: u8, work: impl FnOnce(&mut Cp, &mut dyn FnMut(Unit<'_>))) -> io::Result<()> {
+        let Self { file, cps, frames } = self;
+        let Some(cp) = cps.get_mut(&number).filter(|cp| matches!(cp.reader.dialect(), Dialect::ModbusRtu { .. }))
+        else {
+            return Ok(());
+        };
+        let unix = cp.unix;
+        let mut result = Ok(());
+        work(cp, &mut |unit| {
+            // Characters that make no frame are of use too: Wireshark says what is wrong with them.
+            if result.is_ok() && matches!(unit.meaning, Meaning::Modbus(_) | Meaning::Broken(_)) {
+                *frames += 1;
+                result = packet(file, unix, &unit);
+            }
+        });
+        result
+    }
+}
+
+fn packet(file: &mut impl Write, unix: u64, unit: &Unit<'_>) -> io::Result<()> {
+    let time = unix.saturating_add(unit.end);
+    let length = u32::try_from(12 + unit.raw.len()).map_err(|_| io::ErrorKind::InvalidInput)?;
+    let mut body = Vec::new();
+    body.extend(0u32.to_le_bytes());
+    body.extend(((time >> 32) as u32).to_le_bytes());
+    body.extend((time as u32).to_le_bytes());
+    body.extend(length.to_le_bytes());
+    body.extend(length.to_le_bytes());
+    // Time (seconds, microseconds), event, state of the modem lines, two bytes of footer.
+    body.extend(((time / 1_000_000_000) as u32).to_be_bytes());
+    body.extend(((time / 1000 % 1_000_000) as u32).to_be_bytes());
+    body.extend([if unit.way == Way::Out { SENT } else { RECEIVED }, 0, 0, 0]);
+    body.extend(unit.raw);
+    body.resize(body.len().next_multiple_of(4), 0);
+    block(file, 6, &body)
+}
+
+/// A block: type, length, body, length.
+fn block(file: &mut impl Write, kind: u32, body: &[u8]) -> io::Result<()> {
+    let length = u32::try_from(body.len() + 12).map_err(|_| io::ErrorKind::InvalidInput)?;
+    let mut bytes = kind.to_le_bytes().to_vec();
+    bytes.extend(length.to_le_bytes());
+    bytes.extend(body);
+    bytes.extend(length.to_le_bytes());
+    file.write_all(&bytes)
+}

@@ -1,0 +1,110 @@
+//! A running station's taps: a socket each, on which its drivers tell what happens on their lines (docs/trace.md).
+
+use std::io;
+use std::os::fd::OwnedFd;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use ob1_protocols::Nanos;
+use ob1_protocols::trace::record::Record;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType, connect, recv, socket_with};
+
+use super::{Options, Sinks, TraceError};
+use crate::access::client::Client;
+use crate::access::protocol::Op;
+use crate::rundir;
+
+/// Longest record a driver sends.
+const RECORD: usize = 8192;
+/// Without news for so long, pauses that end telegrams are looked for.
+const QUIET: Duration = Duration::from_millis(200);
+
+/// A CP that is listened to.
+struct Tap {
+    fd: OwnedFd,
+    number: u8,
+    /// The driver's time at its last record, and when it came.
+    last: (Nanos, Instant),
+    ended: bool,
+}
+
+pub(super) fn live(station: &str, options: &Options, sinks: &mut Sinks) -> Result<(), TraceError> {
+    let end = options.time.map(|time| Instant::now() + time);
+    let mut taps = open(station, options.cp.as_deref())?;
+    let mut buffer = vec![0; RECORD];
+    while taps.iter().any(|tap| !tap.ended) {
+        let left = end.map_or(QUIET, |end| end.saturating_duration_since(Instant::now()));
+        if left.is_zero() {
+            return Ok(());
+        }
+        wait(&taps, left.min(QUIET))?;
+        for tap in taps.iter_mut().filter(|tap| !tap.ended) {
+            while !tap.ended {
+                match recv(&tap.fd, buffer.as_mut_slice(), RecvFlags::DONTWAIT) {
+                    Ok((0, _)) | Err(Errno::CONNRESET) => tap.ended = true,
+                    Ok((length, _)) => {
+                        // A newer driver may have kinds we do not know.
+                        if let Some(record) = Record::read(&buffer[..length]) {
+                            tap.last = (record.time, Instant::now());
+                            sinks.take(tap.number, &record)?;
+                        }
+                    }
+                    Err(Errno::AGAIN | Errno::INTR) => break,
+                    Err(error) => return Err(io::Error::from(error).into()),
+                }
+            }
+            let (time, came) = tap.last;
+            let since = u64::try_from(came.elapsed().as_nanos()).unwrap_or(0);
+            if since > QUIET.as_nanos() as u64 {
+                sinks.printer.silence(tap.number, time.saturating_add(since));
+                sinks.show()?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Connects to the taps of the wanted CPs.
+fn open(station: &str, wanted: Option<&str>) -> Result<Vec<Tap>, TraceError> {
+    let nobody = |error: &dyn std::fmt::Display| TraceError::Nobody(error.to_string());
+    let mut client = Client::to_station(station).map_err(|e| nobody(&e))?;
+    let status = client.ask(Op::Status).map_err(|e| nobody(&e))?.status;
+    let status = status.ok_or_else(|| nobody(&"the station does not answer"))?;
+    let folder = rundir::find(&status.station).ok_or_else(|| nobody(&"the station has just ended"))?;
+    let cps: Vec<&str> =
+        status.modules.iter().filter(|module| module.driver.is_some()).map(|module| module.name.as_str()).collect();
+    if let Some(wanted) = wanted
+        && !cps.contains(&wanted)
+    {
+        return Err(nobody(&format!("{} has no CP \"{wanted}\"; its CPs: {}", status.station, cps.join(", "))));
+    }
+    let mut taps = Vec::new();
+    for (name, number) in cps.iter().zip(0..).filter(|(name, _)| wanted.is_none_or(|wanted| wanted == **name)) {
+        let path = folder.join(format!("{name}.trace"));
+        let fd = connect_to(&path).map_err(|error| nobody(&format!("{}: {error}", path.display())))?;
+        taps.push(Tap { fd, number, last: (0, Instant::now()), ended: false });
+    }
+    if taps.is_empty() {
+        return Err(nobody(&format!("{} has no CP", status.station)));
+    }
+    Ok(taps)
+}
+
+fn connect_to(path: &Path) -> io::Result<OwnedFd> {
+    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
+    let fd = socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
+    connect(&fd, &SocketAddrUnix::new(path)?)?;
+    Ok(fd)
+}
+
+fn wait(taps: &[Tap], time: Duration) -> io::Result<()> {
+    let mut fds: Vec<PollFd<'_>> =
+        taps.iter().filter(|tap| !tap.ended).map(|tap| PollFd::new(&tap.fd, PollFlags::IN)).collect();
+    let time = Timespec { tv_sec: time.as_secs() as i64, tv_nsec: i64::from(time.subsec_nanos()) };
+    match poll(&mut fds, Some(&time)) {
+        Ok(_) | Err(Errno::INTR) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
+}
