@@ -426,6 +426,23 @@ struct Ob1PluginTable {
 // The type of the exported function `ENTRY_SYMBOL`.
 typedef const struct Ob1PluginTable *(*Ob1PluginEntry)(void);
 
+// What `EXTENSION_SETTINGS` names. Lives as long as the host.
+struct Ob1SettingsTable {
+  // `sizeof` this struct.
+  uint32_t size;
+  // A setting that is a number, of the module at a logical base address. `NO_MODULE`; `NO_SETTING` when the station file does not
+  // give it, or gives it as a text.
+  Ob1Status (*get_int)(struct Ob1CallContext *call, uint32_t address, struct Ob1Text name, int64_t *value);
+  // A setting that is a text (UTF-8): copies at most `len` bytes of it, `read` gets its whole length. `NO_MODULE`; `NO_SETTING`
+  // when the station file does not give it, or gives it as a number.
+  Ob1Status (*get_text)(struct Ob1CallContext *call,
+                        uint32_t address,
+                        struct Ob1Text name,
+                        uint8_t *into,
+                        uint32_t len,
+                        uint32_t *read);
+};
+
 // Done.
 #define OB1_OK 0
 
@@ -464,6 +481,9 @@ typedef const struct Ob1PluginTable *(*Ob1PluginEntry)(void);
 
 // The data block is write-protected.
 #define OB1_READ_ONLY -11
+
+// The station file does not give the module this setting.
+#define OB1_NO_SETTING -12
 
 // Returned by a block's entry: it panicked; the message is in the plugin's panic buffer.
 #define OB1_PANICKED -100

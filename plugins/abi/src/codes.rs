@@ -35,6 +35,8 @@ pub const NO_BLOCK: Status = -9;
 pub const BAD_ARGUMENT: Status = -10;
 /// The data block is write-protected.
 pub const READ_ONLY: Status = -11;
+/// The station file does not give the module this setting.
+pub const NO_SETTING: Status = -12;
 /// Returned by a block's entry: it panicked; the message is in the plugin's panic buffer.
 pub const PANICKED: Status = -100;
 

@@ -14,7 +14,9 @@
 mod codes;
 mod host;
 mod plugin;
+mod settings;
 
 pub use codes::*;
 pub use host::*;
 pub use plugin::*;
+pub use settings::*;

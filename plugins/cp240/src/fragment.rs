@@ -7,6 +7,7 @@
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
 use crate::registers::{BLOCK_BYTES, Count, Module, Pafe, REGISTER_BYTES, Words, rx_count};
+use crate::settings;
 use crate::state::CpState;
 
 interface! {
@@ -161,8 +162,9 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
 
 /// Stores a block, then echoes its count. A block that does not fit waits in the CP until it does (ours).
 fn take(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, block: &[u8], count: u16) -> Result<Pafe, Abort> {
-    let (db, abd) = (cx.get(fragment::_DB)?, u32::from(cx.get(fragment::ABD)?));
-    if let Err(refused) = cx.write(Area::Db(db), abd, block)? {
+    let (db, abd) = (cx.get(fragment::_DB)?, cx.get(fragment::ABD)?);
+    let begin = settings::offset(cx, module, abd)?;
+    if let Err(refused) = cx.write(Area::Db(db), begin, block)? {
         return match Pafe::of(refused) {
             Some(pafe) => Ok(pafe),
             None => cx.raise_fault(0x2530, u32::from(db)).map(|()| Pafe::Ok),

@@ -11,6 +11,7 @@ mod line;
 mod receive;
 mod registers;
 mod send;
+mod settings;
 mod state;
 mod synchron;
 #[cfg(test)]

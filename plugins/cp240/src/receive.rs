@@ -6,6 +6,7 @@ use crate::registers::{
     BLOCK_BYTES, CHANGED_AREA, Count, Module, OFFSET_BYTES, OUTSIDE, Pafe, REGISTER_BYTES, Words, address, read,
     rx_count,
 };
+use crate::settings;
 use crate::state::CpState;
 
 interface! {
@@ -180,7 +181,7 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let db_len = cx.len(Area::Db(db));
     let is_area = next.offset_bytes() > 0;
     module.state.offset.set(if is_area { u16::from_be_bytes([block[0], block[1]]) } else { 0 });
-    let begin = abd.saturating_add(module.state.offset.get());
+    let begin = settings::offset(cx, &module, abd)? + u32::from(module.state.offset.get());
     let pafe = Pafe::check(db_len, begin, next.bytes().saturating_sub(next.offset_bytes()))?;
     if pafe == Pafe::Short && is_area {
         module.state.receive.take(&module.info);
@@ -211,7 +212,8 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, step: Step, bloc
             let (db, abd) = (cx.get(receive::_DB)?, cx.get(receive::ABD)?);
             let head = job.offset_bytes();
             let bytes = block.get(usize::from(head.saturating_sub(to))..usize::from(len)).unwrap_or(&[]);
-            let at = u32::from(abd) + u32::from(module.state.offset.get()) + u32::from(to.saturating_sub(head));
+            let abd = settings::offset(cx, module, abd)?;
+            let at = abd + u32::from(module.state.offset.get()) + u32::from(to.saturating_sub(head));
             if let Err(refused) = cx.write(Area::Db(db), at, bytes)? {
                 return match Pafe::of(refused) {
                     Some(pafe) => Ok(pafe),

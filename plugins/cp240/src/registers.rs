@@ -187,9 +187,9 @@ impl Pafe {
     }
 
     /// Holds an area of a telegram against the length of its data block.
-    pub(crate) fn check(db_len: Reply<u32>, from: u16, bytes: u16) -> Result<Pafe, Abort> {
+    pub(crate) fn check(db_len: Reply<u32>, from: impl Into<u32>, bytes: u16) -> Result<Pafe, Abort> {
         Ok(match db_len? {
-            Ok(len) if len >= u32::from(from) + u32::from(bytes) => Pafe::Ok,
+            Ok(len) if len >= from.into() + u32::from(bytes) => Pafe::Ok,
             Ok(_) => Pafe::Short,
             Err(refused) => Pafe::of(refused).unwrap_or(Pafe::Ok),
         })

@@ -3,6 +3,7 @@
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
 use crate::registers::{BLOCK_BYTES, Count, FAILED, Module, OUTPUT_AREA, Pafe, TELEGRAM_MAX, TX, Words, tx_count};
+use crate::settings;
 use crate::state::CpState;
 
 interface! {
@@ -182,7 +183,7 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     };
     let (db, abd) = (cx.get(send::_DB)?, cx.get(send::ABD)?);
     let db_len = cx.len(Area::Db(db));
-    let pafe = Pafe::check(db_len, abd, bytes)?;
+    let pafe = Pafe::check(db_len, settings::offset(cx, &module, abd)?, bytes)?;
     // A CP whose process is down takes nothing: FRG waits for it, and for a line command of FC 8.
     if pafe != Pafe::Ok || !module.info.present || module.state.line.holds(&module.info) {
         return Ok(pafe);
@@ -208,7 +209,7 @@ fn act(cx: &mut Cx<'_, CpState>, module: &Module<'_>, before: Job, job: Job, ste
             let mut registers = [0; 2 + BLOCK_BYTES as usize];
             let (count, block) = registers.split_at_mut(2);
             count.copy_from_slice(&word.to_be_bytes());
-            let at = u32::from(abd) + u32::from(from);
+            let at = settings::offset(cx, module, abd)? + u32::from(from);
             if let Err(refused) = cx.read(Area::Db(db), at, &mut block[..usize::from(len)])? {
                 return Ok(Pafe::of(refused).unwrap_or(Pafe::Short));
             }

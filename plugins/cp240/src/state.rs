@@ -10,6 +10,8 @@ ob1_sdk::state! {
     pub(crate) struct CpState {
         pub(crate) send: Claim,
         pub(crate) receive: Claim,
+        /// Bytes that ABD counts in; 0: not looked up yet.
+        pub(crate) abd_bytes: Cell<u8>,
         /// A line command of FC 8 stands in `TX`.
         pub(crate) line: Claim,
         /// The telegram that was being received does not fit together: wait until the CP has ended it.

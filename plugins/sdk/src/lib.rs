@@ -64,6 +64,7 @@ mod modules;
 mod panic;
 mod param;
 mod reply;
+mod settings;
 mod state;
 mod text;
 mod timers;

@@ -34,6 +34,8 @@ pub enum Refused {
     NoRecord,
     /// The block to call does not exist, or its parameters do not match.
     NoBlock,
+    /// The station file does not give the module this setting, or the host has no settings.
+    NoSetting,
     /// A length that cannot be, or a status this version of the interface does not know.
     BadArgument,
 }
@@ -51,6 +53,7 @@ impl fmt::Display for Refused {
             Refused::Busy => "there is nothing, or no room, now",
             Refused::NoRecord => "the module has no such record",
             Refused::NoBlock => "the block does not exist, or its parameters do not match",
+            Refused::NoSetting => "the station file does not give this setting",
             Refused::BadArgument => "an argument cannot be",
         })
     }
@@ -105,6 +108,7 @@ fn refused(status: Status) -> Refused {
         abi::BUSY => Refused::Busy,
         abi::NO_RECORD => Refused::NoRecord,
         abi::NO_BLOCK => Refused::NoBlock,
+        abi::NO_SETTING => Refused::NoSetting,
         _ => Refused::BadArgument,
     }
 }
@@ -117,7 +121,7 @@ mod tests {
     fn every_status_has_its_answer() {
         assert_eq!(reply(abi::OK), Ok(Ok(())));
         assert_eq!(reply(abi::ABORT), Err(Abort(())));
-        let refusals: Vec<_> = (-11..=-1).map(|status| reply(status).map(Result::unwrap_err)).collect();
+        let refusals: Vec<_> = (-12..=-1).map(|status| reply(status).map(Result::unwrap_err)).collect();
         for (i, refusal) in refusals.iter().enumerate() {
             assert!(!refusals[..i].contains(refusal), "two statuses give {refusal:?}");
         }

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 /// C names of the types; constants get the prefix `OB1_`, those of data types `OB1_TY_`.
-const TYPES: [(&str, &str); 15] = [
+const TYPES: [(&str, &str); 16] = [
     ("BlockDesc", "Ob1BlockDesc"),
     ("BlockEntry", "Ob1BlockEntry"),
     ("CallArg", "Ob1CallArg"),
@@ -18,6 +18,7 @@ const TYPES: [(&str, &str); 15] = [
     ("PluginEntry", "Ob1PluginEntry"),
     ("PluginTable", "Ob1PluginTable"),
     ("Registers", "Ob1Registers"),
+    ("SettingsTable", "Ob1SettingsTable"),
     ("Status", "Ob1Status"),
     ("Text", "Ob1Text"),
     ("TimerInfo", "Ob1TimerInfo"),

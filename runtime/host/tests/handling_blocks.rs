@@ -5,7 +5,7 @@ mod support;
 use std::collections::BTreeMap;
 
 use ob1_cpu::{ModuleStatus, NativeBlock};
-use ob1_host::plugin::Plugin;
+use ob1_host::plugin::{Plugin, PluginModule, Setting};
 use ob1_model::{BlockKind, DataType, FaultKind, Section};
 
 use support::{Cpu, Registers, find, plugin};
@@ -14,7 +14,7 @@ const ADR: u32 = 256;
 
 fn blocks() -> Vec<Box<dyn NativeBlock>> {
     let plugin = Plugin::load(&plugin("ob1_cp240")).expect("it is ours");
-    plugin.station(&BTreeMap::new(), &[ADR]).expect("nothing is renumbered")
+    plugin.station(&BTreeMap::new(), &[PluginModule::at(ADR)]).expect("nothing is renumbered")
 }
 
 fn cpu() -> Cpu {
@@ -344,4 +344,141 @@ fn addresses_and_timers_that_are_not_there_are_faults() {
     let mut params = [ADR, 99, 1, 0, 0, 0, 0];
     synchron(&mut cpu, &blocks, &mut params);
     assert_eq!((cpu.faults.as_slice(), params[3]), (&[(FaultKind::TimerNumber, 99)][..], 0));
+}
+
+/// The plugin's blocks for a module with these settings.
+fn blocks_with(settings: &[(&str, Setting)]) -> Vec<Box<dyn NativeBlock>> {
+    let plugin = Plugin::load(&plugin("ob1_cp240")).expect("it is ours");
+    let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
+    plugin.station(&BTreeMap::new(), &[PluginModule { address: ADR, settings }]).expect("nothing is renumbered")
+}
+
+/// The station file's `abd`: the manual's tables say "data word", its examples count bytes.
+#[test]
+fn abd_counts_what_the_station_file_says() {
+    let text = |unit: &str| Setting::Text(unit.into());
+    for (settings, first) in [
+        (vec![], 20),
+        (vec![("abd", text("byte"))], 20),
+        (vec![("abd", text("word"))], 40),
+        (vec![("abd", text("nonsense"))], 20),
+        (vec![("abd", Setting::Int(2))], 20),
+    ] {
+        let (blocks, mut cpu) = (blocks_with(&settings), cpu());
+        let mut send = Send::new(10, 20, 5);
+        send.call(&mut cpu, &blocks);
+        assert_eq!(cpu.module.output[..6], [0, 0, 0, 5, first, first + 1], "{settings:?}");
+        offer(&mut cpu, 3, b"abc");
+        let mut receive = Receive::new(11, 20);
+        receive.call(&mut cpu, &blocks);
+        let at = usize::from(first);
+        assert_eq!(cpu.dbs[&11][at - 1..at + 4], *b"\xEEabc\xEE");
+        // FC 11 beside it, on a CPU of its own.
+        cpu = self::cpu();
+        offer(&mut cpu, 3, b"abc");
+        assert_eq!(
+            cpu.call(find(&blocks_with(&settings), BlockKind::Fc, 11), &[ADR, 11, 20, 0, 0, 0, 0, 0, 0, 0, 0]),
+            Ok(())
+        );
+        assert_eq!(cpu.dbs[&11][at - 1..at + 4], *b"\xEEabc\xEE");
+    }
+    // The end of the data block moves with it.
+    let (blocks, mut cpu) = (blocks_with(&[("abd", text("word"))]), cpu());
+    let mut send = Send::new(10, 49, 2);
+    send.call(&mut cpu, &blocks);
+    assert_eq!((send.pafe(), cpu.module.output[3]), (0, 2));
+    let mut send = Send::new(10, 49, 3);
+    send.call(&mut cpu, &blocks);
+    assert_eq!(send.pafe(), 2);
+}
+
+/// Calls an FC whose parameters are all in/outs here; what it wrote stays in `actuals`.
+fn call<const N: usize>(cpu: &mut Cpu, block: &dyn NativeBlock, actuals: &mut [u32; N]) {
+    assert_eq!(cpu.call(block, actuals), Ok(()));
+    *actuals = std::array::from_fn(|i| cpu.params[i].expect("an FC has all its parameters"));
+}
+
+fn tx(cpu: &Cpu) -> u16 {
+    u16::from_be_bytes([cpu.module.output[2], cpu.module.output[3]])
+}
+
+/// FC 8 with its actuals: ADR RTS DTR MASKE_RTS MASKE_DTR STATUS DELTA_STATUS START AUFTRAG_LAEU RET_VAL.
+#[test]
+fn fc_8_gives_a_line_command() {
+    let (blocks, mut cpu) = (blocks(), cpu());
+    let fc8 = find(&blocks, BlockKind::Fc, 8);
+    assert_eq!(fc8.interface().formal("MASK_RTS").map(|(i, _)| i), Some(3));
+    assert_eq!(fc8.interface().formal("mask_dtr").map(|(i, _)| i), Some(4));
+    // START = 0: nothing happens.
+    let mut actuals = [ADR, 1, 0, 1, 0, 0xAA, 0xBB, 0, 0, 0x55];
+    call(&mut cpu, fc8, &mut actuals);
+    assert_eq!((tx(&cpu), actuals), (0, [ADR, 1, 0, 1, 0, 0xAA, 0xBB, 0, 0, 0]));
+    actuals[7] = 1;
+    call(&mut cpu, fc8, &mut actuals);
+    assert_eq!((tx(&cpu), actuals), (0x1805, [ADR, 1, 0, 1, 0, 0xAA, 0xBB, 1, 1, 0]));
+    // FC 0 waits for it.
+    let mut send = Send::new(10, 0, 5);
+    send.call(&mut cpu, &blocks);
+    assert_eq!((tx(&cpu), send.0[SENDEN_LAEUFT]), (0x1805, 0));
+    call(&mut cpu, fc8, &mut actuals);
+    assert_eq!(actuals, [ADR, 1, 0, 1, 0, 0xAA, 0xBB, 1, 1, 0], "the CP has not answered");
+    echo(&mut cpu, 0x1C00 | 0b0001 << 6 | 0b10_0001);
+    call(&mut cpu, fc8, &mut actuals);
+    assert_eq!((tx(&cpu), actuals), (0, [ADR, 1, 0, 1, 0, 0b10_0001, 0b0001, 0, 0, 0]));
+    echo(&mut cpu, 0);
+    send.call(&mut cpu, &blocks);
+    assert_eq!((tx(&cpu), send.0[SENDEN_LAEUFT]), (5, 1));
+    // And it waits for FC 0.
+    actuals[7] = 1;
+    call(&mut cpu, fc8, &mut actuals);
+    assert_eq!((tx(&cpu), actuals[8]), (5, 0));
+}
+
+#[test]
+fn fc_8_survives_the_loss_of_its_cp() {
+    let (blocks, mut cpu) = (blocks(), cpu());
+    let fc8 = find(&blocks, BlockKind::Fc, 8);
+    let mut actuals = [ADR, 0, 0, 0, 0, 0, 0, 1, 0, 0];
+    call(&mut cpu, fc8, &mut actuals);
+    assert_eq!((tx(&cpu), actuals[8]), (0x1800, 1));
+    cpu.module.status.generation = 2;
+    call(&mut cpu, fc8, &mut actuals);
+    assert_eq!((tx(&cpu), actuals[7], actuals[8]), (0, 1, 0), "START is kept, and it begins again");
+    cpu.module.status.present = false;
+    call(&mut cpu, fc8, &mut actuals);
+    assert_eq!((tx(&cpu), actuals[8]), (0, 0), "nobody is there to answer");
+}
+
+/// FC 11 with its actuals: ADR _DB ABD ANZ EMFR GEEM ANZ_INT EMPF_LAEUFT LETZTER_BLOCK FEHLER_EMPF PAFE.
+#[test]
+fn fc_11_hands_over_each_block() {
+    let (blocks, mut cpu) = (blocks(), cpu());
+    let fc11 = find(&blocks, BlockKind::Fc, 11);
+    let echoed = |cpu: &Cpu| u16::from_be_bytes([cpu.module.output[0], cpu.module.output[1]]);
+    let mut actuals = [ADR, 11, 4, 0, 0, 0, 0, 0, 0, 0, 0];
+    offer(&mut cpu, 30, b"twelve bytes");
+    call(&mut cpu, fc11, &mut actuals);
+    assert_eq!(actuals, [ADR, 11, 4, 12, 1, 12, 30, 1, 0, 0, 0]);
+    assert_eq!((cpu.dbs[&11][3..17].to_vec(), echoed(&cpu)), (b"\xEEtwelve bytes\xEE".to_vec(), 30));
+    offer(&mut cpu, 18, b"second dozen");
+    call(&mut cpu, fc11, &mut actuals);
+    assert_eq!(echoed(&cpu), 30, "EMFR is still set");
+    actuals[4] = 0;
+    // A data block that is too short keeps the block in the CP.
+    actuals[2] = 89;
+    call(&mut cpu, fc11, &mut actuals);
+    assert_eq!((actuals[10], actuals[4], echoed(&cpu)), (2, 0, 30));
+    actuals[2] = 4;
+    call(&mut cpu, fc11, &mut actuals);
+    assert_eq!((actuals[10], actuals[4], echoed(&cpu)), (0, 1, 18));
+    assert_eq!(cpu.dbs[&11][4..16], *b"second dozen");
+    // The CP is lost in the middle.
+    cpu.module.status.generation = 2;
+    offer(&mut cpu, 0, &[]);
+    actuals[4] = 0;
+    call(&mut cpu, fc11, &mut actuals);
+    assert_eq!((actuals, echoed(&cpu)), ([ADR, 11, 4, 12, 0, 0, 0, 0, 0, 1, 0], 0), "FEHLER_EMPF");
+    offer(&mut cpu, 5, b"after");
+    call(&mut cpu, fc11, &mut actuals);
+    assert_eq!(actuals, [ADR, 11, 4, 5, 1, 5, 5, 1, 1, 0, 0]);
 }

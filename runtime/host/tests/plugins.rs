@@ -9,7 +9,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use ob1_cpu::{Abort, NativeArg, NativeError};
-use ob1_host::plugin::{Plugin, Refusal, describe};
+use ob1_host::plugin::{Plugin, PluginModule, Refusal, describe};
 use ob1_model::{BitAddr, BlockId, BlockKind, Event, FaultKind};
 
 use support::{Cpu, find, plugin};
@@ -160,7 +160,8 @@ fn a_stop_is_passed_on_by_every_caller() {
 #[test]
 fn stations_and_modules_have_memory_of_their_own() {
     let plugin = Plugin::load(&plugin("ob1_panicking_plugin")).expect("it loads");
-    let stations = [0, 1].map(|_| plugin.station(&BTreeMap::new(), &[512, 256, 512]).expect("no map"));
+    let stations =
+        [0, 1].map(|_| plugin.station(&BTreeMap::new(), &[512, 256, 512].map(PluginModule::at)).expect("no map"));
     let mut cpu = Cpu::new();
     let mut call = |station: usize, address: u32| {
         cpu.call(find(&stations[station], BlockKind::Fc, 222), &[address, 0, 0]).expect("it only counts");
@@ -220,7 +221,8 @@ fn blocks_in_c() {
 fn the_host_validates_what_a_c_plugin_gives() {
     let folder = tempfile::tempdir().expect("a folder");
     let library = compile("tests/fixtures/c/probe.c", folder.path(), &[]);
-    let blocks = Plugin::load(&library).and_then(|p| p.station(&BTreeMap::new(), &[256])).expect("it loads");
+    let blocks =
+        Plugin::load(&library).and_then(|p| p.station(&BTreeMap::new(), &[PluginModule::at(256)])).expect("it loads");
     let mut cpu = Cpu::new();
     cpu.module.address = 256;
     assert_eq!(cpu.call(find(&blocks, BlockKind::Fc, 1), &[9999]), Ok(()));

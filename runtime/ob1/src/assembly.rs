@@ -9,6 +9,7 @@ use ob1_backplane::{CpuSide, IoImage, Segment};
 use ob1_cpu::{Cpu, CpuConfig, LoadError, Module, ModuleSlot};
 use ob1_host::driver::{DriverCommand, Fleet};
 use ob1_host::module::{CpModule, CpSettings};
+use ob1_host::plugin::{PluginModule, Setting};
 use ob1_host::supervisor::Times;
 use ob1_ir::Program;
 use ob1_rt::MonotonicClock;
@@ -20,7 +21,7 @@ use crate::io::{ProcessIo, Stimulus};
 use crate::offer::Unserved;
 use crate::program::{LoadFailure, Loaded};
 use crate::simulated;
-use crate::station::{Absent, CP240_BYTES, Line, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
+use crate::station::{AbdUnit, Absent, CP240_BYTES, Line, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
 use crate::timing::Timings;
 use crate::view::{ModuleView, StationView};
 use crate::watched::{Running, watch_all};
@@ -66,6 +67,20 @@ pub fn slot(config: &ModuleConfig) -> ModuleSlot {
     ModuleSlot { name: config.name.clone(), input_address: config.input_address, output_address: config.output_address }
 }
 
+/// A module as the plugins see it: where it lies, and its settings for them (`docs/plugins.md`).
+#[must_use]
+pub fn plugin_module(config: &ModuleConfig) -> PluginModule {
+    let mut module = PluginModule::at(config.input_address);
+    if let ModuleKind::Cp240 { abd, .. } = &config.kind {
+        let unit = match abd {
+            AbdUnit::Byte => "byte",
+            AbdUnit::Word => "word",
+        };
+        module.settings.insert("abd".into(), Setting::Text(unit.into()));
+    }
+    module
+}
+
 /// What a CP of the station is told: parameter bytes, and the driver's configuration as JSON. `None` for process I/O.
 ///
 /// With the runtime directory of a station that runs, and its simulated lines, also where its line is and where it can be listened to.
@@ -75,7 +90,7 @@ pub fn cp_settings(
     config: &ModuleConfig,
     place: Option<(&Path, &[SimulatedLine])>,
 ) -> Option<CpSettings> {
-    let ModuleKind::Cp240 { bytes, line, .. } = &config.kind else { return None };
+    let ModuleKind::Cp240 { bytes, line, diagnostics, .. } = &config.kind else { return None };
     let mut text = line.to_string();
     let mut json = json!({ "module": "cp240", "station": station, "name": config.name });
     if let Some((rundir, lines)) = place {
@@ -87,6 +102,9 @@ pub fn cp_settings(
         json["trace"] = json!(rundir.join(format!("{}.trace", config.name)));
     }
     json["line"] = text.into();
+    if *diagnostics {
+        json["diagnostics"] = true.into();
+    }
     Some(CpSettings {
         parameters: *bytes,
         json: json.to_string().into_bytes(),
@@ -159,8 +177,8 @@ pub fn assemble(
         building.add(config)?;
     }
     let running = Arc::new(Running::default());
-    let addresses: Vec<u32> = station.modules.iter().map(|m| m.input_address).collect();
-    let natives = watch_all(loaded.native_blocks(&addresses).map_err(AssemblyError::Load)?, &running);
+    let seen: Vec<PluginModule> = station.modules.iter().map(plugin_module).collect();
+    let natives = watch_all(loaded.native_blocks(&seen).map_err(AssemblyError::Load)?, &running);
     let mut config = station.cpu.clone();
     config.date_at_start = date_now();
     let rules = config.clone();

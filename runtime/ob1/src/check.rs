@@ -166,8 +166,8 @@ fn check_station(path: &Path, options: &Options) -> Checked {
 fn check_program(station: &Station) -> Result<Loaded, Vec<Finding>> {
     let stimulus = station.stimulus.as_deref().map_or(Ok(Stimulus::default()), Stimulus::load)?;
     let loaded = program::load(station).map_err(|failure| failure.findings().to_vec())?;
-    let addresses: Vec<u32> = station.modules.iter().map(|m| m.input_address).collect();
-    let natives = loaded.native_blocks(&addresses).map_err(|failure| failure.findings().to_vec())?;
+    let seen: Vec<_> = station.modules.iter().map(assembly::plugin_module).collect();
+    let natives = loaded.native_blocks(&seen).map_err(|failure| failure.findings().to_vec())?;
     let io = ProcessIo::new(ob1_backplane::IoImage::heap(), stimulus);
     let modules =
         station.modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, &station.name, m)?))).collect();
@@ -197,7 +197,7 @@ fn describe(station: &Station) -> String {
             ModuleKind::Outputs { bytes } => {
                 let _ = writeln!(text, "{}: outputs, bytes {}", module.name, span(module.output_address, *bytes));
             }
-            ModuleKind::Cp240 { params, bytes, line } => {
+            ModuleKind::Cp240 { params, bytes, line, .. } => {
                 let inputs = span(module.input_address, station::CP240_BYTES);
                 let outputs = span(module.output_address, station::CP240_BYTES);
                 let _ = writeln!(text, "{}: cp240, inputs {inputs}, outputs {outputs}, line {line}", module.name);

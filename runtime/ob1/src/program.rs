@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ob1_cpu::NativeBlock;
-use ob1_host::plugin::{Plugin, PluginError};
+use ob1_host::plugin::{Plugin, PluginError, PluginModule};
 use ob1_ir::Program;
 use ob1_model::BlockId;
 use ob1_stl::{Library, Options, Severity, Source};
@@ -70,12 +70,12 @@ pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
 }
 
 impl Loaded {
-    /// The native blocks for one CPU: the system blocks and those of the plugins, with memory for each module at the logical
-    /// addresses `modules`.
+    /// The native blocks for one CPU: the system blocks and those of the plugins, with memory for each of the
+    /// `modules`.
     ///
     /// # Errors
     /// As [`load`]: a renumbering that cannot be.
-    pub fn native_blocks(&self, modules: &[u32]) -> Result<Vec<Box<dyn NativeBlock>>, LoadFailure> {
+    pub fn native_blocks(&self, modules: &[PluginModule]) -> Result<Vec<Box<dyn NativeBlock>>, LoadFailure> {
         let mut blocks = native_standard_blocks(&self.standard);
         for (plugin, renumber) in &self.plugins {
             let of_plugin = plugin.station(renumber, modules).map_err(|e| LoadFailure::Plugin(vec![of_error(&e)]))?;

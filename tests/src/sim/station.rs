@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ob1_command::program;
 use ob1_command::station::{self, Absent, ModuleKind, Station};
+use ob1_command::{assembly, program};
 use ob1_cpu::{Command, Cpu, Module, ModuleSlot, Nanos};
 use ob1_host::module::{CpModule, CpSettings};
 use ob1_line::sim::SplitMix64;
@@ -45,8 +45,8 @@ impl SimStation {
         let loaded = program::load(&station).map_err(|failure| texts(failure.findings()))?;
         let mut own = Vec::new();
         let modules = modules(&station, plug, drivers, &mut own, rng)?;
-        let addresses: Vec<u32> = modules.iter().map(|(slot, _)| slot.input_address).collect();
-        let natives = loaded.native_blocks(&addresses).map_err(|failure| texts(failure.findings()))?;
+        let seen: Vec<_> = station.modules.iter().map(assembly::plugin_module).collect();
+        let natives = loaded.native_blocks(&seen).map_err(|failure| texts(failure.findings()))?;
         let mut cpu = Cpu::new(station.cpu.clone(), &loaded.program, natives, modules)
             .map_err(|errors| errors.iter().map(|e| format!("{e}\n")).collect::<String>())?;
         cpu.request(Command::Run);

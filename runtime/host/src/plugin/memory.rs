@@ -1,7 +1,10 @@
 //! Memory of a plugin's blocks in one station: allocated before the first scan, zeroed at every start-up.
 
 use std::cell::UnsafeCell;
+use std::collections::BTreeMap;
 use std::ffi::c_void;
+
+use super::settings::{PluginModule, Setting};
 
 /// The interface promises an alignment of 16 bytes.
 #[repr(C, align(16))]
@@ -36,10 +39,10 @@ impl State {
     }
 }
 
-/// A plugin's memory for each module of a station.
+/// A plugin's memory for each module of a station, and the module's settings.
 pub(super) struct StationMemory {
     /// By logical base address, ascending.
-    modules: Vec<(u32, State)>,
+    modules: Vec<(PluginModule, State)>,
 }
 
 // SAFETY: the memory is reached through the blocks of one station alone, and `Plugin::station` binds them to one CPU, which runs
@@ -49,17 +52,26 @@ unsafe impl Send for StationMemory {}
 unsafe impl Sync for StationMemory {}
 
 impl StationMemory {
-    pub(super) fn new(bytes: usize, modules: &[u32]) -> Self {
-        let mut addresses = modules.to_vec();
-        addresses.sort_unstable();
-        addresses.dedup();
-        Self { modules: addresses.into_iter().map(|address| (address, State::new(bytes))).collect() }
+    pub(super) fn new(bytes: usize, modules: &[PluginModule]) -> Self {
+        let mut modules = modules.to_vec();
+        modules.sort_by_key(|module| module.address);
+        modules.dedup_by_key(|module| module.address);
+        Self { modules: modules.into_iter().map(|module| (module, State::new(bytes))).collect() }
+    }
+
+    fn find(&self, address: u32) -> Option<&(PluginModule, State)> {
+        let at = self.modules.binary_search_by_key(&address, |(module, _)| module.address).ok()?;
+        self.modules.get(at)
     }
 
     /// The plugin's memory for the module at a logical base address.
     pub(super) fn module(&self, address: u32) -> Option<*mut c_void> {
-        let at = self.modules.binary_search_by_key(&address, |(address, _)| *address).ok()?;
-        self.modules.get(at).map(|(_, state)| state.pointer())
+        self.find(address).map(|(_, state)| state.pointer())
+    }
+
+    /// The settings of the module at a logical base address.
+    pub(super) fn settings(&self, address: u32) -> Option<&BTreeMap<String, Setting>> {
+        self.find(address).map(|(module, _)| &module.settings)
     }
 
     pub(super) fn clear(&self) {

@@ -8,6 +8,7 @@ mod error;
 mod host_table;
 mod interface;
 mod memory;
+mod settings;
 mod table;
 mod text;
 
@@ -23,6 +24,7 @@ use ob1_model::{BlockId, Interface};
 use block::PluginBlock;
 pub use error::{PluginError, Refusal};
 use memory::StationMemory;
+pub use settings::{PluginModule, Setting};
 use table::{Code, PanicMessage};
 
 /// A block a plugin brings.
@@ -117,7 +119,7 @@ impl Plugin {
     }
 
     /// The blocks for one station, under the numbers `renumber` gives them (their own where it says nothing), with memory for each
-    /// block and for each module at the logical base addresses `modules`.
+    /// block and for each of the `modules`.
     ///
     /// The blocks belong to one CPU, which runs them on one thread at a time.
     ///
@@ -126,7 +128,7 @@ impl Plugin {
     pub fn station(
         &self,
         renumber: &BTreeMap<BlockId, BlockId>,
-        modules: &[u32],
+        modules: &[PluginModule],
     ) -> Result<Vec<Box<dyn NativeBlock>>, PluginError> {
         let refuse = |refusal| PluginError { path: self.path.clone(), refusal };
         if let Some((from, _)) = renumber.iter().find(|(from, _)| !self.info.blocks.iter().any(|b| b.id == **from)) {

@@ -172,6 +172,8 @@ pub(super) struct ModuleTable {
     pub(super) raw: Option<Placed<String>>,
     pub(super) line: Option<Placed<String>>,
     pub(super) absent: Option<Placed<String>>,
+    pub(super) abd: Option<Placed<String>>,
+    pub(super) diagnostics: Option<Placed<bool>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

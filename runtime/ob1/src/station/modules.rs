@@ -9,7 +9,7 @@ use super::check::{choice, name, number};
 use super::file::{ModuleTable, Placed};
 use super::findings::{ADDRESS, CONTRADICTION, Findings, LINE, MISSING, PARAMETER, TWICE, VALUE};
 use super::line::{self, Line};
-use super::types::{Absent, ModuleConfig, ModuleKind};
+use super::types::{AbdUnit, Absent, ModuleConfig, ModuleKind};
 
 /// The last byte of the peripheral area.
 const LAST_ADDRESS: i64 = 65_535;
@@ -100,6 +100,8 @@ fn io_bytes(f: &mut Findings<'_>, table: &ModuleTable, ty: Type) -> u16 {
         ("raw", table.raw.as_ref().map(Placed::span)),
         ("line", table.line.as_ref().map(Placed::span)),
         ("absent", table.absent.as_ref().map(Placed::span)),
+        ("abd", table.abd.as_ref().map(Placed::span)),
+        ("diagnostics", table.diagnostics.as_ref().map(Placed::span)),
     ] {
         if let Some(at) = given {
             f.error(CONTRADICTION, at, format!("`{key}` belongs to a communication processor"), "leave it out here");
@@ -161,7 +163,10 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
         }
     };
     let bytes = params.encode();
-    Some(ModuleKind::Cp240 { params: Box::new(params), bytes, line })
+    let units = [("byte", AbdUnit::Byte), ("word", AbdUnit::Word)];
+    let abd = choice(f, "abd", table.abd.as_ref(), &units).unwrap_or_default();
+    let diagnostics = table.diagnostics.as_ref().is_some_and(|switch| *switch.get_ref());
+    Some(ModuleKind::Cp240 { params: Box::new(params), bytes, line, abd, diagnostics })
 }
 
 /// The table lets every Modbus mode have 5 to 8 data bits. A byte as a character takes 8, hexadecimal text takes 7.

@@ -177,6 +177,16 @@ pub enum Absent {
     Fault,
 }
 
+/// What ABD of the handling blocks counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AbdUnit {
+    /// Bytes.
+    #[default]
+    Byte,
+    /// Words: ABD 20 is byte 40.
+    Word,
+}
+
 /// What a module is.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ModuleKind {
@@ -188,6 +198,10 @@ pub enum ModuleKind {
         bytes: [u8; 16],
         /// Where its serial line leads to.
         line: Line,
+        /// What ABD of its handling blocks counts.
+        abd: AbdUnit,
+        /// Errors that light ER raise diagnostic interrupts (OB 82).
+        diagnostics: bool,
     },
     /// Process inputs: `di` or `ai`.
     Inputs {

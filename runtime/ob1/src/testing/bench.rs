@@ -93,8 +93,8 @@ impl Bench {
         loaded: &Loaded,
     ) -> Result<Self, Vec<Finding>> {
         let of_load = |failure: LoadFailure| failure.findings().to_vec();
-        let addresses: Vec<u32> = modules.iter().map(|m| m.input_address).collect();
-        let natives = loaded.native_blocks(&addresses).map_err(of_load)?;
+        let seen: Vec<_> = modules.iter().map(crate::assembly::plugin_module).collect();
+        let natives = loaded.native_blocks(&seen).map_err(of_load)?;
         let image = IoImage::heap();
         let field = image.field();
         let io = ProcessIo::new(image, Stimulus::default());

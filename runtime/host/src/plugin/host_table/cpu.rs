@@ -3,11 +3,15 @@
 use std::ffi::c_void;
 use std::ptr;
 
-use ob1_abi::{CallArg, CallContext, KIND_FB, KIND_FC, KIND_SFB, KIND_SFC, LOG_ERROR, LOG_INFO, ObInfo, Status, Text};
+use ob1_abi::{
+    CallArg, CallContext, EXTENSION_SETTINGS, KIND_FB, KIND_FC, KIND_SFB, KIND_SFC, LOG_ERROR, LOG_INFO, ObInfo,
+    Status, Text,
+};
 use ob1_cpu::NativeArg;
 use ob1_model::{BlockId, BlockKind, Event, FaultKind};
 
 use super::edge::{BAD_ARGUMENT, Refused, area, bytes, put, sized, with};
+use super::settings::SETTINGS;
 use crate::plugin::text::given;
 
 /// Arguments a call can have.
@@ -137,7 +141,11 @@ pub(super) unsafe extern "C" fn log(call: *mut CallContext, level: u8, text: Tex
     }
 }
 
-/// Version 1.0 has no extensions.
-pub(super) unsafe extern "C" fn extension(_call: *mut CallContext, _name: Text) -> *const c_void {
-    ptr::null()
+/// The extensions by name; null for what is none.
+pub(super) unsafe extern "C" fn extension(_call: *mut CallContext, name: Text) -> *const c_void {
+    // SAFETY: see the head of `host_table`.
+    match unsafe { given(name) } {
+        Some(EXTENSION_SETTINGS) => ptr::from_ref(&SETTINGS).cast(),
+        _ => ptr::null(),
+    }
 }

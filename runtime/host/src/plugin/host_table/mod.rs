@@ -11,6 +11,7 @@ mod cpu;
 mod edge;
 mod modules;
 mod params;
+mod settings;
 mod timers;
 
 use ob1_abi::{ABI_MAJOR, ABI_MINOR, HostTable};
