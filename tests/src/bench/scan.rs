@@ -98,7 +98,7 @@ impl Station {
             for block in &plugin.info().blocks {
                 library.insert(block.id, &block.name, block.interface.clone());
             }
-            natives = plugin.station(&Default::default(), &[256])?;
+            natives = plugin.station(&Default::default(), &[ob1_host::plugin::PluginModule::at(256)])?;
             let segment = Segment::heap();
             let side = CpuSide::create(&segment, 16)?;
             let mut other = CpSide::attach(&segment)?;
