@@ -159,6 +159,8 @@ pub(crate) enum Op {
     Int(AccuOp),
     DInt(AccuOp),
     Real(AccuOp),
+    /// Arithmetic on a CPU with four accumulators.
+    Four(NumberFormat, AccuOp),
     CompareInt(Compare),
     CompareDInt(Compare),
     CompareReal(Compare),

@@ -224,6 +224,7 @@ fn short(op: &Ir, mcr: bool, l: &Lowering<'_>) -> Option<Op> {
         Ir::Transfer(operand) if !mcr => transfer(*operand, l)?,
         Ir::LoadConst(value) => Op::LoadConst { value: *value },
         Ir::Arithmetic(format, op) if l.config.accumulators == 2 => arithmetic(*format, *op),
+        Ir::Arithmetic(format, op) => Op::Four(*format, *op),
         Ir::Compare(NumberFormat::Int, compare) => Op::CompareInt(*compare),
         Ir::Compare(NumberFormat::DInt, compare) => Op::CompareDInt(*compare),
         Ir::Compare(NumberFormat::Real, compare) => Op::CompareReal(*compare),

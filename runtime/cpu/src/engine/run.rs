@@ -425,6 +425,11 @@ impl Reference {
                 Op::Int(op) => arithmetic!(arith::int, op),
                 Op::DInt(op) => arithmetic!(arith::dint, op),
                 Op::Real(op) => arithmetic!(arith::real, op),
+                Op::Four(format, op) => {
+                    let (result, cc) = slow::arithmetic(format, op, r.a2, r.a1);
+                    (r.a1, r.a2, r.a3) = (result, r.a3, r.a4);
+                    r.flags = with_cc(r.flags, cc);
+                }
                 Op::CompareInt(op) => compare!(arith::compare_int, op),
                 Op::CompareDInt(op) => compare!(arith::compare_dint, op),
                 Op::CompareReal(op) => compare!(arith::compare_real, op),

@@ -1,7 +1,7 @@
 //! Every statement but jumps and calls, executed straight from the intermediate code. What the run loop has no short form for
 //! comes here; tests run whole programs this way and compare.
 
-use ob1_ir::{AddressRegister, BitTest, DbRegister, Logic, NumberFormat, Op, Place, WordLogic};
+use ob1_ir::{AccuOp, AddressRegister, BitTest, DbRegister, Logic, NumberFormat, Op, Place, WordLogic};
 use ob1_model::{BitAddr, Fault, FaultKind};
 
 use super::arith::{self, low_word};
@@ -273,6 +273,16 @@ fn db(register: DbRegister, r: &Regs) -> crate::memory::Db {
     }
 }
 
+/// The result of an arithmetic statement, and its condition codes.
+#[inline(never)]
+pub(crate) fn arithmetic(format: NumberFormat, op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
+    match format {
+        NumberFormat::Int => arith::int(op, a2, a1),
+        NumberFormat::DInt => arith::dint(op, a2, a1),
+        NumberFormat::Real => arith::real(op, a2, a1),
+    }
+}
+
 /// After arithmetic a CPU with four accumulators moves ACCU3 to ACCU2 and ACCU4 to ACCU3.
 fn drop_accu2(r: &mut Regs, m: &Machine) {
     if m.config.accumulators == 4 {
@@ -284,11 +294,7 @@ fn drop_accu2(r: &mut Regs, m: &Machine) {
 fn accumulators(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     match *op {
         Op::Arithmetic(format, op) => {
-            let (result, cc) = match format {
-                NumberFormat::Int => arith::int(op, r.a2, r.a1),
-                NumberFormat::DInt => arith::dint(op, r.a2, r.a1),
-                NumberFormat::Real => arith::real(op, r.a2, r.a1),
-            };
+            let (result, cc) = arithmetic(format, op, r.a2, r.a1);
             r.a1 = result;
             r.set_cc(cc);
             drop_accu2(r, m);
