@@ -1,4 +1,7 @@
 //! What crosses two crates: the whole-station simulation, the benchmarks, and help for the end-to-end tests.
 
+pub mod awlsim;
 pub mod bench;
+pub mod compare;
+pub mod fuzz;
 pub mod sim;

@@ -1,27 +1,40 @@
-//! `cargo xtask sim` and `cargo xtask bench`: release runs of the two programs in the tests crate.
+//! `cargo xtask sim`, `bench` and `compare`: release runs of the programs in the tests crate.
+
+use std::path::Path;
 
 use crate::cargo::{Profile, cargo};
 use crate::failure::Outcome;
-use crate::shell;
+use crate::{python, shell};
 
 /// `cargo xtask sim [--seeds N] [--seed S] [--minutes M] [-- ...]`: the whole station in virtual time. Options are the program's own.
 ///
 /// # Errors
 /// When it cannot be built or a seed fails; the program prints the command that replays it.
 pub(crate) fn sim(args: &[String]) -> Outcome {
-    release_run("sim", &["ob1-cp240", "ob1-tests"], args)
+    release_run("sim", &["ob1-cp240", "ob1-tests"], args, None)
 }
 
-/// `cargo xtask bench`: the figures of the README with the floor measured in the same run.
+/// `cargo xtask bench`: the figures of the README with the floor measured in the same run. `bench stl` needs awlsim: it gets the
+/// partners' Python.
 ///
 /// # Errors
 /// When it cannot be built or run.
 pub(crate) fn bench(args: &[String]) -> Outcome {
-    release_run("bench", &["ob1", "ob1-cp", "ob1-cp240", "ob1-tests"], args)
+    let python = if args.iter().any(|arg| arg == "stl") { Some(python::interpreter()?) } else { None };
+    release_run("bench", &["ob1", "ob1-cp", "ob1-cp240", "ob1-tests"], args, python.as_deref())
+}
+
+/// `cargo xtask compare [--seeds N] [--seed S]`: random STL programs on our engine and on awlsim. Options are the program's own.
+///
+/// # Errors
+/// When it cannot be built, awlsim cannot be installed, or a program differs.
+pub(crate) fn compare(args: &[String]) -> Outcome {
+    let python = python::interpreter()?;
+    release_run("compare", &["ob1-tests"], args, Some(&python))
 }
 
 /// Builds `packages` with their plugins and binaries and runs the program `name` of the tests crate beside them.
-fn release_run(name: &str, packages: &[&str], args: &[String]) -> Outcome {
+fn release_run(name: &str, packages: &[&str], args: &[String], python: Option<&Path>) -> Outcome {
     let mut build = cargo(&["build", "--release"]);
     for package in packages {
         build.args(["--package", package]);
@@ -33,6 +46,7 @@ fn release_run(name: &str, packages: &[&str], args: &[String]) -> Outcome {
         .args(args.iter().filter(|arg| *arg != "--"))
         .env("OB1_UNDER_XTASK", "1")
         .env("OB1_PLUGIN_DIR", &folder)
-        .env("OB1_BIN_DIR", &folder);
+        .env("OB1_BIN_DIR", &folder)
+        .envs(python.map(|python| ("OB1_PYTHON", python)));
     shell::run(&mut program)
 }

@@ -9,6 +9,7 @@ mod ci;
 mod demo;
 mod failure;
 mod figures;
+mod fuzz;
 mod loom_miri;
 mod python;
 mod shell;
@@ -25,7 +26,9 @@ usage: cargo xtask VERB [...]
   test [--release] [FILTER]       all tests: plugins, binaries and partners are built and handed to them
   sim [--seeds N] [--seed S] [--minutes M] [-- ...]
                                   the whole station in virtual time, with line faults and driver kills
-  bench [...]                     the figures of the README, next to the floor of this machine
+  bench [...]                     the figures of the README, next to the floor of this machine; bench stl: the engine beside awlsim
+  compare [--seeds N] [--seed S]  random STL programs on our engine and on awlsim; what differs is written to tests/compare
+  fuzz [TARGET] [--each 10m]      the fuzz targets (all: one after the other); cargo-fuzz is installed into .tools
   arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files from their table
   ci                              what .ci/run does
   fmt                             formats the workspace
@@ -41,6 +44,8 @@ fn main() -> ExitCode {
         "test" => test::run(&rest),
         "sim" => figures::sim(&rest),
         "bench" => figures::bench(&rest),
+        "compare" => figures::compare(&rest),
+        "fuzz" => fuzz::run(&rest),
         "arch" => arch::run(&rest),
         "ci" => ci::ci(&rest),
         "fmt" => ci::fmt(&rest),

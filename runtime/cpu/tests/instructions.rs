@@ -391,8 +391,8 @@ fn rlo_statements() {
     chain(&[Op::Reset(m(100, 1))], FC | RLO, RLO | STA);
     chain(&[Op::Reset(m(100, 1))], FC, 0);
     chain(&[Op::EdgePositive(m(101, 1))], RLO, FC | RLO | STA);
-    chain(&[Op::EdgePositive(m(100, 1))], RLO, FC);
-    chain(&[Op::EdgeNegative(m(100, 1))], 0, FC | RLO | STA);
+    chain(&[Op::EdgePositive(m(100, 1))], RLO, FC | STA);
+    chain(&[Op::EdgeNegative(m(100, 1))], 0, FC | RLO);
     chain(&[Op::EdgeNegative(m(101, 1))], 0, FC);
 }
 

@@ -8,6 +8,7 @@ pub mod driver;
 pub mod memory;
 pub mod peer;
 pub mod scan;
+pub mod stl;
 
 use std::time::{Duration, Instant};
 

@@ -4,10 +4,11 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use ob1_tests::bench::peer::{Failure, answer_pipe};
-use ob1_tests::bench::{backplane, driver, memory, scan};
+use ob1_tests::bench::{backplane, driver, memory, scan, stl};
 
 const HELP: &str = "usage: cargo xtask bench [NAME...]
-  names: scan, pair, backplane, driver, memory (default: all)
+  names: scan, pair, backplane, driver, memory (default: all of these)
+         stl: the engine beside awlsim (installed into .venv), alone; about a minute
 
 Exit status: 0 every aim met, 1 an aim missed, 2 it could not be measured.";
 
@@ -15,6 +16,7 @@ fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let done = match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--peer", role, path] => answer(role, Path::new(path)).map(|()| true),
+        ["stl"] => stl::measure(),
         ref names if names.iter().all(|name| NAMES.contains(name)) => measure(names),
         _ => Err(HELP.into()),
     };

@@ -97,7 +97,7 @@ fn parse(args: &[String]) -> Outcome<Wish> {
 }
 
 /// `20s`, `2m`; a bare number is seconds.
-fn duration(text: &str) -> Option<Duration> {
+pub(crate) fn duration(text: &str) -> Option<Duration> {
     let (number, unit) = match text.strip_suffix('m') {
         Some(minutes) => (minutes, 60),
         None => (text.strip_suffix('s').unwrap_or(text), 1),

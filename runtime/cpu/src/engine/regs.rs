@@ -151,6 +151,13 @@ impl Regs {
         self.fc = true;
     }
 
+    /// The result of `FP` and `FN`. STA is the bit written, as of each statement that writes one: the RLO it found.
+    #[inline]
+    pub(crate) fn set_edge(&mut self, written: bool, rlo: bool) {
+        self.set_result(rlo);
+        self.sta = written;
+    }
+
     /// Ends a chain of bit logic: FC := 0, OR := 0, STA as given.
     #[inline]
     pub(crate) fn end_chain(&mut self, sta: bool) {

@@ -321,12 +321,12 @@ impl Reference {
                 Op::EdgePositive { at, mask } => {
                     let before = bit!(at, mask);
                     put_bit(&mut mem!(), at, mask, r.rlo);
-                    r.set_result(r.rlo & !before);
+                    r.set_edge(r.rlo, r.rlo & !before);
                 }
                 Op::EdgeNegative { at, mask } => {
                     let before = bit!(at, mask);
                     put_bit(&mut mem!(), at, mask, r.rlo);
-                    r.set_result(!r.rlo & before);
+                    r.set_edge(r.rlo, !r.rlo & before);
                 }
                 Op::ScanAt { scan, base, at } => {
                     let at = place!(base, at, 1, false);

@@ -171,11 +171,11 @@ fn bit_logic(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
         Op::Reset(place) => set_reset(place, false, r, m)?,
         Op::EdgePositive(place) => {
             let (before, now) = edge(place, r, m)?;
-            r.set_result(now && !before);
+            r.set_edge(now, now && !before);
         }
         Op::EdgeNegative(place) => {
             let (before, now) = edge(place, r, m)?;
-            r.set_result(!now && before);
+            r.set_edge(now, !now && before);
         }
         Op::SetRlo => {
             r.rlo = true;

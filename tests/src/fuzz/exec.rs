@@ -1,0 +1,78 @@
+//! Whatever compiles runs: some thousand statements on the reference engine and on its plain form, with the same memory after each cycle.
+
+use ob1_cpu::{Clock, Command, Cpu, CpuConfig, Interrupt, Nanos, OperatingState};
+use ob1_ir::Program;
+use ob1_stl::{Mnemonics, Options, Source, compile};
+
+/// Statements a program may execute, about: a loop is left at a safe point.
+const STATEMENTS: u64 = 5_000;
+const CYCLES: usize = 3;
+
+/// Compiles; runs what compiled.
+pub fn run(data: &[u8]) {
+    let options = Options { mnemonics: Mnemonics::Auto, ..Options::default() };
+    let output = compile(&[Source::new("fuzz.awl", data)], &super::stl::library(), &options);
+    if output.is_good() {
+        both(&output.program);
+    }
+}
+
+/// Runs a program both ways.
+pub(super) fn both(program: &Program) {
+    let config = CpuConfig {
+        watchdog: 0,
+        min_cycle: 1_000_000,
+        peripheral_from_image: true,
+        db_pool_bytes: 4_096,
+        accumulators: if program.blocks.len().is_multiple_of(2) { 4 } else { 2 },
+        ..CpuConfig::default()
+    };
+    let natives = ob1_command::program::native_standard_blocks;
+    let fast = Cpu::new(config.clone(), program, natives(&[]), Vec::new());
+    let plain = Cpu::new_plain(config, program, natives(&[]), Vec::new());
+    let (Ok(mut fast), Ok(mut plain)) = (fast, plain) else { return };
+    let (mut of_fast, mut of_plain) = (Budget::of(&fast), Budget::of(&plain));
+    fast.request(Command::Cold);
+    plain.request(Command::Cold);
+    for _ in 0..CYCLES {
+        let (end, other) = (fast.cycle(&mut of_fast), plain.cycle(&mut of_plain));
+        assert_eq!(end.state, other.state);
+        assert_eq!(fast.bit_memory(), plain.bit_memory());
+        assert_eq!(of_fast.now, of_plain.now);
+        for db in &program.data {
+            assert_eq!(fast.data_block(db.number), plain.data_block(db.number));
+        }
+        if end.state == OperatingState::Stop {
+            return;
+        }
+        of_fast.now = end.next_deadline;
+        of_plain.now = other.next_deadline;
+    }
+}
+
+/// Virtual time, and so many statements.
+struct Budget {
+    now: Nanos,
+    left: u64,
+    interrupt: Interrupt,
+}
+
+impl Budget {
+    fn of(cpu: &Cpu) -> Self {
+        Self { now: 0, left: STATEMENTS, interrupt: cpu.interrupt() }
+    }
+}
+
+impl Clock for Budget {
+    fn now(&mut self) -> Nanos {
+        self.now
+    }
+
+    fn executed(&mut self, statements: u64) {
+        self.now += statements * 100;
+        self.left = self.left.saturating_sub(statements);
+        if self.left == 0 {
+            self.interrupt.halt();
+        }
+    }
+}

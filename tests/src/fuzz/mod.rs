@@ -1,0 +1,18 @@
+//! Bodies of the fuzz targets: whatever the bytes, none of them panics.
+//!
+//! `fuzz/` runs them under libFuzzer (`cargo xtask fuzz`); `tests/tests/fuzz_corpus.rs` replays the committed corpora in every test run.
+//! A new target is a module here, its line in [`TARGETS`], and its two lines in `fuzz/fuzz_targets` and `fuzz/Cargo.toml`; a test sees
+//! that these agree.
+
+pub mod exec;
+pub mod ir;
+pub mod station;
+pub mod stl;
+pub mod symbols;
+
+/// What a target is given.
+pub type Target = fn(&[u8]);
+
+/// All targets by name: the name of the module, of the file in `fuzz/fuzz_targets`, and of the folder in `fuzz/corpus`.
+pub const TARGETS: &[(&str, Target)] =
+    &[("exec", exec::run), ("ir", ir::run), ("station", station::run), ("stl", stl::run), ("symbols", symbols::run)];

@@ -1,0 +1,15 @@
+//! Symbol tables in their four forms, and without a form that is known.
+
+use ob1_stl::{Library, Options, Source, compile, read_symbols};
+
+/// Reads the bytes as each; the symbols are those of a program that uses one.
+pub fn run(data: &[u8]) {
+    for name in ["a.sdf", "a.asc", "a.seq", "a.dif", "a"] {
+        let table = read_symbols(&Source::new(name, data));
+        let lines = data.iter().filter(|byte| **byte == b'\n').count() as u32 + 1;
+        assert!(table.diagnostics.iter().all(|d| (1..=lines).contains(&d.line) && d.column >= 1));
+        let options = Options { symbols: table.symbols, ..Options::default() };
+        let source = Source::new("a.awl", *b"FUNCTION FC 1 : VOID\nBEGIN\nU \"Motor\";\nEND_FUNCTION\n");
+        assert_eq!(compile(&[source], &Library::new(), &options).program.blocks.len(), 1);
+    }
+}

@@ -1,0 +1,121 @@
+//! `cargo xtask fuzz [TARGET...] [--each 10m]`: the targets of `fuzz/` under libFuzzer.
+//!
+//! `cargo fuzz run -s none` needs no nightly toolchain: the address sanitizer, which would, finds nothing in safe code. What a run
+//! learns lies in `fuzz/work`, which git ignores; `fuzz/corpus` is what every test run replays.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+use crate::cargo::{self, cargo};
+use crate::demo::duration;
+use crate::failure::{Failure, Outcome, step};
+use crate::shell;
+
+/// Pinned: a new version may build the targets another way.
+const CARGO_FUZZ: &str = "0.13.2";
+/// How long each target runs unless `--each` says otherwise.
+const EACH: Duration = Duration::from_secs(60);
+/// Longer inputs teach little and cost much.
+const LONGEST: &str = "-max_len=8192";
+/// Seconds after which an input counts as endless: the work must be linear.
+const SLOWEST: &str = "-timeout=10";
+
+/// What the command line asked for.
+#[derive(Debug, PartialEq, Eq)]
+struct Wish {
+    targets: Vec<String>,
+    each: Duration,
+}
+
+/// # Errors
+/// When a target cannot be built or an input makes it panic; cargo-fuzz names the file with the input.
+pub(crate) fn run(args: &[String]) -> Outcome {
+    let wish = parse(args)?;
+    let known = targets()?;
+    if let Some(wrong) = wish.targets.iter().find(|target| !known.contains(target)) {
+        return Err(Failure::Usage(format!("no fuzz target `{wrong}`; there are: {}", known.join(", "))));
+    }
+    let tool = install()?;
+    for target in if wish.targets.is_empty() { known } else { wish.targets } {
+        let work = cargo::root().join("fuzz/work").join(&target);
+        let corpus = cargo::root().join("fuzz/corpus").join(&target);
+        fs::create_dir_all(&work).map_err(|why| step(format!("{}: {why}", work.display())))?;
+        let mut fuzz = Command::new(&tool);
+        fuzz.args(["fuzz", "run", "--sanitizer", "none", "--target-dir", "fuzz/target", &target])
+            .args([&work, &corpus])
+            .args(["--", LONGEST, SLOWEST, "-print_final_stats=1"])
+            .arg(format!("-max_total_time={}", wish.each.as_secs()))
+            .args(dictionary(&target))
+            .current_dir(cargo::root());
+        shell::run(&mut fuzz)?;
+    }
+    Ok(())
+}
+
+/// `fuzz/dictionaries/TARGET.txt`: the words of its language, for targets that have one.
+fn dictionary(target: &str) -> Option<String> {
+    let path = cargo::root().join("fuzz/dictionaries").join(format!("{target}.txt"));
+    path.is_file().then(|| format!("-dict={}", path.display()))
+}
+
+/// The files of `fuzz/fuzz_targets`.
+fn targets() -> Outcome<Vec<String>> {
+    let folder = cargo::root().join("fuzz/fuzz_targets");
+    let entries = fs::read_dir(&folder).map_err(|why| step(format!("{}: {why}", folder.display())))?;
+    let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
+    let mut names: Vec<String> = paths.filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned())).collect();
+    names.sort();
+    Ok(names)
+}
+
+/// cargo-fuzz in the checkout's `.tools`, installed when it is missing.
+fn install() -> Outcome<std::path::PathBuf> {
+    let tool = cargo::root().join(".tools/bin/cargo-fuzz");
+    if !is_pinned(&tool) {
+        let build = Path::new(".tools/target");
+        let version = format!("={CARGO_FUZZ}");
+        let words = ["install", "cargo-fuzz", "--version", &version, "--locked", "--root", ".tools", "--target-dir"];
+        shell::run(cargo(&words).arg(build))?;
+        // Its artifacts serve nothing else; what cannot be removed does no harm.
+        let _ = fs::remove_dir_all(cargo::root().join(build));
+    }
+    Ok(tool)
+}
+
+fn is_pinned(tool: &Path) -> bool {
+    let output = Command::new(tool).args(["fuzz", "--version"]).output();
+    output.is_ok_and(|output| String::from_utf8_lossy(&output.stdout).trim() == format!("cargo-fuzz {CARGO_FUZZ}"))
+}
+
+fn parse(args: &[String]) -> Outcome<Wish> {
+    let mut wish = Wish { targets: Vec::new(), each: EACH };
+    let mut args = args.iter();
+    while let Some(arg) = args.next() {
+        match arg.as_str() {
+            "--each" => {
+                let text = args.next().ok_or_else(|| Failure::Usage("--each wants a time, e.g. 10m".into()))?;
+                wish.each = duration(text).ok_or_else(|| Failure::Usage(format!("`{text}` is no time: 20s, 2m")))?;
+            }
+            flag if flag.starts_with('-') => return Err(Failure::Usage(format!("fuzz knows no `{flag}`"))),
+            target => wish.targets.push(target.to_owned()),
+        }
+    }
+    Ok(wish)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn targets_and_a_time() {
+        let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+        let wish = parse(&words("stl --each 10m ir")).expect("all known");
+        assert_eq!(wish, Wish { targets: vec!["stl".into(), "ir".into()], each: Duration::from_secs(600) });
+        assert!(matches!(parse(&words("--each")), Err(Failure::Usage(_))));
+        assert!(matches!(parse(&words("--forever")), Err(Failure::Usage(_))));
+        assert!(targets().expect("a folder").contains(&"stl".to_owned()));
+    }
+}
