@@ -1,4 +1,4 @@
-//! The handling blocks of the CP 240: FC 0 SEND, FC 1 RECEIVE, FC 8 STEUERBIT, FC 9 SYNCHRON_RESET, FC 11 ASCII_FRAGMENT.
+//! The handling blocks of the CP 240: FC 0 SEND, FC 1 RECEIVE, FC 2 FETCH_RK512, FC 3 SEND_RK512, FC 4 S/R_ALL_RK512, FC 8 STEUERBIT, FC 9 SYNCHRON_RESET, FC 11 ASCII_FRAGMENT.
 //!
 //! They do the software handshake on the module's registers, as `docs/cp240-registers.md` writes it down from the manual. Each block
 //! is two things: a pure step function over (control bits, registers), and around it the reading and writing of parameters. A call does
@@ -10,6 +10,7 @@ mod fragment;
 mod line;
 mod receive;
 mod registers;
+mod rk512;
 mod send;
 mod settings;
 mod state;
@@ -21,5 +22,14 @@ ob1_sdk::export_plugin! {
     name: "cp240",
     version: env!("CARGO_PKG_VERSION"),
     module_state: state::CpState,
-    blocks: [send::Send, receive::Receive, line::Line, synchron::SynchronReset, fragment::Fragment],
+    blocks: [
+        send::Send,
+        receive::Receive,
+        rk512::Fetch,
+        rk512::SendRk,
+        rk512::All,
+        line::Line,
+        synchron::SynchronReset,
+        fragment::Fragment,
+    ],
 }

@@ -99,7 +99,7 @@ impl Block for Line {
         let adr = cx.get(line::ADR)?;
         let Some((module, words)) = Module::words(cx, adr)? else { return Ok(()) };
         let state = module.state;
-        let sends = state.send.holds(&module.info);
+        let sends = state.send.holds(&module.info) || state.rk512.uses_tx();
         match step(words, running, state.line.holds(&module.info), sends) {
             Step::Command if module.info.present => {
                 let word =

@@ -4,6 +4,8 @@ use std::cell::Cell;
 
 use ob1_sdk::ModuleInfo;
 
+use crate::rk512::Rk512State;
+
 ob1_sdk::state! {
     /// Per module and station, zeroed at every start-up.
     #[derive(Debug, Default)]
@@ -12,6 +14,8 @@ ob1_sdk::state! {
         pub(crate) receive: Claim,
         /// Bytes that ABD counts in; 0: not looked up yet.
         pub(crate) abd_bytes: Cell<u8>,
+        /// FC 2, FC 3 and FC 4.
+        pub(crate) rk512: Rk512State,
         /// A line command of FC 8 stands in `TX`.
         pub(crate) line: Claim,
         /// The telegram that was being received does not fit together: wait until the CP has ended it.

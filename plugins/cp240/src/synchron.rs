@@ -148,6 +148,7 @@ fn end_after_delay(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), 
     module.state.send.release();
     module.state.receive.release();
     module.state.line.release();
+    module.state.rk512.clear();
     cx.set(synchron::STEUERB_S, 0)?;
     cx.set(synchron::STEUERB_R, 0)?;
     cx.set(synchron::RESET, false)?;

@@ -3,6 +3,7 @@
 mod fragment;
 mod line;
 mod receive;
+mod rk512;
 mod send;
 mod synchron;
 mod wire;

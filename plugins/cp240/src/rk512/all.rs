@@ -1,0 +1,451 @@
+//! FC 4 S/R_ALL_RK512: serves the SEND and FETCH orders of the partner [S0 "S/R\\_ALL\\_RK512 (FC 4)"].
+//!
+//! SEND goes to data blocks; FETCH reads data blocks, inputs, outputs, bit memory, timers and counters. What cannot be is refused with
+//! the error numbers of RK 512 (ours where the manual names none): 0Ch coordination flag, 10h area, 14h data block or range, 32h locked.
+
+use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
+
+use super::{
+    COUNT, DONE, HEADER_BYTES, KIND, PARTNER, RESULT_BYTES, RUNNING, Rx, Tx, failed, last_count, write_echo, write_tx,
+};
+use crate::registers::{BLOCK_BYTES, Module, Pafe, REGISTER_BYTES, Words};
+use crate::state::CpState;
+
+interface! {
+    /// The parameters, in the manual's order.
+    pub(crate) mod all {
+        /// Logical address of the CP.
+        in     ADR: Int;
+        /// Indicator word of the last order of the partner. The table says "in"; it is written.
+        in_out ANZW: Word;
+        /// What was wrong with the data block of the last order: 1 not present, 2 too short, 3 number outside the valid range.
+        out    PAFE: Byte;
+        /// Bytes of the telegram that are through.
+        in_out GESE: Word;
+        /// Bytes of the telegram that comes or goes.
+        in_out ANZ: Word;
+        /// Area letter and data block number of the order.
+        in_out DB_KOPF: Word;
+        /// Number of the order at the CP, and first data word (or byte, timer, counter).
+        in_out ABF_KOPF: Word;
+        /// The header has been evaluated.
+        in_out KOPF_AUSGEW: Bool;
+        /// The last block is through.
+        in_out LETZTER_BLOCK: Bool;
+        /// The answer goes to the CP.
+        in_out SENDE_LAEUFT | SENDEN_LAEUFT: Bool;
+        /// The order comes.
+        in_out EMPF_LAEUFT: Bool;
+        /// The CP has all of the answer.
+        in_out ENDE_KOM | ENDE_KOMM: Bool;
+        /// The order is a FETCH: data go to the partner.
+        in_out SEND_ALL: Bool;
+        /// The order is a SEND: data come from the partner.
+        in_out RECEIV_ALL | RECEIVE_ALL: Bool;
+        /// The last order was refused, or broke off.
+        in_out FEHLER: Bool;
+    }
+}
+
+/// Error numbers of a reaction.
+const OK: u8 = 0x00;
+const FLAG: u8 = 0x0C;
+const AREA: u8 = 0x10;
+const RANGE: u8 = 0x14;
+const LOCKED: u8 = 0x32;
+/// Highest byte of a coordination flag.
+const FLAG_BYTE_MAX: u8 = 199;
+
+/// The header of an order as the registers carry it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Header {
+    /// Number of the order at the CP.
+    pub(crate) job: u8,
+    /// `E`: FETCH; otherwise SEND.
+    pub(crate) fetch: bool,
+    /// D, X, E, A, M, Z, T; X for a SEND to a DX.
+    pub(crate) area: u8,
+    pub(crate) db: u8,
+    pub(crate) start: u8,
+    /// In units of the area.
+    pub(crate) length: u16,
+    pub(crate) coordination: u16,
+}
+
+impl Header {
+    pub(crate) fn of(block: &[u8; BLOCK_BYTES as usize]) -> Self {
+        let [_, job, command, letter, db, start, high, low, flag, bit, ..] = *block;
+        let area = if command == b'O' { b'X' } else { letter };
+        let (length, coordination) = (u16::from_be_bytes([high, low]), u16::from_be_bytes([flag, bit]));
+        Self { job, fetch: command == b'E', area, db, start, length, coordination }
+    }
+
+    /// Bytes of one unit.
+    fn unit(area: u8) -> u16 {
+        if matches!(area, b'E' | b'A' | b'M') { 1 } else { 2 }
+    }
+
+    fn bytes(&self) -> u16 {
+        self.length.saturating_mul(Self::unit(self.area))
+    }
+
+    /// First byte of the area; of timers and counters the first number.
+    fn from(&self) -> u32 {
+        u32::from(self.start) * if self.area == b'D' { 2 } else { 1 }
+    }
+
+    /// The coordination flag: `Some(None)` without one, `None` when it cannot be.
+    fn flag(coordination: u16) -> Option<Option<(u32, u8)>> {
+        let [byte, bit] = coordination.to_be_bytes();
+        match (byte, bit & 0x0F) {
+            (0xFF, 0x0F) => Some(None),
+            (byte, bit) if byte <= FLAG_BYTE_MAX && bit <= 7 => Some(Some((u32::from(byte), bit))),
+            _ => None,
+        }
+    }
+}
+
+/// What the CPU's memory says to an order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Evaluated {
+    /// Error number of the answer.
+    pub(crate) code: u8,
+    pub(crate) pafe: Pafe,
+}
+
+/// Evaluates a header. `locked`: the coordination flag (`None`: outside the bit memory); `db`: what is wrong with the data block;
+/// `room`: whether the area holds the order.
+pub(crate) fn evaluate(header: &Header, locked: Option<bool>, db: Pafe, room: bool) -> Evaluated {
+    let refuse = |code| Evaluated { code, pafe: Pafe::Ok };
+    match header.area {
+        b'D' => {}
+        b'E' | b'A' | b'M' | b'T' | b'Z' if header.fetch => {}
+        // "FC 4 serves D; E A M T Z on FETCH" (ours), no DX: this CPU has none.
+        _ => return refuse(AREA),
+    }
+    match locked {
+        None => return refuse(FLAG),
+        // [S0 "Coordination flags"]: data are not accepted (or transferred), 32h.
+        Some(true) => return refuse(LOCKED),
+        Some(false) => {}
+    }
+    if header.area == b'D' && db != Pafe::Ok {
+        return Evaluated { code: RANGE, pafe: db };
+    }
+    refuse(if room { OK } else { RANGE })
+}
+
+/// The state of an order between two calls, as the program keeps it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Job {
+    gese: u16,
+    anz: u16,
+    db_kopf: u16,
+    abf_kopf: u16,
+    evaluated: bool,
+    last: bool,
+    sends: bool,
+    receives: bool,
+    end: bool,
+    is_fetch: bool,
+    is_send: bool,
+    failed: bool,
+}
+
+/// FC 4.
+pub(crate) struct All;
+
+impl Block for All {
+    const KIND: Kind = Kind::Fc;
+    const NUMBER: u16 = 4;
+    const NAME: &'static str = "S/R_ALL_RK512";
+    const PARAMS: &'static [Param] = all::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let pafe = run(cx)?;
+        cx.set(all::PAFE, pafe as u8)
+    }
+}
+
+fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
+    let adr = cx.get(all::ADR)?;
+    let Some((module, registers)) = Module::read::<REGISTER_BYTES>(cx, adr)? else { return Ok(Pafe::Ok) };
+    let [a, b, c, d, block @ ..] = registers;
+    let words = Words::from_bytes([a, b, c, d]);
+    let job = load(cx)?;
+    if job.receives || job.sends {
+        if words.not_ready() || !module.state.rk512.partner.holds(&module.info) {
+            return broken_off(cx, &module).map(|()| Pafe::Ok);
+        }
+        if job.receives {
+            return receive(cx, &module, job, words, &block).map(|()| Pafe::Ok);
+        }
+        return answer(cx, &module, job, words).map(|()| Pafe::Ok);
+    }
+    if words.not_ready() || !module.info.present {
+        return Ok(Pafe::Ok);
+    }
+    match (words.rx & KIND, words.rx & COUNT) {
+        (PARTNER, count) if count >= HEADER_BYTES && module.state.rk512.echo.get() == PARTNER => {
+            begin(cx, &module, count, &block)
+        }
+        // Nothing there: say that somebody is here. While a result is on show the echo is that block's.
+        (0, 0) if module.state.rk512.echo.get() != PARTNER => write_echo(cx, &module, PARTNER).map(|_| Pafe::Ok),
+        _ => Ok(Pafe::Ok),
+    }
+}
+
+/// An order of the partner is on show: its header is evaluated.
+fn begin(
+    cx: &mut Cx<'_, CpState>,
+    module: &Module<'_>,
+    count: u16,
+    block: &[u8; BLOCK_BYTES as usize],
+) -> Result<Pafe, Abort> {
+    let header = Header::of(block);
+    let locked = match Header::flag(header.coordination) {
+        None => None,
+        Some(None) => Some(false),
+        Some(Some((byte, bit))) => cx.bit(Area::Memory, byte, bit)?.ok(),
+    };
+    let db = match header.area {
+        b'D' => {
+            let len = cx.len(Area::Db(u16::from(header.db)));
+            Pafe::check(len, header.from() as u16, header.bytes())?
+        }
+        _ => Pafe::Ok,
+    };
+    let room = has_room(cx, &header)?;
+    let Evaluated { code, pafe } = evaluate(&header, locked, db, room);
+    let state = &module.state.rk512;
+    state.partner.take(&module.info);
+    state.refusal.set(code);
+    state.coordination.set(header.coordination);
+    state.length.set(header.bytes());
+    let job = Job {
+        gese: 0,
+        anz: count,
+        db_kopf: u16::from_be_bytes([header.area, header.db]),
+        abf_kopf: u16::from_be_bytes([header.job, header.start]),
+        evaluated: true,
+        receives: true,
+        is_fetch: header.fetch,
+        is_send: !header.fetch,
+        ..Job::default()
+    };
+    cx.set(all::ANZW, RUNNING)?;
+    receive(cx, module, job, Words { rx: PARTNER | count, tx_echo: 0 }, block)?;
+    Ok(pafe)
+}
+
+/// Whether inputs, outputs, bit memory, timers or counters hold what is asked for.
+fn has_room(cx: &mut Cx<'_, CpState>, header: &Header) -> Result<bool, Abort> {
+    let last = header.from() + u32::from(header.length.max(1)) - 1;
+    Ok(match (area_of(header.area, header.db), u16::try_from(last)) {
+        (Some(area), _) if header.area != b'D' => cx.len(area)?.is_ok_and(|len| last < len),
+        (None, Ok(last)) if header.area == b'T' => cx.timer(last)?.is_ok(),
+        (None, Ok(last)) if header.area == b'Z' => cx.counter(last)?.is_ok(),
+        _ => true,
+    })
+}
+
+fn area_of(letter: u8, db: u8) -> Option<Area> {
+    Some(match letter {
+        b'D' => Area::Db(u16::from(db)),
+        b'E' => Area::Input,
+        b'A' => Area::Output,
+        b'M' => Area::Memory,
+        _ => return None,
+    })
+}
+
+/// The order comes.
+fn receive(
+    cx: &mut Cx<'_, CpState>,
+    module: &Module<'_>,
+    mut job: Job,
+    words: Words,
+    block: &[u8; BLOCK_BYTES as usize],
+) -> Result<(), Abort> {
+    let state = &module.state.rk512;
+    if job.last {
+        if words.rx == PARTNER | last_count(job.anz) {
+            return Ok(());
+        }
+        if words.rx == 0 && !write_echo(cx, module, PARTNER)? {
+            return Ok(());
+        }
+        // All is here. The flag is set before the partner can learn of it. [S0 "Coordination flags"]
+        if state.refusal.get() == OK
+            && let Some(Some((byte, bit))) = Header::flag(state.coordination.get())
+        {
+            // It was read when the header was evaluated.
+            let _there = cx.set_bit(Area::Memory, byte, bit, true)?;
+        }
+        let data = if job.is_fetch && state.refusal.get() == OK { state.length.get() } else { 0 };
+        job = Job { gese: 0, anz: RESULT_BYTES + data, receives: false, sends: true, last: false, ..job };
+        store(cx, job)?;
+        return answer(cx, module, job, words);
+    }
+    match Rx::go_on(words.rx, PARTNER, job.anz, job.gese) {
+        Rx::Wait => Ok(()),
+        Rx::Take { from, len, word } => {
+            if job.is_send && state.refusal.get() == OK {
+                let skip = HEADER_BYTES.saturating_sub(from);
+                let data = block.get(usize::from(skip)..usize::from(len)).unwrap_or(&[]);
+                let [_, db] = job.db_kopf.to_be_bytes();
+                let [_, start] = job.abf_kopf.to_be_bytes();
+                let at = u32::from(start) * 2 + u32::from((from + skip).saturating_sub(HEADER_BYTES));
+                if !data.is_empty() && cx.write(Area::Db(u16::from(db)), at, data)?.is_err() {
+                    // Gone, shortened or write-protected since its header was evaluated.
+                    state.refusal.set(RANGE);
+                }
+            }
+            if !write_echo(cx, module, word)? {
+                return Ok(());
+            }
+            job.gese += len;
+            job.last = job.gese >= job.anz;
+            store(cx, job)
+        }
+        // The CP has refused it in the meantime.
+        Rx::Broken => broken_off(cx, module),
+    }
+}
+
+/// The answer goes.
+fn answer(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut job: Job, words: Words) -> Result<(), Abort> {
+    let (state, now) = (&module.state.rk512, cx.now());
+    // The order of FC 2 or FC 3 that is being handed over goes first, and a line command.
+    if module.state.line.holds(&module.info) || !state.take_tx(PARTNER, now) {
+        return Ok(());
+    }
+    let tx = if job.evaluated {
+        // The first block: what an order that was given up has left in TX goes before.
+        match words.tx_echo {
+            0 => Tx::next(PARTNER, job.anz, 0),
+            _ => return write_tx(cx, module, 0, &[]).map(drop),
+        }
+    } else {
+        let (gese, tx) = Tx::go_on(words.tx_echo, PARTNER, job.anz, job.gese);
+        job.gese = gese;
+        tx
+    };
+    match tx {
+        Tx::Wait => Ok(()),
+        Tx::Post { from, len, word } => {
+            let mut bytes = [0; BLOCK_BYTES as usize];
+            let part = &mut bytes[..usize::from(len)];
+            compose(cx, &job, state.refusal.get(), from, part)?;
+            if !write_tx(cx, module, word, part)? {
+                return Ok(());
+            }
+            job.evaluated = false;
+            job.last = job.anz - job.gese <= BLOCK_BYTES;
+            store(cx, job)
+        }
+        Tx::Close => {
+            if !write_tx(cx, module, 0, &[])? {
+                return Ok(());
+            }
+            store(cx, Job { end: true, ..job })
+        }
+        Tx::Taken => {
+            let code = state.refusal.get();
+            state.partner.release();
+            state.release_tx(PARTNER);
+            store(cx, Job { failed: code != OK, ..Job::default() })?;
+            cx.set(all::ANZW, if code == OK { DONE } else { failed(code) })
+        }
+        Tx::Refused(_) | Tx::Broken => {
+            let word = if matches!(tx, Tx::Broken) { 0 } else { crate::registers::FAILED };
+            if !write_tx(cx, module, word, &[])? {
+                return Ok(());
+            }
+            broken_off(cx, module)
+        }
+    }
+}
+
+/// Bytes of the answer: `00`, number of the order, `00`, error number, and the data of a FETCH as they are now.
+fn compose(cx: &mut Cx<'_, CpState>, job: &Job, code: u8, from: u16, into: &mut [u8]) -> Result<(), Abort> {
+    let [number, start] = job.abf_kopf.to_be_bytes();
+    let [area, db] = job.db_kopf.to_be_bytes();
+    let head = [0, number, 0, code];
+    let in_head = head.get(usize::from(from)..).unwrap_or(&[]);
+    let n = in_head.len().min(into.len());
+    into[..n].copy_from_slice(&in_head[..n]);
+    let data = &mut into[n..];
+    if data.is_empty() {
+        return Ok(());
+    }
+    let at = u32::from(from.saturating_sub(RESULT_BYTES));
+    match area_of(area, db) {
+        Some(place) => {
+            let begin = u32::from(start) * if area == b'D' { 2 } else { 1 };
+            // A data block that has gone since its header was evaluated reads as zeros.
+            let _there = cx.read(place, begin + at, data)?;
+        }
+        None => {
+            for (n, word) in data.chunks_mut(2).enumerate() {
+                let number = u16::from(start) + (at / 2) as u16 + n as u16;
+                // A timer as its remaining time (S5TIME), a counter as BCD: as both lie in an S7 (ours).
+                let value = if area == b'T' {
+                    cx.timer(number)?.map_or(0, |timer| timer.remaining)
+                } else {
+                    bcd(cx.counter(number)?.unwrap_or(0))
+                };
+                word.copy_from_slice(&value.to_be_bytes()[..word.len()]);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// 0 to 999 as three decimal digits.
+fn bcd(value: u16) -> u16 {
+    let digit = |power: u16| value / power % 10;
+    (digit(100) << 8) | (digit(10) << 4) | digit(1)
+}
+
+/// The CP is another, or has taken the order back.
+fn broken_off(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), Abort> {
+    module.state.rk512.partner.release();
+    module.state.rk512.release_tx(PARTNER);
+    store(cx, Job { failed: true, ..Job::default() })?;
+    cx.set(all::ANZW, failed(super::INITIALISED))
+}
+
+fn load(cx: &mut Cx<'_, CpState>) -> Result<Job, Abort> {
+    Ok(Job {
+        gese: cx.get(all::GESE)?,
+        anz: cx.get(all::ANZ)? & COUNT,
+        db_kopf: cx.get(all::DB_KOPF)?,
+        abf_kopf: cx.get(all::ABF_KOPF)?,
+        evaluated: cx.get(all::KOPF_AUSGEW)?,
+        last: cx.get(all::LETZTER_BLOCK)?,
+        sends: cx.get(all::SENDE_LAEUFT)?,
+        receives: cx.get(all::EMPF_LAEUFT)?,
+        end: cx.get(all::ENDE_KOM)?,
+        is_fetch: cx.get(all::SEND_ALL)?,
+        is_send: cx.get(all::RECEIV_ALL)?,
+        failed: cx.get(all::FEHLER)?,
+    })
+}
+
+fn store(cx: &mut Cx<'_, CpState>, job: Job) -> Result<(), Abort> {
+    cx.set(all::GESE, job.gese)?;
+    cx.set(all::ANZ, job.anz)?;
+    cx.set(all::DB_KOPF, job.db_kopf)?;
+    cx.set(all::ABF_KOPF, job.abf_kopf)?;
+    cx.set(all::KOPF_AUSGEW, job.evaluated)?;
+    cx.set(all::LETZTER_BLOCK, job.last)?;
+    cx.set(all::SENDE_LAEUFT, job.sends)?;
+    cx.set(all::EMPF_LAEUFT, job.receives)?;
+    cx.set(all::ENDE_KOM, job.end)?;
+    cx.set(all::SEND_ALL, job.is_fetch)?;
+    cx.set(all::RECEIV_ALL, job.is_send)?;
+    cx.set(all::FEHLER, job.failed)
+}

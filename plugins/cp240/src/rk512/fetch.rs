@@ -1,0 +1,104 @@
+//! FC 2 FETCH_RK512: data from the partner [S0 "FETCH\\_RK512 (FC 2)"].
+
+use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+
+use super::COUNT;
+use super::job::{Job, Phase};
+use super::order::{Order, Wish, run};
+use crate::state::CpState;
+
+interface! {
+    /// The parameters, in the manual's order.
+    pub(crate) mod fetch {
+        /// Logical address of the CP.
+        in     ADR: Int;
+        /// Data block in the partner, 1 to 255.
+        in     QDB: BlockDb;
+        /// First data word there, 0 to 255.
+        in     QBDW: Word;
+        /// Words to fetch, 1 to 512.
+        in     LANG: Int;
+        /// Data block for the data, here.
+        in     ZDB: BlockDb;
+        /// First data word in it.
+        in     ZBDW: Int;
+        /// Coordination flag: byte and bit, `W#16#0604` is M 6.4 of the partner; FFFFh: none.
+        in     KOOR: Word;
+        /// Indicator word.
+        out    ANZW: Word;
+        /// 1 data block not present, 2 too short, 3 number outside the valid range; back to 0 by itself.
+        out    PAFE: Byte;
+        /// Mark of the order (bits 11 to 15) and bytes of the telegram that goes or comes.
+        in_out ANZ: Word;
+        /// Bytes of it that are through.
+        in_out GESE: Word;
+        /// The header goes to the CP.
+        in_out KOPF_GESE | KOPF_GESENET: Bool;
+        /// The CP has the order; its result is awaited.
+        in_out WART_DATEN: Bool;
+        /// The data come.
+        in_out EMPF_LAEUFT: Bool;
+        /// They are here.
+        in_out LETZTER_BLOCK: Bool;
+        /// The last order failed; stays until the next one.
+        in_out FEHL_KOM | FEHLER_KOM: Bool;
+    }
+}
+
+/// FC 2.
+pub(crate) struct Fetch;
+
+impl Block for Fetch {
+    const KIND: Kind = Kind::Fc;
+    const NUMBER: u16 = 2;
+    const NAME: &'static str = "FETCH_RK512";
+    const PARAMS: &'static [Param] = fetch::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let pafe = run::<Self>(cx)?;
+        cx.set(fetch::PAFE, pafe as u8)
+    }
+}
+
+impl Order for Fetch {
+    const COMMAND: u8 = b'E';
+
+    fn wish(cx: &mut Cx<'_, CpState>) -> Result<Wish, Abort> {
+        Ok(Wish {
+            adr: cx.get(fetch::ADR)?,
+            remote: (cx.get(fetch::QDB)?, i32::from(cx.get(fetch::QBDW)?)),
+            local: (cx.get(fetch::ZDB)?, i32::from(cx.get(fetch::ZBDW)?)),
+            words: cx.get(fetch::LANG)?,
+            koor: cx.get(fetch::KOOR)?,
+        })
+    }
+
+    fn load(cx: &mut Cx<'_, CpState>) -> Result<Job, Abort> {
+        let anz = cx.get(fetch::ANZ)?;
+        let bits = [
+            (cx.get(fetch::LETZTER_BLOCK)?, Phase::Closing),
+            (cx.get(fetch::EMPF_LAEUFT)?, Phase::Receiving),
+            (cx.get(fetch::WART_DATEN)?, Phase::Waiting),
+            (cx.get(fetch::KOPF_GESE)?, Phase::Sending),
+        ];
+        let phase = bits.into_iter().find(|(bit, _)| *bit).map_or(Phase::Idle, |(_, phase)| phase);
+        let (token, total, gese) = ((anz >> 11) as u8, anz & COUNT, cx.get(fetch::GESE)?);
+        Ok(Job { phase, token, total, gese, failed: cx.get(fetch::FEHL_KOM)? })
+    }
+
+    fn store(cx: &mut Cx<'_, CpState>, job: Job) -> Result<(), Abort> {
+        cx.set(fetch::ANZ, job.anz())?;
+        cx.set(fetch::GESE, job.gese)?;
+        cx.set(fetch::KOPF_GESE, job.phase != Phase::Idle)?;
+        cx.set(fetch::WART_DATEN, matches!(job.phase, Phase::Waiting | Phase::Receiving | Phase::Closing))?;
+        cx.set(fetch::EMPF_LAEUFT, matches!(job.phase, Phase::Receiving | Phase::Closing))?;
+        cx.set(fetch::LETZTER_BLOCK, job.phase == Phase::Closing)?;
+        cx.set(fetch::FEHL_KOM, job.failed)
+    }
+
+    fn anzw(cx: &mut Cx<'_, CpState>, anzw: u16) -> Result<(), Abort> {
+        cx.set(fetch::ANZW, anzw)
+    }
+}

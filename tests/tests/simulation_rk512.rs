@@ -1,0 +1,65 @@
+//! The RK 512 pair of `examples/rk512-pair` in virtual time: SEND, FETCH, the coordination flag, both directions at once; a good line, a
+//! bad line, kills, the same seed twice.
+
+use std::path::{Path, PathBuf};
+
+use ob1_line::sim::FaultRates;
+use ob1_tests::sim::{self, Outcome, SECOND, Scenario};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/rk512-pair")
+}
+
+fn run(scenario: &Scenario) -> Outcome {
+    sim::run(scenario).unwrap_or_else(|message| {
+        panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
+    })
+}
+
+/// A cell of a station's DB 20.
+fn cell(outcome: &Outcome, station: &str, byte: usize) -> u32 {
+    let station = outcome.stations.iter().find(|s| s.name.ends_with(station)).expect("a station of the pair");
+    station.ledger(20, byte)
+}
+
+#[test]
+fn a_good_line_loses_nothing() {
+    let scenario =
+        Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 20 * SECOND, ..Scenario::demo(&folder(), 7) };
+    let outcome = run(&scenario);
+    assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
+    for column in ["error", "aborted", "wrong", "undetectable"] {
+        assert_eq!(outcome.verdict.get(column), 0, "{column}\n{}", outcome.verdict);
+    }
+    let good = outcome.verdict.get("good");
+    assert!(good > 50, "{}", outcome.verdict);
+    // B has handed on each block (one may be under way), and its own orders have arrived, all without an error.
+    let received = u64::from(cell(&outcome, "-b", 4));
+    assert!((good..=good + 1).contains(&received), "{received} handed on, {good} fetched back");
+    let (done, error, aborted) = (cell(&outcome, "-b", 12), cell(&outcome, "-b", 16), cell(&outcome, "-b", 20));
+    assert!(done > 50 && error + aborted == 0, "{done} done, {error} failed, {aborted} aborted");
+    let counter = outcome.stations[0].ledger(30, 0) >> 16;
+    assert!((done..=done + 1).contains(&counter), "A holds {counter}, B has sent {done}");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_log_and_another_another() {
+    let scenario = |seed| Scenario {
+        faults: FaultRates::all(200),
+        kill_every: 3 * SECOND,
+        duration: 30 * SECOND,
+        ..Scenario::demo(&folder(), seed)
+    };
+    let (first, second) = (run(&scenario(11)), run(&scenario(11)));
+    assert!(first.kills > 0 && first.log.lines().count() > 100, "something has happened");
+    assert_eq!(first.log, second.log);
+    assert_ne!(first.log, run(&scenario(12)).log);
+}
+
+#[test]
+fn seeds_of_a_simulated_minute() {
+    for seed in 1..=5 {
+        let outcome = run(&Scenario::demo(&folder(), seed));
+        assert!(outcome.verdict.broken.is_empty(), "seed {seed}\n{}", outcome.verdict);
+    }
+}
