@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ob1_backplane::io_layout::IO_AREA_BYTES;
-use ob1_params::{Cp240, ModbusKind, ParamError, Protocol, Value};
+use ob1_params::{Cp240, ModbusKind, ParamError, Protocol, StopBits, Value};
 
 use super::check::{choice, name, number};
 use super::file::{ModuleTable, Placed};
@@ -162,6 +162,17 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
             return None;
         }
     };
+    if params.stop_bits == StopBits::OneAndHalf && !matches!(line, Line::Sim(_)) {
+        let at = match (&table.params, &table.raw) {
+            (Some(keys), _) => {
+                let found = keys.get_ref().iter().find(|(key, _)| key.get_ref() == "stop_bits");
+                found.map_or(keys.span(), |(key, value)| key.span().start..value.span().end)
+            }
+            (None, raw) => raw.as_ref().map_or_else(|| table.kind.span(), Placed::span),
+        };
+        let remedy = "1 or 2 stop bits: Linux has no 1.5; a line `sim:NAME` has";
+        f.error(PARAMETER, at, format!("{line} cannot do 1.5 stop bits"), remedy);
+    }
     let bytes = params.encode();
     let units = [("byte", AbdUnit::Byte), ("word", AbdUnit::Word)];
     let abd = choice(f, "abd", table.abd.as_ref(), &units).unwrap_or_default();
