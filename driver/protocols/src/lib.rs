@@ -6,6 +6,7 @@
 //!
 //! * [`machine`]: the contract all protocols share.
 //! * [`ascii`]: bare characters, telegrams end with a pause.
+//! * [`mbus`]: M-Bus master.
 //! * [`s3964`]: 3964 and 3964R.
 //! * [`modbus`]: Modbus RTU and ASCII, master and slave.
 //! * [`rk512`]: RK 512 on top of either.
@@ -17,6 +18,7 @@
 pub mod ascii;
 mod flow;
 pub mod machine;
+pub mod mbus;
 pub mod modbus;
 mod output;
 pub mod rk512;
@@ -28,6 +30,7 @@ pub use ascii::Ascii;
 pub use machine::{
     Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,
 };
+pub use mbus::MBus;
 pub use rk512::Rk512;
 pub use s3964::S3964;
 pub use stx_etx::StxEtx;

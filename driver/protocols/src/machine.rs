@@ -119,6 +119,11 @@ pub trait Sink {
     /// Something worth the LED `ER`, a diagnostic entry or a line of the trace.
     fn report(&mut self, event: Event);
 
+    /// Sets the baud rate for what is transmitted and received from now on (M-Bus: each telegram names its own).
+    fn baud(&mut self, baud: u32) {
+        let _ = baud;
+    }
+
     /// Sets the modem line RTS (hardware flow control: ON while the CP can take characters).
     fn rts(&mut self, on: bool) {
         let _ = on;

@@ -2,6 +2,7 @@
 //! and when the line falls silent for good the machine comes to rest by itself.
 
 use ob1_protocols::ascii::{self, Ascii};
+use ob1_protocols::mbus::{self, MBus};
 use ob1_protocols::modbus::{Master, Mode, Slave, frame, master, slave};
 use ob1_protocols::s3964::{self, Priority, S3964};
 use ob1_protocols::stx_etx::{self, Flags, StxEtx};
@@ -22,7 +23,7 @@ enum Step {
 
 fn step() -> impl Strategy<Value = Step> {
     let byte = prop_oneof![
-        3 => prop::sample::select(vec![0x02_u8, 0x03, 0x10, 0x15, 0x11, 0x13]),
+        3 => prop::sample::select(vec![0x02_u8, 0x03, 0x10, 0x15, 0x11, 0x13, 0x16, 0x68, 0xE5]),
         1 => any::<u8>()
     ];
     let fault = prop::sample::select(vec![
@@ -159,6 +160,11 @@ proptest! {
     fn ascii(steps in proptest::collection::vec(step(), 0..200), flow in 0..3_usize, fragmented: bool, zna in 0..3_u64) {
         let flow = [ascii::Flow::None, ascii::Flow::Hardware, ascii::Flow::XonXoff][flow];
         drive(&mut Ascii::<1024>::new(ascii::Config { flow, fragmented, zna: zna * 20 * MS, ..ascii::Config::cp240(MS) }), &steps);
+    }
+
+    #[test]
+    fn mbus(steps in proptest::collection::vec(step(), 0..200)) {
+        drive(&mut MBus::new(mbus::Config::cp240()), &steps);
     }
 
     #[test]

@@ -23,6 +23,7 @@
 //! | `sent ok`, `sent AckDelay` | the end of the order |
 //! | `!Phase: What` | a report |
 //! | `rts on`, `rts off` | the modem line |
+//! | `baud 2400` | the line goes on at this baud rate |
 //!
 //! Between two lines the machine must stay silent: each deadline that passes is ticked, and must bring nothing.
 
@@ -73,6 +74,10 @@ impl Sink for Recorder {
 
     fn report(&mut self, Event { phase, what }: Event) {
         self.log.push(format!("!{phase:?}: {what:?}"));
+    }
+
+    fn baud(&mut self, baud: u32) {
+        self.log.push(format!("baud {baud}"));
     }
 
     fn rts(&mut self, on: bool) {
@@ -128,7 +133,8 @@ pub(crate) fn check(machine: &mut dyn Machine, table: &str) {
         let place = || format!("line {} of the table: {line}", number + 1);
         let (step, outputs) = line.split_once("=>").unwrap_or((line, ""));
         let words: Vec<&str> = step.split_whitespace().collect();
-        let now = (words[0].parse::<f64>().unwrap_or_else(|_| panic!("no time: {}", place())) * MS as f64) as Nanos;
+        let now =
+            (words[0].parse::<f64>().unwrap_or_else(|_| panic!("no time: {}", place())) * MS as f64).round() as Nanos;
         assert!(now >= last, "time goes back: {}", place());
         last = now;
         let input = words[1];

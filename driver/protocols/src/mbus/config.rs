@@ -1,0 +1,48 @@
+//! Times of the M-Bus, and the baud rate that stands in front of each telegram.
+
+use crate::machine::{MS, Nanos};
+
+/// Times of [`MBus`](super::MBus).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// The answer's first character must come within so many bit times ...
+    pub answer_bits: u32,
+    /// ... and this much more, nanoseconds.
+    pub answer_more: Nanos,
+    /// Silence of the bus after an exchange that failed, bit times.
+    pub pause_bits: u32,
+    /// Shortest gap that ends an answer, nanoseconds: a frame has no pauses, but a tty or a network hands characters out in
+    /// pieces. 0: bit times alone count.
+    pub gap_min: Nanos,
+}
+
+impl Config {
+    /// Bits of a character: start bit, 8 data bits, even parity, stop bit. [EN 1434-3]
+    pub const CHARACTER_BITS: u32 = 11;
+
+    /// 330 bit times plus 50 ms, 33 bit times of pause. [S0 "FCB bit"] The gap is ours.
+    pub fn cp240() -> Self {
+        Self { answer_bits: 330, answer_more: 50 * MS, pause_bits: 33, gap_min: 30 * MS }
+    }
+
+    pub(super) fn answer(&self, bit: Nanos) -> Nanos {
+        bit * Nanos::from(self.answer_bits) + self.answer_more
+    }
+
+    pub(super) fn pause(&self, bit: Nanos) -> Nanos {
+        bit * Nanos::from(self.pause_bits)
+    }
+
+    pub(super) fn gap(&self, bit: Nanos) -> Nanos {
+        self.pause(bit).max(self.gap_min)
+    }
+}
+
+/// The baud rate that a telegram's first byte stands for; any other byte is 2400. [S0 "Overview of M-Bus telegrams"]
+pub fn baud_of(code: u8) -> u32 {
+    match code {
+        0xB8 => 300,
+        0xBD => 9600,
+        _ => 2400,
+    }
+}

@@ -1,0 +1,337 @@
+//! M-Bus master of the CP 240 (240-1FA20): a program's telegram out as a frame, the slave's answer back.
+//!
+//! [S0 "CP 240 - M-Bus"]. The first byte of a telegram from the program is the baud rate; what follows decides by its
+//! length which frame it becomes. One order at a time: it ends when the slave has answered, or has been given up after two
+//! repetitions. Each order brings exactly one response telegram, whose first byte tells how it went:
+//!
+//! | response | |
+//! |---|---|
+//! | `00 E5` | the single character |
+//! | `00 C A` | a short frame |
+//! | `00 C A CI data` | a control or long frame |
+//! | `01` | bit 0: no answer (three attempts), or nobody was to answer (address 255, single character) |
+//! | `03` | bits 0 and 1: the bus is short-circuited |
+//!
+//! Ours, because the manual is silent: an order waits until the longest response fits into the receive buffer, so that
+//! no answer is lost; an order nobody answers ends with `01` at once, so that a program that waits for a response (as the
+//! manual's FC 100 does) goes on; a short circuit is what the level converter reports as a break of the line.
+
+mod config;
+pub mod frame;
+
+pub use config::{Config, baud_of};
+
+use crate::machine::{Event, Input, LineFault, Machine, Nanos, Order, Phase, SECOND, SendError, Sink, What};
+use frame::{FRAME_MAX, Frame, FrameError, Progress, SINGLE, USER_MAX};
+
+/// Longest response telegram, bytes: response byte, C, A, CI field, user data.
+pub const RESPONSE_MAX: usize = 4 + USER_MAX;
+/// Longest telegram of the program, bytes: baud rate, C, A, CI field, user data. [S0 "Overview of M-Bus telegrams"]
+pub const ORDER_MAX: usize = 4 + USER_MAX;
+
+/// Response byte: a valid answer.
+pub const ANSWERED: u8 = 0x00;
+/// Response byte, bit 0: no answer was received. [S0 "Response byte"]
+pub const NO_ANSWER: u8 = 0x01;
+/// Response byte, bit 1: short circuit at the bus; then no answer was received either. [S0 "Response byte"]
+pub const SHORT_CIRCUIT: u8 = 0x02 | NO_ANSWER;
+
+/// Address of all slaves, none of which answers. [S0 "A field"]
+const BROADCAST: u8 = 255;
+
+/// "It repeats the transfer of the same telegram for up to two times." [S0 "FCB bit"]
+const ATTEMPTS: u16 = 3;
+
+/// A line that never reports the end of its output is taken to have ended it this long after the time it needed.
+const OUTPUT_GRACE: Nanos = SECOND;
+
+/// How often the receive buffer is looked at while an order waits for room in it.
+const ROOM_POLL: Nanos = 20 * crate::machine::MS;
+
+/// The master.
+#[derive(Clone, Debug)]
+pub struct MBus {
+    config: Config,
+    state: State,
+    /// Duration of a bit at the baud rate of the running order.
+    bit: Nanos,
+    baud: u32,
+    /// The frame of the running order.
+    tx: [u8; FRAME_MAX],
+    tx_len: usize,
+    answered: bool,
+    /// The answer so far.
+    rx: [u8; FRAME_MAX],
+    rx_len: usize,
+}
+
+/// Where the exchange stands. `attempt` counts from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Idle,
+    /// The order waits for room in the receive buffer.
+    Held {
+        poll: Nanos,
+    },
+    /// The frame is leaving.
+    Output {
+        attempt: u16,
+        until: Nanos,
+    },
+    /// The answer is awaited, or coming in: a time-out at `until`.
+    Answer {
+        attempt: u16,
+        until: Nanos,
+    },
+    /// The answer was defective: the next attempt, or the end, when the bus has been silent until `until`.
+    Silence {
+        attempt: u16,
+        until: Nanos,
+    },
+}
+
+impl MBus {
+    /// A master at rest.
+    pub fn new(config: Config) -> Self {
+        Self {
+            config,
+            state: State::Idle,
+            bit: 0,
+            baud: 0,
+            tx: [0; FRAME_MAX],
+            tx_len: 0,
+            answered: true,
+            rx: [0; FRAME_MAX],
+            rx_len: 0,
+        }
+    }
+
+    fn order(&mut self, now: Nanos, telegram: &[u8], out: &mut dyn Sink) {
+        if self.state != State::Idle {
+            return out.sent(Err(SendError::Busy));
+        }
+        // [S0 "Overview of M-Bus telegrams"]: the length tells the frame; a lone baud rate is none.
+        let frame = match *telegram {
+            [] | [_] => return out.sent(Err(SendError::Frame)),
+            [_, SINGLE] => Frame::Single,
+            // The only single character there is.
+            [_, _] => return out.sent(Err(SendError::Frame)),
+            [_, c, a] => Frame::Short { c, a },
+            [_, c, a, ci, ref data @ ..] if data.len() <= USER_MAX => Frame::Long { c, a, ci, data },
+            _ => return out.sent(Err(SendError::TooLong)),
+        };
+        self.answered = match frame {
+            Frame::Single => false,
+            Frame::Short { a, .. } | Frame::Long { a, .. } => a != BROADCAST,
+        };
+        self.tx_len = frame.encode(&mut self.tx);
+        self.baud = baud_of(telegram[0]);
+        self.bit = SECOND / Nanos::from(self.baud);
+        self.hold(now, out);
+    }
+
+    /// Begins the exchange as soon as its response has room.
+    fn hold(&mut self, now: Nanos, out: &mut dyn Sink) {
+        if out.room() >= RESPONSE_MAX {
+            out.baud(self.baud);
+            self.output(now, 1, out);
+        } else {
+            self.state = State::Held { poll: now + ROOM_POLL };
+        }
+    }
+
+    fn output(&mut self, now: Nanos, attempt: u16, out: &mut dyn Sink) {
+        if attempt > 1 {
+            out.report(Event { phase: Phase::Output, what: What::Repetition(attempt - 1) });
+        }
+        out.transmit(&self.tx[..self.tx_len]);
+        let leaves = self.bit * Nanos::from(Config::CHARACTER_BITS) * self.tx_len as Nanos;
+        self.state = State::Output { attempt, until: now + leaves + OUTPUT_GRACE };
+    }
+
+    fn tx_done(&mut self, now: Nanos, out: &mut dyn Sink) {
+        let State::Output { attempt, .. } = self.state else { return };
+        if self.answered {
+            self.rx_len = 0;
+            self.state = State::Answer { attempt, until: now + self.config.answer(self.bit) };
+        } else {
+            self.end(&[NO_ANSWER], out);
+        }
+    }
+
+    fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+        match self.state {
+            State::Held { poll } if now >= poll || out.room() >= RESPONSE_MAX => self.hold(now, out),
+            State::Output { until, .. } if now >= until => self.tx_done(now, out),
+            State::Answer { attempt, until } if now >= until => {
+                let what = if self.rx_len == 0 { What::AckDelay } else { What::CharacterDelay };
+                self.missed(now, attempt, what, out);
+            }
+            State::Silence { attempt, until } if now >= until => {
+                if attempt < ATTEMPTS {
+                    self.output(now, attempt + 1, out);
+                } else {
+                    out.report(Event { phase: Phase::Acknowledge, what: What::Exhausted });
+                    self.end(&[NO_ANSWER], out);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// No answer, or a defective one. Before anything else is sent the bus is silent for 33 bit times. [S0 "FCB bit"]
+    fn missed(&mut self, now: Nanos, attempt: u16, what: What, out: &mut dyn Sink) {
+        out.report(Event { phase: Phase::Acknowledge, what });
+        // A repetition after a missing answer needs no further silence: there was nothing else.
+        let pause = if what == What::AckDelay && attempt < ATTEMPTS { 0 } else { self.config.pause(self.bit) };
+        self.state = State::Silence { attempt, until: now + pause };
+        self.tick(now, out);
+    }
+
+    fn receive(&mut self, now: Nanos, bytes: &[u8], out: &mut dyn Sink) {
+        match self.state {
+            State::Answer { attempt, .. } => self.collect(now, attempt, bytes, out),
+            // A defective answer goes on.
+            State::Silence { attempt, .. } => {
+                self.state = State::Silence { attempt, until: now + self.config.pause(self.bit) };
+            }
+            // What comes in while our frame leaves is a level converter's echo of it.
+            State::Output { .. } => {}
+            State::Idle | State::Held { .. } => {
+                if let Some(byte) = bytes.first() {
+                    out.report(Event { phase: Phase::Idle, what: What::Unexpected(*byte) });
+                }
+            }
+        }
+    }
+
+    fn collect(&mut self, now: Nanos, attempt: u16, bytes: &[u8], out: &mut dyn Sink) {
+        let room = FRAME_MAX - self.rx_len;
+        let taken = bytes.len().min(room);
+        self.rx[self.rx_len..self.rx_len + taken].copy_from_slice(&bytes[..taken]);
+        self.rx_len += taken;
+        loop {
+            let (frame, used) = match Frame::decode(&self.rx[..self.rx_len]) {
+                Progress::More => break,
+                Progress::Wrong(error) => return self.missed(now, attempt, defect(error), out),
+                Progress::Whole(frame, used) => (frame, used),
+            };
+            if frame.is_from_master() {
+                // Our own frame, from a converter that echoes late. The answer is still to come.
+                self.rx.copy_within(used..self.rx_len, 0);
+                self.rx_len -= used;
+                continue;
+            }
+            if used < self.rx_len || taken < bytes.len() {
+                // More than a frame: several slaves have answered.
+                return self.missed(now, attempt, What::Unexpected(self.rx[used.min(FRAME_MAX - 1)]), out);
+            }
+            let mut response = [ANSWERED; RESPONSE_MAX];
+            let length = fields(frame, &mut response[1..]);
+            return self.end(&response[..=length], out);
+        }
+        if self.rx_len > 0 {
+            self.state = State::Answer { attempt, until: now + self.config.gap(self.bit) };
+        }
+    }
+
+    fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut dyn Sink) {
+        if fault != LineFault::Back {
+            out.report(Event { phase: self.phase(), what: What::Line(fault) });
+        }
+        match (fault, self.state) {
+            (LineFault::Break, State::Output { .. } | State::Answer { .. } | State::Silence { .. }) => {
+                out.take_back();
+                self.end(&[SHORT_CIRCUIT], out);
+            }
+            (LineFault::Parity | LineFault::Framing | LineFault::Overrun, State::Answer { attempt, .. }) => {
+                self.state = State::Silence { attempt, until: now + self.config.pause(self.bit) };
+            }
+            (LineFault::Parity | LineFault::Framing | LineFault::Overrun, State::Silence { .. }) => {
+                self.receive(now, &[], out);
+            }
+            _ => {}
+        }
+    }
+
+    fn phase(&self) -> Phase {
+        match self.state {
+            State::Idle | State::Held { .. } => Phase::Idle,
+            State::Output { .. } => Phase::Output,
+            State::Answer { .. } | State::Silence { .. } => Phase::Acknowledge,
+        }
+    }
+
+    /// The exchange is over: the response, then the end of the order.
+    fn end(&mut self, response: &[u8], out: &mut dyn Sink) {
+        if out.room() >= response.len() {
+            out.deliver(response);
+        } else {
+            // There was room when the exchange began: who gives it away meanwhile loses the response.
+            out.report(Event { phase: self.phase(), what: What::NoBuffer });
+        }
+        self.state = State::Idle;
+        out.sent(Ok(()));
+    }
+
+    fn deadline(&self) -> Option<Nanos> {
+        match self.state {
+            State::Idle => None,
+            State::Held { poll } => Some(poll),
+            State::Output { until, .. } | State::Answer { until, .. } | State::Silence { until, .. } => Some(until),
+        }
+    }
+}
+
+impl Machine for MBus {
+    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+        match input {
+            Input::Tick => self.tick(now, out),
+            Input::Rx(bytes) => self.receive(now, bytes, out),
+            Input::TxDone => self.tx_done(now, out),
+            Input::LineFault(fault) => self.fault(now, fault, out),
+            Input::Modem(_) => {}
+            Input::Order(Order::Send(telegram)) => self.order(now, telegram, out),
+            Input::Order(Order::Abort) => {
+                if self.busy() {
+                    out.take_back();
+                    self.state = State::Idle;
+                    out.sent(Err(SendError::Aborted));
+                }
+            }
+        }
+        self.deadline()
+    }
+
+    fn busy(&self) -> bool {
+        self.state != State::Idle
+    }
+}
+
+/// What the trace and the counters call a defect.
+fn defect(error: FrameError) -> What {
+    match error {
+        FrameError::Check { computed, received } => What::BadCheck { computed, received },
+        FrameError::Start(byte) | FrameError::SecondStart(byte) | FrameError::Stop(byte) => What::Unexpected(byte),
+        FrameError::Length(_, second) => What::Unexpected(second),
+    }
+}
+
+/// What the program sees of a frame; the result is how many bytes. `into` has room for the longest.
+fn fields(frame: Frame<'_>, into: &mut [u8]) -> usize {
+    match frame {
+        Frame::Single => {
+            into[0] = SINGLE;
+            1
+        }
+        Frame::Short { c, a } => {
+            into[..2].copy_from_slice(&[c, a]);
+            2
+        }
+        Frame::Long { c, a, ci, data } => {
+            into[..3].copy_from_slice(&[c, a, ci]);
+            into[3..3 + data.len()].copy_from_slice(data);
+            3 + data.len()
+        }
+    }
+}
