@@ -256,6 +256,65 @@ fn a_line_that_cannot_be_opened_is_a_state_and_heals() {
     station.until("back", |s| (s.cpu.monitor().driver_state() == Ok(DriverState::Ready)).then_some(()));
 }
 
+/// A device that is there under `path` until its master is dropped.
+fn plug_in(path: &Path) -> (serialport::TTYPort, serialport::TTYPort) {
+    let _ = std::fs::remove_file(path);
+    let (mut master, slave) = serialport::TTYPort::pair().unwrap();
+    serialport::SerialPort::set_timeout(&mut master, Duration::from_secs(20)).unwrap();
+    std::os::unix::fs::symlink(serialport::SerialPort::name(&slave).unwrap(), path).unwrap();
+    (master, slave)
+}
+
+#[test]
+fn a_device_that_disappears_is_an_error_that_heals_when_it_returns() {
+    let _one = lock();
+    let dir = tempfile::tempdir().unwrap();
+    let device = dir.path().join("ttyUSB0");
+    let mut station = Station::with(&ASCII, "serial", device.clone(), dir);
+    // After the driver has started: it must not inherit the other end.
+    let mut plugged = plug_in(&device);
+    station.synchronise();
+    station.until("ready", |s| (s.cpu.monitor().driver_state() == Ok(DriverState::Ready)).then_some(()));
+    for round in 1..=3 {
+        plugged.0.write_all(b"pong").unwrap();
+        assert_eq!(station.receive(), b"pong", "round {round}");
+        station.until("no ER", |s| (!s.cpu.monitor().leds().error).then_some(()));
+        // The adapter is pulled out: the kernel takes the device away, and what is open reads an error.
+        std::fs::remove_file(&device).unwrap();
+        drop(plugged);
+        station.until("line error", |s| {
+            matches!(s.cpu.monitor().driver_state(), Ok(DriverState::LineError(_))).then_some(())
+        });
+        station.until("ER", |s| s.cpu.monitor().leds().error.then_some(()));
+        let text = station.cpu.read_diagnosis().unwrap();
+        assert!(!text.data().is_empty(), "why, for whoever asks");
+        // A telegram for a line that is not there ends with an error, it is not swallowed.
+        if round == 3 {
+            station.put(0, 4, b"lost");
+            station.until("echo", |s| (s.words().1 == 4).then_some(()));
+            station.put(0, 0, &[]);
+            station.until("0Ch", |s| (s.words().1 & 0xFF == 0x0C).then_some(()));
+            assert_eq!(station.cpu.monitor().counters().get(Counter::SendErrors), 1);
+        }
+        plugged = plug_in(&device);
+        station.until("back", |s| (s.cpu.monitor().driver_state() == Ok(DriverState::Ready)).then_some(()));
+        let counters = station.cpu.monitor().counters();
+        // It may have been missing at the start, too.
+        let (faults, restarts) = (counters.get(Counter::LineFaults), counters.get(Counter::LineRestarts));
+        assert!(faults == restarts && (round..=round + 1).contains(&faults), "one each: {faults}, {restarts}");
+    }
+    plugged.0.write_all(b"pong").unwrap();
+    assert_eq!(station.receive(), b"pong");
+    let mut codes = Vec::new();
+    while let Some(event) = station.cpu.poll_event().unwrap() {
+        codes.push(event.code);
+    }
+    // Entries of the diagnostic buffer: gone (4) and up (5), in turns.
+    codes.retain(|code| [4, 5].contains(code));
+    codes.drain(..codes.len().saturating_sub(6));
+    assert_eq!(codes, [4, 5, 4, 5, 4, 5]);
+}
+
 #[test]
 fn what_is_no_segment_is_refused() {
     let _one = lock();

@@ -5,6 +5,7 @@
 
 pub mod backplane;
 pub mod driver;
+pub mod line;
 pub mod memory;
 pub mod peer;
 pub mod scan;
@@ -23,7 +24,7 @@ pub struct Figure {
     pub unit: &'static str,
     /// The floor: its name and value.
     pub floor: Option<(&'static str, f64)>,
-    /// The aim, as text, and whether it was met.
+    /// The aim, as text, and whether it was met; no text: there is none.
     pub aim: (&'static str, bool),
 }
 
@@ -35,14 +36,11 @@ impl Figure {
             Some((name, floor)) => format!("{floor:>10.1} {:<4} {name:<42} x {:>5.2}", self.unit, self.value / floor),
             None => format!("{:>10} {:<4} {:<42}   {:>5}", "", "", "", ""),
         };
-        format!(
-            "{:<44} {:>10.1} {:<4} {floor}  aim {:<10} {}",
-            self.what,
-            self.value,
-            self.unit,
-            self.aim.0,
-            if self.aim.1 { "met" } else { "MISSED" }
-        )
+        let aim = match self.aim {
+            ("", _) => String::new(),
+            (aim, met) => format!("aim {aim:<10} {}", if met { "met" } else { "MISSED" }),
+        };
+        format!("{:<44} {:>10.1} {:<4} {floor}  {aim}", self.what, self.value, self.unit).trim_end().to_owned()
     }
 }
 

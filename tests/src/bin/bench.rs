@@ -4,10 +4,10 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use ob1_tests::bench::peer::{Failure, answer_pipe};
-use ob1_tests::bench::{backplane, driver, memory, scan, stl};
+use ob1_tests::bench::{backplane, driver, line, memory, scan, stl};
 
 const HELP: &str = "usage: cargo xtask bench [NAME...]
-  names: scan, pair, backplane, driver, memory (default: all of these)
+  names: scan, pair, backplane, driver, memory, line (default: all of these)
          stl: the engine beside awlsim (installed into .venv), alone; about a minute
 
 Exit status: 0 every aim met, 1 an aim missed, 2 it could not be measured.";
@@ -30,7 +30,7 @@ fn main() -> ExitCode {
     }
 }
 
-const NAMES: [&str; 5] = ["scan", "pair", "backplane", "driver", "memory"];
+const NAMES: [&str; 6] = ["scan", "pair", "backplane", "driver", "memory", "line"];
 
 fn answer(role: &str, path: &Path) -> Result<(), Failure> {
     match role {
@@ -51,6 +51,7 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
             "pair" => vec![scan::idle_pair()?],
             "backplane" => vec![backplane::measure()?],
             "driver" => vec![driver::measure()?],
+            "line" => line::measure()?,
             _ => memory::measure()?.into(),
         };
         for figure in figures {
