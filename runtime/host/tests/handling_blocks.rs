@@ -96,6 +96,13 @@ fn the_tables_are_the_manuals() {
     assert_eq!(names(0), "ADR _DB ABD ANZ FRG GESE ANZ_INT ENDE_KOMM LETZTER_BLOCK SENDEN_LAEUFT FEHLER_KOM PAFE");
     assert_eq!(names(1), "ADR _DB ABD ANZ EMFR GEEM ANZ_INT EMPF_LAEUFT LETZTER_BLOCK FEHLER_EMPF PAFE");
     assert_eq!(names(9), "ADR TIMER_NR ANL NULL RESET STEUERB_S STEUERB_R");
+    let rk512 = "ADR QDB QBDW LANG ZDB ZBDW KOOR ANZW PAFE ANZ GESE";
+    assert_eq!(names(2), format!("{rk512} KOPF_GESE WART_DATEN EMPF_LAEUFT LETZTER_BLOCK FEHL_KOM"));
+    let bits = "KOPF_GESENET ERSTER_BLOCK SENDEN_LAEUFT SENDEN_FERTIG LETZTER_BLOCK FEHLER";
+    assert_eq!(names(3), format!("{rk512} {bits}"));
+    let bits = "KOPF_AUSGEW LETZTER_BLOCK SENDE_LAEUFT EMPF_LAEUFT ENDE_KOM SEND_ALL RECEIV_ALL FEHLER";
+    assert_eq!(names(4), format!("ADR ANZW PAFE GESE ANZ DB_KOPF ABF_KOPF {bits}"));
+    assert_eq!(find(&blocks, BlockKind::Fc, 4).name(), "S/R_ALL_RK512");
     assert_eq!(find(&blocks, BlockKind::Fc, 9).name(), "SYNCHRON_RESET");
 
     let receive = find(&blocks, BlockKind::Fc, 1).interface();
@@ -108,6 +115,12 @@ fn the_tables_are_the_manuals() {
         (1, "fehl_empf", 9),
         (1, "EMP_LAEUFT", 7),
         (0, "adb", 2),
+        (2, "kopf_gesenet", 11),
+        (2, "FEHLER_KOM", 15),
+        (3, "KOPF_GESE", 11),
+        (4, "SENDEN_LAEUFT", 9),
+        (4, "receive_all", 13),
+        (4, "ENDE_KOMM", 11),
     ] {
         let found = find(&blocks, BlockKind::Fc, number).interface().formal(spelling);
         assert_eq!(found.map(|(i, _)| i), Some(index), "{spelling} of FC {number}");

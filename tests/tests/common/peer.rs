@@ -51,10 +51,15 @@ pub(crate) struct Partner {
 
 impl Partner {
     pub(crate) fn start(site: &Site, tty: &Path, priority: &str) -> Self {
+        Self::start_script(site, tty, priority, "tests/peers/s3964r.py")
+    }
+
+    /// Another script that takes the same options.
+    pub(crate) fn start_script(site: &Site, tty: &Path, priority: &str, script: &str) -> Self {
         let out = site.path("peer.out");
         let mut child = site
             .command(python())
-            .arg(checkout("tests/peers/s3964r.py"))
+            .arg(checkout(script))
             .arg(tty)
             // Patient, as the stations of these tests are.
             .args(["--priority", priority, "--qvz-ms", "2000", "--zvz-ms", "1000"])

@@ -147,7 +147,12 @@ impl Drop for Site {
 
 /// A station file of the demo with [`PATIENT`] times, [`WATCHDOG`], and an edit.
 pub(crate) fn demo_station(name: &str, edit: impl FnOnce(String) -> String) -> String {
-    let text = fs::read_to_string(checkout("examples/two-stations").join(name)).expect("a file of the demo");
+    example_station("examples/two-stations", name, edit)
+}
+
+/// The same of another example.
+pub(crate) fn example_station(folder: &str, name: &str, edit: impl FnOnce(String) -> String) -> String {
+    let text = fs::read_to_string(checkout(folder).join(name)).expect("a file of the example");
     let text = replaced(&text, "watchdog = \"150ms\"", WATCHDOG);
     edit(replaced(&text, "priority = ", &format!("{PATIENT}priority = ")))
 }
