@@ -151,6 +151,47 @@ fn the_start_ob_runs_once() {
     assert_eq!(bench.memory(5, &["--limit", "3ms", "--start", "cold"]), (Some(3), vec![0, 1, 0, 0, 3]));
 }
 
+#[test]
+fn a_hot_start_runs_ob_101_alone() {
+    let source = [ob(100, "L 1; T MB 0;"), ob(102, "L 1; T MB 1;"), ob(101, "L 1; T MB 2;"), ob(1, COUNT_MB4)].concat();
+    let bench = Bench::new(&source);
+    assert_eq!(bench.memory(5, &["--limit", "3ms", "--start", "hot"]), (Some(3), vec![0, 0, 1, 0, 3]));
+    // Without the OB the cycle begins at once, as with the others.
+    bench.write("p.awl", &ob(1, COUNT_MB4));
+    assert_eq!(bench.memory(5, &["--limit", "3ms", "--start", "hot"]), (Some(3), vec![0, 0, 0, 0, 3]));
+}
+
+#[test]
+fn start_information_is_there_or_not() {
+    // Event class and number, priority, OB number of OB 1 in its second cycle.
+    let bench = Bench::new(&ob(1, "L LD 0; T MD 0; L MB 4; +1; T MB 4; L 2; <I; SPB end; CALL SFC 46; end: NOP 0;"));
+    assert_eq!(bench.memory(4, &[]), (Some(0), vec![0x11, 3, 1, 1]));
+    assert_eq!(bench.memory(4, &["--ob-start-info", "on"]), (Some(0), vec![0x11, 3, 1, 1]));
+    assert_eq!(bench.memory(4, &["--ob-start-info", "off"]), (Some(0), vec![0; 4]));
+}
+
+/// What the figures are called is part of the contract.
+#[test]
+fn the_figures_have_these_names() {
+    let bench = Bench::new(&ob(1, COUNT));
+    let stats = bench.stats(&["--limit", "10ms"]);
+    let keys: Vec<&str> = stats.as_object().expect("an object").keys().map(String::as_str).collect();
+    let names = [
+        "cpu_seconds",
+        "ended",
+        "engine",
+        "exit",
+        "plc_seconds",
+        "scans",
+        "schema",
+        "statements",
+        "statements_per_second",
+        "wall_seconds",
+    ];
+    assert_eq!(keys, names);
+    assert_eq!((stats["scans"].as_u64(), stats["statements"].as_u64()), (Some(10), Some(50)));
+}
+
 const COUNT_MB4: &str = "L MB 4; L 1; +I; T MB 4;";
 
 #[test]

@@ -4,6 +4,7 @@
 //! median of the rounds is printed with the ratio of the medians.
 
 pub mod backplane;
+pub mod compile;
 pub mod driver;
 pub mod line;
 pub mod memory;

@@ -4,10 +4,10 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use ob1_tests::bench::peer::{Failure, answer_pipe};
-use ob1_tests::bench::{backplane, driver, line, memory, scan, stl};
+use ob1_tests::bench::{backplane, compile, driver, line, memory, scan, stl};
 
 const HELP: &str = "usage: cargo xtask bench [NAME...]
-  names: scan, pair, backplane, driver, memory, line (default: all of these)
+  names: scan, pair, backplane, driver, memory, line, compile (default: all of these)
          stl: the engine beside awlsim (installed into .venv), alone; about a minute
 
 Exit status: 0 every aim met, 1 an aim missed, 2 it could not be measured.";
@@ -30,7 +30,7 @@ fn main() -> ExitCode {
     }
 }
 
-const NAMES: [&str; 6] = ["scan", "pair", "backplane", "driver", "memory", "line"];
+const NAMES: [&str; 7] = ["scan", "pair", "backplane", "driver", "memory", "line", "compile"];
 
 fn answer(role: &str, path: &Path) -> Result<(), Failure> {
     match role {
@@ -52,6 +52,7 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
             "backplane" => vec![backplane::measure()?],
             "driver" => vec![driver::measure()?],
             "line" => line::measure()?,
+            "compile" => compile::measure()?.into(),
             _ => memory::measure()?.into(),
         };
         for figure in figures {

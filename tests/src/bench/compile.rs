@@ -1,0 +1,124 @@
+//! How long the front end takes for a large program: mixed statements, symbols, calls, structures; and that it takes time in
+//! proportion to the length.
+
+use std::fmt::Write as _;
+use std::time::Instant;
+
+use ob1_ir::Symbol;
+use ob1_model::DataType;
+use ob1_stl::{Library, Options, Source};
+
+use super::peer::Failure;
+use super::{Figure, median};
+
+/// Statements of the programs measured; the figure is that of the second.
+const SIZES: [usize; 3] = [50_000, 100_000, 200_000];
+const ROUNDS: usize = 5;
+/// Seconds for 100,000 statements.
+const AIM_S: f64 = 2.0;
+/// Twice the statements may take this many times as long; caches and allocation make it a little more than 2.
+const LINEAR: f64 = 2.6;
+/// Statements of one generated function.
+const BODY: usize = 50;
+
+/// Compiles the programs; milliseconds of each.
+///
+/// # Errors
+/// The generated program is refused.
+pub fn measure() -> Result<[Figure; 2], Failure> {
+    let mut times = [0.0; SIZES.len()];
+    for (time, statements) in times.iter_mut().zip(SIZES) {
+        *time = compile(statements)?;
+        println!(
+            "compile: {statements:>7} statements {:>8.1} ms, {:.0} a second",
+            *time,
+            statements as f64 / *time * 1e3
+        );
+    }
+    let growth = (times[1] / times[0]).max(times[2] / times[1]);
+    Ok([
+        Figure {
+            what: "compile 100,000 statements",
+            value: times[1],
+            unit: "ms",
+            floor: None,
+            aim: ("< 2000 ms", times[1] < AIM_S * 1e3),
+        },
+        Figure {
+            what: "twice the statements: times as long",
+            value: growth,
+            unit: "x",
+            floor: None,
+            aim: ("< 2.6", growth < LINEAR),
+        },
+    ])
+}
+
+/// The median of a few rounds, in milliseconds.
+fn compile(statements: usize) -> Result<f64, Failure> {
+    let (text, symbols) = program(statements);
+    let options = Options { symbols, ..Options::default() };
+    let mut times = Vec::with_capacity(ROUNDS);
+    for _ in 0..ROUNDS {
+        let source = Source::new("generated.awl", text.clone().into_bytes());
+        let began = Instant::now();
+        let output = ob1_stl::compile(&[source], &Library::new(), &options);
+        times.push(began.elapsed().as_secs_f64() * 1e3);
+        if !output.is_good() {
+            let first =
+                output.diagnostics.first().map(|d| format!("line {}: {}", d.line, d.message)).unwrap_or_default();
+            return Err(format!("the generated program is refused: {first}").into());
+        }
+        let compiled: usize = output.program.blocks.iter().map(|block| block.code.len()).sum();
+        if compiled < statements {
+            return Err(format!("{compiled} operations for {statements} statements").into());
+        }
+    }
+    Ok(median(&mut times))
+}
+
+/// A program of functions of [`BODY`] statements, called from OB 1, with a data block and a symbol for every four of them.
+fn program(statements: usize) -> (String, Vec<Symbol>) {
+    let functions = statements / BODY;
+    let mut text = String::with_capacity(statements * 24);
+    let mut symbols = Vec::new();
+    for n in 0..functions {
+        let number = n + 1;
+        let byte = n % 200;
+        if n % 4 == 0 {
+            symbols.push(Symbol {
+                name: format!("Motor_{number}"),
+                address: format!("M {byte}.4"),
+                ty: Some(DataType::Bool),
+            });
+            let _ = write!(
+                text,
+                "DATA_BLOCK DB {number}\nSTRUCT\n speed : REAL := 1.5;\n set : STRUCT\n  low, high : INT := 7;\n END_STRUCT;\n \
+                 list : ARRAY [1..8] OF INT := 8(3);\nEND_STRUCT;\nBEGIN\n set.high := 9;\nEND_DATA_BLOCK\n"
+            );
+        }
+        let of_four = n - n % 4 + 1;
+        let _ = write!(
+            text,
+            "FUNCTION FC {number} : VOID\nVAR_INPUT\n on : BOOL;\n amount : INT;\nEND_VAR\nVAR_OUTPUT\n done : BOOL;\nEND_VAR\nVAR_TEMP\n \
+             t : INT;\nEND_VAR\nBEGIN\n"
+        );
+        for part in 0..2 {
+            let _ = write!(
+                text,
+                "NETWORK\nTITLE = part {part} of function {number}\n      U     #on;   // a comment that is read over\n      UN    \"Motor_{of_four}\";\n\
+                 \x20     U(    ;\n      O     E {byte}.0;\n      O     M {byte}.1;\n      )     ;\n      FP    M {byte}.2;\n      =     #done;\n      \
+                 SPBN  a{part}00;\n      L     #amount;\n      L     DB{of_four}.set.high;\n      +I    ;\n      T     #t;\n      L     #t;\n      L     W#16#FF;\n      \
+                 UW    ;\n      T     MW {byte};\na{part}00: NOP   0;\n      L     DB{of_four}.list[3];\n      L     L#5;\n      >D    ;\n      =     A {byte}.3;\n      U     T 5;\n      \
+                 L     S5T#2S;\n      SE    T 6;\n"
+            );
+        }
+        text.push_str("END_FUNCTION\n");
+    }
+    text.push_str("ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n");
+    for number in 1..=functions {
+        let _ = writeln!(text, "      CALL  FC {number} (on := M 0.0, amount := MW 2, done := M 1.0);");
+    }
+    text.push_str("END_ORGANIZATION_BLOCK\n");
+    (text, symbols)
+}
