@@ -6,6 +6,7 @@
 
 pub mod exec;
 pub mod ir;
+pub mod serial;
 pub mod station;
 pub mod stl;
 pub mod symbols;
@@ -14,5 +15,11 @@ pub mod symbols;
 pub type Target = fn(&[u8]);
 
 /// All targets by name: the name of the module, of the file in `fuzz/fuzz_targets`, and of the folder in `fuzz/corpus`.
-pub const TARGETS: &[(&str, Target)] =
-    &[("exec", exec::run), ("ir", ir::run), ("station", station::run), ("stl", stl::run), ("symbols", symbols::run)];
+pub const TARGETS: &[(&str, Target)] = &[
+    ("exec", exec::run),
+    ("ir", ir::run),
+    ("serial", serial::run),
+    ("station", station::run),
+    ("stl", stl::run),
+    ("symbols", symbols::run),
+];

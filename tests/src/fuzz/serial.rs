@@ -1,0 +1,97 @@
+//! ASCII and STX/ETX on any characters: no panic, nothing longer than the room, and what is received does not depend on how the
+//! characters are handed over.
+
+use ob1_protocols::stx_etx::{Config, Flags, StxEtx};
+use ob1_protocols::{Ascii, Event, Input, LineFault, MS, Machine, Nanos, Order, SendError, Sink, ascii};
+
+#[derive(Default)]
+struct Partner {
+    telegrams: Vec<Vec<u8>>,
+    room: usize,
+    ended: usize,
+}
+
+impl Sink for Partner {
+    fn transmit(&mut self, bytes: &[u8]) {
+        assert!(!bytes.is_empty());
+    }
+
+    fn room(&self) -> usize {
+        self.room
+    }
+
+    fn deliver(&mut self, telegram: &[u8]) {
+        assert!(!telegram.is_empty() && telegram.len() <= self.room);
+        self.telegrams.push(telegram.to_vec());
+    }
+
+    fn sent(&mut self, _outcome: Result<(), SendError>) {
+        self.ended += 1;
+    }
+
+    fn report(&mut self, _event: Event) {}
+}
+
+/// Hands the characters over in pieces; FEh is a silence, FFh a character that cannot be read.
+fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize, room: usize) -> Vec<Vec<u8>> {
+    let mut partner = Partner { room, ..Partner::default() };
+    let mut now: Nanos = 0;
+    machine.step(now, Input::Tick, &mut partner);
+    let mut due = machine.step(now, Input::Order(Order::Send(b"beside it")), &mut partner);
+    for part in data.chunk_by(|a, b| *a < 0xFE && *b < 0xFE) {
+        match part {
+            [0xFF] => due = machine.step(now, Input::LineFault(LineFault::Parity), &mut partner),
+            [0xFE] => {
+                now += 300 * MS;
+                while let Some(at) = due.filter(|at| *at <= now) {
+                    due = machine.step(at, Input::Tick, &mut partner);
+                    assert!(due != Some(at), "the machine does not get past {at}");
+                }
+            }
+            characters => {
+                for some in characters.chunks(piece) {
+                    due = machine.step(now, Input::Rx(some), &mut partner);
+                }
+            }
+        }
+    }
+    machine.step(now, Input::Order(Order::Abort), &mut partner);
+    assert_eq!((partner.ended, machine.busy()), (1, false));
+    partner.telegrams
+}
+
+/// The first bytes are the configuration.
+pub fn run(data: &[u8]) {
+    let [setup, start_1, start_2, end_1, end_2, data @ ..] = data else { return };
+    let flow = [ascii::Flow::None, ascii::Flow::Hardware, ascii::Flow::XonXoff][usize::from(setup & 3) % 3];
+    let room = if setup & 4 == 0 { 1024 } else { 20 };
+    let config = Config {
+        start: Flags::new([*start_1, *start_2], (setup >> 3) & 3),
+        end: Flags::new([*end_1, *end_2], (setup >> 5) & 3),
+        flow,
+        ..Config::cp240(MS)
+    };
+    let whole = receive(&mut StxEtx::<1024>::new(config.clone()), data, usize::MAX, room);
+    assert_eq!(whole, receive(&mut StxEtx::<1024>::new(config), data, 1, room));
+    let config = ascii::Config { fragmented: setup & 0x80 != 0, flow, ..ascii::Config::cp240(MS) };
+    let whole = receive(&mut Ascii::<1024>::new(config.clone()), data, usize::MAX, room);
+    assert_eq!(whole, receive(&mut Ascii::<1024>::new(config), data, 1, room));
+}
+
+#[cfg(test)]
+mod tests {
+    use ob1_line::sim::SplitMix64;
+
+    /// Characters that mean something come often.
+    #[test]
+    fn characters_at_random() {
+        let mut rng = SplitMix64::new(7);
+        for _ in 0..20_000 {
+            let flags = [0x02, 0x03, 0x10, 0x11, 0x13, 0x41, 0xFE, 0xFF];
+            let mut data: Vec<u8> = (0..5).map(|_| flags[rng.below(6) as usize]).collect();
+            data[0] = rng.next_u64() as u8;
+            data.extend((0..rng.below(60)).map(|_| flags[rng.below(8) as usize]));
+            super::run(&data);
+        }
+    }
+}
