@@ -3,6 +3,7 @@
 
     modbus.py master LIBRARY TTY --mode rtu --inputs HEX     asks a slave of 16 bytes each way for everything there is
     modbus.py slave LIBRARY TTY --mode rtu                   answers until standard input ends
+    modbus.py bench LIBRARY TTY --count 1000                 how long so many transactions take
 
 LIBRARY is pymodbus (master and slave, RTU and ASCII), minimalmodbus (master, RTU and ASCII) or libmodbus (slave, RTU).
 
@@ -92,9 +93,9 @@ class PymodbusMaster:
 
     def broadcast_word(self, at, value):
         self.client.write_register(at, value, device_id=0, no_response_expected=True)
-        # The turnaround delay after a broadcast, which the library leaves to its user; without it the next telegram would follow
-        # without the silence in between.
-        time.sleep(0.2)
+        # The turnaround delay after a broadcast, which the library leaves to its user: without it the next telegram would follow
+        # without the silence in between. Nobody answers.
+        select.select([self.client.socket.fileno()], [], [], 0.2)
 
     def to(self, address):
         self.address = address
@@ -306,6 +307,33 @@ def libmodbus_slave(args):
     )
 
 
+# ---- how fast a library is as a master ----
+
+
+def bench(args):
+    """Reads one register so many times; the pty's other end answers 1234h."""
+    if args.library == "pymodbus":
+        master = PymodbusMaster(args)
+        once = lambda: master.read_words(3, 0, 1)  # noqa: E731
+        answered = lambda result: result == [0x1234]  # noqa: E731
+    else:
+        library = libmodbus()
+        context = library.modbus_new_rtu(args.tty.encode(), args.baud, b"N", 8, 1)
+        if not context or library.modbus_set_slave(context, args.address) or library.modbus_connect(context):
+            sys.exit("libmodbus cannot open " + args.tty)
+        library.modbus_read_registers.argtypes = [
+            ctypes.c_void_p, ctypes.c_int, ctypes.c_int, ctypes.POINTER(ctypes.c_uint16)
+        ]
+        word = (ctypes.c_uint16 * 1)()
+        once = lambda: library.modbus_read_registers(context, 0, 1, word)  # noqa: E731
+        answered = lambda result: result == 1 and word[0] == 0x1234  # noqa: E731
+    assert answered(once())
+    begin = time.perf_counter()
+    for _ in range(args.count):
+        assert answered(once())
+    report(seconds=time.perf_counter() - begin)
+
+
 # ---- the script itself ----
 
 
@@ -320,7 +348,8 @@ def selftest():
             if "==" in line and not line.startswith("#"):
                 name, number = line.strip().split("==")
                 pinned[name] = number
-    for name, number in pinned.items():
+    for name in ("pymodbus", "minimalmodbus", "pyserial"):
+        number = pinned[name]
         assert version(name) == number, "%s is %s, not %s" % (name, version(name), number)
     libmodbus()
     ours, theirs = os.openpty()
@@ -349,18 +378,21 @@ def main():
     if sys.argv[1:] == ["--selftest"]:
         return selftest()
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("role", choices=["master", "slave"])
+    parser.add_argument("role", choices=["master", "slave", "bench"])
     parser.add_argument("library", choices=["pymodbus", "minimalmodbus", "libmodbus"])
     parser.add_argument("tty")
     parser.add_argument("--mode", choices=["rtu", "ascii"], default="rtu")
     parser.add_argument("--address", type=int, default=5)
     parser.add_argument("--baud", type=int, default=19200)
+    parser.add_argument("--count", type=int, default=1000, help="transactions of a measurement")
     parser.add_argument("--timeout", type=float, default=5)
     parser.add_argument("--inputs", default="00" * 16, help="the slave's input area, 16 bytes")
     args = parser.parse_args()
     if args.role == "slave":
         {"pymodbus": pymodbus_slave, "libmodbus": libmodbus_slave}[args.library](args)
         return
+    if args.role == "bench":
+        return bench(args)
     master = {"pymodbus": PymodbusMaster, "minimalmodbus": MinimalmodbusMaster}[args.library](args)
     report(done=play_master(master, args))
 

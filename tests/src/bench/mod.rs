@@ -8,6 +8,7 @@ pub mod compile;
 pub mod driver;
 pub mod line;
 pub mod memory;
+pub mod modbus;
 pub mod peer;
 pub mod scan;
 pub mod stl;
