@@ -6,6 +6,7 @@
 
 pub mod exec;
 pub mod ir;
+pub mod rk512;
 pub mod serial;
 pub mod station;
 pub mod stl;
@@ -18,6 +19,7 @@ pub type Target = fn(&[u8]);
 pub const TARGETS: &[(&str, Target)] = &[
     ("exec", exec::run),
     ("ir", ir::run),
+    ("rk512", rk512::run),
     ("serial", serial::run),
     ("station", station::run),
     ("stl", stl::run),
