@@ -11,6 +11,7 @@ use crate::exit::Exit;
 use crate::finding::{Finding, Level};
 use crate::io::{ProcessIo, Stimulus};
 use crate::library::Chosen;
+use crate::posture;
 use crate::program::{self, Loaded};
 use crate::station::{self, Mnemonics, ModuleConfig, ModuleKind, Plugin, Station};
 
@@ -44,6 +45,22 @@ pub struct Options {
 struct Checked {
     findings: Vec<Finding>,
     text: String,
+}
+
+/// Asks the system for the posture of a station's scan and prints what became of it.
+#[must_use]
+pub fn posture(files: &[PathBuf], json: bool) -> Exit {
+    let [file] = files else {
+        eprintln!("ob1: --posture is asked for one station file");
+        return Exit::Usage;
+    };
+    match station::load(file) {
+        Ok(station) => posture::check(&station, json),
+        Err(findings) => {
+            findings.iter().for_each(|finding| eprintln!("{finding}"));
+            Exit::Usage
+        }
+    }
 }
 
 /// Checks and prints.
@@ -150,6 +167,9 @@ fn check_station(path: &Path, options: &Options) -> Checked {
         }
         Err(findings) => return Checked { findings, ..Checked::default() },
     };
+    if let Some(starves) = posture::starves(&station, &ob1_rt::isolated_cores(), &path.display().to_string()) {
+        return Checked { findings: vec![starves], ..Checked::default() };
+    }
     let mut text = if options.verbose { describe(&station) } else { String::new() };
     let findings = match check_program(&station) {
         Ok(loaded) => {

@@ -107,6 +107,7 @@ struct RunArgs {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 check station.toml\n  ob1 check station.toml --verbose      both forms of the CPs' parameters\n  \
+    ob1 check station.toml --posture      what the system grants the scan (as root it may grant more)\n  \
     ob1 check main.awl lib.awl --plugin ob1_cp240 --json\n  ob1 check --plugin ./libmine.so         what a plugin brings\n\n\
     Exit codes: 0 no error, 1 an error was found."
 )]
@@ -138,6 +139,10 @@ struct CheckArgs {
     /// Findings as a JSON array
     #[arg(long)]
     json: bool,
+    /// Ask the system for what the station file wants for its scan, and say what was granted, what was refused, and the command that
+    /// would grant it
+    #[arg(long, conflicts_with_all = ["plugin", "listing", "lints"])]
+    posture: bool,
     /// Also print modules, and the parameters of CPs as keys and as bytes
     #[arg(long, short)]
     verbose: bool,
@@ -295,6 +300,7 @@ impl Command {
                 quiet: args.quiet,
                 fence: args.fence_scan,
             }),
+            Command::Check(args) if args.posture => check::posture(&args.files, args.json),
             Command::Check(args) => check::check(&check::Options {
                 files: args.files,
                 plugins: args.plugin,

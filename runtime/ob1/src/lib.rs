@@ -12,6 +12,7 @@ pub mod io;
 pub mod janitor;
 pub mod library;
 mod offer;
+pub mod posture;
 pub mod program;
 pub mod remote;
 pub mod retentive;

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use ob1_backplane::{Counter, DriverState, Monitor};
 use ob1_cpu::{Distribution, Family, OperatingState};
 use ob1_host::driver;
-use ob1_rt::{Grant, MonotonicClock, Outcome};
+use ob1_rt::{Grant, MonotonicClock};
 
 use crate::access::item::Names;
 use crate::access::protocol::{DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times};
@@ -121,7 +121,7 @@ impl StationView {
             wake: times(&figures.wake.distribution()),
             execution: times(&statistics.execution),
             modules: self.modules.iter().enumerate().map(module).collect(),
-            posture: self.posture.get().into_iter().flatten().map(grant).collect(),
+            posture: self.posture.get().into_iter().flatten().map(GrantStatus::from).collect(),
             memory: MemoryStatus {
                 resident_kib: memory.resident_kib,
                 peak_kib: memory.peak_kib,
@@ -151,19 +151,5 @@ fn times(d: &Distribution) -> Times {
         p99_ns: d.p99,
         p999_ns: d.p999,
         max_ns: d.max,
-    }
-}
-
-fn grant(grant: &Grant) -> GrantStatus {
-    let outcome = match grant.outcome {
-        Outcome::Granted => "granted",
-        Outcome::Partly => "partly",
-        Outcome::Refused => "refused",
-    };
-    GrantStatus {
-        what: grant.what.clone(),
-        outcome: outcome.into(),
-        detail: grant.detail.clone(),
-        remedy: grant.remedy.map(str::to_owned),
     }
 }

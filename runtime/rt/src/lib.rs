@@ -11,10 +11,12 @@ mod clock;
 mod fence;
 mod posture;
 mod stack;
+mod system;
 mod usage;
 
 pub use clock::{MonotonicClock, sleep_until};
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use posture::{Grant, Outcome, Posture, lock_memory, pin_to, raise_priority, set_timer_slack};
 pub use stack::{PREFAULT_BYTES, THREAD_STACK_BYTES, block_signals, prefault_stack, spawn, warm_heap};
+pub use system::{isolated_cores, keep_awake, system_facts};
 pub use usage::{Memory, ThreadUsage, memory, thread_id, thread_usage};

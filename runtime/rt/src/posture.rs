@@ -16,6 +16,10 @@ pub enum Outcome {
     Partly,
     /// Refused; the run goes on without it.
     Refused,
+    /// A fact about the system, which needs nothing.
+    Noted,
+    /// A fact about the system that costs something; see the text.
+    Costs,
 }
 
 /// One request and its outcome.
@@ -25,7 +29,7 @@ pub struct Grant {
     pub what: String,
     /// What became of it.
     pub outcome: Outcome,
-    /// What that means, in one sentence; empty when granted without remark.
+    /// What that means, or the fact, in one sentence; empty when granted without remark.
     pub detail: String,
     /// The command or setting that would grant it.
     pub remedy: Option<&'static str>,

@@ -12,6 +12,7 @@ pub mod modbus;
 pub mod peer;
 pub mod scan;
 pub mod stl;
+pub mod wake;
 
 use std::time::{Duration, Instant};
 

@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ob1_backplane::{CpSide, CpuSide, Segment};
-use ob1_cpu::{Clock, Command, Cpu, CpuConfig, Module, ModuleSlot, Nanos};
+use ob1_command::timing::LateSender;
+use ob1_cpu::{AccountsConfig, Clock, Command, Cpu, CpuConfig, Module, ModuleSlot, Nanos, ScanRecord};
 use ob1_host::module::{AlwaysThere, CpModule, CpSettings};
 use ob1_host::plugin::Plugin;
 use ob1_stl::{Library, Options, Source};
@@ -50,6 +51,58 @@ pub fn empty() -> Result<Figure, Failure> {
     })
 }
 
+/// What the accounts add to an empty scan: with them, and without.
+///
+/// # Errors
+/// When the CPU cannot be built.
+pub fn accounts() -> Result<Figure, Failure> {
+    let mut with = Station::build("", None)?;
+    let mut without = Station::build_with("", None, AccountsConfig { off: true, ..AccountsConfig::default() })?;
+    let (with, without) = in_turns(
+        ROUNDS,
+        || Ok(time_per_call(ROUND, || with.cycle())),
+        || Ok(time_per_call(ROUND, || without.cycle())),
+    )?;
+    let cost = with - without;
+    Ok(Figure {
+        what: "accounts of a scan",
+        value: cost,
+        unit: "ns",
+        floor: Some(("an empty scan without them", without)),
+        aim: ("<= 1000 ns", cost <= 1000.0),
+    })
+}
+
+/// What handing a late scan over to the observer costs besides: the one look at the kernel's counters, beside that look alone.
+///
+/// # Errors
+/// When there is no ring.
+pub fn late_scan() -> Result<Figure, Failure> {
+    let (mut sender, mut late) = LateSender::pair();
+    let record = ScanRecord::default();
+    let (sent, look) = in_turns(
+        ROUNDS,
+        || {
+            Ok(time_per_call(ROUND, || {
+                sender.send(&record);
+                late.forget();
+            }))
+        },
+        || {
+            Ok(time_per_call(ROUND, || {
+                std::hint::black_box(ob1_rt::thread_usage());
+            }))
+        },
+    )?;
+    Ok(Figure {
+        what: "handing over a late scan",
+        value: sent,
+        unit: "ns",
+        floor: Some(("one getrusage", look)),
+        aim: ("<= 1000 ns", sent <= 1000.0),
+    })
+}
+
 /// The cost of an idle pair of handling blocks beside a fresh look at the registers, which FC 1 cannot do without.
 ///
 /// # Errors
@@ -89,7 +142,12 @@ struct Station {
 }
 
 impl Station {
+    /// Without the times of plugins' blocks: the handling blocks are measured here, not the clock.
     fn build(statements: &str, plugin: Option<&Arc<Plugin>>) -> Result<Self, Failure> {
+        Self::build_with(statements, plugin, AccountsConfig { blocks: false, ..AccountsConfig::default() })
+    }
+
+    fn build_with(statements: &str, plugin: Option<&Arc<Plugin>>, accounts: AccountsConfig) -> Result<Self, Failure> {
         let mut library = Library::new();
         let mut natives = Vec::new();
         let mut modules: Vec<(ModuleSlot, Box<dyn Module>)> = Vec::new();
@@ -117,7 +175,7 @@ impl Station {
         if !output.is_good() {
             return Err(ob1_stl::render_all(&output.diagnostics, &sources).into());
         }
-        let config = CpuConfig { watchdog: 0, ..CpuConfig::default() };
+        let config = CpuConfig { watchdog: 0, accounts, ..CpuConfig::default() };
         let mut cpu = Cpu::new(config, &output.program, natives, modules)
             .map_err(|errors| errors.iter().map(|e| format!("{e}\n")).collect::<String>())?;
         cpu.request(Command::Run);

@@ -4,24 +4,33 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use ob1_tests::bench::peer::{Failure, answer_pipe};
-use ob1_tests::bench::{backplane, compile, driver, line, memory, modbus, scan, stl};
+use ob1_tests::bench::wake::Verdict;
+use ob1_tests::bench::{backplane, compile, driver, line, memory, modbus, scan, stl, wake};
 
-const HELP: &str = "usage: cargo xtask bench [NAME...]
+const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
   names: scan, pair, backplane, driver, memory, line, compile (default: all of these)
          stl: the engine beside awlsim (installed into .venv), alone; about a minute
          modbus: RTU transactions over a pty beside libmodbus and pymodbus (in .venv)
+  scan, named: also our wake-up latency beside cyclictest, N (9) triples of runs of S (15) seconds at two intervals: 14 minutes
 
-Exit status: 0 every aim met, 1 an aim missed, 2 it could not be measured.";
+Exit status: 0 every aim met, 1 an aim missed, 2 it could not be measured, 3 inconclusive: run longer.";
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let done = match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--peer", role, path] => answer(role, Path::new(path)).map(|()| true),
         ["stl"] => stl::measure(),
-        ref names if names.iter().all(|name| NAMES.contains(name) || *name == "modbus") => measure(names),
-        _ => Err(HELP.into()),
+        ref words => options(words).and_then(|(names, plan)| {
+            let met = measure(&names)?;
+            match names.contains(&"scan").then(|| wake::compare(plan)).transpose()? {
+                Some(Verdict::Failed) => Ok(false),
+                Some(Verdict::Inconclusive) if met => Err(Inconclusive.into()),
+                _ => Ok(met),
+            }
+        }),
     };
     match done {
+        Err(failure) if failure.is::<Inconclusive>() => ExitCode::from(3),
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(failure) => {
@@ -29,6 +38,26 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// Neither met nor missed.
+#[derive(Debug, thiserror::Error)]
+#[error("inconclusive")]
+struct Inconclusive;
+
+/// Names, and how much of the comparison with cyclictest.
+fn options<'a>(words: &[&'a str]) -> Result<(Vec<&'a str>, wake::Plan), Failure> {
+    let (mut names, mut plan) = (Vec::new(), wake::Plan::default());
+    let mut words = words.iter();
+    while let Some(&word) = words.next() {
+        match word {
+            "--triples" => plan.triples = words.next().ok_or(HELP)?.parse()?,
+            "--seconds" => plan.seconds = words.next().ok_or(HELP)?.parse()?,
+            name if NAMES.contains(&name) || name == "modbus" => names.push(name),
+            _ => return Err(HELP.into()),
+        }
+    }
+    if plan.triples == 0 || plan.seconds == 0 { Err(HELP.into()) } else { Ok((names, plan)) }
 }
 
 const NAMES: [&str; 7] = ["scan", "pair", "backplane", "driver", "memory", "line", "compile"];
@@ -48,7 +77,7 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
     let mut met = true;
     for name in if names.is_empty() { &NAMES } else { names } {
         let figures = match *name {
-            "scan" => vec![scan::empty()?],
+            "scan" => vec![scan::empty()?, scan::accounts()?, scan::late_scan()?],
             "pair" => vec![scan::idle_pair()?],
             "backplane" => vec![backplane::measure()?],
             "driver" => vec![driver::measure()?],

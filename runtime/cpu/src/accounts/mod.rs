@@ -34,13 +34,15 @@ pub struct AccountsConfig {
     pub long: Nanos,
     /// Scans the flight recorder holds, 1 to 65536.
     pub recorder: usize,
+    /// Keep nothing but the counters: for measuring what the rest costs.
+    pub off: bool,
     /// Take the time of each call of a plugin's block: two more looks at the clock for each.
     pub blocks: bool,
 }
 
 impl Default for AccountsConfig {
     fn default() -> Self {
-        Self { late: 0, long: 0, recorder: 256, blocks: true }
+        Self { late: 0, long: 0, recorder: 256, off: false, blocks: true }
     }
 }
 
@@ -117,6 +119,7 @@ pub struct Accounts {
     recorder: Recorder,
     late_from: Nanos,
     long_from: Nanos,
+    off: bool,
 }
 
 impl Accounts {
@@ -152,6 +155,7 @@ impl Accounts {
             recorder: Recorder::new(config.recorder),
             late_from,
             long_from,
+            off: config.off,
         }
     }
 

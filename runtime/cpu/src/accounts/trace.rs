@@ -61,6 +61,10 @@ impl Trace {
     pub(crate) fn begin(&mut self, planned: Nanos, start: Nanos, inside: Nanos, statements: u64) {
         let accounts = &*self.accounts;
         let lateness = start.saturating_sub(planned);
+        if accounts.off {
+            self.record.scan = accounts.scans.get() + 1;
+            return;
+        }
         accounts.wake.record(lateness);
         accounts.deadlines.record(lateness);
         let (between_ob, _) = std::mem::take(&mut self.longest_ob);
@@ -120,6 +124,12 @@ impl Trace {
     pub(crate) fn end(&mut self, ended: &Ended) -> bool {
         let accounts = &*self.accounts;
         let record = &mut self.record;
+        if accounts.off {
+            accounts.overruns.add(u64::from(ended.overran));
+            accounts.missed.add(ended.missed);
+            accounts.scans.set(record.scan);
+            return false;
+        }
         record.end = ended.end;
         record.outputs = ended.end.saturating_sub(ended.outputs_from);
         record.program = ended.inside.saturating_sub(self.inside);

@@ -21,6 +21,7 @@ use crate::assembly::Assembly;
 use crate::exit::Exit;
 use crate::io::ProcessIo;
 use crate::janitor::Janitor;
+use crate::posture;
 use crate::retentive;
 use crate::retentive::keeper::{Keeper, ScanEnd};
 use crate::rundir::RunDir;
@@ -55,6 +56,8 @@ pub(super) struct AtWork {
     _janitor: Janitor,
     clock: MonotonicClock,
     fence: bool,
+    /// Keeps idle cores awake as long as it is held.
+    _awake: Option<std::fs::File>,
 }
 
 impl AtWork {
@@ -71,10 +74,7 @@ impl AtWork {
         for (name, target) in links {
             rundir.link(name, &target).map_err(|e| Failure(Exit::System, format!("ob1: {e}\n")))?;
         }
-        let mut grants = Vec::new();
-        if station.realtime.lock_memory {
-            grants.push(ob1_rt::lock_memory());
-        }
+        let (grants, awake) = posture::ask_process(station);
         let system = |what: &'static str| move |error: std::io::Error| Failure::system(what, &error);
         let Some(port) = cpu.access_client() else { return Err(Failure::system("access port", &"taken already")) };
         let server = Server::start(&rundir.socket(), port, view.clone(), station.cpu.min_cycle)
@@ -119,6 +119,7 @@ impl AtWork {
             _janitor: janitor,
             clock,
             fence: options.fence,
+            _awake: awake,
         })
     }
 

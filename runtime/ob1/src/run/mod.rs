@@ -16,6 +16,7 @@ use crate::assembly::{self, AssemblyError, DriverSettings};
 use crate::exit::Exit;
 use crate::finding::{Finding, Level};
 use crate::janitor::Janitor;
+use crate::posture;
 use crate::program::{self, LoadFailure};
 use crate::rundir::{RunDir, RunDirError};
 use crate::station::{self, ModuleKind, Station};
@@ -79,6 +80,10 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     console::start_log(options.quiet);
     let signals = Signals::catch().map_err(|e| Failure::system("signals", &e))?;
     let station = station::load(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
+    if let Some(finding) = posture::starves(&station, &ob1_rt::isolated_cores(), &options.station.display().to_string())
+    {
+        return Err(Failure::of_findings(Exit::Rejected, &[finding]));
+    }
     let loaded = program::load(&station).map_err(|f| Failure::of_load(&f))?;
     // Lints are for `check`.
     for finding in loaded.findings.iter().filter(|f| f.level != Level::Lint && !options.quiet) {

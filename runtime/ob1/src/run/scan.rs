@@ -11,6 +11,7 @@ use std::thread::JoinHandle;
 use ob1_cpu::{Command, Cpu, OperatingState};
 use ob1_rt::{Grant, MonotonicClock};
 
+use crate::posture;
 use crate::retentive::keeper::ScanEnd;
 use crate::station::Realtime;
 use crate::timing::LateSender;
@@ -113,13 +114,7 @@ impl Scan {
 
     fn ask_posture(&mut self) {
         let mut grants = std::mem::take(&mut self.grants);
-        grants.push(ob1_rt::set_timer_slack());
-        if !self.realtime.affinity.is_empty() {
-            grants.push(ob1_rt::pin_to(&self.realtime.affinity));
-        }
-        if let Some(priority) = self.realtime.priority {
-            grants.push(ob1_rt::raise_priority(priority));
-        }
+        grants.extend(posture::ask_thread(&self.realtime));
         let _ = self.posture.set(grants);
     }
 
@@ -155,7 +150,10 @@ impl Scan {
             if shared.finish.load(Ordering::Acquire) {
                 return;
             }
-            self.clock.sleep_until(end.next_deadline);
+            match self.realtime.spin {
+                0 => self.clock.sleep_until(end.next_deadline),
+                spin => self.clock.spin_until(end.next_deadline, spin),
+            }
         }
     }
 }

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use ob1_cpu::{CpuConfig, Family};
+use ob1_cpu::{AccountsConfig, CpuConfig, Family, MissedCycle};
 use ob1_model::{BlockId, BlockKind};
 
-use super::file::{CpuTable, Placed, PluginTable, StationFile};
+use super::file::{CpuTable, Placed, PluginTable, StationFile, TimingTable};
 use super::findings::{CONTRADICTION, Findings, TWICE, VALUE};
 use super::types::{Mnemonics, Plugin, Realtime, Station};
 use super::{interrupts, modules, parse_duration, retentive, simulated};
@@ -18,6 +18,7 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
     let mut findings = Findings::new(source);
     let f = &mut findings;
     let mut cpu = cpu(f, &file.cpu);
+    cpu.accounts = accounts(f, &file.timing);
     let retentive = retentive::retentive(f, file.retentive.as_ref(), &file.station, folder, &mut cpu);
     let station = Station {
         name: name(f, "station", &file.station.name),
@@ -117,6 +118,7 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
         time_of_day: interrupts::time_of_day(f, &table.time_of_day),
         nesting_depth: number(f, "nesting_depth", table.nesting_depth.as_ref(), 1..=64, d.nesting_depth),
         min_cycle: time(f, table.min_cycle.as_ref(), 1_000_000),
+        missed: missed(f, table.missed.as_ref()),
         watchdog: time(f, table.watchdog.as_ref(), d.watchdog),
         clock_memory: table
             .clock_memory
@@ -157,20 +159,29 @@ fn family(f: &mut Findings<'_>, value: Option<&Placed<i64>>) -> Family {
     }
 }
 
+fn missed(f: &mut Findings<'_>, value: Option<&Placed<String>>) -> MissedCycle {
+    let words = [("now", MissedCycle::Now), ("skip", MissedCycle::Skip), ("catch-up", MissedCycle::CatchUp)];
+    choice(f, "missed", value, &words).unwrap_or_default()
+}
+
+/// What is kept of every scan. The defaults of `late` and `long` depend on the cycle: 0 stands for them.
+fn accounts(f: &mut Findings<'_>, table: &TimingTable) -> AccountsConfig {
+    let d = AccountsConfig::default();
+    AccountsConfig {
+        late: time(f, table.late.as_ref(), d.late),
+        long: time(f, table.long.as_ref(), d.long),
+        recorder: number(f, "recorder", table.recorder.as_ref(), 1..=65_536, d.recorder),
+        blocks: table.blocks.unwrap_or(d.blocks),
+        off: d.off,
+    }
+}
+
 fn realtime(f: &mut Findings<'_>, table: &CpuTable) -> Realtime {
     let asked = &table.realtime;
     let priority = asked.priority.as_ref().map(|p| number(f, "priority", Some(p), 1..=99, 1u8));
-    let free_running = table.min_cycle.as_ref().is_some_and(|t| parse_duration(t.get_ref()).is_ok_and(|d| d.is_zero()));
-    if let (Some(p), true) = (&asked.priority, free_running) {
-        f.error(
-            CONTRADICTION,
-            p.span(),
-            "a scan without a minimum cycle time and with a real-time priority would starve its core",
-            "set min_cycle, or leave priority out: the kernel throttles such a thread for tens of milliseconds each second",
-        );
-    }
     let affinity = asked.affinity.iter().map(|core| number(f, "affinity", Some(core), 0..=1023, 0)).collect();
-    Realtime { priority, affinity, lock_memory: asked.lock_memory }
+    let spin = time(f, asked.spin.as_ref(), 0);
+    Realtime { priority, affinity, lock_memory: asked.lock_memory, spin, keep_awake: asked.keep_awake }
 }
 
 /// The standard blocks: whole libraries, and single ones by number, which may stand for those of a library.

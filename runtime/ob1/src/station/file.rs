@@ -14,6 +14,8 @@ pub(super) struct StationFile {
     pub(super) station: StationTable,
     #[serde(default)]
     pub(super) cpu: CpuTable,
+    #[serde(default)]
+    pub(super) timing: TimingTable,
     pub(super) retentive: Option<RetentiveTable>,
     #[serde(default)]
     pub(super) program: ProgramTable,
@@ -83,6 +85,7 @@ pub(super) struct RetentiveTable {
 #[serde(deny_unknown_fields)]
 pub(super) struct CpuTable {
     pub(super) min_cycle: Option<Placed<String>>,
+    pub(super) missed: Option<Placed<String>>,
     pub(super) watchdog: Option<Placed<String>>,
     #[serde(default)]
     pub(super) process_image: ProcessImageTable,
@@ -135,6 +138,18 @@ pub(super) struct RealtimeTable {
     pub(super) affinity: Vec<Placed<i64>>,
     #[serde(default)]
     pub(super) lock_memory: bool,
+    pub(super) spin: Option<Placed<String>>,
+    #[serde(default)]
+    pub(super) keep_awake: bool,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TimingTable {
+    pub(super) late: Option<Placed<String>>,
+    pub(super) long: Option<Placed<String>>,
+    pub(super) recorder: Option<Placed<i64>>,
+    pub(super) blocks: Option<bool>,
 }
 
 #[derive(Debug, Default, Deserialize)]

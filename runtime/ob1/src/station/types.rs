@@ -108,6 +108,10 @@ pub struct Realtime {
     pub affinity: Vec<usize>,
     /// Lock the memory of the process.
     pub lock_memory: bool,
+    /// Time before a deadline that is spent looking at the clock instead of sleeping, in nanoseconds.
+    pub spin: u64,
+    /// Keep idle cores from sleeping deeply.
+    pub keep_awake: bool,
 }
 
 /// The language of the mnemonics.

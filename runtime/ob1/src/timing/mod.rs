@@ -12,7 +12,7 @@ pub mod snapshot;
 pub mod text;
 
 pub use cause::{Cause, Class, Evidence, explain};
-pub use observer::{LateSender, Observer};
+pub use observer::{LateSender, Observer, Unobserved};
 pub use snapshot::{Recorder, TIMING_SCHEMA, Timing};
 
 use std::sync::Arc;
@@ -131,6 +131,6 @@ const fn rule(missed: MissedCycle) -> &'static str {
     match missed {
         MissedCycle::Now => "now",
         MissedCycle::Skip => "skip",
-        MissedCycle::CatchUp => "catch_up",
+        MissedCycle::CatchUp => "catch-up",
     }
 }

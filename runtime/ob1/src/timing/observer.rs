@@ -46,6 +46,13 @@ pub struct LateSender {
 }
 
 impl LateSender {
+    /// A sender without an observer, for measuring what sending costs.
+    #[must_use]
+    pub fn pair() -> (Self, Unobserved) {
+        let (ring, late) = RingBuffer::new(ROOM);
+        (Self { ring, shared: Arc::default() }, Unobserved(late))
+    }
+
     /// Names the calling thread as the one that scans.
     pub fn this_is_the_scan(&self) {
         self.shared.thread.store(ob1_rt::thread_id(), Ordering::Release);
@@ -58,6 +65,17 @@ impl LateSender {
         if self.ring.push(late).is_err() {
             self.shared.lost.fetch_add(1, Ordering::Relaxed);
         }
+    }
+}
+
+/// The other end of a sender without an observer.
+#[derive(Debug)]
+pub struct Unobserved(Consumer<LateScan>);
+
+impl Unobserved {
+    /// Forgets the oldest late scan.
+    pub fn forget(&mut self) {
+        let _ = self.0.pop();
     }
 }
 

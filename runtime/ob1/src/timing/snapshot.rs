@@ -21,7 +21,7 @@ pub struct Timing {
     pub since_ns: Nanos,
     /// The minimum cycle time; 0: none.
     pub min_cycle_ns: Nanos,
-    /// What becomes of a missed deadline: `now`, `skip`, `catch_up`.
+    /// What becomes of a missed deadline: `now`, `skip`, `catch-up`.
     pub missed_rule: String,
     /// A scan that begins so much after its deadline is late.
     pub late_from_ns: Nanos,

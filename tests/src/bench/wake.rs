@@ -1,0 +1,310 @@
+//! Our wake-up latency beside that of cyclictest: same interval, priority and posture, in triples (ours, cyclictest, cyclictest) of
+//! changing order, so that the spread of cyclictest against itself is known. The machine may be shared: the maximum is never judged.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use super::median;
+use super::peer::Failure;
+
+/// SCHED_FIFO priority of both.
+const PRIORITY: u8 = 80;
+/// cyclictest counts no further than this, in nanoseconds; neither do we here.
+const LONGEST: u64 = 1_000_000;
+/// Intervals in microseconds, and whether the 99.9th percentile is judged there.
+const INTERVALS: [(u64, bool); 2] = [(1000, false), (250, true)];
+/// Most that our 99th and 99.9th percentile may be of cyclictest's.
+const LIMITS: [f64; 2] = [1.15, 1.5];
+/// With less than this a comparison says nothing.
+const ENOUGH: (usize, u64) = (9, 15);
+
+/// How much is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// Triples at each interval.
+    pub triples: usize,
+    /// Seconds of each run.
+    pub seconds: u64,
+}
+
+impl Default for Plan {
+    fn default() -> Self {
+        Self { triples: ENOUGH.0, seconds: ENOUGH.1 }
+    }
+}
+
+/// What a comparison says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// Within the limit.
+    Passed,
+    /// cyclictest differs from itself by as much: run longer.
+    Inconclusive,
+    /// Beyond the limit and beyond the noise.
+    Failed,
+}
+
+/// Wake-up latencies in nanoseconds: value and count, ascending.
+type Latencies = Vec<(u64, u64)>;
+
+fn percentile(latencies: &Latencies, share: f64) -> f64 {
+    let all: u64 = latencies.iter().map(|(_, count)| count).sum();
+    let wanted = (share * all as f64).ceil() as u64;
+    let mut seen = 0;
+    for (value, count) in latencies {
+        seen += count;
+        if seen >= wanted {
+            return (*value).min(LONGEST) as f64;
+        }
+    }
+    0.0
+}
+
+/// The ratios of one percentile: ours to the (geometric) mean of the two cyclictests beside it, and the two to one another.
+#[derive(Debug, Default)]
+struct Ratios {
+    ours: Vec<f64>,
+    noise: Vec<f64>,
+    /// Triples in which one of the three lies beyond what is counted: nothing can be said of those.
+    censored: usize,
+}
+
+impl Ratios {
+    fn enter(&mut self, ours: f64, others: [f64; 2]) {
+        self.censored += usize::from([ours, others[0], others[1]].iter().any(|value| *value >= LONGEST as f64));
+        let [a, b] = others.map(|value| value.max(1.0));
+        self.ours.push(ours.max(1.0) / (a * b).sqrt());
+        self.noise.push(a.max(b) / a.min(b));
+    }
+
+    /// The median ratio, and the upper quartile of cyclictest against itself.
+    fn figures(&self) -> (f64, f64) {
+        let mut noise = self.noise.clone();
+        noise.sort_by(f64::total_cmp);
+        let quartile = noise.get((noise.len() * 3) / 4).or(noise.last()).copied().unwrap_or(1.0);
+        (median(&mut self.ours.clone()), quartile)
+    }
+}
+
+/// Judges a median ratio against its limit and the noise.
+fn judge(ratio: f64, noise: f64, limit: f64, enough: bool) -> Verdict {
+    match () {
+        () if ratio > limit.max(noise) && enough => Verdict::Failed,
+        // So much noise would hide a ratio beyond the limit.
+        () if ratio > limit || noise > limit * limit || !enough => Verdict::Inconclusive,
+        () => Verdict::Passed,
+    }
+}
+
+/// Measures and prints; the answer is the worst verdict of what is judged.
+///
+/// # Errors
+/// When one of the two cannot be run.
+pub fn compare(plan: Plan) -> Result<Verdict, Failure> {
+    let cyclictest = cyclictest()?;
+    let core = std::thread::available_parallelism().map_or(0, |n| n.get() - 1);
+    let folder = std::env::temp_dir().join(format!("ob1-bench-{}", std::process::id()));
+    std::fs::create_dir_all(&folder)?;
+    let bench = Bench { cyclictest, folder: folder.clone(), core, seconds: plan.seconds };
+    let enough = plan.triples >= ENOUGH.0 && plan.seconds >= ENOUGH.1;
+    println!(
+        "wake-up latency beside cyclictest: {} triples of {} s, SCHED_FIFO {PRIORITY} on core {core}; µs",
+        plan.triples, plan.seconds
+    );
+    let mut worst = Verdict::Passed;
+    for (interval, judged) in INTERVALS {
+        let verdicts = bench.interval(interval, plan.triples, enough)?;
+        worst = worst.max(verdicts[0]);
+        if judged {
+            worst = worst.max(verdicts[1]);
+        }
+    }
+    let _ = std::fs::remove_dir_all(folder);
+    match worst {
+        Verdict::Passed => println!("passed"),
+        Verdict::Failed => println!("failed"),
+        Verdict::Inconclusive if enough => println!("inconclusive: the machine is too noisy for this; run longer"),
+        Verdict::Inconclusive => println!(
+            "inconclusive: a verdict needs --triples {} --seconds {} at least, or a quieter machine",
+            ENOUGH.0, ENOUGH.1
+        ),
+    }
+    Ok(worst)
+}
+
+struct Bench {
+    cyclictest: PathBuf,
+    folder: PathBuf,
+    core: usize,
+    seconds: u64,
+}
+
+impl Bench {
+    fn interval(&self, interval: u64, triples: usize, enough: bool) -> Result<[Verdict; 2], Failure> {
+        println!(
+            "interval {interval} µs      ours: p50      p99    p99.9   cyclictest: p50      p99    p99.9   again: p50      p99    p99.9"
+        );
+        let mut ratios = [Ratios::default(), Ratios::default()];
+        for triple in 0..triples {
+            let mut runs: [Latencies; 3] = Default::default();
+            // Ours comes first, second, third in turns.
+            for place in 0..3 {
+                let who = (place + triple) % 3;
+                runs[who] = if who == 0 { self.ours(interval)? } else { self.theirs(interval)? };
+            }
+            let [ours, a, b] = runs;
+            let mut line = format!("{:<14}", format!("triple {}", triple + 1));
+            for run in [&ours, &a, &b] {
+                let [p50, p99, p999] = [0.5, 0.99, 0.999].map(|share| percentile(run, share) / 1000.0);
+                let _ = write!(line, "  {p50:>11.2} {p99:>8.2} {p999:>8.2}");
+            }
+            println!("{line}");
+            for (ratios, share) in ratios.iter_mut().zip([0.99, 0.999]) {
+                ratios.enter(percentile(&ours, share), [percentile(&a, share), percentile(&b, share)]);
+            }
+        }
+        let mut verdicts = [Verdict::Passed; 2];
+        for (i, name) in ["p99", "p99.9"].into_iter().enumerate() {
+            let (ratio, noise) = ratios[i].figures();
+            let enough = enough && ratios[i].censored * 3 <= triples;
+            verdicts[i] = judge(ratio, noise, LIMITS[i], enough);
+            let judged = i == 0 || INTERVALS.contains(&(interval, true));
+            let verdict = if judged { format!("{:?}", verdicts[i]).to_lowercase() } else { "not judged here".into() };
+            println!(
+                "  {name:<6} x {ratio:.3} of cyclictest (aim {:.2}); cyclictest against itself, upper quartile, x {noise:.3}: {verdict}",
+                LIMITS[i]
+            );
+        }
+        Ok(verdicts)
+    }
+
+    /// A station with an empty OB 1: one value a scan, from its deadline to its start.
+    fn ours(&self, interval: u64) -> Result<Latencies, Failure> {
+        let (station, report) = (self.folder.join("station.toml"), self.folder.join("report.json"));
+        let pid = std::process::id();
+        let text = format!(
+            "[station]\nname = \"bench-{pid}\"\n[cpu]\nmin_cycle = \"{interval}us\"\nmissed = \"skip\"\n[cpu.realtime]\n\
+             priority = {PRIORITY}\naffinity = [{}]\nlock_memory = true\nkeep_awake = true\n[program]\nsources = [\"empty.awl\"]\n",
+            self.core
+        );
+        std::fs::write(&station, text)?;
+        std::fs::write(self.folder.join("empty.awl"), "ORGANIZATION_BLOCK OB 1\nBEGIN\nEND_ORGANIZATION_BLOCK\n")?;
+        let bin = std::env::var_os("OB1_BIN_DIR").ok_or("OB1_BIN_DIR is not set; run: cargo xtask bench scan")?;
+        let mut command = Command::new(Path::new(&bin).join("ob1"));
+        command
+            .arg("run")
+            .arg(&station)
+            .args(["--quiet", "--for", &format!("{}s", self.seconds), "--report"])
+            .arg(&report);
+        ended_well(command.stdin(Stdio::null()))?;
+        let report: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&report)?)?;
+        let refused = report["posture"].as_array().is_some_and(|all| all.iter().any(|g| g["outcome"] == "refused"));
+        if refused {
+            return Err("the posture was refused: run it as root, as cyclictest has to be".into());
+        }
+        let buckets = report["timing"]["wake"]["buckets"].as_array().ok_or("a report without buckets")?;
+        let pair = |bucket: &serde_json::Value| Some((bucket[0].as_u64()?, bucket[1].as_u64()?));
+        Ok(buckets.iter().filter_map(pair).collect())
+    }
+
+    /// cyclictest with the same posture: memory locked, timer slack of a real-time thread, `/dev/cpu_dma_latency` at 0.
+    fn theirs(&self, interval: u64) -> Result<Latencies, Failure> {
+        let file = self.folder.join("histogram");
+        let mut command = Command::new(&self.cyclictest);
+        command
+            .args(["--mlockall", "--threads=1", "--quiet", "--nsecs"])
+            .arg(format!("--priority={PRIORITY}"))
+            .arg(format!("--interval={interval}"))
+            .arg(format!("--affinity={}", self.core))
+            .arg(format!("--duration={}", self.seconds))
+            .arg(format!("--histogram={LONGEST}"))
+            .arg(format!("--histfile={}", file.display()))
+            .stdout(Stdio::null());
+        ended_well(&mut command)?;
+        Ok(histogram(&std::fs::read_to_string(&file)?))
+    }
+}
+
+fn ended_well(command: &mut Command) -> Result<(), Failure> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let output = command.stderr(Stdio::piped()).output().map_err(|error| format!("{name}: {error}"))?;
+    if output.status.success() {
+        return Ok(());
+    }
+    Err(format!("{name} ended with {}: {}", output.status, String::from_utf8_lossy(&output.stderr)).into())
+}
+
+/// Lines of value and count, and how many were beyond the last one.
+fn histogram(text: &str) -> Latencies {
+    let mut latencies: Latencies = text
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .filter_map(|line| {
+            let mut figures = line.split_whitespace().map(str::parse::<u64>);
+            Some((figures.next()?.ok()?, figures.next()?.ok()?))
+        })
+        .filter(|(_, count)| *count > 0)
+        .collect();
+    let beyond = text.lines().find_map(|line| line.strip_prefix("# Histogram Overflows:")?.trim().parse().ok());
+    latencies.extend(beyond.filter(|count| *count > 0).map(|count| (LONGEST, count)));
+    latencies
+}
+
+/// cyclictest, installed with the package manager where we may.
+fn cyclictest() -> Result<PathBuf, Failure> {
+    let find = || {
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let mut folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
+        folders.extend(["/usr/bin", "/usr/sbin", "/usr/local/bin"].map(PathBuf::from));
+        folders.into_iter().map(|folder| folder.join("cyclictest")).find(|program| program.is_file())
+    };
+    if let Some(program) = find() {
+        return Ok(program);
+    }
+    println!("cyclictest is not there: apt-get install rt-tests");
+    let _ = Command::new("apt-get").args(["install", "--yes", "--quiet", "rt-tests"]).stdout(Stdio::null()).status();
+    find().ok_or_else(|| "cyclictest is not there; as root: apt-get install rt-tests".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_histogram_is_read_with_what_lies_beyond() {
+        let text =
+            "# Histogram\n000000 000000\n001500 000090\n002000 000009\n# Total: 000100\n# Histogram Overflows: 00001\n";
+        let read = histogram(text);
+        assert_eq!(read, [(1500, 90), (2000, 9), (LONGEST, 1)]);
+        assert_eq!(
+            [0.5, 0.9, 0.91, 0.99, 0.999].map(|share| percentile(&read, share)),
+            [1500.0, 1500.0, 2000.0, 2000.0, 1e6]
+        );
+        assert_eq!(percentile(&Vec::new(), 0.5), 0.0);
+    }
+
+    #[test]
+    fn the_noise_of_cyclictest_decides_between_failed_and_inconclusive() {
+        use Verdict::*;
+        for (ratio, noise, enough, verdict) in [
+            (1.0, 1.05, true, Passed),
+            (1.15, 1.3, true, Passed),
+            (1.0, 1.4, true, Inconclusive),
+            (1.2, 1.3, true, Inconclusive),
+            (1.4, 1.3, true, Failed),
+            (1.2, 1.05, true, Failed),
+            (1.0, 1.05, false, Inconclusive),
+            (9.0, 1.05, false, Inconclusive),
+        ] {
+            assert_eq!(judge(ratio, noise, 1.15, enough), verdict, "{ratio} {noise} {enough}");
+        }
+        let mut ratios = Ratios::default();
+        for (ours, others) in [(10.0, [10.0, 10.0]), (20.0, [10.0, 40.0]), (40.0, [10.0, 10.0])] {
+            ratios.enter(ours, others);
+        }
+        assert_eq!((ratios.figures(), ratios.censored), ((1.0, 4.0), 0));
+        ratios.enter(10.0, [10.0, LONGEST as f64]);
+        assert_eq!(ratios.censored, 1);
+    }
+}

@@ -1,0 +1,187 @@
+//! The accounts are honest: a delay that a test makes is found in them, with its class and at least its size. And the priority is the
+//! scan's alone.
+//!
+//! Sizes have lower bounds only: a busy machine makes everything longer, and some delays its own. Where it took the core away in the
+//! middle of ours, the class rightly is another one, and the test tries again.
+
+mod common;
+
+use std::fs;
+use std::time::{Duration, Instant};
+
+use common::native;
+use common::site::{Site, replaced};
+use common::station::Running;
+use ob1_command::access::protocol::Op;
+use ob1_command::timing::snapshot::LateEntry;
+use ob1_command::timing::{Class, Recorder, Timing};
+use rustix::process::Signal;
+
+const MS: u64 = 1_000_000;
+/// Statements of the slow block: loads and loops.
+const TURNS: u64 = 20 * 60_000;
+
+/// OB 1 calls the slow block of statements when M 200.0 is set, and the slow block of a plugin when M 200.1 is, once each.
+fn station(site: &Site) -> Running {
+    let plugin = native::build(site, "tests/native/timing_blocks.c", "timing_blocks.so", &[]);
+    let toml = format!(
+        "[station]\nname = \"timed\"\n\n[cpu]\nmin_cycle = \"10ms\"\nwatchdog = \"20s\"\nmissed = \"skip\"\n\n\
+         [timing]\nlate = \"5ms\"\nlong = \"3ms\"\nrecorder = 20\n\n[program]\nsources = [\"timed.awl\"]\n\n\
+         [[plugin]]\npath = \"{}\"\n",
+        plugin.display()
+    );
+    let awl = "FUNCTION FC 7 : VOID\nBEGIN\nNETWORK\nL 20;\nmore: T MW 210;\nL 60000;\nturn: T MW 212;\nL MW 212;\n\
+               LOOP turn;\nL MW 210;\nLOOP more;\nEND_FUNCTION\n\
+               ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\nU M 200.0;\nR M 200.0;\nSPBN next;\nCALL FC 7;\n\
+               next: U M 200.1;\nR M 200.1;\nSPBN end;\nCALL FC 233;\nend: NOP 0;\nEND_ORGANIZATION_BLOCK\n";
+    site.write("timed.toml", &toml);
+    site.write("timed.awl", awl);
+    site.run("timed.toml").until_run()
+}
+
+fn timing(station: &Running) -> Timing {
+    *station.ask(Op::Timing { histograms: true }).expect("never refused").timing.expect("an answer to timing")
+}
+
+fn recorder(station: &Running) -> Recorder {
+    *station.ask(Op::Recorder).expect("never refused").recorder.expect("an answer to recorder")
+}
+
+/// Makes a delay, again and again, until one stands in the ledger under its class.
+fn found(station: &Running, class: Class, make: impl Fn()) -> LateEntry {
+    station.until("the delay is explained", |station| {
+        make();
+        let late = timing(station).late;
+        // The worst are kept: a delay of ours is not lost among those of a busy machine.
+        late.worst.iter().chain(&late.newest).find(|entry| entry.class == class).cloned()
+    })
+}
+
+#[test]
+fn a_delay_in_a_block_is_the_programs() {
+    let site = Site::new();
+    let station = station(&site);
+    let entry = found(&station, Class::Program, || station.set("M200.0", 1));
+    assert!(entry.what.contains("OB 1") && entry.what.contains("FC 7"), "{entry:?}");
+    // No statement takes less than a nanosecond.
+    assert!(entry.size_ns >= TURNS * 3 && entry.execution_ns >= entry.size_ns, "{entry:?}");
+    // The flight that ended in the worst overrun has been kept.
+    let flight = station.until("a frozen flight", |station| recorder(station).worst).scans;
+    let last = flight.last().expect("a scan");
+    assert!(last.flags.contains(&"overran".to_owned()) && flight.len() <= 20, "{last:?}");
+    assert!(flight.windows(2).all(|pair| pair[0].scan + 1 == pair[1].scan), "no scan is left out");
+    let of_ob1 = timing(&station).obs.into_iter().find(|ob| ob.ob == 1).expect("OB 1");
+    assert!(of_ob1.execution.max_ns >= entry.size_ns, "{of_ob1:?}");
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn a_delay_in_a_plugin_is_the_plugins() {
+    let site = Site::new();
+    let station = station(&site);
+    let entry = found(&station, Class::Plugin, || station.set("M200.1", 1));
+    assert!(entry.what.starts_with("FC 233"), "{entry:?}");
+    assert!(entry.size_ns >= 10 * MS, "fifty million turns: {entry:?}");
+    let blocks = timing(&station).blocks;
+    assert_eq!(blocks.len(), 1);
+    assert!(blocks[0].execution.count > 0 && blocks[0].execution.max_ns >= 10 * MS, "{blocks:?}");
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// All threads of the process stand still.
+fn is_stopped(pid: u32) -> bool {
+    let tasks = fs::read_dir(format!("/proc/{pid}/task")).expect("a living process");
+    tasks.flatten().all(|task| fields(&task.path().join("stat"))[0] == "T")
+}
+
+/// The fields of a `stat` behind the name: the state first.
+fn fields(stat: &std::path::Path) -> Vec<String> {
+    let text = fs::read_to_string(stat).expect("a living process");
+    let (_, rest) = text.rsplit_once(") ").expect("a name in brackets");
+    rest.split_whitespace().map(str::to_owned).collect()
+}
+
+#[test]
+fn a_process_that_was_stopped_is_told_by_its_signal() {
+    let site = Site::new();
+    let station = station(&site);
+    let before = timing(&station);
+    let stopped = || {
+        station.process.signal(Signal::STOP);
+        while !is_stopped(station.process.pid) {
+            std::thread::yield_now();
+        }
+        let began = Instant::now();
+        while began.elapsed() < Duration::from_millis(300) {
+            assert!(!station.process.ends_within(Duration::from_millis(50)));
+        }
+        let lasted = began.elapsed();
+        station.process.signal(Signal::CONT);
+        lasted
+    };
+    let lasted = std::cell::Cell::new(stopped());
+    let entry = found(&station, Class::Stopped, || {
+        let scans = timing(&station).scans;
+        station.until("it is explained", |s| (timing(s).scans > scans + 50).then_some(()));
+        if timing(&station).late.classes.contains_key(&Class::Stopped) {
+            return;
+        }
+        lasted.set(lasted.get().min(stopped()));
+    });
+    // It woke up later than it was stopped, or ran longer; the deadline may have come up to a cycle after the stop.
+    assert!(u128::from(entry.size_ns) + 10 * 1_000_000 >= lasted.get().as_nanos(), "{entry:?}");
+    let after = timing(&station);
+    assert!(after.missed >= before.missed + 25, "300 ms are thirty cycles");
+    assert_eq!(after.deadlines.count, after.scans + after.missed, "none is left out");
+    assert!(after.deadlines.p50_ns <= after.deadlines.p99_ns && after.deadlines.max_ns >= 250 * MS);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn the_priority_is_the_scans_alone_and_a_driver_does_not_inherit_it() {
+    let site = Site::two_stations();
+    let toml = fs::read_to_string(site.path("station-a.toml")).expect("the station file");
+    let realtime = "\n[cpu.realtime]\npriority = 7\nlock_memory = true\n\n[program]";
+    site.write("station-a.toml", &replaced(&toml, "\n[program]", realtime));
+    let station = site.run("station-a.toml").until_run();
+    let driver = station.driver_process();
+    let status = station.status();
+    let asked = status.posture.iter().find(|grant| grant.what.contains("SCHED_FIFO")).expect("it was asked for");
+    let granted = asked.outcome == "granted";
+    assert_eq!(granted, asked.remedy.is_none(), "{asked:?}");
+    let mut scans = 0;
+    for pid in [station.process.pid, driver.pid] {
+        for task in fs::read_dir(format!("/proc/{pid}/task")).expect("a living process").flatten() {
+            let name = fs::read_to_string(task.path().join("comm")).expect("a living thread");
+            let fields = fields(&task.path().join("stat"));
+            // Real-time priority and policy: fields 40 and 41 of all.
+            let (priority, policy) = (fields[37].as_str(), fields[38].as_str());
+            let scan = name.trim() == "ob1-scan";
+            scans += u32::from(scan);
+            let expected = if scan && granted { ("7", "1") } else { ("0", "0") };
+            assert_eq!((priority, policy), expected, "{name}");
+        }
+    }
+    assert_eq!(scans, 1);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn a_scan_that_would_starve_its_core_is_refused_with_a_number() {
+    let site = Site::new();
+    let toml = "[station]\nname = \"starving\"\n\n[cpu]\nmin_cycle = \"0ms\"\n\n[cpu.realtime]\npriority = 50\n";
+    site.write("starving.toml", toml);
+    for command in ["run", "check"] {
+        let said = site.ob1(&[command, "starving.toml"]);
+        assert_ne!(said.code, Some(0), "{said:?}");
+        assert!(said.err.contains("C014") && said.err.contains("isolcpus"), "{said:?}");
+    }
+    // What the system grants, as text and as JSON; everything refused has a remedy.
+    site.write("asking.toml", &toml.replace("0ms", "10ms").replace("starving", "asking"));
+    let said = site.ob1(&["check", "asking.toml", "--posture", "--json"]);
+    let grants: Vec<serde_json::Value> = serde_json::from_str(&said.out).expect("JSON");
+    let refused = grants.iter().filter(|grant| grant["outcome"] == "refused");
+    assert!(refused.clone().all(|grant| grant["remedy"].is_string()), "{said:?}");
+    assert_eq!(said.code == Some(0), refused.count() == 0, "{said:?}");
+    assert!(grants.iter().any(|grant| grant["what"] == "clock source"), "{said:?}");
+}
