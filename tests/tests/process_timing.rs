@@ -30,7 +30,7 @@ fn station(site: &Site) -> Running {
          [[plugin]]\npath = \"{}\"\n",
         plugin.display()
     );
-    let awl = "FUNCTION FC 7 : VOID\nBEGIN\nNETWORK\nL 20;\nmore: T MW 210;\nL 60000;\nturn: T MW 212;\nL MW 212;\n\
+    let awl = "FUNCTION FC 7 : VOID\nBEGIN\nNETWORK\nL 20;\nmore: T MW 210;\nL W#16#EA60;\nturn: T MW 212;\nL MW 212;\n\
                LOOP turn;\nL MW 210;\nLOOP more;\nEND_FUNCTION\n\
                ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\nU M 200.0;\nR M 200.0;\nSPBN next;\nCALL FC 7;\n\
                next: U M 200.1;\nR M 200.1;\nSPBN end;\nCALL FC 233;\nend: NOP 0;\nEND_ORGANIZATION_BLOCK\n";
