@@ -48,7 +48,7 @@ impl Cpu {
         m.trace.begin(planned, start, m.inside, m.statements + u64::from(m.pending));
         if let Some(last) = self.last_start.replace(start) {
             let time = start - last;
-            self.machine.trace.accounts.cycle.record(time);
+            self.machine.trace.cycle(time);
             let ms = (time / 1_000_000).min(32_767) as u16;
             let [_, least, most] = self.cycle_ms;
             let least = if self.machine.trace.accounts.scans() <= 1 { ms } else { least.min(ms) };

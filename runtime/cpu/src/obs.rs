@@ -39,13 +39,17 @@ impl ObRecord {
     pub(crate) fn ran(&mut self, run: Nanos, whole: Nanos) {
         (self.last, self.current) = (Some((run, whole)), None);
         self.account().runs.add(1);
-        self.account().execution.record(run);
+        if !self.accounts.off {
+            self.account().execution.record(run);
+        }
     }
 
     /// A run begins so late.
     pub(crate) fn late(&mut self, by: Nanos) {
         self.waited = by;
-        self.account().lateness.record(by);
+        if !self.accounts.off {
+            self.account().lateness.record(by);
+        }
     }
 
     /// The last completed run, with the higher classes; 0: none.

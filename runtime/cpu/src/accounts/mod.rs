@@ -119,7 +119,7 @@ pub struct Accounts {
     recorder: Recorder,
     late_from: Nanos,
     long_from: Nanos,
-    off: bool,
+    pub(crate) off: bool,
 }
 
 impl Accounts {

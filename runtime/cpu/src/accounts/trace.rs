@@ -82,6 +82,13 @@ impl Trace {
         (self.inside, self.statements, self.watchdogs) = (inside, statements, accounts.watchdogs.get());
     }
 
+    /// A scan begins so long after the one before.
+    pub(crate) fn cycle(&self, time: Nanos) {
+        if !self.accounts.off {
+            self.accounts.cycle.record(time);
+        }
+    }
+
     /// OB 1 has begun, after `inside` nanoseconds of interrupts in this scan.
     pub(crate) fn ob1_began(&mut self, at: Nanos, inside: Nanos) {
         let interrupts = inside.saturating_sub(self.inside);
