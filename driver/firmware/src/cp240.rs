@@ -14,7 +14,7 @@ use crate::port::{CpCounter, CpEvent, CpInput, CpPort, LineInput, ParameterFault
 use crate::protocol::{Protocol, Setup};
 use crate::receive::{self, ReceiveSide};
 use crate::registers::{NO_PARAMETERS, RESET, Registers, STARTUP, SYSTEM, block, compose, rx_word, tx_word};
-use crate::ring::Ring;
+use crate::ring::{Capacity, Ring};
 use crate::rk512::Rk512Side;
 use crate::send::{self, SendSide};
 
@@ -59,7 +59,8 @@ pub struct Cp240 {
     shown: Registers,
 
     setup: Option<Setup>,
-    receive_buffers: u8,
+    /// Of the receive buffer.
+    capacity: Capacity,
     protocol: Protocol,
     protocol_due: Option<Nanos>,
     send: SendSide,
@@ -92,7 +93,7 @@ impl Cp240 {
             outputs: [0; 16],
             shown: [0; 16],
             setup: None,
-            receive_buffers: 1,
+            capacity: Capacity::buffers(1),
             protocol: Protocol::None,
             protocol_due: None,
             send: SendSide::new(),
@@ -187,7 +188,7 @@ impl Cp240 {
         };
         let has_identifier = setup.has_identifier();
         self.setup = Some(setup);
-        self.receive_buffers = parameters.receive_buffers();
+        self.capacity = Capacity::buffers(parameters.receive_buffers());
         port.line_settings(&parameters.line_settings());
         if has_identifier {
             self.identify(now, StartReason::Parameters, port);
@@ -215,7 +216,7 @@ impl Cp240 {
         if self.send.clear() && rk512.is_none() {
             port.count(CpCounter::OrdersAborted, 1);
         }
-        let dropped = self.receive.clear(self.receive_buffers);
+        let dropped = self.receive.clear(self.capacity);
         if dropped > 0 {
             port.count(CpCounter::ReceiveAborted, dropped as u64);
         }
@@ -235,7 +236,7 @@ impl Cp240 {
 
     fn work(&mut self, now: Nanos, port: &mut dyn CpPort) {
         let Some(setup) = &self.setup else { return };
-        self.receive.clear(self.receive_buffers);
+        self.receive.clear(self.capacity);
         self.protocol = setup.build();
         let long = self.protocol.slave().is_some_and(|slave| slave.config().confirmed);
         self.send.set_area(long);

@@ -1,7 +1,7 @@
 //! CP -> CPU: the oldest received telegram handed over block by block [S0 "Example RECEIVE data"].
 
 use crate::registers::{AREA, BLOCK_BYTES, OUTSIDE, count};
-use crate::ring::Ring;
+use crate::ring::{Capacity, Ring};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
@@ -42,10 +42,10 @@ impl ReceiveSide {
     }
 
     /// Back to "nothing received"; the number of telegrams dropped.
-    pub(crate) fn clear(&mut self, limit: u8) -> usize {
+    pub(crate) fn clear(&mut self, capacity: Capacity) -> usize {
         let dropped = self.ring.telegrams();
         self.state = State::Idle;
-        self.ring.clear(limit);
+        self.ring.clear(capacity);
         dropped
     }
 
@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn eighteen_bytes_are_18_6_0() {
         let mut receive = ReceiveSide::new();
-        receive.clear(250);
+        receive.clear(Capacity::buffers(250));
         receive.ring.push(b"abcdefghijklmnopqr");
         receive.ring.push(b"next");
         assert_eq!(receive.look(0), Step::Offered);
@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn an_echo_that_does_not_fit_is_absent() {
         let mut receive = ReceiveSide::new();
-        receive.clear(250);
+        receive.clear(Capacity::buffers(250));
         receive.ring.push(&[1; 30]);
         assert_eq!(receive.look(30), Step::Wait, "offered only while the echo is 0");
         receive.look(0);

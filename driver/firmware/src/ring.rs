@@ -1,14 +1,45 @@
-//! The receive buffer: whole telegrams in a ring of 1024 bytes [S0 "Communication via back plane bus"].
+//! The receive buffer: whole telegrams in a ring of 1024 or 2048 bytes [S0 "Communication via back plane bus"].
 
 use crate::registers::BUFFER_BYTES;
+
+/// Bytes of the largest buffer there is: EnOcean and M-Bus. [S0 L2916], [S0 L4133]
+const BYTES_MAX: usize = 2048;
 
 /// Telegrams the buffer can hold at most. [S0 "Properties"]
 pub const TELEGRAMS_MAX: usize = 250;
 
+/// What a buffer holds; the protocol decides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Capacity {
+    bytes: usize,
+    telegrams: usize,
+}
+
+impl Capacity {
+    /// 1024 bytes, and so many telegrams as the parameters permit, 1 to 250.
+    pub(crate) const fn buffers(n: u8) -> Self {
+        let n = n as usize;
+        let telegrams = if n == 0 {
+            1
+        } else if n > TELEGRAMS_MAX {
+            TELEGRAMS_MAX
+        } else {
+            n
+        };
+        Self { bytes: BUFFER_BYTES, telegrams }
+    }
+
+    /// 2048 bytes, and so many telegrams, 1 to 250: EnOcean (150) [S0 L2916] and M-Bus (no number is printed) [S0 L4133].
+    #[cfg_attr(not(test), expect(dead_code, reason = "the protocols that have it follow"))]
+    pub(crate) const fn large(telegrams: u8) -> Self {
+        Self { bytes: BYTES_MAX, ..Self::buffers(telegrams) }
+    }
+}
+
 /// Received telegrams waiting for the CPU, oldest first.
 #[derive(Debug)]
 pub(crate) struct Ring {
-    bytes: [u8; BUFFER_BYTES],
+    bytes: [u8; BYTES_MAX],
     /// Begin of the oldest telegram.
     head: usize,
     /// Bytes in use.
@@ -17,27 +48,27 @@ pub(crate) struct Ring {
     /// Place of the oldest length.
     first: usize,
     telegrams: usize,
-    /// Telegrams permitted by the parameters, 1 to 250.
-    limit: usize,
+    /// Bytes and telegrams permitted.
+    capacity: Capacity,
 }
 
 impl Ring {
     pub(crate) const fn new() -> Self {
         Self {
-            bytes: [0; BUFFER_BYTES],
+            bytes: [0; BYTES_MAX],
             head: 0,
             used: 0,
             lengths: [0; TELEGRAMS_MAX],
             first: 0,
             telegrams: 0,
-            limit: TELEGRAMS_MAX,
+            capacity: Capacity::buffers(u8::MAX),
         }
     }
 
-    /// Empties the buffer and sets how many telegrams it may hold.
-    pub(crate) fn clear(&mut self, limit: u8) {
+    /// Empties the buffer and sets what it may hold.
+    pub(crate) fn clear(&mut self, capacity: Capacity) {
         (self.head, self.used, self.first, self.telegrams) = (0, 0, 0, 0);
-        self.limit = usize::from(limit).clamp(1, TELEGRAMS_MAX);
+        self.capacity = capacity;
     }
 
     /// Telegrams waiting.
@@ -47,7 +78,7 @@ impl Ring {
 
     /// Bytes the next telegram may have; 0: none is taken.
     pub(crate) const fn room(&self) -> usize {
-        if self.telegrams < self.limit { BUFFER_BYTES - self.used } else { 0 }
+        if self.telegrams < self.capacity.telegrams { self.capacity.bytes - self.used } else { 0 }
     }
 
     /// Appends a telegram; false (and nothing is kept of it) if it is empty or there is no room.
@@ -55,8 +86,8 @@ impl Ring {
         if telegram.is_empty() || telegram.len() > self.room() {
             return false;
         }
-        let begin = (self.head + self.used) % BUFFER_BYTES;
-        let straight = telegram.len().min(BUFFER_BYTES - begin);
+        let begin = (self.head + self.used) % BYTES_MAX;
+        let straight = telegram.len().min(BYTES_MAX - begin);
         let (front, back) = telegram.split_at(straight);
         self.bytes[begin..begin + straight].copy_from_slice(front);
         self.bytes[..back.len()].copy_from_slice(back);
@@ -74,14 +105,14 @@ impl Ring {
     /// Copies out of the oldest telegram, from byte `at` on.
     pub(crate) fn copy(&self, at: usize, into: &mut [u8]) {
         for (offset, byte) in into.iter_mut().enumerate() {
-            *byte = self.bytes[(self.head + at + offset) % BUFFER_BYTES];
+            *byte = self.bytes[(self.head + at + offset) % BYTES_MAX];
         }
     }
 
     /// Drops the oldest telegram.
     pub(crate) fn pop(&mut self) {
         if let Some(length) = self.oldest() {
-            self.head = (self.head + length) % BUFFER_BYTES;
+            self.head = (self.head + length) % BYTES_MAX;
             self.used -= length;
             self.first = (self.first + 1) % TELEGRAMS_MAX;
             self.telegrams -= 1;
@@ -98,16 +129,19 @@ mod tests {
     #[test]
     fn bytes_and_telegrams_are_limited() {
         let mut ring = Ring::new();
-        ring.clear(250);
+        ring.clear(Capacity::buffers(250));
         assert!(ring.push(&[7; 1024]));
         assert_eq!(ring.room(), 0);
         assert!(!ring.push(&[1]), "full");
-        ring.clear(2);
+        ring.clear(Capacity::buffers(2));
         assert!(ring.push(&[1]) && ring.push(&[2]));
         assert_eq!(ring.room(), 0, "two receive buffers are two telegrams");
         ring.pop();
         assert_eq!(ring.room(), 1023);
         assert!(!ring.push(&[]), "there are no empty telegrams");
+        ring.clear(Capacity::large(150));
+        assert!(ring.push(&[7; 1800]) && (1..150).all(|n| ring.push(&[n as u8])));
+        assert_eq!(ring.room(), 0, "150 telegrams, though only 1949 bytes");
     }
 
     proptest! {
@@ -115,14 +149,16 @@ mod tests {
         fn telegrams_come_out_as_they_went_in(
             lengths in proptest::collection::vec((1usize..=1024, any::<bool>()), 0..300),
             limit in 1u8..=250,
+            large in any::<bool>(),
         ) {
             let mut ring = Ring::new();
-            ring.clear(limit);
+            let capacity = if large { Capacity::large(limit) } else { Capacity::buffers(limit) };
+            ring.clear(capacity);
             let mut model: VecDeque<Vec<u8>> = VecDeque::new();
             for (n, (length, take)) in lengths.into_iter().enumerate() {
                 let telegram: Vec<u8> = (0..length).map(|i| (i * 7 + n) as u8).collect();
                 let used: usize = model.iter().map(Vec::len).sum();
-                let fits = model.len() < usize::from(limit) && used + length <= BUFFER_BYTES;
+                let fits = model.len() < usize::from(limit) && used + length <= if large { 2048 } else { 1024 };
                 prop_assert_eq!(ring.push(&telegram), fits);
                 if fits {
                     model.push_back(telegram);
