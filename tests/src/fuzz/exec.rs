@@ -11,7 +11,7 @@ const CYCLES: usize = 3;
 /// Compiles; runs what compiled.
 pub fn run(data: &[u8]) {
     let options = Options { mnemonics: Mnemonics::Auto, ..Options::default() };
-    let output = compile(&[Source::new("fuzz.awl", data)], &super::stl::library(), &options);
+    let output = compile(&[Source::new("fuzz.awl", data)], &super::stl::LIBRARY, &options);
     if output.is_good() {
         both(&output.program);
     }
@@ -27,9 +27,8 @@ pub(super) fn both(program: &Program) {
         accumulators: if program.blocks.len().is_multiple_of(2) { 4 } else { 2 },
         ..CpuConfig::default()
     };
-    let natives = ob1_command::program::native_standard_blocks;
-    let fast = Cpu::new(config.clone(), program, natives(&[]), Vec::new());
-    let plain = Cpu::new_plain(config, program, natives(&[]), Vec::new());
+    let fast = Cpu::new(config.clone(), program, ob1_cpu::system_blocks(), Vec::new());
+    let plain = Cpu::new_plain(config, program, ob1_cpu::system_blocks(), Vec::new());
     let (Ok(mut fast), Ok(mut plain)) = (fast, plain) else { return };
     let (mut of_fast, mut of_plain) = (Budget::of(&fast), Budget::of(&plain));
     fast.request(Command::Cold);

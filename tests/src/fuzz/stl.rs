@@ -1,5 +1,7 @@
 //! The STL front end: sources in both sets of mnemonics, and in the set that is found for them.
 
+use std::sync::LazyLock;
+
 use ob1_stl::{Library, Mnemonics, Options, Source, compile, render};
 
 /// Steps of work a byte of source may cost, and what any source may: the work is linear. A data block declared in a line has up to
@@ -9,12 +11,11 @@ const STEPS: u64 = 200_000;
 
 /// Compiles; what comes out passes the verifier, and each diagnostic points into the source.
 pub fn run(data: &[u8]) {
-    let library = library();
     for mnemonics in [Mnemonics::German, Mnemonics::International, Mnemonics::Auto] {
         let source = Source::new("fuzz.awl", data);
         let options = Options { mnemonics, lints: true, ..Options::default() };
-        let output = compile(std::slice::from_ref(&source), &library, &options);
-        let verified = ob1_ir::verify(&output.program, &|id| library.get(id).map(|block| &block.interface));
+        let output = compile(std::slice::from_ref(&source), &LIBRARY, &options);
+        let verified = ob1_ir::verify(&output.program, &|id| LIBRARY.get(id).map(|block| &block.interface));
         assert_eq!(verified, Ok(()));
         assert!(output.steps <= STEPS + STEPS_PER_BYTE * data.len() as u64, "{} steps", output.steps);
         for diagnostic in output.diagnostics.iter().take(20) {
@@ -22,15 +23,15 @@ pub fn run(data: &[u8]) {
             assert!(render(diagnostic, &source).contains(diagnostic.code));
         }
         assert!(ob1_stl::listing(&output.program).starts_with("source 1: "));
-        assert!(ob1_stl::xref_with(&output.program, &library).is_sorted());
+        assert!(ob1_stl::xref_with(&output.program, &LIBRARY).is_sorted());
     }
 }
 
-/// The standard blocks with STEP 7's numbers, as `ob1 exec` has them.
-pub(super) fn library() -> Library {
+/// The standard blocks with STEP 7's numbers, as `ob1 exec` has them; made once.
+pub(super) static LIBRARY: LazyLock<Library> = LazyLock::new(|| {
     let mut library = Library::new();
     for block in ob1_std::library() {
         library.insert(block.id, block.name, block.interface);
     }
     library
-}
+});
