@@ -6,6 +6,7 @@
 
 pub mod exec;
 pub mod ir;
+pub mod modbus;
 pub mod rk512;
 pub mod serial;
 pub mod station;
@@ -19,6 +20,7 @@ pub type Target = fn(&[u8]);
 pub const TARGETS: &[(&str, Target)] = &[
     ("exec", exec::run),
     ("ir", ir::run),
+    ("modbus", modbus::run),
     ("rk512", rk512::run),
     ("serial", serial::run),
     ("station", station::run),
