@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use ob1_cp::LinePort;
+use ob1_cp::{LinePort, Refused};
 use ob1_cpu::Nanos;
 use ob1_firmware::{LineInput, LineSettings};
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
@@ -25,6 +25,8 @@ pub struct Cable {
     /// Telegrams put on the line, and telegrams that came out good by the check character.
     telegrams: HashSet<Vec<u8>>,
     undetectable: u64,
+    /// The configuration of the driver at this end enables diagnostics.
+    diagnostics: [bool; 2],
     /// What leaves at this end was written by a driver that is dead: its end means nothing to the next one.
     orphaned: [bool; 2],
 }
@@ -43,6 +45,7 @@ impl Cable {
             arrived: Default::default(),
             telegrams: HashSet::new(),
             undetectable: 0,
+            diagnostics: [false; 2],
             orphaned: [false; 2],
         }
     }
@@ -119,6 +122,16 @@ pub struct CableEnd<'a> {
 }
 
 impl LinePort for CableEnd<'_> {
+    fn configure(&mut self, _now: Nanos, json: &[u8]) -> Result<(), Refused> {
+        let keys: serde_json::Value = serde_json::from_slice(json).map_err(|error| Refused(error.to_string()))?;
+        self.cable.diagnostics[self.end as usize] = keys["diagnostics"] == true;
+        Ok(())
+    }
+
+    fn diagnostics(&self) -> bool {
+        self.cable.diagnostics[self.end as usize]
+    }
+
     fn apply(&mut self, _now: Nanos, settings: &LineSettings) {
         self.cable.line.set_char_time(settings.char_time_ns());
     }

@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ob1_command::station::{self, Absent, ModuleKind, Station};
+use ob1_command::station::{self, ModuleKind, Station};
 use ob1_command::{assembly, program};
 use ob1_cpu::{Command, Cpu, Module, ModuleSlot, Nanos};
-use ob1_host::module::{CpModule, CpSettings};
+use ob1_host::module::CpModule;
 use ob1_line::sim::SplitMix64;
 
 use super::clock::VirtualClock;
@@ -85,19 +85,14 @@ fn modules(
 ) -> Result<Modules, String> {
     let mut modules: Modules = Vec::new();
     for config in &station.modules {
-        let ModuleKind::Cp240 { bytes, line, .. } = &config.kind else {
+        let ModuleKind::Cp240 { line, .. } = &config.kind else {
             return Err(format!("{}: the simulation has no process I/O", config.name));
         };
         let (cable, end) = plug(&line.to_string())?;
         let (driver, side, link) = Driver::new(cable, end, rng.next_u64()).map_err(|e| e.to_string())?;
         own.push(drivers.len());
         drivers.push(driver);
-        let settings = CpSettings {
-            parameters: *bytes,
-            json: Vec::new(),
-            absent_is_fault: config.absent == Absent::Fault,
-            mailbox: false,
-        };
+        let settings = assembly::cp_settings(&station.name, config, None).ok_or("a CP without settings")?;
         let module = CpModule::new(side, Box::new(link), settings).map_err(|e| e.to_string())?;
         let slot = ModuleSlot {
             name: config.name.clone(),
