@@ -6,6 +6,7 @@
 //!
 //! * [`machine`]: the contract all protocols share.
 //! * [`ascii`]: bare characters, telegrams end with a pause.
+//! * [`esp2`]: EnOcean's transceiver TCM 120.
 //! * [`mbus`]: M-Bus master.
 //! * [`s3964`]: 3964 and 3964R.
 //! * [`modbus`]: Modbus RTU and ASCII, master and slave.
@@ -16,6 +17,7 @@
 #![forbid(unsafe_code)]
 
 pub mod ascii;
+pub mod esp2;
 mod flow;
 pub mod machine;
 pub mod mbus;
@@ -27,6 +29,7 @@ pub mod stx_etx;
 pub mod trace;
 
 pub use ascii::Ascii;
+pub use esp2::Esp2;
 pub use machine::{
     Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,
 };

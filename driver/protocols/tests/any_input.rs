@@ -2,6 +2,7 @@
 //! and when the line falls silent for good the machine comes to rest by itself.
 
 use ob1_protocols::ascii::{self, Ascii};
+use ob1_protocols::esp2::{self, Esp2};
 use ob1_protocols::mbus::{self, MBus};
 use ob1_protocols::modbus::{Master, Mode, Slave, frame, master, slave};
 use ob1_protocols::s3964::{self, Priority, S3964};
@@ -43,6 +44,19 @@ fn step() -> impl Strategy<Value = Step> {
         1 => prop_oneof![Just(0), Just(5), Just(1024)].prop_map(Step::Room),
         4 => (0..700 * MS).prop_map(Step::Wait),
     ]
+}
+
+/// What EnOcean makes something of: whole and mutilated frames, telegrams of its length.
+fn esp2_step() -> impl Strategy<Value = Step> {
+    let frame =
+        (any::<[u8; 10]>(), 0..20_usize, prop::sample::select(vec![0x0B_u8, 0x8B])).prop_map(|(data, cut, h)| {
+            let mut telegram = [0; 11];
+            telegram[1..].copy_from_slice(&data);
+            (telegram[0], telegram[1]) = (h, if h == 0x8B { 0x98 } else { data[0] });
+            let frame = esp2::frame::encode(&telegram);
+            Step::Rx(frame[..frame.len().min(cut)].to_vec())
+        });
+    prop_oneof![2 => frame, 1 => prop::sample::select(vec![1, 10, 11, 12]).prop_map(Step::Send), 1 => Just(Step::Room(11))]
 }
 
 #[derive(Default)]
@@ -160,6 +174,11 @@ proptest! {
     fn ascii(steps in proptest::collection::vec(step(), 0..200), flow in 0..3_usize, fragmented: bool, zna in 0..3_u64) {
         let flow = [ascii::Flow::None, ascii::Flow::Hardware, ascii::Flow::XonXoff][flow];
         drive(&mut Ascii::<1024>::new(ascii::Config { flow, fragmented, zna: zna * 20 * MS, ..ascii::Config::cp240(MS) }), &steps);
+    }
+
+    #[test]
+    fn esp2(steps in proptest::collection::vec(prop_oneof![step(), esp2_step()], 0..200)) {
+        drive(&mut Esp2::new(esp2::Config::cp240()), &steps);
     }
 
     #[test]

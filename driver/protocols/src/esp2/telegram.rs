@@ -1,0 +1,361 @@
+//! Every telegram of the manuals as a typed value: radio telegrams, commands to the TCM 120 and what it answers.
+//! [S1 "Command Telegrams and Messages"]
+
+use core::fmt;
+
+use super::frame::Bytes;
+use super::radio::{Button, Radio, Switch};
+
+/// H_SEQ 0, LENGTH 11: received by radio (RX_TELEGRAM, RRT).
+const RECEIVED: u8 = 0x0B;
+/// H_SEQ 3: to be sent by radio (TX_TELEGRAM, TRT). "0x06" in both manuals is a misprint. [S1 L1704]
+pub(super) const TRANSMIT: u8 = 0x6B;
+/// H_SEQ 4: a message of the module (RMT).
+const MESSAGE: u8 = 0x8B;
+/// H_SEQ 5: a command to the module (TCT).
+const COMMAND: u8 = 0xAB;
+
+/// A telegram of eleven bytes. What is not in the manuals is [`Telegram::Unknown`] and keeps its bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Telegram {
+    /// 0Bh: received by radio.
+    Received(Radio),
+    /// 6Bh: to be sent by radio.
+    Transmit(Radio),
+    /// ABh: a command to the TCM 120.
+    Command(Command),
+    /// 8Bh: a message of the TCM 120.
+    Message(Message),
+    /// Anything else.
+    Unknown(Bytes),
+}
+
+/// What the TCM 120 can be told. WAKE is no telegram but a single byte, [`super::WAKE`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// 58h: answer with INF_IDBASE.
+    RdIdBase,
+    /// 18h: a new ID base, FF800000h to FFFFFFFFh; the lower 7 bits do not count. At most ten times.
+    SetIdBase(u32),
+    /// 08h: sensitivity high (01h) or low (00h).
+    SetRxSensitivity(bool),
+    /// 48h: answer with INF_RX_SENSITIVITY.
+    RdRxSensitivity,
+    /// 09h: sleep until WAKE.
+    Sleep,
+    /// 0Ah: start anew.
+    Reset,
+    /// 28h: modem on, with this ID; 0: with the one stored.
+    ModemOn(u16),
+    /// 2Ah: modem off.
+    ModemOff,
+    /// 68h: answer with INF_MODEM_STATUS.
+    RdModemStatus,
+    /// 4Bh: answer with INF_SW_VER.
+    RdSwVer,
+}
+
+/// What the TCM 120 says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Message {
+    /// 89h: one of the 15 lines behind a start, ASCII with zeros behind it.
+    InfInit([u8; 9]),
+    /// 58h: done.
+    Ok,
+    /// 19h: could not be done.
+    Err,
+    /// 98h: the ID base.
+    InfIdBase(u32),
+    /// 88h: sensitivity high (01h) or low (00h).
+    InfRxSensitivity(bool),
+    /// A8h: the modem's state and ID.
+    InfModemStatus {
+        /// 01h.
+        on: bool,
+        /// Its ID.
+        id: u16,
+    },
+    /// 8Ch: version, position 1 first.
+    InfSwVer([u8; 4]),
+    /// 28h: ERR_MODEM_NOTWANTEDACK, an acknowledgement after the time or a second one.
+    ErrModemNotWantedAck,
+    /// 29h: ERR_MODEM_NOTACK, no acknowledgement within 100 ms.
+    ErrModemNotAck,
+    /// 0Ch: ERR_MODEM_DUP_ID, another module has this modem ID. Only in S1. [S1 "ERR_MODEM_ DUP_ID"]
+    ErrModemDupId,
+    /// 08h to 0Bh: ERR_SYNTAX, the code of the field stands in the place of ORG. Only in S1. [S1 "ERR_SYNTAX"]
+    ErrSyntax(Field),
+    /// 22h: ERR_TX_IDRANGE, the ID of a radio telegram is not in the module's range; it is not sent.
+    ErrTxIdRange,
+    /// 1Ah: ERR_IDRANGE, the ID base is not in the allowed range.
+    ErrIdRange,
+}
+
+/// Where a telegram is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Field {
+    /// 08h.
+    HSeq,
+    /// 09h.
+    Length,
+    /// 0Ah.
+    ChkSum,
+    /// 0Bh.
+    Org,
+}
+
+impl Telegram {
+    /// Reads eleven bytes; total.
+    pub fn parse(bytes: &Bytes) -> Self {
+        let known = match bytes[0] {
+            RECEIVED => Radio::read(bytes).map(Self::Received),
+            TRANSMIT => Radio::read(bytes).map(Self::Transmit),
+            COMMAND => Command::read(bytes).map(Self::Command),
+            MESSAGE => Message::read(bytes).map(Self::Message),
+            _ => None,
+        };
+        known.unwrap_or(Self::Unknown(*bytes))
+    }
+
+    /// Writes eleven bytes. `parse` of them is the same value, as long as its fields are in their ranges.
+    pub fn emit(&self) -> Bytes {
+        match self {
+            Self::Received(radio) => radio.write(RECEIVED),
+            Self::Transmit(radio) => radio.write(TRANSMIT),
+            Self::Command(command) => command.write(),
+            Self::Message(message) => message.write(),
+            Self::Unknown(bytes) => *bytes,
+        }
+    }
+}
+
+/// `header`, ORG, up to nine bytes, zeros.
+fn compose(header: u8, org: u8, bytes: &[u8]) -> Bytes {
+    let mut out = [0; 11];
+    (out[0], out[1]) = (header, org);
+    for (place, byte) in out[2..].iter_mut().zip(bytes) {
+        *place = *byte;
+    }
+    out
+}
+
+/// A byte that is 00h or 01h.
+const fn switch(byte: u8) -> Option<bool> {
+    match byte {
+        0 => Some(false),
+        1 => Some(true),
+        _ => None,
+    }
+}
+
+impl Command {
+    fn read(bytes: &Bytes) -> Option<Self> {
+        let [_, org, b3, b2, b1, b0, ..] = *bytes;
+        Some(match org {
+            0x58 => Self::RdIdBase,
+            0x18 => Self::SetIdBase(u32::from_be_bytes([b3, b2, b1, b0])),
+            0x08 => Self::SetRxSensitivity(switch(b3)?),
+            0x48 => Self::RdRxSensitivity,
+            0x09 => Self::Sleep,
+            0x0A => Self::Reset,
+            0x28 => Self::ModemOn(u16::from_be_bytes([b3, b2])),
+            0x2A => Self::ModemOff,
+            0x68 => Self::RdModemStatus,
+            0x4B => Self::RdSwVer,
+            _ => return None,
+        })
+    }
+
+    fn write(&self) -> Bytes {
+        let bare = |org| compose(COMMAND, org, &[]);
+        match *self {
+            Self::RdIdBase => bare(0x58),
+            Self::SetIdBase(base) => compose(COMMAND, 0x18, &base.to_be_bytes()),
+            Self::SetRxSensitivity(high) => compose(COMMAND, 0x08, &[high.into()]),
+            Self::RdRxSensitivity => bare(0x48),
+            Self::Sleep => bare(0x09),
+            Self::Reset => bare(0x0A),
+            Self::ModemOn(id) => compose(COMMAND, 0x28, &id.to_be_bytes()),
+            Self::ModemOff => bare(0x2A),
+            Self::RdModemStatus => bare(0x68),
+            Self::RdSwVer => bare(0x4B),
+        }
+    }
+
+    /// The manual's name.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::RdIdBase => "RD_IDBASE",
+            Self::SetIdBase(_) => "SET_IDBASE",
+            Self::SetRxSensitivity(_) => "SET_RX_SENSITIVITY",
+            Self::RdRxSensitivity => "RD_RX_SENSITIVITY",
+            Self::Sleep => "SLEEP",
+            Self::Reset => "RESET",
+            Self::ModemOn(_) => "MODEM_ON",
+            Self::ModemOff => "MODEM_OFF",
+            Self::RdModemStatus => "RD_MODEM_STATUS",
+            Self::RdSwVer => "RD_SW_VER",
+        }
+    }
+}
+
+impl Message {
+    fn read(bytes: &Bytes) -> Option<Self> {
+        let [_, org, b3, b2, b1, b0, ..] = *bytes;
+        Some(match org {
+            0x89 => Self::InfInit(*bytes.last_chunk()?),
+            0x58 => Self::Ok,
+            0x19 => Self::Err,
+            0x98 => Self::InfIdBase(u32::from_be_bytes([b3, b2, b1, b0])),
+            0x88 => Self::InfRxSensitivity(switch(b3)?),
+            0xA8 => Self::InfModemStatus { on: switch(b3)?, id: u16::from_be_bytes([b2, b1]) },
+            0x8C => Self::InfSwVer([b3, b2, b1, b0]),
+            0x28 => Self::ErrModemNotWantedAck,
+            0x29 => Self::ErrModemNotAck,
+            0x0C => Self::ErrModemDupId,
+            0x08 => Self::ErrSyntax(Field::HSeq),
+            0x09 => Self::ErrSyntax(Field::Length),
+            0x0A => Self::ErrSyntax(Field::ChkSum),
+            0x0B => Self::ErrSyntax(Field::Org),
+            0x22 => Self::ErrTxIdRange,
+            0x1A => Self::ErrIdRange,
+            _ => return None,
+        })
+    }
+
+    fn write(&self) -> Bytes {
+        let bare = |org| compose(MESSAGE, org, &[]);
+        match *self {
+            Self::InfInit(text) => compose(MESSAGE, 0x89, &text),
+            Self::Ok => bare(0x58),
+            Self::Err => bare(0x19),
+            Self::InfIdBase(base) => compose(MESSAGE, 0x98, &base.to_be_bytes()),
+            Self::InfRxSensitivity(high) => compose(MESSAGE, 0x88, &[high.into()]),
+            Self::InfModemStatus { on, id } => {
+                let [msb, lsb] = id.to_be_bytes();
+                compose(MESSAGE, 0xA8, &[on.into(), msb, lsb])
+            }
+            Self::InfSwVer(version) => compose(MESSAGE, 0x8C, &version),
+            Self::ErrModemNotWantedAck => bare(0x28),
+            Self::ErrModemNotAck => bare(0x29),
+            Self::ErrModemDupId => bare(0x0C),
+            Self::ErrSyntax(field) => bare(match field {
+                Field::HSeq => 0x08,
+                Field::Length => 0x09,
+                Field::ChkSum => 0x0A,
+                Field::Org => 0x0B,
+            }),
+            Self::ErrTxIdRange => bare(0x22),
+            Self::ErrIdRange => bare(0x1A),
+        }
+    }
+
+    /// The manual's name.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::InfInit(_) => "INF_INIT",
+            Self::Ok => "OK",
+            Self::Err => "ERR",
+            Self::InfIdBase(_) => "INF_IDBASE",
+            Self::InfRxSensitivity(_) => "INF_RX_SENSITIVITY",
+            Self::InfModemStatus { .. } => "INF_MODEM_STATUS",
+            Self::InfSwVer(_) => "INF_SW_VER",
+            Self::ErrModemNotWantedAck => "ERR_MODEM_NOTWANTEDACK",
+            Self::ErrModemNotAck => "ERR_MODEM_NOTACK",
+            Self::ErrModemDupId => "ERR_MODEM_DUP_ID",
+            Self::ErrSyntax(_) => "ERR_SYNTAX",
+            Self::ErrTxIdRange => "ERR_TX_IDRANGE",
+            Self::ErrIdRange => "ERR_IDRANGE",
+        }
+    }
+}
+
+impl fmt::Display for Telegram {
+    /// One line, as a trace has it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Received(radio) => write!(f, "received {radio}"),
+            Self::Transmit(radio) => write!(f, "send {radio}"),
+            Self::Command(command) => {
+                f.write_str(command.name())?;
+                match *command {
+                    Command::SetIdBase(base) => write!(f, " {base:08X}"),
+                    Command::SetRxSensitivity(high) => f.write_str(if high { " high" } else { " low" }),
+                    Command::ModemOn(id) => write!(f, " {id:04X}"),
+                    _ => Ok(()),
+                }
+            }
+            Self::Message(message) => {
+                f.write_str(message.name())?;
+                match *message {
+                    Message::InfInit(text) => write!(f, " \"{}\"", Ascii(&text)),
+                    Message::InfIdBase(base) => write!(f, " {base:08X}"),
+                    Message::InfRxSensitivity(high) => f.write_str(if high { " high" } else { " low" }),
+                    Message::InfModemStatus { on, id } => {
+                        write!(f, " {}, ID {id:04X}", if on { "on" } else { "off" })
+                    }
+                    Message::InfSwVer([a, b, c, d]) => write!(f, " {a}.{b}.{c}.{d}"),
+                    Message::ErrSyntax(field) => f.write_str(match field {
+                        Field::HSeq => " in H_SEQ",
+                        Field::Length => " in LENGTH",
+                        Field::ChkSum => " in CHKSUM",
+                        Field::Org => " in ORG",
+                    }),
+                    _ => Ok(()),
+                }
+            }
+            Self::Unknown(bytes) => write!(f, "unknown, H_SEQ {:02X} ORG {:02X}", bytes[0], bytes[1]),
+        }
+    }
+}
+
+impl fmt::Display for Radio {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())?;
+        if let Some(id) = self.id() {
+            write!(f, " {id:08X}")?;
+        }
+        let bow = |pressed| if pressed { "pressed" } else { "released" };
+        match *self {
+            Self::Rps { switch: Switch::N { button, pressed, second, second_action }, .. } => {
+                write!(f, " {button}")?;
+                if second_action {
+                    write!(f, " and {second}")?;
+                }
+                write!(f, " {}", bow(pressed))?;
+            }
+            Self::Rps { switch: Switch::U { buttons, pressed }, .. } => {
+                write!(f, " buttons {buttons} {}", bow(pressed))?;
+            }
+            Self::Bs1 { data, .. } => write!(f, " {data:02X}")?,
+            Self::Bs4 { analog: [first, second, third], digital, .. } => {
+                write!(f, " {first} {second} {third}, inputs {digital:02X}")?;
+            }
+            Self::Hrc { button, pressed, store, .. } => {
+                write!(f, " {button} {}{}", bow(pressed), if store { ", store" } else { "" })?;
+            }
+            Self::Modem { address, .. } => write!(f, " to modem {address:04X}")?,
+            Self::ModemAck { address, .. } => write!(f, " of modem {address:04X}")?,
+        }
+        if self.repeater() == 0 { Ok(()) } else { write!(f, ", repeated {}", self.repeater()) }
+    }
+}
+
+impl fmt::Display for Button {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rocker = char::from(b'A' + (self.rocker & 3));
+        write!(f, "{rocker}{}", if self.o { 'O' } else { 'I' })
+    }
+}
+
+/// Text up to its first zero; what cannot be printed as a dot.
+struct Ascii<'a>(&'a [u8]);
+
+impl fmt::Display for Ascii<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for byte in self.0.iter().take_while(|byte| **byte != 0) {
+            write!(f, "{}", if matches!(byte, 0x20..=0x7E) { char::from(*byte) } else { '.' })?;
+        }
+        Ok(())
+    }
+}
