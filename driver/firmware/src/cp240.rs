@@ -2,7 +2,7 @@
 
 mod rk512;
 
-use ob1_params::Cp240 as Parameters;
+use ob1_params::{Cp240 as Parameters, LineSettings};
 use ob1_protocols::rk512::Order as Rk512Order;
 use ob1_protocols::{Event, Input, LineFault, Nanos, Order, SendError, Sink, What};
 
@@ -59,6 +59,8 @@ pub struct Cp240 {
     shown: Registers,
 
     setup: Option<Setup>,
+    /// How the line is set.
+    settings: Option<LineSettings>,
     /// Of the receive buffer.
     capacity: Capacity,
     protocol: Protocol,
@@ -93,6 +95,7 @@ impl Cp240 {
             outputs: [0; 16],
             shown: [0; 16],
             setup: None,
+            settings: None,
             capacity: Capacity::buffers(1),
             protocol: Protocol::None,
             protocol_due: None,
@@ -188,8 +191,10 @@ impl Cp240 {
         };
         let has_identifier = setup.has_identifier();
         self.setup = Some(setup);
-        self.capacity = Capacity::buffers(parameters.receive_buffers());
-        port.line_settings(&parameters.line_settings());
+        self.capacity = capacity(&parameters);
+        let settings = parameters.line_settings();
+        self.settings = Some(settings);
+        port.line_settings(&settings);
         if has_identifier {
             self.identify(now, StartReason::Parameters, port);
         } else {
@@ -422,6 +427,7 @@ impl Cp240 {
             leds: &mut self.leds,
             modem: &mut self.modem,
             diagnosis: &mut self.diagnosis,
+            settings: &mut self.settings,
             port,
             outcome: None,
         };
@@ -439,6 +445,7 @@ impl Cp240 {
             leds: &mut self.leds,
             modem: &mut self.modem,
             diagnosis: &mut self.diagnosis,
+            settings: &mut self.settings,
             port,
             outcome: None,
         };
@@ -488,6 +495,15 @@ impl Cp240 {
     }
 }
 
+/// What the receive buffer holds with these parameters.
+fn capacity(parameters: &Parameters) -> Capacity {
+    match parameters.protocol {
+        // "send and receive data have each a reserved 2048Byte buffer" [S0 L4133]
+        ob1_params::Protocol::MBus => Capacity::large(u8::MAX),
+        _ => Capacity::buffers(parameters.receive_buffers()),
+    }
+}
+
 /// 1 to 255, then 1 again.
 const fn next_number(number: u8) -> u8 {
     if number == u8::MAX { 1 } else { number + 1 }
@@ -501,6 +517,7 @@ struct Outlet<'a> {
     leds: &'a mut LedDriver,
     modem: &'a mut Modem,
     diagnosis: &'a mut Diagnosis,
+    settings: &'a mut Option<LineSettings>,
     port: &'a mut dyn CpPort,
     outcome: Option<Result<(), SendError>>,
 }
@@ -556,6 +573,14 @@ impl Sink for Outlet<'_> {
             _ => {}
         }
         self.port.event(self.now, CpEvent::Protocol(event));
+    }
+
+    fn baud(&mut self, baud: u32) {
+        // Most telegrams have the rate of the one before: a line is not set without need.
+        if let Some(settings) = self.settings.as_mut().filter(|settings| settings.baud != baud) {
+            settings.baud = baud;
+            self.port.line_settings(settings);
+        }
     }
 
     fn rts(&mut self, on: bool) {

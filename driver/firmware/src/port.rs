@@ -60,7 +60,8 @@ pub trait CpPort {
         0
     }
 
-    /// Sets baud rate, character frame and flow control; called once for each valid parameter record.
+    /// Sets baud rate, character frame and flow control; called once for each valid parameter record, and for an M-Bus telegram that
+    /// names another baud rate than the one before.
     fn line_settings(&mut self, settings: &LineSettings);
 
     /// How late the line may hand over characters that have come in, because they come in bursts. RTU tells telegrams apart by their

@@ -6,7 +6,7 @@ use ob1_params::{
 };
 use ob1_protocols::modbus::{Master, Slave};
 use ob1_protocols::rk512::{self, Rk512};
-use ob1_protocols::{Ascii, Input, MS, Machine, Nanos, Order, S3964, Sink, StxEtx, ascii, s3964, stx_etx};
+use ob1_protocols::{Ascii, Input, MBus, MS, Machine, Nanos, Order, S3964, Sink, StxEtx, ascii, mbus, s3964, stx_etx};
 
 use crate::modbus;
 use crate::registers::Registers;
@@ -19,6 +19,7 @@ pub(crate) enum Setup {
     StxEtx(stx_etx::Config),
     Modbus(modbus::Setup),
     Rk512(rk512::Config),
+    MBus(mbus::Config),
 }
 
 impl Setup {
@@ -31,6 +32,7 @@ impl Setup {
             Chosen::StxEtx(p) => Some(Self::StxEtx(stx_etx_config(p, char_time))),
             Chosen::Modbus(p) => Some(Self::Modbus(modbus::Setup::of(p, parameters.baud, char_time, late))),
             Chosen::S3964(p) => Some(Self::Rk512(rk512::Config::cp240(s3964_config(p, char_time)))),
+            Chosen::MBus => Some(Self::MBus(mbus::Config::cp240().with_bursts(late))),
         }
     }
 
@@ -42,6 +44,7 @@ impl Setup {
             Self::Modbus(modbus::Setup::Master(config)) => Protocol::ModbusMaster(Master::new(config.clone())),
             Self::Modbus(modbus::Setup::Slave(config)) => Protocol::ModbusSlave(Box::new(Slave::new(config.clone()))),
             Self::Rk512(config) => Protocol::Rk512(Box::new(Rk512::new(config.clone()))),
+            Self::MBus(config) => Protocol::MBus(MBus::new(config.clone())),
         }
     }
 
@@ -108,6 +111,7 @@ pub(crate) enum Protocol {
     ModbusMaster(Master),
     ModbusSlave(Box<Slave>),
     Rk512(Box<Rk512>),
+    MBus(MBus),
 }
 
 impl Protocol {
@@ -120,6 +124,7 @@ impl Protocol {
             Self::StxEtx(machine) => machine.step(now, input, out),
             Self::ModbusMaster(machine) => machine.step(now, input, out),
             Self::ModbusSlave(machine) => machine.step(now, input, out),
+            Self::MBus(machine) => machine.step(now, input, out),
             // Its orders come the other way: `Cp240::handed`.
             Self::Rk512(machine) => machine.step(now, rk512::Input::of_line(input).unwrap_or(rk512::Input::Tick), out),
         }
@@ -128,7 +133,7 @@ impl Protocol {
     /// Whether the partner acknowledges telegrams. Where nobody does, an order on a line that is known to be gone must
     /// not count as done because its last bit has "left".
     pub(crate) const fn is_acknowledged(&self) -> bool {
-        matches!(self, Self::S3964(_) | Self::ModbusMaster(_) | Self::Rk512(_))
+        matches!(self, Self::S3964(_) | Self::ModbusMaster(_) | Self::Rk512(_) | Self::MBus(_))
     }
 
     /// The Modbus slave, if it is one.

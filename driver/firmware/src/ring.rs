@@ -30,7 +30,6 @@ impl Capacity {
     }
 
     /// 2048 bytes, and so many telegrams, 1 to 250: EnOcean (150) [S0 L2916] and M-Bus (no number is printed) [S0 L4133].
-    #[cfg_attr(not(test), expect(dead_code, reason = "the protocols that have it follow"))]
     pub(crate) const fn large(telegrams: u8) -> Self {
         Self { bytes: BYTES_MAX, ..Self::buffers(telegrams) }
     }

@@ -27,6 +27,9 @@ impl Cp240 {
             ("parity", Value::from(parity)),
             ("stop_bits", stop_bits),
         ];
+        if self.protocol == Protocol::MBus {
+            rows.clear();
+        }
         let flow = |flow: Flow| match flow {
             Flow::None => Value::from("none"),
             Flow::Hardware => Value::from("hardware"),
@@ -77,6 +80,7 @@ impl Cp240 {
                 ]);
                 Layout::Modbus
             }
+            Protocol::MBus => Layout::MBus,
         };
         (layout, rows)
     }
@@ -158,6 +162,7 @@ impl Reader<'_> {
                 debug: self.is("debug", "on")?,
                 wait_ms: self.word("wait_ms")?,
             }),
+            Layout::MBus => return Ok(Cp240::mbus()),
         };
         let parity = if self.is("parity", "even")? {
             Parity::Even

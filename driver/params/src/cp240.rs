@@ -33,6 +33,8 @@ pub enum Protocol {
     S3964(S3964),
     /// 0Ah..0Dh, 1Ch, 1Dh.
     Modbus(Modbus),
+    /// F0h M-Bus. It has no parameters: each telegram names its baud rate.
+    MBus,
 }
 
 /// Parameters of ASCII. Times in milliseconds, multiples of 20.
@@ -173,6 +175,11 @@ impl Cp240 {
         }
     }
 
+    /// M-Bus: 2400 baud until a telegram names another rate [S0 L4298], 8 data bits, even parity, 1 stop bit as EN 1434-3 has it.
+    pub const fn mbus() -> Self {
+        Self { baud: 2400, data_bits: 8, parity: Parity::Even, stop_bits: StopBits::One, protocol: Protocol::MBus }
+    }
+
     /// The defaults of a protocol as printed in its table; `protocol` is a name of
     /// [`PROTOCOLS`](crate::table::PROTOCOLS).
     pub fn defaults(protocol: &str) -> Result<Self, ParamError> {
@@ -264,6 +271,7 @@ impl Cp240 {
                 (true, true) => "3964r-rk512",
             },
             Protocol::Modbus(p) => ModbusKind::NAMES.iter().find(|(k, _)| *k == p.kind).map_or("", |(_, name)| name),
+            Protocol::MBus => "mbus",
         }
     }
 
@@ -272,7 +280,7 @@ impl Cp240 {
         let flow = match &self.protocol {
             Protocol::Ascii(p) => p.flow,
             Protocol::StxEtx(p) => p.flow,
-            Protocol::S3964(_) | Protocol::Modbus(_) => Flow::None,
+            Protocol::S3964(_) | Protocol::Modbus(_) | Protocol::MBus => Flow::None,
         };
         LineSettings {
             baud: self.baud,

@@ -170,6 +170,9 @@ pub(crate) fn protocol(record: &Record) -> Result<(&'static str, Layout), ParamE
 
 /// Refuses bits that belong to no field: they are a sign that a value stands in the wrong byte.
 pub(crate) fn check_reserved(record: &Record, layout: Layout) -> Result<(), ParamError> {
+    if layout.ignores_reserved() {
+        return Ok(());
+    }
     let mut rest = *record;
     rest[1] = 0;
     for field in layout.fields() {

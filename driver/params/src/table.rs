@@ -3,7 +3,7 @@
 //! [S0 "Structure of the parameter bytes of ASCII"], [S0 "Structure of parameter bytes for STX/ETX"],
 //! [S0 "Structure of parameter bytes for 3964(R) / 3964(R) with RK512"], [S0 "Modbus - Parameterization"].
 
-/// The four parameter layouts.
+/// The parameter layouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
     /// ASCII and ASCII-fragmented.
@@ -14,6 +14,8 @@ pub enum Layout {
     S3964,
     /// All Modbus modes.
     Modbus,
+    /// M-Bus: the protocol code alone.
+    MBus,
 }
 
 /// How the bits of a field are written as a value of the station file.
@@ -72,6 +74,7 @@ pub const PROTOCOLS: &[(&str, u8, Layout)] = &[
     ("ascii-fragmented", 0x11, Layout::Ascii),
     ("modbus-slave-ascii-long", 0x1C, Layout::Modbus),
     ("modbus-slave-rtu-long", 0x1D, Layout::Modbus),
+    ("mbus", 0xF0, Layout::MBus),
 ];
 
 /// Baud rates. 00h is the default; written out, 9600 is 09h. 76800 and 115200 stand in this order in the manual.
@@ -208,11 +211,17 @@ impl Layout {
             Self::StxEtx => STX_ETX,
             Self::S3964 => S3964,
             Self::Modbus => MODBUS,
+            Self::MBus => &[],
         }
     }
 
+    /// Whether bytes that belong to no field may hold anything: "The other parameters are reserved and not evaluated." [S0 L4129]
+    pub fn ignores_reserved(self) -> bool {
+        self == Self::MBus
+    }
+
     /// All layouts.
-    pub const ALL: [Self; 4] = [Self::Ascii, Self::StxEtx, Self::S3964, Self::Modbus];
+    pub const ALL: [Self; 5] = [Self::Ascii, Self::StxEtx, Self::S3964, Self::Modbus, Self::MBus];
 }
 
 impl Field {

@@ -160,6 +160,38 @@ fn a_short_circuit_ends_the_order() {
          30 fault Break => !Idle: Line(Break)");
 }
 
+/// Ours: a line that stays at 0 reports its break once. It counts until a character comes in.
+#[test]
+fn a_short_circuit_counts_until_a_character_comes_in() {
+    run("0          start
+         0          fault Break => !Idle: Line(Break)
+         10         order BD 40 FF => baud 9600, tx 10 40 FF 3F 16
+         16         done => got 03, sent ok
+         20         order BD 7B 05 => baud 9600, tx 10 7B 05 80 16
+         26         done
+         110.37478  timeout => !Acknowledge: AckDelay, !Output: Repetition(1), tx 10 7B 05 80 16
+         116        done
+         200.37478  timeout => !Acknowledge: AckDelay, !Output: Repetition(2), tx 10 7B 05 80 16
+         206        done
+         290.37478  timeout => !Acknowledge: AckDelay
+         293.812258 timeout => !Acknowledge: Exhausted, got 03, sent ok
+         300        rx 00 => !Idle: Unexpected(0)
+         310        order BD 40 FF => baud 9600, tx 10 40 FF 3F 16
+         316        done => got 01, sent ok");
+}
+
+/// Ours: a device that never falls silent does not keep the order alive. Three of the longest frames are 897 ms at 9600 baud.
+#[test]
+fn a_babbler_does_not_hold_the_order() {
+    let mut table = String::from("0 start\n0 order BD 7B 05 => baud 9600, tx 10 7B 05 80 16\n0 done\n");
+    table += "50 rx 41 => !Acknowledge: Unexpected(65)\n";
+    for at in 0..311 {
+        table += &format!("{} rx 41\n", 51 + 3 * at);
+    }
+    table += "981.556538 timeout => !Output: Repetition(1), tx 10 7B 05 80 16\n";
+    run(&table);
+}
+
 /// Ours: an order waits until its answer has room, so that no answer is lost.
 #[test]
 fn an_order_waits_for_room() {

@@ -194,6 +194,30 @@ fn frames_of_modbus() {
     );
 }
 
+const MBUS: Dialect = Dialect::MBus { pause: 110 * MS };
+
+#[test]
+fn mbus_in_words() {
+    check(
+        MBUS,
+        "0 > 10 40 05 45 16\n 20 < E5\n 30 > 10 7B FD 78 16\n 60 < 68 06 06 68 08 02 72 01 02 03 82 16\n \
+         80 > 68 03 03 68 53 FE BD 0E 16\n 90 > 68 04 04 68 73 FF 50 10 D2 16\n 100 < 68 03 03 68 38 01 70 00 16\n \
+         101 > 10 5A 00 5A 16\n 120 < 41 42\n 300 < 68 05 05 68 08\n 500 .",
+        &[
+            "0 > to 5: SND_NKE, initialise (40h)",
+            "20 < acknowledged (E5h)",
+            "30 > to the selected slave: REQ_UD2, request data class 2 (7Bh)",
+            "60 < from 2: RSP_UD, data (08h), CI 72h, variable data, 3 bytes",
+            "80 > to any slave: SND_UD, send data (53h), CI BDh, set baud rate 9600",
+            "90 > to all slaves: SND_UD, send data (73h), CI 50h, reset application, 1 byte",
+            "100 < frame with a wrong check sum",
+            "101 > to 0: REQ_UD1, request data class 1 (5Ah)",
+            "120 < no frame",
+            "300 < frame without its end",
+        ],
+    );
+}
+
 #[test]
 fn records_go_there_and_back() {
     let mut bytes = Record::head(0x0102_0304_0506, Kind::Lost).to_vec();
@@ -209,9 +233,9 @@ fn records_go_there_and_back() {
 proptest! {
     #[test]
     fn every_character_is_told_once_whatever_comes(
-        which in 0..6usize,
+        which in 0..7usize,
         steps in proptest::collection::vec((0..400u64, 0..5u8, proptest::collection::vec(prop_oneof![
-            Just(2u8), Just(3), Just(0x10), Just(0x15), Just(b':'), Just(10), any::<u8>()], 0..30)), 0..60),
+            Just(2u8), Just(3), Just(0x10), Just(0x16), Just(0x68), Just(0xE5), Just(0x15), Just(b':'), Just(10), any::<u8>()], 0..30)), 0..60),
     ) {
         let dialects = [
             R,
@@ -219,6 +243,7 @@ proptest! {
             RTU,
             Dialect::Ascii { pause: 100 * MS },
             Dialect::ModbusAscii { master: false, pause: 100 * MS },
+            MBUS,
             Dialect::StxEtx { start: stx_etx::Flags::new([2, 0x10], 2), end: stx_etx::Flags::new([3, 0], 1), pause: 100 * MS },
         ];
         let mut reader = Reader::new(dialects[which]);

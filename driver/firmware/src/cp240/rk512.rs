@@ -44,6 +44,7 @@ impl Cp240 {
                 leds: &mut self.leds,
                 modem: &mut self.modem,
                 diagnosis: &mut self.diagnosis,
+                settings: &mut self.settings,
                 port,
                 outcome: None,
             };
@@ -64,6 +65,7 @@ impl Cp240 {
             leds: &mut self.leds,
             modem: &mut self.modem,
             diagnosis: &mut self.diagnosis,
+            settings: &mut self.settings,
             port,
             outcome: None,
         };

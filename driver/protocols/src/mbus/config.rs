@@ -1,5 +1,6 @@
 //! Times of the M-Bus, and the baud rate that stands in front of each telegram.
 
+use super::frame::FRAME_MAX;
 use crate::machine::{MS, Nanos};
 
 /// Times of [`MBus`](super::MBus).
@@ -25,12 +26,25 @@ impl Config {
         Self { answer_bits: 330, answer_more: 50 * MS, pause_bits: 33, gap_min: 30 * MS }
     }
 
+    /// For a line that may hand characters over so late, because they come in bursts.
+    #[must_use]
+    pub fn with_bursts(mut self, late: Nanos) -> Self {
+        self.gap_min = self.gap_min.max(late);
+        self.answer_more += late;
+        self
+    }
+
     pub(super) fn answer(&self, bit: Nanos) -> Nanos {
         bit * Nanos::from(self.answer_bits) + self.answer_more
     }
 
     pub(super) fn pause(&self, bit: Nanos) -> Nanos {
         bit * Nanos::from(self.pause_bits)
+    }
+
+    /// Time of the longest frame.
+    pub(super) fn longest_frame(&self, bit: Nanos) -> Nanos {
+        bit * Nanos::from(Self::CHARACTER_BITS) * FRAME_MAX as Nanos
     }
 
     pub(super) fn gap(&self, bit: Nanos) -> Nanos {

@@ -26,7 +26,7 @@ pub const FRAME_MAX: usize = 261;
 const FIELDS: usize = 3;
 
 /// The bits of the C field by which a master is told from a slave. [S0 "C field"]
-const FROM_MASTER: u8 = 0x40;
+pub const FROM_MASTER: u8 = 0x40;
 
 /// A frame. C, A and CI field are handed on as they are: which function it is decides the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -14,7 +14,9 @@
 //!
 //! Ours, because the manual is silent: an order waits until the longest response fits into the receive buffer, so that
 //! no answer is lost; an order nobody answers ends with `01` at once, so that a program that waits for a response (as the
-//! manual's FC 100 does) goes on; a short circuit is what the level converter reports as a break of the line.
+//! manual's FC 100 does) goes on; a short circuit is what the level converter reports as a break of the line. A line that stays
+//! at 0 reports its break once, so it counts until a character comes in again. A device that never falls silent does not keep an
+//! order alive: an attempt takes the time of the answer and of [`ATTEMPT_FRAMES`] of the longest frames at most.
 
 mod config;
 pub mod frame;
@@ -42,6 +44,9 @@ const BROADCAST: u8 = 255;
 /// "It repeats the transfer of the same telegram for up to two times." [S0 "FCB bit"]
 const ATTEMPTS: u16 = 3;
 
+/// Longest frames that fit into one attempt, beside the wait for the answer: an echo, an answer, and what is behind a defective one.
+const ATTEMPT_FRAMES: Nanos = 3;
+
 /// A line that never reports the end of its output is taken to have ended it this long after the time it needed.
 const OUTPUT_GRACE: Nanos = SECOND;
 
@@ -60,6 +65,10 @@ pub struct MBus {
     tx: [u8; FRAME_MAX],
     tx_len: usize,
     answered: bool,
+    /// A break has been heard, and no character since.
+    shorted: bool,
+    /// When the running attempt ends, whatever comes in.
+    limit: Nanos,
     /// The answer so far.
     rx: [u8; FRAME_MAX],
     rx_len: usize,
@@ -101,6 +110,8 @@ impl MBus {
             tx: [0; FRAME_MAX],
             tx_len: 0,
             answered: true,
+            shorted: false,
+            limit: 0,
             rx: [0; FRAME_MAX],
             rx_len: 0,
         }
@@ -153,9 +164,11 @@ impl MBus {
         let State::Output { attempt, .. } = self.state else { return };
         if self.answered {
             self.rx_len = 0;
-            self.state = State::Answer { attempt, until: now + self.config.answer(self.bit) };
+            let answer = self.config.answer(self.bit);
+            self.limit = now + answer + ATTEMPT_FRAMES * self.config.longest_frame(self.bit);
+            self.state = State::Answer { attempt, until: now + answer };
         } else {
-            self.end(&[NO_ANSWER], out);
+            self.unanswered(out);
         }
     }
 
@@ -172,7 +185,7 @@ impl MBus {
                     self.output(now, attempt + 1, out);
                 } else {
                     out.report(Event { phase: Phase::Acknowledge, what: What::Exhausted });
-                    self.end(&[NO_ANSWER], out);
+                    self.unanswered(out);
                 }
             }
             _ => {}
@@ -189,11 +202,12 @@ impl MBus {
     }
 
     fn receive(&mut self, now: Nanos, bytes: &[u8], out: &mut dyn Sink) {
+        self.shorted &= bytes.is_empty();
         match self.state {
             State::Answer { attempt, .. } => self.collect(now, attempt, bytes, out),
             // A defective answer goes on.
             State::Silence { attempt, .. } => {
-                self.state = State::Silence { attempt, until: now + self.config.pause(self.bit) };
+                self.state = State::Silence { attempt, until: self.limited(now + self.config.pause(self.bit), now) };
             }
             // What comes in while our frame leaves is a level converter's echo of it.
             State::Output { .. } => {}
@@ -231,7 +245,7 @@ impl MBus {
             return self.end(&response[..=length], out);
         }
         if self.rx_len > 0 {
-            self.state = State::Answer { attempt, until: now + self.config.gap(self.bit) };
+            self.state = State::Answer { attempt, until: self.limited(now + self.config.gap(self.bit), now) };
         }
     }
 
@@ -239,10 +253,11 @@ impl MBus {
         if fault != LineFault::Back {
             out.report(Event { phase: self.phase(), what: What::Line(fault) });
         }
+        self.shorted |= fault == LineFault::Break;
         match (fault, self.state) {
             (LineFault::Break, State::Output { .. } | State::Answer { .. } | State::Silence { .. }) => {
                 out.take_back();
-                self.end(&[SHORT_CIRCUIT], out);
+                self.unanswered(out);
             }
             (LineFault::Parity | LineFault::Framing | LineFault::Overrun, State::Answer { attempt, .. }) => {
                 self.state = State::Silence { attempt, until: now + self.config.pause(self.bit) };
@@ -260,6 +275,16 @@ impl MBus {
             State::Output { .. } => Phase::Output,
             State::Answer { .. } | State::Silence { .. } => Phase::Acknowledge,
         }
+    }
+
+    /// `until`, but not beyond the end of the attempt: then at once.
+    fn limited(&self, until: Nanos, now: Nanos) -> Nanos {
+        until.min(self.limit).max(now)
+    }
+
+    /// The exchange is over without an answer. [S0 "Response byte"]
+    fn unanswered(&mut self, out: &mut dyn Sink) {
+        self.end(&[if self.shorted { SHORT_CIRCUIT } else { NO_ANSWER }], out);
     }
 
     /// The exchange is over: the response, then the end of the order.

@@ -2,7 +2,9 @@
 
 use core::fmt;
 
+use super::mbus;
 use crate::machine::LineFault;
+use crate::mbus::frame::Frame;
 use crate::modbus::pdu::{Direction, ERROR_BIT, Function};
 use crate::rk512::codec::{Command, Malformed, Telegram, parse};
 
@@ -24,6 +26,8 @@ pub enum Meaning<'a> {
     Telegram(&'a [u8]),
     /// A frame of Modbus.
     Modbus(Modbus<'a>),
+    /// A frame of the M-Bus.
+    MBus(Frame<'a>),
     /// Characters that make no telegram, and why.
     Broken(&'static str),
     /// A character that the line could not read.
@@ -46,6 +50,8 @@ impl<'a> Meaning<'a> {
         match *self {
             Self::Block { payload, .. } | Self::Telegram(payload) => Some(payload),
             Self::Modbus(modbus) => Some(modbus.telegram),
+            Self::MBus(Frame::Long { data, .. }) => Some(data),
+            Self::MBus(Frame::Single | Frame::Short { .. }) => None,
             Self::Control(..) | Self::Broken(_) | Self::Fault(_) => None,
         }
     }
@@ -68,6 +74,7 @@ impl fmt::Display for Meaning<'_> {
             }
             Self::Telegram(payload) => write!(f, "telegram, {}", Bytes(payload.len())),
             Self::Modbus(modbus) => modbus.fmt(f),
+            Self::MBus(frame) => mbus::Words(frame).fmt(f),
             Self::Broken(why) => f.write_str(why),
             Self::Fault(fault) => f.write_str(match fault {
                 LineFault::Parity => "parity error",
@@ -82,7 +89,7 @@ impl fmt::Display for Meaning<'_> {
 }
 
 /// `1 byte`, `2 bytes`.
-struct Bytes(usize);
+pub(super) struct Bytes(pub(super) usize);
 
 impl fmt::Display for Bytes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

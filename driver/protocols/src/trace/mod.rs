@@ -3,6 +3,7 @@
 //! Total over any characters, without clock and allocation. A bystander cannot know what a CP has decided; where the line alone leaves
 //! it open, [`Meaning`] says what the characters are, not what became of them.
 
+mod mbus;
 mod meaning;
 mod reader;
 pub mod record;
@@ -73,6 +74,11 @@ pub enum Dialect {
         /// As above.
         pause: Nanos,
     },
+    /// M-Bus.
+    MBus {
+        /// A pause that surely ends a frame.
+        pause: Nanos,
+    },
 }
 
 impl Dialect {
@@ -82,7 +88,8 @@ impl Dialect {
             | Self::StxEtx { pause, .. }
             | Self::S3964 { pause, .. }
             | Self::ModbusRtu { pause, .. }
-            | Self::ModbusAscii { pause, .. } => pause,
+            | Self::ModbusAscii { pause, .. }
+            | Self::MBus { pause } => pause,
         }
     }
 }

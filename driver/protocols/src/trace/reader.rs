@@ -3,6 +3,7 @@
 use super::meaning::{Meaning, Modbus};
 use super::{Dialect, Way};
 use crate::machine::{LineFault, Nanos};
+use crate::mbus::frame::{Frame, FrameError, Progress};
 use crate::modbus::pdu::{self, Direction};
 use crate::modbus::{ascii, rtu};
 use crate::s3964::codec::{self, DLE, Decoder, NAK, STX};
@@ -167,6 +168,10 @@ impl Reader {
                         self.modbus_ascii(way, master, out);
                     }
                 }
+                Dialect::MBus { .. } => {
+                    self.keep(now, way, byte, out);
+                    self.mbus(way, out);
+                }
             }
         }
     }
@@ -244,6 +249,14 @@ impl Reader {
             }
             Dialect::ModbusAscii { .. } => {
                 side.put(way, |_, _, put| put(Meaning::Broken("frame without its end")), out);
+            }
+            Dialect::MBus { .. } => {
+                let why = match Frame::decode(&side.raw[..side.len]) {
+                    Progress::Wrong(FrameError::Check { .. }) => "frame with a wrong check sum",
+                    Progress::Wrong(_) => "no frame",
+                    Progress::More | Progress::Whole(..) => "frame without its end",
+                };
+                side.put(way, |_, _, put| put(Meaning::Broken(why)), out);
             }
         }
     }
@@ -356,6 +369,23 @@ impl Reader {
         side.put(
             way,
             |raw, _, put| put(Meaning::Modbus(Modbus { telegram: raw.get(..length).unwrap_or(raw), direction })),
+            out,
+        );
+    }
+
+    /// A frame tells its length; what is none goes on to a pause or to what the other side says.
+    fn mbus(&mut self, way: Way, out: &mut Out<'_>) {
+        let side = &mut self.sides[way as usize];
+        if !matches!(Frame::decode(&side.raw[..side.len]), Progress::Whole(..)) {
+            return;
+        }
+        side.put(
+            way,
+            |raw, _, put| {
+                if let Progress::Whole(frame, _) = Frame::decode(raw) {
+                    put(Meaning::MBus(frame));
+                }
+            },
             out,
         );
     }

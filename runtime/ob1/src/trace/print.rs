@@ -84,6 +84,8 @@ fn dialect(parameters: &Cp240) -> Dialect {
                 Dialect::ModbusAscii { master, pause: 1000 * MS }
             }
         }
+        // 33 bits at 300 baud: whatever rate a telegram names.
+        Protocol::MBus => Dialect::MBus { pause: 110 * MS },
     }
 }
 
