@@ -147,7 +147,9 @@ impl Cp240 {
             self.leds_shown = leds;
             port.leds(leds);
         }
-        if let Some((incoming, data)) = self.diagnosis.tell(leds.error) {
+        if let Some((incoming, data)) = self.diagnosis.tell(leds.error)
+            && !self.is_enocean()
+        {
             port.event(now, CpEvent::Diagnosis { incoming, data });
         }
         self.protocol_due.into_iter().chain(self.leds.deadline()).min()
@@ -162,6 +164,10 @@ impl Cp240 {
     /// parameter bytes have no place for it (ours: a switch of the station file).
     pub fn enable_diagnostics(&mut self, enabled: bool) {
         self.diagnosis.enabled = enabled;
+    }
+
+    fn is_enocean(&self) -> bool {
+        self.setup.as_ref().is_some_and(Setup::is_enocean)
     }
 
     /// Telegrams in the receive buffer.
@@ -190,6 +196,7 @@ impl Cp240 {
             return self.refuse(PROTOCOL_BYTE);
         };
         let has_identifier = setup.has_identifier();
+        self.leds.show_overflow_alone(setup.is_enocean());
         self.setup = Some(setup);
         self.capacity = capacity(&parameters);
         let settings = parameters.line_settings();
@@ -500,6 +507,8 @@ fn capacity(parameters: &Parameters) -> Capacity {
     match parameters.protocol {
         // "send and receive data have each a reserved 2048Byte buffer" [S0 L4133]
         ob1_params::Protocol::MBus => Capacity::large(u8::MAX),
+        // "... which may handle up to 150 telegrams" [S1 L941]
+        ob1_params::Protocol::EnOcean => Capacity::large(150),
         _ => Capacity::buffers(parameters.receive_buffers()),
     }
 }
@@ -553,7 +562,7 @@ impl Sink for Outlet<'_> {
 
     fn report(&mut self, event: Event) {
         if event.what == What::NoBuffer {
-            self.leds.internal();
+            self.leds.overflow(self.now);
         }
         if event.lights_er() && event.what != What::Line(LineFault::Gone) {
             self.leds.error(self.now);

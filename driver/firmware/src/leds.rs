@@ -37,6 +37,8 @@ pub(crate) struct LedDriver {
     /// An open circuit keeps ER on.
     line_gone: bool,
     modbus: bool,
+    /// EnOcean: ER shows a full buffer and nothing of the line.
+    overflow_alone: bool,
     /// Modbus: an internal error keeps ER on until the CPU goes from STOP to RUN.
     internal: bool,
     /// Modbus without valid parameters: ER, TxD and RxD are on or off until then.
@@ -51,6 +53,7 @@ impl LedDriver {
             receive_until: 0,
             line_gone: false,
             modbus: false,
+            overflow_alone: false,
             internal: false,
             flashing: None,
         }
@@ -70,9 +73,17 @@ impl LedDriver {
         self.flashing = (modbus && !valid).then_some((true, now + FLASH));
     }
 
-    /// An internal error, which Modbus shows until a STOP-RUN of the CPU. [S0 L1458], [S0 L2086]
-    pub(crate) fn internal(&mut self) {
+    /// A full buffer: for Modbus an internal error, which it shows until a STOP-RUN of the CPU. [S0 L1458], [S0 L2086]
+    pub(crate) fn overflow(&mut self, now: Nanos) {
         self.internal |= self.modbus;
+        if !self.modbus {
+            self.light(now);
+        }
+    }
+
+    /// EnOcean: ER "signalizes an error by buffer overflow", no other. [S1 "LEDs"]
+    pub(crate) fn show_overflow_alone(&mut self, alone: bool) {
+        self.overflow_alone = alone;
     }
 
     /// The CPU has gone from STOP to RUN.
@@ -82,9 +93,12 @@ impl LedDriver {
 
     pub(crate) fn error(&mut self, now: Nanos) {
         // "For Modbus this signalizes an internal error", and nothing of the line. [S0 L1458]
-        if self.modbus {
-            return;
+        if !self.modbus && !self.overflow_alone {
+            self.light(now);
         }
+    }
+
+    fn light(&mut self, now: Nanos) {
         self.leds.error = true;
         self.error_until = now + ERROR_TIME;
     }
@@ -152,15 +166,25 @@ mod tests {
     #[test]
     fn modbus_shows_internal_errors_until_stop_run() {
         let mut leds = LedDriver::new();
-        leds.internal();
-        assert!(!leds.at(0).error, "of Modbus alone");
         leds.parameters(0, true, true);
         leds.error(0);
         assert!(!leds.at(0).error, "an error of the line is none");
-        leds.internal();
+        leds.overflow(0);
         assert!(leds.at(100 * SECOND).error);
         leds.stop_run();
         assert!(!leds.at(100 * SECOND).error);
+    }
+
+    #[test]
+    fn enocean_shows_a_full_buffer_and_nothing_of_the_line() {
+        let mut leds = LedDriver::new();
+        leds.show_overflow_alone(true);
+        leds.error(0);
+        leds.line(0, true);
+        assert!(!leds.at(0).error);
+        leds.line(SECOND, false);
+        leds.overflow(2 * SECOND);
+        assert!(leds.at(6 * SECOND - 1).error && !leds.at(6 * SECOND).error);
     }
 
     #[test]

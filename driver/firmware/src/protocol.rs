@@ -6,7 +6,9 @@ use ob1_params::{
 };
 use ob1_protocols::modbus::{Master, Slave};
 use ob1_protocols::rk512::{self, Rk512};
-use ob1_protocols::{Ascii, Input, MBus, MS, Machine, Nanos, Order, S3964, Sink, StxEtx, ascii, mbus, s3964, stx_etx};
+use ob1_protocols::{
+    Ascii, Esp2, Input, MBus, MS, Machine, Nanos, Order, S3964, Sink, StxEtx, ascii, esp2, mbus, s3964, stx_etx,
+};
 
 use crate::modbus;
 use crate::registers::Registers;
@@ -20,6 +22,7 @@ pub(crate) enum Setup {
     Modbus(modbus::Setup),
     Rk512(rk512::Config),
     MBus(mbus::Config),
+    EnOcean(esp2::Config),
 }
 
 impl Setup {
@@ -33,6 +36,7 @@ impl Setup {
             Chosen::Modbus(p) => Some(Self::Modbus(modbus::Setup::of(p, parameters.baud, char_time, late))),
             Chosen::S3964(p) => Some(Self::Rk512(rk512::Config::cp240(s3964_config(p, char_time)))),
             Chosen::MBus => Some(Self::MBus(mbus::Config::cp240().with_bursts(late))),
+            Chosen::EnOcean => Some(Self::EnOcean(esp2::Config::cp240())),
         }
     }
 
@@ -45,12 +49,19 @@ impl Setup {
             Self::Modbus(modbus::Setup::Slave(config)) => Protocol::ModbusSlave(Box::new(Slave::new(config.clone()))),
             Self::Rk512(config) => Protocol::Rk512(Box::new(Rk512::new(config.clone()))),
             Self::MBus(config) => Protocol::MBus(MBus::new(config.clone())),
+            Self::EnOcean(config) => Protocol::EnOcean(Box::new(Esp2::new(config.clone()))),
         }
     }
 
     /// Whether the CP shows a start-up identifier and waits for FC 9. In the Modbus modes the manual calls no FC 9.
     pub(crate) const fn has_identifier(&self) -> bool {
         !matches!(self, Self::Modbus(_))
+    }
+
+    /// EnOcean: ER "signalizes an error by buffer overflow" and nothing of the line, and there is no diagnostic interrupt.
+    /// [S1 "LEDs"], [S1 "Technische Daten"]
+    pub(crate) const fn is_enocean(&self) -> bool {
+        matches!(self, Self::EnOcean(_))
     }
 }
 
@@ -100,7 +111,7 @@ fn s3964_config(p: &S3964Params, char_time: Nanos) -> s3964::Config {
     }
 }
 
-/// The protocol at work. The variants differ in size by little and there is one of it: no box but for the slave with its areas.
+/// The protocol at work. The variants differ in size by little and there is one of it: no box but for what has areas or a send buffer.
 #[derive(Debug)]
 pub(crate) enum Protocol {
     /// The CP does not work.
@@ -112,6 +123,7 @@ pub(crate) enum Protocol {
     ModbusSlave(Box<Slave>),
     Rk512(Box<Rk512>),
     MBus(MBus),
+    EnOcean(Box<Esp2>),
 }
 
 impl Protocol {
@@ -125,6 +137,7 @@ impl Protocol {
             Self::ModbusMaster(machine) => machine.step(now, input, out),
             Self::ModbusSlave(machine) => machine.step(now, input, out),
             Self::MBus(machine) => machine.step(now, input, out),
+            Self::EnOcean(machine) => machine.step(now, input, out),
             // Its orders come the other way: `Cp240::handed`.
             Self::Rk512(machine) => machine.step(now, rk512::Input::of_line(input).unwrap_or(rk512::Input::Tick), out),
         }

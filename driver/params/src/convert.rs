@@ -27,7 +27,7 @@ impl Cp240 {
             ("parity", Value::from(parity)),
             ("stop_bits", stop_bits),
         ];
-        if self.protocol == Protocol::MBus {
+        if matches!(self.protocol, Protocol::MBus | Protocol::EnOcean) {
             rows.clear();
         }
         let flow = |flow: Flow| match flow {
@@ -81,6 +81,7 @@ impl Cp240 {
                 Layout::Modbus
             }
             Protocol::MBus => Layout::MBus,
+            Protocol::EnOcean => Layout::EnOcean,
         };
         (layout, rows)
     }
@@ -163,6 +164,7 @@ impl Reader<'_> {
                 wait_ms: self.word("wait_ms")?,
             }),
             Layout::MBus => return Ok(Cp240::mbus()),
+            Layout::EnOcean => return Ok(Cp240::enocean()),
         };
         let parity = if self.is("parity", "even")? {
             Parity::Even

@@ -35,6 +35,8 @@ pub enum Protocol {
     Modbus(Modbus),
     /// F0h M-Bus. It has no parameters: each telegram names its baud rate.
     MBus,
+    /// E0h EnOcean. It has no parameters: the line goes to the module inside the CP.
+    EnOcean,
 }
 
 /// Parameters of ASCII. Times in milliseconds, multiples of 20.
@@ -180,6 +182,11 @@ impl Cp240 {
         Self { baud: 2400, data_bits: 8, parity: Parity::Even, stop_bits: StopBits::One, protocol: Protocol::MBus }
     }
 
+    /// EnOcean: 9600 baud [S1 L1919], 8 data bits, no parity, 1 stop bit, as the TCM 120 has them.
+    pub const fn enocean() -> Self {
+        Self { baud: 9600, data_bits: 8, parity: Parity::None, stop_bits: StopBits::One, protocol: Protocol::EnOcean }
+    }
+
     /// The defaults of a protocol as printed in its table; `protocol` is a name of
     /// [`PROTOCOLS`](crate::table::PROTOCOLS).
     pub fn defaults(protocol: &str) -> Result<Self, ParamError> {
@@ -272,6 +279,7 @@ impl Cp240 {
             },
             Protocol::Modbus(p) => ModbusKind::NAMES.iter().find(|(k, _)| *k == p.kind).map_or("", |(_, name)| name),
             Protocol::MBus => "mbus",
+            Protocol::EnOcean => "enocean",
         }
     }
 
@@ -280,7 +288,7 @@ impl Cp240 {
         let flow = match &self.protocol {
             Protocol::Ascii(p) => p.flow,
             Protocol::StxEtx(p) => p.flow,
-            Protocol::S3964(_) | Protocol::Modbus(_) | Protocol::MBus => Flow::None,
+            Protocol::S3964(_) | Protocol::Modbus(_) | Protocol::MBus | Protocol::EnOcean => Flow::None,
         };
         LineSettings {
             baud: self.baud,

@@ -16,6 +16,8 @@ pub enum Layout {
     Modbus,
     /// M-Bus: the protocol code alone.
     MBus,
+    /// EnOcean: the protocol code alone.
+    EnOcean,
 }
 
 /// How the bits of a field are written as a value of the station file.
@@ -74,6 +76,7 @@ pub const PROTOCOLS: &[(&str, u8, Layout)] = &[
     ("ascii-fragmented", 0x11, Layout::Ascii),
     ("modbus-slave-ascii-long", 0x1C, Layout::Modbus),
     ("modbus-slave-rtu-long", 0x1D, Layout::Modbus),
+    ("enocean", 0xE0, Layout::EnOcean),
     ("mbus", 0xF0, Layout::MBus),
 ];
 
@@ -211,17 +214,17 @@ impl Layout {
             Self::StxEtx => STX_ETX,
             Self::S3964 => S3964,
             Self::Modbus => MODBUS,
-            Self::MBus => &[],
+            Self::MBus | Self::EnOcean => &[],
         }
     }
 
-    /// Whether bytes that belong to no field may hold anything: "The other parameters are reserved and not evaluated." [S0 L4129]
+    /// Whether bytes that belong to no field may hold anything: "The other parameters are reserved and not evaluated." [S0 L4129], [S1 L937]
     pub fn ignores_reserved(self) -> bool {
-        self == Self::MBus
+        matches!(self, Self::MBus | Self::EnOcean)
     }
 
     /// All layouts.
-    pub const ALL: [Self; 5] = [Self::Ascii, Self::StxEtx, Self::S3964, Self::Modbus, Self::MBus];
+    pub const ALL: [Self; 6] = [Self::Ascii, Self::StxEtx, Self::S3964, Self::Modbus, Self::MBus, Self::EnOcean];
 }
 
 impl Field {

@@ -53,6 +53,7 @@ fn protocol_codes() {
         (0x11, "ascii-fragmented"),
         (0x1C, "modbus-slave-ascii-long"),
         (0x1D, "modbus-slave-rtu-long"),
+        (0xE0, "enocean"),
         (0xF0, "mbus"),
     ];
     for (code, name) in printed {

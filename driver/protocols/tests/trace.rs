@@ -243,6 +243,7 @@ proptest! {
             RTU,
             Dialect::Ascii { pause: 100 * MS },
             Dialect::ModbusAscii { master: false, pause: 100 * MS },
+            Dialect::EnOcean { pause: 100 * MS },
             MBUS,
             Dialect::StxEtx { start: stx_etx::Flags::new([2, 0x10], 2), end: stx_etx::Flags::new([3, 0], 1), pause: 100 * MS },
         ];
@@ -271,4 +272,27 @@ proptest! {
         reader.finish(&mut out);
         prop_assert_eq!(told, given);
     }
+}
+
+#[test]
+fn enocean_both_ways_at_once() {
+    check(
+        Dialect::EnOcean { pause: 250 * MS },
+        "0 > AA A5 5A AB 58 00 00 00 00 00 00 00 00 00 03
+         20 < 55 A5 5A 0B 05 70 00 00 00
+         21 > A5 5A 6B 05 10 00 00 00 FF 80 00 05 30 34
+         22 < 00 12 34 C8 32 C0
+         40 > AA
+         50 < A5 5A 0B 05 70 00 00 00 00 12 34 C8 01 00
+         400 .",
+        &[
+            "0 > WAKE: the module is to wake up",
+            "0 > RD_IDBASE",
+            "21 > send RPS FF800005 AI pressed",
+            "20 < outside a frame",
+            "20 < received RPS 001234C8 BO pressed, repeated 2",
+            "40 > WAKE: the module is to wake up",
+            "50 < frame with a wrong check sum",
+        ],
+    );
 }

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use super::mbus;
+use crate::esp2;
 use crate::machine::LineFault;
 use crate::mbus::frame::Frame;
 use crate::modbus::pdu::{Direction, ERROR_BIT, Function};
@@ -28,6 +29,8 @@ pub enum Meaning<'a> {
     Modbus(Modbus<'a>),
     /// A frame of the M-Bus.
     MBus(Frame<'a>),
+    /// A telegram of EnOcean.
+    EnOcean(&'a esp2::frame::Bytes),
     /// Characters that make no telegram, and why.
     Broken(&'static str),
     /// A character that the line could not read.
@@ -51,6 +54,7 @@ impl<'a> Meaning<'a> {
             Self::Block { payload, .. } | Self::Telegram(payload) => Some(payload),
             Self::Modbus(modbus) => Some(modbus.telegram),
             Self::MBus(Frame::Long { data, .. }) => Some(data),
+            Self::EnOcean(telegram) => Some(telegram.as_slice()),
             Self::MBus(Frame::Single | Frame::Short { .. }) => None,
             Self::Control(..) | Self::Broken(_) | Self::Fault(_) => None,
         }
@@ -75,6 +79,7 @@ impl fmt::Display for Meaning<'_> {
             Self::Telegram(payload) => write!(f, "telegram, {}", Bytes(payload.len())),
             Self::Modbus(modbus) => modbus.fmt(f),
             Self::MBus(frame) => mbus::Words(frame).fmt(f),
+            Self::EnOcean(telegram) => esp2::Telegram::parse(telegram).fmt(f),
             Self::Broken(why) => f.write_str(why),
             Self::Fault(fault) => f.write_str(match fault {
                 LineFault::Parity => "parity error",

@@ -74,6 +74,11 @@ pub enum Dialect {
         /// As above.
         pause: Nanos,
     },
+    /// EnOcean, serial protocol version 2.
+    EnOcean {
+        /// A pause that ends a frame.
+        pause: Nanos,
+    },
     /// M-Bus.
     MBus {
         /// A pause that surely ends a frame.
@@ -89,6 +94,7 @@ impl Dialect {
             | Self::S3964 { pause, .. }
             | Self::ModbusRtu { pause, .. }
             | Self::ModbusAscii { pause, .. }
+            | Self::EnOcean { pause }
             | Self::MBus { pause } => pause,
         }
     }

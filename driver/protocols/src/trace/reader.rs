@@ -2,6 +2,8 @@
 
 use super::meaning::{Meaning, Modbus};
 use super::{Dialect, Way};
+use crate::esp2::WAKE;
+use crate::esp2::frame::{self as esp2, FRAME_BYTES};
 use crate::machine::{LineFault, Nanos};
 use crate::mbus::frame::{Frame, FrameError, Progress};
 use crate::modbus::pdu::{self, Direction};
@@ -48,6 +50,7 @@ struct Side {
     /// A character of the block could not be read; with start characters: what is kept has begun with them.
     damaged: bool,
     flags: Option<stx_etx::Decoder>,
+    frames: esp2::Decoder,
 }
 
 /// Where a partner of 3964(R) is.
@@ -75,6 +78,7 @@ impl Side {
             since: 0,
             damaged: false,
             flags: None,
+            frames: esp2::Decoder::new(),
         }
     }
 
@@ -144,7 +148,9 @@ impl Reader {
         self.silence(now, out);
         // An answer ends what it answers.
         let other = way.other();
-        if !bytes.is_empty() && !matches!(self.dialect, Dialect::S3964 { .. } | Dialect::Ascii { .. }) {
+        if !bytes.is_empty()
+            && !matches!(self.dialect, Dialect::S3964 { .. } | Dialect::Ascii { .. } | Dialect::EnOcean { .. })
+        {
             self.close(other, out);
         }
         for &byte in bytes {
@@ -167,6 +173,10 @@ impl Reader {
                     if byte == ascii::LF {
                         self.modbus_ascii(way, master, out);
                     }
+                }
+                Dialect::EnOcean { .. } => {
+                    self.keep(now, way, byte, out);
+                    self.enocean(way, byte, out);
                 }
                 Dialect::MBus { .. } => {
                     self.keep(now, way, byte, out);
@@ -228,6 +238,7 @@ impl Reader {
     fn close(&mut self, way: Way, out: &mut Out<'_>) {
         let side = &mut self.sides[way as usize];
         side.flags = None;
+        side.frames.reset();
         if side.len == 0 {
             return;
         }
@@ -249,6 +260,10 @@ impl Reader {
             }
             Dialect::ModbusAscii { .. } => {
                 side.put(way, |_, _, put| put(Meaning::Broken("frame without its end")), out);
+            }
+            Dialect::EnOcean { .. } => {
+                let damaged = side.damaged;
+                side.put(way, |raw, _, put| put(outside_a_frame(raw, damaged)), out);
             }
             Dialect::MBus { .. } => {
                 let why = match Frame::decode(&side.raw[..side.len]) {
@@ -374,6 +389,25 @@ impl Reader {
     }
 
     /// A frame tells its length; what is none goes on to a pause or to what the other side says.
+    /// Both directions at once, each by itself: there are no answers on this line.
+    fn enocean(&mut self, way: Way, byte: u8, out: &mut Out<'_>) {
+        let side = &mut self.sides[way as usize];
+        match side.frames.feed(byte) {
+            esp2::Step::More | esp2::Step::Noise(_) => {}
+            esp2::Step::Wrong { .. } => side.damaged = true,
+            esp2::Step::Telegram(telegram) => {
+                let before = side.len.saturating_sub(FRAME_BYTES);
+                let (begin, end) = (side.begin, side.last);
+                if let Some(raw) = side.raw.get(..before).filter(|raw| !raw.is_empty()) {
+                    out(Unit { begin, end, way, raw, meaning: outside_a_frame(raw, side.damaged) });
+                }
+                let raw = side.raw.get(before..side.len).unwrap_or_default();
+                out(Unit { begin, end, way, raw, meaning: Meaning::EnOcean(&telegram) });
+                side.clear();
+            }
+        }
+    }
+
     fn mbus(&mut self, way: Way, out: &mut Out<'_>) {
         let side = &mut self.sides[way as usize];
         if !matches!(Frame::decode(&side.raw[..side.len]), Progress::Whole(..)) {
@@ -400,5 +434,14 @@ impl Reader {
             }
             Err(_) => side.put(way, |_, _, put| put(Meaning::Broken("frame with a wrong LRC, or none")), out),
         }
+    }
+}
+
+/// Characters of EnOcean that are no frame.
+fn outside_a_frame(raw: &[u8], damaged: bool) -> Meaning<'static> {
+    match raw {
+        [WAKE] => Meaning::Control("WAKE", "the module is to wake up"),
+        _ if damaged => Meaning::Broken("frame with a wrong check sum"),
+        _ => Meaning::Broken("outside a frame"),
     }
 }

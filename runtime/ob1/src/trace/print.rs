@@ -85,6 +85,7 @@ fn dialect(parameters: &Cp240) -> Dialect {
             }
         }
         // 33 bits at 300 baud: whatever rate a telegram names.
+        Protocol::EnOcean => Dialect::EnOcean { pause: 250 * MS },
         Protocol::MBus => Dialect::MBus { pause: 110 * MS },
     }
 }
