@@ -4,4 +4,5 @@ pub mod awlsim;
 pub mod bench;
 pub mod compare;
 pub mod fuzz;
+pub mod meters;
 pub mod sim;

@@ -6,6 +6,7 @@
 
 pub mod exec;
 pub mod ir;
+pub mod mbus;
 pub mod modbus;
 pub mod rk512;
 pub mod serial;
@@ -20,6 +21,7 @@ pub type Target = fn(&[u8]);
 pub const TARGETS: &[(&str, Target)] = &[
     ("exec", exec::run),
     ("ir", ir::run),
+    ("mbus", mbus::run),
     ("modbus", modbus::run),
     ("rk512", rk512::run),
     ("serial", serial::run),

@@ -7,6 +7,7 @@
 pub mod cable;
 pub mod clock;
 pub mod driver;
+pub mod meters;
 pub mod station;
 pub mod tap;
 pub mod verdict;

@@ -1,0 +1,129 @@
+//! M-Bus: frames of any characters, and the master with any answers. Nothing panics, a frame that is accepted is written back to the same
+//! characters, each order ends, and its response is one of those the manual has.
+
+use ob1_protocols::mbus::frame::{FRAME_MAX, Frame, Progress};
+use ob1_protocols::mbus::{Config, MBus, RESPONSE_MAX};
+use ob1_protocols::{Event, Input, LineFault, MS, Machine, Nanos, Order, SendError, Sink};
+
+#[derive(Default)]
+struct Program {
+    room: usize,
+    responses: Vec<Vec<u8>>,
+    ended: Vec<Result<(), SendError>>,
+    sent: usize,
+}
+
+impl Sink for Program {
+    fn transmit(&mut self, bytes: &[u8]) {
+        assert!(matches!(Frame::decode(bytes), Progress::Whole(frame, n) if n == bytes.len()
+            && (frame == Frame::Single || frame.is_from_master() || bytes.len() > 1)));
+        self.sent += 1;
+    }
+
+    fn room(&self) -> usize {
+        self.room
+    }
+
+    fn deliver(&mut self, telegram: &[u8]) {
+        assert!(!telegram.is_empty() && telegram.len() <= self.room.min(RESPONSE_MAX));
+        match *telegram {
+            [0x01] | [0x03] | [0x00, 0xE5] => {}
+            [0x00, c, _, ..] => assert_eq!(c & 0x40, 0, "a master's frame is no answer"),
+            _ => panic!("no response: {telegram:02X?}"),
+        }
+        self.responses.push(telegram.to_vec());
+    }
+
+    fn sent(&mut self, outcome: Result<(), SendError>) {
+        self.ended.push(outcome);
+    }
+
+    fn report(&mut self, _event: Event) {}
+}
+
+/// A frame that is accepted is written back to the same characters, and none of its beginnings is another one.
+fn codec(data: &[u8]) {
+    let data = &data[..data.len().min(FRAME_MAX)];
+    let Progress::Whole(frame, used) = Frame::decode(data) else { return };
+    let mut back = [0; FRAME_MAX];
+    let length = frame.encode(&mut back);
+    assert_eq!(&back[..length], &data[..used]);
+    for cut in 0..used {
+        assert_eq!(Frame::decode(&data[..cut]), Progress::More);
+    }
+}
+
+/// The first byte is the length of the program's telegram, which follows; the rest is what the bus says: FEh is a silence, FFh a
+/// character that cannot be read, FDh a break, FCh the end of our output, and FBh in front of any of them the character itself.
+fn master(data: &[u8]) {
+    let [setup, data @ ..] = data else { return };
+    let (telegram, mut data) = data.split_at(data.len().min(usize::from(setup & 0x1F)));
+    let mut program = Program { room: if setup & 0x80 == 0 { 2048 } else { RESPONSE_MAX }, ..Program::default() };
+    let mut machine = MBus::new(Config::cp240());
+    let mut now: Nanos = 0;
+    machine.step(now, Input::Tick, &mut program);
+    let mut due = machine.step(now, Input::Order(Order::Send(telegram)), &mut program);
+    while let [byte, rest @ ..] = data {
+        data = rest;
+        now += MS;
+        due = match (byte, data) {
+            (0xFB, [literal, rest @ ..]) => {
+                data = rest;
+                machine.step(now, Input::Rx(&[*literal]), &mut program)
+            }
+            (0xFC, _) => machine.step(now, Input::TxDone, &mut program),
+            (0xFD, _) => machine.step(now, Input::LineFault(LineFault::Break), &mut program),
+            (0xFE, _) => {
+                pass(&mut machine, &mut program, &mut now, due, 400 * MS);
+                machine.step(now, Input::Tick, &mut program)
+            }
+            (0xFF, _) => machine.step(now, Input::LineFault(LineFault::Parity), &mut program),
+            (byte, _) => machine.step(now, Input::Rx(&[*byte]), &mut program),
+        };
+    }
+    // Three attempts at 300 baud with the grace of an output that never reports its end: less than a minute.
+    pass(&mut machine, &mut program, &mut now, due, 60_000 * MS);
+    assert_eq!((program.ended.len(), machine.busy()), (1, false));
+    assert_eq!(program.responses.len(), usize::from(program.ended[0].is_ok()), "an order, a response");
+    assert!(program.sent <= 3);
+}
+
+/// Time passes, with a tick at each deadline.
+fn pass(machine: &mut MBus, program: &mut Program, now: &mut Nanos, mut due: Option<Nanos>, time: Nanos) {
+    let end = *now + time;
+    while let Some(at) = due.filter(|at| *at <= end) {
+        *now = at.max(*now);
+        due = machine.step(*now, Input::Tick, program);
+        assert!(due.is_none_or(|next| next > *now), "the machine does not get past {now}");
+    }
+    *now = end;
+}
+
+/// Both.
+pub fn run(data: &[u8]) {
+    codec(data);
+    master(data);
+}
+
+#[cfg(test)]
+mod tests {
+    use ob1_line::sim::SplitMix64;
+
+    /// The frames of the collection as they are and as answers, each with one character at random.
+    #[test]
+    fn frames_with_a_wrong_character() {
+        let mut rng = SplitMix64::new(3);
+        for fixture in crate::meters::fixtures() {
+            let literal = fixture.bytes.iter().flat_map(|byte| [0xFB, *byte]);
+            let mut data: Vec<u8> = [3, 0xBD, 0x7B, 1, 0xFC].into_iter().chain(literal).collect();
+            super::run(&fixture.bytes);
+            super::run(&data);
+            for _ in 0..50 {
+                let at = rng.below(data.len() as u64) as usize;
+                let kept = std::mem::replace(&mut data[at], rng.next_u64() as u8);
+                super::run(&data);
+                data[at] = kept;
+            }
+        }
+    }
+}
