@@ -10,6 +10,7 @@
 //! * [`mbus`]: M-Bus master.
 //! * [`s3964`]: 3964 and 3964R.
 //! * [`modbus`]: Modbus RTU and ASCII, master and slave.
+//! * [`modbus_master_32`]: loadable driver of the CP 341, Modbus ASCII master with 32-bit registers; [`cp341_events`]: what its numbers mean.
 //! * [`rk512`]: RK 512 on top of either.
 //! * [`stx_etx`]: telegrams between start and end characters.
 //! * [`trace`]: a line read by a bystander, for all of them.
@@ -17,11 +18,13 @@
 #![forbid(unsafe_code)]
 
 pub mod ascii;
+pub mod cp341_events;
 pub mod esp2;
 mod flow;
 pub mod machine;
 pub mod mbus;
 pub mod modbus;
+pub mod modbus_master_32;
 mod output;
 pub mod rk512;
 pub mod s3964;

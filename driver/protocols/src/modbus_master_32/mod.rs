@@ -1,0 +1,437 @@
+//! Loadable driver of the CP 341: Modbus ASCII master with 32-bit registers. [S4 "1.3 Summary of the Modbus Protocol"]
+//!
+//! ```text
+//! P_SND_RK   source area   ->  Order::Job   ->  : request LRC CR LF  ->  slave
+//! P_RCV_RK   destination   <-  deliver      <-  : reply   LRC CR LF  <-
+//!            taken         ->  Order::Taken
+//! P_SND_RK   DONE / ERROR  <-  ended
+//! ```
+//!
+//! A job ends when its reply has been judged: a writing one at once, a reading one when the CPU has taken the data [S4 L1648], a broadcast
+//! after the turnaround delay [S4 "Turnaround Delay"]. Every error is an event number that goes to [`Owner::event`] (the diagnostic buffer,
+//! [S4 L1687]); the one that ends the job goes to [`Owner::ended`] too and is P_SND_RK's STATUS. 0834h ends no job.
+//!
+//! * [`job`]: the source area to a request, all checks of it; total, without time.
+//! * [`reply`]: a reply to the destination area; total, without time.
+//! * [`Parameters`]: what the assignment tool asks for; the driver checks them at its start.
+//! * [`Driver`]: the machine.
+//! * [`number`]: the event numbers.
+//!
+//! It differs from [`modbus::Master`](crate::modbus::Master), the CP 240's, in everything the program and the line see: layouts, numbers,
+//! times, signals. Both share what is Modbus: LRC and digits.
+
+mod config;
+pub mod job;
+pub mod number;
+mod receive;
+pub mod reply;
+
+pub use config::{BAUD_RATES, Parameters, Parity, Signals, Wiring};
+
+use crate::machine::{LineFault, ModemLines, Nanos};
+use crate::modbus::ascii;
+use config::Config;
+use job::Job;
+use receive::{Heard, Receiver};
+
+/// Longest telegram without LRC, bytes: address, function code and 252 bytes of data. [S4 "Message Structure"]
+pub const TELEGRAM_BYTES: usize = 254;
+
+/// Characters of the longest frame.
+pub const FRAME_CHARACTERS: usize = 2 * (TELEGRAM_BYTES + 1) + 3;
+
+/// Most bytes of a destination area: 2008 bits are 251 bytes, in whole words.
+pub const DESTINATION_BYTES: usize = 252;
+
+/// What happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input<'a> {
+    /// Time has passed; the first of all inputs.
+    Tick,
+    /// Characters came in; as [`crate::Input::Rx`].
+    Rx(&'a [u8]),
+    /// The last bit of everything handed to [`Owner::transmit`] has left the line.
+    TxDone,
+    /// The line could not read a character, or is gone.
+    LineFault(LineFault),
+    /// The secondary signals have changed.
+    Modem(ModemLines),
+    /// The CPU wants something.
+    Order(Order<'a>),
+}
+
+/// An order of the CPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order<'a> {
+    /// A job of P_SND_RK: `R_TYP` and the source area, LEN bytes of it. It ends with [`Owner::ended`], exactly once. While one runs another is
+    /// answered at once with [`number::BUSY`]; the first goes on.
+    Job {
+        /// Parameter `R_TYP`.
+        r_typ: u8,
+        /// Source area.
+        source: &'a [u8],
+    },
+    /// P_RCV_RK has taken what was delivered (`true`), or cannot (`false`, after the reason went into the diagnostic buffer).
+    Taken(bool),
+    /// Drop the running job: it ends with [`number::ABORTED`].
+    Abort,
+}
+
+/// Where the driver puts its results. Called only inside [`Driver::step`].
+pub trait Owner {
+    /// Puts characters on the line, behind those handed over before.
+    fn transmit(&mut self, bytes: &[u8]);
+
+    /// Takes back what has not begun to leave; as [`crate::Sink::take_back`].
+    fn take_back(&mut self) -> usize {
+        0
+    }
+
+    /// The destination area of a reading job, for P_RCV_RK; never empty. The job goes on until [`Order::Taken`].
+    fn deliver(&mut self, destination: &[u8]);
+
+    /// The job has ended; the error is P_SND_RK's STATUS.
+    fn ended(&mut self, outcome: Result<(), u16>);
+
+    /// An entry for the diagnostic buffer. A job's error comes here first, then to [`Owner::ended`].
+    fn event(&mut self, number: u16);
+
+    /// Sets RTS (automatic use of the secondary signals only).
+    fn rts(&mut self, on: bool) {
+        let _ = on;
+    }
+
+    /// Sets DTR (automatic use of the secondary signals only).
+    fn dtr(&mut self, on: bool) {
+        let _ = on;
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Before the first step.
+    Start,
+    Idle,
+    /// What an earlier job has left on the line has to leave first.
+    Queue,
+    /// RTS is ON; the data output waiting time runs.
+    OutputWait {
+        until: Nanos,
+    },
+    /// The request is leaving.
+    Output,
+    /// The reply has to begin before `until`.
+    Reply {
+        until: Nanos,
+    },
+    /// The slaves carry out a broadcast.
+    Turnaround {
+        until: Nanos,
+    },
+    /// The CPU takes the data.
+    Transfer {
+        until: Nanos,
+    },
+}
+
+/// The driver.
+#[derive(Clone, Debug)]
+pub struct Driver {
+    parameters: Parameters,
+    /// `None`: not ready to run.
+    config: Option<Config>,
+    state: State,
+    job: Option<Job>,
+    receiver: Receiver,
+    /// Characters of ours are on their way out.
+    leaving: bool,
+    /// RTS goes OFF then.
+    rts_off: Option<Nanos>,
+    /// `None`: the line has not told; that counts as ON.
+    modem: Option<ModemLines>,
+    /// The line is gone.
+    gone: bool,
+}
+
+impl Driver {
+    /// A driver before its first step.
+    pub const fn new(parameters: Parameters) -> Self {
+        Self {
+            parameters,
+            config: None,
+            state: State::Start,
+            job: None,
+            receiver: Receiver::new(),
+            leaving: false,
+            rts_off: None,
+            modem: None,
+            gone: false,
+        }
+    }
+
+    /// Whether the parameters let it work; after the first step.
+    pub const fn is_ready(&self) -> bool {
+        self.config.is_some()
+    }
+
+    /// Whether a job is running.
+    pub const fn busy(&self) -> bool {
+        !matches!(self.state, State::Start | State::Idle)
+    }
+
+    /// Takes one input at time `now`; the result is the next deadline. The laws are those of [`crate::Machine`].
+    pub fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Owner) -> Option<Nanos> {
+        if self.state == State::Start {
+            self.start(out);
+        }
+        let Some(config) = self.config else {
+            // "The driver is not ready to run."
+            if matches!(input, Input::Order(Order::Job { .. })) {
+                self.fail(number::NOT_READY, out);
+            }
+            return None;
+        };
+        match input {
+            Input::Tick => {}
+            Input::Rx(bytes) => self.received(now, bytes, &config, out),
+            Input::TxDone => self.tx_done(now, &config, out),
+            Input::LineFault(fault) => self.line_fault(now, fault, &config, out),
+            Input::Modem(lines) => self.modem(lines, &config, out),
+            Input::Order(order) => self.order(now, order, &config, out),
+        }
+        if input == Input::Tick {
+            self.tick(now, &config, out);
+        }
+        self.deadline(&config)
+    }
+
+    /// "... it switches the RTS line to OFF and the DTR line to ON." [S4 L811]
+    fn start(&mut self, out: &mut dyn Owner) {
+        self.state = State::Idle;
+        self.config = self.parameters.check(|number| out.event(number));
+        if self.config.as_ref().is_some_and(|config| config.signals.is_some()) {
+            out.rts(false);
+            out.dtr(true);
+        }
+    }
+
+    // ---- orders ----
+
+    fn order(&mut self, now: Nanos, order: Order<'_>, config: &Config, out: &mut dyn Owner) {
+        match order {
+            Order::Job { .. } if self.busy() => {
+                out.event(number::BUSY);
+                out.ended(Err(number::BUSY));
+            }
+            Order::Job { r_typ, source } => match Job::of(r_typ, source, config.long_registers) {
+                Ok(job) => {
+                    self.job = Some(job);
+                    if self.leaving { self.state = State::Queue } else { self.begin(now, config, out) }
+                }
+                Err(number) => self.fail(number, out),
+            },
+            Order::Taken(taken) => match self.state {
+                State::Transfer { .. } if taken => self.end(Ok(()), out),
+                State::Transfer { .. } => self.fail(number::TRANSFER_FAILED, out),
+                _ => out.event(number::UNEXPECTED_TAKEN),
+            },
+            Order::Abort if self.busy() => self.fail(number::ABORTED, out),
+            Order::Abort => {}
+        }
+    }
+
+    /// "When a send request is made, RTS is set to ON and the parameterized data output waiting time starts." [S4 L813]
+    fn begin(&mut self, now: Nanos, config: &Config, out: &mut dyn Owner) {
+        if self.gone && config.wiring.breaks && !config.wiring.half_duplex {
+            return self.fail(number::BREAK, out);
+        }
+        let Some((_, output_wait)) = config.signals else { return self.send(out) };
+        if !self.dsr() {
+            return self.fail(number::SIGNALS, out);
+        }
+        self.rts_off = None;
+        out.rts(true);
+        self.state = State::OutputWait { until: now + output_wait };
+        self.output_wait(now, out);
+    }
+
+    /// "When the data output time elapses and CTS = ON, the data is sent"; if CTS is not ON by then, "the send request is aborted". [S4 L813],
+    /// [S4 L814]
+    fn output_wait(&mut self, now: Nanos, out: &mut dyn Owner) {
+        match self.state {
+            State::OutputWait { until } if now >= until && self.cts() => self.send(out),
+            State::OutputWait { until } if now >= until => self.fail(number::SIGNALS, out),
+            _ => {}
+        }
+    }
+
+    fn send(&mut self, out: &mut dyn Owner) {
+        let mut frame = [0; FRAME_CHARACTERS];
+        let request = self.job.as_ref().map_or(&[][..], Job::request);
+        // A request is never longer than the frame holds: its job limits it.
+        let len = ascii::encode(request, &mut frame).unwrap_or(0);
+        self.state = State::Output;
+        self.leaving = true;
+        out.transmit(frame.get(..len).unwrap_or(&[]));
+    }
+
+    // ---- the line ----
+
+    fn tx_done(&mut self, now: Nanos, config: &Config, out: &mut dyn Owner) {
+        self.leaving = false;
+        match self.state {
+            State::Queue => return self.begin(now, config, out),
+            State::Output => {}
+            _ => return,
+        }
+        // "After the data is sent, the RTS line is set to OFF after the parameterized time to RTS OFF has elapsed." [S4 L815]
+        self.rts_off = config.signals.map(|(rts_off, _)| now + rts_off);
+        if self.job.as_ref().is_some_and(Job::is_broadcast) {
+            self.state = State::Turnaround { until: now + config.turnaround };
+        } else {
+            self.receiver.clear();
+            self.state = State::Reply { until: now + config.response };
+        }
+        self.tick(now, config, out);
+    }
+
+    fn received(&mut self, now: Nanos, bytes: &[u8], config: &Config, out: &mut dyn Owner) {
+        // "Reception during transmission is ignored." [S4 L727] "Data can be received as soon as the DSR line is set to ON." [S4 L816]
+        for byte in bytes {
+            if !matches!(self.state, State::Reply { .. }) || config.signals.is_some() && !self.dsr() {
+                return;
+            }
+            match self.receiver.character(now, *byte, config.normal) {
+                Heard::Nothing => {}
+                // "This does not in itself fail the send job. The error only appears in the CP diagnostic buffer." [S4 L1757]
+                Heard::Restart => out.event(number::RESTART),
+                Heard::End(Ok(())) => self.replied(now, config, out),
+                Heard::End(Err(number)) => self.fail(number, out),
+            }
+        }
+    }
+
+    fn replied(&mut self, now: Nanos, config: &Config, out: &mut dyn Owner) {
+        let Some(job) = &self.job else { return };
+        match reply::evaluate(job, self.receiver.telegram()) {
+            // "... completed after the reply message is received without error and complete transfer of the received data to the CPU." [S4
+            // L1648]
+            Ok(destination) if !destination.bytes().is_empty() => {
+                self.state = State::Transfer { until: now + config.transfer };
+                out.deliver(destination.bytes());
+            }
+            Ok(_) => self.end(Ok(()), out),
+            Err(number) => self.fail(number, out),
+        }
+    }
+
+    fn line_fault(&mut self, now: Nanos, fault: LineFault, config: &Config, out: &mut dyn Owner) {
+        let is_break = match fault {
+            LineFault::Back => {
+                self.gone = false;
+                return;
+            }
+            // "BREAK: Receiving line to partner device is interrupted." [S4 L1750]
+            LineFault::Gone => {
+                self.gone = true;
+                if !config.wiring.breaks {
+                    return;
+                }
+                true
+            }
+            // "Line status BREAK cannot be recognized": a character without its stop bit. [S4 "Presetting of the Receiving Line"]
+            LineFault::Break => config.wiring.breaks,
+            LineFault::Parity | LineFault::Framing | LineFault::Overrun => false,
+        };
+        let number = if is_break { number::BREAK } else { number::TRANSMISSION };
+        match self.state {
+            // "If BREAK is recognized on the receiving line by the CP during output of a message, the triggered P_SND_RK job is completed with
+            // error." [S4 L727] In two-wire operation nobody listens meanwhile.
+            State::Output if is_break && !config.wiring.half_duplex => self.fail(number, out),
+            State::Output => {}
+            State::Reply { .. } if is_break && (config.normal || self.receiver.is_open()) => self.fail(number, out),
+            State::Reply { .. } if !is_break => self.receiver.unreadable(now, config.normal),
+            // "... before and after receive messages from the slave result in an appropriate error message." [S4 L538]
+            _ if config.normal => out.event(number),
+            _ => {}
+        }
+    }
+
+    // ---- secondary signals ----
+
+    fn dsr(&self) -> bool {
+        self.modem.is_none_or(|lines| lines.dsr)
+    }
+
+    fn cts(&self) -> bool {
+        self.modem.is_none_or(|lines| lines.cts)
+    }
+
+    fn modem(&mut self, lines: ModemLines, config: &Config, out: &mut dyn Owner) {
+        let dsr_was_on = self.dsr();
+        self.modem = Some(lines);
+        if config.signals.is_none() {
+            return;
+        }
+        match self.state {
+            // "... or if CTS changes to OFF during transmission, the send request is aborted." [S4 L814]
+            State::Output if !lines.cts => self.fail(number::SIGNALS, out),
+            // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF." [S4 L817]
+            State::OutputWait { .. } | State::Output | State::Reply { .. } if dsr_was_on && !lines.dsr => {
+                self.fail(number::SIGNALS, out);
+            }
+            _ => {}
+        }
+    }
+
+    // ---- time ----
+
+    fn tick(&mut self, now: Nanos, config: &Config, out: &mut dyn Owner) {
+        if self.rts_off.take_if(|at| now >= *at).is_some() {
+            out.rts(false);
+        }
+        match self.state {
+            State::OutputWait { .. } => self.output_wait(now, out),
+            // "If the slave doesn't send a start character during the reply monitoring time the send job is finished with error." [S4 L536]
+            State::Reply { until } if !self.receiver.is_open() && now >= until => self.fail(number::NO_REPLY, out),
+            State::Reply { .. } if self.receiver.is_open() && now >= self.receiver.last() + config.character_delay => {
+                self.fail(self.receiver.silence(), out);
+            }
+            State::Turnaround { until } if now >= until => self.end(Ok(()), out),
+            State::Transfer { until } if now >= until => self.fail(number::TRANSFER_TIMEOUT, out),
+            _ => {}
+        }
+    }
+
+    fn deadline(&self, config: &Config) -> Option<Nanos> {
+        let own = match self.state {
+            State::Start | State::Idle | State::Queue | State::Output => None,
+            State::Reply { .. } if self.receiver.is_open() => Some(self.receiver.last() + config.character_delay),
+            State::OutputWait { until }
+            | State::Reply { until }
+            | State::Turnaround { until }
+            | State::Transfer { until } => Some(until),
+        };
+        own.into_iter().chain(self.rts_off).min()
+    }
+
+    // ---- the end ----
+
+    fn fail(&mut self, number: u16, out: &mut dyn Owner) {
+        out.event(number);
+        self.end(Err(number), out);
+    }
+
+    fn end(&mut self, outcome: Result<(), u16>, out: &mut dyn Owner) {
+        if self.state == State::Output {
+            out.take_back();
+        }
+        let with_signals = self.config.as_ref().is_some_and(|config| config.signals.is_some());
+        if with_signals && matches!(self.state, State::OutputWait { .. } | State::Output) {
+            out.rts(false);
+        }
+        self.state = State::Idle;
+        self.job = None;
+        out.ended(outcome);
+    }
+}
