@@ -6,3 +6,4 @@ pub mod compare;
 pub mod fuzz;
 pub mod meters;
 pub mod sim;
+pub mod tcm120;

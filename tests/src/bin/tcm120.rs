@@ -1,0 +1,123 @@
+//! `cargo run -p ob1-tests --bin tcm120 -- TTY`: a TCM 120 on a tty, its radio side on standard input and output.
+
+use std::io::{BufRead as _, Write as _};
+use std::os::fd::{AsFd as _, OwnedFd};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use ob1_line::{Line as _, LineEvent, LineSettings, LineSpec, PollFds, RealLine};
+use ob1_protocols::Nanos;
+use ob1_protocols::esp2::Telegram;
+use ob1_tests::tcm120::{Eeprom, Input, Output, Tcm120, script};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+/// A module as the manual's example has one: 80h ORed with 67h.
+const ID_BASE: u32 = 0xFF80_0080;
+
+fn help() -> String {
+    format!(
+        "tcm120 LINE [ID_BASE]\n\nA TCM 120, the EnOcean module of the CP 240, on a line (serial:TTY); its ID base is {ID_BASE:08X} unless another is\n\
+         given. What it sends by radio is printed; what it receives is read from standard input:\n\n{}\n\nIt ends with its input.",
+        script::WORDS
+    )
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (line, base) = match arguments.as_slice() {
+        [line] => (line, Some(ID_BASE)),
+        [line, base] => (line, u32::from_str_radix(base, 16).ok()),
+        _ => {
+            eprintln!("{}", help());
+            return ExitCode::from(2);
+        }
+    };
+    let (Ok(spec), Some(base)) = (line.parse::<LineSpec>(), base) else {
+        eprintln!("tcm120: {line} is no line, or the ID base no hexadecimal number\n\n{}", help());
+        return ExitCode::from(2);
+    };
+    match run(&spec, Eeprom::new(base)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            eprintln!("tcm120: {why}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Lines of standard input come from a thread of their own; a byte in a pipe wakes the loop.
+fn typed() -> std::io::Result<(std::sync::mpsc::Receiver<String>, OwnedFd)> {
+    let (sender, lines) = std::sync::mpsc::channel();
+    let (bell, rings) = rustix::pipe::pipe()?;
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            if sender.send(line).is_err() || rustix::io::write(&rings, &[0]).is_err() {
+                return;
+            }
+        }
+        drop(sender);
+        let _ = rustix::io::write(&rings, &[0]);
+    });
+    Ok((lines, bell))
+}
+
+fn run(spec: &LineSpec, eeprom: Eeprom) -> Result<(), Box<dyn std::error::Error>> {
+    let begin = Instant::now();
+    let now = || begin.elapsed().as_nanos() as Nanos;
+    let mut line = RealLine::new(spec);
+    line.apply(&LineSettings::default())?;
+    let mut module = Tcm120::new(eeprom);
+    let (typed, bell) = typed()?;
+    let mut due = None;
+    let mut buffer = [0; 256];
+    loop {
+        let mut out = Output::default();
+        while let Some(event) = line.next_event(now(), &mut buffer) {
+            match event {
+                LineEvent::Rx(n) => due = module.step(now(), Input::Rx(&buffer[..n]), &mut out),
+                // The cable is plugged in: the module has been on for a while.
+                LineEvent::Up(_) => println!("line up"),
+                LineEvent::Gone(why) => println!("line gone: {why}"),
+                LineEvent::Fault(_) | LineEvent::TxDone => {}
+            }
+        }
+        loop {
+            match typed.try_recv() {
+                Ok(text) => match script::line(&text) {
+                    Ok(Some(input)) => due = module.step(now(), input, &mut out),
+                    Ok(None) => {}
+                    Err(why) => eprintln!("tcm120: {why}"),
+                },
+                Err(std::sync::mpsc::TryRecvError::Empty) => break,
+                Err(std::sync::mpsc::TryRecvError::Disconnected) => return Ok(()),
+            }
+        }
+        if due.is_some_and(|due| now() >= due) {
+            due = module.step(now(), Input::Tick, &mut out);
+        }
+        for radio in &out.air {
+            println!("{}", Telegram::Transmit(*radio));
+        }
+        std::io::stdout().flush()?;
+        line.write(now(), &out.serial);
+        let mut fds = PollFds::default();
+        line.poll_fds(&mut fds);
+        let mut fds: Vec<PollFd<'_>> = fds.into_entries().collect();
+        let on_line = fds.len();
+        fds.push(PollFd::from_borrowed_fd(bell.as_fd(), PollFlags::IN));
+        let left = due.into_iter().chain(line.deadline()).min().map(|at| at.saturating_sub(now()));
+        let timeout =
+            left.map(|left| Timespec { tv_sec: (left / 1_000_000_000) as i64, tv_nsec: (left % 1_000_000_000) as i64 });
+        poll(&mut fds, timeout.as_ref())?;
+        let is_ready = |fd: &PollFd<'_>| !fd.revents().is_empty();
+        let (on_line, rung) = (fds[..on_line].iter().any(is_ready), fds.last().is_some_and(is_ready));
+        drop(fds);
+        if on_line {
+            line.ready();
+        }
+        if rung {
+            let mut rings = [0; 16];
+            rustix::io::read(&bell, &mut rings)?;
+        }
+    }
+}
