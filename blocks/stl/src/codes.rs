@@ -161,7 +161,7 @@ codes! {
         "Correct the row, or export the table once more; the others are read.";
     TABLE_ADDRESS = "S0703", Error, "A symbol table gives an address that is none.",
         "Write an address of either set of mnemonics: M 1.0, E 0.0 or I 0.0, Z 5 or C 5, DB 10, FC 9.";
-    SYMBOL_TWICE = "S0704", Warning, "A symbol table has a name twice.",
+    SYMBOL_TWICE = "S0704", Warning, "The symbol tables have a name twice.",
         "Rename one of them. Upper and lower case are the same.";
     TABLE_TYPE = "S0705", Warning, "The type of a symbol does not fit its address.",
         "Correct the type: BOOL for bits, WORD or INT for words; the address counts.";

@@ -60,7 +60,7 @@ pub use library::{Library, LibraryBlock, Missing};
 pub use listing::listing;
 pub use mnemonics::Mnemonics;
 pub use source::Source;
-pub use symbol_table::{SymbolTable, TableForm, read_symbols};
+pub use symbol_table::{SymbolTable, TableForm, read_symbol_tables, read_symbols};
 
 pub use xref::{Access, Reference, render_xref, xref, xref_with};
 

@@ -5,6 +5,7 @@
 //! typed cells. Each is CP1252 or UTF-8, addresses stand in either set of mnemonics, comments stay out.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use ob1_ir::Symbol;
 
@@ -97,6 +98,21 @@ const LONGEST_TABLE: usize = 64 << 20;
 /// extension says nothing, that of the first line.
 #[must_use]
 pub fn read_symbols(source: &Source) -> SymbolTable {
+    read_one(source, &mut Names::new())
+}
+
+/// Reads the symbol tables of one program, in their order. A name that stands in two of them is reported in the later one; the
+/// first one counts, as within a table.
+#[must_use]
+pub fn read_symbol_tables(sources: &[Source]) -> Vec<SymbolTable> {
+    let mut names = Names::new();
+    sources.iter().map(|source| read_one(source, &mut names)).collect()
+}
+
+/// Names in capitals, with the table that has them.
+type Names = BTreeMap<String, String>;
+
+fn read_one(source: &Source, names: &mut Names) -> SymbolTable {
     let mut sink = Sink::new();
     let text = source.text();
     let mut symbols = Vec::new();
@@ -104,7 +120,7 @@ pub fn read_symbols(source: &Source) -> SymbolTable {
         let message = format!("the symbol table has {} bytes", text.len());
         sink.report(0, crate::token::Span::default(), &codes::SOURCE_TOO_LONG, message);
     } else if let Some(form) = form(&source.name, &text, &mut sink) {
-        symbols = table(form, &text, &mut sink);
+        symbols = table(form, &source.name, &text, names, &mut sink);
     }
     let steps = sink.steps;
     SymbolTable { symbols, diagnostics: sink.finish(&[&text]), steps }
@@ -126,7 +142,7 @@ fn form(name: &str, text: &str, sink: &mut Sink) -> Option<TableForm> {
     None
 }
 
-fn table(form: TableForm, text: &str, sink: &mut Sink) -> Vec<Symbol> {
+fn table(form: TableForm, file: &str, text: &str, names: &mut Names, sink: &mut Sink) -> Vec<Symbol> {
     let rows = match form {
         TableForm::Sdf => symbol_rows::sdf(text, sink),
         TableForm::Asc => symbol_rows::asc(text, sink),
@@ -134,17 +150,21 @@ fn table(form: TableForm, text: &str, sink: &mut Sink) -> Vec<Symbol> {
         TableForm::Dif => symbol_rows::dif(text, sink),
     };
     let words = Words::of_both();
-    let mut names = BTreeMap::new();
     let mut symbols = Vec::with_capacity(rows.len());
     for row in &rows {
         sink.steps += 1;
         let Some(symbol) = symbol(row, &words, sink) else { continue };
-        if names.insert(symbol.name.to_uppercase(), ()).is_some() {
-            let message = format!("the symbol {} is there twice; the first one counts", symbol.name);
-            sink.report(0, row.span, &codes::SYMBOL_TWICE, message);
-            continue;
+        match names.entry(symbol.name.to_uppercase()) {
+            Entry::Vacant(free) => {
+                free.insert(file.to_owned());
+                symbols.push(symbol);
+            }
+            Entry::Occupied(first) => {
+                let first = if first.get() == file { String::new() } else { format!(", first in {}", first.get()) };
+                let message = format!("the symbol {} is there twice{first}; the first one counts", symbol.name);
+                sink.report(0, row.span, &codes::SYMBOL_TWICE, message);
+            }
         }
-        symbols.push(symbol);
     }
     symbols
 }

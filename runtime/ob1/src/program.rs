@@ -213,9 +213,9 @@ pub(crate) fn compile_texts(
     mut findings: Vec<Finding>,
 ) -> Result<(Program, Vec<Finding>), Vec<Finding>> {
     let mut symbols = Vec::new();
-    for table in read_all(&wanted.symbols, &mut findings) {
-        let read = ob1_stl::read_symbols(&table);
-        findings.extend(read.diagnostics.iter().map(|d| of_diagnostic(d, std::slice::from_ref(&table))));
+    let tables = read_all(&wanted.symbols, &mut findings);
+    for (table, read) in tables.iter().zip(ob1_stl::read_symbol_tables(&tables)) {
+        findings.extend(read.diagnostics.iter().map(|d| of_diagnostic(d, std::slice::from_ref(table))));
         symbols.extend(read.symbols);
     }
     let options = Options { mnemonics: wanted.mnemonics.into(), symbols, lints: wanted.lints };
