@@ -21,9 +21,27 @@ const CC0: u32 = 64;
 const CC1: u32 = 128;
 const BR: u32 = 256;
 
+/// The place of the first statement given to [`run`]: its own come before.
+const FIRST: u32 = 7;
+
+/// Brings about /FC, STA and OR where `T STW` leaves them alone. OR without /FC cannot be.
+fn first_bits(stw: u32) -> Vec<Op> {
+    let (one, zero) = (scan(Logic::And, false, true), scan(Logic::And, false, false));
+    match (stw & FC != 0, stw & STA != 0, stw & OR != 0) {
+        (true, true, true) => vec![one, Op::OrBranch],
+        (true, false, true) => vec![one, Op::OrBranch, zero],
+        (true, true, false) => vec![one],
+        (true, false, false) => vec![zero],
+        (false, true, _) => vec![Op::SetRlo],
+        (false, false, _) => vec![Op::ClearRlo],
+    }
+}
+
 /// Runs `ops` with the given registers; ACCU1, ACCU2 and status word afterwards.
 fn run(ops: &[Op], a1: u32, a2: u32, stw: u32, accumulators: u8, plain: bool) -> (u32, u32, u32) {
-    let mut code = vec![load(mw(2)), Op::TransferStatus, load(md(4)), load(md(8))];
+    let mut code = if accumulators == 4 { Vec::new() } else { first_bits(stw) };
+    code.resize(3, Op::Nop);
+    code.extend([load(mw(2)), Op::TransferStatus, load(md(4)), load(md(8))]);
     code.extend_from_slice(ops);
     code.extend([transfer(md(12)), Op::ExchangeAccus, transfer(md(16)), Op::LoadStatus, transfer(mw(20))]);
     let program = program(vec![ob1(code)], Vec::new());
@@ -452,8 +470,7 @@ fn jumps() {
         (Jump::IfUnordered, CC0 | CC1, true, CC0 | CC1),
         (Jump::IfUnordered, CC1, false, CC1),
     ] {
-        // The four statements of `run` come first.
-        let ops = [Op::Jump(jump, 6), c(5)];
+        let ops = [Op::Jump(jump, FIRST + 2), c(5)];
         let (a1, _, got) = run(&ops, 1, 0, stw, 4, false);
         assert_eq!((a1 == 1, got), (taken, after), "{jump:?} {stw:03X}: {got:03X}");
         assert_eq!(run(&ops, 1, 0, stw, 2, false), run(&ops, 1, 0, stw, 2, true), "{jump:?} {stw:03X}");
@@ -469,7 +486,7 @@ fn loops() {
         Op::AddConst { format: NumberFormat::Int, value: 1 },
         transfer(mw(30)),
         load(mw(22)),
-        Op::Loop(4),
+        Op::Loop(FIRST),
         load(mw(30)),
     ];
     // The first cycle enters with 0, which LOOP takes as 65536: MW 30 comes round to 0. The second enters with 3.
@@ -479,8 +496,9 @@ fn loops() {
 #[test]
 fn jump_lists() {
     for (n, result) in [(0, 10), (1, 11), (2, 99), (255, 99), (0x101, 11)] {
-        let list = Op::JumpList { targets: Box::new([6, 8]), otherwise: 10 };
-        let ops = [list, Op::Nop, c(10), Op::Jump(Jump::Always, 11), c(11), Op::Jump(Jump::Always, 11), c(99)];
+        let list = Op::JumpList { targets: Box::new([FIRST + 2, FIRST + 4]), otherwise: FIRST + 6 };
+        let end = Op::Jump(Jump::Always, FIRST + 7);
+        let ops = [list, Op::Nop, c(10), end.clone(), c(11), end, c(99)];
         assert_eq!(run(&ops, n, 0, 0, 2, false).0, result, "SPL with {n}");
     }
 }

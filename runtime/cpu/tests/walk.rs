@@ -106,6 +106,8 @@ const LOADS: &[Row] = &[
     ("L P#DBX 2.3", [5, 6, 0], [0x8400_0013, 5, 0]),
     ("L STW", [5, 6, ALL], [ALL, 5, ALL]),
     ("T STW", [0x155, 6, 0], [0x155, 6, 0x155]),
+    // What an S7-300 keeps of /FC, STA and OR is in `what_t_stw_writes`.
+    ("T STW", [OS | OV | CC1, 6, BR | CC0 | RLO], [OS | OV | CC1, 6, OS | OV | CC1]),
     ("T MW 102; L 0; L MD 100", [0xABCD_1234, 6, ALL], [0x0100_1234, 0, ALL]),
     ("L T 1", [5, 6, ALL], [0, 5, ALL]),
     ("LC T 1", [5, 6, ALL], [0, 5, ALL]),
@@ -321,17 +323,30 @@ fn pairs(text: &'static str) -> BTreeMap<&'static str, &'static str> {
 
 /// Runs statements of a set; ACCU1, ACCU2 and status word afterwards.
 fn run(text: &str, set: Mnemonics, before: [u32; 3], accumulators: u8) -> [u32; 3] {
+    // T STW of an S7-300 leaves /FC, STA and OR alone: statements bring them about. OR without /FC cannot be.
+    let (fc, sta, or) = (before[2] & FC != 0, before[2] & STA != 0, before[2] & (OR | FC) == OR | FC);
+    let bits = match (accumulators, fc, sta, or) {
+        (4, ..) => "",
+        (_, true, true, true) => "U M 0.0; O;",
+        (_, true, false, true) => "U M 0.0; O; U M 0.1;",
+        (_, true, true, false) => "U M 0.0;",
+        (_, true, false, false) => "U M 0.1;",
+        (_, false, true, _) => "SET;",
+        (_, false, false, _) => "CLR;",
+    };
     let source = format!(
         "{PROGRAM} ORGANIZATION_BLOCK OB 1 BEGIN
-         UN M 0.0; BEB; L 1; T MW 99; L MW 2; T STW; L MD 4; L MD 8;
+         UN M 0.0; BEB; L 1; T MW 99; {bits} L MW 2; T STW; L MD 4; L MD 8;
          {text};
          T MD 12; TAK; T MD 16; L STW; T MW 20; END_ORGANIZATION_BLOCK"
     );
     // The frame, too, is written in the set.
     let source = match set {
-        Mnemonics::International => {
-            source.replace("BEB;", "BEC;").replace("BEA;", "BEU;").replace("UN M 0.0", "AN M 0.0")
-        }
+        Mnemonics::International => source
+            .replace("BEB;", "BEC;")
+            .replace("BEA;", "BEU;")
+            .replace("UN M 0.0", "AN M 0.0")
+            .replace(" U M 0.", " A M 0."),
         _ => source,
     };
     let mut library = Library::new();
@@ -390,6 +405,26 @@ fn every_instruction_in_both_sets() {
     seen.extend(["BE", "BEB", "BEA", "ENT", "LEAVE"]);
     let missing: Vec<_> = words.keys().filter(|word| !seen.contains(*word)).collect();
     assert!(missing.is_empty(), "not walked: {missing:?}");
+}
+
+/// `T STW` on an S7-300 leaves /FC, STA and OR as they are: the scan behind it begins or goes on as if it were not there
+/// ["Statement List (STL) for S7-300 and S7-400 Programming", "T STW", note]. M 100.0 is 1, M 100.1 is 0.
+#[test]
+fn what_t_stw_writes() {
+    for (text, rlo_300, rlo_400) in [
+        // All bits 1. /FC = 0 on the 300: the scan is the first one. On the 400 it goes on, and OR takes part.
+        ("CLR; L W#16#1FF; T STW; U M 100.1", 0, RLO),
+        // /FC = 1 stays on the 300, and the RLO written is combined.
+        ("U M 100.0; L W#16#0; T STW; U M 100.0", 0, RLO),
+        ("U M 100.1; L W#16#2; T STW; UN M 100.0", 0, 0),
+        ("U M 100.1; L W#16#2; T STW; U M 100.0", RLO, RLO),
+        // OR stays on the 300.
+        ("U M 100.0; O; L W#16#1; T STW; U M 100.1", RLO, 0),
+    ] {
+        for (accumulators, rlo) in [(2, rlo_300), (4, rlo_400)] {
+            assert_eq!(run(text, Mnemonics::German, [0; 3], accumulators)[2] & RLO, rlo, "{text} {accumulators}");
+        }
+    }
 }
 
 /// What moves between four accumulators. ACCU1 to ACCU4 are 1, 2, 3, 4 before.

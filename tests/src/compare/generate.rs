@@ -299,7 +299,12 @@ fn load_status(accumulators: u8) -> Item {
 
 fn status(random: &mut Random, accumulators: u8) -> Item {
     match random.below(6) {
-        4 => vec![format!("L W#16#{:X}", random.below(0x200) | 1), "T STW".to_owned()],
+        // On two accumulators awlsim writes /ER, STA and OR too: the assignment shows the RLO and ends their meaning.
+        4 => {
+            let end = (accumulators != 4).then(|| format!("= M {}.{}", 240 + random.below(16), random.below(8)));
+            let word = format!("L W#16#{:X}", random.below(0x200) | 1);
+            [word, "T STW".to_owned()].into_iter().chain(end).collect()
+        }
         5 => load_status(accumulators),
         n => vec![["SET", "CLR", "NOT", "SAVE"][n].to_owned()],
     }

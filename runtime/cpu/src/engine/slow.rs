@@ -12,7 +12,8 @@ use super::shift::shift;
 use crate::machine::Machine;
 use crate::timers::{Counter, Timer};
 
-/// Bits of the status word that `L STW` shows on a CPU with two accumulators: not /FC, STA and OR.
+/// Bits of the status word that `L STW` shows and `T STW` writes on a CPU with two accumulators: not /FC, STA and OR
+/// ["Statement List (STL) for S7-300 and S7-400 Programming", "L STW", "T STW", the notes on the S7-300].
 const STATUS_300: u32 = 0x1F2;
 /// The low 24 bits of an address register: the area code above them stays when addresses are added.
 const AR_ADDRESS: u32 = 0x00FF_FFFF;
@@ -227,6 +228,11 @@ pub(crate) const fn loads(op: &Op) -> bool {
     matches!(op, Load(_) | LoadTimer(_) | LoadTimerBcd(_) | LoadCounter(_) | LoadCounterBcd(_))
 }
 
+/// What `L STW` and `T STW` reach of the status word.
+fn status_bits(m: &Machine) -> u32 {
+    if m.config.accumulators == 4 { 0x1FF } else { STATUS_300 }
+}
+
 fn load_transfer(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     match *op {
         Op::Load(operand) => {
@@ -239,10 +245,13 @@ fn load_transfer(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
             write(operand.place, width_bits(operand.width), value, r, m)?;
         }
         Op::LoadStatus => {
-            let mask = if m.config.accumulators == 4 { 0x1FF } else { STATUS_300 };
-            load(r, r.status_word() & mask);
+            let seen = status_bits(m);
+            load(r, r.status_word() & seen);
         }
-        Op::TransferStatus => r.set_status_word(r.a1),
+        Op::TransferStatus => {
+            let written = status_bits(m);
+            r.set_status_word((r.status_word() & !written) | (r.a1 & written));
+        }
         Op::LoadTimer(n) => {
             let value = timer(n, r, m)?.remaining(m.now);
             load(r, u32::from(value));
