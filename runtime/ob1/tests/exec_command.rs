@@ -280,3 +280,57 @@ fn blocks_that_are_not_there_are_named() {
         assert!(!String::from_utf8_lossy(&output.stderr).contains("L006"), "{output:?}");
     }
 }
+
+#[test]
+fn several_symbol_tables() {
+    let bench = Bench::new(&ob(1, "L \"one\"; T \"two\"; CALL SFC 46;"));
+    bench.write("a.sdf", "\"one\",\"MB 8\",\"BYTE\",\"\"\n");
+    bench.write("b.seq", "\tMB 1\ttwo\tsecond table\r\n");
+    fails(&bench.exec(&["--symbols", "a.sdf"]), 10, "two");
+    assert_eq!(bench.memory(2, &["--symbols", "a.sdf", "--symbols", "b.seq"]), (Some(0), vec![0, 0]));
+    // A name in two tables is told; the first one counts.
+    bench.write("c.sdf", "\"one\",\"MB 9\",\"BYTE\",\"\"\n\"two\",\"MB 1\",\"BYTE\",\"\"\n");
+    bench.write("p.awl", &ob(1, "L 7; T MB 8; L \"ONE\"; T \"two\"; CALL SFC 46;"));
+    let words = ["--symbols", "a.sdf", "--symbols", "c.sdf"];
+    assert_eq!(bench.memory(2, &words), (Some(0), vec![0, 7]));
+    let output = bench.exec(&words);
+    fails(&output, 0, "c.sdf:1");
+    fails(&output, 0, "S0704");
+}
+
+#[test]
+fn quiet_leaves_out_warnings_alone() {
+    let bench = Bench::new(&ob(1, "CALL SFC 46;"));
+    bench.write("s.sdf", "\"one\",\"MW 8\",\"BOOL\",\"\"\n");
+    fails(&bench.exec(&["--symbols", "s.sdf"]), 0, "warning");
+    for quiet in ["--quiet", "-q"] {
+        let output = bench.exec(&["--symbols", "s.sdf", quiet]);
+        assert_eq!((output.status.code(), output.stderr.as_slice()), (Some(0), &b""[..]));
+    }
+    bench.write("p.awl", &ob(1, "L MW 9999; T MB 1;"));
+    fails(&bench.exec(&["-q"]), 11, "4562h");
+    bench.write("p.awl", &ob(1, "U M;"));
+    fails(&bench.exec(&["-q"]), 10, "p.awl:7");
+}
+
+/// Options, figures and exit codes of the command are those of the document.
+#[test]
+fn the_document_names_every_option_and_figure() {
+    let text = include_str!("../../../docs/exec.md");
+    let help = Command::new(env!("CARGO_BIN_EXE_ob1")).args(["exec", "--help"]).output().expect("ob1 starts").stdout;
+    let help = String::from_utf8(help).expect("UTF-8");
+    let options: Vec<&str> = help
+        .lines()
+        .filter_map(|line| line.trim_start().strip_prefix("--").or(line.split_once(", --").map(|(_, rest)| rest)))
+        .map(|rest| rest.split(|c: char| !(c.is_ascii_lowercase() || c == '-')).next().unwrap_or_default())
+        .filter(|name| *name != "help")
+        .collect();
+    assert!(options.len() > 18, "{options:?}");
+    for name in options {
+        assert!(text.contains(&format!("`--{name}")), "docs/exec.md does not name --{name}");
+    }
+    let bench = Bench::new(&ob(1, "CALL SFC 46;"));
+    for name in bench.stats(&[]).as_object().expect("an object").keys() {
+        assert!(text.contains(&format!("`{name}`")), "docs/exec.md does not name the figure {name}");
+    }
+}

@@ -25,7 +25,7 @@ pub struct ExecArgs {
     /// Sources
     #[arg(required = true, value_name = "PROG.awl")]
     pub files: Vec<PathBuf>,
-    /// A symbol table: SDF, ASC, SEQ or DIF
+    /// A symbol table: SDF, ASC, SEQ or DIF; may be given several times
     #[arg(long, value_name = "FILE")]
     pub symbols: Vec<PathBuf>,
     /// Mnemonics of the sources; auto: found for each by the words that exist in one set only
@@ -82,7 +82,7 @@ pub struct ExecArgs {
     /// Write the figures of the run there as JSON
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,
-    /// Do not print warnings
+    /// Print no warnings of the sources; errors, faults and the limit's line are printed all the same
     #[arg(long, short)]
     pub quiet: bool,
 }
@@ -136,6 +136,14 @@ fn accumulators(text: &str) -> Result<u8, String> {
 }
 
 impl ExecArgs {
+    /// As given on a command line, without `ob1 exec`.
+    #[cfg(test)]
+    pub(super) fn of_words(words: Vec<&str>) -> Self {
+        use clap::{Command, FromArgMatches as _};
+        let matches = Self::augment_args(Command::new("exec").no_binary_name(true)).get_matches_from(words);
+        Self::from_arg_matches(&matches).expect("the words of a test are right")
+    }
+
     /// The standard blocks of all `--library`.
     pub(super) fn standard(&self) -> Result<Vec<Choice>, String> {
         Chosen::together(&self.library).map_err(|clash| format!("--library: {clash}"))

@@ -1,5 +1,6 @@
 //! The clock of `ob1 exec`: virtual or real, with the limits of both.
 
+use std::fmt;
 use std::time::{Duration, Instant};
 
 use ob1_cpu::{Clock, Interrupt, Nanos};
@@ -8,8 +9,8 @@ use ob1_rt::MonotonicClock;
 use super::ExecArgs;
 use crate::virtual_clock::VirtualClock;
 
-/// Where time is virtual, a run also ends after so many seconds of real time.
-pub(super) const WALL_LIMIT_S: u64 = 120;
+/// Where time is virtual, a run also ends after so much real time.
+pub(super) const WALL_LIMIT: Duration = Duration::from_secs(120);
 /// Looks of the CPU at its clock (every 1000 statements, and at the end of a cycle) between two looks at real time.
 const LOOKS: u32 = 64;
 
@@ -19,6 +20,26 @@ enum Time {
     Real(MonotonicClock),
 }
 
+/// The real time a run has taken. A value of its own so that a test can say when the limit is over.
+pub(super) struct WallTime(Box<dyn FnMut() -> Duration>);
+
+impl WallTime {
+    pub(super) fn start() -> Self {
+        let start = Instant::now();
+        Self(Box::new(move || start.elapsed()))
+    }
+
+    fn is_over(&mut self) -> bool {
+        (self.0)() >= WALL_LIMIT
+    }
+}
+
+impl fmt::Debug for WallTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("WallTime")
+    }
+}
+
 /// A clock that ends the run. The limit is looked at between two cycles; a cycle that does not end is halted when it is over by the
 /// cycle monitoring time, or when real time is up.
 #[derive(Debug)]
@@ -26,7 +47,7 @@ pub(super) struct ExecClock {
     time: Time,
     limit: Nanos,
     halt_at: Nanos,
-    wall: Option<Instant>,
+    wall: Option<WallTime>,
     looks: u32,
     wall_over: bool,
     halted: bool,
@@ -34,14 +55,15 @@ pub(super) struct ExecClock {
 }
 
 impl ExecClock {
-    pub(super) fn new(args: &ExecArgs, interrupt: Interrupt) -> Self {
+    /// `wall` limits the run where time is virtual.
+    pub(super) fn new(args: &ExecArgs, interrupt: Interrupt, wall: WallTime) -> Self {
         let limit = args.limit.as_nanos() as u64;
         let time = if args.real_time {
             Time::Real(MonotonicClock::start())
         } else {
             Time::Virtual(VirtualClock::new(args.ns_per_statement))
         };
-        let wall = (!args.real_time).then(|| Instant::now() + Duration::from_secs(WALL_LIMIT_S));
+        let wall = (!args.real_time).then_some(wall);
         let halt_at = limit.saturating_add(args.watchdog.as_nanos() as u64);
         Self { time, limit, halt_at, wall, looks: 0, wall_over: false, halted: false, interrupt }
     }
@@ -73,7 +95,7 @@ impl ExecClock {
         self.looks += 1;
         if self.looks >= LOOKS {
             self.looks = 0;
-            self.wall_over = self.wall_over || self.wall.is_some_and(|end| Instant::now() >= end);
+            self.wall_over = self.wall_over || self.wall.as_mut().is_some_and(WallTime::is_over);
         }
         if !self.halted && (self.wall_over || self.now() >= self.halt_at) {
             self.halted = true;
@@ -109,5 +131,48 @@ impl Clock for ExecClock {
             clock.wait(deadline);
         }
         self.look_at_limits();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+    use std::rc::Rc;
+
+    use super::super::{compile, load, run};
+    use super::*;
+    use crate::exit::ExecExit;
+
+    /// Runs OB 1 with a real time that takes a second between two looks; the exit, and what the clock says of it.
+    fn exec(code: &str, words: &[&str]) -> (ExecExit, bool, u64) {
+        let folder = tempfile::tempdir().expect("a directory");
+        let path = folder.path().join("p.awl");
+        let text = format!("ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n{code}\nEND_ORGANIZATION_BLOCK\n");
+        std::fs::write(&path, text).expect("writable");
+        let args = ExecArgs::of_words([&[path.to_str().expect("UTF-8")], words].concat());
+        let program = compile(&args, &[]).expect("it compiles");
+        let mut cpu = load(&args, &[], &program).expect("it loads");
+        let seconds = Rc::new(Cell::new(0));
+        let count = seconds.clone();
+        let wall = WallTime(Box::new(move || {
+            count.set(count.get() + 1);
+            Duration::from_secs(count.get())
+        }));
+        let mut clock = ExecClock::new(&args, cpu.interrupt(), wall);
+        let exit = run(&mut cpu, &mut clock, args.start);
+        (exit, clock.wall_is_over(), seconds.get())
+    }
+
+    #[test]
+    fn real_time_ends_a_virtual_run() {
+        // Between cycles, and within one that does not end.
+        assert_eq!(exec("NOP 0;", &["--limit", "24h"]), (ExecExit::Limit, true, 120));
+        assert_eq!(exec("m: SPA m;", &["--limit", "24h", "--watchdog", "0ms"]), (ExecExit::Limit, true, 120));
+        // The limit of virtual time comes first.
+        let (exit, wall, seconds) = exec("NOP 0;", &["--limit", "1s"]);
+        assert_eq!((exit, wall), (ExecExit::Limit, false));
+        assert!(seconds > 1 && seconds < 120, "{seconds}");
+        // Where time is real, the limit given is the only one.
+        assert_eq!(exec("NOP 0;", &["--limit", "2ms", "--real-time"]), (ExecExit::Limit, false, 0));
     }
 }

@@ -21,7 +21,7 @@ use crate::finding::Finding;
 use crate::library::Choice;
 use crate::offer::Unserved;
 use crate::program::{self, Sources};
-use clock::ExecClock;
+use clock::{ExecClock, WallTime};
 use stats::Meter;
 
 /// Entries of the diagnostic buffer printed after a fault.
@@ -55,14 +55,17 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
         // Before the run: a dump that cannot be is known at once, not after a minute.
         dump.bytes(&cpu).map_err(|text| (ExecExit::Other(Exit::Usage), format!("ob1: --dump {text}\n")))?;
     }
-    let mut clock = ExecClock::new(args, cpu.interrupt());
+    let mut clock = ExecClock::new(args, cpu.interrupt(), WallTime::start());
     let meter = Meter::start();
     let exit = run(&mut cpu, &mut clock, args.start);
     let stats = meter.stop(&cpu, clock.now(), exit, args);
     match exit {
         ExecExit::Fault => eprint!("{}", fault_text(&cpu)),
         ExecExit::Limit if clock.wall_is_over() => {
-            eprintln!("ob1: the wall limit of {} s was reached before the limit of virtual time", clock::WALL_LIMIT_S);
+            eprintln!(
+                "ob1: the wall limit of {} s was reached before the limit of virtual time",
+                clock::WALL_LIMIT.as_secs()
+            );
         }
         _ => {}
     }
