@@ -232,3 +232,31 @@ pub fn fixtures() -> Vec<Fixture> {
     };
     lines.filter_map(frame).collect()
 }
+
+/// What a frame of the fixtures says, by those who collected it.
+#[derive(Clone, Debug)]
+pub struct Said {
+    /// Folder and name, as in [`Fixture`].
+    pub name: String,
+    /// Identification, manufacturer, version, medium.
+    pub header: [String; 4],
+    /// The records: function, storage number, quantity, unit, value.
+    pub records: Vec<[String; 5]>,
+}
+
+/// What the frames say, of those that say anything.
+#[must_use]
+pub fn values() -> Vec<Said> {
+    let mut all: Vec<Said> = Vec::new();
+    for line in include_str!("../fixtures/mbus/values.txt").lines() {
+        let parts = |text: &str| text.split('|').map(str::to_owned).collect::<Vec<_>>();
+        if let (Some(record), Some(last)) = (line.strip_prefix("  "), all.last_mut()) {
+            last.records.extend(<[String; 5]>::try_from(parts(record)).ok());
+        } else if let Some((name, header)) = line.split_once('|')
+            && let Ok(header) = <[String; 4]>::try_from(parts(header))
+        {
+            all.push(Said { name: name.to_owned(), header, records: Vec::new() });
+        }
+    }
+    all
+}

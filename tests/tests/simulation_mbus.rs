@@ -1,41 +1,13 @@
 //! Meters on an M-Bus in virtual time, from the meter's answer to the data block of the program, through FC 9, FC 0 and FC 1.
 
-use std::path::Path;
+mod common;
 
-use ob1_tests::meters::{Bus, Fixture, Meter, Trouble, fields, fixtures};
+use common::meters::{next, reading, seen, station};
+use ob1_cpu::{Cell, CellWidth};
+use ob1_model::Area;
+use ob1_tests::meters::{Bus, Fixture, Meter, Trouble, fixtures};
 use ob1_tests::sim::SECOND;
 use ob1_tests::sim::meters::Reading;
-use ob1_tests::sim::station::SimStation;
-
-fn reading(bus: Bus) -> Reading {
-    let station = Path::new(env!("CARGO_MANIFEST_DIR")).join("stations/mbus/station.toml");
-    Reading::build(&station, bus, 7).unwrap_or_else(|message| {
-        panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
-    })
-}
-
-fn word(station: &SimStation, db: u16, byte: usize) -> usize {
-    let bytes = station.cpu.data_block(db).expect("a data block of the program");
-    usize::from(u16::from_be_bytes([bytes[byte], bytes[byte + 1]]))
-}
-
-/// Lets the program read the next meter; what it has in its data block then.
-fn next(reading: &mut Reading) -> Vec<u8> {
-    let before = word(&reading.station, 20, 0);
-    let answered = reading.until(30 * SECOND, |station| word(station, 20, 0) > before);
-    assert!(answered, "no answer to order {}\n{}", before + 1, reading.log());
-    let station = &reading.station;
-    station.cpu.data_block(11).expect("DB 11")[..word(station, 11, 262)].to_vec()
-}
-
-/// What the program must see of an answer.
-fn seen(answer: &[u8]) -> Vec<u8> {
-    match fields(answer) {
-        // What comes from a master is no answer.
-        Some(fields) if fields.len() < 2 || fields[0] & 0x40 == 0 => [&[0][..], &fields].concat(),
-        _ => vec![1],
-    }
-}
 
 #[test]
 fn every_frame_of_the_collection_arrives_unchanged() {
@@ -104,4 +76,50 @@ fn the_frame_count_bit() {
     {
         assert_eq!(&bus.hear(&request(c)), expected, "{c:02X}h");
     }
+}
+
+/// The program of `examples/mbus-meter`, which is the manual's: an order in MB 100 to 104, then M 99.0; RET_VAL in MW 106 when it has ended.
+fn order(reading: &mut Reading, bytes: [u8; 5]) -> u32 {
+    let memory = |byte: u32| Cell::Area(Area::Memory, byte * 8);
+    let cpu = &mut reading.station.cpu;
+    for (at, byte) in (100..).zip(bytes) {
+        cpu.write(memory(at), CellWidth::Byte, byte.into()).expect("bit memory");
+    }
+    let start = memory(99);
+    cpu.write(start, CellWidth::Bit, 1).expect("bit memory");
+    let ended = reading.until(30 * SECOND, |station| station.cpu.bit_memory()[99] & 1 == 0);
+    assert!(ended, "no end of {bytes:02X?}\n{}", reading.log());
+    reading.station.cpu.read(memory(106), CellWidth::Word).expect("bit memory")
+}
+
+/// [S0 "PLC program", chapter 6]: what FC 100 says for an answer, no answer, and a short circuit.
+#[test]
+fn the_manual_s_program_reads_a_meter() {
+    let answer = &fixtures().into_iter().find(|f| f.name.ends_with("/frame2")).expect("a fixture").bytes;
+    let mut reading = station("examples/mbus-meter/station.toml", Bus::new(vec![Meter::new(1, answer)]));
+    let started = reading.until(5 * SECOND, |station| station.cpu.bit_memory()[3] & 1 == 0);
+    assert!(started, "FC 9 has ended");
+    let stored = |reading: &Reading| reading.station.cpu.data_block(21).expect("DB 21").to_vec();
+
+    assert_eq!(order(&mut reading, [0xBB, 0x7B, 1, 0, 0]), 0, "OB 1 has taken 2000h");
+    let expected = seen(answer);
+    assert_eq!(stored(&reading)[..expected.len()], expected[..]);
+    // SND_NKE: the acknowledgement, behind it what was there.
+    assert_eq!(order(&mut reading, [0xBB, 0x40, 1, 0, 0]), 0);
+    assert_eq!(stored(&reading)[..2], [0, 0xE5]);
+    // SND_UD as a control frame: reset of the application; as a long frame: the two bytes that lie behind the CI field in DB 10.
+    assert_eq!(order(&mut reading, [0xBB, 0x53, 1, 0x50, 0]), 0);
+    assert_eq!(order(&mut reading, [0xBB, 0x73, 1, 0x51, 2]), 0);
+    assert_eq!(reading.bus.meters[0].told, [vec![0x50], vec![0x51, 0, 2]]);
+
+    assert_eq!(order(&mut reading, [0xBB, 0x7B, 1, 0, 0]), 0);
+    let before = stored(&reading);
+    reading.bus.meters[0].trouble = Some(Trouble::Silent);
+    assert_eq!(order(&mut reading, [0xBB, 0x5B, 1, 0, 0]), 0x8001, "no answer");
+    reading.shorted = true;
+    assert_eq!(order(&mut reading, [0xBB, 0x5B, 1, 0, 0]), 0x80FF, "short circuit: what the program calls undefined");
+    assert_eq!(stored(&reading), before, "an order that failed stores nothing");
+    reading.shorted = false;
+    reading.bus.meters[0].trouble = None;
+    assert_eq!(order(&mut reading, [0xBB, 0x5B, 1, 0, 0]), 0);
 }

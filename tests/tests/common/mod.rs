@@ -7,6 +7,7 @@
 #![allow(dead_code)]
 
 pub(crate) mod ledger;
+pub(crate) mod meters;
 pub(crate) mod native;
 pub(crate) mod peer;
 pub(crate) mod processes;

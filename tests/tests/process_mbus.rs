@@ -1,0 +1,150 @@
+//! M-Bus with real processes and with others' software: the program of the manual reads a meter that a script plays, and pyMeterBus
+//! understands what our master has read.
+
+mod common;
+
+use std::fs;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::process::{Child, ChildStdin, ChildStdout, Stdio};
+
+use common::meters::{next, reading, seen};
+use common::site::{Site, replaced};
+use common::station::Running;
+use common::{checkout, python};
+use ob1_tests::meters::{Bus, Fixture, Meter, fixtures, values};
+use serde_json::Value;
+
+/// The meters of `examples/mbus-meter/meter.py`.
+struct Meters {
+    script: Child,
+    words: Option<ChildStdin>,
+    said: BufReader<ChildStdout>,
+}
+
+impl Meters {
+    fn start(site: &Site, meters: &[(u8, &Fixture)]) -> Self {
+        let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<String>();
+        let args = meters.iter().map(|(address, fixture)| format!("{address}={}", hex(&fixture.bytes)));
+        let mut command = site.command(python());
+        command.args(["meter.py", "mbus.pty"]).args(args).stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut script = command.spawn().expect("Python starts");
+        let said = BufReader::new(script.stdout.take().expect("a pipe"));
+        Self { words: script.stdin.take(), said, script }
+    }
+
+    /// From now on it is so.
+    fn tell(&mut self, word: &str) {
+        writeln!(self.words.as_mut().expect("open until the end"), "{word}").expect("it reads");
+        let mut line = String::new();
+        self.said.read_line(&mut line).expect("it answers");
+        assert_eq!(line, "ok\n");
+    }
+
+    fn end(mut self) {
+        drop(self.words.take());
+        assert!(self.script.wait().expect("a child").success());
+    }
+}
+
+/// An order of the manual's program: baud rate, C, A, CI field, bytes behind it; RET_VAL, 0 when OB 1 has taken 2000h.
+fn order(station: &Running, bytes: [u8; 5]) -> i64 {
+    for (at, byte) in (100..).zip(bytes) {
+        station.set(&format!("MB{at}"), byte.into());
+    }
+    station.set("M99.0", 1);
+    station.until("the end of the order", |s| (s.cell("M99.0") == 0).then(|| s.cell("MW106")))
+}
+
+/// The first bytes of a data block.
+fn stored(station: &Running, db: u8, len: usize) -> Vec<u8> {
+    let names: Vec<String> = (0..len).map(|at| format!("DB{db}.DBB{at}")).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    names.chunks(32).flat_map(|some| station.cells(some)).map(|byte| byte as u8).collect()
+}
+
+#[test]
+fn the_manual_s_program_reads_a_meter() {
+    let site = Site::new();
+    for file in ["station.toml", "mbus.awl", "meter.py"] {
+        let text = fs::read_to_string(checkout("examples/mbus-meter").join(file)).expect("a file of the example");
+        let is_station = file.ends_with(".toml");
+        site.write(file, &if is_station { replaced(&text, "\"150ms\"", "\"500ms\"") } else { text });
+    }
+    let station = site.run("station.toml").until_run();
+    station.until("the pty", |_| site.path("mbus.pty").exists().then_some(()));
+    station.until("FC 9", |s| (s.cell("M3.0") == 0).then_some(()));
+    let all = fixtures();
+    let meter = all.iter().find(|fixture| fixture.name.ends_with("/frame2")).expect("a fixture");
+    let mut meters = Meters::start(&site, &[(1, meter)]);
+    meters.tell("loud 1");
+    let expected = seen(&meter.bytes);
+
+    assert_eq!(order(&station, [0xBB, 0x40, 1, 0, 0]), 0, "SND_NKE");
+    assert_eq!(stored(&station, 21, 2), [0, 0xE5]);
+    assert_eq!(order(&station, [0xBB, 0x7B, 1, 0, 0]), 0, "REQ_UD2");
+    assert_eq!(stored(&station, 21, expected.len()), expected);
+    meters.tell("silent 1");
+    assert_eq!(order(&station, [0xBD, 0x5B, 1, 0, 0]), 0x8001, "no answer");
+    meters.tell("loud 1");
+    meters.tell("check 1");
+    assert_eq!(order(&station, [0xBD, 0x5B, 1, 0, 0]), 0, "a wrong check sum, then a right one");
+    meters.tell("echo on");
+    assert_eq!(order(&station, [0xBB, 0x7B, 1, 0, 0]), 0, "a converter that echoes");
+    assert_eq!(stored(&station, 21, expected.len()), expected);
+    meters.end();
+    assert_eq!(station.interrupt().code(), Some(0));
+    site.wait_until_empty();
+}
+
+/// The frame that had these fields.
+fn framed(fields: &[u8]) -> String {
+    let sum = fields.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
+    let fields_in_hex: String = fields.iter().map(|byte| format!("{byte:02X}")).collect();
+    format!("68{0:02X}{0:02X}68{fields_in_hex}{sum:02X}16", fields.len())
+}
+
+#[test]
+fn py_meter_bus_decodes_what_our_master_has_read() {
+    let all = fixtures();
+    let meters = (1..).zip(&all).map(|(address, fixture)| Meter::new(address, &fixture.bytes)).collect();
+    let mut reading = reading(Bus::new(meters));
+    let read: Vec<(&str, Vec<u8>)> = all.iter().map(|fixture| (&*fixture.name, next(&mut reading))).collect();
+
+    let script = checkout("tests/peers/meterbus_decode.py");
+    let site = Site::new();
+    let mut decoder = site.command(python());
+    let mut decoder = decoder.arg(script).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("Python starts");
+    let mut frames = decoder.stdin.take().expect("a pipe");
+    let mut decoded = BufReader::new(decoder.stdout.take().expect("a pipe")).lines();
+
+    let (mut refused, mut different, mut equal) = (Vec::new(), Vec::new(), 0);
+    for said in values() {
+        let (_, answer) =
+            read.iter().find(|(name, _)| *name == said.name).expect("a frame for each that says something");
+        assert_eq!(answer[0], 0, "{}", said.name);
+        writeln!(frames, "{}", framed(&answer[1..])).expect("it reads");
+        let line = decoded.next().expect("it answers").expect("text");
+        let found: Value = serde_json::from_str(&line).expect("JSON");
+        let Some(found) = found["values"].as_array() else {
+            refused.push(said.name);
+            continue;
+        };
+        assert_eq!(found.len(), said.records.len(), "{}: {line}", said.name);
+        for (found, [.., expected]) in found.iter().zip(&said.records) {
+            let (Some(found), Ok(expected)) = (found.as_f64(), expected.parse::<f64>()) else { continue };
+            // They print six decimals.
+            if (found - expected).abs() <= 5e-7 + 1e-6 * expected.abs() {
+                equal += 1;
+            } else {
+                different.push(format!("{}: {found}, not {expected}", said.name));
+            }
+        }
+    }
+    drop(frames);
+    assert!(decoder.wait().expect("a child").success());
+    assert_eq!(different, Vec::<String>::new());
+    // Two with a fixed data structure, which pyMeterBus does not know, and one with a unit it does not know.
+    let unknown = ["manual_frame2", "sen_pollusonic_2", "sen_pollutherm"];
+    assert_eq!(refused, unknown.map(|name| format!("test-frames/{name}")));
+    assert_eq!(equal, 724, "numbers of 70 meters");
+}
