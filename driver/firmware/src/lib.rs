@@ -7,6 +7,8 @@
 //! The registers are described in `docs/cp240-registers.md`.
 #![forbid(unsafe_code)]
 
+#[cfg_attr(not(test), expect(dead_code, reason = "the module around it follows"))]
+mod cp040;
 mod cp240;
 mod diagnosis;
 mod leds;

@@ -77,6 +77,7 @@ const TABLE: &[Row] = &[
     row("ob1-sdk", "invariant 9", &["ob1-abi"]),
     row("ob1-backplane", "invariant 7", &["loom", "memmap2", "rustix", "thiserror"]),
     row("ob1-cp240", "invariant 9", &["ob1-sdk"]),
+    row("ob1-slio", "invariant 9", &[]),
     row("ob1-example-rust-blocks", "invariant 9", &["ob1-sdk"]),
     row("ob1-example-rust-ob1", "invariant 9", &["ob1-sdk"]),
     row("ob1-panicking-plugin", "invariant 9", &["ob1-sdk"]),
@@ -190,7 +191,15 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
     // Everything a plugin does goes through the host's functions.
     (
         "invariant 9",
-        &["ob1-cp240", "ob1-example-rust-blocks", "ob1-example-rust-ob1", "ob1-panicking-plugin", "ob1-sdk", "ob1-abi"],
+        &[
+            "ob1-cp240",
+            "ob1-example-rust-blocks",
+            "ob1-example-rust-ob1",
+            "ob1-panicking-plugin",
+            "ob1-sdk",
+            "ob1-slio",
+            "ob1-abi",
+        ],
         &["libc", "rustix", "ob1-backplane", "ob1-cpu", "ob1-model", "parking_lot", "tracing"],
     ),
     // Only `line` opens a device, only `host` loads a plugin, and the driver process knows no CPU but for the clock in `rt`.

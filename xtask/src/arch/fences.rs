@@ -131,6 +131,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("examples/rust-ob1", ALL),
     ("plugins/abi", ALL),
     ("plugins/cp240", ALL),
+    ("plugins/slio", ALL),
     ("plugins/sdk", ALL),
     ("runtime/cpu", ALL),
     // It maps files that others made, through rustix.

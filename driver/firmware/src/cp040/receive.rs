@@ -1,0 +1,282 @@
+//! CP -> host: received telegrams, each cut into fragments that the host acknowledges [S3 "Receiving data"].
+
+use super::wire::{Area, FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, INFO_PLAIN, IO_BYTES, LAST, nibble};
+use crate::registers::BUFFER_BYTES;
+use crate::ring::{Capacity, Ring};
+
+/// Telegrams that wait are kept with what stands between their length and their data: info, offset if there is one, return value.
+const PLAIN_HEAD: usize = 3;
+const OFFSET_HEAD: usize = 5;
+
+/// What a telegram tells in its return value. [S3 L319]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ReturnValue {
+    /// 0517h: the length is not valid.
+    Length = 0x0517,
+    /// 080Ah: there was no free receive buffer.
+    NoBuffer = 0x080A,
+    /// 080Ch: frame or parity error of a character.
+    Character = 0x080C,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Idle,
+    /// Piece `piece` of the oldest telegram is on show.
+    Offered {
+        piece: usize,
+        nibble: u8,
+    },
+    /// The last piece was acknowledged, or everything was forgotten: until the host shows idle, nobody could tell whether what it
+    /// shows means the next telegram, and it could take that for the rest of the one before.
+    Closing,
+}
+
+/// What the host's acknowledgement has brought about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// Nothing to do.
+    Wait,
+    /// Another piece is on show.
+    Offered,
+    /// The last piece was taken; user bytes of the telegram, or `None` if it told an error.
+    Delivered(Option<usize>),
+}
+
+/// The receive buffer and its handshake.
+#[derive(Debug)]
+pub(crate) struct ReceiveSide {
+    ring: Ring,
+    state: State,
+    shown: Area,
+    /// User bytes in the ring: 1024 is what the buffer holds, whatever is kept beside them.
+    used: usize,
+    telegrams_max: usize,
+    /// Error telegrams among the telegrams.
+    errors: usize,
+    /// The newest entry tells this error; it is not told again before something else has come.
+    newest: Option<ReturnValue>,
+}
+
+impl ReceiveSide {
+    pub(crate) const fn new() -> Self {
+        Self {
+            ring: Ring::new(),
+            state: State::Closing,
+            shown: [0; *IO_BYTES.end()],
+            used: 0,
+            telegrams_max: 1,
+            errors: 0,
+            newest: None,
+        }
+    }
+
+    /// Empties the buffer; the result is the number of telegrams (not errors) that were in it.
+    pub(crate) fn clear(&mut self, telegrams_max: u8) -> usize {
+        let dropped = self.telegrams();
+        self.ring.clear(Capacity::large(u8::MAX));
+        (self.state, self.used, self.errors, self.newest) = (State::Closing, 0, 0, None);
+        self.shown = [0; *IO_BYTES.end()];
+        self.telegrams_max = usize::from(telegrams_max);
+        dropped
+    }
+
+    /// Telegrams in the buffer, errors not counted.
+    pub(crate) const fn telegrams(&self) -> usize {
+        self.ring.telegrams() - self.errors
+    }
+
+    /// User bytes the next telegram may have; 0: none is taken.
+    pub(crate) fn room(&self) -> usize {
+        let head = self.ring.room().saturating_sub(OFFSET_HEAD);
+        if self.ring.telegrams() < self.telegrams_max { (BUFFER_BYTES - self.used).min(head) } else { 0 }
+    }
+
+    /// Appends a telegram, with the offset of its data if it has one; false if there is no room.
+    pub(crate) fn push(&mut self, offset: Option<u16>, data: &[u8]) -> bool {
+        if data.is_empty() || data.len() > self.room() {
+            return false;
+        }
+        let mut entry = [0; OFFSET_HEAD + BUFFER_BYTES];
+        let head = match offset {
+            None => PLAIN_HEAD,
+            Some(offset) => {
+                entry[0] = INFO_OFFSET;
+                entry[1..3].copy_from_slice(&offset.to_be_bytes());
+                OFFSET_HEAD
+            }
+        };
+        let end = head + data.len();
+        entry[head..end].copy_from_slice(data);
+        let pushed = self.ring.push(&entry[..end]);
+        if pushed {
+            self.used += data.len();
+            self.newest = None;
+        }
+        pushed
+    }
+
+    /// Appends an error: a telegram of nothing but the return value. In a full buffer it has no place, as in a real one.
+    pub(crate) fn push_error(&mut self, value: ReturnValue) {
+        if self.newest == Some(value) {
+            return;
+        }
+        let [high, low] = (value as u16).to_be_bytes();
+        if self.ring.push(&[INFO_PLAIN, high, low]) {
+            self.errors += 1;
+            self.newest = Some(value);
+        }
+    }
+
+    /// Fragment info: low nibble of input byte 0.
+    pub(crate) const fn nibble(&self) -> u8 {
+        match self.state {
+            State::Offered { nibble, .. } => nibble,
+            State::Idle | State::Closing => IDLE,
+        }
+    }
+
+    /// The bytes behind byte 0.
+    pub(crate) const fn shown(&self) -> &Area {
+        &self.shown
+    }
+
+    /// Looks at the acknowledgement; offers what can be offered in an area of `io_bytes`.
+    pub(crate) fn look(&mut self, acknowledgement: u8, io_bytes: usize) -> Step {
+        match self.state {
+            State::Idle => self.offer(0, acknowledgement, io_bytes),
+            State::Offered { piece, nibble } if acknowledgement == nibble => {
+                if nibble != LAST {
+                    return self.offer(piece + 1, acknowledgement, io_bytes);
+                }
+                let delivered = self.pop();
+                self.state = State::Closing;
+                Step::Delivered(delivered)
+            }
+            State::Closing if acknowledgement == IDLE => {
+                self.state = State::Idle;
+                self.offer(0, acknowledgement, io_bytes)
+            }
+            State::Offered { .. } | State::Closing => Step::Wait,
+        }
+    }
+
+    fn pop(&mut self) -> Option<usize> {
+        let mut info = [0];
+        self.ring.copy(0, &mut info);
+        let head = if info[0] == INFO_OFFSET { OFFSET_HEAD } else { PLAIN_HEAD };
+        let bytes = self.ring.oldest().unwrap_or(head) - head;
+        self.ring.pop();
+        if self.ring.telegrams() == 0 {
+            self.newest = None;
+        }
+        if bytes == 0 {
+            self.errors -= 1;
+            return None;
+        }
+        self.used -= bytes;
+        Some(bytes)
+    }
+
+    fn offer(&mut self, piece: usize, acknowledgement: u8, io_bytes: usize) -> Step {
+        let Some(entry) = self.ring.oldest() else { return Step::Wait };
+        // Info, length, and the entry without its info.
+        let total = HEAD_BYTES + entry - 1;
+        let payload = io_bytes - 1;
+        let nibble = nibble(piece, total, payload);
+        // The acknowledgement of an earlier telegram would be taken for one of this.
+        if piece == 0 && acknowledgement == nibble {
+            return Step::Wait;
+        }
+        self.shown = [0; *IO_BYTES.end()];
+        let mut info = [0];
+        self.ring.copy(0, &mut info);
+        // The length counts the return value, not the offset. [S3 L321]
+        let length = entry - 1 - if info[0] == INFO_OFFSET { 2 } else { 0 };
+        let [high, low] = (length as u16).to_be_bytes();
+        let head = [info[0], high, low];
+        let begin = piece * payload;
+        let end = total.min(begin + payload);
+        let mut at = begin;
+        while at < end.min(HEAD_BYTES) {
+            self.shown[1 + at - begin] = head[at];
+            at += 1;
+        }
+        let (from, to) = (1 + at - begin, 1 + end - begin);
+        self.ring.copy(at - HEAD_BYTES + 1, &mut self.shown[from..to]);
+        self.state = State::Offered { piece, nibble };
+        debug_assert!(nibble == LAST || piece > 0 || nibble == FIRST);
+        Step::Offered
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ready(telegrams_max: u8) -> ReceiveSide {
+        let mut side = ReceiveSide::new();
+        side.clear(telegrams_max);
+        side
+    }
+
+    #[test]
+    fn an_offset_stands_between_length_and_return_value() {
+        let mut side = ready(250);
+        assert!(side.push(Some(0x0118), &[1, 2, 3, 4, 5, 6, 7, 8]));
+        assert_eq!(side.look(IDLE, 8), Step::Offered);
+        assert_eq!((side.nibble(), &side.shown()[1..8]), (FIRST, &[4, 0, 10, 0x01, 0x18, 0, 0][..]));
+        assert_eq!(side.look(FIRST, 8), Step::Offered);
+        assert_eq!((side.nibble(), &side.shown()[1..8]), (0, &[1, 2, 3, 4, 5, 6, 7][..]));
+        assert_eq!(side.look(0, 8), Step::Offered);
+        assert_eq!((side.nibble(), &side.shown()[1..8]), (LAST, &[8, 0, 0, 0, 0, 0, 0][..]));
+        assert_eq!(side.look(LAST, 8), Step::Delivered(Some(8)));
+    }
+
+    #[test]
+    fn an_error_is_a_telegram_of_two_bytes_told_once() {
+        let mut side = ready(2);
+        assert!(side.push(None, b"x"));
+        for value in [ReturnValue::Character, ReturnValue::Character, ReturnValue::NoBuffer] {
+            side.push_error(value);
+        }
+        assert_eq!((side.telegrams(), side.room()), (1, 0));
+        side.look(IDLE, 16);
+        side.look(LAST, 16);
+        for expected in [[0, 0, 2, 0x08, 0x0C], [0, 0, 2, 0x08, 0x0A]] {
+            assert_eq!(side.look(IDLE, 16), Step::Offered);
+            assert_eq!((side.nibble(), &side.shown()[1..6]), (LAST, &expected[..]));
+            assert_eq!(side.look(LAST, 16), Step::Delivered(None));
+        }
+        assert_eq!(side.look(IDLE, 16), Step::Wait);
+        assert_eq!(side.room(), 1024);
+    }
+
+    #[test]
+    fn the_buffer_holds_1024_user_bytes_in_250_telegrams() {
+        let mut side = ready(250);
+        for n in 0..250 {
+            assert!(side.push(None, &[n; 4]), "{n}");
+        }
+        assert!(!side.push(None, &[1]));
+        side.clear(250);
+        assert!(side.push(None, &[1; 1024]));
+        assert_eq!(side.room(), 0);
+    }
+
+    #[test]
+    fn an_old_acknowledgement_fetches_nothing_new() {
+        let mut side = ready(250);
+        side.push(None, &[7; 40]);
+        side.look(IDLE, 16);
+        assert_eq!(side.look(FIRST, 16), Step::Offered);
+        side.clear(250);
+        side.push(None, &[8; 40]);
+        for old in [FIRST, 0, LAST] {
+            assert_eq!(side.look(old, 16), Step::Wait);
+            assert_eq!(side.nibble(), IDLE);
+        }
+        assert_eq!(side.look(IDLE, 16), Step::Offered);
+        assert_eq!(side.nibble(), FIRST);
+    }
+}

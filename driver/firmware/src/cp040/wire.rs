@@ -1,0 +1,71 @@
+//! What both directions of the host protocol share: byte 0 with its two nibbles, and how a telegram is cut into fragments.
+//!
+//! A telegram is one stream of bytes: telegram info, length (high, low), then the rest. It is cut into pieces of IO size - 1 bytes, and
+//! each piece travels behind byte 0: "ceil((length + 3) / (IO size - 1))" telegrams for sending. [S3 L313]
+
+/// Smallest and largest number of bytes the CP occupies each way.
+pub(crate) const IO_BYTES: std::ops::RangeInclusive<usize> = 8..=60;
+
+/// Telegram info and length, in front of every telegram.
+pub(crate) const HEAD_BYTES: usize = 3;
+
+/// Telegram info: no offset.
+pub(crate) const INFO_PLAIN: u8 = 0x00;
+/// Telegram info: an offset word follows the length.
+pub(crate) const INFO_OFFSET: u8 = 0x04;
+
+/// Idle, in every nibble.
+pub(crate) const IDLE: u8 = 0x8;
+/// First piece of several.
+pub(crate) const FIRST: u8 = 0x9;
+/// The only piece, or the last one.
+pub(crate) const LAST: u8 = 0xA;
+/// Command of the host in either nibble: reset.
+pub(crate) const RESET: u8 = 0xB;
+/// Answer of the CP: the reset was executed.
+pub(crate) const RESET_DONE: u8 = 0xC;
+/// Answer of the CP: the length is not valid.
+pub(crate) const BAD_LENGTH: u8 = 0xD;
+/// Answer of the CP: error in the communication.
+pub(crate) const FAILED: u8 = 0xE;
+
+/// The registers of one direction; the first IO-size bytes count.
+pub(crate) type Area = [u8; *IO_BYTES.end()];
+
+/// High and low nibble of byte 0.
+pub(crate) fn nibbles(area: &[u8]) -> (u8, u8) {
+    let byte = area.first().copied().unwrap_or(0);
+    (byte >> 4, byte & 0x0F)
+}
+
+/// Nibble of piece `n` (from 0) of a stream of `total` bytes cut into pieces of `piece` bytes. Fragments between the first and the last
+/// count 0 to 7 and begin again. [S3 L315]
+pub(crate) const fn nibble(n: usize, total: usize, piece: usize) -> u8 {
+    if (n + 1) * piece >= total {
+        LAST
+    } else if n == 0 {
+        FIRST
+    } else {
+        ((n - 1) % 8) as u8
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_are_numbered_as_printed() {
+        // IO size 16, 50 bytes: 9, 0, 1, A. IO size 60, 40 bytes: A. [S3 "Examples"]
+        assert_eq!([0, 1, 2, 3].map(|n| nibble(n, 53, 15)), [FIRST, 0, 1, LAST]);
+        assert_eq!(nibble(0, 43, 59), LAST);
+        assert_eq!([7, 8, 9, 10].map(|n| nibble(n, 1027, 15)), [6, 7, 0, 1], "wraps");
+    }
+
+    #[test]
+    fn a_piece_that_fits_exactly_is_the_last() {
+        assert_eq!(nibble(0, 15, 15), LAST);
+        assert_eq!(nibble(0, 16, 15), FIRST);
+        assert_eq!(nibble(1, 30, 15), LAST);
+    }
+}
