@@ -5,5 +5,6 @@ pub mod bench;
 pub mod compare;
 pub mod fuzz;
 pub mod meters;
+pub mod modbus_slave;
 pub mod sim;
 pub mod tcm120;

@@ -8,6 +8,7 @@ pub mod exec;
 pub mod ir;
 pub mod mbus;
 pub mod modbus;
+pub mod modbus32;
 pub mod rk512;
 pub mod serial;
 pub mod station;
@@ -23,6 +24,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("ir", ir::run),
     ("mbus", mbus::run),
     ("modbus", modbus::run),
+    ("modbus32", modbus32::run),
     ("rk512", rk512::run),
     ("serial", serial::run),
     ("station", station::run),
