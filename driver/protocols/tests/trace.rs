@@ -194,6 +194,48 @@ fn frames_of_modbus() {
     );
 }
 
+/// What the CP 341's loadable driver has besides. [S4 "5 Function Codes"]
+#[test]
+fn modbus_functions_of_the_cp341_and_32_bit_registers() {
+    let mut script = String::new();
+    let table: [(&str, &[u8], &str); 12] = [
+        (">", &[5, 7], "slave 5, request: read exception status (07h)"),
+        ("<", &[5, 7, 0x3E], "slave 5, answer: read exception status (07h), 3Eh"),
+        (">", &[5, 8, 0, 0, 0xA5, 0xC3], "slave 5, request: diagnostics (08h), code 0, value A5C3h"),
+        ("<", &[5, 8, 0, 0, 0xA5, 0xC3], "slave 5, answer: diagnostics (08h), code 0, value A5C3h"),
+        (">", &[5, 11], "slave 5, request: read event counter (0Bh)"),
+        ("<", &[5, 11, 0xFE, 0xDC, 1, 8], "slave 5, answer: read event counter (0Bh), status FEDCh, 264 events"),
+        (">", &[5, 12], "slave 5, request: read event log (0Ch)"),
+        (
+            "<",
+            &[5, 12, 8, 0x87, 0x65, 1, 8, 2, 0x20, 1, 0x12],
+            "slave 5, answer: read event log (0Ch), status 8765h, 264 events, 544 messages, log of 2 bytes",
+        ),
+        (
+            ">",
+            &[5, 6, 1, 0x80, 0x11, 0x22, 0x33, 0x44],
+            "slave 5, request: write word (06h), 384 := 11223344h, 32 bits",
+        ),
+        ("<", &[5, 6, 1, 0x80, 0x11, 0x22], "slave 5, answer: write word (06h), 384 := 1122h"),
+        (
+            ">",
+            &[5, 16, 1, 0x20, 0, 2, 8, 0x51, 0xA1, 0x52, 0xA2, 0x53, 0xA3, 0x54, 0xA4],
+            "slave 5, request: write words (10h), 2 from 288, 32 bits",
+        ),
+        ("<", &[5, 0x11, 0], "slave 5, answer: function 11h"),
+    ];
+    let mut expected = Vec::new();
+    for (n, (arrow, telegram, words)) in table.iter().enumerate() {
+        let mut frame = [0; ob1_protocols::modbus::FRAME_CHARACTERS];
+        let length = Mode::Ascii.encode(telegram, &mut frame).expect("short");
+        let text: String = frame[..length].iter().map(|byte| format!("{byte:02X} ")).collect();
+        script += &format!("{n} {arrow} {text}\n");
+        expected.push(format!("{n} {arrow} {words}"));
+    }
+    let expected: Vec<&str> = expected.iter().map(String::as_str).collect();
+    check(Dialect::ModbusAscii { master: true, pause: 1000 * MS }, &script, &expected);
+}
+
 const MBUS: Dialect = Dialect::MBus { pause: 110 * MS };
 
 #[test]

@@ -6,7 +6,7 @@ use super::mbus;
 use crate::esp2;
 use crate::machine::LineFault;
 use crate::mbus::frame::Frame;
-use crate::modbus::pdu::{Direction, ERROR_BIT, Function};
+use crate::modbus::pdu::Direction;
 use crate::rk512::codec::{Command, Malformed, Telegram, parse};
 
 /// The meaning of a [`Unit`](super::Unit); its text is one line.
@@ -147,51 +147,6 @@ impl fmt::Display for Rk512<'_> {
                 Malformed::CommandLetter => "telegram with a wrong command letter",
                 Malformed::AreaLetter => "telegram with a wrong area letter",
             }),
-        }
-    }
-}
-
-impl fmt::Display for Modbus<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let byte = |at: usize| self.telegram.get(at).copied().unwrap_or(0);
-        let word = |at: usize| u16::from_be_bytes([byte(at), byte(at + 1)]);
-        let (slave, code) = (byte(0), byte(1));
-        if slave == 0 {
-            f.write_str("to all slaves")?;
-        } else {
-            write!(f, "slave {slave}")?;
-        }
-        let answer = self.direction == Direction::Answer;
-        f.write_str(if answer { ", answer: " } else { ", request: " })?;
-        if answer && code & ERROR_BIT != 0 {
-            let why = match byte(2) {
-                1 => "illegal function",
-                2 => "illegal address",
-                3 => "illegal value",
-                4 => "device failure",
-                5 => "acknowledge",
-                6 => "busy",
-                _ => "unknown",
-            };
-            return write!(f, "exception {:02X}h, {why}, to function {:02X}h", byte(2), code & !ERROR_BIT);
-        }
-        let Some(function) = Function::of(code) else { return write!(f, "function {code:02X}h") };
-        let what = match function {
-            Function::ReadOutputBits => "read output bits",
-            Function::ReadInputBits => "read input bits",
-            Function::ReadOutputWords => "read output words",
-            Function::ReadInputWords => "read input words",
-            Function::WriteBit => "write bit",
-            Function::WriteWord => "write word",
-            Function::WriteBits => "write bits",
-            Function::WriteWords => "write words",
-        };
-        write!(f, "{what} ({code:02X}h)")?;
-        match function {
-            Function::WriteBit => write!(f, ", {} := {}", word(2), if word(4) == 0 { 0 } else { 1 }),
-            Function::WriteWord => write!(f, ", {} := {:04X}h", word(2), word(4)),
-            _ if answer && !function.writes() => write!(f, ", {}", Bytes(usize::from(byte(2)))),
-            _ => write!(f, ", {} from {}", word(4), word(2)),
         }
     }
 }

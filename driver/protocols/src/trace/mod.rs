@@ -5,6 +5,7 @@
 
 mod mbus;
 mod meaning;
+mod modbus;
 mod reader;
 pub mod record;
 
