@@ -1,0 +1,137 @@
+//! The handling blocks declared in `blocks/std/src/handling.rs` against those the plugins bring: a program that compiled with the declaration
+//! must mean the same with the plugin.
+//!
+//! The table is the folder `plugins/`: a plugin whose library is not declared, or was not built, fails here.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use ob1_host::plugin::{BlockInfo, PluginInfo, describe};
+use ob1_model::{BlockId, Interface, Param};
+use ob1_std::{Origin, StandardBlock, standard_blocks};
+
+/// Plugins of `plugins/` whose blocks no library declares, with the reason.
+const NOT_DECLARED: &[(&str, &str)] = &[];
+
+fn checkout() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+/// The folders below `plugins/` that are built as plugins.
+fn plugins() -> Vec<String> {
+    let entries = std::fs::read_dir(checkout().join("plugins")).expect("the checkout has plugins");
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.expect("readable").path())
+        .filter(|path| {
+            let manifest = std::fs::read_to_string(path.join("Cargo.toml"));
+            manifest.is_ok_and(|text| text.contains("\"cdylib\""))
+        })
+        .map(|path| path.file_name().expect("a folder").to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// The library a plugin serves: `CP240` of `plugins/cp240`.
+fn declared_library(plugin: &str) -> Option<Origin> {
+    let origins = standard_blocks().into_iter().map(|block| block.origin);
+    origins.filter(|origin| origin.is_declared_only()).find(|origin| origin.name().eq_ignore_ascii_case(plugin))
+}
+
+fn library(origin: Origin) -> BTreeMap<BlockId, StandardBlock> {
+    standard_blocks().into_iter().filter(|block| block.origin == origin).map(|block| (block.id, block)).collect()
+}
+
+/// What a program sees of a parameter. An initial value of zeros is none.
+fn seen(param: &Param) -> String {
+    let mut aliases = param.aliases.clone();
+    aliases.sort();
+    let initial = param.initial.as_ref().filter(|bytes| bytes.iter().any(|byte| *byte != 0));
+    format!("{:?} {}|{} : {:?} at {} := {initial:?}", param.section, param.name, aliases.join("|"), param.ty, param.at)
+}
+
+fn seen_all(interface: &Interface) -> Vec<String> {
+    interface.formals().map(seen).collect()
+}
+
+/// Differences between what is declared and what is exported, a line each.
+fn differences(origin: Origin, declared: &BTreeMap<BlockId, StandardBlock>, exported: &[BlockInfo]) -> Vec<String> {
+    let mut found = Vec::new();
+    for block in exported {
+        let Some(known) = declared.get(&block.id) else {
+            found.push(format!("{} {} is not declared in {}", block.id, block.name, origin.name()));
+            continue;
+        };
+        if known.name != block.name {
+            found.push(format!("{} is called {}, the declaration says {}", block.id, block.name, known.name));
+        }
+        let (ours, theirs) = (seen_all(&known.interface), seen_all(&block.interface));
+        for index in 0..ours.len().max(theirs.len()) {
+            let (ours, theirs) = (ours.get(index), theirs.get(index));
+            if ours != theirs {
+                found.push(format!("{} parameter {index}: declared {ours:?}, exported {theirs:?}", block.id));
+            }
+        }
+    }
+    let served = |id: &BlockId| exported.iter().any(|block| block.id == *id);
+    let missing = declared.values().filter(|block| !served(&block.id));
+    found.extend(
+        missing.map(|block| format!("{} {} is declared, but the plugin does not bring it", block.id, block.name)),
+    );
+    found
+}
+
+fn exports(plugin: &str) -> PluginInfo {
+    let folder = std::env::var_os("OB1_PLUGIN_DIR").expect("OB1_PLUGIN_DIR is not set; run: cargo xtask test");
+    let path = Path::new(&folder).join(format!("libob1_{plugin}.so"));
+    describe(&path).unwrap_or_else(|error| panic!("{}: {error}; run: cargo xtask test", path.display()))
+}
+
+#[test]
+fn every_plugin_brings_what_is_declared() {
+    let plugins = plugins();
+    assert!(plugins.iter().any(|name| name == "cp240"), "{plugins:?}");
+    let mut found = Vec::new();
+    for plugin in &plugins {
+        if NOT_DECLARED.iter().any(|(name, _)| name == plugin) {
+            continue;
+        }
+        match declared_library(plugin) {
+            Some(origin) => {
+                let told = differences(origin, &library(origin), &exports(plugin).blocks);
+                found.extend(told.into_iter().map(|line| format!("{plugin}: {line}")));
+            }
+            None => found.push(format!(
+                "plugins/{plugin} serves no library declared in blocks/std/src/handling.rs: declare its blocks there, or give the \
+                 reason in NOT_DECLARED"
+            )),
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn a_difference_is_told() {
+    let declared = library(Origin::Cp341);
+    let exported = |change: &dyn Fn(&mut BlockInfo)| -> Vec<BlockInfo> {
+        let copy = |block: &StandardBlock| BlockInfo {
+            id: block.id,
+            name: block.name.to_owned(),
+            interface: block.interface.clone(),
+        };
+        let mut blocks: Vec<BlockInfo> = declared.values().map(copy).collect();
+        blocks.iter_mut().for_each(change);
+        blocks
+    };
+    let told = |change: &dyn Fn(&mut BlockInfo)| differences(Origin::Cp341, &declared, &exported(change)).len();
+    let blocks = declared.len();
+    assert_eq!(told(&|_| ()), 0);
+    assert_eq!(told(&|block| block.name.push('X')), blocks);
+    assert_eq!(told(&|block| block.interface.params[0].name.push('X')), blocks);
+    assert_eq!(told(&|block| block.interface.params[1].aliases.push("X".into())), blocks);
+    assert_eq!(told(&|block| block.interface.params[0].initial = Some(vec![1])), blocks);
+    assert_eq!(told(&|block| block.interface.params[0].initial = Some(vec![0])), 1, "SF of FB 8 has one");
+    assert_eq!(told(&|block| _ = block.interface.params.pop()), blocks);
+    // A block under another number is not declared, and one that is declared is not there.
+    assert_eq!(told(&|block| block.id.number += 100), 2 * blocks);
+}
