@@ -80,7 +80,7 @@ fn quoted(line: &str) -> Option<Vec<String>> {
     }
 }
 
-/// Characters of name, address, type and comment in a record of an ASC file: 126 together.
+/// Characters of name, address and type in a record of an ASC file; with the 80 of the comment they are the 126 each record begins with.
 const COLUMNS: [usize; 3] = [24, 12, 10];
 
 /// `126,` and the columns.

@@ -153,7 +153,7 @@ fn table(form: TableForm, file: &str, text: &str, names: &mut Names, sink: &mut 
     let mut symbols = Vec::with_capacity(rows.len());
     for row in &rows {
         sink.steps += 1;
-        let Some(symbol) = symbol(row, &words, sink) else { continue };
+        let Some(symbol) = symbol(row, form, &words, sink) else { continue };
         match names.entry(symbol.name.to_uppercase()) {
             Entry::Vacant(free) => {
                 free.insert(file.to_owned());
@@ -170,7 +170,7 @@ fn table(form: TableForm, file: &str, text: &str, names: &mut Names, sink: &mut 
 }
 
 /// One row. `None` when it names nothing a program can use, or has a mistake (reported).
-fn symbol(row: &Row, words: &Words, sink: &mut Sink) -> Option<Symbol> {
+fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<Symbol> {
     let (name, address) = (row.name.trim(), row.address.split_whitespace().collect::<Vec<_>>().join(" "));
     // A row of blanks carries a comment only; a VAT is a table of variables for the programming device.
     let is_table = address.get(..3).is_some_and(|w| w.eq_ignore_ascii_case("VAT"));
@@ -185,7 +185,11 @@ fn symbol(row: &Row, words: &Words, sink: &mut Sink) -> Option<Symbol> {
     let found = symbols::address(&symbol, words);
     let width = match &found {
         Symbolic::Unknown(_) => {
-            let message = format!("{} of {} is no address", clip(&symbol.address), clip(name));
+            let mut message = format!("{} of {} is no address", clip(&symbol.address), clip(name));
+            if form == TableForm::Asc {
+                // Whoever edits such a file by hand easily moves a column.
+                message += "; an ASC file has columns of 24, 12, 10 and 80 characters behind 126,";
+            }
             sink.report(0, row.span, &codes::TABLE_ADDRESS, message);
             return None;
         }

@@ -118,6 +118,23 @@ fn all_forms_of_a_table_give_the_same_symbols() {
     assert_eq!(read("project.seq"), untyped);
 }
 
+/// A record whose columns were moved by hand is refused, and the message says how wide they are.
+#[test]
+fn the_columns_of_an_asc_file() {
+    let read = |name: usize, address: usize, ty: usize| {
+        let text = format!("126,{:<name$}{:<address$}{:<ty$}{:<80}\r\n", "Motor", "A       4.0", "BOOL", "comment");
+        ob1_stl::read_symbols(&Source::new("a.asc", text.into_bytes()))
+    };
+    let good = read(24, 12, 10);
+    assert_eq!((good.symbols.len(), good.diagnostics.len()), (1, 0));
+    assert_eq!(good.symbols[0].ty, Some(ob1_model::DataType::Bool));
+    for (name, address, ty) in [(20, 12, 10), (28, 12, 10), (24, 8, 10)] {
+        let moved = read(name, address, ty);
+        assert!(moved.symbols.is_empty(), "{name} {address} {ty}");
+        assert!(moved.diagnostics[0].message.contains("24, 12, 10 and 80"), "{:?}", moved.diagnostics);
+    }
+}
+
 #[test]
 fn the_manual_s_program_is_the_same_in_both_forms() {
     let editor = common::compile_one("manual.awl", include_bytes!("data/manual.awl"));
