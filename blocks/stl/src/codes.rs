@@ -90,7 +90,7 @@ codes! {
     UNKNOWN_OPERAND = "S0302", Error, "A word that is no operand.",
         "Write an address (M 1.0, DB10.DBW 20), #name for a declared name, \"name\" for a symbol.";
     FOREIGN_MNEMONIC = "S0303", Error, "A word of the other set of mnemonics.",
-        "Choose the set with --mnemonics de or en; a source is written in one of them.";
+        "Write a source in one set. Which: --mnemonics de, en or auto (in the station file: mnemonics = ...).";
     OPERAND_MISSING = "S0304", Error, "An operand is missing.",
         "Write what the statement works on.";
     WRONG_OPERAND = "S0305", Error, "An operand does not fit its mnemonic.",

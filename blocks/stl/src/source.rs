@@ -7,7 +7,7 @@ use std::borrow::Cow;
 pub struct Source {
     /// Its name, as diagnostics print it.
     pub name: String,
-    /// Its bytes: UTF-8 where they are valid UTF-8, else CP1252; lines end with LF or CR LF.
+    /// Its bytes: UTF-16 behind its byte order mark, UTF-8 where they are valid UTF-8, else CP1252; lines end with LF or CR LF.
     pub bytes: Vec<u8>,
 }
 
@@ -17,14 +17,28 @@ impl Source {
         Self { name: name.into(), bytes: bytes.into() }
     }
 
-    /// The text. Bytes that are no UTF-8 are read as CP1252, which STEP 7 writes; a byte order mark is dropped.
+    /// The text. Bytes that are no UTF-8 are read as CP1252, which STEP 7 writes; a byte order mark is dropped. With that of UTF-16,
+    /// which Windows editors call "Unicode", they are UTF-16.
     #[must_use]
     pub fn text(&self) -> Cow<'_, str> {
+        match self.bytes.as_slice() {
+            [0xFF, 0xFE, rest @ ..] => return Cow::Owned(utf16(rest, u16::from_le_bytes)),
+            [0xFE, 0xFF, rest @ ..] => return Cow::Owned(utf16(rest, u16::from_be_bytes)),
+            _ => {}
+        }
         match std::str::from_utf8(&self.bytes) {
             Ok(text) => Cow::Borrowed(text.strip_prefix('\u{feff}').unwrap_or(text)),
             Err(_) => Cow::Owned(self.bytes.iter().map(|b| cp1252(*b)).collect()),
         }
     }
+}
+
+/// A unit that is half a pair, or an odd byte at the end, reads as the replacement character.
+fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
+    let (pairs, odd) = bytes.as_chunks();
+    let mut text = String::from_utf16_lossy(&pairs.iter().copied().map(unit).collect::<Vec<_>>());
+    text.extend(odd.iter().map(|_| char::REPLACEMENT_CHARACTER));
+    text
 }
 
 /// The characters of 80h to 9Fh in CP1252; its five holes read as the control characters of that number.
@@ -57,6 +71,11 @@ mod tests {
         assert_eq!(Source::new("a", "Zähler €".as_bytes()).text(), "Zähler €");
         assert_eq!(Source::new("a", *b"Z\xE4hler \x80").text(), "Zähler €");
         assert_eq!(Source::new("a", *b"\xEF\xBB\xBFOK").text(), "OK");
+        assert_eq!(Source::new("a", *b"\xFF\xFEZ\0\xE4\0\xAC\x20").text(), "Zä€");
+        assert_eq!(Source::new("a", *b"\xFE\xFF\0Z\0\xE4\x20\xAC").text(), "Zä€");
+        // Cut off in a character, and in a pair of units.
+        assert_eq!(Source::new("a", *b"\xFF\xFEZ\0\xE4").text(), "Z\u{fffd}");
+        assert_eq!(Source::new("a", *b"\xFE\xFF\xD8\0").text(), "\u{fffd}");
     }
 
     #[test]

@@ -134,7 +134,7 @@ struct CheckArgs {
     #[arg(long)]
     lints: bool,
     /// Mnemonics of the sources (a station file says it itself)
-    #[arg(long, value_enum, default_value_t = Language::De)]
+    #[arg(long, value_enum, default_value_t = Language::Auto)]
     mnemonics: Language,
     /// Findings as a JSON array
     #[arg(long)]

@@ -118,11 +118,11 @@ pub struct Realtime {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mnemonics {
     /// `U UN O ON E A Z`.
-    #[default]
     German,
     /// `A AN O ON I Q C`.
     International,
     /// Found for each file by the words that exist in one set only.
+    #[default]
     Auto,
 }
 
