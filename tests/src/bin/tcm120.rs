@@ -16,25 +16,30 @@ const ID_BASE: u32 = 0xFF80_0080;
 
 fn help() -> String {
     format!(
-        "tcm120 LINE [ID_BASE]\n\nA TCM 120, the EnOcean module of the CP 240, on a line (serial:TTY); its ID base is {ID_BASE:08X} unless another is\n\
-         given. What it sends by radio is printed; what it receives is read from standard input:\n\n{}\n\nIt ends with its input.",
+        "tcm120 LINE [ID_BASE]\n\nA TCM 120, the EnOcean module of the CP 240, on a line: serial:TTY, pty:PATH (creates it), tcp:HOST:PORT,\n\
+         tcp-listen:PORT. Its ID base is {ID_BASE:08X} unless another is given. What it sends by radio is printed; what it receives is read\n\
+         from standard input, with which it ends:\n\n{}",
         script::WORDS
     )
 }
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let (line, base) = match arguments.as_slice() {
-        [line] => (line, Some(ID_BASE)),
-        [line, base] => (line, u32::from_str_radix(base, 16).ok()),
-        _ => {
-            eprintln!("{}", help());
+    let started = match arguments.as_slice() {
+        [word] if word == "--help" || word == "-h" => {
+            println!("{}", help());
+            return ExitCode::SUCCESS;
+        }
+        [line] => spec(line).map(|spec| (spec, ID_BASE)),
+        [line, base] => spec(line).and_then(|spec| Ok((spec, id_base(base)?))),
+        _ => Err(help()),
+    };
+    let (spec, base) = match started {
+        Ok(started) => started,
+        Err(why) => {
+            eprintln!("tcm120: {why}");
             return ExitCode::from(2);
         }
-    };
-    let (Ok(spec), Some(base)) = (line.parse::<LineSpec>(), base) else {
-        eprintln!("tcm120: {line} is no line, or the ID base no hexadecimal number\n\n{}", help());
-        return ExitCode::from(2);
     };
     match run(&spec, Eeprom::new(base)) {
         Ok(()) => ExitCode::SUCCESS,
@@ -43,6 +48,22 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// A line; the paths of devices count from here.
+fn spec(line: &str) -> Result<LineSpec, String> {
+    let text = match line.split_once(':') {
+        Some((kind @ ("serial" | "pty"), path)) => {
+            let path = std::path::absolute(path).map_err(|why| format!("{path}: {why}"))?;
+            format!("{kind}:{}", path.display())
+        }
+        _ => line.to_owned(),
+    };
+    text.parse().map_err(|why| format!("{line}: {why}"))
+}
+
+fn id_base(text: &str) -> Result<u32, String> {
+    u32::from_str_radix(text, 16).map_err(|_| format!("`{text}` is no ID base: eight hexadecimal digits"))
 }
 
 /// Lines of standard input come from a thread of their own; a byte in a pipe wakes the loop.

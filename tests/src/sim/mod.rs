@@ -6,6 +6,7 @@
 
 pub mod cable;
 pub mod clock;
+pub mod device;
 pub mod driver;
 pub mod meters;
 pub mod station;

@@ -5,8 +5,8 @@ use ob1_protocols::esp2::{Button, Radio, Switch};
 use super::Input;
 
 /// What may stand in a line.
-pub const WORDS: &str = "\
-  press ID BUTTON        RPS, N-message: a button of a switch is pressed (AI AO BI BO CI CO DI DO)
+pub const WORDS: &str =
+    "  press ID BUTTON        RPS, N-message: a button of a switch is pressed (AI AO BI BO CI CO DI DO)
   release ID             RPS, U-message: the energy bow is released
   1bs ID BYTE            a sensor with one byte
   4bs ID B3 B2 B1 B0     a sensor with four bytes

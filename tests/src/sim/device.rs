@@ -1,0 +1,139 @@
+//! One station and a device on its line, in virtual time: the real CPU, plugin, driver pump and firmware; the device is a machine of its own.
+
+use std::path::Path;
+
+use ob1_cp::LinePort as _;
+use ob1_cpu::Nanos;
+use ob1_firmware::LineInput;
+use ob1_line::sim::{End, FaultRates, SplitMix64};
+
+use super::cable::{self, Cable};
+use super::driver::Driver;
+use super::station::SimStation;
+use super::{SECOND, Scenario};
+
+/// What a station has on its line.
+pub trait Device {
+    /// Takes characters, none when a deadline has come; what it writes goes to `out`. The result is its next deadline.
+    fn hear(&mut self, now: Nanos, bytes: &[u8], out: &mut Vec<u8>) -> Option<Nanos>;
+}
+
+/// The station with its device.
+#[derive(Debug)]
+pub struct Bench<D> {
+    /// The station with its program.
+    pub station: SimStation,
+    /// The device.
+    pub device: D,
+    /// Virtual time.
+    pub now: Nanos,
+    drivers: Vec<Driver>,
+    cable: Cable,
+    due: Option<Nanos>,
+    log: String,
+}
+
+impl<D: Device> Bench<D> {
+    /// The station of this file with this device.
+    ///
+    /// # Errors
+    /// What is wrong with the files, as text.
+    pub fn build(station: &Path, device: D, seed: u64) -> Result<Self, String> {
+        let scenario = Scenario {
+            stations: Vec::new(),
+            seed,
+            duration: SECOND,
+            faults: FaultRates::NONE,
+            coalesce: 0,
+            kill_every: 0,
+            wire: false,
+        };
+        let cable = Cable::new("device", seed, &scenario, 0);
+        let mut drivers = Vec::new();
+        let mut rng = SplitMix64::new(seed);
+        let station = SimStation::build(station, &mut |_| Ok((0, End::A)), &mut drivers, &mut rng)?;
+        Ok(Self { station, device, now: 0, drivers, cable, due: None, log: String::new() })
+    }
+
+    /// Something happens to the device now that did not come over the line; the result of `act` is its next deadline.
+    pub fn meanwhile(&mut self, act: impl FnOnce(&mut D, Nanos, &mut Vec<u8>) -> Option<Nanos>) {
+        let mut out = Vec::new();
+        self.due = act(&mut self.device, self.now, &mut out);
+        self.write(&out);
+    }
+
+    /// Runs for a time.
+    pub fn pass(&mut self, time: Nanos) {
+        self.until(time, |_| false);
+    }
+
+    /// Runs until `done` after a scan, at most so long; whether it was done.
+    pub fn until(&mut self, most: Nanos, mut done: impl FnMut(&mut SimStation) -> bool) -> bool {
+        let end = self.now + most;
+        while self.now < end {
+            let drivers = self.drivers.iter().map(Driver::next_event);
+            let next = drivers.chain([self.station.due, end]).chain(self.cable.next_event()).chain(self.due).min();
+            self.now = self.now.max(next.unwrap_or(end));
+            self.line();
+            for driver in &mut self.drivers {
+                if driver.next_event() <= self.now {
+                    driver.advance(self.now, &mut self.cable);
+                }
+            }
+            if self.station.due <= self.now {
+                self.station.cycle(self.now, &mut self.log);
+                for driver in &mut self.drivers {
+                    driver.listen(self.now);
+                }
+                if done(&mut self.station) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// `kill -9` of the driver; the supervisor starts another.
+    pub fn kill_driver(&mut self) {
+        for driver in &mut self.drivers {
+            driver.kill(self.now, &mut self.cable);
+        }
+    }
+
+    /// What the CPU's diagnostic buffer said.
+    #[must_use]
+    pub fn log(&self) -> &str {
+        &self.log
+    }
+
+    fn line(&mut self) {
+        let mut buffer = cable::buffer();
+        while self.cable.next_event().is_some_and(|at| at <= self.now) {
+            let Some((end, input)) = self.cable.pop(self.now, &mut buffer) else { break };
+            match (end, input) {
+                (End::A, Some(input)) => {
+                    for driver in &mut self.drivers {
+                        driver.line_event(self.now, input, &mut self.cable);
+                    }
+                }
+                (End::B, Some(LineInput::Rx(bytes))) => {
+                    let mut out = Vec::new();
+                    self.due = self.device.hear(self.now, bytes, &mut out);
+                    self.write(&out);
+                }
+                _ => {}
+            }
+        }
+        if self.due.is_some_and(|due| due <= self.now) {
+            let mut out = Vec::new();
+            self.due = self.device.hear(self.now, &[], &mut out);
+            self.write(&out);
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        if !bytes.is_empty() {
+            self.cable.end(End::B).transmit(self.now, bytes);
+        }
+    }
+}
