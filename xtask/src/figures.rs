@@ -14,14 +14,13 @@ pub(crate) fn sim(args: &[String]) -> Outcome {
     release_run("sim", &["ob1-cp240", "ob1-tests"], args, None)
 }
 
-/// `cargo xtask bench`: the figures of the README with the floor measured in the same run. `stl` and `modbus` measure beside others: they get
+/// `cargo xtask bench`: the figures of the README with the floor measured in the same run. `stl` and `line` measure beside others: they get
 /// the partners' Python.
 ///
 /// # Errors
 /// When it cannot be built or run.
 pub(crate) fn bench(args: &[String]) -> Outcome {
-    let python =
-        if args.iter().any(|arg| arg == "stl" || arg == "modbus") { Some(python::interpreter()?) } else { None };
+    let python = if args.iter().any(|arg| arg == "stl" || arg == "line") { Some(python::interpreter()?) } else { None };
     release_run("bench", &["ob1", "ob1-cp", "ob1-cp240", "ob1-tests"], args, python.as_deref())
 }
 

@@ -74,7 +74,7 @@ pub fn measure() -> Result<Figure, Failure> {
         || timed(&word, "word", || words.round_trip()),
     )?;
     Ok(Figure {
-        what: "back plane round trip, 16 bytes, both spin",
+        what: "back plane round trip, 16 bytes, both spin".into(),
         value: registers,
         unit: "ns",
         floor: Some(("one word between two processes", word)),

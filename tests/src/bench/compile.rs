@@ -38,14 +38,14 @@ pub fn measure() -> Result<[Figure; 2], Failure> {
     let growth = (times[1] / times[0]).max(times[2] / times[1]);
     Ok([
         Figure {
-            what: "compile 100,000 statements",
+            what: "compile 100,000 statements".into(),
             value: times[1],
             unit: "ms",
             floor: None,
             aim: ("< 2000 ms", times[1] < AIM_S * 1e3),
         },
         Figure {
-            what: "twice the statements: times as long",
+            what: "twice the statements: times as long".into(),
             value: growth,
             unit: "x",
             floor: None,

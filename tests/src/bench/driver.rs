@@ -56,7 +56,7 @@ pub fn measure() -> Result<Figure, Failure> {
         },
     )?;
     Ok(Figure {
-        what: "back plane round trip through ob1-cp, asleep",
+        what: "back plane round trip through ob1-cp, asleep".into(),
         value: through_cp,
         unit: "ns",
         floor: Some(("bare pipe + poll wake-up, word back", through_pipe)),

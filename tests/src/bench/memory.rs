@@ -22,8 +22,8 @@ pub fn measure() -> Result<[Figure; 2], Failure> {
     let runtime = resident_kib(station.process.id())?;
     let driver = station.driver()?;
     let driver = resident_kib(driver)?;
-    let figure = |what, value: u64, aim, most: u64| Figure {
-        what,
+    let figure = |what: &'static str, value: u64, aim, most: u64| Figure {
+        what: what.into(),
         value: value as f64 / 1024.0,
         unit: "MiB",
         floor: None,

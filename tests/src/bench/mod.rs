@@ -8,19 +8,19 @@ pub mod compile;
 pub mod driver;
 pub mod line;
 pub mod memory;
-pub mod modbus;
 pub mod peer;
 pub mod scan;
 pub mod stl;
 pub mod wake;
 
+use std::borrow::Cow;
 use std::time::{Duration, Instant};
 
 /// One printed line.
 #[derive(Debug)]
 pub struct Figure {
     /// What was measured.
-    pub what: &'static str,
+    pub what: Cow<'static, str>,
     /// The figure in nanoseconds (or KiB, see `unit`).
     pub value: f64,
     /// Unit.

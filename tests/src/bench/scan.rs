@@ -43,7 +43,7 @@ pub fn empty() -> Result<Figure, Failure> {
         },
     )?;
     Ok(Figure {
-        what: "empty scan",
+        what: "empty scan".into(),
         value: scan,
         unit: "ns",
         floor: Some(("two readings of the clock", clocks)),
@@ -65,7 +65,7 @@ pub fn accounts() -> Result<Figure, Failure> {
     )?;
     let cost = with - without;
     Ok(Figure {
-        what: "accounts of a scan",
+        what: "accounts of a scan".into(),
         value: cost,
         unit: "ns",
         floor: Some(("an empty scan without them", without)),
@@ -95,7 +95,7 @@ pub fn late_scan() -> Result<Figure, Failure> {
         },
     )?;
     Ok(Figure {
-        what: "handing over a late scan",
+        what: "handing over a late scan".into(),
         value: sent,
         unit: "ns",
         floor: Some(("one getrusage", look)),
@@ -126,7 +126,7 @@ pub fn idle_pair() -> Result<Figure, Failure> {
         },
     )?;
     Ok(Figure {
-        what: "idle FC 0 + FC 1",
+        what: "idle FC 0 + FC 1".into(),
         value: pair,
         unit: "ns",
         floor: Some(("one read of the registers", look)),

@@ -5,12 +5,12 @@ use std::process::ExitCode;
 
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
-use ob1_tests::bench::{backplane, compile, driver, line, memory, modbus, scan, stl, wake};
+use ob1_tests::bench::{backplane, compile, driver, line, memory, scan, stl, wake};
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
   names: scan, pair, backplane, driver, memory, line, compile (default: all of these)
          stl: the engine beside awlsim (installed into .venv), alone; about a minute
-         modbus: RTU transactions over a pty beside libmodbus and pymodbus (in .venv)
+         line, named: also Modbus RTU transactions over a pty beside libmodbus and pymodbus (installed into .venv)
   scan, named: also our wake-up latency beside cyclictest, N (9) triples of runs of S (15) seconds at two intervals: 14 minutes
 
 Exit status: 0 every aim met, 1 an aim missed, 2 it could not be measured, 3 inconclusive: run longer.";
@@ -53,7 +53,7 @@ fn options<'a>(words: &[&'a str]) -> Result<(Vec<&'a str>, wake::Plan), Failure>
         match word {
             "--triples" => plan.triples = words.next().ok_or(HELP)?.parse()?,
             "--seconds" => plan.seconds = words.next().ok_or(HELP)?.parse()?,
-            name if NAMES.contains(&name) || name == "modbus" => names.push(name),
+            name if NAMES.contains(&name) => names.push(name),
             _ => return Err(HELP.into()),
         }
     }
@@ -83,7 +83,6 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
             "driver" => vec![driver::measure()?],
             "line" => line::measure()?,
             "compile" => compile::measure()?.into(),
-            "modbus" => modbus::measure()?,
             _ => memory::measure()?.into(),
         };
         for figure in figures {

@@ -14,8 +14,8 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
-use super::peer::Failure;
-use super::{Figure, median};
+use super::super::peer::Failure;
+use super::super::{Figure, median};
 
 const BAUD: u32 = 38_400;
 /// 8N1.
@@ -152,7 +152,7 @@ fn machine(line: &mut Line, silent: bool, count: u32) -> Result<f64, Failure> {
 
 /// A library as a master, in its own process; it measures itself. Transactions a second.
 fn library(line: &Line, name: &str, count: u32) -> Result<f64, Failure> {
-    let python = std::env::var_os("OB1_PYTHON").ok_or("OB1_PYTHON is not set; run: cargo xtask bench modbus")?;
+    let python = std::env::var_os("OB1_PYTHON").ok_or("OB1_PYTHON is not set; run: cargo xtask bench line")?;
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/peers/modbus.py");
     let mut command = Command::new(python);
     command.args([script, "bench", name]).arg(&line.path).args(["--baud", &BAUD.to_string()]);
@@ -167,7 +167,7 @@ fn library(line: &Line, name: &str, count: u32) -> Result<f64, Failure> {
 ///
 /// # Errors
 /// When a pty, the libraries or an answer cannot be had.
-pub fn measure() -> Result<Vec<Figure>, Failure> {
+pub(super) fn measure() -> Result<Vec<Figure>, Failure> {
     let mut line = Line::new()?;
     let silence = config(true).silence;
     let mut rates: [Vec<f64>; 6] = Default::default();
@@ -186,7 +186,7 @@ pub fn measure() -> Result<Vec<Figure>, Failure> {
     }
     let [silent, bare_silent, pymodbus, quick, libmodbus, bare_quick] = rates.map(|mut rates| median(&mut rates));
     let figure = |what, value, floor: (&'static str, f64), aim: &'static str, least: f64| Figure {
-        what,
+        what: std::borrow::Cow::Borrowed(what),
         value,
         unit: "1/s",
         floor: Some(floor),
