@@ -3,7 +3,8 @@
 use crate::Nanos;
 
 /// The eight bytes for `nanos` since 1990-01-01: year, month, day, hour, minute, second, milliseconds and day of the week (1 = Sunday).
-pub(crate) fn date_and_time(nanos: Nanos) -> [u8; 8] {
+#[must_use]
+pub fn date_and_time(nanos: Nanos) -> [u8; 8] {
     let ms = nanos / 1_000_000;
     let (days, ms_of_day) = (ms / 86_400_000, ms % 86_400_000);
     let (year, month, day) = civil(days);

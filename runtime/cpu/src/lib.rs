@@ -41,6 +41,7 @@ pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ObStatistics,
     ScanRecord, ScanStatistics,
 };
+pub use calendar::date_and_time;
 pub use config::{Command, CpuConfig, CycleEnd, ModuleSlot, OperatingState};
 pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_TEXT, DiagEntry, ShortText};

@@ -12,7 +12,7 @@ use crate::exit::{self, Exit};
 use crate::library::Chosen;
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
-use crate::{check, janitor, remote, run, station, trace};
+use crate::{check, janitor, remote, run, soak, station, trace};
 
 const AFTER: &str = "\
 Examples:
@@ -25,6 +25,7 @@ Examples:
   ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
   ob1 ctl press.toml stop                          to STOP
   ob1 trace press.toml                             every telegram on its lines
+  ob1 soak press.toml --for 8h --budget wake.p99.9=200us,missed=0   hours of scans, one verdict
 
 Times have a unit: 250us, 10ms, 1.5s, 2min, 8h. Values: 1, -5, true, 16#1A, 2#1010, 1.5.
 
@@ -58,6 +59,7 @@ enum Command {
     Set(SetArgs),
     Ctl(CtlArgs),
     Trace(TraceArgs),
+    Soak(Box<SoakArgs>),
     /// Cleans up after a killed runtime; started by `run`.
     #[command(hide = true)]
     Janitor {
@@ -98,6 +100,14 @@ struct RunArgs {
     /// A proof, not a mode of operation: a seccomp filter on the scan thread. A run that ends well has made no other call.
     #[arg(long)]
     fence_scan: bool,
+    /// End with standard input; for a process that has started this one
+    #[arg(long, hide = true)]
+    lifeline: bool,
+    /// Faults on simulated lines, beyond those of the station file; of a soak
+    #[arg(long, hide = true, default_value_t = 0)]
+    line_faults: u32,
+    #[arg(long, hide = true, default_value_t = 0)]
+    line_seed: u64,
 }
 
 /// Check sources or a station file
@@ -249,6 +259,62 @@ struct TraceArgs {
     time: Option<Duration>,
 }
 
+/// Run a station for hours, and judge its timing
+///
+/// The station runs as a process of its own. At the end stands a verdict: every limit of the budget kept (exit code 0), one broken (1), or
+/// too little seen to tell (2). Ctrl-C ends it early, with the verdict on what has been seen. The reports are written each minute.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Limits: DISTRIBUTION.p99.9=TIME (p50 p90 p99 p99.9 p99.99 p99.999 max mean; cycle wake deadlines execution inputs\noutputs \
+    ob1 ob35 ob35.late fc0 ...), counts (missed overruns watchdog late late.CLASS telegrams.lost telegrams.errors\ntelegrams.aborted \
+    telegrams.doubled telegrams.wrong receive.lost receive.errors drivers.lost cell.NAME), unexplained=5%,\nSERIES.slope=AMOUNT/h (rss fds \
+    drivers.rss cycle.p99 wake.p50 wake.p99 execution.p50 execution.p99).\n\nExamples:\n  ob1 soak press.toml --for 8h --budget \
+    cycle.p99.9=1.2ms,wake.p99.99=200us,missed=0,rss.slope=1MiB/h\n  ob1 soak press.toml --for 10min --load \
+    cpu=2,io=1,driver-kill=10/min --seed 7 --budget execution.p99=80us\n\nExit codes: 0 pass, 1 a budget is broken, 2 inconclusive, or it \
+    could not be measured. More: docs/soak.md."
+)]
+struct SoakArgs {
+    /// The station file (docs/station-file.md)
+    #[arg(required_unless_present = "compare")]
+    station: Option<PathBuf>,
+    /// How long to measure: 10min, 8h
+    #[arg(long = "for", value_name = "TIME", value_parser = station::parse_duration, required_unless_present = "compare")]
+    time: Option<Duration>,
+    /// Say whether the second of two reports is worse than the first
+    #[arg(long, num_args = 2, value_names = ["A.json", "B.json"], conflicts_with_all = ["station", "time", "budget", "load"])]
+    compare: Option<Vec<PathBuf>>,
+    /// With --compare: worse by no more than this is not worse
+    #[arg(long, value_name = "PERCENT", default_value_t = 10, requires = "compare")]
+    margin: u32,
+    /// What has to be kept, separated by commas
+    #[arg(long, value_name = "LIMIT,...", value_delimiter = ',')]
+    budget: Vec<soak::Budget>,
+    /// Time in RUN before the measurement begins [default: a tenth of it, at most 10s]
+    #[arg(long, value_name = "TIME", value_parser = station::parse_duration)]
+    warm_up: Option<Duration>,
+    /// Cells of the program to follow, such as its own counters
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    cells: Vec<String>,
+    /// The cell in which the program counts telegrams that arrived twice
+    #[arg(long, value_name = "NAME")]
+    doubled: Option<String>,
+    /// The cell in which the program counts telegrams that arrived with another content
+    #[arg(long, value_name = "NAME")]
+    wrong: Option<String>,
+    /// What to put the station under: cpu=2,memory=64MiB,io=1,driver-kill=10/min,line-faults=500
+    #[arg(long, value_name = "KIND=AMOUNT,...", default_value = "", hide_default_value = true)]
+    load: soak::Load,
+    /// Of the load
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Where the reports go: BASE.json, BASE.html, BASE.txt, BASE.log [default: STATION-soak-DATE-TIME]
+    #[arg(long, value_name = "BASE")]
+    report: Option<PathBuf>,
+    /// Print the verdict only
+    #[arg(long, short)]
+    quiet: bool,
+}
+
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Action {
     /// STOP to RUN by a warm restart; nothing in RUN
@@ -299,6 +365,9 @@ impl Command {
                 report: args.report,
                 quiet: args.quiet,
                 fence: args.fence_scan,
+                lifeline: args.lifeline,
+                line_faults: args.line_faults,
+                line_seed: args.line_seed,
             }),
             Command::Check(args) if args.posture => check::posture(&args.files, args.json),
             Command::Check(args) => check::check(&check::Options {
@@ -341,12 +410,36 @@ impl Command {
                 quiet: args.quiet,
                 time: args.time,
             }),
+            Command::Soak(args) => return args.soak().into(),
             Command::Janitor { rundir, published } => {
                 janitor::run(&rundir, &published);
                 Exit::Ok
             }
         };
         exit.into()
+    }
+}
+
+impl SoakArgs {
+    fn soak(self) -> exit::SoakExit {
+        if let Some([a, b]) = self.compare.as_deref() {
+            return soak::compare(a, b, f64::from(self.margin) / 100.0);
+        }
+        // clap has seen to it that both are there.
+        let (Some(station), Some(time)) = (self.station, self.time) else { return exit::SoakExit::Inconclusive };
+        soak::soak(&soak::Options {
+            station,
+            time,
+            warm_up: self.warm_up,
+            budget: self.budget,
+            cells: self.cells,
+            doubled: self.doubled,
+            wrong: self.wrong,
+            load: self.load,
+            seed: self.seed,
+            report: self.report,
+            quiet: self.quiet,
+        })
     }
 }
 

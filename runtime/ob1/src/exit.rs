@@ -38,6 +38,7 @@ Exit codes:
   8  the running station refused a request of get, set or ctl
   exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault.
   test: 0 passed, 1 a test failed, 2 a test file or program cannot be used.
+  soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.
   With --fence-scan a forbidden system call ends the process by SIGSYS (shells show 159).";
 
 impl From<Exit> for std::process::ExitCode {
@@ -107,6 +108,24 @@ pub enum TestExit {
 
 impl From<TestExit> for std::process::ExitCode {
     fn from(exit: TestExit) -> Self {
+        Self::from(exit as u8)
+    }
+}
+
+/// How `ob1 soak` ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum SoakExit {
+    /// Every budget was kept; of two runs, the second is not worse.
+    Pass = 0,
+    /// A budget was broken; of two runs, the second is worse.
+    Broken = 1,
+    /// Too little has been seen to tell, or nothing could be measured.
+    Inconclusive = 2,
+}
+
+impl From<SoakExit> for std::process::ExitCode {
+    fn from(exit: SoakExit) -> Self {
         Self::from(exit as u8)
     }
 }

@@ -19,6 +19,7 @@ pub mod retentive;
 pub mod run;
 pub mod rundir;
 pub mod simulated;
+pub mod soak;
 pub mod station;
 pub mod testing;
 pub mod timing;

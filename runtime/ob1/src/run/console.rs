@@ -41,20 +41,20 @@ pub(super) fn start_log(quiet: bool) {
 
 /// The live line; nothing when stderr is no terminal.
 #[derive(Debug)]
-pub(super) struct LiveLine {
+pub(crate) struct LiveLine {
     on: bool,
 }
 
 impl LiveLine {
-    pub(super) fn new(quiet: bool) -> Self {
+    pub(crate) fn new(quiet: bool) -> Self {
         Self { on: !quiet && io::stderr().is_terminal() }
     }
 
-    pub(super) fn is_on(&self) -> bool {
+    pub(crate) fn is_on(&self) -> bool {
         self.on
     }
 
-    pub(super) fn show(&self, text: &str) {
+    pub(crate) fn show(&self, text: &str) {
         if self.on {
             let mut stderr = io::stderr().lock();
             LIVE.store(true, Ordering::Relaxed);
@@ -63,7 +63,7 @@ impl LiveLine {
         }
     }
 
-    pub(super) fn wipe(&self) {
+    pub(crate) fn wipe(&self) {
         if self.on && LIVE.swap(false, Ordering::Relaxed) {
             let _ = io::stderr().lock().write_all(WIPE);
         }

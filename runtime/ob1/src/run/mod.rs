@@ -1,11 +1,11 @@
 //! `ob1 run`: builds a station, runs it, and leaves nothing behind.
 
 mod at_work;
-mod console;
+pub(crate) mod console;
 mod monitor;
 mod report;
 mod scan;
-mod signals;
+pub(crate) mod signals;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -40,6 +40,12 @@ pub struct Options {
     pub quiet: bool,
     /// Raise the system-call fence around the scan thread.
     pub fence: bool,
+    /// End with standard input: whoever started this run holds the other end.
+    pub lifeline: bool,
+    /// Of a million characters on simulated lines, so many more suffer.
+    pub line_faults: u32,
+    /// Another course of what goes wrong there.
+    pub line_seed: u64,
 }
 
 /// A run that could not begin or end: exit code and what to print.
@@ -79,7 +85,15 @@ pub fn run(options: &Options) -> Exit {
 fn try_run(options: &Options) -> Result<Exit, Failure> {
     console::start_log(options.quiet);
     let signals = Signals::catch().map_err(|e| Failure::system("signals", &e))?;
-    let station = station::load(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
+    if options.lifeline {
+        signals.and_end_of_stdin().map_err(|e| Failure::system("standard input", &e))?;
+    }
+    let mut station = station::load(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
+    if options.line_faults > 0 {
+        for line in &mut station.simulated_lines {
+            line.disturb(options.line_faults, options.line_seed);
+        }
+    }
     if let Some(finding) = posture::starves(&station, &ob1_rt::isolated_cores(), &options.station.display().to_string())
     {
         return Err(Failure::of_findings(Exit::Rejected, &[finding]));

@@ -1,6 +1,6 @@
 //! Ctrl-C and SIGTERM: the first ends the run in order, the second at once.
 
-use std::io::{self, Read as _};
+use std::io::{self, Read as _, Write as _};
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -13,13 +13,14 @@ const SECOND_SIGNAL: i32 = 130;
 
 /// Signals, as something to wait for.
 #[derive(Debug)]
-pub(super) struct Signals {
+pub(crate) struct Signals {
     caught: UnixStream,
+    sender: UnixStream,
 }
 
 impl Signals {
     /// Catches them from here on.
-    pub(super) fn catch() -> io::Result<Self> {
+    pub(crate) fn catch() -> io::Result<Self> {
         let (caught, sender) = UnixStream::pair()?;
         for signal in [SIGINT, SIGTERM] {
             let armed = Arc::new(AtomicBool::new(false));
@@ -28,11 +29,22 @@ impl Signals {
             signal_hook::flag::register(signal, armed)?;
             signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
         }
-        Ok(Self { caught })
+        Ok(Self { caught, sender })
+    }
+
+    /// Takes the end of standard input for a signal too.
+    pub(crate) fn and_end_of_stdin(&self) -> io::Result<()> {
+        let mut sender = self.sender.try_clone()?;
+        // It ends with the process: nothing wakes it but the end of its input.
+        ob1_rt::spawn("ob1-lifeline", move || {
+            let _ = io::copy(&mut io::stdin().lock(), &mut io::sink());
+            let _ = sender.write_all(&[0]);
+        })?;
+        Ok(())
     }
 
     /// Waits for a signal, but not longer than `time`; true when one came.
-    pub(super) fn wait(&self, time: Duration) -> bool {
+    pub(crate) fn wait(&self, time: Duration) -> bool {
         let mut byte = [0];
         self.caught.set_read_timeout(Some(time)).is_ok() && (&self.caught).read(&mut byte).is_ok_and(|n| n > 0)
     }

@@ -10,7 +10,7 @@ use super::types::{Bursts, FaultRates, Partner, SimulatedLine};
 use crate::finding::nearest;
 
 /// The default of `delay_max`, in nanoseconds.
-const DELAY_MAX: u64 = 20_000_000;
+pub(super) const DELAY_MAX: u64 = 20_000_000;
 
 pub(super) fn lines(
     f: &mut Findings<'_>,
@@ -149,5 +149,31 @@ fn places(
             message,
             format!("give a CP line = \"sim:{}\"", table.name.get_ref()),
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_disturbed_line_has_so_many_faults_more_and_no_more_than_characters() {
+        let faults = FaultRates { flip: 100, ..FaultRates::default() };
+        let line = SimulatedLine {
+            name: "x".into(),
+            half_duplex: false,
+            shared: false,
+            seed: 1,
+            faults,
+            bursts: None,
+            partner: Partner::Echo,
+        };
+        let total = |f: FaultRates| f.flip + f.lose + f.double + f.delay + f.parity + f.framing + f.break_;
+        for (rate, all) in [(10, 110), (2_000_000, 1_000_000)] {
+            let mut disturbed = line.clone();
+            disturbed.disturb(rate, 7);
+            assert_eq!((total(disturbed.faults), disturbed.seed, disturbed.faults.delay_max), (all, 6, DELAY_MAX));
+            assert!(disturbed.faults.lose > 0 && disturbed.faults.flip > 100);
+        }
     }
 }

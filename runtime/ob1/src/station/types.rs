@@ -76,6 +76,24 @@ pub struct FaultRates {
     pub delay_max: u64,
 }
 
+impl SimulatedLine {
+    /// More goes wrong: of a million characters so many, with each kind of fault in equal parts, on another course.
+    pub(crate) fn disturb(&mut self, rate: u32, seed: u64) {
+        self.seed ^= seed;
+        let FaultRates { flip, lose, double, delay, parity, framing, break_, .. } = &mut self.faults;
+        let mut kinds = [flip, lose, double, delay, parity, framing, break_];
+        // A character suffers one fault at most.
+        let room = 1_000_000 - kinds.iter().map(|kind| **kind).sum::<u32>().min(1_000_000);
+        let (rate, count) = (rate.min(room), kinds.len() as u32);
+        for (place, kind) in (0..).zip(&mut kinds) {
+            **kind += rate / count + u32::from(place < rate % count);
+        }
+        if self.faults.delay_max == 0 {
+            self.faults.delay_max = super::simulated::DELAY_MAX;
+        }
+    }
+}
+
 /// Times in which more goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bursts {

@@ -1,0 +1,190 @@
+//! From a report to its verdict. Pure.
+
+use super::budget::{Budget, Counted, SERIES, What};
+use super::report::{CpLedger, NamedSlope, Report, Role};
+use super::statistics::Percentile;
+use super::statistics::{BEYOND, INTERVALS, beyond, needed, percentile, quantile, slope};
+use super::text::{amount, time};
+use super::verdict::{Ended, Finding, Verdict};
+use crate::timing::Class;
+
+/// Judges a report against its budget, and by how the soak ended.
+pub(super) fn judge(report: &mut Report, budget: &[Budget]) {
+    report.slopes = SERIES
+        .iter()
+        .map(|(name, is_time)| NamedSlope {
+            series: (*name).to_owned(),
+            is_time: *is_time,
+            slope: slope(&report.series(name)),
+        })
+        .collect();
+    let mut findings: Vec<Finding> = vec![stays_in_run(report)];
+    findings.extend(report.reset_outside.then(|| Finding {
+        budget: "accounts of all scans".into(),
+        measured: "of a part".into(),
+        verdict: Verdict::Inconclusive,
+        why: "somebody else has reset the statistics of the station meanwhile".into(),
+    }));
+    findings.extend(budget.iter().map(|budget| finding(report, budget)));
+    report.verdict = findings.iter().map(|f| f.verdict).max().unwrap_or(Verdict::Inconclusive);
+    report.findings = findings;
+}
+
+/// What every soak has to keep.
+fn stays_in_run(report: &Report) -> Finding {
+    let seconds = report.measured_ns as f64 / 1e9;
+    let (verdict, why) = match report.ended {
+        Ended::Time => (Verdict::Pass, String::new()),
+        Ended::Interrupted | Ended::UnderWay => (
+            Verdict::Inconclusive,
+            format!("{:.1} s of {:.1} s have been seen", seconds, report.wanted_ns as f64 / 1e9),
+        ),
+        Ended::CpuStopped | Ended::ProcessGone => {
+            let newest = report.diagnostics.first().map_or_else(String::new, |entry| entry.text.clone());
+            (Verdict::Broken, if report.end.is_empty() { newest } else { report.end.clone() })
+        }
+    };
+    let measured = format!("{seconds:.1} s, {}", report.ended.text());
+    Finding { budget: "stays in RUN".into(), measured, verdict, why }
+}
+
+fn finding(report: &Report, budget: &Budget) -> Finding {
+    let (measured, verdict, why) = match &budget.what {
+        What::Percentile(name, share) => of_percentile(report, name, *share, budget.limit),
+        What::Max(name) => of_value(report, name, budget.limit, |spread| spread.max_ns as f64),
+        What::Mean(name) => of_value(report, name, budget.limit, |spread| spread.mean_ns),
+        What::Count(counted) => of_count(report, *counted, budget.limit),
+        What::Cell(name) => match report.cells.iter().find(|cell| cell.name == *name) {
+            Some(cell) => {
+                let grown = cell.grown();
+                (format!("{grown}"), kept(grown <= budget.limit), format!("from {} to {}", cell.first, cell.last))
+            }
+            None => unseen("the cell was not read"),
+        },
+        What::Unexplained => of_share(report, budget.limit),
+        What::Slope(series) => of_slope(report, series, budget.limit),
+    };
+    Finding { budget: budget.text.clone(), measured, verdict, why }
+}
+
+type Judged = (String, Verdict, String);
+
+fn kept(kept: bool) -> Verdict {
+    if kept { Verdict::Pass } else { Verdict::Broken }
+}
+
+fn unseen(why: &str) -> Judged {
+    ("nothing".into(), Verdict::Inconclusive, why.into())
+}
+
+/// Broken when at least ten values, and more than the percentile allows, lie beyond the limit; kept when enough values have been seen.
+fn of_percentile(report: &Report, name: &str, share: f64, limit: f64) -> Judged {
+    let Some(spread) = report.distribution(name) else { return unseen("no value of it has been seen") };
+    let buckets = &spread.buckets;
+    let over = beyond(buckets, limit as u64);
+    let allowed = spread.count as f64 * (1.0 - share);
+    let measured = match percentile(buckets, share) {
+        Percentile::Known(value) => time(value as f64),
+        Percentile::Needs(n) => format!("needs {n} values"),
+    };
+    if over >= BEYOND && over as f64 > allowed {
+        let measured = if spread.count < needed(share) { time(quantile(buckets, share) as f64) } else { measured };
+        let why = format!("{over} of {} values are greater, {allowed:.0} may be; {}", spread.count, causes(report));
+        return (measured, Verdict::Broken, why);
+    }
+    if spread.count < needed(share) {
+        let why = format!("{} values have been seen, {over} of them greater than the limit", spread.count);
+        return (measured, Verdict::Inconclusive, why);
+    }
+    // Between the sure pass and the sure break: the percentile lies beyond, by fewer than ten values. Cannot be with enough values.
+    (measured, kept(over as f64 <= allowed.max(BEYOND as f64)), String::new())
+}
+
+fn of_value(
+    report: &Report,
+    name: &str,
+    limit: f64,
+    value: impl Fn(&crate::timing::snapshot::Spread) -> f64,
+) -> Judged {
+    let Some(spread) = report.distribution(name) else { return unseen("no value of it has been seen") };
+    let value = value(spread);
+    let good = value <= limit;
+    (time(value), kept(good), if good { String::new() } else { causes(report) })
+}
+
+fn of_count(report: &Report, counted: Counted, limit: f64) -> Judged {
+    let Some(timing) = &report.timing else { return unseen("nothing has been read") };
+    let of_all = |field: fn(&CpLedger) -> u64| report.telegrams.iter().map(field).sum::<u64>();
+    let of_cell =
+        |role: Role| report.cells.iter().find(|cell| cell.role == role).map(|cell| cell.grown().max(0.0) as u64);
+    let told = match counted {
+        Counted::TelegramsDoubled => of_cell(Role::Doubled),
+        Counted::TelegramsWrong => of_cell(Role::Wrong),
+        _ => Some(0),
+    };
+    let Some(told) = told else {
+        return unseen("known to the program alone: name its counter with --doubled or --wrong");
+    };
+    let n = match counted {
+        Counted::TelegramsDoubled | Counted::TelegramsWrong => told,
+        Counted::Missed => timing.missed,
+        Counted::Overruns => timing.overruns,
+        Counted::Watchdog => timing.watchdogs,
+        Counted::Late(None) => timing.late.scans,
+        Counted::Late(Some(class)) => timing.late.classes.get(&class).map_or(0, |total| total.scans),
+        Counted::TelegramsLost => of_all(|cp| cp.lost),
+        Counted::TelegramErrors => of_all(|cp| cp.error),
+        Counted::TelegramsAborted => of_all(|cp| cp.aborted),
+        Counted::ReceiveLost => of_all(|cp| cp.receive_lost),
+        Counted::ReceiveErrors => of_all(|cp| cp.receive_errors),
+        Counted::DriversLost => of_all(|cp| cp.drivers_lost),
+    };
+    let good = n as f64 <= limit;
+    let of_timing = matches!(counted, Counted::Missed | Counted::Overruns | Counted::Watchdog | Counted::Late(_));
+    (n.to_string(), kept(good), if good || !of_timing { String::new() } else { causes(report) })
+}
+
+fn of_share(report: &Report, limit: f64) -> Judged {
+    let Some(timing) = &report.timing else { return unseen("nothing has been read") };
+    let unexplained = timing.late.classes.get(&Class::Unexplained).map_or(0, |total| total.scans);
+    let share = timing.late.unexplained_share;
+    let measured = format!("{:.1} % ({unexplained} of {})", share * 100.0, timing.late.scans);
+    (measured, kept(share <= limit), String::new())
+}
+
+/// Broken when even the lower bound of the slope is beyond the limit, kept when even the upper one is within it.
+fn of_slope(report: &Report, series: &str, limit: f64) -> Judged {
+    let found = report.slopes.iter().find(|known| known.series == series);
+    let Some((known, slope)) = found.and_then(|known| Some((known, known.slope?))) else {
+        let why = format!("{} intervals have been seen", report.intervals.len());
+        return (format!("needs {INTERVALS} intervals"), Verdict::Inconclusive, why);
+    };
+    let show = |value: f64| amount(&known.series, known.is_time, value);
+    let measured = format!("{}/h [{} .. {}]", show(slope.per_unit), show(slope.low), show(slope.high));
+    let verdict = if slope.low > limit {
+        Verdict::Broken
+    } else if slope.high <= limit {
+        Verdict::Pass
+    } else {
+        Verdict::Inconclusive
+    };
+    let why = if verdict == Verdict::Inconclusive { "the limit lies within the interval: run longer" } else { "" };
+    (measured, verdict, why.into())
+}
+
+/// Who made scans late, the most expensive class first.
+fn causes(report: &Report) -> String {
+    let Some(timing) = &report.timing else { return String::new() };
+    let mut classes: Vec<_> = timing.late.classes.iter().collect();
+    classes.sort_by_key(|(_, total)| std::cmp::Reverse(total.time_ns));
+    if classes.is_empty() {
+        return "no scan counts as late (see [timing] late and long)".into();
+    }
+    let mut told = Vec::new();
+    for (class, total) in classes.into_iter().take(3) {
+        let worst = timing.late.worst.iter().find(|entry| entry.class == *class);
+        let what = worst.map_or_else(String::new, |entry| format!(", longest: {}", entry.what));
+        told.push(format!("{} {} times, {} together{what}", class.name(), total.scans, time(total.time_ns as f64)));
+    }
+    format!("late by {}", told.join("; "))
+}

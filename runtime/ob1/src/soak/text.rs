@@ -1,0 +1,218 @@
+//! A soak in words: the table at its end, the lines while it runs.
+
+use std::fmt::Write as _;
+
+use super::report::{CpLedger, Report, Role};
+use super::statistics::Percentile;
+use crate::timing::{self, Timing};
+
+/// A time with the unit that suits it: `183 µs`, `2.41 ms`.
+#[must_use]
+pub(super) fn time(nanos: f64) -> String {
+    let (scale, unit) = match nanos.abs() {
+        n if n < 1e3 => (1.0, "ns"),
+        n if n < 1e6 => (1e3, "µs"),
+        n if n < 1e9 => (1e6, "ms"),
+        n if n < 120e9 => (1e9, "s"),
+        n if n < 7200e9 => (60e9, "min"),
+        _ => (3600e9, "h"),
+    };
+    format!("{} {unit}", figures(nanos / scale))
+}
+
+/// A number with three figures.
+fn figures(value: f64) -> String {
+    match value.abs() {
+        v if v == 0.0 || v >= 99.95 => format!("{value:.0}"),
+        v if v >= 9.995 => format!("{value:.1}"),
+        _ => format!("{value:.2}"),
+    }
+}
+
+/// A value of a series: a time, an amount of memory, or a count.
+#[must_use]
+pub(super) fn amount(series: &str, is_time: bool, value: f64) -> String {
+    if is_time {
+        return time(value);
+    }
+    if !series.ends_with("rss") {
+        return figures(value);
+    }
+    let (scale, unit) = match value.abs() {
+        v if v < 1024.0 * 1024.0 => (1024.0, "KiB"),
+        v if v < 1024.0 * 1024.0 * 1024.0 => (1024.0 * 1024.0, "MiB"),
+        _ => (1024.0 * 1024.0 * 1024.0, "GiB"),
+    };
+    format!("{} {unit}", figures(value / scale))
+}
+
+/// The report as a table.
+#[must_use]
+pub fn report(r: &Report) -> String {
+    let mut out = String::new();
+    let _ = writeln!(
+        out,
+        "soak of {}: {} of {} measured, {}",
+        r.station,
+        time(r.measured_ns as f64),
+        time(r.wanted_ns as f64),
+        r.ended.text()
+    );
+    if let Some(load) = &r.load {
+        let _ = writeln!(out, "under load {} (seed {}): {}", load.spec, load.seed, load.done());
+    }
+    distributions(&mut out, r);
+    slopes(&mut out, r);
+    scans(&mut out, r);
+    telegrams(&mut out, r);
+    posture(&mut out, r);
+    let _ = writeln!(out, "\nverdict");
+    let width = r.findings.iter().map(|f| f.budget.chars().count()).max().unwrap_or(0);
+    for f in &r.findings {
+        let _ = writeln!(out, "  {:<12} {:<width$}   {}", f.verdict.text(), f.budget, f.measured);
+        if !f.why.is_empty() {
+            let _ = writeln!(out, "               {}", f.why);
+        }
+    }
+    let _ = writeln!(out, "{}", r.verdict.line());
+    out
+}
+
+fn distributions(out: &mut String, r: &Report) {
+    let _ = write!(out, "\n{:<14}{:>10}", "", "count");
+    for name in r.percentiles.first().map_or(&[][..], |p| &p.values[..]) {
+        let _ = write!(out, "{:>11}", name.0);
+    }
+    let _ = writeln!(out, "{:>11}", "max");
+    for row in &r.percentiles {
+        let _ = write!(out, "{:<14}{:>10}", row.name, row.count);
+        for (_, value) in &row.values {
+            let shown = match value {
+                Percentile::Known(value) => time(*value as f64),
+                Percentile::Needs(_) => "-".into(),
+            };
+            let _ = write!(out, "{shown:>11}");
+        }
+        let _ = writeln!(out, "{:>11}", time(row.max_ns as f64));
+    }
+    let cycle = r.percentiles.iter().find(|row| row.name == "cycle");
+    let open = cycle.into_iter().flat_map(|row| &row.values).filter_map(|(name, value)| match value {
+        Percentile::Needs(n) => Some(format!("{name} needs {n} scans")),
+        Percentile::Known(_) => None,
+    });
+    let open: Vec<String> = open.collect();
+    if !open.is_empty() {
+        let _ = writeln!(out, "  - : less than 10 values would lie beyond it; {}", open.join(", "));
+    }
+}
+
+fn slopes(out: &mut String, r: &Report) {
+    let (count, length) = (r.intervals.len(), time(r.interval_ns as f64));
+    let _ =
+        writeln!(out, "\ngrowth an hour, from {count} intervals of {length} (Theil-Sen slope, 95 % interval of Sen)");
+    for s in &r.slopes {
+        let Some(slope) = s.slope else {
+            let _ = writeln!(out, "  {:<14} needs 8 intervals", s.series);
+            continue;
+        };
+        let show = |value| amount(&s.series, s.is_time, value);
+        let (low, high) = (show(slope.low), show(slope.high));
+        let _ = writeln!(out, "  {:<14}{:>12}   [{low} .. {high}]", s.series, show(slope.per_unit));
+    }
+}
+
+fn scans(out: &mut String, r: &Report) {
+    let Some(t) = &r.timing else { return };
+    let _ = writeln!(
+        out,
+        "\nscans {}   overruns {}   missed deadlines {} (rule: {})   watchdog {}",
+        t.scans, t.overruns, t.missed, t.missed_rule, t.watchdogs
+    );
+    *out += &timing::text::late(&t.late);
+}
+
+fn telegrams(out: &mut String, r: &Report) {
+    for cp in &r.telegrams {
+        let _ = writeln!(
+            out,
+            "\n{}: orders {} = done {}, error {}, aborted {}, lost in CP {}, open {}\n  received {} = delivered {}, lost in CP or dropped {}, \
+             open {}; failed attempts of the partner {}; drivers lost {}",
+            cp.cp,
+            cp.accepted,
+            cp.done,
+            cp.error,
+            cp.aborted,
+            cp.lost,
+            cp.open(),
+            cp.received,
+            cp.delivered,
+            cp.receive_lost,
+            cp.received.saturating_sub(cp.delivered + cp.receive_lost),
+            cp.receive_errors,
+            cp.drivers_lost
+        );
+    }
+    if !r.telegrams.is_empty() && r.cells.iter().all(|cell| cell.role == Role::Own) {
+        let _ = writeln!(
+            out,
+            "  doubled and wrong telegrams are known to the program alone: name its counters with --doubled and --wrong"
+        );
+    }
+    for cell in &r.cells {
+        let role = match cell.role {
+            Role::Own => "",
+            Role::Doubled => "telegrams doubled: ",
+            Role::Wrong => "telegrams wrong: ",
+        };
+        let _ = writeln!(out, "  {role}{}: {} (from {} to {})", cell.name, cell.grown(), cell.first, cell.last);
+    }
+}
+
+fn posture(out: &mut String, r: &Report) {
+    for grant in &r.posture {
+        let detail = if grant.detail.is_empty() { String::new() } else { format!(": {}", grant.detail) };
+        let _ = writeln!(out, "{:<8} {}{detail}", grant.outcome, grant.what);
+        if let Some(remedy) = &grant.remedy {
+            let _ = writeln!(out, "           = {remedy}");
+        }
+    }
+}
+
+/// The line while it runs.
+#[must_use]
+pub(super) fn live(wanted_ns: u64, elapsed_ns: u64, t: &Timing, cps: &[CpLedger]) -> String {
+    let left = time(wanted_ns.saturating_sub(elapsed_ns) as f64);
+    let done = (elapsed_ns as f64 / wanted_ns.max(1) as f64).min(1.0);
+    let bar = "#".repeat((done * 20.0) as usize);
+    let mut text = format!(
+        "[{bar:<20}] {:>3.0} %, {left} left   {} scans, late {}, missed {}   wake p99 {}   execution p99 {}",
+        done * 100.0,
+        t.scans,
+        t.late.scans,
+        t.missed,
+        time(t.wake.p99_ns as f64),
+        time(t.execution.p99_ns as f64)
+    );
+    if !cps.is_empty() {
+        let (sent, lost) = cps.iter().fold((0, 0), |(sent, lost), cp| (sent + cp.done, lost + cp.lost));
+        let _ = write!(text, "   telegrams {sent}, lost {lost}");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_and_amounts() {
+        let times = [(0.0, "0 ns"), (999.0, "999 ns"), (1500.0, "1.50 µs"), (183_000.0, "183 µs"), (2.41e6, "2.41 ms")];
+        for (nanos, text) in times {
+            assert_eq!(time(nanos), text);
+        }
+        assert_eq!(time(8.0 * 3600e9), "8.00 h");
+        assert_eq!(amount("rss", false, 1536.0), "1.50 KiB");
+        assert_eq!(amount("fds", false, 12.0), "12.0");
+        assert_eq!(amount("wake.p99", true, -1500.0), "-1.50 µs");
+    }
+}
