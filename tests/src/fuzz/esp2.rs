@@ -48,7 +48,8 @@ fn is_frame(bytes: &[u8]) -> bool {
 enum Act<'a> {
     Characters(Vec<u8>),
     Silence(Nanos),
-    Order(&'a [u8]),
+    /// So many times: 147 orders fill the send buffer, and one more waits.
+    Order(&'a [u8], usize),
     TxDone,
     Fault(LineFault),
     Abort,
@@ -73,8 +74,9 @@ fn acts(mut data: &[u8]) -> Vec<Act<'_>> {
             }
             3 => (Act::Silence(Nanos::from(code >> 3) * 20 * MS), rest),
             4 => {
-                let (bytes, rest) = take(if code & 8 == 0 { TELEGRAM_BYTES } else { usize::from(code >> 4) });
-                (Act::Order(bytes), rest)
+                let whole = code & 8 == 0;
+                let (bytes, rest) = take(if whole { TELEGRAM_BYTES } else { usize::from(code >> 4) });
+                (Act::Order(bytes, if whole { 1 << (code >> 5) } else { 1 }), rest)
             }
             5 => (Act::TxDone, rest),
             6 => {
@@ -108,9 +110,11 @@ fn machine(acts: &[Act<'_>], room: usize, piece: usize) -> (Vec<Vec<u8>>, Vec<Ve
                     assert!(due != Some(at), "the machine does not get past {at}");
                 }
             }
-            Act::Order(telegram) => {
-                orders += 1;
-                due = machine.step(now, Input::Order(Order::Send(telegram)), &mut partner);
+            Act::Order(telegram, times) => {
+                orders += times;
+                for _ in 0..*times {
+                    due = machine.step(now, Input::Order(Order::Send(telegram)), &mut partner);
+                }
             }
             Act::TxDone => due = machine.step(now, Input::TxDone, &mut partner),
             Act::Fault(fault) => due = machine.step(now, Input::LineFault(*fault), &mut partner),
@@ -142,7 +146,7 @@ fn module(acts: &[Act<'_>], piece: usize) -> tcm120::Output {
                 }
             }
             // The same bytes come by radio.
-            Act::Order(bytes) => {
+            Act::Order(bytes, _) => {
                 let bytes = Bytes::try_from(*bytes).map(|bytes| Telegram::parse(&bytes));
                 if let Ok(Telegram::Received(radio) | Telegram::Transmit(radio)) = bytes {
                     let remote = now % 3 == 0;
