@@ -29,7 +29,7 @@ usage: cargo xtask VERB [...]
   bench [...]                     the figures of the README, next to the floor of this machine; bench stl: the engine beside awlsim
   compare [--seeds N] [--seed S]  random STL programs on our engine and on awlsim; what differs is written to tests/compare
   fuzz [TARGET] [--each 10m]      the fuzz targets (all: one after the other); cargo-fuzz is installed into .tools
-  arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files from their table
+  arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files and the conformance table
   ci                              what .ci/run does
   fmt                             formats the workspace
   help                            this text

@@ -4,6 +4,7 @@
 //! and what is wrong. Each guard's own tests feed it a breach and see it found.
 
 mod citations;
+mod conformance;
 mod edges;
 mod fences;
 mod house_rules;
@@ -50,6 +51,7 @@ const GUARDS: &[Guard] = &[
     guard("unsafe", purity::unsafe_code),
     guard("statics", purity::plugin_statics),
     guard("citations", citations::check),
+    guard("conformance", conformance::check),
     guard("tests", house_rules::tests),
     guard("lints", house_rules::workspace_lints),
     Guard { name: "rooms", check: house_rules::long_files, warning: true },
@@ -59,14 +61,18 @@ const fn guard(name: &'static str, check: fn(&Tree) -> Vec<Finding>) -> Guard {
     Guard { name, check, warning: false }
 }
 
-/// `cargo xtask arch [--bless]`: runs all guards; with `--bless` first writes the clippy.toml files anew from their table.
+/// `cargo xtask arch [--bless]`: runs all guards; with `--bless` first writes the clippy.toml files and the conformance
+/// table anew.
 ///
 /// # Errors
 /// When a guard finds something.
 pub(crate) fn run(args: &[String]) -> Outcome {
     match args {
         [] => {}
-        [flag] if flag == "--bless" => fences::bless()?,
+        [flag] if flag == "--bless" => {
+            fences::bless()?;
+            conformance::bless()?;
+        }
         _ => return Err(Failure::Usage("arch takes nothing but --bless".into())),
     }
     let tree = Tree::read()?;

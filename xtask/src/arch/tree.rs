@@ -92,7 +92,9 @@ impl Tree {
 }
 
 fn is_text(path: &str) -> bool {
-    [".rs", ".toml", ".md", ".py", ".awl", ".h", ".c"].iter().any(|end| path.to_ascii_lowercase().ends_with(end))
+    [".rs", ".toml", ".md", ".py", ".awl", ".h", ".c", ".rows"]
+        .iter()
+        .any(|end| path.to_ascii_lowercase().ends_with(end))
 }
 
 /// The files of an unpacked archive, which has no git to ask.

@@ -1,0 +1,282 @@
+//! The conformance table of the CP 341: every row of the manuals with the test that proves it, or the reason why there is none.
+//!
+//! `docs/conformance/cp341.rows` is written by hand, `docs/conformance/cp341.md` is made of it by `cargo xtask arch --bless`. The guard
+//! finds rows that have neither test nor reason, tests that are not there, sections without a row, and a page that is not the rows.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+use super::Finding;
+use super::tree::{File, Tree};
+use crate::cargo;
+use crate::failure::{Outcome, step};
+
+const RULE: &str = "conformance";
+const ROWS: &str = "docs/conformance/cp341.rows";
+const PAGE: &str = "docs/conformance/cp341.md";
+/// The table of event numbers, itself made of the code.
+const EVENTS: &str = "docs/cp341-events.md";
+
+/// Why a row has no test.
+const REASONS: [&str; 4] = ["fact only", "printer driver", "other module", "hardware fault"];
+
+/// Rows that wait for their test. The number only falls: a row more than that is a finding, and so is one less.
+const OPEN: &str = "open";
+const OPEN_ROWS: usize = 119;
+
+/// What the table has to speak of: chapters 3 to 7 of the driver's manual, sections 1 to 6 of the reference. 3.2 to 3.14 of the reference
+/// are the event numbers.
+const SECTIONS: &str = "
+    S4 3.1; S4 3.2; S4 3.3; S4 3.4; S4 3.5; S4 3.6; S4 3.6.1; S4 3.6.2; S4 3.6.3; S4 3.7; S4 3.8; S4 4; S4 4.1; S4 4.2; S4 4.3;
+    S4 5; S4 5.1; S4 5.2; S4 5.3; S4 5.4; S4 5.5; S4 5.6; S4 5.7; S4 5.8; S4 5.9; S4 5.10; S4 5.11; S4 5.12; S4 5.13; S4 5.14; S4 5.15;
+    S4 6; S4 6.1.1; S4 6.1.2; S4 7; S4 7.1; S4 7.2; S4 7.3;
+    reference 1.0; reference 1.1; reference 1.2; reference 1.3; reference 1.4; reference 1.5; reference 1.6; reference 1.7;
+    reference 1.8; reference 1.9; reference 2; reference 2.1; reference 2.2; reference 3.1; reference 4.1; reference 4.2; reference 4.3;
+    reference 4.4; reference 4.5; reference 4.6; reference 4.7; reference 4.8; reference 4.9; reference 4.10; reference 4.11;
+    reference 5.1; reference 5.2; reference 5.3; reference 5.4; reference 5.5; reference 5.6; reference 5.7;
+    reference 6.1; reference 6.2; reference 6.3; reference 6.4; reference 6.5; reference 6.6; events";
+
+const HEAD: &str = "\
+# Conformance of the CP 341
+
+Every row of chapters 3 to 7 of the loadable driver's manual (S4) and of sections 1 to 6 of the reference, with the test that proves it or the
+reason why there is none: *fact only* (nothing to be done by this program), *printer driver* (not built), *other module*, *hardware fault*.
+
+Made of `docs/conformance/cp341.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither, when a test is not there,
+and when a section has no row.
+";
+
+/// One row.
+struct Row<'a> {
+    line: usize,
+    place: &'a str,
+    text: &'a str,
+    proof: &'a str,
+}
+
+/// The rows file, read.
+#[derive(Default)]
+struct Table<'a> {
+    aliases: BTreeMap<&'a str, &'a str>,
+    sections: Vec<(&'a str, Vec<Row<'a>>)>,
+    flaws: Vec<(usize, String)>,
+}
+
+impl<'a> Table<'a> {
+    fn read(text: &'a str) -> Self {
+        let mut table = Self::default();
+        for (line, content) in (1..).zip(text.lines()).filter(|(_, content)| !content.trim().is_empty()) {
+            let columns: Vec<&str> = content.split(" | ").map(str::trim).collect();
+            match (content.as_bytes()[0], &columns[..]) {
+                (b'#', _) => {}
+                (b'@', _) => match content[1..].split_once(' ') {
+                    Some((alias, path)) => drop(table.aliases.insert(alias, path.trim())),
+                    None => table.flaws.push((line, "an alias is `@NAME PATH`".into())),
+                },
+                (b'=', _) => table.sections.push((content.trim_start_matches("== ").trim(), Vec::new())),
+                (_, &[place, text, proof]) => match table.sections.last_mut() {
+                    Some((_, rows)) => rows.push(Row { line, place, text, proof }),
+                    None => table.flaws.push((line, "a row before the first section".into())),
+                },
+                _ => table.flaws.push((line, "a row is `PLACE | WHAT IT SAYS | TEST or REASON`".into())),
+            }
+        }
+        table
+    }
+
+    fn rows(&self) -> impl Iterator<Item = &Row<'a>> {
+        self.sections.iter().flat_map(|(_, rows)| rows)
+    }
+
+    /// The tests a row names, `alias::name, alias::name`; what is wrong with one.
+    fn prove(&self, tree: &Tree, row: &Row<'_>) -> Result<Vec<(&'a str, String)>, String> {
+        let mut tests = Vec::new();
+        for proof in row.proof.split(',').map(str::trim) {
+            let (alias, name) = proof.split_once("::").ok_or(format!("`{proof}` is neither a test nor a reason"))?;
+            let path = *self.aliases.get(alias).ok_or(format!("no file has the name `{alias}`"))?;
+            let file = tree.files.iter().find(|file| file.path == path).ok_or(format!("{path} is not there"))?;
+            if !has_test(file, name) {
+                return Err(format!("{path} has no test `{name}`"));
+            }
+            tests.push((path, name.to_owned()));
+        }
+        Ok(tests)
+    }
+}
+
+/// `fn name(` with `#[test]` above it; attributes and comments (which are blank here) may stand between.
+fn has_test(file: &File, name: &str) -> bool {
+    let lines: Vec<&str> = file.code.split('\n').map(str::trim).collect();
+    let head = format!("fn {name}(");
+    let is_between = |line: &&&str| line.is_empty() || line.starts_with("#[");
+    lines.iter().enumerate().any(|(at, line)| {
+        line.starts_with(&head) && lines[..at].iter().rev().take_while(is_between).any(|above| *above == "#[test]")
+    })
+}
+
+/// An event number of the page: number, text, why it does not occur.
+fn events(tree: &Tree) -> Vec<(&str, &str, &str)> {
+    let page = tree.files.iter().find(|file| file.path == EVENTS).map_or("", |file| &file.text);
+    let rows = page.lines().filter_map(|line| {
+        let columns: Vec<&str> = line.strip_prefix("| ")?.split('|').map(str::trim).collect();
+        let &[number, text, _, reason, ..] = &columns[..] else { return None };
+        (number.len() == 4 && u16::from_str_radix(number, 16).is_ok()).then_some((number, text, reason))
+    });
+    rows.collect()
+}
+
+fn required() -> impl Iterator<Item = &'static str> {
+    SECTIONS.split(';').map(str::trim)
+}
+
+/// Whether a heading is about this section: `S4 3.6.1 Modbus ASCII Protocol` is about `S4 3.6.1`.
+fn is_about(heading: &str, section: &str) -> bool {
+    heading.strip_prefix(section).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
+}
+
+/// The guard. A tree without the rows has nothing to say (the tests of the other guards have such).
+pub(super) fn check(tree: &Tree) -> Vec<Finding> {
+    check_against(tree, OPEN_ROWS, required())
+}
+
+fn check_against<'s>(tree: &Tree, open_rows: usize, required: impl Iterator<Item = &'s str>) -> Vec<Finding> {
+    let finding = |place: String, what: String| Finding { place, rule: RULE, what };
+    let Some(file) = tree.files.iter().find(|file| file.path == ROWS) else {
+        return vec![finding(ROWS.into(), "is not there".into())];
+    };
+    let table = Table::read(&file.text);
+    let at = |line: usize| format!("{ROWS}:{line}");
+    let mut findings: Vec<Finding> = table.flaws.iter().map(|(line, what)| finding(at(*line), what.clone())).collect();
+    let mut open = 0;
+    for row in table.rows() {
+        if row.proof == OPEN {
+            open += 1;
+        } else if !REASONS.contains(&row.proof)
+            && let Err(what) = table.prove(tree, row)
+        {
+            findings.push(finding(at(row.line), what));
+        }
+    }
+    if open != open_rows {
+        findings.push(finding(ROWS.into(), format!("{open} open rows; OPEN_ROWS in xtask says {open_rows}")));
+    }
+    for section in required {
+        let rows = table.sections.iter().filter(|(heading, _)| is_about(heading, section)).map(|(_, rows)| rows.len());
+        if rows.sum::<usize>() == 0 {
+            findings.push(finding(ROWS.into(), format!("{section} has no row")));
+        }
+    }
+    let listed: BTreeSet<&str> = event_rows(&table).map(|row| row.place).collect();
+    for (number, _, reason) in events(tree) {
+        match (listed.contains(number), reason) {
+            (false, "") => findings.push(finding(ROWS.into(), format!("{number} occurs, and no row names its test"))),
+            (true, reason) if !reason.is_empty() => {
+                findings.push(finding(ROWS.into(), format!("{number} has a test and a reason to have none")));
+            }
+            _ => {}
+        }
+    }
+    if tree.files.iter().find(|file| file.path == PAGE).is_none_or(|file| file.text != page(tree, &table)) {
+        findings.push(finding(PAGE.into(), "is not made of the rows; cargo xtask arch --bless".into()));
+    }
+    findings
+}
+
+fn event_rows<'t>(table: &'t Table<'_>) -> impl Iterator<Item = &'t Row<'t>> {
+    table.sections.iter().filter(|(heading, _)| is_about(heading, "events")).flat_map(|(_, rows)| rows)
+}
+
+/// Writes the page.
+pub(super) fn bless() -> Outcome {
+    let tree = Tree::read()?;
+    let rows = tree.files.iter().find(|file| file.path == ROWS).map_or("", |file| &file.text);
+    let path = cargo::root().join(PAGE);
+    std::fs::write(&path, page(&tree, &Table::read(rows))).map_err(|why| step(format!("{}: {why}", path.display())))
+}
+
+fn page(tree: &Tree, table: &Table<'_>) -> String {
+    let mut page = HEAD.to_owned();
+    let count = |is: &dyn Fn(&Row<'_>) -> bool| table.rows().filter(|row| is(row)).count();
+    let without = events(tree).iter().filter(|(_, _, reason)| !reason.is_empty()).count();
+    let reasons = count(&|row| REASONS.contains(&row.proof)) + without;
+    let open = count(&|row| row.proof == OPEN);
+    let proven = count(&|_| true) + without - reasons - open;
+    let _ = write!(page, "\n{proven} rows have a test, {reasons} a reason, {open} are open.\n");
+    for (heading, rows) in table.sections.iter().filter(|(heading, _)| !is_about(heading, "events")) {
+        let manual = if heading.starts_with("S4") { "S4 " } else { "" };
+        let _ = write!(page, "\n## {heading}\n\n| place | what it says | proof |\n|---|---|---|\n");
+        for row in rows {
+            let _ = writeln!(page, "| {manual}{} | {} | {} |", row.place, row.text, proof(tree, table, row));
+        }
+    }
+    page += "\n## Event numbers: S4 7.3, reference 3.2 to 3.14\n\n| number | event | proof |\n|---|---|---|\n";
+    for (number, text, reason) in events(tree) {
+        let proof = match event_rows(table).find(|row| row.place == number) {
+            Some(row) if reason.is_empty() => proof(tree, table, row),
+            _ => reason.to_owned(),
+        };
+        let _ = writeln!(page, "| {number} | {text} | {proof} |");
+    }
+    page
+}
+
+fn proof(tree: &Tree, table: &Table<'_>, row: &Row<'_>) -> String {
+    match table.prove(tree, row) {
+        _ if row.proof == OPEN => "**open**".to_owned(),
+        Ok(tests) if !REASONS.contains(&row.proof) => {
+            let cells: Vec<String> =
+                tests.iter().map(|(path, name)| format!("`{name}` ({})", path.trim_end_matches(".rs"))).collect();
+            cells.join("<br>")
+        }
+        _ => row.proof.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CODE: &str = "#[test]\nfn good() {}\nfn helper() {}\n// fn commented()\n";
+    const EVENT_PAGE: &str = "| STATUS | event |\n| 0E20 | bits | remedy | |\n| 0101 | memory | | hardware fault |\n";
+    const GOOD: &str = "@m a/tests/m.rs\n== S4 3.1 Title\nL12 | said | m::good\nL13 | said | fact only\n== events\n0E20 | - | m::good\n";
+
+    /// What the guard finds in these rows, the page being right.
+    fn findings(rows: &str, open: usize) -> Vec<String> {
+        let files = [("a/tests/m.rs", CODE), (EVENTS, EVENT_PAGE), (ROWS, rows)];
+        let page = page(&Tree::of(&files), &Table::read(rows));
+        let tree = Tree::of(&[files[0], files[1], files[2], (PAGE, &page)]);
+        check_against(&tree, open, ["S4 3.1", "events"].into_iter()).iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn a_whole_table_passes() {
+        assert_eq!(findings(GOOD, 0), Vec::<String>::new());
+        assert_eq!(findings(&GOOD.replace("fact only", "open"), 1), Vec::<String>::new());
+    }
+
+    #[test]
+    fn each_breach_is_found() {
+        for (from, to, says) in [
+            ("fact only", "somehow", "neither a test nor a reason"),
+            ("| fact only", "", "a row is"),
+            ("fact only", "open", "1 open rows"),
+            ("fact only", "m::helper", "no test `helper`"),
+            ("fact only", "m::commented", "no test `commented`"),
+            ("fact only", "n::good", "no file has the name"),
+            ("a/tests/m.rs", "a/tests/n.rs", "is not there"),
+            ("S4 3.1 ", "S4 3.10 ", "S4 3.1 has no row"),
+            ("0E20", "0E21", "0E20 occurs"),
+            ("0E20", "0101", "0101 has a test and a reason"),
+        ] {
+            let found = findings(&GOOD.replace(from, to), 0);
+            assert!(found.iter().any(|finding| finding.contains(says)), "{from} -> {to}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn a_page_of_other_rows_is_found() {
+        let tree = Tree::of(&[("a/tests/m.rs", CODE), (EVENTS, EVENT_PAGE), (ROWS, GOOD), (PAGE, "# Old\n")]);
+        let found = check_against(&tree, 0, std::iter::empty());
+        assert!(found.len() == 1 && found[0].what.contains("--bless"), "{found:?}");
+    }
+}
