@@ -8,6 +8,7 @@ mod cargo;
 mod ci;
 mod demo;
 mod failure;
+mod faults;
 mod figures;
 mod fuzz;
 mod loom_miri;
@@ -29,6 +30,8 @@ usage: cargo xtask VERB [...]
   bench [...]                     the figures of the README, next to the floor of this machine; bench stl: the engine beside awlsim
   compare [--seeds N] [--seed S]  random STL programs on our engine and on awlsim; what differs is written to tests/compare
   fuzz [TARGET] [--each 10m]      the fuzz targets (all: one after the other); cargo-fuzz is installed into .tools
+  faults [PROTOCOL] [--telegrams 100000]
+                                  the protocol machines on bad lines, in virtual time, from seeds
   arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files and the conformance table
   ci                              what .ci/run does
   fmt                             formats the workspace
@@ -46,6 +49,7 @@ fn main() -> ExitCode {
         "bench" => figures::bench(&rest),
         "compare" => figures::compare(&rest),
         "fuzz" => fuzz::run(&rest),
+        "faults" => faults::run(&rest),
         "arch" => arch::run(&rest),
         "ci" => ci::ci(&rest),
         "fmt" => ci::fmt(&rest),
