@@ -312,7 +312,7 @@ impl Cp240 {
         match self.send.look(tx_word(&self.outputs), block(&self.outputs)) {
             send::Step::Wait | send::Step::Stored => {}
             send::Step::Discarded => port.event(now, CpEvent::OrderDiscarded { code: None }),
-            send::Step::Refused => port.event(now, CpEvent::OrderDiscarded { code: Some(SendError::TooLong.code()) }),
+            send::Step::Refused(code) => port.event(now, CpEvent::OrderDiscarded { code: Some(code) }),
             send::Step::Line(command) => {
                 let rts_is_free = !self.protocol.drives_rts();
                 let (switched, answer) = self.modem.command(command, rts_is_free);

@@ -90,6 +90,11 @@ pub(crate) const fn framed_count(word: u16) -> Option<(u16, usize)> {
     }
 }
 
+/// A word as a first count that some protocol understands: a count, possibly framed or for the Modbus output area.
+pub(crate) const fn is_telegram_of_any_kind(word: u16) -> bool {
+    word & COUNT_BITS != 0 && matches!(word & KIND, 0 | AREA | OWN_ORDER | PARTNER_ORDER)
+}
+
 /// A word as a count of bytes, possibly one that is too large for a telegram.
 pub(crate) const fn count(word: u16) -> Option<usize> {
     if word & !COUNT_BITS == 0 { Some(word as usize) } else { None }

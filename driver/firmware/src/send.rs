@@ -1,10 +1,16 @@
 //! CPU -> CP: a telegram collected block by block, and how its order ends [S0 "Example SEND data"].
 
-use crate::registers::{AREA, BLOCK_BYTES, BUFFER_BYTES, FAILED, count, framed_count, line_command};
+use crate::registers::{
+    AREA, BLOCK_BYTES, BUFFER_BYTES, FAILED, count, framed_count, is_telegram_of_any_kind, line_command,
+};
 use crate::rk512::HEADER_BYTES;
 
 /// Error code of a telegram that is longer than the buffer. [S0 L1298]
 const TOO_LONG: u8 = 0x17;
+
+/// Error code of a telegram whose kind the protocol does not have (ours): FC 0 with RK 512, FC 2 or FC 3 without, `OR 4000h` elsewhere than
+/// at the Modbus slave "long". Left waiting, the block of the program would wait for ever.
+const WRONG_KIND: u8 = 0x0C;
 
 /// Where the CPU and the CP are with an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,8 +42,8 @@ pub(crate) enum Step {
     Complete,
     /// The CPU gave up before the telegram was complete.
     Discarded,
-    /// The telegram is too long.
-    Refused,
+    /// The telegram is too long, or of a kind that the protocol does not have: this error code is on show.
+    Refused(u8),
     /// A line command: [`SendSide::answer`] it.
     Line(u16),
 }
@@ -154,12 +160,10 @@ impl SendSide {
             }
             State::Stale => Step::Wait,
             State::Idle => match self.count(tx) {
+                None if is_telegram_of_any_kind(tx) => self.refuse(WRONG_KIND),
                 None => line_command(tx).map_or(Step::Wait, Step::Line),
                 Some((_, 0)) => Step::Wait,
-                Some((_, total)) if total > self.limit() => {
-                    self.state = State::Failed(TOO_LONG);
-                    Step::Refused
-                }
+                Some((_, total)) if total > self.limit() => self.refuse(TOO_LONG),
                 Some((framing, total)) => {
                     (self.length, self.for_output_area, self.framing) = (0, has_bit, framing);
                     self.store(total, block)
@@ -231,6 +235,11 @@ impl SendSide {
         }
     }
 
+    fn refuse(&mut self, code: u8) -> Step {
+        self.state = State::Failed(code);
+        Step::Refused(code)
+    }
+
     fn store(&mut self, rest: usize, block: &[u8]) -> Step {
         let n = rest.min(BLOCK_BYTES).min(block.len());
         self.buffer[self.length..self.length + n].copy_from_slice(&block[..n]);
@@ -283,7 +292,7 @@ mod tests {
     #[test]
     fn words_that_are_no_count_are_absent() {
         let mut send = SendSide::new();
-        for word in [0x8000, 0x8001, 0x2000, 0x2007, 0x4010, 0x0810, 0x1001, 0xFFFF] {
+        for word in [0x8000, 0x8001, 0x2000, 0x2007, 0x4000, 0x0800, 0x1000, 0x6010, 0x5010, 0xFFFF] {
             assert_eq!(send.look(word, &BLOCK), Step::Wait, "{word:04X}h");
             assert_eq!(send.echo(), 0);
         }
@@ -312,11 +321,32 @@ mod tests {
     fn too_long_is_refused_with_17h() {
         for word in [1025, 0x07FF] {
             let mut send = SendSide::new();
-            assert_eq!(send.look(word, &BLOCK), Step::Refused);
+            assert_eq!(send.look(word, &BLOCK), Step::Refused(0x17));
             assert_eq!(send.echo(), 0x2017);
         }
         let mut send = SendSide::new();
         assert_eq!(send.look(1024, &BLOCK), Step::Stored);
+    }
+
+    #[test]
+    fn a_kind_the_protocol_does_not_have_is_refused_with_0ch() {
+        for (framed, area, word) in [
+            (false, false, 0x4010), // OR 4000h elsewhere than at the Modbus slave "long"
+            (false, false, 0x0810), // FC 2 or FC 3 without RK 512
+            (false, false, 0x1001), // FC 4 without RK 512
+            (true, false, 30),      // FC 0 with RK 512
+            (true, false, 0x4010),
+            (false, true, 0x0810),
+        ] {
+            let mut send = SendSide::new();
+            send.set_framed(framed);
+            send.set_area(area);
+            assert_eq!(send.look(word, &BLOCK), Step::Refused(0x0C), "{word:04X}h");
+            assert_eq!(send.echo(), 0x200C);
+            send.look(FAILED, &BLOCK);
+            send.look(0, &BLOCK);
+            assert_eq!(send.echo(), 0, "{word:04X}h");
+        }
     }
 
     #[test]

@@ -119,11 +119,11 @@ fn the_cps_own_errors_are_told_from_the_partners() {
     // Longer than the buffer.
     cp.put_tx(OWN | 1035, &[]);
     assert_eq!(cp.tx_echo(), 0x2017);
-    // A count without framing is none here.
+    // A count without framing (FC 0) is no order of RK 512: told, not left waiting.
     cp.put_tx(0x2000, &[]);
     cp.put_tx(0, &[]);
     cp.put_tx(30, b"abcdefghijkl");
-    assert_eq!(cp.tx_echo(), 0);
+    assert_eq!(cp.tx_echo(), 0x200C);
 }
 
 #[test]
