@@ -118,6 +118,26 @@ impl Default for EventSlots {
     }
 }
 
+/// One direction of a channel.
+#[repr(C)]
+#[derive(Default)]
+pub(crate) struct ChannelCells {
+    pub(crate) block: SeqCell<IO_WORDS>,
+    pad: Pad<7>,
+}
+
+/// The channels of a CP 341: what the CPU writes for P_SND_RK and P_RCV_RK, and what the CP answers to each.
+#[repr(C)]
+#[derive(Default)]
+pub(crate) struct ChannelsCells {
+    pub(crate) version: AtomicU64,
+    pad: Pad<15>,
+    pub(crate) send_to_cp: ChannelCells,
+    pub(crate) receive_to_cp: ChannelCells,
+    pub(crate) send_to_cpu: ChannelCells,
+    pub(crate) receive_to_cpu: ChannelCells,
+}
+
 /// The whole segment.
 #[repr(C, align(128))]
 #[derive(Default)]
@@ -135,7 +155,9 @@ pub(crate) struct SegmentCells {
     pub(crate) record: RecordCells,
     pub(crate) events: EventCells,
     pub(crate) params: SeqCell<PARAMS_WORDS>,
-    pad: Pad<444>,
+    pad: Pad<12>,
+    pub(crate) channels: ChannelsCells,
+    pad_channels: Pad<352>,
 }
 
 /// The same memory as one row of words.
@@ -198,6 +220,15 @@ pub(crate) const OFFSETS: &[(usize, &str)] = {
         (offset_of!(SegmentCells, params.data), "params.json_length"),
         (offset_of!(SegmentCells, params.data) + 8, "params.bytes"),
         (offset_of!(SegmentCells, params.data) + 24, "params.json"),
+        (offset_of!(SegmentCells, channels.version), "channels.version"),
+        (offset_of!(SegmentCells, channels.send_to_cp.block.sequence), "send_to_cp.sequence"),
+        (offset_of!(SegmentCells, channels.send_to_cp.block.data), "send_to_cp.data"),
+        (offset_of!(SegmentCells, channels.receive_to_cp.block.sequence), "receive_to_cp.sequence"),
+        (offset_of!(SegmentCells, channels.receive_to_cp.block.data), "receive_to_cp.data"),
+        (offset_of!(SegmentCells, channels.send_to_cpu.block.sequence), "send_to_cpu.sequence"),
+        (offset_of!(SegmentCells, channels.send_to_cpu.block.data), "send_to_cpu.data"),
+        (offset_of!(SegmentCells, channels.receive_to_cpu.block.sequence), "receive_to_cpu.sequence"),
+        (offset_of!(SegmentCells, channels.receive_to_cpu.block.data), "receive_to_cpu.data"),
     ]
 };
 

@@ -3,6 +3,7 @@
 
 use crate::bytes::copy_out;
 use crate::cells::{IO_WORDS, PARAMS_WORDS, RECORD_WORDS, SegmentCells};
+use crate::channel::{Channel, ChannelBlock, ChannelEnd, Way};
 use crate::counters::{self, Counter, Counters, book_lost};
 use crate::events::{Event, Producer};
 use crate::fault::{Fault, SegmentError, TooLong};
@@ -33,6 +34,7 @@ pub struct CpSide {
     events: Producer,
     post: Poster,
     take: Taker,
+    channels: ChannelEnd,
 }
 
 impl CpSide {
@@ -52,6 +54,8 @@ impl CpSide {
         cells.cp.modem_inputs.store(0, Ordering::Relaxed);
         let mut inputs = RegisterWriter::new(io);
         inputs.clear(&cells.inputs.registers);
+        let mut channels = ChannelEnd::new(Way::ToCpu);
+        channels.clear(&cells.channels);
         clear_record(&cells.diagnosis);
         book_lost(&cells.counters);
         counters::add(&cells.counters, Counter::DriverStarts, 1);
@@ -74,6 +78,7 @@ impl CpSide {
             events,
             post,
             take,
+            channels,
         })
     }
 
@@ -206,6 +211,22 @@ impl CpSide {
     /// [`Fault::Mailbox`] if the CPU's counter has no meaning; the mailbox is emptied.
     pub fn take_mail(&mut self) -> Result<Option<Mail>, Fault> {
         self.take.take(&self.segment.cells().mail_to_cp, self.generation)
+    }
+
+    /// Shows the CPU a block of a channel; true if it is another than before.
+    pub fn write_channel(&mut self, channel: Channel, block: &ChannelBlock) -> bool {
+        self.channels.write(&self.segment.cells().channels, channel, block)
+    }
+
+    /// Whether the CPU shows another block of a channel than the one read last.
+    #[must_use]
+    pub fn channel_changed(&self, channel: Channel) -> bool {
+        self.channels.changed(&self.cells().channels, channel)
+    }
+
+    /// Copies what the CPU shows in a channel. A stale copy is whole, only not the newest.
+    pub fn read_channel(&mut self, channel: Channel, into: &mut ChannelBlock) -> Freshness {
+        self.channels.read(&self.segment.cells().channels, channel, into)
     }
 
     /// Adds to a counter.

@@ -3,6 +3,7 @@
 
 use crate::bytes::copy_out;
 use crate::cells::{IO_WORDS, RECORD_WORDS, SegmentCells};
+use crate::channel::{Channel, ChannelBlock, ChannelEnd, Way};
 use crate::events::{Consumer, Event};
 use crate::fault::{Fault, SegmentError, TooLong};
 use crate::header;
@@ -26,6 +27,7 @@ pub struct CpuSide {
     events: Consumer,
     post: Poster,
     take: Taker,
+    channels: ChannelEnd,
     state: CpuState,
     modem: ModemOutputs,
     changes: u64,
@@ -49,6 +51,7 @@ impl CpuSide {
             events: Consumer::new(),
             post: Poster::new(),
             take: Taker::new(),
+            channels: ChannelEnd::new(Way::ToCp),
             state: CpuState::Stop,
             modem: ModemOutputs::default(),
             changes: 0,
@@ -66,6 +69,7 @@ impl CpuSide {
         self.events.publish(&cells.events);
         self.post.publish(&cells.mail_to_cp);
         self.take.publish(&cells.mail_to_cpu);
+        self.channels.rewrite(&cells.channels);
         self.set_modem_outputs(self.modem);
         self.set_cpu_state(self.state);
     }
@@ -208,6 +212,20 @@ impl CpuSide {
             self.changed();
         }
         Ok(mail)
+    }
+
+    /// Shows the CP a block of a channel; true if it is another than before (if not, nothing is touched).
+    pub fn write_channel(&mut self, channel: Channel, block: &ChannelBlock) -> bool {
+        let changed = self.channels.write(&self.monitor.cells().channels, channel, block);
+        if changed {
+            self.changed();
+        }
+        changed
+    }
+
+    /// Copies what the CP shows in a channel. A stale copy is whole, only not the newest.
+    pub fn read_channel(&mut self, channel: Channel, into: &mut ChannelBlock) -> Freshness {
+        self.channels.read(&self.monitor.cells().channels, channel, into)
     }
 
     /// Tells the CP the state of the CPU.

@@ -2,7 +2,9 @@
 
 use crate::cells::SegmentCells;
 use crate::fault::SegmentError;
-use crate::layout::{COUNTER_WORDS, EVENT_SLOTS, JSON_BYTES, LAYOUT_VERSION, MAGIC, RECORD_BYTES, SEGMENT_BYTES};
+use crate::layout::{
+    CHANNELS_VERSION, COUNTER_WORDS, EVENT_SLOTS, JSON_BYTES, LAYOUT_VERSION, MAGIC, RECORD_BYTES, SEGMENT_BYTES,
+};
 use crate::registers::IoBytes;
 use crate::sync::{AtomicU64, Ordering};
 
@@ -42,7 +44,7 @@ pub(crate) fn check(cells: &SegmentCells) -> Result<IoBytes, SegmentError> {
 }
 
 /// The words of the header that are the same in every segment of this version.
-fn fixed_words(cells: &SegmentCells) -> [(&AtomicU64, u64, &'static str); 6] {
+fn fixed_words(cells: &SegmentCells) -> [(&AtomicU64, u64, &'static str); 7] {
     let header = &cells.header;
     [
         (&header.magic, MAGIC, "header.magic"),
@@ -51,6 +53,7 @@ fn fixed_words(cells: &SegmentCells) -> [(&AtomicU64, u64, &'static str); 6] {
         (&header.record_bytes, RECORD_BYTES as u64, "header.record_bytes"),
         (&header.event_slots, EVENT_SLOTS as u64, "header.event_slots"),
         (&header.counter_words, COUNTER_WORDS as u64, "header.counter_words"),
+        (&cells.channels.version, CHANNELS_VERSION, "channels.version"),
     ]
 }
 

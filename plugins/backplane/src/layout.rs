@@ -30,6 +30,12 @@ pub const RECORD_BYTES: usize = if cfg!(loom) { 16 } else { 240 };
 /// Bytes of one mail.
 pub const MAIL_BYTES: usize = 32;
 
+/// Version of the channels' layout (`docs/cp341-mailbox.md`).
+pub const CHANNELS_VERSION: u64 = 1;
+
+/// Bytes of a channel's block, each way: 32 that describe it, 32 of user data.
+pub const CHANNEL_BYTES: usize = IO_BYTES_MAX;
+
 /// Bytes of data in one event record.
 pub const EVENT_DATA_BYTES: usize = 16;
 
@@ -122,4 +128,13 @@ pub const FIELDS: &[Field] = &[
     field(0x1208, 8, "params.json_length", Writer::Cpu),
     field(0x1210, 16, "params.bytes", Writer::Cpu),
     field(0x1220, 4096, "params.json", Writer::Cpu),
+    field(0x2280, 8, "channels.version", Writer::Maker),
+    field(0x2300, 8, "send_to_cp.sequence", Writer::Cpu),
+    field(0x2308, 64, "send_to_cp.data", Writer::Cpu),
+    field(0x2380, 8, "receive_to_cp.sequence", Writer::Cpu),
+    field(0x2388, 64, "receive_to_cp.data", Writer::Cpu),
+    field(0x2400, 8, "send_to_cpu.sequence", Writer::Cp),
+    field(0x2408, 64, "send_to_cpu.data", Writer::Cp),
+    field(0x2480, 8, "receive_to_cpu.sequence", Writer::Cp),
+    field(0x2488, 64, "receive_to_cpu.data", Writer::Cp),
 ];

@@ -25,6 +25,7 @@
 
 mod bytes;
 mod cells;
+mod channel;
 mod counters;
 mod cp_side;
 mod cpu_side;
@@ -47,6 +48,7 @@ mod seqlock;
 mod sync;
 mod words;
 
+pub use channel::{Channel, ChannelBlock};
 pub use counters::{Counter, Counters};
 pub use cp_side::{ChangeMark, CpSide};
 pub use cpu_side::CpuSide;

@@ -10,6 +10,9 @@ use crate::seqlock::SeqCell;
 pub(crate) struct IoBytes(usize);
 
 impl IoBytes {
+    /// As many as there is room for.
+    pub(crate) const MAX: Self = Self(IO_BYTES_MAX);
+
     pub(crate) fn new(bytes: usize) -> Option<Self> {
         (IO_BYTES_MIN..=IO_BYTES_MAX).contains(&bytes).then_some(Self(bytes))
     }

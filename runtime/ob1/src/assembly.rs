@@ -110,6 +110,7 @@ pub fn cp_settings(
         json: json.to_string().into_bytes(),
         absent_is_fault: config.absent == Absent::Fault,
         mailbox: false,
+        channels: false,
     })
 }
 

@@ -9,7 +9,8 @@ mod messages;
 #[cfg(test)]
 mod tests;
 
-use ob1_backplane::{Counter, CpuSide, CpuState, DriverState, Fault, TooLong};
+use ob1_backplane::layout::CHANNEL_BYTES;
+use ob1_backplane::{Channel, Counter, CpuSide, CpuState, DriverState, Fault, TooLong};
 use ob1_cpu::{Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus, Nanos};
 
 pub use link::{AlwaysThere, DriverLink};
@@ -31,8 +32,10 @@ pub struct CpSettings {
     pub json: Vec<u8>,
     /// `absent = "fault"`: an access while the driver is down is an access error (OB 122), instead of reading 0.
     pub absent_is_fault: bool,
-    /// It has a mailbox (the CP 341 has).
+    /// It has a mailbox.
     pub mailbox: bool,
+    /// It has channels (the CP 341): its handling blocks read and write them as data records. (`docs/cp341-mailbox.md`)
+    pub channels: bool,
 }
 
 /// A CP in its place on the back plane.
@@ -89,6 +92,11 @@ impl CpModule {
     fn send_parameters(&mut self) {
         // The length was checked when the module was made.
         let _fits = self.side.write_params(&self.settings.parameters, &self.settings.json);
+    }
+
+    /// The channel that stands under a record number.
+    fn channel(&self, record: u8) -> Option<Channel> {
+        self.settings.channels.then(|| Channel::of_record(record)).flatten()
     }
 
     fn mailbox(&self) -> Result<(), ModuleError> {
@@ -219,6 +227,14 @@ impl Module for CpModule {
         if !self.is_present() {
             return Err(ModuleError::Absent);
         }
+        if let Some(channel) = self.channel(record) {
+            let mut block = [0; CHANNEL_BYTES];
+            // A stale copy is whole; the next call sees more.
+            let _freshness = self.side.read_channel(channel, &mut block);
+            let len = block.len().min(into.len());
+            into[..len].copy_from_slice(&block[..len]);
+            return Ok(len);
+        }
         match self.side.read_diagnosis() {
             Ok(found) if found.number == u32::from(record) && !found.data().is_empty() => {
                 let len = found.data().len().min(into.len());
@@ -236,6 +252,10 @@ impl Module for CpModule {
     fn record_write(&mut self, record: u8, from: &[u8]) -> Result<(), ModuleError> {
         if !self.is_present() {
             return Err(ModuleError::Absent);
+        }
+        if let Some(channel) = self.channel(record) {
+            self.side.write_channel(channel, from.try_into().map_err(|_| ModuleError::Outside)?);
+            return Ok(());
         }
         self.side.write_record(u32::from(record), from).map_err(|_| ModuleError::Outside)
     }

@@ -1,0 +1,356 @@
+//! The parameters of a CP 341: named keys, checked against a table. [reference 4.7, 5.2, 6.2]
+//!
+//! On a rack they lie in a system data block whose layout Siemens does not print; here they travel as keys, in the station file and
+//! in the configuration of the driver alike.
+
+use crate::error::ParamError;
+use crate::line::{Flow, LineSettings, Parity, StopBits};
+use crate::record::{Value, nearest};
+
+pub use crate::cp240::Priority;
+
+/// How a key is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind341 {
+    /// One of these words or numbers.
+    Choice(&'static [&'static str]),
+    /// A number, `min..=max` in steps of `step` from 0.
+    Number {
+        /// Smallest.
+        min: i64,
+        /// Largest.
+        max: i64,
+        /// Step.
+        step: i64,
+    },
+}
+
+/// One row of the table.
+#[derive(Clone, Copy, Debug)]
+pub struct Key341 {
+    /// Key in the station file.
+    pub key: &'static str,
+    /// How it is written.
+    pub kind: Kind341,
+    /// Default; empty: it depends on other keys.
+    pub default: &'static str,
+    /// What it means, for people.
+    pub text: &'static str,
+}
+
+const fn choice(key: &'static str, kind: &'static [&'static str], default: &'static str, text: &'static str) -> Key341 {
+    Key341 { key, kind: Kind341::Choice(kind), default, text }
+}
+
+const fn number(
+    key: &'static str,
+    (min, max, step): (i64, i64, i64),
+    default: &'static str,
+    text: &'static str,
+) -> Key341 {
+    Key341 { key, kind: Kind341::Number { min, max, step }, default, text }
+}
+
+/// The character frame, first in every protocol. [reference 5.2]
+const FRAME: &[Key341] = &[
+    choice(
+        "baud",
+        &["300", "600", "1200", "2400", "4800", "9600", "19200", "38400", "57600", "76800", "115200"],
+        "9600",
+        "baud rate, bit/s",
+    ),
+    choice("data_bits", &["7", "8"], "8", "data bits of a character"),
+    choice("parity", &["none", "odd", "even"], "even", "parity bit"),
+    choice("stop_bits", &["1", "2"], "1", "stop bits"),
+];
+
+/// [reference 5.2]
+const S3964: &[Key341] = &[
+    number("zvz_ms", (20, 65_530, 10), "220", "ZVZ: longest pause between two characters of a telegram"),
+    number(
+        "qvz_ms",
+        (20, 65_530, 10),
+        "",
+        "QVZ: longest wait for an acknowledgement; 2000 with block check, 550 without",
+    ),
+    number("connect_attempts", (1, 255, 1), "6", "attempts to get a connection, the first included"),
+    number("block_attempts", (1, 255, 1), "6", "attempts to get a telegram through, the first included"),
+    choice("priority", &["high", "low"], "high", "who goes first when both want to send"),
+];
+
+/// [reference 4.7]
+const RK512: &[Key341] =
+    &[choice("reaction", &["20s", "baud"], "20s", "longest wait for the response: 20 s, or as the baud rate has it")];
+
+/// The protocols, by name, with the rows that belong to each besides the character frame.
+pub const PROTOCOLS_341: &[(&str, &[&[Key341]])] = &[
+    ("3964", &[FRAME, S3964]),
+    ("3964r", &[FRAME, S3964]),
+    ("3964-rk512", &[FRAME, S3964, RK512]),
+    ("3964r-rk512", &[FRAME, S3964, RK512]),
+];
+
+/// The parameters of a CP 341.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cp341 {
+    /// How characters travel.
+    pub line: LineSettings,
+    /// The protocol and what belongs to it.
+    pub protocol: Protocol341,
+    /// The keys in the order of the table: what [`Cp341::to_keys`] gives.
+    keys: Vec<(&'static str, Value)>,
+}
+
+/// Protocol and its own parameters.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Protocol341 {
+    /// 3964 and 3964R, with or without RK 512 on top.
+    S3964(S3964Of341),
+}
+
+/// Parameters of 3964(R). Times in milliseconds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct S3964Of341 {
+    /// 3964R: with block check character.
+    pub bcc: bool,
+    /// With RK 512 on top.
+    pub rk512: bool,
+    /// ZVZ.
+    pub zvz_ms: u32,
+    /// QVZ.
+    pub qvz_ms: u32,
+    /// Attempts to get a connection, the first included.
+    pub connect_attempts: u16,
+    /// Attempts to get a telegram through, the first included.
+    pub block_attempts: u16,
+    /// Who goes first.
+    pub priority: Priority,
+    /// RK 512: the response is waited for as long as the baud rate has it, instead of 20 s.
+    pub reaction_by_baud: bool,
+}
+
+impl Cp341 {
+    /// Reads named keys. `protocol` must be among them; what is missing has the table's default.
+    ///
+    /// # Errors
+    /// An unknown key (with the nearest known one), a key given twice, a value that cannot be.
+    pub fn from_keys<'a>(given: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
+        let given: Vec<(&str, Value)> = given.into_iter().collect();
+        let (protocol, tables) = find_protocol(&given)?;
+        let rows = || tables.iter().flat_map(|table| table.iter());
+        for (n, (key, value)) in given.iter().enumerate() {
+            if given[..n].iter().any(|(other, _)| other == key) {
+                return Err(error(
+                    key,
+                    value.to_string(),
+                    "each key once".into(),
+                    "remove one of the two lines".into(),
+                ));
+            }
+            if *key != "protocol" && !rows().any(|row| row.key == *key) {
+                let remedy = match nearest(key, rows().map(|row| row.key)) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => "remove it".into(),
+                };
+                let known = rows().map(|row| row.key).collect::<Vec<_>>().join(", ");
+                return Err(error(key, value.to_string(), format!("with protocol \"{protocol}\": {known}"), remedy));
+            }
+        }
+        let mut keys = vec![("protocol", Value::from(protocol))];
+        for row in rows() {
+            let value = match given.iter().find(|(key, _)| *key == row.key) {
+                Some((_, value)) => row.checked(value)?,
+                None => row.default_value(protocol),
+            };
+            keys.push((row.key, value));
+        }
+        Ok(Self::of_checked(protocol, keys))
+    }
+
+    /// The typed form of keys that have been checked.
+    fn of_checked(protocol: &str, keys: Vec<(&'static str, Value)>) -> Self {
+        let reader = Reader(&keys);
+        let line = LineSettings {
+            baud: reader.number("baud") as u32,
+            data_bits: reader.number("data_bits") as u8,
+            parity: match reader.word("parity") {
+                "none" => Parity::None,
+                "odd" => Parity::Odd,
+                _ => Parity::Even,
+            },
+            stop_bits: if reader.number("stop_bits") == 2 { StopBits::Two } else { StopBits::One },
+            flow: Flow::None,
+        };
+        let protocol = Protocol341::S3964(S3964Of341 {
+            bcc: protocol.starts_with("3964r"),
+            rk512: protocol.ends_with("rk512"),
+            zvz_ms: reader.number("zvz_ms") as u32,
+            qvz_ms: reader.number("qvz_ms") as u32,
+            connect_attempts: reader.number("connect_attempts") as u16,
+            block_attempts: reader.number("block_attempts") as u16,
+            priority: if reader.word("priority") == "low" { Priority::Low } else { Priority::High },
+            reaction_by_baud: reader.word("reaction") == "baud",
+        });
+        Self { line, protocol, keys }
+    }
+
+    /// All parameters as named keys, `protocol` first.
+    pub fn to_keys(&self) -> &[(&'static str, Value)] {
+        &self.keys
+    }
+
+    /// Name of the protocol, as `protocol = ` takes it.
+    pub fn protocol_name(&self) -> &str {
+        Reader(&self.keys).word("protocol")
+    }
+
+    /// How the line is to be set.
+    pub fn line_settings(&self) -> LineSettings {
+        self.line
+    }
+}
+
+impl Key341 {
+    /// What may stand here, for people.
+    pub fn allowed(&self) -> String {
+        match self.kind {
+            Kind341::Choice(words) => words.join(", "),
+            Kind341::Number { min, max, step: 1 } => format!("{min}..{max}"),
+            Kind341::Number { min, max, step } => format!("{min}..{max} in steps of {step}"),
+        }
+    }
+
+    fn checked(&self, value: &Value) -> Result<Value, ParamError> {
+        let refused =
+            |remedy: String| error(self.key, value.to_string(), self.allowed(), format!("{remedy} ({})", self.text));
+        match (self.kind, value) {
+            (Kind341::Choice(words), _) => {
+                let given = match value {
+                    Value::Int(number) => number.to_string(),
+                    Value::Str(text) => text.to_ascii_lowercase(),
+                };
+                match words.iter().find(|word| **word == given) {
+                    Some(word) => Ok(written(word)),
+                    None => Err(refused(match nearest(&given, words.iter().copied()) {
+                        Some(near) => format!("did you mean {}?", written(near)),
+                        None => "choose one of them".into(),
+                    })),
+                }
+            }
+            (Kind341::Number { min, max, step }, Value::Int(number)) => {
+                if (min..=max).contains(number) && number % step == 0 {
+                    Ok(value.clone())
+                } else {
+                    let near = (number.clamp(&min, &max) + step / 2) / step * step;
+                    Err(refused(format!("the nearest is {}", near.clamp(min, max))))
+                }
+            }
+            (Kind341::Number { .. }, Value::Str(_)) => Err(refused("write a number without quotes".into())),
+        }
+    }
+
+    fn default_value(&self, protocol: &str) -> Value {
+        match (self.key, self.default) {
+            // 2 s with block check character, 550 ms without. [reference 5.2]
+            ("qvz_ms", "") => Value::Int(if protocol.starts_with("3964r") { 2000 } else { 550 }),
+            (_, word) => written(word),
+        }
+    }
+}
+
+/// A word of the table as the station file writes it.
+fn written(word: &str) -> Value {
+    word.parse().map_or_else(|_| Value::from(word), Value::Int)
+}
+
+/// Checked keys by name; one that a protocol does not have reads 0 and "".
+struct Reader<'a>(&'a [(&'static str, Value)]);
+
+impl<'a> Reader<'a> {
+    fn value(&self, key: &str) -> Option<&'a Value> {
+        self.0.iter().find(|(name, _)| *name == key).map(|(_, value)| value)
+    }
+
+    fn number(&self, key: &str) -> i64 {
+        match self.value(key) {
+            Some(Value::Int(number)) => *number,
+            _ => 0,
+        }
+    }
+
+    fn word(&self, key: &str) -> &'a str {
+        match self.value(key) {
+            Some(Value::Str(word)) => word,
+            _ => "",
+        }
+    }
+}
+
+type Tables = &'static [&'static [Key341]];
+
+fn find_protocol(given: &[(&str, Value)]) -> Result<(&'static str, Tables), ParamError> {
+    let names = || PROTOCOLS_341.iter().map(|(name, _)| *name);
+    let refused =
+        |value: String, remedy: String| error("protocol", value, names().collect::<Vec<_>>().join(", "), remedy);
+    let name = match given.iter().find(|(key, _)| *key == "protocol") {
+        None => return Err(refused("nothing".into(), "add `protocol = \"...\"`".into())),
+        Some((_, Value::Int(number))) => number.to_string(),
+        Some((_, Value::Str(text))) => text.to_ascii_lowercase(),
+    };
+    PROTOCOLS_341.iter().find(|(known, _)| *known == name).copied().ok_or_else(|| {
+        let remedy = match nearest(&name, names()) {
+            Some(near) => format!("did you mean \"{near}\"?"),
+            None => "choose one of them".into(),
+        };
+        refused(format!("\"{name}\""), remedy)
+    })
+}
+
+fn error(key: &str, value: String, allowed: String, remedy: String) -> ParamError {
+    ParamError { byte: None, key: key.into(), value, allowed, remedy }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_are_those_of_the_reference() {
+        let cp = Cp341::from_keys([("protocol", Value::from("3964R"))]).unwrap();
+        assert_eq!(cp.line.to_string(), "9600 8E1");
+        let Protocol341::S3964(s3964) = &cp.protocol;
+        assert_eq!((s3964.bcc, s3964.rk512, s3964.zvz_ms, s3964.qvz_ms), (true, false, 220, 2000));
+        assert_eq!((s3964.connect_attempts, s3964.block_attempts, s3964.priority), (6, 6, Priority::High));
+        let cp = Cp341::from_keys([("protocol", Value::from("3964")), ("priority", "low".into())]).unwrap();
+        let Protocol341::S3964(s3964) = &cp.protocol;
+        assert_eq!((s3964.bcc, s3964.qvz_ms, s3964.priority), (false, 550, Priority::Low));
+    }
+
+    #[test]
+    fn keys_survive_the_way_to_the_driver() {
+        for (protocol, _) in PROTOCOLS_341 {
+            let cp = Cp341::from_keys([("protocol", Value::from(*protocol)), ("baud", Value::Int(115_200))]).unwrap();
+            let again = Cp341::from_keys(cp.to_keys().iter().cloned()).unwrap();
+            assert_eq!((again.protocol_name(), &again), (*protocol, &cp));
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_the_remedy() {
+        let with = |key, value| Cp341::from_keys([("protocol", Value::from("3964r")), (key, value)]).unwrap_err();
+        for (key, value, says) in [
+            ("bawd", Value::Int(9600), "did you mean `baud`?"),
+            ("baud", Value::Int(9601), "did you mean 9600?"),
+            ("zvz_ms", Value::Int(225), "the nearest is 230"),
+            ("zvz_ms", Value::Int(0), "the nearest is 20"),
+            ("zvz_ms", Value::from("220"), "without quotes"),
+            ("reaction", Value::from("20s"), "remove it"),
+            ("protocol", Value::from("3964r"), "remove one"),
+        ] {
+            let error = with(key, value).to_string();
+            assert!(error.contains(says), "{key}: {error}");
+        }
+        assert!(Cp341::from_keys([]).unwrap_err().to_string().contains("add `protocol"));
+        assert!(Cp341::from_keys([("protocol", "3946r".into())]).unwrap_err().to_string().contains("\"3964r\"?"));
+    }
+}

@@ -1,0 +1,107 @@
+//! The two channels of a CP 341, one for each of its handling blocks: each side shows the other a block of 64 bytes under a
+//! sequence lock. What the blocks mean is in `docs/cp341-mailbox.md`; here they are bytes.
+
+use crate::bytes::copy_out;
+use crate::cells::{ChannelsCells, IO_WORDS};
+use crate::layout::CHANNEL_BYTES;
+use crate::registers::{IoBytes, RegisterWriter};
+use crate::seqlock::{Freshness, SeqCell, SeqReader};
+
+/// What one side shows the other.
+pub type ChannelBlock = [u8; CHANNEL_BYTES];
+
+/// Which of the two channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// P_SND_RK: jobs of the CPU.
+    Send,
+    /// P_RCV_RK: telegrams and jobs of the partner.
+    Receive,
+}
+
+impl Channel {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Send, Self::Receive];
+
+    /// Number of the data record by which the CPU reads and writes the channel (RD_REC, WR_REC).
+    #[must_use]
+    pub const fn record(self) -> u8 {
+        match self {
+            Self::Send => 0x80,
+            Self::Receive => 0x81,
+        }
+    }
+
+    /// The channel of a data record.
+    #[must_use]
+    pub fn of_record(number: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|channel| channel.record() == number)
+    }
+}
+
+/// Which way.
+#[derive(Clone, Copy)]
+pub(crate) enum Way {
+    ToCp,
+    ToCpu,
+}
+
+fn cell(cells: &ChannelsCells, channel: Channel, way: Way) -> &SeqCell<IO_WORDS> {
+    match (channel, way) {
+        (Channel::Send, Way::ToCp) => &cells.send_to_cp.block,
+        (Channel::Receive, Way::ToCp) => &cells.receive_to_cp.block,
+        (Channel::Send, Way::ToCpu) => &cells.send_to_cpu.block,
+        (Channel::Receive, Way::ToCpu) => &cells.receive_to_cpu.block,
+    }
+}
+
+/// One end of both channels: writes one way, reads the other.
+pub(crate) struct ChannelEnd {
+    writes: Way,
+    reads: Way,
+    writers: [RegisterWriter; 2],
+    readers: [SeqReader<IO_WORDS>; 2],
+}
+
+impl ChannelEnd {
+    pub(crate) fn new(writes: Way) -> Self {
+        let reads = match writes {
+            Way::ToCp => Way::ToCpu,
+            Way::ToCpu => Way::ToCp,
+        };
+        let writer = || RegisterWriter::new(IoBytes::MAX);
+        Self { writes, reads, writers: [writer(), writer()], readers: [SeqReader::new(), SeqReader::new()] }
+    }
+
+    /// Zeros in both blocks of this end, whatever a predecessor has left.
+    pub(crate) fn clear(&mut self, cells: &ChannelsCells) {
+        for channel in Channel::ALL {
+            self.writers[channel as usize].clear(cell(cells, channel, self.writes));
+        }
+    }
+
+    /// Writes what it has written last once more.
+    pub(crate) fn rewrite(&mut self, cells: &ChannelsCells) {
+        for channel in Channel::ALL {
+            self.writers[channel as usize].rewrite(cell(cells, channel, self.writes));
+        }
+    }
+
+    /// Shows a block; true if it is another than before.
+    pub(crate) fn write(&mut self, cells: &ChannelsCells, channel: Channel, block: &ChannelBlock) -> bool {
+        self.writers[channel as usize].write(cell(cells, channel, self.writes), block)
+    }
+
+    /// Copies what the other side shows.
+    pub(crate) fn read(&mut self, cells: &ChannelsCells, channel: Channel, into: &mut ChannelBlock) -> Freshness {
+        let reader = &mut self.readers[channel as usize];
+        let freshness = reader.read(cell(cells, channel, self.reads), IO_WORDS);
+        copy_out(reader.last(), into);
+        freshness
+    }
+
+    /// Whether the other side shows another block than the one read last.
+    pub(crate) fn changed(&self, cells: &ChannelsCells, channel: Channel) -> bool {
+        self.readers[channel as usize].is_outdated(cell(cells, channel, self.reads))
+    }
+}
