@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use ob1_cp::Refused;
+use ob1_cp::{Parameters341, Refused, parameters_341};
 use ob1_line::LineSpec;
 use serde::Deserialize;
 
-/// The only module type of this driver.
-const MODULE: &str = "cp240";
+/// The module types of this driver.
+const MODULES: [&str; 2] = ["cp240", CP341];
+const CP341: &str = "cp341";
 
 /// Keys of the JSON text. Unknown ones are for later drivers and ignored.
 #[derive(Debug, Deserialize)]
@@ -21,6 +22,8 @@ struct Keys {
     #[serde(default)]
     diagnostics: bool,
     trace: Option<PathBuf>,
+    #[serde(default)]
+    params: serde_json::Map<String, serde_json::Value>,
 }
 
 /// The configuration, checked.
@@ -33,18 +36,22 @@ pub(crate) struct Config {
     pub(crate) diagnostics: bool,
     /// Where the tap listens.
     pub(crate) trace: Option<PathBuf>,
+    /// It is a CP 341, with these parameters.
+    pub(crate) cp341: Option<Parameters341>,
 }
 
 impl Config {
     pub(crate) fn parse(json: &[u8]) -> Result<Self, Refused> {
         let keys: Keys =
             serde_json::from_slice(json).map_err(|e| Refused(format!("the driver's configuration: {e}")))?;
-        if keys.module != MODULE {
-            return Err(Refused(format!("module \"{}\": this driver is a {MODULE}", keys.module)));
+        if !MODULES.contains(&keys.module.as_str()) {
+            let known = MODULES.join(" or a ");
+            return Err(Refused(format!("module \"{}\": this driver is a {known}", keys.module)));
         }
+        let cp341 = (keys.module == CP341).then(|| parameters_341(&keys.params));
         let line = keys.line.parse().map_err(|e| Refused(format!("{e}")))?;
         let Keys { station, name, diagnostics, trace, .. } = keys;
-        Ok(Self { station, name, line, diagnostics, trace })
+        Ok(Self { station, name, line, diagnostics, trace, cp341 })
     }
 }
 
@@ -67,7 +74,7 @@ mod tests {
         for (json, says) in [
             (&b""[..], "configuration"),
             (br#"{"module":"cp240"}"#, "line"),
-            (br#"{"module":"cp341","line":"pty:/x"}"#, "this driver is a cp240"),
+            (br#"{"module":"cp999","line":"pty:/x"}"#, "this driver is a cp240 or a cp341"),
             (br#"{"module":"cp240","line":"pty:x"}"#, "absolute"),
         ] {
             let refused = Config::parse(json).unwrap_err().to_string();

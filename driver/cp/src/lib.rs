@@ -4,8 +4,10 @@
 //! doorbell and a real line; the simulation of a whole station drives the same type in virtual time, over a heap
 //! segment, with one end of the simulated line.
 
+mod keys;
 mod pump;
 mod translate;
 
-pub use pump::{CpPump, HEARTBEAT, LinePort, Refused};
+pub use keys::parameters_341;
+pub use pump::{CpPump, HEARTBEAT, LinePort, Parameters341, Refused};
 pub use translate::{EventCode, LINE_TEXT_RECORD, to_line_settings};

@@ -1,6 +1,6 @@
 //! The process's line: a real one, once the configuration has named it, and the log.
 
-use ob1_cp::{LinePort, Refused, to_line_settings};
+use ob1_cp::{LinePort, Parameters341, Refused, to_line_settings};
 use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{CpEvent, LineSettings, Nanos};
 use ob1_line::{Line, RealLine};
@@ -57,6 +57,10 @@ impl LinePort for Port {
 
     fn diagnostics(&self) -> bool {
         self.config.as_ref().is_some_and(|config| config.diagnostics)
+    }
+
+    fn cp341(&self) -> Option<Parameters341> {
+        self.config.as_ref().and_then(|config| config.cp341.clone())
     }
 
     fn introduce(&mut self, now: Nanos, parameters: &[u8; 16]) {

@@ -1,7 +1,10 @@
 //! The pump: moves registers, parameters and times between a segment and the firmware, line events into it, and its
 //! output to the line. It decides when the heart beats and when there is nothing to do; it waits for nothing itself.
 
-use ob1_backplane::{ChangeMark, CpSide, CpuState, DriverState, Event, EventKind, Freshness, ModemOutputs};
+use ob1_backplane::{
+    ChangeMark, Channel as SegmentChannel, CpSide, CpuState, DriverState, Event, EventKind, Freshness, ModemOutputs,
+};
+use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341, Input341};
 use ob1_firmware::{
     Cp240, CpCounter, CpEvent, CpInput, CpPort, Leds, LineFault, LineInput, LineSettings, Nanos, ParameterFault,
     Registers, StartReason,
@@ -22,6 +25,9 @@ const CODE_CONFIGURATION: u32 = 0x100;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Refused(pub String);
+
+/// The parameters of a CP 341, or what is wrong with them.
+pub type Parameters341 = Result<ob1_params::Cp341, ob1_params::ParamError>;
 
 /// The line as the pump needs it: it puts things out here. What comes in goes to [`CpPump::line_event`].
 pub trait LinePort {
@@ -66,15 +72,22 @@ pub trait LinePort {
         false
     }
 
+    /// CP 341: its parameters, or what is wrong with them; asked after [`Self::configure`]. `None`: it is a CP 240.
+    fn cp341(&self) -> Option<Parameters341> {
+        None
+    }
+
     /// Something for the log.
     fn trace(&mut self, now: Nanos, event: &CpEvent<'_>) {
         let _ = (now, event);
     }
 }
 
-/// A CP 240 on the back plane.
+/// A CP on the back plane.
 pub struct CpPump {
     cp: Cp240,
+    /// In its place, once the configuration has said that it is a CP 341.
+    cp341: Option<Box<Cp341>>,
     end: End,
     /// The CPU side's history up to which everything has been looked at.
     seen: Option<ChangeMark>,
@@ -113,6 +126,7 @@ impl CpPump {
     pub fn new(segment: CpSide) -> Self {
         Self {
             cp: Cp240::new(segment.generation()),
+            cp341: None,
             end: End {
                 segment,
                 modem: ModemOutputs::default(),
@@ -213,7 +227,53 @@ impl CpPump {
     }
 
     fn step<L: LinePort + ?Sized>(&mut self, now: Nanos, input: CpInput<'_>, line: &mut L) {
-        self.due = self.cp.step(now, input, &mut Plug { end: &mut self.end, line, now });
+        let mut plug = Plug { end: &mut self.end, line, now };
+        let Some(cp) = &mut self.cp341 else {
+            self.due = self.cp.step(now, input, &mut plug);
+            return;
+        };
+        let input = match input {
+            CpInput::Tick => Input341::Tick,
+            CpInput::Line(input) => Input341::Line(input),
+            CpInput::CpuRun(run) => Input341::CpuRun(run),
+            // Registers mean nothing to a CP 341, and its parameters are keys.
+            CpInput::Outputs(_) | CpInput::Parameters(_) => return,
+        };
+        self.due = cp.step(now, input, &mut plug);
+    }
+
+    fn step_341<L: LinePort + ?Sized>(&mut self, now: Nanos, input: Input341<'_>, line: &mut L) {
+        if let Some(cp) = &mut self.cp341 {
+            self.due = cp.step(now, input, &mut Plug { end: &mut self.end, line, now });
+        }
+    }
+
+    /// What the handling blocks of a CP 341 show.
+    fn look_channels<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
+        for (channel, name) in [(SegmentChannel::Send, Channel::Send), (SegmentChannel::Receive, Channel::Receive)] {
+            if !self.end.segment.channel_changed(channel) {
+                continue;
+            }
+            let mut block: ChannelBlock = [0; 64];
+            if self.end.segment.read_channel(channel, &mut block) == Freshness::Stale {
+                self.look_again = true;
+            }
+            self.step_341(now, Input341::Channel(name, &block), line);
+        }
+    }
+
+    /// The configuration says that this is a CP 341.
+    fn parametrise_341<L: LinePort + ?Sized>(&mut self, now: Nanos, parameters: &Parameters341, line: &mut L) {
+        if self.cp341.is_none() {
+            self.cp341 = Some(Box::new(Cp341::new()));
+            if self.end.line_error.is_some() {
+                self.step(now, CpInput::Line(LineInput::Fault(LineFault::Gone)), line);
+            }
+            if let Some(run) = self.cpu_running {
+                self.step(now, CpInput::CpuRun(run), line);
+            }
+        }
+        self.step_341(now, Input341::Parameters(parameters.as_ref()), line);
     }
 
     fn look<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
@@ -234,6 +294,9 @@ impl CpPump {
         }
         if self.end.segment.params_changed() {
             self.look_params(now, line);
+        }
+        if self.cp341.is_some() {
+            self.look_channels(now, line);
         }
         self.end.show_state();
     }
@@ -269,7 +332,10 @@ impl CpPump {
             line.introduce(now, &bytes);
         }
         self.end.parameters = Parameters::Valid;
-        self.step(now, CpInput::Parameters(&bytes), line);
+        match line.cp341() {
+            Some(parameters) => self.parametrise_341(now, &parameters, line),
+            None => self.step(now, CpInput::Parameters(&bytes), line),
+        }
         if let Err(refused) = configured {
             self.end.parameters = Parameters::Refused(CODE_CONFIGURATION);
             self.end.emit(now, EventCode::Configuration as u32, &[]);
@@ -337,6 +403,14 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
         self.end.segment.write_inputs(registers);
     }
 
+    fn channel(&mut self, channel: Channel, block: &ChannelBlock) {
+        let channel = match channel {
+            Channel::Send => SegmentChannel::Send,
+            Channel::Receive => SegmentChannel::Receive,
+        };
+        self.end.segment.write_channel(channel, block);
+    }
+
     fn transmit(&mut self, bytes: &[u8]) {
         self.line.transmit(self.now, bytes);
     }
@@ -386,6 +460,7 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
                 self.end.parameters = Parameters::Refused(u32::from(byte));
                 self.end.emit(now, EventCode::NoParameters as u32, &[byte]);
             }
+            CpEvent::Entry(number) => self.end.emit(now, EventCode::Entry as u32, &number.to_be_bytes()),
             CpEvent::SendFailed(code) => self.end.emit(now, EventCode::SendFailed as u32, &[*code]),
             CpEvent::Diagnosis { incoming, data } => {
                 let kind = if *incoming { EventKind::DiagnosticIncoming } else { EventKind::DiagnosticOutgoing };

@@ -1,4 +1,4 @@
-//! A whole CP 240 as one sans-IO machine: registers towards the CPU, buffers, protocol, LEDs, counters.
+//! A whole CP as one sans-IO machine: the CPU's side, buffers, protocol, LEDs, counters. [`Cp240`] and [`cp341`].
 //!
 //! [`Cp240`] is pure in its inputs and their times: it knows no clock, no descriptor and no shared memory. Whoever owns
 //! one hands it what happened ([`CpInput`]) and carries out what it answers through a [`CpPort`]. The process `ob1-cp` does
@@ -10,6 +10,7 @@
 #[cfg_attr(not(test), expect(dead_code, reason = "the module around it follows"))]
 mod cp040;
 mod cp240;
+pub mod cp341;
 mod diagnosis;
 mod leds;
 mod modbus;

@@ -3,6 +3,7 @@
 use ob1_params::{LineSettings, ParamError};
 use ob1_protocols::{Event, Input, LineFault, ModemLines, Nanos, rk512};
 
+use crate::cp341::{Channel, ChannelBlock};
 use crate::diagnosis::DiagnosticBytes;
 use crate::leds::Leds;
 use crate::registers::Registers;
@@ -51,6 +52,11 @@ impl<'a> LineInput<'a> {
 pub trait CpPort {
     /// Publishes the input registers, all sixteen bytes at once. Called only when they have changed.
     fn inputs(&mut self, registers: &Registers);
+
+    /// CP 341: shows the CPU a block of a channel. Called only when it has changed.
+    fn channel(&mut self, channel: Channel, block: &ChannelBlock) {
+        let _ = (channel, block);
+    }
 
     /// Puts characters on the line, behind those before.
     fn transmit(&mut self, bytes: &[u8]);
@@ -167,6 +173,10 @@ pub enum CpEvent<'a> {
     Sent,
     /// The running order ended with this code of the indicator word.
     SendFailed(u8),
+    /// CP 341: the job of P_SND_RK ended with this STATUS.
+    JobFailed(u16),
+    /// CP 341: an entry of its diagnostic buffer.
+    Entry(u16),
     /// This telegram was received.
     Received(&'a [u8]),
     /// Modbus slave "long": the master has changed so many bytes that go to the CPU together.

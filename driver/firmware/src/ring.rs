@@ -2,8 +2,11 @@
 
 use crate::registers::BUFFER_BYTES;
 
-/// Bytes of the largest buffer there is: EnOcean and M-Bus. [S0 L2916], [S0 L4133]
+/// Bytes of the largest buffer of a CP 240: EnOcean and M-Bus. [S0 L2916], [S0 L4133]
 const BYTES_MAX: usize = 2048;
+
+/// Bytes of the receive buffer of a CP 341. [reference 6.2]
+pub(crate) const BYTES_341: usize = 4096;
 
 /// Telegrams the buffer can hold at most. [S0 "Properties"]
 pub const TELEGRAMS_MAX: usize = 250;
@@ -33,12 +36,17 @@ impl Capacity {
     pub(crate) const fn large(telegrams: u8) -> Self {
         Self { bytes: BYTES_MAX, ..Self::buffers(telegrams) }
     }
+
+    /// A CP 341: 4096 bytes, and so many telegrams, 1 to 250.
+    pub(crate) const fn cp341(telegrams: u8) -> Self {
+        Self { bytes: BYTES_341, ..Self::buffers(telegrams) }
+    }
 }
 
 /// Received telegrams waiting for the CPU, oldest first.
 #[derive(Debug)]
-pub(crate) struct Ring {
-    bytes: [u8; BYTES_MAX],
+pub(crate) struct Ring<const BYTES: usize = BYTES_MAX> {
+    bytes: [u8; BYTES],
     /// Begin of the oldest telegram.
     head: usize,
     /// Bytes in use.
@@ -51,10 +59,10 @@ pub(crate) struct Ring {
     capacity: Capacity,
 }
 
-impl Ring {
+impl<const BYTES: usize> Ring<BYTES> {
     pub(crate) const fn new() -> Self {
         Self {
-            bytes: [0; BYTES_MAX],
+            bytes: [0; BYTES],
             head: 0,
             used: 0,
             lengths: [0; TELEGRAMS_MAX],
@@ -85,8 +93,8 @@ impl Ring {
         if telegram.is_empty() || telegram.len() > self.room() {
             return false;
         }
-        let begin = (self.head + self.used) % BYTES_MAX;
-        let straight = telegram.len().min(BYTES_MAX - begin);
+        let begin = (self.head + self.used) % BYTES;
+        let straight = telegram.len().min(BYTES - begin);
         let (front, back) = telegram.split_at(straight);
         self.bytes[begin..begin + straight].copy_from_slice(front);
         self.bytes[..back.len()].copy_from_slice(back);
@@ -104,14 +112,14 @@ impl Ring {
     /// Copies out of the oldest telegram, from byte `at` on.
     pub(crate) fn copy(&self, at: usize, into: &mut [u8]) {
         for (offset, byte) in into.iter_mut().enumerate() {
-            *byte = self.bytes[(self.head + at + offset) % BYTES_MAX];
+            *byte = self.bytes[(self.head + at + offset) % BYTES];
         }
     }
 
     /// Drops the oldest telegram.
     pub(crate) fn pop(&mut self) {
         if let Some(length) = self.oldest() {
-            self.head = (self.head + length) % BYTES_MAX;
+            self.head = (self.head + length) % BYTES;
             self.used -= length;
             self.first = (self.first + 1) % TELEGRAMS_MAX;
             self.telegrams -= 1;
@@ -127,7 +135,7 @@ mod tests {
 
     #[test]
     fn bytes_and_telegrams_are_limited() {
-        let mut ring = Ring::new();
+        let mut ring = <Ring>::new();
         ring.clear(Capacity::buffers(250));
         assert!(ring.push(&[7; 1024]));
         assert_eq!(ring.room(), 0);
@@ -150,7 +158,7 @@ mod tests {
             limit in 1u8..=250,
             large in any::<bool>(),
         ) {
-            let mut ring = Ring::new();
+            let mut ring = <Ring>::new();
             let capacity = if large { Capacity::large(limit) } else { Capacity::buffers(limit) };
             ring.clear(capacity);
             let mut model: VecDeque<Vec<u8>> = VecDeque::new();

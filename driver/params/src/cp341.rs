@@ -7,7 +7,7 @@ use crate::error::ParamError;
 use crate::line::{Flow, LineSettings, Parity, StopBits};
 use crate::record::{Value, nearest};
 
-pub use crate::cp240::Priority;
+use crate::cp240::Priority;
 
 /// How a key is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

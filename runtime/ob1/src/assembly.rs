@@ -12,6 +12,7 @@ use ob1_host::module::{CpModule, CpSettings};
 use ob1_host::plugin::{PluginModule, Setting};
 use ob1_host::supervisor::Times;
 use ob1_ir::Program;
+use ob1_params::Value;
 use ob1_rt::MonotonicClock;
 use serde_json::json;
 
@@ -21,7 +22,7 @@ use crate::io::{ProcessIo, Stimulus};
 use crate::offer::Unserved;
 use crate::program::{LoadFailure, Loaded};
 use crate::simulated;
-use crate::station::{AbdUnit, Absent, CP240_BYTES, Line, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
+use crate::station::{AbdUnit, Absent, Line, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
 use crate::timing::Timings;
 use crate::view::{ModuleView, StationView};
 use crate::watched::{Running, watch_all};
@@ -90,9 +91,21 @@ pub fn cp_settings(
     config: &ModuleConfig,
     place: Option<(&Path, &[SimulatedLine])>,
 ) -> Option<CpSettings> {
-    let ModuleKind::Cp240 { bytes, line, diagnostics, .. } = &config.kind else { return None };
+    let (module, parameters, line, diagnostics) = match &config.kind {
+        ModuleKind::Cp240 { bytes, line, diagnostics, .. } => ("cp240", *bytes, line, diagnostics),
+        ModuleKind::Cp341 { line, diagnostics, .. } => ("cp341", [0; 16], line, diagnostics),
+        ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } => return None,
+    };
     let mut text = line.to_string();
-    let mut json = json!({ "module": "cp240", "station": station, "name": config.name });
+    let mut json = json!({ "module": module, "station": station, "name": config.name });
+    if let ModuleKind::Cp341 { params, .. } = &config.kind {
+        for (key, value) in params.to_keys() {
+            json["params"][*key] = match value {
+                Value::Int(number) => json!(number),
+                Value::Str(text) => json!(text),
+            };
+        }
+    }
     if let Some((rundir, lines)) = place {
         if let Line::Sim(name) = line
             && let Some(line) = lines.iter().find(|line| line.name == *name)
@@ -106,11 +119,11 @@ pub fn cp_settings(
         json["diagnostics"] = true.into();
     }
     Some(CpSettings {
-        parameters: *bytes,
+        parameters,
         json: json.to_string().into_bytes(),
         absent_is_fault: config.absent == Absent::Fault,
         mailbox: false,
-        channels: false,
+        channels: matches!(config.kind, ModuleKind::Cp341 { .. }),
     })
 }
 
@@ -202,8 +215,8 @@ pub fn published(station: &Station) -> Vec<PathBuf> {
     station
         .modules
         .iter()
-        .filter_map(|module| match &module.kind {
-            ModuleKind::Cp240 { line: Line::Pty(path), .. } => Some(path.clone()),
+        .filter_map(|module| match module.kind.line() {
+            Some(Line::Pty(path)) => Some(path.clone()),
             _ => None,
         })
         .chain(station.simulated_lines.iter().filter_map(|line| match &line.partner {
@@ -244,7 +257,7 @@ impl Building<'_> {
     ) -> Result<Box<dyn Module>, AssemblyError> {
         let system = |error: &dyn std::fmt::Display| AssemblyError::System(format!("module {}: {error}", config.name));
         let segment = Segment::create_shared().map_err(|e| system(&e))?;
-        let mut side = CpuSide::create(&segment, usize::from(CP240_BYTES)).map_err(|e| system(&e))?;
+        let mut side = CpuSide::create(&segment, usize::from(config.input_bytes())).map_err(|e| system(&e))?;
         // Before the driver looks: it would report that it has none.
         side.write_params(&settings.parameters, &settings.json).map_err(|e| system(&e))?;
         if let Some(path) = segment.path() {

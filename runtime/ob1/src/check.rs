@@ -200,7 +200,7 @@ fn check_program(station: &Station) -> Result<Loaded, Vec<Finding>> {
 pub(crate) fn dummy(io: &ProcessIo, station: &str, config: &ModuleConfig) -> Option<Box<dyn Module>> {
     let Some(settings) = assembly::cp_settings(station, config, None) else { return io.module(config, false) };
     let segment = ob1_backplane::Segment::heap();
-    let side = ob1_backplane::CpuSide::create(&segment, usize::from(station::CP240_BYTES)).ok()?;
+    let side = ob1_backplane::CpuSide::create(&segment, usize::from(config.input_bytes())).ok()?;
     let link = Box::new(ob1_host::module::AlwaysThere);
     Some(Box::new(ob1_host::module::CpModule::new(side, link, settings).ok()?))
 }
@@ -225,6 +225,14 @@ fn describe(station: &Station) -> String {
                 let _ = writeln!(text, "  raw = \"{}\"", raw.join(" "));
                 let keys = params.to_keys();
                 let keys: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+                let _ = writeln!(text, "  params = {{ {} }}", keys.join(", "));
+            }
+            ModuleKind::Cp341 { params, line, .. } => {
+                let inputs = span(module.input_address, station::CP341_BYTES);
+                let outputs = span(module.output_address, station::CP341_BYTES);
+                let _ = writeln!(text, "{}: cp341, inputs {inputs}, outputs {outputs}, line {line}", module.name);
+                let keys: Vec<String> =
+                    params.to_keys().iter().map(|(key, value)| format!("{key} = {value}")).collect();
                 let _ = writeln!(text, "  params = {{ {} }}", keys.join(", "));
             }
         }

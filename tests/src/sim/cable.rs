@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use ob1_cp::{LinePort, Refused};
+use ob1_cp::{LinePort, Parameters341, Refused, parameters_341};
 use ob1_cpu::Nanos;
 use ob1_firmware::{LineInput, LineSettings};
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
@@ -27,6 +27,8 @@ pub struct Cable {
     undetectable: u64,
     /// The configuration of the driver at this end enables diagnostics.
     diagnostics: [bool; 2],
+    /// The CP at this end is a CP 341.
+    cp341: [Option<Parameters341>; 2],
     /// What leaves at this end was written by a driver that is dead: its end means nothing to the next one.
     orphaned: [bool; 2],
 }
@@ -46,6 +48,7 @@ impl Cable {
             telegrams: HashSet::new(),
             undetectable: 0,
             diagnostics: [false; 2],
+            cp341: [None, None],
             orphaned: [false; 2],
         }
     }
@@ -125,7 +128,14 @@ impl LinePort for CableEnd<'_> {
     fn configure(&mut self, _now: Nanos, json: &[u8]) -> Result<(), Refused> {
         let keys: serde_json::Value = serde_json::from_slice(json).map_err(|error| Refused(error.to_string()))?;
         self.cable.diagnostics[self.end as usize] = keys["diagnostics"] == true;
+        let none = serde_json::Map::new();
+        self.cable.cp341[self.end as usize] =
+            (keys["module"] == "cp341").then(|| parameters_341(keys["params"].as_object().unwrap_or(&none)));
         Ok(())
+    }
+
+    fn cp341(&self) -> Option<Parameters341> {
+        self.cable.cp341[self.end as usize].clone()
     }
 
     fn diagnostics(&self) -> bool {

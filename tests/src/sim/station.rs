@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ob1_command::station::{self, ModuleKind, Station};
+use ob1_command::station::{self, Station};
 use ob1_command::{assembly, program};
 use ob1_cpu::{Command, Cpu, Module, ModuleSlot, Nanos};
 use ob1_host::module::CpModule;
@@ -85,7 +85,7 @@ fn modules(
 ) -> Result<Modules, String> {
     let mut modules: Modules = Vec::new();
     for config in &station.modules {
-        let ModuleKind::Cp240 { line, .. } = &config.kind else {
+        let Some(line) = config.kind.line() else {
             return Err(format!("{}: the simulation has no process I/O", config.name));
         };
         let (cable, end) = plug(&line.to_string())?;

@@ -78,6 +78,7 @@ const TABLE: &[Row] = &[
     row("ob1-backplane", "invariant 7", &["loom", "memmap2", "rustix", "thiserror"]),
     row("ob1-cp240", "invariant 9", &["ob1-sdk"]),
     row("ob1-slio", "invariant 9", &[]),
+    row("ob1-cp341", "invariant 9", &["ob1-sdk"]),
     row("ob1-example-rust-blocks", "invariant 9", &["ob1-sdk"]),
     row("ob1-example-rust-ob1", "invariant 9", &["ob1-sdk"]),
     row("ob1-panicking-plugin", "invariant 9", &["ob1-sdk"]),
@@ -193,6 +194,7 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
         "invariant 9",
         &[
             "ob1-cp240",
+            "ob1-cp341",
             "ob1-example-rust-blocks",
             "ob1-example-rust-ob1",
             "ob1-panicking-plugin",

@@ -132,6 +132,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("plugins/abi", ALL),
     ("plugins/cp240", ALL),
     ("plugins/slio", ALL),
+    ("plugins/cp341", ALL),
     ("plugins/sdk", ALL),
     ("runtime/cpu", ALL),
     // It maps files that others made, through rustix.

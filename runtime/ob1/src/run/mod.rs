@@ -19,7 +19,7 @@ use crate::janitor::Janitor;
 use crate::posture;
 use crate::program::{self, LoadFailure};
 use crate::rundir::{RunDir, RunDirError};
-use crate::station::{self, ModuleKind, Station};
+use crate::station::{self, Station};
 
 use at_work::AtWork;
 pub use report::{Ended, REPORT_SCHEMA, Report};
@@ -134,7 +134,7 @@ fn exit_of(report: &Report) -> Exit {
 }
 
 fn driver_settings(station: &Station, quiet: bool) -> Result<DriverSettings, Failure> {
-    let wanted = station.modules.iter().any(|m| matches!(m.kind, ModuleKind::Cp240 { .. }));
+    let wanted = station.modules.iter().any(|m| m.kind.line().is_some());
     let program = if wanted {
         assembly::find_driver().map_err(|text| Failure(Exit::System, format!("ob1: {text}\n")))?
     } else {

@@ -6,6 +6,7 @@ use ob1_backplane::io_layout::IO_AREA_BYTES;
 use ob1_params::{Cp240, ModbusKind, ParamError, Protocol, StopBits, Value};
 
 use super::check::{choice, name, number};
+use super::cp341;
 use super::file::{ModuleTable, Placed};
 use super::findings::{ADDRESS, CONTRADICTION, Findings, LINE, MISSING, PARAMETER, TWICE, VALUE};
 use super::line::{self, Line};
@@ -17,14 +18,22 @@ const LAST_ADDRESS: i64 = 65_535;
 #[derive(Clone, Copy, PartialEq)]
 enum Type {
     Cp240,
+    Cp341,
     DigitalIn,
     DigitalOut,
     AnalogIn,
     AnalogOut,
 }
 
-const TYPES: [(&str, Type); 5] = [
+impl Type {
+    const fn is_cp(self) -> bool {
+        matches!(self, Self::Cp240 | Self::Cp341)
+    }
+}
+
+const TYPES: [(&str, Type); 6] = [
     ("cp240", Type::Cp240),
+    ("cp341", Type::Cp341),
     ("di", Type::DigitalIn),
     ("do", Type::DigitalOut),
     ("ai", Type::AnalogIn),
@@ -50,6 +59,7 @@ fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mo
     let ty = choice(f, "type", Some(&table.kind), &TYPES)?;
     let kind = match ty {
         Type::Cp240 => cp240(f, table, folder)?,
+        Type::Cp341 => cp341::module(f, table, folder)?,
         Type::DigitalIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
         Type::AnalogIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
         Type::DigitalOut | Type::AnalogOut => ModuleKind::Outputs { bytes: io_bytes(f, table, ty) },
@@ -63,7 +73,7 @@ fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mo
 
 /// Where the inputs and the outputs begin.
 fn addresses(f: &mut Findings<'_>, table: &ModuleTable, ty: Type) -> Option<(u32, u32)> {
-    let last = if ty == Type::Cp240 { LAST_ADDRESS } else { IO_AREA_BYTES as i64 - 1 };
+    let last = if ty.is_cp() { LAST_ADDRESS } else { IO_AREA_BYTES as i64 - 1 };
     let inputs = table.input_address.as_ref();
     let outputs = table.output_address.as_ref();
     if let Some(address) = &table.address {
@@ -75,7 +85,7 @@ fn addresses(f: &mut Findings<'_>, table: &ModuleTable, ty: Type) -> Option<(u32
         return Some((address, address));
     }
     match ty {
-        Type::Cp240 if inputs.is_some() && outputs.is_some() => {
+        Type::Cp240 | Type::Cp341 if inputs.is_some() && outputs.is_some() => {
             Some((number(f, "input_address", inputs, 0..=last, 0), number(f, "output_address", outputs, 0..=last, 0)))
         }
         Type::DigitalIn | Type::AnalogIn if inputs.is_some() && outputs.is_none() => {
@@ -151,17 +161,7 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
         }
     };
     characters_of_modbus(f, table, &params);
-    let Some(text) = &table.line else {
-        f.error(MISSING, table.kind.span(), "the CP 240 has no line", format!("add `line`: {}", line::REMEDY));
-        return None;
-    };
-    let line = match Line::parse(text.get_ref(), folder) {
-        Ok(line) => line,
-        Err(error) => {
-            f.error(LINE, text.span(), error.to_string(), line::REMEDY);
-            return None;
-        }
-    };
+    let line = line_of(f, table, folder, "the CP 240")?;
     if params.stop_bits == StopBits::OneAndHalf && !matches!(line, Line::Sim(_)) {
         let at = match (&table.params, &table.raw) {
             (Some(keys), _) => {
@@ -178,6 +178,21 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
     let abd = choice(f, "abd", table.abd.as_ref(), &units).unwrap_or_default();
     let diagnostics = table.diagnostics.as_ref().is_some_and(|switch| *switch.get_ref());
     Some(ModuleKind::Cp240 { params: Box::new(params), bytes, line, abd, diagnostics })
+}
+
+/// The line of a CP.
+pub(super) fn line_of(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path, cp: &str) -> Option<Line> {
+    let Some(text) = &table.line else {
+        f.error(MISSING, table.kind.span(), format!("{cp} has no line"), format!("add `line`: {}", line::REMEDY));
+        return None;
+    };
+    match Line::parse(text.get_ref(), folder) {
+        Ok(line) => Some(line),
+        Err(error) => {
+            f.error(LINE, text.span(), error.to_string(), line::REMEDY);
+            None
+        }
+    }
 }
 
 /// The table lets every Modbus mode have 5 to 8 data bits. A byte as a character takes 8, hexadecimal text takes 7.
@@ -203,9 +218,15 @@ fn place_of(table: &ModuleTable, key: &str) -> std::ops::Range<usize> {
     named.or_else(|| table.raw.as_ref().map(Placed::span)).unwrap_or_else(|| table.kind.span())
 }
 
-type Keys = std::collections::BTreeMap<Placed<String>, Placed<toml::Value>>;
+pub(super) type Keys = std::collections::BTreeMap<Placed<String>, Placed<toml::Value>>;
 
 fn from_keys(f: &mut Findings<'_>, params: &Placed<Keys>) -> Option<Cp240> {
+    let keys = keys_of(f, params)?;
+    Cp240::from_keys(keys).map_err(|error| parameter(f, place_in(params, &error), &error)).ok()
+}
+
+/// The keys as the parameter tables take them.
+pub(super) fn keys_of<'a>(f: &mut Findings<'_>, params: &'a Placed<Keys>) -> Option<Vec<(&'a str, Value)>> {
     let mut keys = Vec::new();
     for (key, value) in params.get_ref() {
         let converted = match value.get_ref() {
@@ -222,11 +243,13 @@ fn from_keys(f: &mut Findings<'_>, params: &Placed<Keys>) -> Option<Cp240> {
         };
         keys.push((key.get_ref().as_str(), converted));
     }
-    let place = |error: &ParamError| {
-        let found = params.get_ref().iter().find(|(key, _)| *key.get_ref() == error.key);
-        found.map_or(params.span(), |(key, value)| key.span().start..value.span().end)
-    };
-    Cp240::from_keys(keys).map_err(|error| parameter(f, place(&error), &error)).ok()
+    Some(keys)
+}
+
+/// Where the key that is wrong stands.
+pub(super) fn place_in(params: &Placed<Keys>, error: &ParamError) -> std::ops::Range<usize> {
+    let found = params.get_ref().iter().find(|(key, _)| *key.get_ref() == error.key);
+    found.map_or(params.span(), |(key, value)| key.span().start..value.span().end)
 }
 
 fn from_raw(f: &mut Findings<'_>, raw: &Placed<String>) -> Option<Cp240> {
@@ -255,7 +278,7 @@ fn from_raw(f: &mut Findings<'_>, raw: &Placed<String>) -> Option<Cp240> {
     Cp240::decode(&bytes).map_err(|error| parameter(f, place(&error), &error)).ok()
 }
 
-fn parameter(f: &mut Findings<'_>, at: std::ops::Range<usize>, error: &ParamError) {
+pub(super) fn parameter(f: &mut Findings<'_>, at: std::ops::Range<usize>, error: &ParamError) {
     let what = match (error.byte, error.key.as_str()) {
         (Some(byte), "") => format!("parameter byte {byte}"),
         (Some(byte), key) => format!("parameter `{key}` (byte {byte})"),
@@ -273,7 +296,7 @@ fn overlaps(f: &mut Findings<'_>, table: &ModuleTable, module: &ModuleConfig, ea
         let at = if outputs { &table.output_address } else { &table.input_address };
         let at = table.address.as_ref().or(at.as_ref()).map_or_else(|| table.kind.span(), Placed::span);
         let area = match module.kind {
-            ModuleKind::Cp240 { .. } => LAST_ADDRESS as u32 + 1,
+            ModuleKind::Cp240 { .. } | ModuleKind::Cp341 { .. } => LAST_ADDRESS as u32 + 1,
             ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } => IO_AREA_BYTES as u32,
         };
         if len > 0 && first + len > area {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_cpu::CpuConfig;
 use ob1_model::BlockId;
-use ob1_params::Cp240;
+use ob1_params::{Cp240, Cp341};
 
 use super::Line;
 use crate::program::Sources;
@@ -12,6 +12,9 @@ use crate::retentive::RetentiveFile;
 
 /// Register bytes of a CP 240, each way.
 pub const CP240_BYTES: u16 = 16;
+
+/// Register bytes of a CP 341, each way.
+pub const CP341_BYTES: u16 = 16;
 
 /// A station file after all checks. Paths are relative to the current directory or absolute, no longer to the file.
 #[derive(Clone, Debug, PartialEq)]
@@ -225,6 +228,15 @@ pub enum ModuleKind {
         /// Errors that light ER raise diagnostic interrupts (OB 82).
         diagnostics: bool,
     },
+    /// A CP 341 with its driver process.
+    Cp341 {
+        /// Its parameters.
+        params: Box<Cp341>,
+        /// Where its serial line leads to.
+        line: Line,
+        /// Errors raise diagnostic interrupts (OB 82).
+        diagnostics: bool,
+    },
     /// Process inputs: `di` or `ai`.
     Inputs {
         /// Bytes.
@@ -237,12 +249,24 @@ pub enum ModuleKind {
     },
 }
 
+impl ModuleKind {
+    /// Where the serial line of a communication processor leads to; `None` for process I/O.
+    #[must_use]
+    pub fn line(&self) -> Option<&Line> {
+        match self {
+            Self::Cp240 { line, .. } | Self::Cp341 { line, .. } => Some(line),
+            Self::Inputs { .. } | Self::Outputs { .. } => None,
+        }
+    }
+}
+
 impl ModuleConfig {
     /// Bytes of input registers.
     #[must_use]
     pub fn input_bytes(&self) -> u16 {
         match self.kind {
             ModuleKind::Cp240 { .. } => CP240_BYTES,
+            ModuleKind::Cp341 { .. } => CP341_BYTES,
             ModuleKind::Inputs { bytes } => bytes,
             ModuleKind::Outputs { .. } => 0,
         }
@@ -253,6 +277,7 @@ impl ModuleConfig {
     pub fn output_bytes(&self) -> u16 {
         match self.kind {
             ModuleKind::Cp240 { .. } => CP240_BYTES,
+            ModuleKind::Cp341 { .. } => CP341_BYTES,
             ModuleKind::Inputs { .. } => 0,
             ModuleKind::Outputs { bytes } => bytes,
         }

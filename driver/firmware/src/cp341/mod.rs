@@ -1,0 +1,434 @@
+//! A whole CP 341 as one sans-IO machine: two channels towards the CPU, protocol, receive buffer, LEDs, counters, diagnostic buffer.
+//!
+//! As the CP 240 it is pure in its inputs and their times. The channels are described in `docs/cp341-mailbox.md`.
+
+mod channel;
+mod outlet;
+mod protocol;
+mod receive;
+mod request;
+mod send;
+
+pub use channel::{Channel, ChannelBlock, Job};
+
+use ob1_params::{Cp341 as Parameters, ParamError};
+use ob1_protocols::rk512::{self, Answer, AnswerError, code};
+use ob1_protocols::{Input, LineFault, Nanos, Order};
+
+use crate::leds::Leds;
+use crate::port::{CpCounter, CpEvent, CpPort, LineInput, ParameterFault};
+use crate::ring::Capacity;
+use channel::Reason;
+use outlet::{Collected, Outlet, Parts};
+use protocol::Protocol;
+use receive::{Kind, Offer, ReceiveChannel};
+use send::{JOB_MAX, SendChannel};
+
+/// Everything that can happen to a CP 341.
+#[derive(Debug, Clone, Copy)]
+pub enum Input341<'a> {
+    /// Time has passed; nothing else.
+    Tick,
+    /// What the CPU shows in a channel.
+    Channel(Channel, &'a ChannelBlock),
+    /// Something happened on the line.
+    Line(LineInput<'a>),
+    /// The CPU went to RUN or start-up (true) or to STOP (false).
+    CpuRun(bool),
+    /// Parameters, as sent at each start-up of the CPU.
+    Parameters(Result<&'a Parameters, &'a ParamError>),
+}
+
+/// A CP 341.
+///
+/// Laws for the owner: time never goes backwards; [`Input341::Tick`] at the latest when the time [`Cp341::step`] answered has come.
+#[derive(Debug)]
+pub struct Cp341 {
+    parameters: Option<Parameters>,
+    protocol: Protocol,
+    protocol_due: Option<Nanos>,
+    cpu_running: bool,
+    send: SendChannel,
+    /// The job that is with the protocol.
+    sending: Option<send::Token>,
+    receive: ReceiveChannel,
+    parts: Parts,
+    leds_shown: Leds,
+    shown: [ChannelBlock; 2],
+}
+
+impl Default for Cp341 {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Cp341 {
+    /// A module without parameters.
+    pub fn new() -> Self {
+        Self {
+            parameters: None,
+            protocol: Protocol::None,
+            protocol_due: None,
+            cpu_running: false,
+            send: SendChannel::new(),
+            sending: None,
+            receive: ReceiveChannel::new(),
+            parts: Parts::new(),
+            leds_shown: Leds::NONE,
+            shown: [[0; 64]; 2],
+        }
+    }
+
+    /// Takes one input at time `now`; the result is when [`Input341::Tick`] is due.
+    pub fn step(&mut self, now: Nanos, input: Input341<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
+        match input {
+            Input341::Tick => {
+                if self.protocol_due.is_some_and(|due| now >= due) {
+                    self.drive(now, Input::Tick, port);
+                }
+            }
+            Input341::Channel(Channel::Send, block) => self.look_send(now, block, port),
+            Input341::Channel(Channel::Receive, block) => self.look_receive(now, block, port),
+            Input341::Line(line) => self.line(now, line, port),
+            Input341::CpuRun(run) => self.cpu(now, run, port),
+            Input341::Parameters(parameters) => self.parametrise(now, parameters, port),
+        }
+        self.offer();
+        self.publish(port);
+        let leds = self.parts.leds.at(now);
+        if leds != self.leds_shown {
+            self.leds_shown = leds;
+            port.leds(leds);
+        }
+        self.protocol_due.into_iter().chain(self.parts.leds.deadline()).min()
+    }
+
+    /// Whether a driver is at work.
+    pub fn is_working(&self) -> bool {
+        !matches!(self.protocol, Protocol::None)
+    }
+
+    // ---- start-up ----
+
+    fn parametrise(&mut self, now: Nanos, parameters: Result<&Parameters, &ParamError>, port: &mut dyn CpPort) {
+        self.parts.leds.power();
+        match parameters {
+            // They come with each STOP -> RUN; the same ones change nothing. [reference 1.6]
+            Ok(new) if self.parameters.as_ref() == Some(new) => self.enter(now, 0x0004, port),
+            Ok(new) => {
+                self.drop_all(now, port);
+                self.parameters = Some(new.clone());
+                port.line_settings(&new.line_settings());
+                self.parts.ring.clear(Capacity::cp341(u8::MAX));
+                self.protocol = Protocol::of(new);
+                self.parts.modem.reset();
+                port.rts(true);
+                port.dtr(true);
+                port.event(now, CpEvent::Working);
+                self.enter(now, 0x0003, port);
+                self.drive(now, Input::Tick, port);
+                self.serve(now, port);
+            }
+            Err(error) => {
+                self.drop_all(now, port);
+                self.parameters = None;
+                port.event(now, CpEvent::NoParameters(ParameterFault::Value(error)));
+                self.enter(now, 0x020F, port);
+            }
+        }
+    }
+
+    /// New parameters: "active requests are aborted, telegrams in the CP are lost". [reference 1.6]
+    fn drop_all(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        if self.is_working() {
+            self.drive(now, Protocol::ABORT, port);
+        }
+        self.protocol = Protocol::None;
+        self.protocol_due = None;
+        let dropped = self.parts.ring.telegrams();
+        if dropped > 0 {
+            port.count(CpCounter::ReceiveAborted, dropped as u64);
+        }
+        self.parts.ring.clear(Capacity::cp341(u8::MAX));
+        self.parts.untold.clear();
+        if self.receive.offered().is_some() {
+            self.receive.ended(Err(0x0501));
+        }
+    }
+
+    fn cpu(&mut self, now: Nanos, run: bool, port: &mut dyn CpPort) {
+        if self.cpu_running == run {
+            return;
+        }
+        self.cpu_running = run;
+        self.enter(now, if run { 0x0008 } else { 0x0007 }, port);
+        if !run {
+            // "All send and receive jobs stop"; a job that the protocol has goes to its end, without anybody waiting for it.
+            self.send.off();
+            self.receive.off();
+            self.parts.untold.clear();
+        }
+        self.serve(now, port);
+    }
+
+    /// RK 512 answers jobs of the partner with 2Ah while the CPU is in STOP. [reference 1.6]
+    fn serve(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        let serves = self.cpu_running;
+        self.order_rk512(now, rk512::Order::Serve(serves), port);
+    }
+
+    // ---- the channels ----
+
+    fn look_send(&mut self, now: Nanos, block: &ChannelBlock, port: &mut dyn CpPort) {
+        match self.send.look(block) {
+            send::Step::Nothing | send::Step::Started => {}
+            send::Step::Refused(status) => self.job_ended(now, Err(status), port),
+            send::Step::Complete => {
+                port.count(CpCounter::OrdersAccepted, 1);
+                self.begin(now, port);
+            }
+        }
+    }
+
+    /// Gives the complete job of the send channel to the protocol, as soon as that is free: a job that was reset after it had been
+    /// handed over is still being transmitted. [reference 1.2]
+    fn begin(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        if self.sending.is_some() || self.protocol.busy() || !self.send.is_running() {
+            return;
+        }
+        if !self.is_working() {
+            return self.job_ended(now, Err(0x0502), port);
+        }
+        let (job, data) = self.send.job();
+        let mut telegram = [0; JOB_MAX];
+        telegram[..data.len()].copy_from_slice(data);
+        let telegram = &telegram[..data.len()];
+        self.parts.first_error = None;
+        if self.protocol.rk512().is_none() {
+            if job.sf != b'S' {
+                return self.job_ended(now, Err(0x0301), port);
+            }
+            port.event(now, CpEvent::Order(telegram));
+            self.sending = Some(self.send.token());
+            return self.drive(now, Input::Order(Order::Send(telegram)), port);
+        }
+        match job.request() {
+            Err(status) => self.job_ended(now, Err(status), port),
+            Ok(request) => {
+                port.event(now, CpEvent::Order(telegram));
+                self.sending = Some(self.send.token());
+                let mut room = [0; JOB_MAX];
+                let data = request::padded(telegram, &request, &mut room);
+                self.order_rk512(now, rk512::Order::Start(request, data), port);
+            }
+        }
+    }
+
+    /// The job of the send channel has ended before the protocol had it.
+    fn job_ended(&mut self, now: Nanos, outcome: Result<&[u8], u16>, port: &mut dyn CpPort) {
+        match outcome {
+            Ok(_) => port.count(CpCounter::Sent, 1),
+            Err(status) => {
+                port.count(CpCounter::SendErrors, 1);
+                self.enter(now, status, port);
+            }
+        }
+        self.send.ended(outcome);
+    }
+
+    fn look_receive(&mut self, now: Nanos, block: &ChannelBlock, port: &mut dyn CpPort) {
+        let kind = self.receive.offered();
+        match self.receive.look(block) {
+            receive::Step::Nothing => {}
+            receive::Step::Dropped => {
+                self.enter(now, 0x040A, port);
+                self.give_back(now, kind, Reason::Reset, port);
+            }
+            receive::Step::Refused(reason) => {
+                self.enter(now, refusal(kind, reason), port);
+                self.give_back(now, kind, reason, port);
+                self.receive.ended(Err(refusal(kind, reason)));
+            }
+            receive::Step::Complete => self.taken(now, kind, port),
+        }
+        // What lies in the send channel may have waited for nothing but this; and the buffer may have room again.
+        self.drive(now, Input::Tick, port);
+    }
+
+    /// The block does not take what was offered. A telegram stays where it is; a job of the partner is refused.
+    fn give_back(&mut self, now: Nanos, kind: Option<Kind>, reason: Reason, port: &mut dyn CpPort) {
+        if matches!(kind, Some(Kind::Receive | Kind::Provide)) {
+            let number = match reason {
+                Reason::Locked => code::LOCKED,
+                Reason::Db | Reason::Range => code::RANGE,
+                Reason::Area => code::AREA,
+                Reason::Reset => code::STOP,
+            };
+            self.parts.asked.close();
+            self.order_rk512(now, rk512::Order::Answer(Answer::Refused(number)), port);
+        }
+    }
+
+    /// The CPU has all data, or has given all.
+    fn taken(&mut self, now: Nanos, kind: Option<Kind>, port: &mut dyn CpPort) {
+        match kind {
+            None => {}
+            Some(Kind::Telegram) => {
+                let len = self.parts.ring.oldest().unwrap_or(0);
+                self.parts.ring.pop();
+                port.count(CpCounter::Delivered, 1);
+                port.event(now, CpEvent::Delivered(len));
+                self.receive.ended(Ok(()));
+            }
+            Some(Kind::Receive) => self.order_rk512(now, rk512::Order::Answer(Answer::Taken), port),
+            Some(Kind::Provide) => {
+                let mut data = [0; JOB_MAX];
+                let given = self.receive.given();
+                let len = given.len();
+                data[..len].copy_from_slice(given);
+                self.order_rk512(now, rk512::Order::Answer(Answer::Data(&data[..len])), port);
+            }
+        }
+    }
+
+    /// Offers what there is, if the block waits for something.
+    fn offer(&mut self) {
+        if !self.receive.is_ready() {
+            return;
+        }
+        if let Some(status) = self.parts.untold.take() {
+            return self.receive.tell(status);
+        }
+        if let Some((request, data)) = self.parts.asked.open() {
+            self.receive.offer(request::offer(request), |into| {
+                let len = data.len().min(into.len());
+                into[..len].copy_from_slice(&data[..len]);
+            });
+            self.parts.asked.close();
+            return;
+        }
+        if let Some(len) = self.parts.ring.oldest() {
+            let ring = &self.parts.ring;
+            self.receive.offer(Offer::telegram(len), |into| ring.copy(0, into));
+        }
+    }
+
+    fn publish(&mut self, port: &mut dyn CpPort) {
+        let blocks = [(Channel::Send, self.send.show()), (Channel::Receive, self.receive.show())];
+        for (shown, (channel, block)) in self.shown.iter_mut().zip(blocks) {
+            if *shown != block {
+                *shown = block;
+                port.channel(channel, &block);
+            }
+        }
+    }
+
+    // ---- the line and the protocol ----
+
+    fn line(&mut self, now: Nanos, line: LineInput<'_>, port: &mut dyn CpPort) {
+        match line {
+            LineInput::Rx(bytes) => {
+                self.parts.leds.received(now);
+                port.count(CpCounter::BytesRx, bytes.len() as u64);
+            }
+            LineInput::TxDone => self.parts.leds.transmit(false),
+            LineInput::Fault(LineFault::Gone) => {
+                self.parts.leds.line(now, true);
+                port.count(CpCounter::LineFaults, 1);
+            }
+            LineInput::Fault(LineFault::Back) => {
+                self.parts.leds.line(now, false);
+                port.count(CpCounter::LineRestarts, 1);
+            }
+            LineInput::Fault(_) => self.parts.leds.error(now),
+            LineInput::Modem(lines) => self.parts.modem.input(lines),
+        }
+        self.drive(now, line.to_protocol(), port);
+    }
+
+    fn drive(&mut self, now: Nanos, input: Input<'_>, port: &mut dyn CpPort) {
+        let mut out = self.parts.outlet(now, self.receive.is_taking(), port);
+        self.protocol_due = self.protocol.step(now, input, &mut out);
+        let collected = out.collected;
+        self.after(now, collected, port);
+    }
+
+    /// An order for RK 512 that is not a telegram; with another protocol nothing happens.
+    fn order_rk512(&mut self, now: Nanos, order: rk512::Order<'_>, port: &mut dyn CpPort) {
+        let Protocol::Rk512(machine) = &mut self.protocol else { return };
+        let mut out: Outlet<'_> = self.parts.outlet(now, self.receive.is_taking(), port);
+        self.protocol_due = machine.step(now, rk512::Input::Order(order), &mut out);
+        let collected = out.collected;
+        self.after(now, collected, port);
+    }
+
+    /// What a step of the protocol has brought.
+    fn after(&mut self, now: Nanos, collected: Collected, port: &mut dyn CpPort) {
+        if let Some(outcome) = collected.answered {
+            self.answered(now, outcome, port);
+        }
+        let Some(outcome) = collected.ended else { return };
+        match outcome {
+            Ok(_) => {
+                port.count(CpCounter::Sent, 1);
+                port.event(now, CpEvent::Sent);
+            }
+            Err(status) => {
+                port.count(CpCounter::SendErrors, 1);
+                port.event(now, CpEvent::JobFailed(status));
+            }
+        }
+        if self.sending.take() == Some(self.send.token()) {
+            self.send.ended(outcome.map(|len| self.parts.fetched(len)));
+        }
+        // One may have come while a job that was reset went to its end.
+        self.begin(now, port);
+    }
+
+    /// RK 512: the job of the partner is over.
+    fn answered(&mut self, now: Nanos, outcome: Result<(), AnswerError>, port: &mut dyn CpPort) {
+        let waited = self.parts.asked.close();
+        match outcome {
+            Ok(()) => {
+                if self.receive.offered().is_some() {
+                    port.count(CpCounter::Delivered, 1);
+                    self.receive.ended(Ok(()));
+                } else {
+                    port.count(CpCounter::ReceiveAborted, 1);
+                }
+            }
+            Err(error) => {
+                port.count(CpCounter::ReceiveAborted, 1);
+                let status = match error {
+                    AnswerError::Line(_) => 0x0612,
+                    // "receive impossible: given up after 10 s" [reference 3.6]
+                    AnswerError::Withdrawn => 0x0409,
+                    AnswerError::Abandoned => 0x060E,
+                    AnswerError::Aborted => 0x0501,
+                };
+                if waited || self.receive.offered().is_some() && error == AnswerError::Withdrawn {
+                    self.enter(now, status, port);
+                }
+                self.receive.ended(Err(status));
+            }
+        }
+        port.event(now, CpEvent::Answered(outcome));
+    }
+
+    /// Writes into the diagnostic buffer.
+    fn enter(&mut self, now: Nanos, number: u16, port: &mut dyn CpPort) {
+        port.event(now, CpEvent::Entry(number));
+    }
+}
+
+/// STATUS of a job that P_RCV_RK has refused. [reference 3.5, 3.6, 3.8]
+const fn refusal(kind: Option<Kind>, reason: Reason) -> u16 {
+    match (kind, reason) {
+        (_, Reason::Locked) => 0x060F,
+        (Some(Kind::Telegram) | None, _) | (_, Reason::Reset) => 0x040A,
+        (_, Reason::Db) => 0x0606,
+        (_, Reason::Range) => 0x0607,
+        (_, Reason::Area) => 0x0604,
+    }
+}

@@ -1,0 +1,275 @@
+//! What a protocol works on during one step: receive buffer, job of the partner, errors, LEDs; and where it puts its results.
+
+use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
+use ob1_protocols::{Event, LineFault, Nanos, Phase, SendError, Sink, What};
+
+use super::send::JOB_MAX;
+use crate::leds::LedDriver;
+use crate::modem::Modem;
+use crate::port::{CpCounter, CpEvent, CpPort};
+use crate::ring::{BYTES_341, Ring};
+
+/// Errors that P_RCV_RK can be behind with.
+const UNTOLD_MAX: usize = 8;
+
+/// The parts of the CP that a protocol reaches.
+#[derive(Debug)]
+pub(crate) struct Parts {
+    pub(crate) ring: Ring<BYTES_341>,
+    /// RK 512: the job of the partner that waits for the CPU.
+    pub(crate) asked: Asked,
+    /// Errors that P_RCV_RK is to be told.
+    pub(crate) untold: Untold,
+    pub(crate) leds: LedDriver,
+    pub(crate) modem: Modem,
+    /// First error of the job that is with the protocol. [reference 3.9]
+    pub(crate) first_error: Option<u16>,
+    /// First error of the telegram that is being received.
+    receive_error: Option<u16>,
+    fetched: Box<[u8; JOB_MAX]>,
+}
+
+impl Parts {
+    pub(crate) fn new() -> Self {
+        Self {
+            ring: Ring::new(),
+            asked: Asked::new(),
+            untold: Untold::default(),
+            leds: LedDriver::new(),
+            modem: Modem::new(),
+            first_error: None,
+            receive_error: None,
+            fetched: Box::new([0; JOB_MAX]),
+        }
+    }
+
+    /// `taking`: P_RCV_RK is called, and wants to hear of errors.
+    pub(crate) fn outlet<'a>(&'a mut self, now: Nanos, taking: bool, port: &'a mut dyn CpPort) -> Outlet<'a> {
+        Outlet { now, taking, parts: self, port, collected: Collected::default() }
+    }
+
+    /// Data of the FETCH that has ended.
+    pub(crate) fn fetched(&self, len: usize) -> &[u8] {
+        &self.fetched[..len]
+    }
+}
+
+/// A job of the partner that waits for P_RCV_RK.
+#[derive(Debug)]
+pub(crate) struct Asked {
+    request: Option<Request>,
+    data: Box<[u8; JOB_MAX]>,
+    len: usize,
+}
+
+impl Asked {
+    fn new() -> Self {
+        Self { request: None, data: Box::new([0; JOB_MAX]), len: 0 }
+    }
+
+    fn put(&mut self, request: &Request, data: &[u8]) {
+        self.len = data.len().min(JOB_MAX);
+        self.data[..self.len].copy_from_slice(&data[..self.len]);
+        self.request = Some(*request);
+    }
+
+    /// What is to be offered, with the data of a SEND.
+    pub(crate) fn open(&self) -> Option<(&Request, &[u8])> {
+        Some((self.request.as_ref()?, &self.data[..self.len]))
+    }
+
+    /// It is over; true if it still waited.
+    pub(crate) fn close(&mut self) -> bool {
+        self.request.take().is_some()
+    }
+}
+
+/// A few numbers, oldest first; what does not fit is dropped (it stands in the diagnostic buffer).
+#[derive(Debug, Default)]
+pub(crate) struct Untold {
+    numbers: [u16; UNTOLD_MAX],
+    count: usize,
+}
+
+impl Untold {
+    pub(crate) fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    fn push(&mut self, number: u16) {
+        if let Some(place) = self.numbers.get_mut(self.count) {
+            *place = number;
+            self.count += 1;
+        }
+    }
+
+    pub(crate) fn take(&mut self) -> Option<u16> {
+        let first = (self.count > 0).then_some(self.numbers[0])?;
+        self.numbers.rotate_left(1);
+        self.count -= 1;
+        Some(first)
+    }
+}
+
+/// What a step has ended.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Collected {
+    /// The own job: bytes fetched, or STATUS.
+    pub(crate) ended: Option<Result<usize, u16>>,
+    /// The job of the partner.
+    pub(crate) answered: Option<Result<(), AnswerError>>,
+}
+
+/// Where the protocol puts its results during one step.
+pub(crate) struct Outlet<'a> {
+    now: Nanos,
+    taking: bool,
+    parts: &'a mut Parts,
+    port: &'a mut dyn CpPort,
+    pub(crate) collected: Collected,
+}
+
+impl Outlet<'_> {
+    fn enter(&mut self, number: u16) {
+        self.port.event(self.now, CpEvent::Entry(number));
+    }
+
+    fn tell(&mut self, number: u16) {
+        if self.taking {
+            self.parts.untold.push(number);
+        }
+    }
+
+    /// An error of receiving: told to P_RCV_RK where it costs a telegram.
+    fn receive_error(&mut self, what: What, number: u16) {
+        let first = *self.parts.receive_error.get_or_insert(number);
+        let lost = matches!(what, What::CharacterDelay | What::Restarted | What::NoBuffer | What::TooLong);
+        if lost {
+            self.parts.receive_error = None;
+            self.tell(first);
+        }
+    }
+}
+
+/// Event number of the CP 341: NAK while characters leave is one of the "characters received while sending"; 0705h is the CP 441's.
+/// [reference 3.9]
+fn number(event: Event) -> Option<u16> {
+    match event.number() {
+        Some(0x0705) => Some(0x0704),
+        number => number,
+    }
+}
+
+impl Sink for Outlet<'_> {
+    fn transmit(&mut self, bytes: &[u8]) {
+        self.parts.leds.transmit(true);
+        self.port.count(CpCounter::BytesTx, bytes.len() as u64);
+        self.port.transmit(bytes);
+    }
+
+    fn take_back(&mut self) -> usize {
+        self.port.take_back()
+    }
+
+    fn room(&self) -> usize {
+        self.parts.ring.room()
+    }
+
+    fn deliver(&mut self, telegram: &[u8]) {
+        self.parts.receive_error = None;
+        if self.parts.ring.push(telegram) {
+            self.port.count(CpCounter::Received, 1);
+            self.port.event(self.now, CpEvent::Received(telegram));
+        } else {
+            self.port.count(CpCounter::Rejected, 1);
+        }
+    }
+
+    fn sent(&mut self, outcome: Result<(), SendError>) {
+        let first = self.parts.first_error;
+        self.collected.ended = Some(outcome.map(|()| 0).map_err(|error| match error {
+            SendError::TooLong => 0x0518,
+            SendError::Aborted | SendError::Busy => 0x0501,
+            // The first error of the job is what it ends with. [reference 3.9]
+            SendError::AckDelay => first.unwrap_or(0x0707),
+            SendError::Repetitions | SendError::Frame => first.unwrap_or(0x070A),
+        }));
+    }
+
+    fn report(&mut self, event: Event) {
+        if let What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) = event.what {
+            self.parts.leds.error(self.now);
+            self.port.count(CpCounter::ReceiveErrors, 1);
+        }
+        if event.what == What::NoRepetition
+            && let Some(first) = self.parts.receive_error.take()
+        {
+            self.tell(first);
+        }
+        if let Some(number) = number(event) {
+            self.enter(number);
+            match event.phase {
+                // Information, and the two that say "used up", are no first error.
+                Phase::Connect | Phase::Output | Phase::Acknowledge => {
+                    if !matches!(number, 0x0701 | 0x0709 | 0x070A) {
+                        self.parts.first_error.get_or_insert(number);
+                    }
+                }
+                Phase::Idle | Phase::Receive => self.receive_error(event.what, number),
+            }
+        }
+    }
+
+    fn rts(&mut self, on: bool) {
+        self.parts.modem.set_rts(on);
+        self.port.rts(on);
+    }
+}
+
+impl rk512::Owner for Outlet<'_> {
+    fn transmit(&mut self, bytes: &[u8]) {
+        Sink::transmit(self, bytes);
+    }
+
+    fn take_back(&mut self) -> usize {
+        Sink::take_back(self)
+    }
+
+    fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
+        self.collected.ended = Some(match outcome {
+            Ok(data) => {
+                let len = data.len().min(JOB_MAX);
+                self.parts.fetched[..len].copy_from_slice(&data[..len]);
+                Ok(len)
+            }
+            Err(OrderError::TooLong | OrderError::Invalid) => Err(0x0518),
+            Err(error) => Err(error.number().unwrap_or(0x0501)),
+        });
+    }
+
+    fn asked(&mut self, request: &Request, data: &[u8]) {
+        self.parts.asked.put(request, data);
+        self.port.count(CpCounter::Received, 1);
+        self.port.event(self.now, CpEvent::Asked(request, data));
+    }
+
+    fn answered(&mut self, outcome: Result<(), AnswerError>) {
+        self.collected.answered = Some(outcome);
+    }
+
+    fn report(&mut self, event: rk512::Event) {
+        match event {
+            rk512::Event::Line(event) => Sink::report(self, event),
+            // Entered where the block's refusal is looked at.
+            rk512::Event::RefusedByCpu(_) => {}
+            other => {
+                if let Some(number) = other.number() {
+                    self.enter(number);
+                }
+                if let rk512::Event::Refused(refusal) = other {
+                    self.tell(refusal.number());
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,249 @@
+//! The receive channel: telegrams and jobs of the partner for P_RCV_RK, piece by piece. [reference 1.5]
+
+use super::channel::{ChannelBlock, Command, FromCpu, Reason, State, ToCpu, pieces, range};
+use super::send::JOB_MAX;
+
+/// Where what was offered is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// No start number acknowledged.
+    Off,
+    /// EN_R = 0: nothing is taken.
+    Rest,
+    /// The block waits.
+    Ready,
+    /// Its header is on show.
+    Offered,
+    /// Data go to the CPU; it has so many pieces.
+    Giving {
+        given: u16,
+    },
+    /// Data come from the CPU; so many pieces are here.
+    Collecting {
+        taken: u16,
+    },
+    /// The CPU has done its part.
+    Finishing,
+    Done,
+    Failed(u16),
+}
+
+/// What is offered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// A telegram without header: ASCII, 3964(R).
+    Telegram = 0,
+    /// RK 512: data of the partner.
+    Receive = 1,
+    /// RK 512: data for the partner.
+    Provide = 2,
+}
+
+/// The header of what is offered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Offer {
+    pub(crate) kind: Kind,
+    /// Bytes.
+    pub(crate) len: usize,
+    /// Letter of the area; 0: none.
+    pub(crate) l_typ: u8,
+    /// Number of the DB or DX.
+    pub(crate) l_no: u8,
+    /// First byte, timer or counter.
+    pub(crate) l_offset: u16,
+    /// Coordination flag byte and bit; 255: none.
+    pub(crate) flag: (u8, u8),
+}
+
+impl Offer {
+    /// A telegram without header.
+    pub(crate) const fn telegram(len: usize) -> Self {
+        Self { kind: Kind::Telegram, len, l_typ: 0, l_no: 0, l_offset: 0, flag: (0xFF, 0) }
+    }
+}
+
+/// What a block of the CPU has brought about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// Nothing for others.
+    Nothing,
+    /// The block has begun anew, or stopped taking: what was offered is free again.
+    Dropped,
+    /// The block refuses it.
+    Refused(Reason),
+    /// The CPU has all data, or has given all.
+    Complete,
+}
+
+/// The channel and the data of what is offered.
+#[derive(Debug)]
+pub(crate) struct ReceiveChannel {
+    phase: Phase,
+    start: u16,
+    number: u16,
+    offer: Offer,
+    data: Box<[u8; JOB_MAX]>,
+}
+
+impl ReceiveChannel {
+    pub(crate) fn new() -> Self {
+        let data = Box::new([0; JOB_MAX]);
+        Self { phase: Phase::Off, start: 0, number: 0, offer: Offer::telegram(0), data }
+    }
+
+    /// The CPU is in STOP, or the CP begins anew.
+    pub(crate) fn off(&mut self) {
+        (self.phase, self.start) = (Phase::Off, 0);
+    }
+
+    /// The block waits for something.
+    pub(crate) fn is_ready(&self) -> bool {
+        self.phase == Phase::Ready
+    }
+
+    /// The block has begun, and takes something or is at it.
+    pub(crate) fn is_taking(&self) -> bool {
+        !matches!(self.phase, Phase::Off | Phase::Rest)
+    }
+
+    /// What is on show, while it is.
+    pub(crate) fn offered(&self) -> Option<Kind> {
+        match self.phase {
+            Phase::Offered | Phase::Giving { .. } | Phase::Collecting { .. } | Phase::Finishing => {
+                Some(self.offer.kind)
+            }
+            _ => None,
+        }
+    }
+
+    /// Data the CPU has given.
+    pub(crate) fn given(&self) -> &[u8] {
+        &self.data[..self.offer.len]
+    }
+
+    /// Offers something; `fill` puts its data in their place.
+    pub(crate) fn offer(&mut self, offer: Offer, fill: impl FnOnce(&mut [u8])) {
+        let len = offer.len.min(JOB_MAX);
+        self.offer = Offer { len, ..offer };
+        fill(&mut self.data[..len]);
+        self.number = next(self.number);
+        self.phase = Phase::Offered;
+    }
+
+    /// Tells of an error that belongs to no job of the block.
+    pub(crate) fn tell(&mut self, status: u16) {
+        self.number = next(self.number);
+        self.phase = Phase::Failed(status);
+    }
+
+    /// What was offered has come to its end.
+    pub(crate) fn ended(&mut self, outcome: Result<(), u16>) {
+        if self.offered().is_some() {
+            self.phase = outcome.map_or_else(Phase::Failed, |()| Phase::Done);
+        }
+    }
+
+    /// Looks at what the CPU shows.
+    pub(crate) fn look(&mut self, block: &ChannelBlock) -> Step {
+        let cpu = FromCpu(block);
+        if cpu.command() == Command::Start && cpu.start() != 0 {
+            if cpu.start() == self.start {
+                return Step::Nothing;
+            }
+            let dropped = self.offered().is_some();
+            let phase = if cpu.takes() { Phase::Ready } else { Phase::Rest };
+            (self.phase, self.start, self.number) = (phase, cpu.start(), 0);
+            return if dropped { Step::Dropped } else { Step::Nothing };
+        }
+        if cpu.start() != self.start || self.phase == Phase::Off {
+            return Step::Nothing;
+        }
+        match (cpu.command(), self.phase) {
+            (Command::Rest, _) => {
+                let dropped = self.offered().is_some();
+                self.phase = Phase::Rest;
+                if dropped { Step::Dropped } else { Step::Nothing }
+            }
+            (Command::Wait, Phase::Rest) => {
+                self.phase = Phase::Ready;
+                Step::Nothing
+            }
+            // The end of the job before is acknowledged.
+            (Command::Wait, Phase::Done | Phase::Failed(_)) => {
+                self.phase = Phase::Ready;
+                Step::Nothing
+            }
+            (Command::Refuse, Phase::Offered | Phase::Giving { .. } | Phase::Collecting { .. })
+                if cpu.job() == self.number =>
+            {
+                self.phase = Phase::Finishing;
+                Step::Refused(cpu.reason())
+            }
+            (Command::Job, _) if cpu.job() == self.number => self.work(cpu),
+            _ => Step::Nothing,
+        }
+    }
+
+    fn work(&mut self, cpu: FromCpu<'_>) -> Step {
+        let all = pieces(self.offer.len);
+        if self.phase == Phase::Offered {
+            self.phase = match self.offer.kind {
+                Kind::Provide => Phase::Collecting { taken: 0 },
+                Kind::Telegram | Kind::Receive => Phase::Giving { given: 0 },
+            };
+        }
+        match self.phase {
+            Phase::Giving { given } if cpu.piece() == given + 1 => {
+                self.phase = Phase::Giving { given: cpu.piece() };
+                if cpu.piece() >= all {
+                    self.phase = Phase::Finishing;
+                    return Step::Complete;
+                }
+                Step::Nothing
+            }
+            Phase::Collecting { taken } if cpu.piece() == taken => {
+                let range = range(taken, self.offer.len);
+                let bytes = range.len();
+                self.data[range].copy_from_slice(&cpu.data()[..bytes]);
+                self.phase = Phase::Collecting { taken: taken + 1 };
+                if taken + 1 >= all {
+                    self.phase = Phase::Finishing;
+                    return Step::Complete;
+                }
+                Step::Nothing
+            }
+            _ => Step::Nothing,
+        }
+    }
+
+    /// What the CPU is shown.
+    pub(crate) fn show(&self) -> ChannelBlock {
+        let block = |state| {
+            let mut block = ToCpu::new(state, self.start, self.number).len(self.offer.len);
+            block.0[12] = self.offer.kind as u8;
+            block.0[13] = self.offer.l_typ;
+            block.set(14, u16::from(self.offer.l_no));
+            block.set(16, self.offer.l_offset);
+            block.set(18, u16::from(self.offer.flag.0));
+            block.set(20, u16::from(self.offer.flag.1));
+            block
+        };
+        match self.phase {
+            Phase::Off => ToCpu::new(State::Off, 0, 0).0,
+            Phase::Rest | Phase::Ready => ToCpu::new(State::Ready, self.start, self.number).0,
+            Phase::Offered => block(State::Offered).0,
+            Phase::Giving { given } => {
+                block(State::Giving).piece(given).data(&self.data[range(given, self.offer.len)]).0
+            }
+            Phase::Collecting { taken } => block(State::Collecting).piece(taken).0,
+            Phase::Finishing => block(State::Running).0,
+            Phase::Done => block(State::Done).0,
+            Phase::Failed(status) => ToCpu::new(State::Failed, self.start, self.number).status(status).0,
+        }
+    }
+}
+
+/// 1 to 65535, then 1 again.
+const fn next(number: u16) -> u16 {
+    if number == u16::MAX { 1 } else { number + 1 }
+}

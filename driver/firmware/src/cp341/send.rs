@@ -1,0 +1,182 @@
+//! The send channel: jobs of P_SND_RK, piece by piece. [reference 1.2]
+
+use super::channel::{ChannelBlock, Command, FromCpu, Job, State, ToCpu, pieces, range};
+
+/// Longest job in bytes. [reference 1.1]
+pub(crate) const JOB_MAX: usize = 4096;
+
+/// Where the job is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// No start number acknowledged.
+    Off,
+    Ready,
+    /// Its data come; so many pieces are here.
+    Collecting {
+        taken: u16,
+    },
+    /// It is complete here.
+    Running,
+    /// Fetched data go to the CPU; it has so many pieces.
+    Giving {
+        given: u16,
+    },
+    Done,
+    Failed(u16),
+}
+
+/// Tells a job from all others: start number and job number.
+pub(crate) type Token = (u16, u16);
+
+/// What a block of the CPU has brought about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// Nothing for others.
+    Nothing,
+    /// A new start number: the job that was, if one was incomplete, is gone.
+    Started,
+    /// The job is complete.
+    Complete,
+    /// It cannot be a job.
+    Refused(u16),
+}
+
+/// The channel and the data of its job.
+#[derive(Debug)]
+pub(crate) struct SendChannel {
+    phase: Phase,
+    start: u16,
+    number: u16,
+    job: Job,
+    data: Box<[u8; JOB_MAX]>,
+    /// Bytes of fetched data.
+    fetched: usize,
+}
+
+impl SendChannel {
+    pub(crate) fn new() -> Self {
+        let data = Box::new([0; JOB_MAX]);
+        Self { phase: Phase::Off, start: 0, number: 0, job: Job::default(), data, fetched: 0 }
+    }
+
+    /// The CPU is in STOP, or the CP begins anew: nobody waits for an answer any more.
+    pub(crate) fn off(&mut self) {
+        (self.phase, self.start) = (Phase::Off, 0);
+    }
+
+    /// The job under way has its data here.
+    pub(crate) fn is_running(&self) -> bool {
+        self.phase == Phase::Running
+    }
+
+    /// Which job it is.
+    pub(crate) fn token(&self) -> Token {
+        (self.start, self.number)
+    }
+
+    /// The job and, for SEND, its data.
+    pub(crate) fn job(&self) -> (Job, &[u8]) {
+        let len = if self.job.sf == b'S' { self.len() } else { 0 };
+        (self.job, &self.data[..len])
+    }
+
+    fn len(&self) -> usize {
+        usize::try_from(self.job.len).unwrap_or(0).min(JOB_MAX)
+    }
+
+    /// Looks at what the CPU shows.
+    pub(crate) fn look(&mut self, block: &ChannelBlock) -> Step {
+        let cpu = FromCpu(block);
+        if cpu.command() == Command::Start && cpu.start() != 0 {
+            if cpu.start() == self.start {
+                return Step::Nothing;
+            }
+            (self.phase, self.start, self.number) = (Phase::Ready, cpu.start(), 0);
+            return Step::Started;
+        }
+        if cpu.start() != self.start || self.phase == Phase::Off {
+            return Step::Nothing;
+        }
+        match (cpu.command(), self.phase) {
+            (Command::Rest, Phase::Done | Phase::Failed(_)) => {
+                self.phase = Phase::Ready;
+                Step::Nothing
+            }
+            (Command::Job, _) if cpu.job() != self.number => {
+                (self.number, self.job, self.fetched) = (cpu.job(), Job::of(block), 0);
+                self.phase = Phase::Collecting { taken: 0 };
+                self.collect(cpu)
+            }
+            (Command::Job, Phase::Collecting { .. }) => self.collect(cpu),
+            (Command::Job, Phase::Giving { given }) if cpu.piece() == given + 1 => {
+                self.phase = if cpu.piece() >= pieces(self.fetched) {
+                    Phase::Done
+                } else {
+                    Phase::Giving { given: cpu.piece() }
+                };
+                Step::Nothing
+            }
+            _ => Step::Nothing,
+        }
+    }
+
+    fn collect(&mut self, cpu: FromCpu<'_>) -> Step {
+        let Phase::Collecting { taken } = self.phase else { return Step::Nothing };
+        let len = self.len();
+        if len == 0 || usize::try_from(self.job.len) != Ok(len) {
+            self.phase = Phase::Running;
+            // "Length too large or too small"
+            return Step::Refused(0x0518);
+        }
+        if self.job.sf != b'S' {
+            self.phase = Phase::Running;
+            return Step::Complete;
+        }
+        if cpu.piece() != taken {
+            return Step::Nothing;
+        }
+        let range = range(taken, len);
+        let bytes = range.len();
+        self.data[range].copy_from_slice(&cpu.data()[..bytes]);
+        if taken + 1 == pieces(len) {
+            self.phase = Phase::Running;
+            return Step::Complete;
+        }
+        self.phase = Phase::Collecting { taken: taken + 1 };
+        Step::Nothing
+    }
+
+    /// The job has ended; at FETCH with these data.
+    pub(crate) fn ended(&mut self, outcome: Result<&[u8], u16>) {
+        if self.phase != Phase::Running {
+            return;
+        }
+        self.phase = match outcome {
+            Err(status) => Phase::Failed(status),
+            Ok([]) => Phase::Done,
+            // More may have come than LEN says: an odd LEN travels with a filler. [reference 1.3]
+            Ok(data) => {
+                self.fetched = data.len().min(self.len());
+                self.data[..self.fetched].copy_from_slice(&data[..self.fetched]);
+                Phase::Giving { given: 0 }
+            }
+        };
+    }
+
+    /// What the CPU is shown.
+    pub(crate) fn show(&self) -> ChannelBlock {
+        let block = |state| ToCpu::new(state, self.start, self.number);
+        match self.phase {
+            Phase::Off => ToCpu::new(State::Off, 0, 0).0,
+            Phase::Ready => block(State::Ready).0,
+            Phase::Collecting { taken } => block(State::Collecting).piece(taken).0,
+            Phase::Running => block(State::Running).piece(pieces(self.len())).0,
+            Phase::Giving { given } => {
+                let data = &self.data[range(given, self.fetched)];
+                block(State::Giving).piece(given).len(self.fetched).data(data).0
+            }
+            Phase::Done => block(State::Done).len(self.fetched).0,
+            Phase::Failed(status) => block(State::Failed).status(status).0,
+        }
+    }
+}

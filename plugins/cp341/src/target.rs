@@ -1,0 +1,136 @@
+//! Where P_RCV_RK puts data, or takes them from. [reference 1.5]
+
+use ob1_sdk::{Abort, Area, Cx, Refused};
+
+use crate::state::CpState;
+
+/// Timers and counters fetched from a CP 341, at most so many bytes. [reference 1.5]
+const TIMERS_MAX: u16 = 32;
+
+/// Why a job cannot be, as the CP is told. `docs/cp341-mailbox.md`
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Refusal {
+    /// The coordination flag is set.
+    Locked = 1,
+    /// The data block is missing.
+    Db = 2,
+    /// The area is too short.
+    Range = 3,
+    /// This area cannot be had.
+    Area = 4,
+    /// R = 1, EN_R = 0, or nowhere to put the data.
+    Reset = 5,
+}
+
+impl Refusal {
+    /// STATUS of the block. [reference 3.6, 3.8]
+    pub(crate) const fn status(self) -> u16 {
+        match self {
+            Self::Locked => 0x060F,
+            Self::Db => 0x0606,
+            Self::Range => 0x0607,
+            Self::Area => 0x0604,
+            Self::Reset => 0x040A,
+        }
+    }
+}
+
+/// A place of the CPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Target {
+    /// Bytes of an area, from this one on.
+    Bytes(Area, u32),
+    /// Timers, from this number on.
+    Timers(u16),
+    /// Counters, from this number on.
+    Counters(u16),
+}
+
+impl Target {
+    /// Of a letter in the partner's header; `None`: a CP 341 does not have it (DX, and what is no letter).
+    pub(crate) fn of(letter: u8, number: u16, offset: u16) -> Option<Self> {
+        let offset_bytes = u32::from(offset);
+        Some(match letter {
+            b'D' => Self::Bytes(Area::Db(number), offset_bytes),
+            b'M' => Self::Bytes(Area::Memory, offset_bytes),
+            b'E' => Self::Bytes(Area::Input, offset_bytes),
+            b'A' => Self::Bytes(Area::Output, offset_bytes),
+            b'T' => Self::Timers(offset),
+            b'Z' => Self::Counters(offset),
+            _ => return None,
+        })
+    }
+
+    /// Whether so many bytes are there.
+    pub(crate) fn check(self, cx: &mut Cx<'_, CpState>, len: u16) -> Result<Result<(), Refusal>, Abort> {
+        Ok(match self {
+            Self::Bytes(area, at) => match cx.len(area)? {
+                Ok(there) if at + u32::from(len) <= there => Ok(()),
+                Ok(_) => Err(Refusal::Range),
+                Err(refused) => Err(refusal(refused)),
+            },
+            Self::Timers(_) | Self::Counters(_) if len > TIMERS_MAX => Err(Refusal::Range),
+            Self::Timers(first) => match cx.timer(last(first, len))? {
+                Ok(_) => Ok(()),
+                Err(_) => Err(Refusal::Range),
+            },
+            Self::Counters(first) => match cx.counter(last(first, len))? {
+                Ok(_) => Ok(()),
+                Err(_) => Err(Refusal::Range),
+            },
+        })
+    }
+
+    /// Reads a piece that begins `from` bytes behind the first.
+    pub(crate) fn read(
+        self,
+        cx: &mut Cx<'_, CpState>,
+        from: u16,
+        into: &mut [u8],
+    ) -> Result<Result<(), Refusal>, Abort> {
+        match self {
+            Self::Bytes(area, at) => Ok(cx.read(area, at + u32::from(from), into)?.map_err(refusal)),
+            Self::Timers(first) | Self::Counters(first) => {
+                for (n, word) in into.chunks_mut(2).enumerate() {
+                    let number = first + from / 2 + n as u16;
+                    let value = match self {
+                        // As they lie in the CPU: remaining time as S5TIME, count as BCD.
+                        Self::Timers(_) => cx.timer(number)?.map(|timer| timer.remaining),
+                        _ => cx.counter(number)?.map(bcd),
+                    };
+                    let Ok(value) = value else { return Ok(Err(Refusal::Range)) };
+                    word.copy_from_slice(&value.to_be_bytes()[..word.len()]);
+                }
+                Ok(Ok(()))
+            }
+        }
+    }
+
+    /// Writes a piece.
+    pub(crate) fn write(self, cx: &mut Cx<'_, CpState>, from: u16, data: &[u8]) -> Result<Result<(), Refused>, Abort> {
+        match self {
+            Self::Bytes(area, at) => cx.write(area, at + u32::from(from), data),
+            // Nobody sends to timers and counters.
+            Self::Timers(_) | Self::Counters(_) => Ok(Err(Refused::Outside)),
+        }
+    }
+}
+
+/// The last timer or counter of so many bytes.
+const fn last(first: u16, len: u16) -> u16 {
+    first + len.div_ceil(2).saturating_sub(1)
+}
+
+fn refusal(refused: Refused) -> Refusal {
+    match refused {
+        Refused::NoDb | Refused::DbNumber => Refusal::Db,
+        _ => Refusal::Range,
+    }
+}
+
+/// 0 to 999 as three decimal digits.
+fn bcd(value: u16) -> u16 {
+    let digit = |power: u16| value / power % 10;
+    digit(100) << 8 | digit(10) << 4 | digit(1)
+}

@@ -1,0 +1,97 @@
+//! FC 5 V24_STAT and FC 6 V24_SET: the accompanying signals of the RS 232 interface. [reference 2]
+//!
+//! Neither has an error output, and neither touches BR. The CP shows its lines in the first byte of its inputs and takes RTS and DTR
+//! from the first byte of its outputs.
+
+use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+
+use crate::channel::address;
+use crate::state::CpState;
+
+interface! {
+    /// The parameters, in the manual's order.
+    pub(crate) mod stat {
+        /// Logical base address of the CP.
+        in     LADDR: Int;
+        /// State of the output DTR.
+        out    DTR_OUT: Bool;
+        /// State of the input DSR.
+        out    DSR_IN: Bool;
+        /// State of the output RTS.
+        out    RTS_OUT: Bool;
+        /// State of the input CTS.
+        out    CTS_IN: Bool;
+        /// State of the input DCD.
+        out    DCD_IN: Bool;
+        /// State of the input RI.
+        out    RI_IN: Bool;
+    }
+}
+
+interface! {
+    /// The parameters, in the manual's order.
+    pub(crate) mod set {
+        /// Logical base address of the CP.
+        in     LADDR: Int;
+        /// State for RTS.
+        in     RTS: Bool;
+        /// State for DTR.
+        in     DTR: Bool;
+    }
+}
+
+/// Bits of the byte the CP shows.
+const DTR: u8 = 1 << 0;
+const DSR: u8 = 1 << 1;
+const RTS: u8 = 1 << 2;
+const CTS: u8 = 1 << 3;
+const DCD: u8 = 1 << 4;
+const RI: u8 = 1 << 5;
+/// The program drives RTS and DTR.
+const DRIVES: u8 = 1 << 7;
+
+/// FC 5.
+pub(crate) struct Stat;
+
+impl Block for Stat {
+    const KIND: Kind = Kind::Fc;
+    const NUMBER: u16 = 5;
+    const NAME: &'static str = "V24_STAT";
+    const PARAMS: &'static [Param] = stat::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let (laddr, mut lines) = (cx.get(stat::LADDR)?, [0]);
+        // No error output: a CP that is not there has no signal.
+        let _there = cx.io_read(address(laddr), &mut lines)?;
+        let is_on = |bit: u8| lines[0] & bit != 0;
+        cx.set(stat::DTR_OUT, is_on(DTR))?;
+        cx.set(stat::DSR_IN, is_on(DSR))?;
+        cx.set(stat::RTS_OUT, is_on(RTS))?;
+        cx.set(stat::CTS_IN, is_on(CTS))?;
+        cx.set(stat::DCD_IN, is_on(DCD))?;
+        cx.set(stat::RI_IN, is_on(RI))
+    }
+}
+
+/// FC 6.
+pub(crate) struct Set;
+
+impl Block for Set {
+    const KIND: Kind = Kind::Fc;
+    const NUMBER: u16 = 6;
+    const NAME: &'static str = "V24_SET";
+    const PARAMS: &'static [Param] = set::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let laddr = cx.get(set::LADDR)?;
+        let rts = if cx.get(set::RTS)? { RTS } else { 0 };
+        let dtr = if cx.get(set::DTR)? { DTR } else { 0 };
+        // No error output either.
+        let _there = cx.io_write(address(laddr), &[DRIVES | rts | dtr])?;
+        Ok(())
+    }
+}
