@@ -1,0 +1,43 @@
+//! The CP 341 pair of `examples/cp341-pair` in virtual time: P_SND_RK to P_RCV_RK over 3964R, SEND and FETCH over RK 512.
+
+use std::path::{Path, PathBuf};
+
+use ob1_line::sim::FaultRates;
+use ob1_tests::sim::{self, Outcome, SECOND, Scenario};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/cp341-pair")
+}
+
+fn run(scenario: &Scenario) -> Outcome {
+    sim::run(scenario).unwrap_or_else(|message| {
+        panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
+    })
+}
+
+/// A cell of a station's ledger.
+fn cell(outcome: &Outcome, station: &str, db: u16, byte: usize) -> u32 {
+    let station = outcome.stations.iter().find(|s| s.name.ends_with(station)).expect("a station of the pair");
+    station.ledger(db, byte)
+}
+
+#[test]
+fn a_good_line_loses_nothing() {
+    let scenario =
+        Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 20 * SECOND, ..Scenario::demo(&folder(), 7) };
+    let outcome = run(&scenario);
+    assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
+    for column in ["error", "aborted", "wrong", "doubled", "late", "lost", "undetectable"] {
+        assert_eq!(outcome.verdict.get(column), 0, "{column}\n{}\n{}", outcome.verdict, outcome.log);
+    }
+    assert!(outcome.verdict.get("good") > 200, "{}", outcome.verdict);
+    // RK 512: a SEND and a FETCH each, all right.
+    let (done, good) = (cell(&outcome, "-a", 21, 12), cell(&outcome, "-a", 21, 24));
+    assert!(good > 100 && done >= 2 * good, "{done} jobs done, {good} blocks right");
+    for (name, byte) in [("error", 16), ("aborted", 20), ("wrong", 28)] {
+        assert_eq!(cell(&outcome, "-a", 21, byte), 0, "{name}");
+    }
+    let served = cell(&outcome, "-b", 21, 0);
+    assert!((done..=done + 1).contains(&served), "{served} served, {done} done");
+    assert_eq!(cell(&outcome, "-b", 21, 4), 0, "errors of P_RCV_RK");
+}
