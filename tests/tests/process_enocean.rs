@@ -12,6 +12,7 @@ use common::processes::Watched;
 use common::site::{Site, replaced};
 use common::station::Running;
 use common::{checkout, python};
+use ob1_tests::awlsim::{Awlsim, STOP, Scratch};
 use rustix::fs::{Mode, OFlags, open};
 use rustix::termios::{ControlModes, tcgetattr};
 use serde_json::{Value, json};
@@ -276,4 +277,37 @@ fn eltako14bus_asks_our_tcm_120() {
     wait(&control, &module, "0b051000000000121c7a31");
     control.end();
     module.end();
+}
+
+/// FB 110 on another engine than ours: (STATUS, ID, is it to be discarded).
+#[test]
+fn awlsim_runs_the_filter() {
+    let table = [
+        ("30", "121C7A", false),
+        ("31", "121C7A", true),
+        ("32", "121C7A", true),
+        ("31", "121C7B", false),
+        ("31", "121C7B", true),
+        ("F1", "121C7A", true),
+        ("30", "121C7A", false),
+        ("11", "121C7A", false),
+    ];
+    let calls = table.iter().enumerate().map(|(n, (status, id, _))| {
+        // awlsim takes no initial value of a parameter from the FB, so WINDOW is supplied; as long as the busiest machine may need.
+        format!(
+            "CALL FB 110, DB 110 (NEW := TRUE, HEAD := W#16#0B05, DATA := DW#16#10000000, ID := DW#16#{id}, STATUS := B#16#{status}, \
+             WINDOW := T#1H, REPEATED := M 0.{n});\n"
+        )
+    });
+    let filter = fs::read_to_string(checkout("examples/enocean-switch/eo_filter.awl")).expect("the filter");
+    let program = format!(
+        "{filter}\nDATA_BLOCK DB 110\nFB 110\nBEGIN\nEND_DATA_BLOCK\nORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n{}{STOP}END_ORGANIZATION_BLOCK\n",
+        calls.collect::<String>()
+    );
+    let scratch = Scratch::new("process-enocean").expect("room for a folder");
+    let source = scratch.write("filter.awl", &program).expect("room for a file");
+    let awlsim = Awlsim::find().expect("cargo xtask test installs it");
+    let shown = awlsim.run(&source, 2).unwrap_or_else(|why| panic!("{why}"));
+    let discarded: Vec<bool> = (0..8).map(|n| shown.memory[0] >> n & 1 == 1).collect();
+    assert_eq!(discarded, table.map(|(_, _, discard)| discard));
 }

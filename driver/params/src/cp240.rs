@@ -348,11 +348,9 @@ fn unknown_key(key: &str, value: &Value, protocol: &str, layout: Layout) -> Para
             None => "remove it".into(),
         }
     };
-    ParamError {
-        byte: None,
-        key: key.into(),
-        value: value.to_string(),
-        allowed: format!("with protocol \"{protocol}\": {}", own().collect::<Vec<_>>().join(", ")),
-        remedy,
-    }
+    let allowed = match layout.fields() {
+        [] => format!("protocol \"{protocol}\" alone, it has no parameters"),
+        _ => format!("with protocol \"{protocol}\": {}", own().collect::<Vec<_>>().join(", ")),
+    };
+    ParamError { byte: None, key: key.into(), value: value.to_string(), allowed, remedy }
 }

@@ -239,6 +239,11 @@ fn mistakes_in_words() {
          stop_bits, zna_ms, zvz_ms, qvz_ms, bwz_ms, stx_repetitions, dbl, priority; did you mean `priority`?"
     );
     assert!(error(&[s3964r.clone(), ("receive_buffers", Value::Int(1))]).contains("belongs to another protocol"));
+    assert_eq!(
+        error(&[("protocol", Value::from("enocean")), ("baud", Value::Int(57600))]),
+        "parameter `baud`: 57600 is not allowed here; allowed: protocol \"enocean\" alone, it has no parameters; `baud` belongs to \
+         another protocol; remove it"
+    );
     assert!(error(&[s3964r.clone(), ("parity", Value::from("evn"))]).contains("did you mean \"even\"?"));
     assert!(error(&[s3964r.clone(), ("baud", Value::Int(1)), ("baud", Value::Int(2))]).contains("each key once"));
     assert!(error(&[("protocol", Value::from("3946r"))]).contains("did you mean \"3964r\"?"));
