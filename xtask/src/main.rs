@@ -4,6 +4,7 @@
 //! and leaves the output of the tool above it.
 
 mod arch;
+mod book;
 mod cargo;
 mod ci;
 mod demo;
@@ -33,6 +34,7 @@ usage: cargo xtask VERB [...]
   faults [PROTOCOL] [--telegrams 100000]
                                   the protocol machines on bad lines, in virtual time, from seeds
   arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files and the conformance table
+  book [--check]                  docs/ as a book: pages, links, snippets and command lines checked, then made by mdBook into target/book
   ci                              what .ci/run does
   fmt                             formats the workspace
   help                            this text
@@ -51,6 +53,7 @@ fn main() -> ExitCode {
         "fuzz" => fuzz::run(&rest),
         "faults" => faults::run(&rest),
         "arch" => arch::run(&rest),
+        "book" => book::run(&rest, USAGE),
         "ci" => ci::ci(&rest),
         "fmt" => ci::fmt(&rest),
         "help" | "--help" | "-h" => {

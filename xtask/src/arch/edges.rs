@@ -105,7 +105,7 @@ const TABLE: &[Row] = &[
             "tracing-subscriber",
         ],
     ),
-    row("xtask", "tools", &["serde_json"]),
+    row("xtask", "tools", &["pulldown-cmark", "serde_json"]),
 ];
 
 /// The one member without a row.

@@ -1,0 +1,106 @@
+//! `cargo xtask book [--check]`: the pages of `docs/` as a book.
+//!
+//! The check: every page is in the table of contents, every link and path leads somewhere (`rules`); what the pages show of STL compiles
+//! and the command lines parse (`runtime/ob1/tests/book.rs`). Without `--check` mdBook then makes HTML of it, in `target/book`.
+
+mod page;
+mod rules;
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use crate::cargo::{self, cargo};
+use crate::failure::{Failure, Outcome, step};
+use crate::shell;
+use page::Page;
+use rules::Book;
+
+/// Pinned: a new version may render another way.
+const MDBOOK: &str = "0.5.4";
+
+/// # Errors
+/// When anything is wrong with a page, or mdBook cannot be built.
+pub(crate) fn run(args: &[String], usage: &str) -> Outcome {
+    let only_check = match args {
+        [] => false,
+        [flag] if flag == "--check" => true,
+        _ => return Err(Failure::Usage("book takes --check or nothing".into())),
+    };
+    let book = read(usage)?;
+    let findings = book.check();
+    for finding in &findings {
+        eprintln!("{finding}");
+    }
+    if !findings.is_empty() {
+        return Err(step(format!("the book: {} findings", findings.len())));
+    }
+    println!("book: {} pages, every page listed, every link and path there", book.pages.len());
+    shell::run(&mut cargo(&["test", "--quiet", "--package", "ob1", "--test", "book"]))?;
+    if only_check {
+        return Ok(());
+    }
+    let mdbook = install()?;
+    shell::run(Command::new(mdbook).arg("build").current_dir(cargo::root()))
+}
+
+/// The checkout as git would keep it.
+fn read(usage: &str) -> Outcome<Book> {
+    let list = shell::read(
+        Command::new("git")
+            .args(["ls-files", "--cached", "--others", "--exclude-standard", "--deduplicate"])
+            .current_dir(cargo::root()),
+    )?;
+    let mut book = Book { verbs: verbs(usage), ..Book::default() };
+    let ignored = std::fs::read_to_string(cargo::root().join(".gitignore")).unwrap_or_default();
+    book.ignored = ignored.lines().filter_map(|line| Some(line.strip_prefix('/')?.to_owned())).collect();
+    for path in list.lines() {
+        let file = cargo::root().join(path);
+        // Deleted, but not yet for git.
+        if !file.exists() {
+            continue;
+        }
+        book.files.insert(path.to_owned());
+        if path.ends_with(".md") {
+            let text = std::fs::read_to_string(&file).map_err(|why| step(format!("{path}: {why}")))?;
+            book.pages.insert(path.to_owned(), Page::of(&text));
+        }
+    }
+    Ok(book)
+}
+
+/// The verbs of the help text: the first word of each line two blanks in.
+fn verbs(usage: &str) -> Vec<String> {
+    let lines = usage.lines().filter_map(|line| line.strip_prefix("  "));
+    lines.filter(|line| !line.starts_with(' ')).filter_map(|line| Some(line.split(' ').next()?.to_owned())).collect()
+}
+
+/// mdBook in the checkout's `.tools`, installed when it is missing: three minutes, once.
+fn install() -> Outcome<PathBuf> {
+    let tool = cargo::root().join(".tools/bin/mdbook");
+    let version = format!("={MDBOOK}");
+    let is_pinned = |tool: &PathBuf| {
+        tool.is_file()
+            && shell::read(Command::new(tool).arg("--version")).is_ok_and(|text| text.trim().ends_with(MDBOOK))
+    };
+    if !is_pinned(&tool) {
+        let words =
+            ["install", "mdbook", "--version", &version, "--locked", "--no-default-features", "--root", ".tools"];
+        shell::run(cargo(&words).args(["--target-dir", ".tools/target"]))?;
+        // Its artifacts serve nothing else.
+        let artifacts = cargo::root().join(".tools/target");
+        std::fs::remove_dir_all(&artifacts).map_err(|why| step(format!("{}: {why}", artifacts.display())))?;
+    }
+    Ok(tool)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::verbs;
+
+    #[test]
+    fn the_verbs_of_the_help_text() {
+        let usage =
+            "usage: cargo xtask VERB\n\n  demo [--for 20s]   the demo\n                     more\n  ci       all\n";
+        assert_eq!(verbs(usage), ["demo", "ci"]);
+    }
+}
