@@ -153,7 +153,7 @@ fn unknown(span: &str) -> Option<String> {
     let words = words_of(span)?;
     let command = Cli::command();
     let mut words = words.iter().skip(1).peekable();
-    let Some(verb) = words.next_if(|word| word.starts_with(|c: char| c.is_ascii_lowercase())) else { return None };
+    let verb = words.next_if(|word| word.starts_with(|c: char| c.is_ascii_lowercase()))?;
     let Some(verb) = command.find_subcommand(verb) else { return Some(format!("ob1 has no command `{verb}`")) };
     let flags = words.filter_map(|word| word.strip_prefix("--")).map(|flag| flag.split('=').next().unwrap_or_default());
     let is_known = |flag: &str| flag == "help" || verb.get_arguments().any(|a| a.get_long() == Some(flag));
@@ -244,7 +244,9 @@ fn each_mistake_is_told() {
     };
     assert_eq!(snippet("stl,statements", "U E 0.0; = A 4.0;"), None);
     assert_eq!(snippet("stl", "FUNCTION FC 1 : VOID\nBEGIN\nEND_FUNCTION"), None);
-    assert_eq!(snippet("stl,statements,standard=IEC", "CALL FC 21 (S := MD 0, RET_VAL := MW 4);").is_some(), true);
+    let max = "CALL FC 25 (IN1 := MW 0, IN2 := MW 2, IN3 := MW 4, RET_VAL := MW 6);";
+    assert_eq!(snippet("stl,statements,standard=IEC", max), None);
+    assert!(snippet("stl,statements", max).is_some());
     assert_eq!(snippet("stl,statements,refused=S0303", "U E 0.0; JC m; m: NOP 0;"), None);
     for (info, text, part) in [
         ("stl,statements", "U E 0.8;", "page.md:3: the snippet does not compile"),
