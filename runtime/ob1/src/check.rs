@@ -171,7 +171,7 @@ fn check_station(path: &Path, options: &Options) -> Checked {
         return Checked { findings: vec![starves], ..Checked::default() };
     }
     let mut text = if options.verbose { describe(&station) } else { String::new() };
-    let findings = match check_program(&station) {
+    let mut findings = match check_program(&station) {
         Ok(loaded) => {
             if options.listing {
                 text += &ob1_stl::listing(&loaded.program);
@@ -180,6 +180,7 @@ fn check_station(path: &Path, options: &Options) -> Checked {
         }
         Err(findings) => findings,
     };
+    findings.append(&mut station::missing_devices(path));
     Checked { findings, text }
 }
 

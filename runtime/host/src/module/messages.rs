@@ -58,7 +58,7 @@ impl Messages {
             code::LINE_GONE => {
                 self.line_gone = true;
                 let errno = data.first_chunk::<4>().map_or(0, |bytes| u32::from_be_bytes(*bytes));
-                self.pending = Some(text(Event::CP_ERROR, format_args!("line gone, os {errno}")));
+                self.pending = Some(text(Event::CP_ERROR, format_args!("{}", Gone(errno))));
             }
             code::LINE_UP if self.line_gone => {
                 self.line_gone = false;
@@ -114,6 +114,25 @@ fn interrupt(event: Event, from: &[u8]) -> ModuleEvent {
     let len = from.len().min(data.len());
     data[..len].copy_from_slice(&from[..len]);
     ModuleEvent { event, diagnostic_interrupt: true, data, len: len as u8 }
+}
+
+/// Why a line is gone, in the 16 bytes of an entry: the system's number where no word says more.
+struct Gone(u32);
+
+impl fmt::Display for Gone {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        use rustix::io::Errno;
+        f.write_str(match Errno::from_raw_os_error(self.0 as i32) {
+            Errno::NOENT => "line: no device",
+            Errno::ACCESS | Errno::PERM => "line: no access",
+            Errno::BUSY => "line: in use",
+            Errno::IO | Errno::NODEV | Errno::NXIO => "line: unplugged",
+            Errno::CONNREFUSED => "line: refused",
+            Errno::CONNRESET | Errno::PIPE => "line: hung up",
+            Errno::TIMEDOUT | Errno::HOSTUNREACH | Errno::NETUNREACH => "line: no answer",
+            _ => return write!(f, "line gone, os {}", self.0),
+        })
+    }
 }
 
 /// An entry with a text of at most 16 bytes.

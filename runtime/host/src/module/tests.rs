@@ -158,7 +158,16 @@ fn reports_and_messages_become_entries() {
     let link = Recorder { rings, reports: vec![Report::Up(2), Report::Lost(Exit::Signal(9))] };
     let (mut module, segment) = module_with(Box::new(link), CpSettings::default());
     let mut cp = driver(&segment);
-    for (code, data) in [(1, &[5, 0][..]), (4, &[0, 0, 0, 5]), (5, &[]), (5, &[]), (6, &[7]), (0x0701, &[])] {
+    for (code, data) in [
+        (1, &[5, 0][..]),
+        (4, &[0, 0, 0, 5]),
+        (5, &[]),
+        (5, &[]),
+        (4, &[0, 0, 0, 99]),
+        (5, &[]),
+        (6, &[7]),
+        (0x0701, &[]),
+    ] {
         cp.emit_event(ob1_backplane::Event::new(0, EventKind::Message, code, data));
     }
     cp.emit_event(ob1_backplane::Event::new(0, EventKind::DiagnosticIncoming, 9, &[1, 2, 3, 4]));
@@ -170,7 +179,9 @@ fn reports_and_messages_become_entries() {
         [
             (Event::DRIVER_LOST, false, b"signal 9".to_vec()),
             (Event::DRIVER_UP, false, b"start 2".to_vec()),
-            (Event::CP_ERROR, false, b"line gone, os 5".to_vec()),
+            (Event::CP_ERROR, false, b"line: unplugged".to_vec()),
+            (Event::CP_ERROR_GONE, false, b"line up".to_vec()),
+            (Event::CP_ERROR, false, b"line gone, os 99".to_vec()),
             (Event::CP_ERROR_GONE, false, b"line up".to_vec()),
             (Event::CP_ERROR, true, vec![1, 2, 3, 4]),
         ]

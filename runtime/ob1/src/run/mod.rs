@@ -100,7 +100,8 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     }
     let loaded = program::load(&station).map_err(|f| Failure::of_load(&f))?;
     // Lints are for `check`.
-    for finding in loaded.findings.iter().filter(|f| f.level != Level::Lint && !options.quiet) {
+    let devices = station::missing_devices(&options.station);
+    for finding in loaded.findings.iter().chain(&devices).filter(|f| f.level != Level::Lint && !options.quiet) {
         eprintln!("{finding}");
     }
     let rundir = RunDir::claim(&station.name).map_err(|error| {

@@ -5,6 +5,7 @@
 
 mod check;
 mod cp341;
+mod devices;
 mod duration;
 mod file;
 pub(crate) mod findings;
@@ -53,6 +54,14 @@ pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Station, Vec<Findi
     let file: file::StationFile =
         toml::from_str(text).map_err(|error| vec![findings::of_toml(source, &error, "docs/station-file.md")])?;
     check::check(&file, source, folder)
+}
+
+/// Warnings for serial devices of a station file that are not there now.
+#[must_use]
+pub fn missing_devices(path: &Path) -> Vec<Finding> {
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    let folder = path.parent().unwrap_or(Path::new(""));
+    devices::missing(&text, &path.display().to_string(), folder, Path::exists)
 }
 
 /// Whether a path looks like a station file: for commands that take files of either kind.
