@@ -1,6 +1,8 @@
-//! M-Bus: frames of any characters, and the master with any answers. Nothing panics, a frame that is accepted is written back to the same
-//! characters, each order ends, and its response is one of those the manual has.
+//! M-Bus: frames of any characters, the master with any answers, and the records of any answer. Nothing panics, a frame that is accepted is
+//! written back to the same characters, each order ends, and its response is one of those the manual has; records lie behind one another inside
+//! the answer, and a malformed one is the last.
 
+use ob1_mbus_records::{Answer, RECORD_BYTES, Value};
 use ob1_protocols::mbus::frame::{FRAME_MAX, Frame, Progress};
 use ob1_protocols::mbus::{Config, MBus, RESPONSE_MAX};
 use ob1_protocols::{Event, Input, LineFault, MS, Machine, Nanos, Order, SendError, Sink};
@@ -99,10 +101,31 @@ fn pass(machine: &mut MBus, program: &mut Program, now: &mut Nanos, mut due: Opt
     *now = end;
 }
 
-/// Both.
+/// The library: as the fields of an answer, and as those of a frame.
+fn records(fields: &[u8]) {
+    let Ok(answer) = Answer::parse(fields) else { return };
+    let (mut behind, mut is_over) = (0, false);
+    for record in answer.records() {
+        assert!(!is_over, "behind a malformed one");
+        let Ok(record) = record else {
+            is_over = true;
+            continue;
+        };
+        assert!(record.at >= behind && record.at + record.len <= fields.len(), "{record:?} behind {behind}");
+        behind = record.at + record.len;
+        assert!(!record.scaled().is_nan() || matches!(record.value, Value::Real(_)), "{record:?}");
+        assert_eq!(record.to_bytes(1).len(), RECORD_BYTES);
+    }
+}
+
+/// All of it.
 pub fn run(data: &[u8]) {
     codec(data);
     master(data);
+    records(data);
+    if let [0x68, _, _, 0x68, fields @ .., _, _] = data {
+        records(fields);
+    }
 }
 
 #[cfg(test)]

@@ -79,6 +79,9 @@ const TABLE: &[Row] = &[
     row("ob1-cp240", "invariant 9", &["ob1-sdk"]),
     row("ob1-slio", "invariant 9", &[]),
     row("ob1-cp341", "invariant 9", &["ob1-sdk"]),
+    // The tables of DIF and VIF.
+    row("ob1-mbus-records", "invariant 9", &["m-bus-application-layer"]),
+    row("ob1-mbus", "invariant 9", &["ob1-mbus-records", "ob1-sdk"]),
     row("ob1-example-rust-blocks", "invariant 9", &["ob1-sdk"]),
     row("ob1-example-rust-ob1", "invariant 9", &["ob1-sdk"]),
     row("ob1-panicking-plugin", "invariant 9", &["ob1-sdk"]),

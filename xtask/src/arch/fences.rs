@@ -133,6 +133,8 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("plugins/cp240", ALL),
     ("plugins/slio", ALL),
     ("plugins/cp341", ALL),
+    ("plugins/mbus", ALL),
+    ("plugins/mbus-records", ALL),
     ("plugins/sdk", ALL),
     ("runtime/cpu", ALL),
     // It maps files that others made, through rustix.

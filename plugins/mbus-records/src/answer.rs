@@ -1,0 +1,232 @@
+//! An answer: its header, and the way through its records.
+
+use crate::quantity::{Quantity, Unit};
+use crate::{fixed, variable};
+
+/// CI field: variable data structure, least significant byte first. [S0 "CI field"]
+const VARIABLE: u8 = 0x72;
+/// CI field: fixed data structure. [S0 "CI field"]
+const FIXED: u8 = 0x73;
+/// CI field: the meter tells of an error of its application. [S0 "CI field"]
+const APPLICATION_ERROR: u8 = 0x70;
+
+/// Bytes of C, A and CI field.
+const FIELDS: usize = 3;
+/// Bytes of the header of a variable data structure: identification, manufacturer, version, medium, access number, state, signature.
+const VARIABLE_HEADER: usize = 12;
+/// Bytes of a fixed data structure: identification, access number, state, medium and units, two counters.
+const FIXED_BYTES: usize = 16;
+
+/// Why an answer, or a record, says nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// No data: the single character, or a short frame.
+    NoData,
+    /// A CI field this library does not know; CI 76h (most significant byte first) and wireless ones are among them.
+    UnknownCi(u8),
+    /// The meter reports an error of its application, with its code (255: without one).
+    Application(u8),
+    /// The header, or a record, is cut off or cannot be: the records before it are good, where the next one begins is not known.
+    Malformed,
+    /// The records are encrypted (AES, modes 5 and 7); keys are not known here.
+    Encrypted,
+}
+
+/// Who has answered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Header {
+    /// A field: primary address.
+    pub address: u8,
+    /// CI field.
+    pub ci: u8,
+    /// Identification number, eight BCD digits: 12345678h is 12345678.
+    pub identification: u32,
+    /// Manufacturer, five bits a letter; 0 in a fixed data structure.
+    pub manufacturer: u16,
+    /// Version; 0 in a fixed data structure.
+    pub version: u8,
+    /// Medium, as the meter's structure codes it: 07h is water, 04h heat in the variable one.
+    pub medium: u8,
+    /// Access number: counts the meter's answers.
+    pub access: u8,
+    /// State: bit 2 power low, bit 3 permanent error, bit 4 temporary error.
+    pub state: u8,
+    /// Signature, or configuration; 0 in a fixed data structure.
+    pub signature: u16,
+}
+
+impl Header {
+    /// The manufacturer's three letters. [EN 62056-21: A is 1]
+    #[must_use]
+    pub fn manufacturer_letters(&self) -> [u8; 3] {
+        [10, 5, 0].map(|shift| ((self.manufacturer >> shift) & 0x1F) as u8 + b'@')
+    }
+}
+
+/// A value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value<'a> {
+    /// Nothing was sent.
+    None,
+    /// A whole number.
+    Whole(i32),
+    /// A whole number beyond a DINT, as near as a double comes.
+    Big(f64),
+    /// A floating point number.
+    Real(f32),
+    /// Day, month, year of the century.
+    Date([u8; 3]),
+    /// Day, month, year of the century, hour, minute, second.
+    DateTime([u8; 6]),
+    /// Hour, minute, second.
+    Time([u8; 3]),
+    /// Text, last character first, as it stands on the line.
+    Text(&'a [u8]),
+    /// What only the manufacturer knows.
+    Bytes(&'a [u8]),
+    /// Digits that are none, or a date that the meter calls invalid.
+    Invalid,
+}
+
+/// A data record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Record<'a> {
+    /// 0 instantaneous, 1 maximum, 2 minimum, 3 during an error.
+    pub function: u8,
+    /// Storage number: 0 is now.
+    pub storage: u64,
+    /// Tariff: 0 is the total.
+    pub tariff: u32,
+    /// Subunit of the device.
+    pub device: u16,
+    /// What it is.
+    pub quantity: Quantity,
+    /// What it is measured in.
+    pub unit: Unit,
+    /// Power of ten.
+    pub exponent: i16,
+    /// The value.
+    pub value: Value<'a>,
+    /// VIF, and the first VIFE or 0: for what [`Quantity`] has no name for.
+    pub vif: [u8; 2],
+    /// Where its data lie among the fields of the answer, bytes; behind the LVAR byte.
+    pub at: usize,
+    /// How many bytes they are.
+    pub len: usize,
+}
+
+/// An answer.
+#[derive(Clone, Copy, Debug)]
+pub struct Answer<'a> {
+    /// Who has answered.
+    pub header: Header,
+    /// C, A, CI field, data.
+    fields: &'a [u8],
+    /// Where the records begin.
+    at: usize,
+}
+
+impl<'a> Answer<'a> {
+    /// Reads C, A, CI field and the header behind them: what the CP gives behind the response byte.
+    ///
+    /// # Errors
+    /// [`Fault`]; the answer has no records then.
+    pub fn parse(fields: &'a [u8]) -> Result<Self, Fault> {
+        let [_c, address, ci, data @ ..] = fields else { return Err(Fault::NoData) };
+        let header = Header { address: *address, ci: *ci, ..Header::default() };
+        match *ci {
+            VARIABLE => {
+                let Some(&[i0, i1, i2, i3, m0, m1, version, medium, access, state, s0, s1]) =
+                    data.first_chunk::<VARIABLE_HEADER>()
+                else {
+                    return Err(Fault::Malformed);
+                };
+                let header = Header {
+                    identification: u32::from_le_bytes([i0, i1, i2, i3]),
+                    manufacturer: u16::from_le_bytes([m0, m1]),
+                    version,
+                    medium,
+                    access,
+                    state,
+                    signature: u16::from_le_bytes([s0, s1]),
+                    ..header
+                };
+                if is_encrypted(s0, s1, data.len() - VARIABLE_HEADER) {
+                    return Err(Fault::Encrypted);
+                }
+                Ok(Self { header, fields, at: FIELDS + VARIABLE_HEADER })
+            }
+            FIXED => {
+                let Some(&[i0, i1, i2, i3, access, state, u0, u1, ..]) = data.first_chunk::<FIXED_BYTES>() else {
+                    return Err(Fault::Malformed);
+                };
+                let identification = u32::from_le_bytes([i0, i1, i2, i3]);
+                let header = Header { identification, medium: fixed::medium(u0, u1), access, state, ..header };
+                Ok(Self { header, fields, at: FIELDS })
+            }
+            APPLICATION_ERROR => Err(Fault::Application(data.first().copied().unwrap_or(0xFF))),
+            other => Err(Fault::UnknownCi(other)),
+        }
+    }
+
+    /// Its records, in their order. A malformed one is the last.
+    #[must_use]
+    pub fn records(&self) -> Records<'a> {
+        Records { fixed: (self.header.ci == FIXED).then_some(0), fields: self.fields, at: self.at, more: false }
+    }
+}
+
+/// Whether the signature is a configuration of encryption (AES, modes 5 and 7) that fits what came: sixteen bytes a block. Meters from before that
+/// put anything there.
+fn is_encrypted(low: u8, high: u8, data: usize) -> bool {
+    let blocks = usize::from(low >> 4);
+    matches!(high & 0x1F, 5 | 7) && blocks > 0 && blocks * 16 <= data
+}
+
+/// The records of an answer.
+#[derive(Clone, Debug)]
+pub struct Records<'a> {
+    /// The next counter of a fixed data structure.
+    fixed: Option<usize>,
+    fields: &'a [u8],
+    at: usize,
+    more: bool,
+}
+
+impl Records<'_> {
+    /// Whether the meter has more than fits into one answer (DIF 1Fh); known when the last record has been read.
+    #[must_use]
+    pub fn more_follow(&self) -> bool {
+        self.more
+    }
+}
+
+impl<'a> Iterator for Records<'a> {
+    type Item = Result<Record<'a>, Fault>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if let Some(counter) = &mut self.fixed {
+            let record = fixed::counter(self.fields, *counter)?;
+            *counter += 1;
+            return Some(Ok(record));
+        }
+        while let Some(&dif) = self.fields.get(self.at) {
+            match dif {
+                // Filler.
+                0x2F => self.at += 1,
+                0x0F | 0x1F => {
+                    self.more = dif == 0x1F;
+                    let at = self.at + 1;
+                    self.at = self.fields.len();
+                    return Some(Ok(variable::manufacturer_specific(self.fields, at)));
+                }
+                _ => {
+                    let found = variable::record(self.fields, self.at);
+                    self.at = found.map_or(self.fields.len(), |record| record.at + record.len);
+                    return Some(found);
+                }
+            }
+        }
+        None
+    }
+}

@@ -1,0 +1,285 @@
+//! What a record measures and in what, as the numbers that stand in the program's data block. A number never changes its meaning; new ones
+//! come at the end.
+
+use m_bus_application_layer::value_information::{Unit as CrateUnit, UnitName, ValueLabel};
+
+macro_rules! numbered {
+    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $number:literal,)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(i16)]
+        pub enum $name {
+            $($(#[$variant_doc])* $variant = $number,)*
+        }
+
+        impl $name {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),*];
+        }
+    };
+}
+
+numbered! {
+    /// What it is.
+    Quantity {
+        /// Something else: see the VIF.
+        Other = 0,
+        /// Energy.
+        Energy = 1,
+        /// Volume.
+        Volume = 2,
+        /// Mass.
+        Mass = 3,
+        /// Time the meter is on.
+        OnTime = 4,
+        /// Time the meter works.
+        OperatingTime = 5,
+        /// Power.
+        Power = 6,
+        /// Volume a time.
+        VolumeFlow = 7,
+        /// Mass a time.
+        MassFlow = 8,
+        /// Temperature of the flow.
+        FlowTemperature = 9,
+        /// Temperature of the return.
+        ReturnTemperature = 10,
+        /// Difference of both.
+        TemperatureDifference = 11,
+        /// Temperature outside.
+        ExternalTemperature = 12,
+        /// Pressure.
+        Pressure = 13,
+        /// A point in time.
+        TimePoint = 14,
+        /// Units of a heat cost allocator.
+        HeatCost = 15,
+        /// Duration over which is averaged.
+        AveragingDuration = 16,
+        /// Age of the values.
+        ActualityDuration = 17,
+        /// Number of the factory.
+        FabricationNumber = 18,
+        /// Identification.
+        Identification = 19,
+        /// Voltage.
+        Voltage = 20,
+        /// Current.
+        Current = 21,
+        /// Frequency.
+        Frequency = 22,
+        /// Relative humidity.
+        Humidity = 23,
+        /// Error flags, bit by bit.
+        ErrorFlags = 24,
+        /// Digital inputs, bit by bit.
+        DigitalInput = 25,
+        /// Digital outputs, bit by bit.
+        DigitalOutput = 26,
+        /// Version of the firmware.
+        FirmwareVersion = 27,
+        /// Version of another software.
+        SoftwareVersion = 28,
+        /// Version of the hardware.
+        HardwareVersion = 29,
+        /// Model.
+        Model = 30,
+        /// Customer, or his location.
+        Customer = 31,
+        /// Operating time of the battery, or what is left of it.
+        Battery = 32,
+        /// A number without a unit.
+        Dimensionless = 33,
+        /// Reactive energy.
+        ReactiveEnergy = 34,
+        /// Apparent energy.
+        ApparentEnergy = 35,
+        /// Reactive power.
+        ReactivePower = 36,
+        /// Apparent power.
+        ApparentPower = 37,
+        /// Count of resets.
+        ResetCounter = 38,
+        /// What only the manufacturer knows.
+        Manufacturer = 39,
+    }
+}
+
+numbered! {
+    /// What it is measured in.
+    Unit {
+        /// Nothing, or something else.
+        None = 0,
+        /// Wh.
+        WattHour = 1,
+        /// J.
+        Joule = 2,
+        /// m3.
+        CubicMetre = 3,
+        /// kg.
+        Kilogram = 4,
+        /// s.
+        Second = 5,
+        /// min.
+        Minute = 6,
+        /// h.
+        Hour = 7,
+        /// d.
+        Day = 8,
+        /// Months.
+        Month = 9,
+        /// Years.
+        Year = 10,
+        /// W.
+        Watt = 11,
+        /// J/h.
+        JoulePerHour = 12,
+        /// m3/h.
+        CubicMetrePerHour = 13,
+        /// m3/min.
+        CubicMetrePerMinute = 14,
+        /// m3/s.
+        CubicMetrePerSecond = 15,
+        /// kg/h.
+        KilogramPerHour = 16,
+        /// degrees Celsius.
+        Celsius = 17,
+        /// K.
+        Kelvin = 18,
+        /// bar.
+        Bar = 19,
+        /// V.
+        Volt = 20,
+        /// A.
+        Ampere = 21,
+        /// Hz.
+        Hertz = 22,
+        /// %.
+        Percent = 23,
+        /// degrees of an angle.
+        Degree = 24,
+        /// varh.
+        VarHour = 25,
+        /// VAh.
+        VoltAmpereHour = 26,
+        /// var.
+        Var = 27,
+        /// VA.
+        VoltAmpere = 28,
+        /// t.
+        Tonne = 29,
+        /// degrees Fahrenheit.
+        Fahrenheit = 30,
+        /// Feet cubed.
+        CubicFoot = 31,
+        /// American gallons.
+        Gallon = 32,
+    }
+}
+
+impl Quantity {
+    /// The first label that has a number here.
+    pub(crate) fn of(mut labels: impl Iterator<Item = ValueLabel>) -> Self {
+        labels.find_map(Self::from_label).unwrap_or(Self::Other)
+    }
+
+    fn from_label(label: ValueLabel) -> Option<Self> {
+        use ValueLabel as L;
+        Some(match label {
+            L::Energy => Self::Energy,
+            L::Volume => Self::Volume,
+            L::Mass => Self::Mass,
+            L::OnTime => Self::OnTime,
+            L::OperatingTime => Self::OperatingTime,
+            L::Power => Self::Power,
+            L::VolumeFlow => Self::VolumeFlow,
+            L::MassFlow => Self::MassFlow,
+            L::FlowTemperature => Self::FlowTemperature,
+            L::ReturnTemperature => Self::ReturnTemperature,
+            L::TemperatureDifference => Self::TemperatureDifference,
+            L::ExternalTemperature => Self::ExternalTemperature,
+            L::Pressure => Self::Pressure,
+            L::Date | L::DateTime | L::DateTimeWithSeconds | L::Time => Self::TimePoint,
+            L::DimensionlessHCA => Self::HeatCost,
+            L::AveragingDuration => Self::AveragingDuration,
+            L::ActualityDuration => Self::ActualityDuration,
+            L::FabricationNumber => Self::FabricationNumber,
+            L::EnhancedIdentification => Self::Identification,
+            L::Voltage => Self::Voltage,
+            L::Current => Self::Current,
+            L::Frequency => Self::Frequency,
+            L::RelativeHumidity => Self::Humidity,
+            L::ErrorFlags => Self::ErrorFlags,
+            L::DigitalInput => Self::DigitalInput,
+            L::DigitalOutput => Self::DigitalOutput,
+            L::MetrologyFirmwareVersion => Self::FirmwareVersion,
+            L::OtherSoftwareVersion => Self::SoftwareVersion,
+            L::HardwareVersion => Self::HardwareVersion,
+            L::ModelOrVersion => Self::Model,
+            L::Customer | L::CustomerLocation => Self::Customer,
+            L::OperatingTimeBattery | L::RemainingBatteryLifeTime => Self::Battery,
+            L::Dimensionless => Self::Dimensionless,
+            L::ReactiveEnergy => Self::ReactiveEnergy,
+            L::ApparentEnergy => Self::ApparentEnergy,
+            L::ReactivePower => Self::ReactivePower,
+            L::ApparentPower => Self::ApparentPower,
+            L::ResetCounter => Self::ResetCounter,
+            L::ManufacturerSpecific => Self::Manufacturer,
+            _ => return None,
+        })
+    }
+}
+
+impl Unit {
+    /// What a product of powers is.
+    pub(crate) fn of(mut units: impl Iterator<Item = CrateUnit>) -> Self {
+        use UnitName as N;
+        let power = |unit: Option<CrateUnit>| unit.map(|unit| (unit.name, unit.exponent));
+        match (power(units.next()), power(units.next())) {
+            (Some((N::Watt, 1)), Some((N::Hour, 1))) => Self::WattHour,
+            (Some((N::ReactiveWatt, 1)), Some((N::Hour, 1))) => Self::VarHour,
+            (Some((N::ApparentWatt, 1)), Some((N::Hour, 1))) => Self::VoltAmpereHour,
+            (Some((N::Joul, 1)), Some((N::Hour, -1))) => Self::JoulePerHour,
+            (Some((N::Meter, 3)), Some((N::Hour, -1))) => Self::CubicMetrePerHour,
+            (Some((N::Meter, 3)), Some((N::Minute, -1))) => Self::CubicMetrePerMinute,
+            (Some((N::Meter, 3)), Some((N::Second, -1))) => Self::CubicMetrePerSecond,
+            (Some((N::Kilogram, 1)), Some((N::Hour, -1))) => Self::KilogramPerHour,
+            (Some((N::Watt, 1)), None) => Self::Watt,
+            (Some((N::ReactiveWatt, 1)), None) => Self::Var,
+            (Some((N::ApparentWatt, 1)), None) => Self::VoltAmpere,
+            (Some((N::Joul, 1)), None) => Self::Joule,
+            (Some((N::Meter, 3)), None) => Self::CubicMetre,
+            (Some((N::Feet, 3)), None) => Self::CubicFoot,
+            (Some((N::Kilogram, 1)), None) => Self::Kilogram,
+            (Some((N::Tonne, 1)), None) => Self::Tonne,
+            (Some((N::Second, 1)), None) => Self::Second,
+            (Some((N::Minute, 1)), None) => Self::Minute,
+            (Some((N::Hour, 1)), None) => Self::Hour,
+            (Some((N::Day, 1)), None) => Self::Day,
+            (Some((N::Month, 1)), None) => Self::Month,
+            (Some((N::Year, 1)), None) => Self::Year,
+            (Some((N::Celsius, 1)), None) => Self::Celsius,
+            (Some((N::Kelvin, 1)), None) => Self::Kelvin,
+            (Some((N::Fahrenheit, 1)), None) => Self::Fahrenheit,
+            (Some((N::Bar, 1)), None) => Self::Bar,
+            (Some((N::Volt, 1)), None) => Self::Volt,
+            (Some((N::Ampere, 1)), None) => Self::Ampere,
+            (Some((N::Hertz, 1)), None) => Self::Hertz,
+            (Some((N::Percent, 1)), None) => Self::Percent,
+            (Some((N::Degree, 1)), None) => Self::Degree,
+            (Some((N::AmericanGallon, 1)), None) => Self::Gallon,
+            _ => Self::None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_numbers_are_in_a_row() {
+        assert!(Quantity::ALL.iter().enumerate().all(|(n, quantity)| *quantity as usize == n));
+        assert!(Unit::ALL.iter().enumerate().all(|(n, unit)| *unit as usize == n));
+    }
+}

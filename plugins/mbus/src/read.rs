@@ -1,0 +1,213 @@
+//! FB 250 MBUS_READ: reads a meter into a data block, by its primary or its secondary address.
+
+use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+
+use crate::exchange::{Exchange, Progress, Way, exchange_of};
+use crate::response::{RESPONSE_MAX, Response, read as meaning};
+use crate::{records, status};
+
+/// "The address 253 shows a secondary addressing." [S0 "A field"]
+pub(crate) const SELECTED: u8 = 253;
+/// SND_NKE. [S0 "Functions"]
+pub(crate) const SND_NKE: u8 = 0x40;
+/// SND_UD, FCB 0: the selection.
+pub(crate) const SND_UD: u8 = 0x53;
+/// CI field: select slave. [S0 "CI field"]
+pub(crate) const SELECT: u8 = 0x52;
+/// REQ_UD2 with FCB 0 and 1. [S0 "Functions"]
+pub(crate) const REQ_UD2: [u8; 2] = [0x5B, 0x7B];
+
+interface! {
+    /// The instance; docs/mbus.md has the table.
+    pub(crate) mod read {
+        /// 0 to 1 starts.
+        in     REQ: Bool;
+        /// With REQ: the next telegram of a meter that has MORE.
+        in     NEXT: Bool;
+        /// Logical address of the CP.
+        in     ADR: Int = 256;
+        /// Baud rate: B8h 300, BBh 2400, BDh 9600.
+        in     BAUD: Byte = 0xBB;
+        /// Primary address; 253: the meter with the secondary address that follows.
+        in     ADDRESS: Byte = 254;
+        /// Identification, eight BCD digits; Fh stands for any digit.
+        in     ID: DWord = 0xFFFF_FFFF;
+        /// Manufacturer; FFFFh for any.
+        in     MAN: Word = 0xFFFF;
+        /// Version; FFh for any.
+        in     VER: Byte = 0xFF;
+        /// Medium; FFh for any.
+        in     MED: Byte = 0xFF;
+        /// Data block for header and records.
+        in     DB_NO: BlockDb;
+        /// Longest time of one order.
+        in     TIMEOUT: Time = 60_000;
+        /// Number of FC SEND in this station.
+        in     FC_SEND: Int = 0;
+        /// Number of FC RECEIVE in this station.
+        in     FC_RECEIVE: Int = 1;
+        /// The meter has been read; until the next start.
+        out    DONE: Bool;
+        /// It runs.
+        out    BUSY: Bool;
+        /// It has failed, STATUS says why; until the next start.
+        out    ERROR: Bool;
+        /// The meter has more: read on with NEXT.
+        out    MORE: Bool;
+        /// 0, or what went wrong.
+        out    STATUS: Word;
+        /// Records in the data block.
+        out    COUNT: Int;
+        static LAST_REQ: Bool;
+        /// FCB of the last request.
+        static FCB: Bool;
+        /// The last request was answered: there can be a next one.
+        static ANSWERED: Bool;
+        static STEP: Byte;
+        static PHASE: Byte;
+        static SINCE: DWord;
+        static FRG: Bool;
+        static ENDE_KOM: Bool;
+        static LETZTER_S: Bool;
+        static SENDEN_LAEUFT: Bool;
+        static FEHLER_KOM: Bool;
+        static EMFR: Bool;
+        static EMPF_LAEUFT: Bool;
+        static LETZTER_R: Bool;
+        static FEHL_EMPF: Bool;
+        static PAFE_S: Byte;
+        static PAFE_R: Byte;
+        static ANZ_S: Word;
+        static GESE: Word;
+        static INT_S: Word;
+        static ANZ_R: Word;
+        static GEEM: Word;
+        static INT_R: Word;
+        static TX: Bytes<12>;
+        /// The last response: response byte, C, A, CI field, data. DATA_AT of the records counts from here.
+        static RX: Bytes<256>;
+    }
+}
+
+const EXCHANGE: Exchange = exchange_of!(read);
+
+/// STEP: nothing runs; SND_NKE, selection, REQ_UD2 have been sent.
+const IDLE: u8 = 0;
+const RESET: u8 = 1;
+const SELECTION: u8 = 2;
+const REQUEST: u8 = 3;
+
+pub(crate) struct Read;
+
+impl Block for Read {
+    const KIND: Kind = Kind::Fb;
+    const NUMBER: u16 = 250;
+    const NAME: &'static str = "MBUS_READ";
+    const PARAMS: &'static [Param] = read::PARAMS;
+    type State = ();
+    type Module = ();
+
+    fn call(cx: &mut Cx<'_>, _state: &()) -> Result<(), Abort> {
+        let req = cx.get(read::REQ)?;
+        let edge = req && !cx.load(read::LAST_REQ)?;
+        cx.store(read::LAST_REQ, req)?;
+        if edge && cx.load(read::STEP)? == IDLE {
+            start(cx)?;
+        }
+        if cx.load(read::STEP)? == IDLE {
+            return Ok(());
+        }
+        let way = Way {
+            adr: cx.get(read::ADR)?,
+            fc_send: cx.get(read::FC_SEND)?,
+            fc_receive: cx.get(read::FC_RECEIVE)?,
+            timeout_ms: cx.get(read::TIMEOUT)?,
+        };
+        match EXCHANGE.step(cx, way)? {
+            Progress::Running => Ok(()),
+            Progress::Failed(status) => end(cx, status),
+            Progress::Response(len) => {
+                let mut buffer = [0; RESPONSE_MAX];
+                let response = EXCHANGE.response(cx, len, &mut buffer)?;
+                responded(cx, meaning(response))
+            }
+        }
+    }
+}
+
+fn start(cx: &mut Cx<'_>) -> Result<(), Abort> {
+    for bit in [read::DONE, read::ERROR, read::MORE] {
+        cx.set(bit, false)?;
+    }
+    cx.set(read::STATUS, status::OK)?;
+    cx.set(read::COUNT, 0)?;
+    cx.set(read::BUSY, true)?;
+    if cx.get(read::NEXT)? {
+        if !cx.load(read::ANSWERED)? {
+            return end(cx, status::NO_FIRST);
+        }
+        // "The FCB bit alternates at successful communication." [S0 "FCB bit"]
+        let fcb = !cx.load(read::FCB)?;
+        return request(cx, fcb);
+    }
+    cx.store(read::ANSWERED, false)?;
+    // The meter begins with its first telegram; who was selected before is it no longer.
+    let telegram = [cx.get(read::BAUD)?, SND_NKE, cx.get(read::ADDRESS)?];
+    order(cx, RESET, &telegram)
+}
+
+fn order(cx: &mut Cx<'_>, step: u8, telegram: &[u8]) -> Result<(), Abort> {
+    cx.store(read::STEP, step)?;
+    EXCHANGE.start(cx, telegram)
+}
+
+fn request(cx: &mut Cx<'_>, fcb: bool) -> Result<(), Abort> {
+    cx.store(read::FCB, fcb)?;
+    let telegram = [cx.get(read::BAUD)?, REQ_UD2[usize::from(fcb)], cx.get(read::ADDRESS)?];
+    order(cx, REQUEST, &telegram)
+}
+
+fn responded(cx: &mut Cx<'_>, response: Response<'_>) -> Result<(), Abort> {
+    let is_secondary = cx.get(read::ADDRESS)? == SELECTED;
+    match (cx.load(read::STEP)?, response) {
+        (_, Response::Error(status::SHORT_CIRCUIT)) => end(cx, status::SHORT_CIRCUIT),
+        // Whether a selected meter was there to acknowledge does not matter.
+        (RESET, _) if is_secondary => {
+            let telegram = selection(
+                cx.get(read::BAUD)?,
+                cx.get(read::ID)?,
+                cx.get(read::MAN)?,
+                cx.get(read::VER)?,
+                cx.get(read::MED)?,
+            );
+            order(cx, SELECTION, &telegram)
+        }
+        (RESET, Response::Error(status)) => end(cx, status),
+        (SELECTION, Response::Error(_) | Response::Fields(_)) => end(cx, status::NOT_SELECTED),
+        (RESET | SELECTION, _) => request(cx, true),
+        (_, Response::Error(status)) => end(cx, status),
+        (_, Response::Acknowledged) => end(cx, status::NO_DATA),
+        (_, Response::Fields(fields)) => {
+            let db = cx.get(read::DB_NO)?;
+            let written = records::write(cx, db, fields)?;
+            cx.store(read::ANSWERED, true)?;
+            cx.set(read::MORE, written.more)?;
+            cx.set(read::COUNT, written.count as i16)?;
+            end(cx, written.status)
+        }
+    }
+}
+
+/// SND_UD with CI 52h and the secondary address, least significant byte first. [S0 "CI field"]
+pub(crate) fn selection(baud: u8, id: u32, man: u16, ver: u8, med: u8) -> [u8; 12] {
+    let ([i0, i1, i2, i3], [m0, m1]) = (id.to_le_bytes(), man.to_le_bytes());
+    [baud, SND_UD, SELECTED, SELECT, i0, i1, i2, i3, m0, m1, ver, med]
+}
+
+fn end(cx: &mut Cx<'_>, status: u16) -> Result<(), Abort> {
+    cx.store(read::STEP, IDLE)?;
+    cx.set(read::BUSY, false)?;
+    cx.set(read::DONE, status == status::OK)?;
+    cx.set(read::ERROR, status != status::OK)?;
+    cx.set(read::STATUS, status)
+}

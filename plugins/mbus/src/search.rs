@@ -1,0 +1,239 @@
+//! FB 251 MBUS_SEARCH: finds the meters on the bus by their secondary addresses.
+//!
+//! A pattern is selected and then asked for data. Nobody answers: nobody is there. One answer: a meter, whose address stands in it. An
+//! answer that is none: several meters; the pattern is narrowed by a digit, ten times. The CP's response does not tell a spoilt
+//! acknowledgement from none, so down to DEPTH digits the search goes on even where nobody has acknowledged.
+
+use ob1_mbus_records::{Answer, Header};
+use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
+
+use crate::exchange::{Exchange, Progress, Way, exchange_of};
+use crate::read::{REQ_UD2, SELECTED, SND_NKE, selection};
+use crate::response::{RESPONSE_MAX, Response, read as meaning};
+use crate::status;
+use crate::walk::Walk;
+
+interface! {
+    /// The instance; docs/mbus.md has the table.
+    pub(crate) mod search {
+        /// 0 to 1 starts.
+        in     REQ: Bool;
+        /// Logical address of the CP.
+        in     ADR: Int = 256;
+        /// Baud rate: B8h 300, BBh 2400, BDh 9600.
+        in     BAUD: Byte = 0xBB;
+        /// Where to search: digits Fh are searched, the others given.
+        in     ID: DWord = 0xFFFF_FFFF;
+        /// Manufacturer; FFFFh for any.
+        in     MAN: Word = 0xFFFF;
+        /// Version; FFh for any.
+        in     VER: Byte = 0xFF;
+        /// Medium; FFh for any.
+        in     MED: Byte = 0xFF;
+        /// Digits that are tried even where nobody has acknowledged.
+        in     DEPTH: Int = 1;
+        /// Data block for what is found.
+        in     DB_NO: BlockDb;
+        /// Longest time of one order.
+        in     TIMEOUT: Time = 60_000;
+        /// Number of FC SEND in this station.
+        in     FC_SEND: Int = 0;
+        /// Number of FC RECEIVE in this station.
+        in     FC_RECEIVE: Int = 1;
+        /// The search is over; until the next start.
+        out    DONE: Bool;
+        /// It runs.
+        out    BUSY: Bool;
+        /// It has failed, STATUS says why; until the next start.
+        out    ERROR: Bool;
+        /// 0, or what went wrong.
+        out    STATUS: Word;
+        /// Meters found.
+        out    COUNT: Int;
+        /// The pattern that is tried.
+        out    CURRENT: DWord;
+        static LAST_REQ: Bool;
+        static STEP: Byte;
+        static LEVEL: Byte;
+        static BASE: DWord;
+        /// Patterns with several meters that no digit tells apart.
+        static COLLISIONS: Int;
+        static PHASE: Byte;
+        static SINCE: DWord;
+        static FRG: Bool;
+        static ENDE_KOM: Bool;
+        static LETZTER_S: Bool;
+        static SENDEN_LAEUFT: Bool;
+        static FEHLER_KOM: Bool;
+        static EMFR: Bool;
+        static EMPF_LAEUFT: Bool;
+        static LETZTER_R: Bool;
+        static FEHL_EMPF: Bool;
+        static PAFE_S: Byte;
+        static PAFE_R: Byte;
+        static ANZ_S: Word;
+        static GESE: Word;
+        static INT_S: Word;
+        static ANZ_R: Word;
+        static GEEM: Word;
+        static INT_R: Word;
+        static TX: Bytes<12>;
+        static RX: Bytes<256>;
+    }
+}
+
+const EXCHANGE: Exchange = exchange_of!(search);
+
+/// STEP: nothing runs; SND_NKE, selection, REQ_UD2 have been sent.
+const IDLE: u8 = 0;
+const RESET: u8 = 1;
+const SELECTION: u8 = 2;
+const REQUEST: u8 = 3;
+
+/// Bytes of the list's header: COUNT, COLLISIONS.
+const LIST_AT: u32 = 4;
+/// Bytes of a secondary address in the list: ID, MAN, VER, MED.
+const ENTRY_BYTES: u32 = 8;
+
+pub(crate) struct Search;
+
+impl Block for Search {
+    const KIND: Kind = Kind::Fb;
+    const NUMBER: u16 = 251;
+    const NAME: &'static str = "MBUS_SEARCH";
+    const PARAMS: &'static [Param] = search::PARAMS;
+    type State = ();
+    type Module = ();
+
+    fn call(cx: &mut Cx<'_>, _state: &()) -> Result<(), Abort> {
+        let req = cx.get(search::REQ)?;
+        let edge = req && !cx.load(search::LAST_REQ)?;
+        cx.store(search::LAST_REQ, req)?;
+        if edge && cx.load(search::STEP)? == IDLE {
+            start(cx)?;
+        }
+        if cx.load(search::STEP)? == IDLE {
+            return Ok(());
+        }
+        let way = Way {
+            adr: cx.get(search::ADR)?,
+            fc_send: cx.get(search::FC_SEND)?,
+            fc_receive: cx.get(search::FC_RECEIVE)?,
+            timeout_ms: cx.get(search::TIMEOUT)?,
+        };
+        match EXCHANGE.step(cx, way)? {
+            Progress::Running => Ok(()),
+            Progress::Failed(status) => end(cx, status),
+            Progress::Response(len) => {
+                let mut buffer = [0; RESPONSE_MAX];
+                let response = EXCHANGE.response(cx, len, &mut buffer)?;
+                responded(cx, meaning(response))
+            }
+        }
+    }
+}
+
+fn start(cx: &mut Cx<'_>) -> Result<(), Abort> {
+    for bit in [search::DONE, search::ERROR] {
+        cx.set(bit, false)?;
+    }
+    cx.set(search::STATUS, status::OK)?;
+    cx.set(search::COUNT, 0)?;
+    cx.set(search::BUSY, true)?;
+    cx.store(search::COLLISIONS, 0)?;
+    let base = cx.get(search::ID)?;
+    attempt(cx, Walk::new(base))
+}
+
+fn walk(cx: &mut Cx<'_>) -> Result<Walk, Abort> {
+    Ok(Walk { base: cx.load(search::BASE)?, id: cx.get(search::CURRENT)?, level: cx.load(search::LEVEL)? })
+}
+
+/// Tries a pattern. SND_NKE first: who was selected before is it no longer.
+fn attempt(cx: &mut Cx<'_>, walk: Walk) -> Result<(), Abort> {
+    cx.store(search::BASE, walk.base)?;
+    cx.set(search::CURRENT, walk.id)?;
+    cx.store(search::LEVEL, walk.level)?;
+    let telegram = [cx.get(search::BAUD)?, SND_NKE, SELECTED];
+    order(cx, RESET, &telegram)
+}
+
+fn order(cx: &mut Cx<'_>, step: u8, telegram: &[u8]) -> Result<(), Abort> {
+    cx.store(search::STEP, step)?;
+    EXCHANGE.start(cx, telegram)
+}
+
+fn responded(cx: &mut Cx<'_>, response: Response<'_>) -> Result<(), Abort> {
+    match (cx.load(search::STEP)?, response) {
+        (_, Response::Error(status @ (status::SHORT_CIRCUIT | status::UNDEFINED))) => end(cx, status),
+        (RESET, _) => {
+            let telegram = selection(
+                cx.get(search::BAUD)?,
+                cx.get(search::CURRENT)?,
+                cx.get(search::MAN)?,
+                cx.get(search::VER)?,
+                cx.get(search::MED)?,
+            );
+            order(cx, SELECTION, &telegram)
+        }
+        (SELECTION, Response::Acknowledged) => {
+            let telegram = [cx.get(search::BAUD)?, REQ_UD2[1], SELECTED];
+            order(cx, REQUEST, &telegram)
+        }
+        (SELECTION, Response::Error(_)) => {
+            let mut walk = walk(cx)?;
+            let goes_on = i16::from(walk.level) < cx.get(search::DEPTH)? && walk.narrow() || walk.go_on();
+            advance(cx, walk, goes_on)
+        }
+        (REQUEST, Response::Fields(fields)) => match Answer::parse(fields) {
+            Ok(Answer { header, .. }) => found(cx, header),
+            // A meter that tells nothing of itself: its pattern is all that is known.
+            Err(_) => several(cx),
+        },
+        // Acknowledgements and answers on top of each other.
+        _ => several(cx),
+    }
+}
+
+fn several(cx: &mut Cx<'_>) -> Result<(), Abort> {
+    let mut walk = walk(cx)?;
+    if walk.narrow() {
+        return attempt(cx, walk);
+    }
+    let collisions = cx.load(search::COLLISIONS)?;
+    cx.store(search::COLLISIONS, collisions.saturating_add(1))?;
+    let goes_on = walk.go_on();
+    advance(cx, walk, goes_on)
+}
+
+fn found(cx: &mut Cx<'_>, header: Header) -> Result<(), Abort> {
+    let (db, count) = (cx.get(search::DB_NO)?, cx.get(search::COUNT)?);
+    let mut entry = [0; ENTRY_BYTES as usize];
+    entry[..4].copy_from_slice(&header.identification.to_be_bytes());
+    entry[4..6].copy_from_slice(&header.manufacturer.to_be_bytes());
+    entry[6..].copy_from_slice(&[header.version, header.medium]);
+    let at = LIST_AT + ENTRY_BYTES * u32::from(count.unsigned_abs());
+    if cx.write(Area::Db(db), at, &entry)?.is_err() {
+        return end(cx, status::DB_FULL);
+    }
+    cx.set(search::COUNT, count + 1)?;
+    let mut walk = walk(cx)?;
+    let goes_on = walk.go_on();
+    advance(cx, walk, goes_on)
+}
+
+fn advance(cx: &mut Cx<'_>, walk: Walk, goes_on: bool) -> Result<(), Abort> {
+    if goes_on { attempt(cx, walk) } else { end(cx, status::OK) }
+}
+
+fn end(cx: &mut Cx<'_>, status: u16) -> Result<(), Abort> {
+    let (db, count, collisions) = (cx.get(search::DB_NO)?, cx.get(search::COUNT)?, cx.load(search::COLLISIONS)?);
+    let ([c0, c1], [s0, s1]) = (count.to_be_bytes(), collisions.to_be_bytes());
+    let written = cx.write(Area::Db(db), 0, &[c0, c1, s0, s1])?;
+    let status = if written.is_err() { status::NO_DB } else { status };
+    cx.store(search::STEP, IDLE)?;
+    cx.set(search::BUSY, false)?;
+    cx.set(search::DONE, status == status::OK)?;
+    cx.set(search::ERROR, status != status::OK)?;
+    cx.set(search::STATUS, status)
+}
