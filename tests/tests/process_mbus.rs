@@ -148,3 +148,46 @@ fn py_meter_bus_decodes_what_our_master_has_read() {
     assert_eq!(refused, unknown.map(|name| format!("test-frames/{name}")));
     assert_eq!(equal, 724, "numbers of 70 meters");
 }
+
+/// FB 250 and FB 251 as in `examples/mbus-meter/library.awl`, whose UDTs name what the blocks write.
+#[test]
+fn the_library_reads_and_searches() {
+    let site = Site::new();
+    for file in ["library.toml", "library.awl", "meter.py"] {
+        let text = fs::read_to_string(checkout("examples/mbus-meter").join(file)).expect("a file of the example");
+        let is_station = file.ends_with(".toml");
+        site.write(file, &if is_station { replaced(&text, "\"150ms\"", "\"500ms\"") } else { text });
+    }
+    let station = site.run("library.toml").until_run();
+    station.until("the pty", |_| site.path("mbus.pty").exists().then_some(()));
+    station.until("FC 9", |s| (s.cell("M3.0") == 0).then_some(()));
+    let all = fixtures();
+    let meter = all.iter().find(|fixture| fixture.name.ends_with("/frame2")).expect("a fixture");
+    let mut meters = Meters::start(&site, &[(1, meter)]);
+    meters.tell("loud 1");
+
+    station.set("MB11", 1);
+    station.set("M10.0", 1);
+    station.until("the reading", |s| (s.cell("M10.0") == 0).then_some(()));
+    let head = ["MW18", "DB20.HEAD.STATUS", "DB20.HEAD.COUNT", "DB20.HEAD.ID", "DB20.HEAD.MED", "DB20.HEAD.MORE"];
+    assert_eq!(station.cells(&head), [0, 0, 3, 0x1234_5678, 7, 0]);
+    // 12565 l; at most 113 l/h, storage number 5; 218.37 kWh, tariff 2, subunit 1 (EN 1434-3).
+    for (record, expected) in
+        [(1, [0, 0, 0, 0, 2, 3, -3, 12_565]), (2, [1, 5, 0, 0, 7, 13, -3, 113]), (3, [0, 0, 2, 1, 1, 1, 1, 21_837])]
+    {
+        let names = ["FUNC", "STORAGE", "TARIFF", "DEVICE", "QUANTITY", "UNIT", "EXPONENT", "RAW"];
+        let names = names.map(|name| format!("DB20.RECORD[{record}].{name}"));
+        assert_eq!(station.cells(&names.each_ref().map(String::as_str)), expected, "record {record}");
+    }
+    station.set("M10.2", 1);
+    station.until("the search", |s| (s.cell("M10.2") == 0).then_some(()));
+    let list = ["MW22", "DB21.COUNT", "DB21.COLLISIONS", "DB21.METER[1].ID", "DB21.METER[1].MED"];
+    assert_eq!(station.cells(&list), [0, 1, 0, 0x1234_5678, 7]);
+    meters.tell("silent 1");
+    station.set("M10.0", 1);
+    station.until("the reading", |s| (s.cell("M10.0") == 0).then_some(()));
+    assert_eq!(station.cells(&["MW18", "M16.0", "M16.2"]), [0x8001, 0, 1]);
+    meters.end();
+    assert_eq!(station.interrupt().code(), Some(0));
+    site.wait_until_empty();
+}
