@@ -8,6 +8,7 @@ use crate::line::{Flow, LineSettings, Parity, StopBits};
 use crate::record::{Value, nearest};
 
 use crate::cp240::Priority;
+use crate::cp341_modbus::{self, ModbusMaster32};
 
 /// How a key is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,11 +39,16 @@ pub struct Key341 {
     pub text: &'static str,
 }
 
-const fn choice(key: &'static str, kind: &'static [&'static str], default: &'static str, text: &'static str) -> Key341 {
+pub(crate) const fn choice(
+    key: &'static str,
+    kind: &'static [&'static str],
+    default: &'static str,
+    text: &'static str,
+) -> Key341 {
     Key341 { key, kind: Kind341::Choice(kind), default, text }
 }
 
-const fn number(
+pub(crate) const fn number(
     key: &'static str,
     (min, max, step): (i64, i64, i64),
     default: &'static str,
@@ -88,6 +94,7 @@ pub const PROTOCOLS_341: &[(&str, &[&[Key341]])] = &[
     ("3964r", &[FRAME, S3964]),
     ("3964-rk512", &[FRAME, S3964, RK512]),
     ("3964r-rk512", &[FRAME, S3964, RK512]),
+    (cp341_modbus::NAME, &[cp341_modbus::FRAME, cp341_modbus::DRIVER]),
 ];
 
 /// The parameters of a CP 341.
@@ -106,6 +113,8 @@ pub struct Cp341 {
 pub enum Protocol341 {
     /// 3964 and 3964R, with or without RK 512 on top.
     S3964(S3964Of341),
+    /// Loadable driver: Modbus ASCII master, 32-bit registers.
+    ModbusMaster32(ModbusMaster32),
 }
 
 /// Parameters of 3964(R). Times in milliseconds.
@@ -160,9 +169,12 @@ impl Cp341 {
         for row in rows() {
             let value = match given.iter().find(|(key, _)| *key == row.key) {
                 Some((_, value)) => row.checked(value)?,
-                None => row.default_value(protocol),
+                None => row.default_value(protocol, &Reader(&keys)),
             };
             keys.push((row.key, value));
+        }
+        if protocol == cp341_modbus::NAME {
+            cp341_modbus::check(&Reader(&keys))?;
         }
         Ok(Self::of_checked(protocol, keys))
     }
@@ -181,6 +193,10 @@ impl Cp341 {
             stop_bits: if reader.number("stop_bits") == 2 { StopBits::Two } else { StopBits::One },
             flow: Flow::None,
         };
+        if protocol == cp341_modbus::NAME {
+            let protocol = Protocol341::ModbusMaster32(ModbusMaster32::of(&reader));
+            return Self { line, protocol, keys };
+        }
         let protocol = Protocol341::S3964(S3964Of341 {
             bcc: protocol.starts_with("3964r"),
             rk512: protocol.ends_with("rk512"),
@@ -249,10 +265,12 @@ impl Key341 {
         }
     }
 
-    fn default_value(&self, protocol: &str) -> Value {
+    /// `before`: the keys of the table before this one.
+    fn default_value(&self, protocol: &str, before: &Reader<'_>) -> Value {
         match (self.key, self.default) {
             // 2 s with block check character, 550 ms without. [reference 5.2]
             ("qvz_ms", "") => Value::Int(if protocol.starts_with("3964r") { 2000 } else { 550 }),
+            (key, "") => cp341_modbus::default_of(key, before).unwrap_or_else(|| written("")),
             (_, word) => written(word),
         }
     }
@@ -264,21 +282,21 @@ fn written(word: &str) -> Value {
 }
 
 /// Checked keys by name; one that a protocol does not have reads 0 and "".
-struct Reader<'a>(&'a [(&'static str, Value)]);
+pub(crate) struct Reader<'a>(pub(crate) &'a [(&'static str, Value)]);
 
 impl<'a> Reader<'a> {
     fn value(&self, key: &str) -> Option<&'a Value> {
         self.0.iter().find(|(name, _)| *name == key).map(|(_, value)| value)
     }
 
-    fn number(&self, key: &str) -> i64 {
+    pub(crate) fn number(&self, key: &str) -> i64 {
         match self.value(key) {
             Some(Value::Int(number)) => *number,
             _ => 0,
         }
     }
 
-    fn word(&self, key: &str) -> &'a str {
+    pub(crate) fn word(&self, key: &str) -> &'a str {
         match self.value(key) {
             Some(Value::Str(word)) => word,
             _ => "",
@@ -306,7 +324,7 @@ fn find_protocol(given: &[(&str, Value)]) -> Result<(&'static str, Tables), Para
     })
 }
 
-fn error(key: &str, value: String, allowed: String, remedy: String) -> ParamError {
+pub(crate) fn error(key: &str, value: String, allowed: String, remedy: String) -> ParamError {
     ParamError { byte: None, key: key.into(), value, allowed, remedy }
 }
 
@@ -318,18 +336,18 @@ mod tests {
     fn defaults_are_those_of_the_reference() {
         let cp = Cp341::from_keys([("protocol", Value::from("3964R"))]).unwrap();
         assert_eq!(cp.line.to_string(), "9600 8E1");
-        let Protocol341::S3964(s3964) = &cp.protocol;
+        let Protocol341::S3964(s3964) = &cp.protocol else { panic!("{:?}", cp.protocol) };
         assert_eq!((s3964.bcc, s3964.rk512, s3964.zvz_ms, s3964.qvz_ms), (true, false, 220, 2000));
         assert_eq!((s3964.connect_attempts, s3964.block_attempts, s3964.priority), (6, 6, Priority::High));
         let cp = Cp341::from_keys([("protocol", Value::from("3964")), ("priority", "low".into())]).unwrap();
-        let Protocol341::S3964(s3964) = &cp.protocol;
+        let Protocol341::S3964(s3964) = &cp.protocol else { panic!("{:?}", cp.protocol) };
         assert_eq!((s3964.bcc, s3964.qvz_ms, s3964.priority), (false, 550, Priority::Low));
     }
 
     #[test]
     fn keys_survive_the_way_to_the_driver() {
         for (protocol, _) in PROTOCOLS_341 {
-            let cp = Cp341::from_keys([("protocol", Value::from(*protocol)), ("baud", Value::Int(115_200))]).unwrap();
+            let cp = Cp341::from_keys([("protocol", Value::from(*protocol)), ("baud", Value::Int(38_400))]).unwrap();
             let again = Cp341::from_keys(cp.to_keys().iter().cloned()).unwrap();
             assert_eq!((again.protocol_name(), &again), (*protocol, &cp));
         }

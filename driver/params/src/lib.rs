@@ -17,6 +17,7 @@
 mod convert;
 mod cp240;
 mod cp341;
+mod cp341_modbus;
 mod error;
 mod line;
 mod record;
@@ -24,6 +25,7 @@ pub mod table;
 
 pub use cp240::{Ascii, Cp240, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
 pub use cp341::{Cp341, Key341, Kind341, PROTOCOLS_341, Protocol341, S3964Of341};
+pub use cp341_modbus::ModbusMaster32;
 pub use error::ParamError;
 pub use line::{Flow, LineSettings, Parity, StopBits};
 pub use record::Value;

@@ -3,6 +3,7 @@
 //! As the CP 240 it is pure in its inputs and their times. The channels are described in `docs/cp341-mailbox.md`.
 
 mod channel;
+mod loadable;
 mod outlet;
 mod protocol;
 mod receive;
@@ -12,6 +13,7 @@ mod send;
 pub use channel::{Channel, ChannelBlock, Job};
 
 use ob1_params::{Cp341 as Parameters, ParamError};
+use ob1_protocols::modbus_master_32;
 use ob1_protocols::rk512::{self, Answer, AnswerError, code};
 use ob1_protocols::{Input, LineFault, Nanos, Order};
 
@@ -121,10 +123,14 @@ impl Cp341 {
                 self.parameters = Some(new.clone());
                 port.line_settings(&new.line_settings());
                 self.parts.ring.clear(Capacity::cp341(u8::MAX));
-                self.protocol = Protocol::of(new);
+                self.protocol = Protocol::of(new, port.lateness());
                 self.parts.modem.reset();
-                port.rts(true);
-                port.dtr(true);
+                // The loadable driver switches them itself, or not at all. [S4 L590]
+                let on = !matches!(self.protocol, Protocol::Loadable(_));
+                self.parts.modem.set_rts(on);
+                self.parts.modem.set_dtr(on);
+                port.rts(on);
+                port.dtr(on);
                 port.event(now, CpEvent::Working);
                 self.enter(now, 0x0003, port);
                 self.drive(now, Input::Tick, port);
@@ -168,6 +174,8 @@ impl Cp341 {
             self.send.off();
             self.receive.off();
             self.parts.untold.clear();
+            // The slave's reply would be nobody's.
+            self.order_loadable(now, modbus_master_32::Order::Abort, port);
         }
         self.serve(now, port);
     }
@@ -205,6 +213,15 @@ impl Cp341 {
         telegram[..data.len()].copy_from_slice(data);
         let telegram = &telegram[..data.len()];
         self.parts.first_error = None;
+        if let Protocol::Loadable(_) = self.protocol {
+            if job.sf != b'S' {
+                return self.job_ended(now, Err(0x0301), port);
+            }
+            port.event(now, CpEvent::Order(telegram));
+            self.sending = Some(self.send.token());
+            let order = modbus_master_32::Order::Job { r_typ: job.r_typ, source: telegram };
+            return self.order_loadable(now, order, port);
+        }
         if self.protocol.rk512().is_none() {
             if job.sf != b'S' {
                 return self.job_ended(now, Err(0x0301), port);
@@ -244,11 +261,13 @@ impl Cp341 {
             receive::Step::Dropped => {
                 self.enter(now, 0x040A, port);
                 self.give_back(now, kind, Reason::Reset, port);
+                self.order_loadable(now, modbus_master_32::Order::Taken(false), port);
             }
             receive::Step::Refused(reason) => {
                 self.enter(now, refusal(kind, reason), port);
                 self.give_back(now, kind, reason, port);
                 self.receive.ended(Err(refusal(kind, reason)));
+                self.order_loadable(now, modbus_master_32::Order::Taken(false), port);
             }
             receive::Step::Complete => self.taken(now, kind, port),
         }
@@ -280,6 +299,7 @@ impl Cp341 {
                 port.count(CpCounter::Delivered, 1);
                 port.event(now, CpEvent::Delivered(len));
                 self.receive.ended(Ok(()));
+                self.order_loadable(now, modbus_master_32::Order::Taken(true), port);
             }
             Some(Kind::Receive) => self.order_rk512(now, rk512::Order::Answer(Answer::Taken), port),
             Some(Kind::Provide) => {
@@ -363,6 +383,15 @@ impl Cp341 {
         self.after(now, collected, port);
     }
 
+    /// An order for the loadable driver; with another protocol nothing happens.
+    fn order_loadable(&mut self, now: Nanos, order: modbus_master_32::Order<'_>, port: &mut dyn CpPort) {
+        let Protocol::Loadable(driver) = &mut self.protocol else { return };
+        let mut out = self.parts.outlet(now, self.receive.is_taking(), port);
+        self.protocol_due = driver.step(now, modbus_master_32::Input::Order(order), &mut out);
+        let collected = out.collected;
+        self.after(now, collected, port);
+    }
+
     /// What a step of the protocol has brought.
     fn after(&mut self, now: Nanos, collected: Collected, port: &mut dyn CpPort) {
         if let Some(outcome) = collected.answered {
@@ -377,6 +406,12 @@ impl Cp341 {
             Err(status) => {
                 port.count(CpCounter::SendErrors, 1);
                 port.event(now, CpEvent::JobFailed(status));
+                if matches!(self.protocol, Protocol::Loadable(_)) && self.parts.ring.oldest().is_some() {
+                    // Nobody has taken the reply.
+                    self.parts.ring.pop();
+                    port.count(CpCounter::ReceiveAborted, 1);
+                    self.receive.ended(Err(status));
+                }
             }
         }
         if self.sending.take() == Some(self.send.token()) {

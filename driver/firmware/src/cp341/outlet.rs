@@ -122,15 +122,15 @@ pub(crate) struct Collected {
 
 /// Where the protocol puts its results during one step.
 pub(crate) struct Outlet<'a> {
-    now: Nanos,
+    pub(super) now: Nanos,
     taking: bool,
-    parts: &'a mut Parts,
-    port: &'a mut dyn CpPort,
+    pub(super) parts: &'a mut Parts,
+    pub(super) port: &'a mut dyn CpPort,
     pub(crate) collected: Collected,
 }
 
 impl Outlet<'_> {
-    fn enter(&mut self, number: u16) {
+    pub(super) fn enter(&mut self, number: u16) {
         self.port.event(self.now, CpEvent::Entry(number));
     }
 

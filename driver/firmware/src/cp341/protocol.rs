@@ -1,9 +1,11 @@
 //! From the parameters to the protocol machine.
 
 use ob1_params::{Cp341 as Parameters, Priority, Protocol341, S3964Of341};
+use ob1_protocols::modbus_master_32::{self, Driver};
 use ob1_protocols::rk512::{self, Rk512};
 use ob1_protocols::{MS, Machine, Nanos, Order, S3964, Sink, machine, s3964};
 
+use super::loadable;
 use super::send::JOB_MAX;
 
 /// The protocol at work.
@@ -13,11 +15,18 @@ pub(crate) enum Protocol {
     None,
     S3964(Box<S3964<JOB_MAX>>),
     Rk512(Box<Rk512<JOB_MAX>>),
+    Loadable(Box<Driver>),
 }
 
 impl Protocol {
-    pub(crate) fn of(parameters: &Parameters) -> Self {
-        let Protocol341::S3964(p) = &parameters.protocol;
+    /// `late`: how late the line may hand over characters.
+    pub(crate) fn of(parameters: &Parameters, late: Nanos) -> Self {
+        let p = match &parameters.protocol {
+            Protocol341::S3964(p) => p,
+            Protocol341::ModbusMaster32(p) => {
+                return Self::Loadable(Box::new(loadable::of(p, &parameters.line_settings(), late)));
+            }
+        };
         let line = s3964_config(p, parameters.line_settings().char_time_ns());
         if p.rk512 {
             let mut config = rk512::Config::cp341(line);
@@ -31,7 +40,7 @@ impl Protocol {
     }
 
     /// One step; with no machine nothing happens.
-    pub(crate) fn step<O: Sink + rk512::Owner>(
+    pub(crate) fn step<O: Sink + rk512::Owner + modbus_master_32::Owner>(
         &mut self,
         now: Nanos,
         input: machine::Input<'_>,
@@ -42,6 +51,7 @@ impl Protocol {
             Self::S3964(machine) => machine.step(now, input, out),
             // Its orders come the other way.
             Self::Rk512(machine) => machine.step(now, rk512::Input::of_line(input)?, out),
+            Self::Loadable(driver) => driver.step(now, loadable::of_line(input)?, out),
         }
     }
 
@@ -51,6 +61,7 @@ impl Protocol {
             Self::None => false,
             Self::S3964(machine) => machine.busy(),
             Self::Rk512(machine) => machine.busy(),
+            Self::Loadable(driver) => driver.busy(),
         }
     }
 

@@ -1,0 +1,84 @@
+//! The loadable driver in its CP: parameters, jobs of P_SND_RK, replies for P_RCV_RK. [S4 "6 CPU – CP Interface"]
+//!
+//! A reply lies in the receive buffer like any telegram, and never more than one: the driver's job goes on until P_RCV_RK has it. When the
+//! job ends without that, the reply is taken out again: "no receive data are transferred to the CPU" [S4 L1652].
+
+use ob1_params::{LineSettings, ModbusMaster32, Parity, StopBits};
+use ob1_protocols::Nanos;
+use ob1_protocols::modbus_master_32::{self as driver, Driver, Owner, Parameters, Signals, Wiring};
+
+use super::outlet::Outlet;
+use crate::port::{CpCounter, CpEvent};
+
+/// The driver with these parameters. `late`: how late the line may hand over characters.
+pub(super) fn of(p: &ModbusMaster32, line: &LineSettings, late: Nanos) -> Driver {
+    Driver::new(Parameters {
+        baud: line.baud,
+        data_bits: line.data_bits,
+        stop_bits: if line.stop_bits == StopBits::One { 1 } else { 2 },
+        parity: match line.parity {
+            Parity::None => driver::Parity::None,
+            Parity::Odd => driver::Parity::Odd,
+            Parity::Even => driver::Parity::Even,
+        },
+        character_delay_ms: p.character_delay_ms,
+        response_timeout_ms: p.response_timeout_ms,
+        turnaround_ms: p.turnaround_ms,
+        operating_mode: if p.suppresses_interference {
+            Parameters::INTERFERENCE_SUPPRESSION
+        } else {
+            Parameters::NORMAL
+        },
+        long_registers: p.long_registers,
+        wiring: Wiring { half_duplex: p.half_duplex, breaks: p.breaks },
+        signals: p.signals.map(|(rts_off_ms, output_wait_ms)| Signals { rts_off_ms, output_wait_ms }),
+        late,
+    })
+}
+
+/// An input of the line; orders come another way.
+pub(super) const fn of_line(input: ob1_protocols::Input<'_>) -> Option<driver::Input<'_>> {
+    use ob1_protocols::{Input, Order};
+    Some(match input {
+        Input::Tick => driver::Input::Tick,
+        Input::Rx(bytes) => driver::Input::Rx(bytes),
+        Input::TxDone => driver::Input::TxDone,
+        Input::LineFault(fault) => driver::Input::LineFault(fault),
+        Input::Modem(lines) => driver::Input::Modem(lines),
+        Input::Order(Order::Abort) => driver::Input::Order(driver::Order::Abort),
+        Input::Order(Order::Send(_)) => return None,
+    })
+}
+
+impl Owner for Outlet<'_> {
+    fn transmit(&mut self, bytes: &[u8]) {
+        ob1_protocols::Sink::transmit(self, bytes);
+    }
+
+    fn take_back(&mut self) -> usize {
+        ob1_protocols::Sink::take_back(self)
+    }
+
+    fn deliver(&mut self, destination: &[u8]) {
+        self.parts.ring.push(destination);
+        self.port.count(CpCounter::Received, 1);
+        self.port.event(self.now, CpEvent::Received(destination));
+    }
+
+    fn ended(&mut self, outcome: Result<(), u16>) {
+        self.collected.ended = Some(outcome.map(|()| 0));
+    }
+
+    fn event(&mut self, number: u16) {
+        self.enter(number);
+    }
+
+    fn rts(&mut self, on: bool) {
+        ob1_protocols::Sink::rts(self, on);
+    }
+
+    fn dtr(&mut self, on: bool) {
+        self.parts.modem.set_dtr(on);
+        self.port.dtr(on);
+    }
+}
