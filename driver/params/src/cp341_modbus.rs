@@ -28,7 +28,7 @@ pub(crate) const FRAME: &[Key341] = &[
 pub(crate) const DRIVER: &[Key341] = &[
     number("character_delay_ms", (1, 6500, 1), "1000", "longest pause between two characters of a reply"),
     number("response_timeout_ms", (5, 65_500, 1), "2000", "longest wait for the first character of a reply"),
-    number("turnaround_ms", (0, 65_500, 1), "100", "wait after a broadcast; shorter than the response time-out"),
+    number("turnaround_ms", (0, 65_500, 1), "", "wait after a broadcast; shorter than the response time-out"),
     choice(
         "operating_mode",
         &["normal", "interference-suppression"],
@@ -96,6 +96,8 @@ impl ModbusMaster32 {
 pub(crate) fn default_of(key: &str, before: &Reader<'_>) -> Option<Value> {
     match key {
         "stop_bits" => Some(Value::Int(stop_bits(before))),
+        // The manual names none (ours).
+        "turnaround_ms" => Some(Value::Int((before.number("response_timeout_ms") - 1).min(100))),
         // "The setting High is recommended" for two wires. [S4 L556]
         "preset" => Some(Value::from(if before.word("wiring") == "two-wire" { "high" } else { "break" })),
         _ => None,
@@ -163,6 +165,7 @@ mod tests {
         let keys = [("rs232_signals", "yes".into()), ("registers_32_bit", "yes".into()), ("parity", "none".into())];
         assert_eq!(driver(&keys), ModbusMaster32 { long_registers: true, signals: Some((1000, 1000)), ..expected });
         assert_eq!(cp(&keys).expect("parameters").line.to_string(), "9600 7N2");
+        assert_eq!(driver(&[("response_timeout_ms", Value::Int(5))]).turnaround_ms, 4);
         let two_wire = driver(&[("wiring", "two-wire".into())]);
         assert!(two_wire.half_duplex && !two_wire.breaks);
         assert!(driver(&[("wiring", "two-wire".into()), ("preset", "break".into())]).breaks);

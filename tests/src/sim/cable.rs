@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use ob1_cp::{LinePort, Parameters341, Refused, parameters_341};
 use ob1_cpu::Nanos;
-use ob1_firmware::{LineInput, LineSettings};
+use ob1_firmware::{CpEvent, LineInput, LineSettings};
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 
 use super::Scenario;
@@ -29,6 +29,8 @@ pub struct Cable {
     diagnostics: [bool; 2],
     /// The CP at this end is a CP 341.
     cp341: [Option<Parameters341>; 2],
+    /// CP 341: what stands in its diagnostic buffer, oldest first.
+    entries: [Vec<u16>; 2],
     /// What leaves at this end was written by a driver that is dead: its end means nothing to the next one.
     orphaned: [bool; 2],
 }
@@ -49,6 +51,7 @@ impl Cable {
             undetectable: 0,
             diagnostics: [false; 2],
             cp341: [None, None],
+            entries: Default::default(),
             orphaned: [false; 2],
         }
     }
@@ -63,6 +66,12 @@ impl Cable {
     #[must_use]
     pub fn undetectable(&self) -> u64 {
         self.undetectable
+    }
+
+    /// What the CP 341 at `end` has entered in its diagnostic buffer.
+    #[must_use]
+    pub fn entries(&self, end: End) -> &[u16] {
+        &self.entries[end as usize]
     }
 
     /// The driver at `end` is dead. What it has written goes on leaving, as it does from a kernel's buffer.
@@ -165,6 +174,12 @@ impl LinePort for CableEnd<'_> {
 
     fn lateness(&self) -> Nanos {
         self.cable.coalesce
+    }
+
+    fn trace(&mut self, _now: Nanos, event: &CpEvent<'_>) {
+        if let CpEvent::Entry(number) = event {
+            self.cable.entries[self.end as usize].push(*number);
+        }
     }
 
     fn take_back(&mut self, now: Nanos) -> usize {

@@ -100,6 +100,12 @@ impl<D: Device> Bench<D> {
         }
     }
 
+    /// CP 341: the numbers in its diagnostic buffer, oldest first.
+    #[must_use]
+    pub fn entries(&self) -> &[u16] {
+        self.cable.entries(End::A)
+    }
+
     /// What the CPU's diagnostic buffer said.
     #[must_use]
     pub fn log(&self) -> &str {
