@@ -39,16 +39,17 @@ impl<D: Device> Bench<D> {
     /// # Errors
     /// What is wrong with the files, as text.
     pub fn build(station: &Path, device: D, seed: u64) -> Result<Self, String> {
-        let scenario = Scenario {
-            stations: Vec::new(),
-            seed,
-            duration: SECOND,
-            faults: FaultRates::NONE,
-            coalesce: 0,
-            kill_every: 0,
-            wire: false,
-        };
-        let cable = Cable::new("device", seed, &scenario, 0);
+        Self::build_on(station, device, FaultRates::NONE, seed)
+    }
+
+    /// The same on a bad line.
+    ///
+    /// # Errors
+    /// What is wrong with the files, as text.
+    pub fn build_on(station: &Path, device: D, faults: FaultRates, seed: u64) -> Result<Self, String> {
+        let scenario =
+            Scenario { stations: Vec::new(), seed, duration: SECOND, faults, coalesce: 0, kill_every: 0, wire: false };
+        let cable = Cable::new("device", seed, &scenario, Nanos::MAX);
         let mut drivers = Vec::new();
         let mut rng = SplitMix64::new(seed);
         let station = SimStation::build(station, &mut |_| Ok((0, End::A)), &mut drivers, &mut rng)?;
