@@ -7,7 +7,7 @@ use ob1_line::LineSpec;
 use serde::Deserialize;
 
 /// The module types of this driver.
-const MODULES: [&str; 2] = ["cp240", CP341];
+const MODULES: [&str; 3] = ["cp240", CP341, "cp040"];
 const CP341: &str = "cp341";
 
 /// Keys of the JSON text. Unknown ones are for later drivers and ignored.
@@ -38,6 +38,8 @@ pub(crate) struct Config {
     pub(crate) trace: Option<PathBuf>,
     /// It is a CP 341, with these parameters.
     pub(crate) cp341: Option<Parameters341>,
+    /// It is a CP 040.
+    pub(crate) cp040: bool,
 }
 
 impl Config {
@@ -49,9 +51,10 @@ impl Config {
             return Err(Refused(format!("module \"{}\": this driver is a {known}", keys.module)));
         }
         let cp341 = (keys.module == CP341).then(|| parameters_341(&keys.params));
+        let cp040 = keys.module == "cp040";
         let line = keys.line.parse().map_err(|e| Refused(format!("{e}")))?;
         let Keys { station, name, diagnostics, trace, .. } = keys;
-        Ok(Self { station, name, line, diagnostics, trace, cp341 })
+        Ok(Self { station, name, line, diagnostics, trace, cp341, cp040 })
     }
 }
 
@@ -74,7 +77,7 @@ mod tests {
         for (json, says) in [
             (&b""[..], "configuration"),
             (br#"{"module":"cp240"}"#, "line"),
-            (br#"{"module":"cp999","line":"pty:/x"}"#, "this driver is a cp240 or a cp341"),
+            (br#"{"module":"cp999","line":"pty:/x"}"#, "this driver is a cp240 or a cp341 or a cp040"),
             (br#"{"module":"cp240","line":"pty:x"}"#, "absolute"),
         ] {
             let refused = Config::parse(json).unwrap_err().to_string();

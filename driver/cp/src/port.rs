@@ -63,6 +63,10 @@ impl LinePort for Port {
         self.config.as_ref().and_then(|config| config.cp341.clone())
     }
 
+    fn is_cp040(&self) -> bool {
+        self.config.as_ref().is_some_and(|config| config.cp040)
+    }
+
     fn introduce(&mut self, now: Nanos, parameters: &[u8; 16]) {
         if let Some(config) = &self.config {
             self.tap.introduce(now, config, parameters);

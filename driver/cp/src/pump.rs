@@ -6,8 +6,8 @@ use ob1_backplane::{
 };
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341, Input341};
 use ob1_firmware::{
-    Cp240, CpCounter, CpEvent, CpInput, CpPort, Leds, LineFault, LineInput, LineSettings, Nanos, ParameterFault,
-    Registers, StartReason,
+    Cp040, Cp240, CpCounter, CpEvent, CpInput, CpPort, DiagnosticRecord, IO_BYTES, Leds, LineFault, LineInput,
+    LineSettings, Nanos, ParameterFault, StartReason,
 };
 
 use crate::translate::{self, EventCode, LINE_TEXT_RECORD};
@@ -20,6 +20,9 @@ const LOOK_AGAIN: Nanos = 50_000;
 
 /// [`DriverState::ParameterError`] when it is the JSON that is refused; smaller codes are the number of the parameter byte.
 const CODE_CONFIGURATION: u32 = 0x100;
+
+/// Number of the diagnostic record of a CP 040. [S3 "Diagnostic data"]
+const DIAGNOSTIC_RECORD: u32 = 1;
 
 /// The driver's configuration was refused, and why.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -77,6 +80,11 @@ pub trait LinePort {
         None
     }
 
+    /// Whether the module is a CP 040; asked after [`Self::configure`].
+    fn is_cp040(&self) -> bool {
+        false
+    }
+
     /// Something for the log.
     fn trace(&mut self, now: Nanos, event: &CpEvent<'_>) {
         let _ = (now, event);
@@ -88,6 +96,8 @@ pub struct CpPump {
     cp: Cp240,
     /// In its place, once the configuration has said that it is a CP 341.
     cp341: Option<Box<Cp341>>,
+    /// In its place, once the configuration has said that it is a CP 040.
+    cp040: Option<Box<Cp040>>,
     end: End,
     /// The CPU side's history up to which everything has been looked at.
     seen: Option<ChangeMark>,
@@ -111,6 +121,8 @@ struct End {
     parameters: Parameters,
     /// Error number of a line that is gone.
     line_error: Option<u32>,
+    /// The place of the diagnostic record is the module's own: the text of a line error has none.
+    has_record: bool,
     state: DriverState,
 }
 
@@ -127,6 +139,7 @@ impl CpPump {
         Self {
             cp: Cp240::new(segment.generation()),
             cp341: None,
+            cp040: None,
             end: End {
                 segment,
                 modem: ModemOutputs::default(),
@@ -135,6 +148,7 @@ impl CpPump {
                 dtr: true,
                 parameters: Parameters::None,
                 line_error: None,
+                has_record: false,
                 state: DriverState::Starting,
             },
             seen: None,
@@ -228,6 +242,10 @@ impl CpPump {
 
     fn step<L: LinePort + ?Sized>(&mut self, now: Nanos, input: CpInput<'_>, line: &mut L) {
         let mut plug = Plug { end: &mut self.end, line, now };
+        if let Some(cp) = &mut self.cp040 {
+            self.due = cp.step(now, input, &mut plug);
+            return;
+        }
         let Some(cp) = &mut self.cp341 else {
             self.due = self.cp.step(now, input, &mut plug);
             return;
@@ -286,11 +304,7 @@ impl CpPump {
         }
         // The registers first: what stands in them when parameters arrive is of an earlier life.
         if self.end.segment.outputs_changed() {
-            let mut outputs = Registers::default();
-            if self.end.segment.read_outputs(&mut outputs) == Freshness::Stale {
-                self.look_again = true;
-            }
-            self.step(now, CpInput::Outputs(&outputs), line);
+            self.look_outputs(now, line);
         }
         if self.end.segment.params_changed() {
             self.look_params(now, line);
@@ -299,6 +313,31 @@ impl CpPump {
             self.look_channels(now, line);
         }
         self.end.show_state();
+    }
+
+    fn look_outputs<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
+        let mut outputs = [0; *IO_BYTES.end()];
+        let outputs = &mut outputs[..self.end.segment.io_bytes().min(*IO_BYTES.end())];
+        if self.end.segment.read_outputs(outputs) == Freshness::Stale {
+            self.look_again = true;
+        }
+        self.step(now, CpInput::Outputs(outputs), line);
+    }
+
+    /// The configuration says whether this is a CP 040: then it is one from now on, with the world as it stands.
+    fn become_cp040<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
+        if self.cp040.is_some() || !line.is_cp040() {
+            return;
+        }
+        self.cp040 = Some(Box::new(Cp040::new(self.end.segment.io_bytes())));
+        self.end.has_record = true;
+        if self.end.line_error.is_some() {
+            self.step(now, CpInput::Line(LineInput::Fault(LineFault::Gone)), line);
+        }
+        if let Some(running) = self.cpu_running {
+            self.step(now, CpInput::CpuRun(running), line);
+        }
+        self.look_outputs(now, line);
     }
 
     fn look_cpu<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
@@ -327,7 +366,11 @@ impl CpPump {
         self.params_revision = params.revision;
         let bytes = params.bytes;
         let configured = line.configure(now, params.json);
-        self.cp.enable_diagnostics(line.diagnostics());
+        self.become_cp040(now, line);
+        match &mut self.cp040 {
+            Some(cp) => cp.enable_diagnostics(line.diagnostics()),
+            None => self.cp.enable_diagnostics(line.diagnostics()),
+        }
         if configured.is_ok() {
             line.introduce(now, &bytes);
         }
@@ -351,6 +394,9 @@ impl End {
     }
 
     fn write_text(&mut self, text: &str) {
+        if self.has_record {
+            return;
+        }
         let mut end = text.len().min(ob1_backplane::layout::RECORD_BYTES);
         while !text.is_char_boundary(end) {
             end -= 1;
@@ -399,7 +445,7 @@ struct Plug<'a, L: ?Sized> {
 }
 
 impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
-    fn inputs(&mut self, registers: &Registers) {
+    fn inputs(&mut self, registers: &[u8]) {
         self.end.segment.write_inputs(registers);
     }
 
@@ -437,6 +483,11 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
         self.end.drive_modem(self.now, self.line);
     }
 
+    fn record(&mut self, record: &DiagnosticRecord) {
+        // Shorter than a record may be.
+        let _ = self.end.segment.write_diagnosis(DIAGNOSTIC_RECORD, record);
+    }
+
     fn leds(&mut self, leds: Leds) {
         self.end.segment.set_leds(translate::leds(leds));
     }
@@ -466,6 +517,10 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
                 let kind = if *incoming { EventKind::DiagnosticIncoming } else { EventKind::DiagnosticOutgoing };
                 let number = u32::from(u16::from_be_bytes([data[4], data[5]]));
                 self.end.segment.emit_event(Event::new(now, kind, number, data));
+            }
+            CpEvent::Record { incoming, record } => {
+                let kind = if *incoming { EventKind::DiagnosticIncoming } else { EventKind::DiagnosticOutgoing };
+                self.end.segment.emit_event(Event::new(now, kind, 0, record));
             }
             CpEvent::Protocol(event) => {
                 if let Some(number) = event.number() {

@@ -53,7 +53,7 @@ impl Tap {
         let at_zero = u64::try_from(since_1970.as_nanos()).unwrap_or(0).saturating_sub(now);
         let text = json!({
             "version": VERSION, "station": config.station, "name": config.name, "line": config.line.to_string(),
-            "parameters": parameters, "unix_ns": at_zero,
+            "parameters": parameters, "unix_ns": at_zero, "module": if config.cp040 { "cp040" } else { "cp240" },
         });
         self.hello = Record::head(now, Kind::Hello).to_vec();
         self.hello.extend(text.to_string().into_bytes());

@@ -1,8 +1,429 @@
-//! The SLIO CP 040: the module around the host protocol.
+//! The SLIO CP 040: the byte protocol towards the host, buffers, protocol machines, LEDs, diagnostics. `docs/cp040-registers.md`
 
+mod diagnosis;
 mod exchange;
 #[cfg(test)]
 mod model;
+mod outlet;
 mod receive;
 mod send;
 mod wire;
+
+use ob1_params::{Cp040 as Parameters, Duplex};
+use ob1_protocols::modbus::area::{BLOCK_BYTES, BLOCKS_TOGETHER};
+use ob1_protocols::{Input, LineFault, MS, Nanos, Order, SendError};
+
+pub use diagnosis::DiagnosticRecord;
+pub use wire::IO_BYTES;
+
+use crate::leds::{LedDriver, Leds};
+use crate::port::{CpCounter, CpEvent, CpInput, CpPort, LineInput, ParameterFault};
+use crate::protocol::{Protocol, Setup};
+use diagnosis::Diagnosis;
+use exchange::{Exchange, Step};
+use outlet::Outlet;
+use wire::Area;
+
+/// IF flashes: so long on, so long off. "2 Hz" [S3 L293]
+const FLASH: Nanos = 250 * MS;
+
+/// Where the module is on its way to work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// No parameters have come yet.
+    Off,
+    /// They are not valid.
+    NoParameters,
+    Working,
+}
+
+/// A CP 040.
+///
+/// Laws for the owner as for a [`Cp240`](crate::Cp240): time never goes backwards; a tick when the answered time has come; the outputs as
+/// they stand before the first parameters. Sixteen zeros as parameters are ASCII with its defaults.
+#[derive(Debug)]
+pub struct Cp040 {
+    phase: Phase,
+    cpu_stopped: bool,
+    exchange: Exchange,
+    shown: Area,
+    parameters: Option<Parameters>,
+    setup: Option<Setup>,
+    protocol: Protocol,
+    protocol_due: Option<Nanos>,
+    /// Characters of ours are on the line.
+    transmitting: bool,
+    line_gone: bool,
+    /// The order was broken off because the line is gone.
+    line_broke_off: bool,
+    leds: LedDriver,
+    leds_shown: Leds,
+    diagnosis: Diagnosis,
+}
+
+impl Cp040 {
+    /// A module without parameters that occupies so many bytes each way, 8 to 60.
+    pub fn new(io_bytes: usize) -> Self {
+        Self {
+            phase: Phase::Off,
+            cpu_stopped: false,
+            exchange: Exchange::new(io_bytes),
+            shown: [0; 60],
+            parameters: None,
+            setup: None,
+            protocol: Protocol::None,
+            protocol_due: None,
+            transmitting: false,
+            line_gone: false,
+            line_broke_off: false,
+            leds: LedDriver::new(),
+            leds_shown: Leds::NONE,
+            diagnosis: Diagnosis::new(),
+        }
+    }
+
+    /// Takes one input at time `now`; the result is when [`CpInput::Tick`] is due.
+    pub fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
+        match input {
+            CpInput::Tick => {
+                if self.protocol_due.is_some_and(|due| now >= due) {
+                    self.drive(now, Input::Tick, port);
+                }
+            }
+            CpInput::Outputs(outputs) => {
+                self.exchange.set_outputs(outputs);
+                self.look(now, port);
+            }
+            CpInput::Line(line) => self.line(now, line, port),
+            CpInput::CpuRun(run) => {
+                self.cpu_stopped = !run;
+                if run {
+                    self.leds.stop_run();
+                }
+            }
+            CpInput::Parameters(bytes) => self.parametrise(now, bytes, port),
+        }
+        self.publish(port);
+        let leds = self.leds_at(now);
+        if leds != self.leds_shown {
+            self.leds_shown = leds;
+            port.leds(leds);
+        }
+        if let Some(incoming) = self.diagnosis.change(now) {
+            port.record(self.diagnosis.record());
+            if self.diagnosis.enabled {
+                port.event(now, CpEvent::Record { incoming, record: *self.diagnosis.record() });
+            }
+        }
+        let flash = self.is_flashing(now).then_some((now / FLASH + 1) * FLASH);
+        self.protocol_due.into_iter().chain(self.leds.deadline()).chain(flash).min()
+    }
+
+    /// Whether the parameters are valid.
+    pub fn is_working(&self) -> bool {
+        self.phase == Phase::Working
+    }
+
+    /// DIAG_EN: whether a wire break and wrong parameters raise diagnostic interrupts. Off unless enabled.
+    pub fn enable_diagnostics(&mut self, enabled: bool) {
+        self.diagnosis.enabled = enabled;
+    }
+
+    /// Telegrams in the receive buffer.
+    pub fn received_waiting(&self) -> usize {
+        self.exchange.receive.telegrams()
+    }
+
+    fn is_flashing(&mut self, now: Nanos) -> bool {
+        self.leds.at(now).error || self.phase == Phase::NoParameters
+    }
+
+    /// PW is RUN; ER is IF, or MF while there are no valid parameters: both flash at 2 Hz. [S3 L293]
+    fn leds_at(&mut self, now: Nanos) -> Leds {
+        let on = self.is_flashing(now) && (now / FLASH).is_multiple_of(2);
+        Leds { error: on, power: self.phase == Phase::Working, ..self.leds.at(now) }
+    }
+
+    // ---- parameters ----
+
+    fn parametrise(&mut self, now: Nanos, bytes: &[u8; 16], port: &mut dyn CpPort) {
+        if !matches!(self.protocol, Protocol::None) {
+            port.take_back();
+        }
+        (self.protocol, self.protocol_due, self.transmitting) = (Protocol::None, None, false);
+        self.clear(port);
+        let decoded =
+            if bytes.iter().all(|b| *b == 0) { Parameters::defaults("ascii") } else { Parameters::decode(bytes) };
+        self.diagnosis.parameters = decoded.is_err();
+        self.diagnosis.wire_break = false;
+        let parameters = match decoded {
+            Ok(parameters) => parameters,
+            Err(error) => {
+                port.event(now, CpEvent::NoParameters(ParameterFault::Value(&error)));
+                (self.phase, self.setup, self.parameters) = (Phase::NoParameters, None, None);
+                return;
+            }
+        };
+        let Some(setup) = Setup::of_040(&parameters, self.exchange.io_bytes(), port.lateness()) else {
+            // Every protocol that the parameters can name is there.
+            (self.phase, self.setup, self.parameters) = (Phase::NoParameters, None, None);
+            return;
+        };
+        self.leds.parameters(now, setup.is_modbus(), true);
+        self.protocol = setup.build();
+        self.setup = Some(setup);
+        port.line_settings(&parameters.common.line_settings());
+        self.parameters = Some(parameters);
+        self.phase = Phase::Working;
+        self.clear(port);
+        self.diagnosis.wire_break = self.line_gone && self.detects_break();
+        port.record(self.diagnosis.record());
+        port.rts(true);
+        port.dtr(true);
+        port.event(now, CpEvent::Working);
+        self.drive(now, Input::Tick, port);
+        self.look(now, port);
+    }
+
+    fn detects_break(&self) -> bool {
+        self.parameters.as_ref().is_some_and(Parameters::detects_break)
+    }
+
+    /// Empties both directions.
+    fn clear(&mut self, port: &mut dyn CpPort) {
+        let telegrams_max = self.parameters.as_ref().map_or(1, Parameters::receive_buffers);
+        let (aborted, dropped) = self.exchange.clear(telegrams_max);
+        if aborted {
+            port.count(CpCounter::OrdersAborted, 1);
+        }
+        if dropped > 0 {
+            port.count(CpCounter::ReceiveAborted, dropped as u64);
+        }
+    }
+
+    // ---- the host ----
+
+    fn look(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        // What the outputs of a stopped CPU show is no command; with its start come parameters.
+        if self.phase != Phase::Working || self.cpu_stopped {
+            return;
+        }
+        let io_bytes = self.exchange.io_bytes();
+        if let Some(slave) = self.protocol.slave()
+            && !slave.config().confirmed
+        {
+            // "Slave short": what the master reads is the output area itself.
+            let stored = slave.set_input(&self.exchange.outputs()[..io_bytes]);
+            debug_assert!(stored, "the area is as large as the process image");
+            return;
+        }
+        match self.exchange.look() {
+            Step::Reset => self.reset(now, port),
+            Step::Both(sending, receiving) => {
+                self.received(now, receiving, port);
+                self.commanded(now, sending, port);
+            }
+        }
+    }
+
+    /// "Execute a reset on the CP": buffers and protocol begin anew.
+    fn reset(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        port.take_back();
+        self.clear(port);
+        self.transmitting = false;
+        if let Some(setup) = &self.setup {
+            self.protocol = setup.build();
+        }
+        port.event(now, CpEvent::Working);
+        self.drive(now, Input::Tick, port);
+    }
+
+    fn commanded(&mut self, now: Nanos, step: send::Step, port: &mut dyn CpPort) {
+        match step {
+            send::Step::Wait | send::Step::Stored => {}
+            send::Step::Discarded | send::Step::BadOrder => port.event(now, CpEvent::OrderDiscarded { code: None }),
+            send::Step::BadLength => port.event(now, CpEvent::OrderDiscarded { code: Some(SendError::TooLong.code()) }),
+            send::Step::Complete => {
+                port.count(CpCounter::OrdersAccepted, 1);
+                port.event(now, CpEvent::Order(self.exchange.send.telegram()));
+                if let Some(slave) = self.protocol.slave() {
+                    let stored = slave.set_input(self.exchange.send.telegram());
+                    self.ended(now, if stored { Ok(()) } else { Err(SendError::TooLong) }, port);
+                } else if self.line_gone && !self.protocol.is_acknowledged() {
+                    self.ended(now, Err(SendError::Frame), port);
+                } else {
+                    self.order(now, port);
+                }
+            }
+        }
+    }
+
+    fn received(&mut self, now: Nanos, step: receive::Step, port: &mut dyn CpPort) {
+        if let receive::Step::Delivered(bytes) = step {
+            if let Some(bytes) = bytes {
+                port.count(CpCounter::Delivered, 1);
+                port.event(now, CpEvent::Delivered(bytes));
+            }
+            if let Some(slave) = self.protocol.slave() {
+                slave.change_taken(true);
+            }
+            // The buffer has become free: a protocol may have kept its partner waiting for that.
+            self.drive(now, Input::Tick, port);
+        }
+    }
+
+    fn publish(&mut self, port: &mut dyn CpPort) {
+        let io_bytes = self.exchange.io_bytes();
+        let inputs = match self.phase {
+            Phase::Off | Phase::NoParameters => [0; 60],
+            Phase::Working => self.image().unwrap_or_else(|| self.exchange.inputs()),
+        };
+        if inputs != self.shown {
+            self.shown = inputs;
+            port.inputs(&inputs[..io_bytes]);
+        }
+    }
+
+    /// "Slave short": the input area is what the master has written.
+    fn image(&self) -> Option<Area> {
+        let Protocol::ModbusSlave(slave) = &self.protocol else { return None };
+        let mut image = [0; 60];
+        for (to, from) in image.iter_mut().zip(slave.areas().output()) {
+            *to = *from;
+        }
+        (!slave.config().confirmed).then_some(image)
+    }
+
+    // ---- the line and the protocol ----
+
+    fn line(&mut self, now: Nanos, line: LineInput<'_>, port: &mut dyn CpPort) {
+        // Two wires: "data is exchanged ... but only in one direction at a time". What comes while we send is our own. [S3 L347]
+        let is_half = self.parameters.as_ref().is_some_and(|p| p.duplex == Duplex::Half);
+        let mut input = line.to_protocol();
+        match line {
+            LineInput::Rx(_) if is_half && self.transmitting => return,
+            LineInput::Rx(bytes) => {
+                self.diagnosis.wire_break &= self.line_gone;
+                self.leds.received(now);
+                port.count(CpCounter::BytesRx, bytes.len() as u64);
+            }
+            LineInput::TxDone => {
+                self.transmitting = false;
+                self.leds.transmit(false);
+            }
+            LineInput::Fault(LineFault::Gone) => {
+                self.line_gone = true;
+                self.diagnosis.wire_break = self.detects_break();
+                self.leds.line(now, true);
+                port.count(CpCounter::LineFaults, 1);
+            }
+            LineInput::Fault(LineFault::Back) => {
+                self.line_gone = false;
+                self.diagnosis.wire_break = false;
+                self.leds.line(now, false);
+                port.count(CpCounter::LineRestarts, 1);
+            }
+            LineInput::Fault(_) if is_half && self.transmitting => return,
+            LineInput::Fault(LineFault::Break) => {
+                if self.detects_break() {
+                    self.diagnosis.wire_break = true;
+                } else {
+                    // Nobody evaluates it: a character without a stop bit.
+                    input = Input::LineFault(LineFault::Framing);
+                }
+                self.leds.error(now);
+            }
+            LineInput::Fault(_) => self.leds.error(now),
+            LineInput::Modem(_) => {}
+        }
+        if self.phase != Phase::Working {
+            return;
+        }
+        self.drive(now, input, port);
+        if self.line_gone && self.exchange.send.is_transmitting() && !self.protocol.is_acknowledged() {
+            self.line_broke_off = true;
+            self.drive(now, Protocol::ABORT, port);
+            self.line_broke_off = false;
+        }
+    }
+
+    fn order(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        let (exchange, protocol) = (&mut self.exchange, &mut self.protocol);
+        let mut out = Outlet {
+            now,
+            receive: &mut exchange.receive,
+            leds: &mut self.leds,
+            port,
+            tells_errors: protocol.is_heard_once(),
+            transmitting: &mut self.transmitting,
+            outcome: None,
+        };
+        self.protocol_due = protocol.step(now, Input::Order(Order::Send(exchange.send.telegram())), &mut out);
+        let outcome = out.outcome;
+        self.after_step(now, outcome, port);
+    }
+
+    fn drive(&mut self, now: Nanos, input: Input<'_>, port: &mut dyn CpPort) {
+        let mut out = Outlet {
+            now,
+            receive: &mut self.exchange.receive,
+            leds: &mut self.leds,
+            port,
+            tells_errors: self.protocol.is_heard_once(),
+            transmitting: &mut self.transmitting,
+            outcome: None,
+        };
+        self.protocol_due = self.protocol.step(now, input, &mut out);
+        let outcome = out.outcome;
+        self.after_step(now, outcome, port);
+    }
+
+    fn after_step(&mut self, now: Nanos, outcome: Option<Result<(), SendError>>, port: &mut dyn CpPort) {
+        if let Some(outcome) = outcome {
+            self.ended(now, outcome, port);
+        }
+        self.offer_change(now, port);
+        if !self.cpu_stopped {
+            let step = self.exchange.look_receive();
+            debug_assert!(!matches!(step, receive::Step::Delivered(_)), "the acknowledgement was looked at before");
+        }
+    }
+
+    /// Modbus slave "long": what the master has changed goes to the CPU with its place, the offset word. [S3 L11]
+    fn offer_change(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        let Some(slave) = self.protocol.slave().filter(|slave| slave.config().confirmed) else { return };
+        let Some(change) = slave.take_change() else { return };
+        let mut blocks = [0; BLOCK_BYTES * BLOCKS_TOGETHER];
+        let Some(blocks) = blocks.get_mut(..change.bytes) else { return };
+        let Some(area) = slave.areas().output().get(change.first..change.first + change.bytes) else { return };
+        blocks.copy_from_slice(area);
+        if self.exchange.receive.push(Some(change.first as u16), blocks) {
+            port.count(CpCounter::Received, 1);
+            port.event(now, CpEvent::Changed(change.bytes));
+        }
+    }
+
+    fn ended(&mut self, now: Nanos, outcome: Result<(), SendError>, port: &mut dyn CpPort) {
+        let outcome = match outcome {
+            Err(SendError::Aborted) if self.line_broke_off => Err(SendError::Frame),
+            other => other,
+        };
+        match outcome {
+            Ok(()) => {
+                port.count(CpCounter::Sent, 1);
+                port.event(now, CpEvent::Sent);
+            }
+            Err(error) => {
+                port.count(CpCounter::SendErrors, 1);
+                port.event(now, CpEvent::SendFailed(error.code()));
+            }
+        }
+        self.exchange.send.ended(outcome.is_ok());
+        // The end is shown before a command that was left waiting is looked at.
+        self.publish(port);
+        if !self.cpu_stopped {
+            let step = self.exchange.look_send();
+            self.commanded(now, step, port);
+        }
+    }
+}

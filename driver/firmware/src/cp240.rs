@@ -121,7 +121,9 @@ impl Cp240 {
                 }
             }
             CpInput::Outputs(outputs) => {
-                self.outputs = *outputs;
+                for (to, from) in self.outputs.iter_mut().zip(outputs) {
+                    *to = *from;
+                }
                 self.look(now, port);
             }
             CpInput::Line(line) => self.line(now, line, port),

@@ -3,18 +3,18 @@
 use ob1_params::{LineSettings, ParamError};
 use ob1_protocols::{Event, Input, LineFault, ModemLines, Nanos, rk512};
 
+use crate::cp040::DiagnosticRecord;
 use crate::cp341::{Channel, ChannelBlock};
 use crate::diagnosis::DiagnosticBytes;
 use crate::leds::Leds;
-use crate::registers::Registers;
 
 /// Everything that can happen to a CP.
 #[derive(Debug, Clone, Copy)]
 pub enum CpInput<'a> {
     /// Time has passed; nothing else.
     Tick,
-    /// The CPU's output registers as they now stand.
-    Outputs(&'a Registers),
+    /// The CPU's output registers as they now stand: 16 bytes of a CP 240, 8 to 60 of a CP 040.
+    Outputs(&'a [u8]),
     /// Something happened on the line.
     Line(LineInput<'a>),
     /// The CPU went to RUN or start-up (true) or to STOP (false).
@@ -50,8 +50,8 @@ impl<'a> LineInput<'a> {
 
 /// Where a CP puts what it does. All methods are called inside [`crate::Cp240::step`].
 pub trait CpPort {
-    /// Publishes the input registers, all sixteen bytes at once. Called only when they have changed.
-    fn inputs(&mut self, registers: &Registers);
+    /// Publishes the input registers, all bytes at once. Called only when they have changed.
+    fn inputs(&mut self, registers: &[u8]);
 
     /// CP 341: shows the CPU a block of a channel. Called only when it has changed.
     fn channel(&mut self, channel: Channel, block: &ChannelBlock) {
@@ -84,6 +84,11 @@ pub trait CpPort {
     /// Sets the modem line DTR.
     fn dtr(&mut self, on: bool) {
         let _ = on;
+    }
+
+    /// CP 040: its diagnostic record (record set 01h) as it now stands.
+    fn record(&mut self, record: &DiagnosticRecord) {
+        let _ = record;
     }
 
     /// The LEDs have changed.
@@ -198,5 +203,12 @@ pub enum CpEvent<'a> {
         incoming: bool,
         /// Bytes of the module's diagnosis.
         data: DiagnosticBytes,
+    },
+    /// CP 040: the same, with its diagnostic record (record set 01h).
+    Record {
+        /// The error comes; otherwise it has gone.
+        incoming: bool,
+        /// The record.
+        record: DiagnosticRecord,
     },
 }

@@ -1,7 +1,7 @@
 //! From the parameters to the protocol machine.
 
 use ob1_params::{
-    Ascii as AsciiParams, Cp240 as Parameters, Flow, Priority, Protocol as Chosen, S3964 as S3964Params,
+    Ascii as AsciiParams, Cp040, Cp240 as Parameters, Flow, Priority, Protocol as Chosen, S3964 as S3964Params,
     StxEtx as StxEtxParams,
 };
 use ob1_protocols::modbus::{Master, Slave};
@@ -38,6 +38,25 @@ impl Setup {
             Chosen::MBus => Some(Self::MBus(mbus::Config::cp240().with_bursts(late))),
             Chosen::EnOcean => Some(Self::EnOcean(esp2::Config::cp240())),
         }
+    }
+
+    /// The same for a CP 040 that occupies `io_bytes` each way: where the CP 240 takes double the character time for 0, it takes "triple
+    /// character time" [S3 L303], and the areas of its slave "short" are as long as its process image [S3 L385].
+    pub(crate) fn of_040(parameters: &Cp040, io_bytes: usize, late: Nanos) -> Option<Self> {
+        let mut setup = Self::of(&parameters.common, late)?;
+        let triple = 3 * parameters.common.char_time_ns();
+        match &mut setup {
+            Self::Ascii(config) if config.zvz == 0 => config.zvz = triple,
+            Self::S3964(config) if config.zvz == 0 => config.zvz = triple,
+            Self::Modbus(modbus::Setup::Slave(config)) if !config.confirmed => config.area_bytes = io_bytes,
+            _ => {}
+        }
+        Some(setup)
+    }
+
+    /// One of the Modbus modes.
+    pub(crate) const fn is_modbus(&self) -> bool {
+        matches!(self, Self::Modbus(_))
     }
 
     pub(crate) fn build(&self) -> Protocol {
@@ -147,6 +166,11 @@ impl Protocol {
     /// not count as done because its last bit has "left".
     pub(crate) const fn is_acknowledged(&self) -> bool {
         matches!(self, Self::S3964(_) | Self::ModbusMaster(_) | Self::Rk512(_) | Self::MBus(_))
+    }
+
+    /// Whether what could not be received is lost: nobody repeats it, and no program asks for it again.
+    pub(crate) const fn is_heard_once(&self) -> bool {
+        matches!(self, Self::Ascii(_) | Self::StxEtx(_))
     }
 
     /// The Modbus slave, if it is one.

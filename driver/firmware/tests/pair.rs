@@ -20,7 +20,7 @@ struct Port {
 }
 
 impl CpPort for Port {
-    fn inputs(&mut self, registers: &Registers) {
+    fn inputs(&mut self, registers: &[u8]) {
         self.log.inputs(registers);
     }
 

@@ -91,11 +91,13 @@ impl Cp240 {
 pub(crate) struct Reader<'a> {
     pub(crate) bytes: &'a Record,
     pub(crate) layout: Layout,
+    /// The rows: those of the layout, or of another module that has the same parameters in other places.
+    pub(crate) fields: &'static [Field],
 }
 
 impl Reader<'_> {
     fn value(&self, key: &str) -> Result<Value, ParamError> {
-        let field: Option<&Field> = self.layout.fields().iter().find(|f| f.key == key);
+        let field: Option<&Field> = self.fields.iter().find(|f| f.key == key);
         // A key that the layout does not have can only be a mistake in this file; the round-trip test walks them all.
         field.map_or(Ok(Value::Int(0)), |field| record::value(self.bytes, field))
     }

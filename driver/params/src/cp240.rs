@@ -200,7 +200,7 @@ impl Cp240 {
             record::value(bytes, field)?;
         }
         record::check_reserved(bytes, layout)?;
-        Reader { bytes, layout }.read(name)
+        Reader { bytes, layout, fields: layout.fields() }.read(name)
     }
 
     /// Writes the 16 bytes.
@@ -244,7 +244,7 @@ impl Cp240 {
                 None => return Err(unknown_key(key, value, name, layout)),
             }
         }
-        Reader { bytes: &bytes, layout }.read(name)
+        Reader { bytes: &bytes, layout, fields: layout.fields() }.read(name)
     }
 
     /// All parameters as named keys, `protocol` and `baud` first: the other form of the bytes.

@@ -15,6 +15,7 @@
 #![forbid(unsafe_code)]
 
 mod convert;
+pub mod cp040;
 mod cp240;
 mod cp341;
 mod cp341_modbus;
@@ -23,6 +24,7 @@ mod line;
 mod record;
 pub mod table;
 
+pub use cp040::{Cp040, Duplex, Preset};
 pub use cp240::{Ascii, Cp240, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
 pub use cp341::{Cp341, Key341, Kind341, PROTOCOLS_341, Protocol341, S3964Of341};
 pub use cp341_modbus::ModbusMaster32;

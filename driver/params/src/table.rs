@@ -117,11 +117,11 @@ const PARITY: Kind = Kind::Choice(&[("none", 0b00), ("odd", 0b01), ("even", 0b10
 const PARITY_MODBUS: Kind = Kind::Choice(&[("none", 0b00), ("odd", 0b01), ("even", 0b11)]);
 const STOP_BITS: Kind = Kind::Choice(&[("1", 0b01), ("1.5", 0b10), ("2", 0b11)]);
 const FLOW: Kind = Kind::Choice(&[("none", 0b00), ("hardware", 0b01), ("xon-xoff", 0b10)]);
-const BYTE: Kind = Kind::Number { min: 0, max: 255 };
-const FLAGS: Kind = Kind::Number { min: 0, max: 2 };
-const TICKS: Kind = Kind::Ticks { min: 0 };
+pub(crate) const BYTE: Kind = Kind::Number { min: 0, max: 255 };
+pub(crate) const FLAGS: Kind = Kind::Number { min: 0, max: 2 };
+pub(crate) const TICKS: Kind = Kind::Ticks { min: 0 };
 
-const fn bits(
+pub(crate) const fn bits(
     key: &'static str,
     byte: usize,
     shift: u8,
@@ -133,14 +133,14 @@ const fn bits(
     Field { key, byte, shift, bits, kind, default, text }
 }
 
-const fn whole(key: &'static str, byte: usize, kind: Kind, default: u16, text: &'static str) -> Field {
+pub(crate) const fn whole(key: &'static str, byte: usize, kind: Kind, default: u16, text: &'static str) -> Field {
     bits(key, byte, 0, 8, kind, default, text)
 }
 
 const BAUD_ROW: Field = whole("baud", 0, BAUD, 0x00, "baud rate, bit/s");
-const DATA_BITS_ROW: Field = bits("data_bits", 2, 0, 2, DATA_BITS, 0b11, "data bits of a character");
-const PARITY_ROW: Field = bits("parity", 2, 2, 2, PARITY, 0b00, "parity bit");
-const STOP_BITS_ROW: Field = bits("stop_bits", 2, 4, 2, STOP_BITS, 0b01, "stop bits");
+pub(crate) const DATA_BITS_ROW: Field = bits("data_bits", 2, 0, 2, DATA_BITS, 0b11, "data bits of a character");
+pub(crate) const PARITY_ROW: Field = bits("parity", 2, 2, 2, PARITY, 0b00, "parity bit");
+pub(crate) const STOP_BITS_ROW: Field = bits("stop_bits", 2, 4, 2, STOP_BITS, 0b01, "stop bits");
 const FLOW_ROW: Field = bits("flow", 2, 6, 2, FLOW, 0b00, "flow control");
 const ZNA_ROW: Field = whole("zna_ms", 4, TICKS, 0, "ZNA: pause before the next command is executed");
 const ZVZ_ROW: Field =

@@ -93,6 +93,7 @@ pub fn cp_settings(
 ) -> Option<CpSettings> {
     let (module, parameters, line, diagnostics) = match &config.kind {
         ModuleKind::Cp240 { bytes, line, diagnostics, .. } => ("cp240", *bytes, line, diagnostics),
+        ModuleKind::Cp040 { bytes, line, diagnostics, .. } => ("cp040", *bytes, line, diagnostics),
         ModuleKind::Cp341 { line, diagnostics, .. } => ("cp341", [0; 16], line, diagnostics),
         ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } => return None,
     };

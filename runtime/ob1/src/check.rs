@@ -218,13 +218,17 @@ fn describe(station: &Station) -> String {
             ModuleKind::Outputs { bytes } => {
                 let _ = writeln!(text, "{}: outputs, bytes {}", module.name, span(module.output_address, *bytes));
             }
-            ModuleKind::Cp240 { params, bytes, line, .. } => {
-                let inputs = span(module.input_address, station::CP240_BYTES);
-                let outputs = span(module.output_address, station::CP240_BYTES);
-                let _ = writeln!(text, "{}: cp240, inputs {inputs}, outputs {outputs}, line {line}", module.name);
+            ModuleKind::Cp240 { bytes, line, .. } | ModuleKind::Cp040 { bytes, line, .. } => {
+                let (name, keys) = match &module.kind {
+                    ModuleKind::Cp040 { params, .. } => ("cp040", params.to_keys()),
+                    ModuleKind::Cp240 { params, .. } => ("cp240", params.to_keys()),
+                    _ => continue,
+                };
+                let inputs = span(module.input_address, module.input_bytes());
+                let outputs = span(module.output_address, module.output_bytes());
+                let _ = writeln!(text, "{}: {name}, inputs {inputs}, outputs {outputs}, line {line}", module.name);
                 let raw: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
                 let _ = writeln!(text, "  raw = \"{}\"", raw.join(" "));
-                let keys = params.to_keys();
                 let keys: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
                 let _ = writeln!(text, "  params = {{ {} }}", keys.join(", "));
             }

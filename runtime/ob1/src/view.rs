@@ -52,6 +52,7 @@ impl ModuleView {
     pub fn new(config: &ModuleConfig) -> Self {
         let (type_name, address) = match config.kind {
             ModuleKind::Cp240 { .. } => ("cp240", config.input_address),
+            ModuleKind::Cp040 { .. } => ("cp040", config.input_address),
             ModuleKind::Cp341 { .. } => ("cp341", config.input_address),
             ModuleKind::Inputs { .. } => ("inputs", config.input_address),
             ModuleKind::Outputs { .. } => ("outputs", config.output_address),

@@ -4,6 +4,7 @@
 //! A new target is a module here, its line in [`TARGETS`], and its two lines in `fuzz/fuzz_targets` and `fuzz/Cargo.toml`; a test sees
 //! that these agree.
 
+pub mod cp040;
 pub mod esp2;
 pub mod exec;
 pub mod ir;
@@ -21,6 +22,7 @@ pub type Target = fn(&[u8]);
 
 /// All targets by name: the name of the module, of the file in `fuzz/fuzz_targets`, and of the folder in `fuzz/corpus`.
 pub const TARGETS: &[(&str, Target)] = &[
+    ("cp040", cp040::run),
     ("esp2", esp2::run),
     ("exec", exec::run),
     ("ir", ir::run),

@@ -31,6 +31,8 @@ pub struct Cable {
     cp341: [Option<Parameters341>; 2],
     /// CP 341: what stands in its diagnostic buffer, oldest first.
     entries: [Vec<u16>; 2],
+    /// The module at this end is a CP 040.
+    cp040: [bool; 2],
     /// What leaves at this end was written by a driver that is dead: its end means nothing to the next one.
     orphaned: [bool; 2],
 }
@@ -52,6 +54,7 @@ impl Cable {
             diagnostics: [false; 2],
             cp341: [None, None],
             entries: Default::default(),
+            cp040: [false; 2],
             orphaned: [false; 2],
         }
     }
@@ -137,10 +140,15 @@ impl LinePort for CableEnd<'_> {
     fn configure(&mut self, _now: Nanos, json: &[u8]) -> Result<(), Refused> {
         let keys: serde_json::Value = serde_json::from_slice(json).map_err(|error| Refused(error.to_string()))?;
         self.cable.diagnostics[self.end as usize] = keys["diagnostics"] == true;
+        self.cable.cp040[self.end as usize] = keys["module"] == "cp040";
         let none = serde_json::Map::new();
         self.cable.cp341[self.end as usize] =
             (keys["module"] == "cp341").then(|| parameters_341(keys["params"].as_object().unwrap_or(&none)));
         Ok(())
+    }
+
+    fn is_cp040(&self) -> bool {
+        self.cable.cp040[self.end as usize]
     }
 
     fn cp341(&self) -> Option<Parameters341> {

@@ -73,13 +73,18 @@ pub struct Driver {
 }
 
 impl Driver {
-    /// A driver for a new segment of 16 register bytes, with the CPU's end of it and the link for the module.
+    /// A driver for a new segment of so many register bytes, with the CPU's end of it and the link for the module.
     ///
     /// # Errors
     /// When the segment cannot be made.
-    pub fn new(cable: usize, end: End, seed: u64) -> Result<(Self, CpuSide, Link), ob1_backplane::SegmentError> {
+    pub fn new(
+        cable: usize,
+        end: End,
+        seed: u64,
+        io_bytes: usize,
+    ) -> Result<(Self, CpuSide, Link), ob1_backplane::SegmentError> {
         let segment = Segment::heap();
-        let side = CpuSide::create(&segment, 16)?;
+        let side = CpuSide::create(&segment, io_bytes)?;
         let shared = Arc::new(Shared::default());
         let (reports, consumer) = rtrb::RingBuffer::new(32);
         let driver = Self {

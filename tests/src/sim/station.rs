@@ -89,7 +89,8 @@ fn modules(
             return Err(format!("{}: the simulation has no process I/O", config.name));
         };
         let (cable, end) = plug(&line.to_string())?;
-        let (driver, side, link) = Driver::new(cable, end, rng.next_u64()).map_err(|e| e.to_string())?;
+        let (driver, side, link) =
+            Driver::new(cable, end, rng.next_u64(), config.input_bytes().into()).map_err(|e| e.to_string())?;
         own.push(drivers.len());
         drivers.push(driver);
         let settings = assembly::cp_settings(&station.name, config, None).ok_or("a CP without settings")?;

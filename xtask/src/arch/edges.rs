@@ -77,6 +77,7 @@ const TABLE: &[Row] = &[
     row("ob1-sdk", "invariant 9", &["ob1-abi"]),
     row("ob1-backplane", "invariant 7", &["loom", "memmap2", "rustix", "thiserror"]),
     row("ob1-cp240", "invariant 9", &["ob1-sdk"]),
+    row("ob1-cp040", "invariant 9", &["ob1-sdk", "ob1-slio"]),
     row("ob1-slio", "invariant 9", &[]),
     row("ob1-cp341", "invariant 9", &["ob1-sdk"]),
     // The tables of DIF and VIF.

@@ -130,6 +130,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("examples/rust-blocks", ALL),
     ("examples/rust-ob1", ALL),
     ("plugins/abi", ALL),
+    ("plugins/cp040", ALL),
     ("plugins/cp240", ALL),
     ("plugins/slio", ALL),
     ("plugins/cp341", ALL),

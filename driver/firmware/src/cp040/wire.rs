@@ -4,7 +4,7 @@
 //! each piece travels behind byte 0: "ceil((length + 3) / (IO size - 1))" telegrams for sending. [S3 L313]
 
 /// Smallest and largest number of bytes the CP occupies each way.
-pub(crate) const IO_BYTES: std::ops::RangeInclusive<usize> = 8..=60;
+pub const IO_BYTES: std::ops::RangeInclusive<usize> = 8..=60;
 
 /// Telegram info and length, in front of every telegram.
 pub(crate) const HEAD_BYTES: usize = 3;

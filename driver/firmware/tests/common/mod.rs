@@ -25,9 +25,9 @@ pub(crate) struct Log {
 }
 
 impl CpPort for Log {
-    fn inputs(&mut self, registers: &Registers) {
-        self.inputs = *registers;
-        self.shown.push((word(registers, 0), word(registers, 2)));
+    fn inputs(&mut self, registers: &[u8]) {
+        self.inputs.copy_from_slice(registers);
+        self.shown.push((word(&self.inputs, 0), word(&self.inputs, 2)));
     }
 
     fn transmit(&mut self, bytes: &[u8]) {

@@ -65,7 +65,7 @@ impl ProcessIo {
         let (at, inputs, outputs) = match config.kind {
             ModuleKind::Inputs { bytes } => (config.input_address, bytes, 0),
             ModuleKind::Outputs { bytes } => (config.output_address, 0, bytes),
-            ModuleKind::Cp240 { .. } | ModuleKind::Cp341 { .. } => return None,
+            ModuleKind::Cp240 { .. } | ModuleKind::Cp040 { .. } | ModuleKind::Cp341 { .. } => return None,
         };
         Some(Box::new(IoModule { shared: Arc::clone(&self.shared), at: at as usize, inputs, outputs, leads }))
     }

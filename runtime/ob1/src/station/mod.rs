@@ -4,6 +4,7 @@
 //! line and column; all checks that are not about the syntax of the file report together.
 
 mod check;
+mod cp040;
 mod cp341;
 mod devices;
 mod duration;

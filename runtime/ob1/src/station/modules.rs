@@ -6,11 +6,11 @@ use ob1_backplane::io_layout::IO_AREA_BYTES;
 use ob1_params::{Cp240, ModbusKind, ParamError, Protocol, StopBits, Value};
 
 use super::check::{choice, name, number};
-use super::cp341;
 use super::file::{ModuleTable, Placed};
 use super::findings::{ADDRESS, CONTRADICTION, Findings, LINE, MISSING, PARAMETER, TWICE, VALUE};
 use super::line::{self, Line};
 use super::types::{AbdUnit, Absent, ModuleConfig, ModuleKind};
+use super::{cp040, cp341};
 
 /// The last byte of the peripheral area.
 const LAST_ADDRESS: i64 = 65_535;
@@ -18,6 +18,7 @@ const LAST_ADDRESS: i64 = 65_535;
 #[derive(Clone, Copy, PartialEq)]
 enum Type {
     Cp240,
+    Cp040,
     Cp341,
     DigitalIn,
     DigitalOut,
@@ -27,12 +28,13 @@ enum Type {
 
 impl Type {
     const fn is_cp(self) -> bool {
-        matches!(self, Self::Cp240 | Self::Cp341)
+        matches!(self, Self::Cp240 | Self::Cp040 | Self::Cp341)
     }
 }
 
-const TYPES: [(&str, Type); 6] = [
+const TYPES: [(&str, Type); 7] = [
     ("cp240", Type::Cp240),
+    ("cp040", Type::Cp040),
     ("cp341", Type::Cp341),
     ("di", Type::DigitalIn),
     ("do", Type::DigitalOut),
@@ -59,6 +61,7 @@ fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mo
     let ty = choice(f, "type", Some(&table.kind), &TYPES)?;
     let kind = match ty {
         Type::Cp240 => cp240(f, table, folder)?,
+        Type::Cp040 => cp040::module(f, table, folder)?,
         Type::Cp341 => cp341::module(f, table, folder)?,
         Type::DigitalIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
         Type::AnalogIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
@@ -148,7 +151,7 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
     }
     let params = match (&table.params, &table.raw) {
         (Some(params), None) => from_keys(f, params)?,
-        (None, Some(raw)) => from_raw(f, raw)?,
+        (None, Some(raw)) => from_raw(f, "CP 240", raw, Cp240::decode)?,
         (Some(_), Some(raw)) => {
             let remedy = "keep one of them; `ob1 check STATION --verbose` prints the other form";
             f.error(CONTRADICTION, raw.span(), "the parameters are given twice, as `params` and as `raw`", remedy);
@@ -162,7 +165,17 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
     };
     characters_of_modbus(f, table, &params);
     let line = line_of(f, table, folder, "the CP 240")?;
-    if params.stop_bits == StopBits::OneAndHalf && !matches!(line, Line::Sim(_)) {
+    stop_bits_of(f, table, &line, params.stop_bits);
+    let bytes = params.encode();
+    let units = [("byte", AbdUnit::Byte), ("word", AbdUnit::Word)];
+    let abd = choice(f, "abd", table.abd.as_ref(), &units).unwrap_or_default();
+    let diagnostics = table.diagnostics.as_ref().is_some_and(|switch| *switch.get_ref());
+    Some(ModuleKind::Cp240 { params: Box::new(params), bytes, line, abd, diagnostics })
+}
+
+/// A line that cannot do 1.5 stop bits.
+pub(super) fn stop_bits_of(f: &mut Findings<'_>, table: &ModuleTable, line: &Line, stop_bits: StopBits) {
+    if stop_bits == StopBits::OneAndHalf && !matches!(line, Line::Sim(_)) {
         let at = match (&table.params, &table.raw) {
             (Some(keys), _) => {
                 let found = keys.get_ref().iter().find(|(key, _)| key.get_ref() == "stop_bits");
@@ -173,11 +186,6 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
         let remedy = "1 or 2 stop bits: Linux has no 1.5; a line `sim:NAME` has";
         f.error(PARAMETER, at, format!("{line} cannot do 1.5 stop bits"), remedy);
     }
-    let bytes = params.encode();
-    let units = [("byte", AbdUnit::Byte), ("word", AbdUnit::Word)];
-    let abd = choice(f, "abd", table.abd.as_ref(), &units).unwrap_or_default();
-    let diagnostics = table.diagnostics.as_ref().is_some_and(|switch| *switch.get_ref());
-    Some(ModuleKind::Cp240 { params: Box::new(params), bytes, line, abd, diagnostics })
 }
 
 /// The line of a CP.
@@ -196,7 +204,7 @@ pub(super) fn line_of(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path, 
 }
 
 /// The table lets every Modbus mode have 5 to 8 data bits. A byte as a character takes 8, hexadecimal text takes 7.
-fn characters_of_modbus(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) {
+pub(super) fn characters_of_modbus(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) {
     let Protocol::Modbus(modbus) = &params.protocol else { return };
     use ModbusKind::{MasterRtu, SlaveRtuLong, SlaveRtuShort};
     let is_rtu = matches!(modbus.kind, MasterRtu | SlaveRtuShort | SlaveRtuLong);
@@ -252,7 +260,12 @@ pub(super) fn place_in(params: &Placed<Keys>, error: &ParamError) -> std::ops::R
     found.map_or(params.span(), |(key, value)| key.span().start..value.span().end)
 }
 
-fn from_raw(f: &mut Findings<'_>, raw: &Placed<String>) -> Option<Cp240> {
+pub(super) fn from_raw<P>(
+    f: &mut Findings<'_>,
+    cp: &str,
+    raw: &Placed<String>,
+    decode: fn(&[u8; 16]) -> Result<P, ParamError>,
+) -> Option<P> {
     // Behind the opening quote; a string with escapes would only move the caret.
     let start = raw.span().start + 1;
     let mut bytes = [0; 16];
@@ -270,12 +283,12 @@ fn from_raw(f: &mut Findings<'_>, raw: &Placed<String>) -> Option<Cp240> {
         places.push(at);
     }
     if places.len() != bytes.len() {
-        let message = format!("a CP 240 has 16 parameter bytes, not {}", places.len());
+        let message = format!("a {cp} has 16 parameter bytes, not {}", places.len());
         f.error(PARAMETER, raw.span(), message, "unused bytes are written too, as 00");
         return None;
     }
     let place = |error: &ParamError| error.byte.and_then(|b| places.get(b).cloned()).unwrap_or_else(|| raw.span());
-    Cp240::decode(&bytes).map_err(|error| parameter(f, place(&error), &error)).ok()
+    decode(&bytes).map_err(|error| parameter(f, place(&error), &error)).ok()
 }
 
 pub(super) fn parameter(f: &mut Findings<'_>, at: std::ops::Range<usize>, error: &ParamError) {
@@ -296,7 +309,7 @@ fn overlaps(f: &mut Findings<'_>, table: &ModuleTable, module: &ModuleConfig, ea
         let at = if outputs { &table.output_address } else { &table.input_address };
         let at = table.address.as_ref().or(at.as_ref()).map_or_else(|| table.kind.span(), Placed::span);
         let area = match module.kind {
-            ModuleKind::Cp240 { .. } | ModuleKind::Cp341 { .. } => LAST_ADDRESS as u32 + 1,
+            ModuleKind::Cp240 { .. } | ModuleKind::Cp040 { .. } | ModuleKind::Cp341 { .. } => LAST_ADDRESS as u32 + 1,
             ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } => IO_AREA_BYTES as u32,
         };
         if len > 0 && first + len > area {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_cpu::CpuConfig;
 use ob1_model::BlockId;
-use ob1_params::{Cp240, Cp341};
+use ob1_params::{Cp040, Cp240, Cp341};
 
 use super::Line;
 use crate::program::Sources;
@@ -228,6 +228,19 @@ pub enum ModuleKind {
         /// Errors that light ER raise diagnostic interrupts (OB 82).
         diagnostics: bool,
     },
+    /// A CP 040 with its driver process.
+    Cp040 {
+        /// Its parameters; [`Cp040::encode`] gives the other form.
+        params: Box<Cp040>,
+        /// The parameter bytes as sent.
+        bytes: [u8; 16],
+        /// IO size: register bytes each way, 8 to 60.
+        io_size: u16,
+        /// Where its serial line leads to.
+        line: Line,
+        /// A wire break and wrong parameters raise diagnostic interrupts (OB 82).
+        diagnostics: bool,
+    },
     /// A CP 341 with its driver process.
     Cp341 {
         /// Its parameters.
@@ -254,7 +267,7 @@ impl ModuleKind {
     #[must_use]
     pub fn line(&self) -> Option<&Line> {
         match self {
-            Self::Cp240 { line, .. } | Self::Cp341 { line, .. } => Some(line),
+            Self::Cp240 { line, .. } | Self::Cp040 { line, .. } | Self::Cp341 { line, .. } => Some(line),
             Self::Inputs { .. } | Self::Outputs { .. } => None,
         }
     }
@@ -266,6 +279,7 @@ impl ModuleConfig {
     pub fn input_bytes(&self) -> u16 {
         match self.kind {
             ModuleKind::Cp240 { .. } => CP240_BYTES,
+            ModuleKind::Cp040 { io_size, .. } => io_size,
             ModuleKind::Cp341 { .. } => CP341_BYTES,
             ModuleKind::Inputs { bytes } => bytes,
             ModuleKind::Outputs { .. } => 0,
@@ -277,6 +291,7 @@ impl ModuleConfig {
     pub fn output_bytes(&self) -> u16 {
         match self.kind {
             ModuleKind::Cp240 { .. } => CP240_BYTES,
+            ModuleKind::Cp040 { io_size, .. } => io_size,
             ModuleKind::Cp341 { .. } => CP341_BYTES,
             ModuleKind::Inputs { .. } => 0,
             ModuleKind::Outputs { bytes } => bytes,

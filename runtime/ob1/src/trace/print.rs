@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use ob1_params::{Cp240, Protocol};
+use ob1_params::{Cp040, Cp240, Protocol};
 use ob1_protocols::trace::record::{Kind, Record};
 use ob1_protocols::trace::{Dialect, Meaning, Reader, Unit, Way};
 use ob1_protocols::{LineFault, MS, Nanos, stx_etx};
@@ -29,7 +29,12 @@ impl Cp {
         let numbers: Vec<u8> =
             hello["parameters"].as_array()?.iter().filter_map(|n| u8::try_from(n.as_u64()?).ok()).collect();
         let bytes: [u8; 16] = numbers.try_into().ok()?;
-        let parameters = if bytes == [0; 16] { Cp240::unconfigured() } else { Cp240::decode(&bytes).ok()? };
+        let parameters = match hello["module"].as_str() {
+            Some("cp040") if bytes == [0; 16] => Cp040::defaults("ascii").ok()?.common,
+            Some("cp040") => Cp040::decode(&bytes).ok()?.common,
+            _ if bytes == [0; 16] => Cp240::unconfigured(),
+            _ => Cp240::decode(&bytes).ok()?,
+        };
         let (station, line) = (hello["station"].as_str().unwrap_or(""), hello["line"].as_str().unwrap_or(""));
         let about = format!(
             "{name} of station \"{station}\": {}, {}, {line}",

@@ -1,0 +1,106 @@
+//! Where the protocol puts its results during one step.
+
+use ob1_protocols::{Event, LineFault, Nanos, SendError, Sink, What, rk512};
+
+use super::receive::{ReceiveSide, ReturnValue};
+use crate::leds::LedDriver;
+use crate::port::{CpCounter, CpEvent, CpPort};
+
+pub(super) struct Outlet<'a> {
+    pub(super) now: Nanos,
+    pub(super) receive: &'a mut ReceiveSide,
+    pub(super) leds: &'a mut LedDriver,
+    pub(super) port: &'a mut dyn CpPort,
+    /// Nobody repeats what could not be received: the CPU is told by the return value.
+    pub(super) tells_errors: bool,
+    /// Characters are under way.
+    pub(super) transmitting: &'a mut bool,
+    pub(super) outcome: Option<Result<(), SendError>>,
+}
+
+impl Outlet<'_> {
+    fn tell(&mut self, value: ReturnValue) {
+        if self.tells_errors {
+            self.receive.push_error(value);
+        }
+    }
+}
+
+impl Sink for Outlet<'_> {
+    fn transmit(&mut self, bytes: &[u8]) {
+        *self.transmitting |= !bytes.is_empty();
+        self.leds.transmit(true);
+        self.port.count(CpCounter::BytesTx, bytes.len() as u64);
+        self.port.transmit(bytes);
+    }
+
+    fn take_back(&mut self) -> usize {
+        self.port.take_back()
+    }
+
+    fn room(&self) -> usize {
+        self.receive.room()
+    }
+
+    fn deliver(&mut self, telegram: &[u8]) {
+        if self.receive.push(None, telegram) {
+            self.port.count(CpCounter::Received, 1);
+            self.port.event(self.now, CpEvent::Received(telegram));
+        } else {
+            // A protocol that does not ask for room first.
+            self.port.count(CpCounter::Rejected, 1);
+        }
+    }
+
+    fn sent(&mut self, outcome: Result<(), SendError>) {
+        self.outcome = Some(outcome);
+    }
+
+    fn report(&mut self, event: Event) {
+        // The LED IF: open circuit, overflow, parity and framing errors. [S3 L293]
+        if event.what == What::NoBuffer {
+            self.leds.overflow(self.now);
+        }
+        if event.lights_er() && event.what != What::Line(LineFault::Gone) {
+            self.leds.error(self.now);
+        }
+        match event.what {
+            What::NoBuffer => {
+                self.port.count(CpCounter::Rejected, 1);
+                self.tell(ReturnValue::NoBuffer);
+            }
+            What::TooLong => {
+                self.port.count(CpCounter::Rejected, 1);
+                self.tell(ReturnValue::Length);
+            }
+            What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {
+                self.port.count(CpCounter::ReceiveErrors, 1);
+                self.tell(ReturnValue::Character);
+            }
+            What::CharacterDelay | What::Restarted | What::BadDle(_) | What::BadCheck { .. } | What::Modbus(_) => {
+                self.port.count(CpCounter::ReceiveErrors, 1);
+            }
+            _ => {}
+        }
+        self.port.event(self.now, CpEvent::Protocol(event));
+    }
+
+    fn rts(&mut self, on: bool) {
+        self.port.rts(on);
+    }
+}
+
+/// A CP 040 has no RK 512; the dispatch over all protocols asks for this plug.
+impl rk512::Owner for Outlet<'_> {
+    fn transmit(&mut self, bytes: &[u8]) {
+        Sink::transmit(self, bytes);
+    }
+
+    fn ended(&mut self, _outcome: Result<&[u8], rk512::OrderError>) {}
+
+    fn asked(&mut self, _request: &rk512::Request, _data: &[u8]) {}
+
+    fn answered(&mut self, _outcome: Result<(), rk512::AnswerError>) {}
+
+    fn report(&mut self, _event: rk512::Event) {}
+}

@@ -1,0 +1,407 @@
+//! A CP 040 on the bench: the machine with its protocols, driven through its registers by the host's machines.
+
+use std::collections::BTreeMap;
+
+use ob1_firmware::{
+    Cp040, CpCounter, CpEvent, CpInput, CpPort, DiagnosticRecord, Leds, LineFault, LineInput, LineSettings, Nanos,
+};
+use ob1_params::{Cp040 as Parameters, Value};
+use ob1_slio::{Failure, ReceiveJob, ReceiveStep, Received, SendJob, SendStep};
+
+const MS: Nanos = 1_000_000;
+
+#[derive(Default)]
+struct Log {
+    inputs: Vec<u8>,
+    tx: Vec<u8>,
+    settings: Option<LineSettings>,
+    leds: Leds,
+    counters: BTreeMap<CpCounter, u64>,
+    records: Vec<DiagnosticRecord>,
+    interrupts: Vec<(bool, u8)>,
+}
+
+impl CpPort for Log {
+    fn inputs(&mut self, registers: &[u8]) {
+        self.inputs = registers.to_vec();
+    }
+
+    fn transmit(&mut self, bytes: &[u8]) {
+        self.tx.extend_from_slice(bytes);
+    }
+
+    fn line_settings(&mut self, settings: &LineSettings) {
+        self.settings = Some(*settings);
+    }
+
+    fn record(&mut self, record: &DiagnosticRecord) {
+        self.records.push(*record);
+    }
+
+    fn leds(&mut self, leds: Leds) {
+        self.leds = leds;
+    }
+
+    fn count(&mut self, counter: CpCounter, n: u64) {
+        *self.counters.entry(counter).or_default() += n;
+    }
+
+    fn event(&mut self, _now: Nanos, event: CpEvent<'_>) {
+        if let CpEvent::Record { incoming, record } = event {
+            self.interrupts.push((incoming, record[0]));
+        }
+    }
+}
+
+struct Bench {
+    cp: Cp040,
+    log: Log,
+    now: Nanos,
+    due: Option<Nanos>,
+    outputs: Vec<u8>,
+}
+
+fn parameters(keys: &[(&str, &str)]) -> [u8; 16] {
+    let value = |text: &str| text.parse().map_or_else(|_| Value::from(text), Value::Int);
+    Parameters::from_keys(keys.iter().map(|(key, text)| (*key, value(text)))).expect("right").encode()
+}
+
+impl Bench {
+    fn new(io_bytes: usize, keys: &[(&str, &str)]) -> Self {
+        let (cp, outputs) = (Cp040::new(io_bytes), vec![0; io_bytes]);
+        let mut bench = Self { cp, log: Log { inputs: outputs.clone(), ..Log::default() }, now: 0, due: None, outputs };
+        bench.step(CpInput::Outputs(&vec![0; io_bytes]));
+        bench.step(CpInput::Parameters(&parameters(keys)));
+        assert!(bench.cp.is_working());
+        bench.put(&[0x88]);
+        assert_eq!(bench.log.inputs[0], 0x88);
+        bench
+    }
+
+    fn step(&mut self, input: CpInput<'_>) {
+        self.due = self.cp.step(self.now, input, &mut self.log);
+    }
+
+    fn line(&mut self, input: LineInput<'_>) {
+        self.step(CpInput::Line(input));
+    }
+
+    fn pass(&mut self, time: Nanos) {
+        let end = self.now + time;
+        while let Some(due) = self.due.filter(|due| *due <= end) {
+            self.now = self.now.max(due);
+            self.step(CpInput::Tick);
+        }
+        self.now = end;
+        self.step(CpInput::Tick);
+    }
+
+    fn put(&mut self, front: &[u8]) {
+        self.outputs[..front.len()].copy_from_slice(front);
+        let outputs = self.outputs.clone();
+        self.step(CpInput::Outputs(&outputs));
+    }
+
+    /// Hands over a telegram; how the order ended, or `None` while it is with the protocol.
+    fn send(&mut self, telegram: &[u8]) -> Option<Result<(), Failure>> {
+        let mut job = SendJob::telegram(telegram.len() as u16).expect("1 to 1024");
+        for _ in 0..400 {
+            let io_bytes = self.outputs.len();
+            let (next, step) = job.step(&self.log.inputs, self.outputs[0], io_bytes);
+            job = next;
+            match step {
+                SendStep::Wait => return None,
+                SendStep::Command(nibble) => self.put(&[0x80 | nibble]),
+                SendStep::Put(piece) => {
+                    let mut area = vec![0; io_bytes];
+                    let at = 1 + piece.head(&mut area[1..]);
+                    area[at..at + piece.count].copy_from_slice(&telegram[piece.from..piece.from + piece.count]);
+                    area[0] = self.outputs[0] & 0xF0 | piece.command;
+                    self.put(&area);
+                    if piece.from + piece.count == telegram.len() {
+                        self.line(LineInput::TxDone);
+                    }
+                }
+                SendStep::Done => {
+                    self.put(&[0x88]);
+                    return Some(Ok(()));
+                }
+                SendStep::Failed(failure) => {
+                    self.put(&[0x88]);
+                    return Some(Err(failure));
+                }
+            }
+        }
+        panic!("it does not end");
+    }
+
+    /// Fetches what there is: bytes, where they go, and the return value.
+    fn fetch(&mut self) -> Option<(usize, Vec<u8>, u16)> {
+        let (mut job, mut data, mut begin) = (ReceiveJob::default(), Vec::new(), None);
+        for _ in 0..400 {
+            let (next, step) = job.step(&self.log.inputs, self.outputs[0]);
+            job = next;
+            match step {
+                ReceiveStep::Wait => return None,
+                ReceiveStep::Acknowledge(nibble) => self.put(&[nibble << 4 | 8]),
+                ReceiveStep::Failed(failure) => panic!("{failure:?}"),
+                ReceiveStep::Take(take) => {
+                    data.extend_from_slice(&self.log.inputs[take.from..take.from + take.count]);
+                    begin = begin.or((take.count > 0).then_some(take.at));
+                    self.put(&[take.acknowledge << 4 | 8]);
+                    if let Some(Received { return_value, .. }) = take.received {
+                        self.put(&[0x88]);
+                        return Some((begin.unwrap_or(0), data, return_value));
+                    }
+                }
+            }
+        }
+        panic!("it does not end");
+    }
+
+    fn count(&self, counter: CpCounter) -> u64 {
+        self.log.counters.get(&counter).copied().unwrap_or(0)
+    }
+}
+
+fn pattern(length: usize) -> Vec<u8> {
+    (0..length).map(|n| (n * 7 % 251) as u8).collect()
+}
+
+#[test]
+fn ascii_goes_both_ways_with_every_io_size() {
+    for io_bytes in 8..=60 {
+        let mut bench = Bench::new(io_bytes, &[("protocol", "ascii"), ("duplex", "full"), ("zvz_ms", "3")]);
+        for length in [1, 4, io_bytes - 4, io_bytes - 3, 250, 1024] {
+            bench.log.tx.clear();
+            assert_eq!(bench.send(&pattern(length)), Some(Ok(())), "{length} bytes of {io_bytes}");
+            assert_eq!(bench.log.tx, pattern(length));
+            bench.line(LineInput::Rx(&pattern(length)));
+            assert_eq!(bench.fetch(), None, "ZVZ ends a telegram");
+            bench.pass(3 * MS);
+            assert_eq!(bench.fetch(), Some((0, pattern(length), 0)));
+        }
+        assert_eq!((bench.count(CpCounter::Sent), bench.count(CpCounter::Delivered)), (6, 6));
+    }
+}
+
+#[test]
+fn a_zvz_of_0_is_three_characters() {
+    let mut bench = Bench::new(16, &[("protocol", "ascii"), ("zvz_ms", "0"), ("baud", "9600")]);
+    bench.line(LineInput::Rx(b"a"));
+    // 10 bits at 9600: 1.042 ms.
+    bench.pass(3 * MS);
+    assert_eq!(bench.cp.received_waiting(), 0);
+    bench.pass(MS / 5);
+    assert_eq!(bench.cp.received_waiting(), 1);
+}
+
+#[test]
+fn errors_are_told_by_the_return_value() {
+    let mut bench = Bench::new(16, &[("protocol", "ascii"), ("duplex", "full"), ("zvz_ms", "3")]);
+    bench.line(LineInput::Fault(LineFault::Parity));
+    bench.pass(100 * MS);
+    assert_eq!(bench.fetch(), Some((0, vec![], 0x080C)));
+    // One receive buffer: the second telegram finds none.
+    bench.line(LineInput::Rx(b"one"));
+    bench.pass(10 * MS);
+    bench.line(LineInput::Rx(b"two"));
+    bench.pass(10 * MS);
+    assert_eq!(bench.fetch(), Some((0, b"one".to_vec(), 0)));
+    assert_eq!(bench.fetch(), Some((0, vec![], 0x080A)));
+    assert_eq!(bench.fetch(), None);
+}
+
+#[test]
+fn an_order_the_partner_does_not_answer_ends_with_e() {
+    let mut bench =
+        Bench::new(60, &[("protocol", "3964r"), ("duplex", "full"), ("qvz_ms", "20"), ("stx_repetitions", "1")]);
+    assert_eq!(bench.send(b"hello"), None);
+    bench.line(LineInput::TxDone);
+    bench.pass(30 * MS);
+    bench.line(LineInput::TxDone);
+    bench.pass(30 * MS);
+    bench.line(LineInput::TxDone);
+    bench.pass(1000 * MS);
+    assert_eq!(bench.log.inputs[0], 0xE8);
+    bench.put(&[0x88]);
+    assert_eq!((bench.log.inputs[0], bench.count(CpCounter::SendErrors)), (0x88, 1));
+}
+
+#[test]
+fn in_half_duplex_a_cp_does_not_hear_itself() {
+    let mut bench = Bench::new(60, &[("protocol", "ascii"), ("zvz_ms", "3")]);
+    let mut area = vec![0x8A, 0, 0, 2, b'h', b'i'];
+    area.resize(60, 0);
+    bench.put(&area);
+    assert_eq!(bench.log.tx, b"hi");
+    bench.line(LineInput::Rx(b"hi"));
+    bench.line(LineInput::TxDone);
+    bench.pass(10 * MS);
+    assert_eq!((bench.log.inputs[0], bench.cp.received_waiting()), (0xA8, 0));
+    bench.line(LineInput::Rx(b"yes"));
+    bench.pass(10 * MS);
+    assert_eq!(bench.cp.received_waiting(), 1);
+}
+
+#[test]
+fn a_reset_empties_both_directions() {
+    let mut bench = Bench::new(16, &[("protocol", "3964r"), ("duplex", "full")]);
+    assert_eq!(bench.send(b"hello"), None);
+    bench.put(&[0x8B]);
+    assert_eq!(bench.log.inputs[0], 0xC8);
+    assert_eq!(bench.count(CpCounter::OrdersAborted), 1);
+    bench.put(&[0x88]);
+    assert_eq!(bench.log.inputs[0], 0x88);
+}
+
+#[test]
+fn a_wire_break_is_seen_with_the_preset_for_it_and_in_full_duplex_alone() {
+    for (duplex, preset, seen) in
+        [("full", "break", true), ("full", "idle", false), ("full", "none", false), ("half", "break", false)]
+    {
+        for fault in [LineFault::Break, LineFault::Gone] {
+            let mut bench = Bench::new(16, &[("protocol", "ascii"), ("duplex", duplex), ("preset", preset)]);
+            bench.cp.enable_diagnostics(true);
+            bench.now = 70 * MS;
+            bench.line(LineInput::Fault(fault));
+            let record = bench.log.records.last().expect("one at the start");
+            let expected =
+                if seen { [0x05, 0x1C, 0, 0, 0x60, 8, 1, 1, 0x10] } else { [0, 0x1C, 0, 0, 0x60, 8, 1, 0, 0] };
+            assert_eq!(record[..9], expected, "{duplex} {preset} {fault:?}");
+            assert_eq!(bench.log.interrupts, if seen { vec![(true, 5)] } else { vec![] });
+            if seen {
+                assert_eq!(record[16..], 70_000_u32.to_be_bytes(), "the ticker");
+                bench.line(if fault == LineFault::Gone {
+                    LineInput::Fault(LineFault::Back)
+                } else {
+                    LineInput::Rx(b"x")
+                });
+                assert_eq!(bench.log.interrupts, [(true, 5), (false, 0)]);
+            }
+        }
+    }
+}
+
+#[test]
+fn without_diag_en_there_is_a_record_and_no_interrupt() {
+    let mut bench = Bench::new(16, &[("protocol", "ascii"), ("duplex", "full"), ("preset", "break")]);
+    bench.line(LineInput::Fault(LineFault::Break));
+    assert_eq!((bench.log.records.last().map(|r| r[8]), bench.log.interrupts.len()), (Some(0x10), 0));
+}
+
+#[test]
+fn if_flashes_at_2_hz_while_there_are_errors() {
+    let mut bench = Bench::new(16, &[("protocol", "ascii"), ("duplex", "full")]);
+    assert!(bench.log.leds.power && !bench.log.leds.error);
+    bench.line(LineInput::Fault(LineFault::Framing));
+    let mut seen = Vec::new();
+    for _ in 0..4 {
+        seen.push(bench.log.leds.error);
+        bench.pass(250 * MS);
+    }
+    assert_eq!(seen, [true, false, true, false]);
+    bench.pass(10_000 * MS);
+    assert!(!bench.log.leds.error);
+    assert_eq!(bench.due, None, "nothing flashes any more");
+}
+
+#[test]
+fn wrong_parameters_show_nothing_but_mf() {
+    let mut bench = Bench::new(16, &[("protocol", "ascii")]);
+    bench.cp.enable_diagnostics(true);
+    let mut bytes = parameters(&[("protocol", "ascii")]);
+    bytes[0] = 0x77;
+    bench.step(CpInput::Parameters(&bytes));
+    assert!(!bench.cp.is_working());
+    assert_eq!((bench.log.inputs.as_slice(), bench.log.leds.power, bench.log.leds.error), (&[0; 16][..], false, true));
+    assert_eq!(bench.log.interrupts, [(true, 0x81)]);
+    bench.step(CpInput::Parameters(&parameters(&[("protocol", "ascii")])));
+    assert_eq!(bench.log.interrupts, [(true, 0x81), (false, 0)]);
+    assert!(bench.cp.is_working());
+}
+
+/// Read or write of words in RTU, with its check sum.
+fn rtu(body: &[u8]) -> Vec<u8> {
+    let mut crc = 0xFFFF_u16;
+    for byte in body {
+        crc ^= u16::from(*byte);
+        for _ in 0..8 {
+            crc = if crc & 1 == 1 { crc >> 1 ^ 0xA001 } else { crc >> 1 };
+        }
+    }
+    [body, &crc.to_le_bytes()].concat()
+}
+
+#[test]
+fn the_slave_short_is_the_process_image_itself() {
+    let mut bench = Bench::new(20, &[("protocol", "ascii")]);
+    bench.step(CpInput::Parameters(&parameters(&[("protocol", "modbus-slave-rtu-short"), ("address", "3")])));
+    // The master reads the output area from word 8 on: the last 4 of our 20 bytes.
+    let outputs = pattern(20);
+    bench.put(&outputs);
+    bench.line(LineInput::Rx(&rtu(&[3, 4, 0, 8, 0, 2])));
+    bench.pass(100 * MS);
+    assert_eq!(bench.log.tx, rtu(&[&[3, 4, 4], &outputs[16..]].concat()));
+    bench.line(LineInput::TxDone);
+    bench.log.tx.clear();
+    // It writes word 9.
+    bench.line(LineInput::Rx(&rtu(&[3, 6, 0, 9, 0xAB, 0xCD])));
+    bench.pass(100 * MS);
+    assert_eq!(bench.log.inputs[18..], [0xAB, 0xCD]);
+    assert_eq!(bench.log.tx, rtu(&[3, 6, 0, 9, 0xAB, 0xCD]));
+    bench.line(LineInput::TxDone);
+    bench.log.tx.clear();
+    // Word 10 does not exist.
+    bench.line(LineInput::Rx(&rtu(&[3, 6, 0, 10, 0xAB, 0xCD])));
+    bench.pass(100 * MS);
+    assert_eq!(bench.log.tx[1], 0x86);
+}
+
+#[test]
+fn the_slave_long_tells_where_the_master_has_written() {
+    for io_bytes in [8, 16, 60] {
+        let mut bench =
+            Bench::new(io_bytes, &[("protocol", "modbus-slave-rtu-long"), ("address", "3"), ("duplex", "full")]);
+        // What the host sends lies in the area the master reads.
+        assert_eq!(bench.send(&pattern(100)), Some(Ok(())));
+        bench.line(LineInput::Rx(&rtu(&[3, 4, 0, 0, 0, 50])));
+        bench.pass(100 * MS);
+        assert_eq!(bench.log.tx, rtu(&[&[3, 4, 100][..], &pattern(100)].concat()));
+        bench.line(LineInput::TxDone);
+        bench.log.tx.clear();
+        // Two words at byte 280: block 35, 8 bytes.
+        bench.line(LineInput::Rx(&rtu(&[3, 0x10, 0, 140, 0, 2, 4, 1, 2, 3, 4])));
+        bench.pass(50 * MS);
+        assert_eq!(bench.log.tx, [], "answered when the CPU has the data");
+        assert_eq!(bench.fetch(), Some((280, vec![1, 2, 3, 4, 0, 0, 0, 0], 0)));
+        assert_eq!(bench.log.tx, rtu(&[3, 0x10, 0, 140, 0, 2]));
+    }
+}
+
+#[test]
+fn a_modbus_master_delivers_the_answer() {
+    let mut bench = Bench::new(16, &[("protocol", "modbus-master-rtu"), ("duplex", "full"), ("baud", "109700")]);
+    assert_eq!(bench.log.settings.map(|s| s.baud), Some(109_700));
+    assert_eq!(bench.send(&[5, 3, 0, 0, 0, 1]), None);
+    bench.pass(100 * MS);
+    assert_eq!(bench.log.tx, rtu(&[5, 3, 0, 0, 0, 1]));
+    bench.line(LineInput::TxDone);
+    bench.line(LineInput::Rx(&rtu(&[5, 3, 2, 0x12, 0x34])));
+    bench.pass(50 * MS);
+    assert_eq!(bench.log.inputs[0] >> 4, 0xA);
+    assert_eq!(bench.fetch(), Some((0, vec![5, 3, 2, 0x12, 0x34], 0)));
+}
+
+#[test]
+fn a_stopped_cpu_commands_nothing() {
+    let mut bench = Bench::new(16, &[("protocol", "ascii"), ("duplex", "full")]);
+    bench.step(CpInput::CpuRun(false));
+    bench.put(&[0x8A, 0, 0, 1, b'x']);
+    assert_eq!(bench.log.tx, b"");
+    bench.put(&[0; 16]);
+    bench.step(CpInput::CpuRun(true));
+    bench.put(&[0x88]);
+    assert_eq!(bench.send(b"y"), Some(Ok(())));
+    assert_eq!(bench.log.tx, b"y");
+}

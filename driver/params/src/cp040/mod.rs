@@ -1,0 +1,293 @@
+//! The 16 parameter bytes of record set 80h of a CP 040, typed.
+//!
+//! The other record sets stand elsewhere in a station file: the lengths of the process image (02h) are `io_bytes`, the diagnostic
+//! interrupt (00h) is `diagnostics`.
+
+pub mod table;
+
+use crate::convert::Reader;
+use crate::cp240::{Cp240, Protocol};
+use crate::error::ParamError;
+use crate::line::Flow;
+use crate::record::{self, Value};
+use crate::table::{Field, Layout};
+
+/// The parameters of a CP 040.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cp040 {
+    /// What it has in common with a CP 240: the character frame, and the protocol with its own parameters. Times are in milliseconds, of
+    /// ASCII, STX/ETX and Modbus in steps of 1 (0..65535), of 3964(R) in steps of 20.
+    pub common: Cp240,
+    /// Operating mode.
+    pub duplex: Duplex,
+    /// Line preset.
+    pub preset: Preset,
+}
+
+/// Operating mode of the interface. [S3 L347]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Duplex {
+    /// Two wires, RS485: one side at a time sends, and hears itself.
+    Half,
+    /// Four wires, RS422.
+    Full,
+}
+
+/// What the receiver's lines are kept at while nobody drives them. [S3 L349]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Preset {
+    /// Nothing: "only makes sense with bus capable special drivers".
+    None,
+    /// R(A) 5 V, R(B) 0 V: an open line reads as a break.
+    Break,
+    /// R(A) 0 V, R(B) 5 V: an open line reads as idle, "wire break recognition is not possible here".
+    Idle,
+}
+
+impl Cp040 {
+    /// Whether breaks are evaluated: only with the preset that makes them, and only in full duplex. [S3 L349]
+    pub fn detects_break(&self) -> bool {
+        self.preset == Preset::Break && self.duplex == Duplex::Full
+    }
+
+    /// The defaults of a protocol, by its name in [`table::PROTOCOLS`].
+    ///
+    /// # Errors
+    /// There is no such protocol.
+    pub fn defaults(protocol: &str) -> Result<Self, ParamError> {
+        Self::from_keys([("protocol", Value::from(protocol))])
+    }
+
+    /// Reads the 16 bytes. Every code is checked; bits that are reserved must be 0.
+    ///
+    /// # Errors
+    /// [`ParamError`], with the byte.
+    pub fn decode(bytes: &[u8; 16]) -> Result<Self, ParamError> {
+        let found = table::PROTOCOLS.iter().find(|(_, code, _)| *code == bytes[1]);
+        let (name, _, layout) = *found.ok_or_else(|| {
+            let codes: Vec<String> = table::PROTOCOLS.iter().map(|(n, c, _)| format!("{c:02X}h ({n})")).collect();
+            protocol_error(format!("{:02X}h", bytes[1]), codes.join(", "), "correct the byte".into())
+        })?;
+        let fields = table::fields(layout);
+        let mut rest = *bytes;
+        rest[1] = 0;
+        for field in fields {
+            record::value(bytes, field)?;
+            record::set_code(&mut rest, field, 0);
+        }
+        if let Some(byte) = rest.iter().position(|byte| *byte != 0) {
+            return Err(ParamError {
+                byte: Some(byte),
+                key: String::new(),
+                value: format!("{:02X}h", bytes[byte]),
+                allowed: "0 in reserved bits".into(),
+                remedy: "set them to 0, or move the value to the byte it belongs to".into(),
+            });
+        }
+        Self::read(bytes, name, layout)
+    }
+
+    /// Writes the 16 bytes.
+    pub fn encode(&self) -> [u8; 16] {
+        let (layout, keys) = self.rows();
+        let code = table::PROTOCOLS.iter().find(|(name, ..)| *name == self.common.protocol_name());
+        let mut bytes = defaults(table::fields(layout), code.map_or(0, |(_, code, _)| *code));
+        for field in table::fields(layout) {
+            if let Some((_, value)) = keys.iter().find(|(key, _)| *key == field.key) {
+                // A value out of range leaves the default: `decode` of the result is always possible.
+                let _refused = record::set_value(&mut bytes, field, value);
+            }
+        }
+        bytes
+    }
+
+    /// Reads named keys. `protocol` must be among them; what is missing has the table's default.
+    ///
+    /// # Errors
+    /// An unknown key (with the nearest known one), a value out of range, XON/XOFF in half duplex.
+    pub fn from_keys<'a>(keys: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
+        let keys: Vec<(&str, Value)> = keys.into_iter().collect();
+        let names = || table::PROTOCOLS.iter().map(|(name, ..)| *name);
+        let all = || names().collect::<Vec<_>>().join(", ");
+        let given = match keys.iter().find(|(key, _)| *key == "protocol") {
+            None => return Err(protocol_error("nothing".into(), all(), "add `protocol = \"...\"`".into())),
+            Some((_, Value::Int(number))) => number.to_string(),
+            Some((_, Value::Str(text))) => text.to_ascii_lowercase(),
+        };
+        let (name, code, layout) = *table::PROTOCOLS.iter().find(|(name, ..)| *name == given).ok_or_else(|| {
+            let remedy = match record::nearest(&given, names()) {
+                Some(name) => format!("did you mean \"{name}\"?"),
+                None => "choose one of them".into(),
+            };
+            protocol_error(format!("\"{given}\""), all(), remedy)
+        })?;
+        let fields = table::fields(layout);
+        let mut bytes = defaults(fields, code);
+        for (key, value) in keys.iter().filter(|(key, _)| *key != "protocol") {
+            match fields.iter().find(|field| field.key == *key) {
+                Some(field) => record::set_value(&mut bytes, field, value)?,
+                None => return Err(unknown_key(key, value, name, fields)),
+            }
+        }
+        Self::read(&bytes, name, layout)
+    }
+
+    /// All parameters as named keys, `protocol` first: the other form of the bytes.
+    pub fn to_keys(&self) -> Vec<(&'static str, Value)> {
+        let mut keys = self.rows().1;
+        keys.insert(0, ("protocol", Value::from(self.common.protocol_name())));
+        keys
+    }
+
+    /// The parameters in words, one line each: key, value, meaning.
+    pub fn describe(&self) -> String {
+        let (layout, keys) = self.rows();
+        let mut text = format!("{:<16} = \"{}\"\n", "protocol", self.common.protocol_name());
+        for (key, value) in &keys {
+            let meaning = table::fields(layout).iter().find(|f| f.key == *key).map_or("", |f| f.text);
+            text += &format!("{key:<16} = {:<10} # {meaning}\n", value.to_string());
+        }
+        text
+    }
+
+    fn rows(&self) -> (Layout, Vec<(&'static str, Value)>) {
+        let (layout, mut rows) = self.common.rows();
+        rows.extend([
+            ("duplex", Value::from(if self.duplex == Duplex::Full { "full" } else { "half" })),
+            (
+                "preset",
+                Value::from(match self.preset {
+                    Preset::None => "none",
+                    Preset::Break => "break",
+                    Preset::Idle => "idle",
+                }),
+            ),
+        ]);
+        rows.retain(|(key, _)| table::fields(layout).iter().any(|field| field.key == *key));
+        (layout, rows)
+    }
+
+    fn read(bytes: &[u8; 16], name: &str, layout: Layout) -> Result<Self, ParamError> {
+        let fields = table::fields(layout);
+        let common = Reader { bytes, layout, fields }.read(name)?;
+        let code = |key: &str| fields.iter().find(|field| field.key == key).map_or(0, |f| record::code(bytes, f));
+        let duplex = if code("duplex") == 1 { Duplex::Full } else { Duplex::Half };
+        let preset = match code("preset") {
+            1 => Preset::Break,
+            2 => Preset::Idle,
+            _ => Preset::None,
+        };
+        // "At half duplex parameterization with RS485 software data flow control is not possible" [S3 L357]
+        if duplex == Duplex::Half && common.line_settings().flow == Flow::XonXoff {
+            return Err(ParamError {
+                byte: Some(2),
+                key: "flow".into(),
+                value: "\"xon-xoff\"".into(),
+                allowed: "none, hardware in half duplex (RS485)".into(),
+                remedy: "without flow control, or with `duplex = \"full\"`".into(),
+            });
+        }
+        Ok(Self { common, duplex, preset })
+    }
+
+    /// Telegrams the receive buffer may hold: the parameter for ASCII, 250 otherwise. [S3 L303]
+    pub fn receive_buffers(&self) -> u8 {
+        match &self.common.protocol {
+            Protocol::Ascii(ascii) => ascii.receive_buffers,
+            _ => 250,
+        }
+    }
+}
+
+fn defaults(fields: &[Field], protocol: u8) -> [u8; 16] {
+    let mut bytes = [0; 16];
+    bytes[1] = protocol;
+    for field in fields {
+        record::set_code(&mut bytes, field, field.default);
+    }
+    bytes
+}
+
+fn protocol_error(value: String, allowed: String, remedy: String) -> ParamError {
+    ParamError { byte: Some(1), key: "protocol".into(), value, allowed, remedy }
+}
+
+fn unknown_key(key: &str, value: &Value, protocol: &str, fields: &[Field]) -> ParamError {
+    let own = || fields.iter().map(|field| field.key);
+    ParamError {
+        byte: None,
+        key: key.into(),
+        value: value.to_string(),
+        allowed: format!("with protocol \"{protocol}\": {}", own().collect::<Vec<_>>().join(", ")),
+        remedy: match record::nearest(key, own()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => "remove it".into(),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_are_as_printed() {
+        for (name, bytes) in [
+            ("ascii", [0, 1, 0x13, 0, 0, 0, 200, 1, 0, 0, 0, 0, 0, 0, 0, 0]),
+            ("stx-etx", [0, 2, 0x13, 0, 0, 0, 200, 1, 2, 0, 1, 3, 0, 0, 0, 0]),
+            ("3964r", [0, 4, 0x13, 0, 10, 10, 10, 5, 6, 0, 0, 0, 0, 0, 0, 0]),
+            ("modbus-master-rtu", [0, 0x0B, 0x13, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]),
+        ] {
+            let mut expected = bytes;
+            // 00h and 09h are both 9600.
+            expected[0] = 0x09;
+            let cp = Cp040::defaults(name).expect(name);
+            assert_eq!(cp.encode(), expected, "{name}");
+            assert_eq!(Cp040::decode(&bytes).expect(name), cp);
+        }
+    }
+
+    #[test]
+    fn every_protocol_goes_there_and_back_by_bytes_and_by_keys() {
+        for (name, code, _) in table::PROTOCOLS {
+            let cp = Cp040::from_keys([
+                ("protocol", Value::from(*name)),
+                ("baud", Value::Int(109_700)),
+                ("parity", Value::from("odd")),
+                ("duplex", Value::from("full")),
+                ("preset", Value::from("break")),
+            ])
+            .expect(name);
+            assert!(cp.detects_break());
+            let bytes = cp.encode();
+            assert_eq!((bytes[0], bytes[1], bytes[14], bytes[15]), (0x10, *code, 1, 1), "{name}");
+            assert_eq!(Cp040::decode(&bytes).expect(name), cp);
+            assert_eq!(Cp040::from_keys(cp.to_keys()).expect(name), cp);
+            assert!(cp.describe().contains("109700"));
+        }
+    }
+
+    #[test]
+    fn times_are_in_steps_of_a_millisecond() {
+        let keys = [("protocol", Value::from("ascii")), ("zvz_ms", Value::Int(257)), ("zna_ms", Value::Int(65_535))];
+        let bytes = Cp040::from_keys(keys).expect("both fit").encode();
+        assert_eq!(bytes[3..7], [0xFF, 0xFF, 0x01, 0x01]);
+    }
+
+    #[test]
+    fn what_cannot_be_says_where() {
+        let wrong = |keys: &[(&str, Value)]| Cp040::from_keys(keys.iter().cloned()).expect_err("wrong").to_string();
+        let xon = wrong(&[("protocol", Value::from("ascii")), ("flow", Value::from("xon-xoff"))]);
+        assert!(xon.contains("half duplex") && xon.contains("byte 2"), "{xon}");
+        assert!(wrong(&[("protocol", Value::from("3964rr"))]).contains("did you mean \"3964r\""));
+        let unknown = wrong(&[("protocol", Value::from("ascii")), ("duplx", Value::from("full"))]);
+        assert!(unknown.contains("did you mean `duplex`"), "{unknown}");
+        for (at, byte) in [(1, 0x06), (8, 1), (14, 2), (15, 3), (2, 0x53), (0, 0x11)] {
+            let mut bytes = Cp040::defaults("ascii").expect("known").encode();
+            bytes[at] = byte;
+            assert_eq!(Cp040::decode(&bytes).expect_err("wrong").byte, Some(at));
+        }
+        let full = [("protocol", "ascii"), ("flow", "xon-xoff"), ("duplex", "full")].map(|(k, v)| (k, Value::from(v)));
+        assert_eq!(Cp040::from_keys(full).expect("four wires").encode()[2], 0xD3);
+    }
+}

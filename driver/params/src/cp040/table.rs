@@ -1,0 +1,133 @@
+//! The parameter tables of the CP 040 manual, as data. Record set 80h: BAUD, PROTOCOL and OPTION3 to OPTION16 are bytes 0 to 15; OPTION n
+//! is byte n - 1. [S3 "Parameter data of ASCII"] and the sections of the other protocols.
+
+use crate::table::{BYTE, DATA_BITS_ROW, FLAGS, Field, Kind, Layout, PARITY_ROW, STOP_BITS_ROW, TICKS, bits, whole};
+
+/// Protocol codes (byte 1). 01h, 02h and 0Bh are printed; the others are those of the CP 240 (ours).
+pub const PROTOCOLS: &[(&str, u8, Layout)] = &[
+    ("ascii", 0x01, Layout::Ascii),
+    ("stx-etx", 0x02, Layout::StxEtx),
+    ("3964", 0x03, Layout::S3964),
+    ("3964r", 0x04, Layout::S3964),
+    ("modbus-master-ascii", 0x0A, Layout::Modbus),
+    ("modbus-master-rtu", 0x0B, Layout::Modbus),
+    ("modbus-slave-ascii-short", 0x0C, Layout::Modbus),
+    ("modbus-slave-rtu-short", 0x0D, Layout::Modbus),
+    ("modbus-slave-ascii-long", 0x1C, Layout::Modbus),
+    ("modbus-slave-rtu-long", 0x1D, Layout::Modbus),
+];
+
+/// Baud rates, for every protocol. [S3 L343]
+const BAUD: Kind = Kind::Choice(&[
+    ("9600", 0x09),
+    ("9600", 0x00),
+    ("150", 0x01),
+    ("300", 0x02),
+    ("600", 0x03),
+    ("1200", 0x04),
+    ("1800", 0x05),
+    ("2400", 0x06),
+    ("4800", 0x07),
+    ("7200", 0x08),
+    ("14400", 0x0A),
+    ("19200", 0x0B),
+    ("38400", 0x0C),
+    ("57600", 0x0D),
+    ("76800", 0x0F),
+    ("115200", 0x0E),
+    ("109700", 0x10),
+]);
+
+/// Not as in the CP 240, where hardware is 01b and XON/XOFF 10b. [reference 7.5]
+const FLOW: Kind = Kind::Choice(&[("none", 0b00), ("hardware", 0b10), ("xon-xoff", 0b11)]);
+/// "ZVZ parameterizable in ms steps" [S3 L291]
+const MS: Kind = Kind::Number { min: 0, max: 65_535 };
+
+const BAUD_ROW: Field = whole("baud", 0, BAUD, 0x00, "baud rate, bit/s");
+const FLOW_ROW: Field = bits("flow", 2, 6, 2, FLOW, 0b00, "flow control");
+const ZNA_ROW: Field = bits("zna_ms", 3, 0, 16, MS, 0, "ZNA: pause before the next command is executed");
+const DUPLEX_ROW: Field = whole(
+    "duplex",
+    14,
+    Kind::Choice(&[("half", 0), ("full", 1)]),
+    0,
+    "operating mode: half duplex (RS485, two wires) or full duplex (RS422, four wires)",
+);
+const PRESET_ROW: Field = whole(
+    "preset",
+    15,
+    Kind::Choice(&[("none", 0), ("break", 1), ("idle", 2)]),
+    0,
+    "line preset of the receiver: none; break = R(A) 5 V, R(B) 0 V: detects breaks; idle = R(A) 0 V, R(B) 5 V",
+);
+
+const ASCII: &[Field] = &[
+    BAUD_ROW,
+    DATA_BITS_ROW,
+    PARITY_ROW,
+    STOP_BITS_ROW,
+    FLOW_ROW,
+    ZNA_ROW,
+    // The default is not legible in our copy: 200 ms as the CP 240 (ours).
+    bits("zvz_ms", 5, 0, 16, MS, 200, "ZVZ: pause that ends a telegram; 0: three character times"),
+    whole("receive_buffers", 7, Kind::Number { min: 1, max: 250 }, 1, "number of receive buffers"),
+    DUPLEX_ROW,
+    PRESET_ROW,
+];
+
+const STX_ETX: &[Field] = &[
+    BAUD_ROW,
+    DATA_BITS_ROW,
+    PARITY_ROW,
+    STOP_BITS_ROW,
+    FLOW_ROW,
+    ZNA_ROW,
+    bits("tmo_ms", 5, 0, 16, Kind::Number { min: 1, max: 65_535 }, 200, "TMO: longest pause between two telegrams"),
+    whole("start_flags", 7, FLAGS, 1, "number of start characters"),
+    whole("start_flag_1", 8, BYTE, 0x02, "first start character"),
+    whole("start_flag_2", 9, BYTE, 0x00, "second start character"),
+    whole("end_flags", 10, FLAGS, 1, "number of end characters"),
+    whole("end_flag_1", 11, BYTE, 0x03, "first end character"),
+    whole("end_flag_2", 12, BYTE, 0x00, "second end character"),
+    DUPLEX_ROW,
+    PRESET_ROW,
+];
+
+/// Units of 20 ms: other defaults than in the CP 240. [S3 L365]
+const S3964: &[Field] = &[
+    BAUD_ROW,
+    DATA_BITS_ROW,
+    PARITY_ROW,
+    STOP_BITS_ROW,
+    whole("zna_ms", 3, TICKS, 0, "ZNA: pause before the next command is executed"),
+    whole("zvz_ms", 4, TICKS, 10, "ZVZ: longest pause between two characters of a telegram; 0: three character times"),
+    whole("qvz_ms", 5, TICKS, 10, "QVZ: longest wait for the acknowledgement of the partner"),
+    whole("bwz_ms", 6, TICKS, 10, "BWZ: without a meaning where there is no RK 512"),
+    whole("stx_repetitions", 7, BYTE, 5, "repetitions of STX after the first attempt"),
+    whole("dbl", 8, BYTE, 6, "DBL: attempts to send a block"),
+    whole("priority", 9, Kind::Choice(&[("low", 0), ("high", 1)]), 0, "who gives way when both want to send"),
+    DUPLEX_ROW,
+    PRESET_ROW,
+];
+
+const MODBUS: &[Field] = &[
+    BAUD_ROW,
+    DATA_BITS_ROW,
+    PARITY_ROW,
+    STOP_BITS_ROW,
+    whole("address", 3, Kind::Number { min: 1, max: 255 }, 1, "slave address"),
+    bits("wait_ms", 4, 0, 16, MS, 0, "wait of the master; 0: computed from the baud rate"),
+    DUPLEX_ROW,
+    PRESET_ROW,
+];
+
+/// The rows of a protocol's table, byte 1 (the protocol) left out.
+pub fn fields(layout: Layout) -> &'static [Field] {
+    match layout {
+        Layout::Ascii => ASCII,
+        Layout::StxEtx => STX_ETX,
+        Layout::S3964 => S3964,
+        Layout::Modbus => MODBUS,
+        Layout::MBus | Layout::EnOcean => &[],
+    }
+}

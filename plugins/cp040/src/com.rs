@@ -1,0 +1,113 @@
+//! FB 65 SEND_RECV (CP040_COM): both directions in one block. [S3 "Overview"], [reference 8.3]
+
+use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+
+use crate::module::{self, Module, Order, Outcome};
+use crate::state::CpState;
+
+interface! {
+    /// The parameters.
+    pub(crate) mod com {
+        /// A rising edge sends.
+        in     REQ_SEND: Bool;
+        /// Telegrams are fetched.
+        in     EN_RECV: Bool;
+        /// A rising edge resets the CP.
+        in     RESET: Bool;
+        /// Logical address of the CP's inputs.
+        in     ADDR_IN: Int;
+        /// Logical address of its outputs.
+        in     ADDR_OUT: Int;
+        /// Data block with the telegram to send.
+        in     DB_NO_SEND: Int;
+        /// Its first byte there.
+        in     DBB_NO_SEND: Int;
+        /// Bytes to send, 1 to 1024.
+        in     LEN_SEND: Int;
+        /// Data block for what is received.
+        in     DB_NO_RECV: Int;
+        /// Its first byte there.
+        in     DBB_NO_RECV: Int;
+        /// Bytes the CP occupies each way, 8 to 60.
+        in     IO_SIZE: Word;
+        /// Bytes received; with NDR_RECV.
+        out    LEN_RECV: Int;
+        /// For one call: the order is done.
+        out    DONE_SEND: Bool;
+        /// For one call: it has failed.
+        out    ERROR_SEND: Bool;
+        /// Why; 8181h while a job runs.
+        out    STATUS_SEND: Word;
+        /// For one call: a telegram was stored.
+        out    NDR_RECV: Bool;
+        /// For one call: there is an error.
+        out    ERROR_RECV: Bool;
+        /// Which; 8181h while a telegram comes.
+        out    STATUS_RECV: Word;
+        /// Byte 0 of the outputs.
+        in_out CONTROL: Byte;
+        static REQ_BEFORE: Bool;
+        static RESET_BEFORE: Bool;
+        static BUSY: Bool;
+    }
+}
+
+/// FB 65.
+pub(crate) struct Com;
+
+impl Block for Com {
+    const KIND: Kind = Kind::Fb;
+    const NUMBER: u16 = 65;
+    const NAME: &'static str = "CP040_COM";
+    const PARAMS: &'static [Param] = com::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let (request, reset) = (cx.get(com::REQ_SEND)?, cx.get(com::RESET)?);
+        let order = Order {
+            request: request && !cx.load(com::REQ_BEFORE)?,
+            reset: reset && !cx.load(com::RESET_BEFORE)?,
+            instance: module::instance(cx)?,
+            busy: cx.load(com::BUSY)?,
+            db: cx.get(com::DB_NO_SEND)?,
+            byte: cx.get(com::DBB_NO_SEND)?,
+            length: cx.get(com::LEN_SEND)?,
+        };
+        let (input, output, io_size) = (cx.get(com::ADDR_IN)?, cx.get(com::ADDR_OUT)?, cx.get(com::IO_SIZE)?);
+        let (sent, received) = match Module::open(cx, input, output, io_size)? {
+            Ok(module) => {
+                let sent = module.send(cx, order)?;
+                let (enabled, db) = (cx.get(com::EN_RECV)?, cx.get(com::DB_NO_RECV)?);
+                let byte = cx.get(com::DBB_NO_RECV)?;
+                // A reset that has ended in this call: what was read is of before it.
+                let received = if order.busy && sent.is_done() {
+                    Outcome::Nothing
+                } else {
+                    module.receive(cx, enabled, db, byte)?
+                };
+                cx.set(com::CONTROL, module.state.byte0())?;
+                (sent, received)
+            }
+            Err(Outcome::Later) => (Outcome::Later, Outcome::Nothing),
+            Err(outcome) => (outcome, outcome),
+        };
+        if sent != Outcome::Later {
+            cx.store(com::REQ_BEFORE, request)?;
+            cx.store(com::RESET_BEFORE, reset)?;
+            cx.store(com::BUSY, sent == Outcome::Running)?;
+        } else if !request {
+            cx.store(com::REQ_BEFORE, false)?;
+        }
+        cx.set(com::DONE_SEND, sent.is_done())?;
+        cx.set(com::ERROR_SEND, sent.is_error())?;
+        cx.set(com::STATUS_SEND, sent.status())?;
+        cx.set(com::NDR_RECV, received.is_done())?;
+        cx.set(com::ERROR_RECV, received.is_error())?;
+        cx.set(com::STATUS_RECV, received.status())?;
+        if let Outcome::Done(length) = received {
+            cx.set(com::LEN_RECV, length as i16)?;
+        }
+        cx.set_br(!sent.is_error() && !received.is_error())
+    }
+}

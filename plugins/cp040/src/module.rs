@@ -1,0 +1,287 @@
+//! The module as the blocks see it, and what a call does with it in each direction.
+
+use ob1_sdk::{Abort, Area, Cx, Refused};
+use ob1_slio::{ACKNOWLEDGE_SHIFT, IDLE, IO_BYTES, Piece, ReceiveJob, ReceiveStep, SendJob, SendStep, Take};
+
+use crate::state::CpState;
+use crate::status;
+
+const IO_MAX: usize = *IO_BYTES.end();
+
+/// A CP 040 whose driver answers, with its inputs as they stand.
+pub(crate) struct Module<'a> {
+    output_address: u32,
+    inputs: [u8; IO_MAX],
+    io_bytes: usize,
+    pub(crate) state: &'a CpState,
+}
+
+/// What the program wants of the send side.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Order {
+    /// A rising edge of REQ.
+    pub(crate) request: bool,
+    /// A rising edge of R.
+    pub(crate) reset: bool,
+    /// Whose job it is.
+    pub(crate) instance: u64,
+    /// The instance has begun a job and not seen its end.
+    pub(crate) busy: bool,
+    pub(crate) db: i16,
+    pub(crate) byte: i16,
+    pub(crate) length: i16,
+}
+
+/// How a call of either direction ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Outcome {
+    /// There is nothing to tell.
+    Nothing,
+    /// A job runs.
+    Running,
+    /// The request has to be made again: the send side belongs to somebody else.
+    Later,
+    /// Sent, received (with the length), or reset.
+    Done(u16),
+    /// An error, with STATUS.
+    Error(u16),
+}
+
+impl Outcome {
+    /// ERROR.
+    pub(crate) const fn is_error(self) -> bool {
+        matches!(self, Self::Error(_))
+    }
+
+    /// DONE or NDR.
+    pub(crate) const fn is_done(self) -> bool {
+        matches!(self, Self::Done(_))
+    }
+
+    /// STATUS.
+    pub(crate) const fn status(self) -> u16 {
+        match self {
+            Self::Nothing | Self::Done(_) => status::NONE,
+            Self::Running | Self::Later => status::RUNNING,
+            Self::Error(status) => status,
+        }
+    }
+}
+
+/// The running instance as a number; never 0.
+pub(crate) fn instance(cx: &mut Cx<'_, CpState>) -> Result<u64, Abort> {
+    let instance = cx.instance()?;
+    Ok(instance.map_or(u64::MAX, |instance| 1 << 48 | u64::from(instance.db) << 32 | u64::from(instance.offset)))
+}
+
+/// A logical address, or the number of a byte: declared as INT, counted without a sign.
+fn unsigned(number: i16) -> u32 {
+    u32::from(number as u16)
+}
+
+impl<'a> Module<'a> {
+    /// Looks at the module; the outcome of the call if there is nothing more to do.
+    ///
+    /// The inputs first, then what is known of the driver: what a driver that has died no longer shows is never taken for the word of
+    /// one that lives.
+    pub(crate) fn open(
+        cx: &mut Cx<'a, CpState>,
+        input: i16,
+        output: i16,
+        io_size: u16,
+    ) -> Result<Result<Self, Outcome>, Abort> {
+        let (input_address, output_address) = (unsigned(input), unsigned(output));
+        let io_bytes = usize::from(io_size);
+        if !IO_BYTES.contains(&io_bytes) {
+            return Ok(Err(Outcome::Error(status::NOT_SYNCHRONISED)));
+        }
+        let mut inputs = [0; IO_MAX];
+        let read = cx.io_read(input_address, &mut inputs[..io_bytes])?;
+        let Ok(info) = cx.module_info(input_address)? else { return Ok(Err(Outcome::Error(status::READ_ACCESS))) };
+        if usize::from(info.input_bytes) != io_bytes {
+            return Ok(Err(Outcome::Error(status::NOT_SYNCHRONISED)));
+        }
+        let Ok(state) = cx.module_state(input_address)? else { return Ok(Err(Outcome::Error(status::READ_ACCESS))) };
+        match read {
+            Ok(()) if info.present => {}
+            // Its process is started again; what was asked for waits.
+            Ok(()) => return Ok(Err(Outcome::Later)),
+            Err(_) => return Ok(Err(Outcome::Error(status::READ_ACCESS))),
+        }
+        let module = Self { output_address, inputs, io_bytes, state };
+        if let Some(byte) = state.see(info.generation) {
+            // What was read may be of the start before.
+            return Ok(Err(match cx.io_write(output_address, &[byte])? {
+                Ok(()) => Outcome::Later,
+                Err(_) => Outcome::Error(status::WRITE_ACCESS),
+            }));
+        }
+        Ok(Ok(module))
+    }
+
+    fn inputs(&self) -> &[u8] {
+        &self.inputs[..self.io_bytes]
+    }
+
+    /// Writes one nibble of byte 0.
+    fn put(&self, cx: &mut Cx<'_, CpState>, byte: u8) -> Result<Result<(), u16>, Abort> {
+        if cx.io_write(self.output_address, &[byte])?.is_err() {
+            return Ok(Err(status::WRITE_ACCESS));
+        }
+        self.state.set_byte0(byte);
+        Ok(Ok(()))
+    }
+
+    fn command(&self, cx: &mut Cx<'_, CpState>, nibble: u8) -> Result<Result<(), u16>, Abort> {
+        self.put(cx, self.state.byte0() & 0xF0 | nibble)
+    }
+
+    fn acknowledge(&self, cx: &mut Cx<'_, CpState>, nibble: u8) -> Result<Result<(), u16>, Abort> {
+        self.put(cx, self.state.byte0() & 0x0F | nibble << ACKNOWLEDGE_SHIFT)
+    }
+
+    // ---- send ----
+
+    /// One call of the send side.
+    pub(crate) fn send(&self, cx: &mut Cx<'_, CpState>, order: Order) -> Result<Outcome, Abort> {
+        let state = self.state;
+        if order.reset {
+            // Whatever runs is over: that is what a reset is for.
+            state.claim(order.instance, SendJob::reset());
+            state.set_receive(ReceiveJob::default());
+            if let Err(status) = self.acknowledge(cx, IDLE)? {
+                return Ok(Outcome::Error(status));
+            }
+        } else if state.is_owner(order.instance) {
+            // A request while a job runs is none.
+        } else if order.busy {
+            return Ok(Outcome::Error(status::NOT_SYNCHRONISED));
+        } else if state.send().is_running() {
+            return Ok(if order.request { Outcome::Later } else { Outcome::Nothing });
+        } else if order.request {
+            let Some(job) = u16::try_from(order.length).ok().and_then(SendJob::telegram) else {
+                return Ok(Outcome::Error(status::LENGTH));
+            };
+            let end = unsigned(order.byte) + unsigned(order.length);
+            if !cx.len(Area::Db(order.db as u16))?.is_ok_and(|bytes| end <= bytes) {
+                return Ok(Outcome::Error(status::DATA_BLOCK));
+            }
+            state.claim(order.instance, job);
+        }
+        let running = state.send().is_running();
+        let (job, step) = state.send().step(self.inputs(), state.byte0(), self.io_bytes);
+        let done = match step {
+            SendStep::Wait => Ok(()),
+            SendStep::Command(nibble) => self.command(cx, nibble)?,
+            SendStep::Put(piece) => self.piece(cx, &piece, order)?,
+            SendStep::Done | SendStep::Failed(_) => self.command(cx, IDLE)?,
+        };
+        if let Err(status) = done {
+            state.claim(0, SendJob::default());
+            return Ok(Outcome::Error(status));
+        }
+        state.set_send(job);
+        Ok(match step {
+            SendStep::Done => Outcome::Done(0),
+            SendStep::Failed(failure) => Outcome::Error(status::of(failure)),
+            _ if running => Outcome::Running,
+            _ => Outcome::Nothing,
+        })
+    }
+
+    fn piece(&self, cx: &mut Cx<'_, CpState>, piece: &Piece, order: Order) -> Result<Result<(), u16>, Abort> {
+        let mut area = [0; IO_MAX];
+        let Some(area) = area.get_mut(..self.io_bytes) else { return Ok(Err(status::NOT_SYNCHRONISED)) };
+        let byte0 = self.state.byte0() & 0xF0 | piece.command;
+        area[0] = byte0;
+        let at = 1 + piece.head(&mut area[1..]);
+        let Some(data) = area.get_mut(at..at + piece.count) else { return Ok(Err(status::NOT_SYNCHRONISED)) };
+        if cx.read(Area::Db(order.db as u16), unsigned(order.byte) + piece.from as u32, data)?.is_err() {
+            self.command(cx, IDLE)?.ok();
+            return Ok(Err(status::DATA_BLOCK));
+        }
+        if cx.io_write(self.output_address, area)?.is_err() {
+            return Ok(Err(status::WRITE_ACCESS));
+        }
+        self.state.set_byte0(byte0);
+        Ok(Ok(()))
+    }
+
+    // ---- receive ----
+
+    /// One call of the receive side.
+    pub(crate) fn receive(
+        &self,
+        cx: &mut Cx<'_, CpState>,
+        enabled: bool,
+        db: i16,
+        byte: i16,
+    ) -> Result<Outcome, Abort> {
+        let state = self.state;
+        if state.take_cut_off() {
+            return Ok(Outcome::Error(status::NOT_SYNCHRONISED));
+        }
+        if state.send().is_reset() {
+            return Ok(Outcome::Running);
+        }
+        let job = state.receive();
+        if !enabled && (job.is_running() || job == ReceiveJob::default()) {
+            return Ok(Outcome::Nothing);
+        }
+        let (next, step) = job.step(self.inputs(), state.byte0());
+        let outcome = match step {
+            ReceiveStep::Wait if next.is_running() => Outcome::Running,
+            ReceiveStep::Wait => Outcome::Nothing,
+            // The acknowledgement has to go back before anything new comes.
+            ReceiveStep::Take(_) if !enabled => return Ok(Outcome::Nothing),
+            ReceiveStep::Take(take) => {
+                if let Err(status) = self.take(cx, next, &take, db, byte)? {
+                    return Ok(Outcome::Error(status));
+                }
+                match take.received {
+                    None => Outcome::Running,
+                    Some(received) if received.return_value == 0 => Outcome::Done(received.length),
+                    Some(received) => Outcome::Error(received.return_value),
+                }
+            }
+            ReceiveStep::Acknowledge(nibble) => match self.acknowledge(cx, nibble)? {
+                Ok(()) => Outcome::Nothing,
+                Err(status) => Outcome::Error(status),
+            },
+            ReceiveStep::Failed(failure) => match self.acknowledge(cx, IDLE)? {
+                Ok(()) => Outcome::Error(status::of(failure)),
+                Err(status) => Outcome::Error(status),
+            },
+        };
+        state.set_receive(next);
+        Ok(outcome)
+    }
+
+    /// Stores a fragment and acknowledges it. What does not fit waits in the CP until it does, or until a reset (ours).
+    fn take(
+        &self,
+        cx: &mut Cx<'_, CpState>,
+        job: ReceiveJob,
+        take: &Take,
+        db: i16,
+        byte: i16,
+    ) -> Result<Result<(), u16>, Abort> {
+        let Some(data) = self.inputs().get(take.from..take.from + take.count) else {
+            return Ok(Err(status::NOT_SYNCHRONISED));
+        };
+        let (db, begin) = (Area::Db(db as u16), unsigned(byte));
+        // An error of the CP has no data, and needs no data block.
+        if job.end() > 0 {
+            match cx.len(db)? {
+                Ok(len) if begin as usize + job.end() <= len as usize => {}
+                Ok(_) => return Ok(Err(status::TOO_SHORT)),
+                Err(Refused::DbNumber) => return Ok(Err(status::DATA_BLOCK)),
+                Err(_) => return Ok(Err(status::NOT_READABLE)),
+            }
+            if cx.write(db, begin + take.at as u32, data)?.is_err() {
+                return Ok(Err(status::NOT_READABLE));
+            }
+        }
+        self.acknowledge(cx, take.acknowledge)
+    }
+}

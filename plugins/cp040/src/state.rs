@@ -1,0 +1,102 @@
+//! What the blocks remember of a module.
+
+use std::cell::Cell;
+
+use ob1_slio::{ReceiveJob, SendJob};
+
+ob1_sdk::state! {
+    /// Per module and station, zeroed at every start-up.
+    #[derive(Debug, Default)]
+    pub(crate) struct CpState {
+        send: Cell<u64>,
+        receive: Cell<u64>,
+        /// The instance whose send job or reset it is.
+        owner: Cell<u64>,
+        /// Start of the CP that everything here belongs to.
+        generation: Cell<u32>,
+        /// Byte 0 of the outputs was written for that start.
+        written: Cell<bool>,
+        /// Byte 0 of the outputs as it was written last.
+        byte0: Cell<u8>,
+        /// A telegram was cut off in the middle by a new start: RECEIVE tells it once.
+        cut_off: Cell<bool>,
+    }
+}
+
+/// Both nibbles idle.
+const IDLE: u8 = 0x88;
+
+impl CpState {
+    pub(crate) fn send(&self) -> SendJob {
+        SendJob::unpack(self.send.get())
+    }
+
+    pub(crate) fn set_send(&self, job: SendJob) {
+        self.send.set(job.pack());
+    }
+
+    pub(crate) fn receive(&self) -> ReceiveJob {
+        ReceiveJob::unpack(self.receive.get())
+    }
+
+    pub(crate) fn set_receive(&self, job: ReceiveJob) {
+        self.receive.set(job.pack());
+    }
+
+    /// Gives the send side to an instance.
+    pub(crate) fn claim(&self, owner: u64, job: SendJob) {
+        self.owner.set(owner);
+        self.set_send(job);
+    }
+
+    pub(crate) fn is_owner(&self, instance: u64) -> bool {
+        self.owner.get() == instance && self.send().is_running()
+    }
+
+    /// Byte 0 as it was written last.
+    pub(crate) fn byte0(&self) -> u8 {
+        self.byte0.get()
+    }
+
+    pub(crate) fn set_byte0(&self, byte: u8) {
+        self.byte0.set(byte);
+    }
+
+    /// Takes note of the CP's start; the byte 0 to write if it is another one than before.
+    pub(crate) fn see(&self, generation: u32) -> Option<u8> {
+        if self.written.get() && self.generation.get() == generation {
+            return None;
+        }
+        if self.receive().is_running() {
+            self.cut_off.set(true);
+        }
+        self.claim(0, SendJob::default());
+        self.set_receive(ReceiveJob::default());
+        self.generation.set(generation);
+        self.written.set(true);
+        self.byte0.set(IDLE);
+        Some(IDLE)
+    }
+
+    /// Whether a telegram was cut off since the last time.
+    pub(crate) fn take_cut_off(&self) -> bool {
+        self.cut_off.take()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_new_start_of_the_cp_voids_everything() {
+        let state = CpState::default();
+        assert_eq!(state.see(1), Some(0x88), "the first look");
+        assert_eq!(state.see(1), None);
+        state.claim(7, SendJob::telegram(5).expect("1 to 1024"));
+        assert!(state.is_owner(7) && !state.is_owner(8));
+        assert_eq!(state.see(2), Some(0x88));
+        assert!(!state.is_owner(7) && !state.send().is_running());
+        assert!(!state.take_cut_off(), "nothing was being received");
+    }
+}

@@ -1,0 +1,33 @@
+//! STATUS of the three blocks. [reference 8.4]
+
+use ob1_slio::Failure;
+
+/// No error.
+pub(crate) const NONE: u16 = 0x0000;
+/// A job runs; no error.
+pub(crate) const RUNNING: u16 = 0x8181;
+/// Block and CP are not synchronised (a synchronous reset helps), or IO_SIZE is not the module's.
+pub(crate) const NOT_SYNCHRONISED: u16 = 0x0202;
+/// Data block not valid.
+pub(crate) const DATA_BLOCK: u16 = 0x0301;
+/// Length 0 or above 1024.
+pub(crate) const LENGTH: u16 = 0x0517;
+/// Transfer failed: the partner does not answer, or the order was acknowledged negatively.
+pub(crate) const FAILED: u16 = 0x070A;
+/// Peripheral access error when reading.
+pub(crate) const READ_ACCESS: u16 = 0x80A0;
+/// Peripheral access error when writing.
+pub(crate) const WRITE_ACCESS: u16 = 0x80A1;
+/// Receive data block too short.
+pub(crate) const TOO_SHORT: u16 = 0x8323;
+/// Receive data block not readable: not present, or write-protected.
+pub(crate) const NOT_READABLE: u16 = 0x833A;
+
+/// Why the CP did not do it.
+pub(crate) const fn of(failure: Failure) -> u16 {
+    match failure {
+        Failure::NotSynchronised => NOT_SYNCHRONISED,
+        Failure::Length => LENGTH,
+        Failure::Communication => FAILED,
+    }
+}
