@@ -209,6 +209,11 @@ impl IoField {
         read_area(self.memory.cells().area::<AT_OUTPUTS>(), offset, into)
     }
 
+    /// Copies the input bytes from `offset` on, as they were written last; what lies outside the area reads 0. Returns how many lay inside.
+    pub fn read_inputs(&self, offset: usize, into: &mut [u8]) -> usize {
+        read_area(self.memory.cells().area::<AT_INPUTS>(), offset, into)
+    }
+
     /// Writes input bytes from `offset` on; what lies outside the area is ignored. Two threads that write into the same
     /// eight bytes undo each other's writes. Returns how many lay inside.
     pub fn write_inputs(&self, offset: usize, data: &[u8]) -> usize {

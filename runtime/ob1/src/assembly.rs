@@ -18,7 +18,7 @@ use serde_json::json;
 
 use crate::access::item::Names;
 use crate::finding::{Finding, Level};
-use crate::io::{ProcessIo, Stimulus};
+use crate::io::{Panel, ProcessIo, Stimulus};
 use crate::offer::Unserved;
 use crate::program::{LoadFailure, Loaded};
 use crate::simulated;
@@ -203,6 +203,7 @@ pub fn assemble(
         family: station.cpu.family,
         names: Arc::new(Names::new(&loaded.program)),
         modules: building.views,
+        panel: building.io.as_ref().and_then(|io| Panel::new(io, &station.modules)),
         posture: Arc::new(OnceLock::new()),
         clock,
         timings: Timings::new(cpu.accounts(), &rules, clock),

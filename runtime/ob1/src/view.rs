@@ -9,6 +9,7 @@ use ob1_rt::{Grant, MonotonicClock};
 
 use crate::access::item::Names;
 use crate::access::protocol::{DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times};
+use crate::io::Panel;
 use crate::station::{ModuleConfig, ModuleKind};
 use crate::timing::Timings;
 
@@ -23,6 +24,8 @@ pub struct StationView {
     pub names: Arc<Names>,
     /// Its modules, in the order of the CPU.
     pub modules: Vec<ModuleView>,
+    /// The inputs of its process I/O modules.
+    pub panel: Option<Panel>,
     /// What the operating system granted; set by the scan thread when it has asked.
     pub posture: Arc<OnceLock<Vec<Grant>>>,
     /// The clock of this runtime.

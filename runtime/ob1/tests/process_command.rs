@@ -183,6 +183,22 @@ fn cells_are_read_and_written_and_the_state_changed() {
     assert_eq!(events, ["4302h", "4301h", "4304h", "4302h", "4301h"]);
 }
 
+/// A module reads its inputs anew for each scan: what is set by hand is set there, and stays.
+#[test]
+fn an_input_set_by_hand_stays() {
+    let bench = Bench::new();
+    let _station = bench.start(&[]);
+    until(|| bench.value("AW4") == 0x1234);
+    assert_eq!(bench.code(&["set", "bench", "E0.0=1"]), Some(0));
+    until(|| bench.value("AW4") == 0x1334);
+    assert_eq!(bench.code(&["set", "bench", "EB1=16#56", "DB5.COUNT=8"]), Some(0));
+    until(|| bench.value("AW4") == 0x1356);
+    let scans = || bench.json(&["ctl", "bench", "status", "--json"])["scans"].as_u64();
+    let then = scans();
+    until(|| scans() > then.map(|count| count + 5));
+    assert_eq!((bench.value("EW0"), bench.value("DB5.COUNT")), (0x1356.into(), 8.into()));
+}
+
 #[test]
 fn an_s7_400_starts_hot() {
     let bench = Bench::new();

@@ -199,13 +199,16 @@ impl Serving {
         match op {
             Op::Get { items } => response.values = Some(self.get(&items)?),
             Op::Set { items } => {
-                let mut asks = Vec::with_capacity(items.len());
-                let mut names = Vec::with_capacity(items.len());
+                let mut cells = Vec::with_capacity(items.len());
                 for (name, value) in &items {
                     let item = self.view.names.parse(name)?;
-                    asks.push(Ask::Write(item.cell, item.width, value::from_json(&item, value)?));
-                    names.push(name);
+                    cells.push((name, item.cell, item.width, value::from_json(&item, value)?));
                 }
+                // What a module feeds is written there; the process image would not keep it.
+                let panel = self.view.panel.as_ref();
+                cells.retain(|(_, cell, width, bits)| !panel.is_some_and(|panel| panel.write(*cell, *width, *bits)));
+                let (names, asks): (Vec<_>, Vec<_>) =
+                    cells.into_iter().map(|(name, cell, width, bits)| (name, Ask::Write(cell, width, bits))).unzip();
                 for (name, answer) in names.iter().zip(self.port.ask(&asks)?) {
                     if let Answer::Refused(error) = answer {
                         return Err(format!("{name}: {}", reason(error)));

@@ -3,6 +3,7 @@
 //! All such modules of a station share one image. They lie side by side in it: a module's first byte has the module's logical address as
 //! its offset. Inputs written by a stimulus and by other programs mix; the last one wins. (docs/process-io.md)
 
+mod panel;
 mod stimulus;
 
 use std::path::PathBuf;
@@ -13,6 +14,7 @@ use ob1_cpu::{Module, ModuleError, ModuleEvent, ModuleStatus, Nanos};
 
 use crate::station::{ModuleConfig, ModuleKind};
 
+pub use panel::Panel;
 pub use stimulus::Stimulus;
 
 /// The process I/O of one station.
