@@ -183,3 +183,17 @@ fn malformed_answers() {
     ];
     assert_eq!(found, expected);
 }
+
+/// docs/mbus.md names every number that stands in a record.
+#[test]
+fn the_document_names_every_number() {
+    let text = include_str!("../../docs/mbus.md");
+    for (head, count) in [("\nQUANTITY: ", Quantity::ALL.len()), ("\nUNIT: ", Unit::ALL.len())] {
+        let paragraph = text.split(head).nth(1).and_then(|rest| rest.split("\n\n").next()).expect("a paragraph");
+        let number = |item: &str| item.split_whitespace().next().and_then(|word| word.parse::<usize>().ok());
+        let numbers: Vec<usize> = paragraph.split(',').filter_map(number).collect();
+        assert!(numbers.iter().copied().eq(1..count), "{head}{numbers:?}");
+    }
+    let size = format!("{} + {} x n bytes", ob1_mbus_records::HEADER_BYTES, ob1_mbus_records::RECORD_BYTES);
+    assert!(text.contains(&size), "{size}");
+}

@@ -8,8 +8,8 @@ use ob1_cpu::{Cell, CellWidth};
 use ob1_mbus_records::{Answer, HEADER_BYTES, Header, RECORD_BYTES};
 use ob1_model::Area;
 use ob1_tests::meters::{Bus, Meter, Trouble, fields, fixtures};
-use ob1_tests::sim::SECOND;
 use ob1_tests::sim::meters::Reading;
+use ob1_tests::sim::{MS, SECOND};
 
 fn library(meters: Vec<Meter>) -> Reading {
     let mut reading = station("examples/mbus-meter/library.toml", Bus::new(meters));
@@ -203,4 +203,37 @@ fn twins() {
     let mut reading = library(twins.into_iter().chain([meter(0, 0x2000_0000)]).collect());
     assert_eq!(order(&mut reading, 4, 22), 0);
     assert_eq!(block(&reading, 21, 8), [0, 1, 0, 1, 0x20, 0, 0, 0]);
+}
+
+/// The driver is killed at every moment of a reading. The order ends with a reason or with the right records, never with wrong ones, and the
+/// next one is none the worse.
+#[test]
+fn the_driver_is_killed_in_the_middle() {
+    let answer = frame("test-frames/example_data_01");
+    let (_, good) = expected(&fields(&answer).expect("a frame"));
+    let mut reading = library(vec![Meter::new(1, &answer)]);
+    let mut ends = std::collections::BTreeMap::new();
+    for moment in 0..60 {
+        set(&mut reading, 11, CellWidth::Byte, 1);
+        set(&mut reading, 10, CellWidth::Byte, 1);
+        // The reading takes about 540 ms.
+        let kill_at = reading.now + moment * 10 * MS;
+        reading.until(kill_at - reading.now, |_| false);
+        reading.kill_driver();
+        let ended = reading.until(100 * SECOND, |station| station.cpu.bit_memory()[10] & 1 == 0);
+        assert!(ended, "killed after {moment} x 10 ms: no end\n{}", reading.log());
+        let status = word(&reading.station, 20, 0);
+        let memory = reading.station.cpu.bit_memory();
+        let of_the_block = u16::from_be_bytes([memory[18], memory[19]]);
+        if of_the_block == 0 {
+            assert_eq!((status, block(&reading, 20, good.len())), (0, good.clone()), "killed after {moment} x 10 ms");
+        }
+        *ends.entry(of_the_block).or_insert(0) += 1;
+        assert!(reading.until(SECOND, |_| true));
+        // FC 9 sees the new driver and sets ANL itself; then the blocks work again.
+        assert!(reading.until(10 * SECOND, |station| station.cpu.bit_memory()[3] & 1 == 0), "{}", reading.log());
+        assert_eq!(read(&mut reading, 1), 0, "after {moment} x 10 ms\n{}", reading.log());
+    }
+    assert!(ends.keys().all(|status| [0, 0x8101, 0x8103].contains(status)), "{ends:X?}");
+    assert!(ends.contains_key(&0x8101), "some were in the middle: {ends:X?}");
 }

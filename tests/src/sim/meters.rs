@@ -82,6 +82,13 @@ impl Reading {
         false
     }
 
+    /// `kill -9` of the driver; the supervisor starts another.
+    pub fn kill_driver(&mut self) {
+        for driver in &mut self.drivers {
+            driver.kill(self.now, &mut self.cable);
+        }
+    }
+
     /// What the CPU's diagnostic buffer said.
     #[must_use]
     pub fn log(&self) -> &str {
