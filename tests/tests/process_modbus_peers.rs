@@ -1,5 +1,5 @@
 //! Modbus with programs that are not ours, on a pty: pymodbus (RTU and ASCII, both roles), minimalmodbus (RTU and ASCII, master),
-//! libmodbus (RTU, slave) and mbpoll, which is libmodbus as a master. The scripts are in `tests/peers/modbus.py`.
+//! libmodbus (RTU, slave) and mbpoll, which is libmodbus as a master; the CP 341's loadable driver asks pymodbus. The scripts are in `tests/peers/modbus.py`.
 
 mod common;
 
@@ -212,4 +212,87 @@ fn our_master_asks_pymodbus_in_ascii() {
 #[test]
 fn our_master_asks_libmodbus() {
     master_of("libmodbus", false);
+}
+
+/// The CP 341's example: the manual's program with its variable M 120.7. [S4 "8 Application Example"]
+struct Cp341 {
+    station: Running,
+}
+
+impl Cp341 {
+    fn start(site: &Site) -> Self {
+        let folder = checkout("examples/cp341-modbus-ascii");
+        fs::copy(folder.join("modbus-ascii.awl"), site.path("modbus-ascii.awl")).expect("a file of the example");
+        let text = fs::read_to_string(folder.join("station.toml")).expect("a file of the example");
+        let text = replaced(&text, "watchdog = \"150ms\"", "watchdog = \"500ms\"");
+        let text = replaced(&text, "pty:modbus-ascii.pty", &format!("pty:{LINE}"));
+        // A time in which a partner surely answers, however busy the machine.
+        site.write("station.toml", &replaced(&text, "response_timeout_ms = 2000", "response_timeout_ms = 10000"));
+        let station = site.run("station.toml").until_run();
+        station.until("the pty", |_| site.path(LINE).exists().then_some(()));
+        Self { station }
+    }
+
+    /// One job: the destination block, or the STATUS that the program has saved.
+    fn job(&self, source: &[u8]) -> Result<Vec<u8>, i64> {
+        for (at, byte) in (10..).zip(source) {
+            self.station.set(&format!("DB42.DBB{at}"), i64::from(*byte));
+        }
+        let counters = ["DB40.DBW6", "DB40.DBW8", "DB41.DBW6"];
+        let before = self.station.cells(&counters);
+        self.station.set("M120.7", 1);
+        let done = |s: &Running| (s.cells(&counters)[..2] != before[..2]).then_some(());
+        self.station.until("the end of the job", done);
+        let after = self.station.cells(&counters);
+        if after[1] != before[1] {
+            return Err(self.station.cell("DB40.DBW14"));
+        }
+        let length = if after[2] == before[2] { 0 } else { self.station.cell("DB41.DBW4") };
+        Ok((0..length).map(|n| self.station.cell(&format!("DB43.DBB{n}")) as u8).collect())
+    }
+}
+
+/// Every function code that pymodbus has, through P_SND_RK and P_RCV_RK of the manual's program.
+#[test]
+fn the_cp_341_asks_pymodbus() {
+    let site = Site::new();
+    let cp = Cp341::start(&site);
+    let partner = Partner::start(&site, "pymodbus", true);
+    cp.station.until("the partner", |_| partner.is_ready().then_some(()));
+    let table: [(&[u8], Result<&[u8], i64>); 18] = [
+        (&[5, 16, 0, 0, 0, 2, 0xA0, 0xA1, 0xA2, 0xA3], Ok(&[])),
+        (&[5, 6, 0, 2, 0x12, 0x34], Ok(&[])),
+        (&[5, 3, 0, 0, 0, 3], Ok(&[0xA0, 0xA1, 0xA2, 0xA3, 0x12, 0x34])),
+        (&[5, 4, 0, 7, 0, 2], Ok(&[0x10, 7, 0x10, 8])),
+        (&[5, 5, 0, 3, 0xFF, 0], Ok(&[])),
+        // The first eight coils are the low byte of the first word.
+        (&[5, 15, 0, 8, 0, 10, 0x03, 0x55], Ok(&[])),
+        (&[5, 1, 0, 0, 0, 20], Ok(&[0x55, 0x08, 0x00, 0x03])),
+        (&[5, 2, 0, 0, 0, 9], Ok(&[0x00, 0x49])),
+        (&[5, 8, 0, 0, 0xA5, 0xC3], Ok(&[])),
+        (&[5, 7], Ok(&[0])),
+        (&[5, 5, 0, 3, 0, 0], Ok(&[])),
+        (&[5, 5, 0, 3, 0xFF, 0], Ok(&[])),
+        // "Illegal data address"
+        (&[5, 3, 1, 0xFF, 0, 2], Err(0x0E62)),
+        // pymodbus has registers of 16 bits only. [S4 L844]
+        (&[5, 0x43, 0, 0, 0, 2], Err(0x0E52)),
+        (&[0, 6, 0, 4, 0xBE, 0xEF], Ok(&[])),
+        (&[5, 3, 0, 4, 0, 1], Ok(&[0xBE, 0xEF])),
+        (&[5, 9], Err(0x0E42)),
+        (&[0, 3, 0, 0, 0, 1], Err(0x0E43)),
+    ];
+    for (source, expected) in table {
+        assert_eq!(cp.job(source), expected.map(<[u8]>::to_vec), "{source:02X?}");
+    }
+    let counter = cp.job(&[5, 11]).expect("status word and event counter");
+    assert_eq!(counter.len(), 4, "{counter:02X?}");
+    let log = cp.job(&[5, 12]).expect("three words and the events");
+    assert!((6..=70).contains(&log.len()), "{log:02X?}");
+    let written = partner.end();
+    let words = |n: usize| written["words"][n].as_u64().expect("a word");
+    assert_eq!([0, 1, 2, 3, 4].map(words), [0xA0A1, 0xA2A3, 0x1234, 0, 0xBEEF], "{written}");
+    let bits: Vec<usize> = (0..64).filter(|n| written["bits"][*n] == true).collect();
+    assert_eq!(bits, [3, 8, 10, 12, 14, 16, 17], "{written}");
+    assert_eq!(cp.station.interrupt().code(), Some(0));
 }

@@ -17,12 +17,15 @@ const THINKS: Nanos = 20 * MS;
 /// What the CP enters when it starts: the CPU is in RUN, the parameters are accepted. [reference 3.2]
 const STARTED: &[u16] = &[0x0008, 0x0003];
 
+/// What is done to an answer.
+type Damage = fn(Vec<u8>) -> Vec<u8>;
+
 /// The slave on its line, and what is wrong with it.
 struct OnLine {
     slave: ModbusSlave,
     answers: VecDeque<(Nanos, Vec<u8>)>,
     /// Is done to each answer.
-    damage: fn(Vec<u8>) -> Vec<u8>,
+    damage: Damage,
 }
 
 impl Device for OnLine {
@@ -175,7 +178,7 @@ fn what_goes_wrong_has_its_status() {
     ] {
         assert_eq!(example.job(source), Err(status), "{source:02X?}");
     }
-    let damaged: [(fn(Vec<u8>) -> Vec<u8>, u16); 4] = [
+    let damaged: [(Damage, u16); 4] = [
         (|answer| answer.into_iter().map(|c| if c == b':' { b';' } else { c }).collect(), 0x0833),
         (
             |mut answer| {
