@@ -12,7 +12,7 @@ use crate::exit::{self, Exit};
 use crate::library::Chosen;
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
-use crate::{check, janitor, remote, run, soak, station, trace};
+use crate::{check, janitor, remote, run, soak, station, top, trace};
 
 const AFTER: &str = "\
 Examples:
@@ -25,6 +25,7 @@ Examples:
   ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
   ob1 ctl press.toml stop                          to STOP
   ob1 trace press.toml                             every telegram on its lines
+  ob1 top press.toml                               live: scans, CPs, telegrams, diagnostic buffer, variables
   ob1 soak press.toml --for 8h --budget wake.p99.9=200us,missed=0   hours of scans, one verdict
 
 Times have a unit: 250us, 10ms, 1.5s, 2min, 8h. Values: 1, -5, true, 16#1A, 2#1010, 1.5.
@@ -59,6 +60,7 @@ enum Command {
     Set(SetArgs),
     Ctl(CtlArgs),
     Trace(TraceArgs),
+    Top(TopArgs),
     Soak(Box<SoakArgs>),
     /// Cleans up after a killed runtime; started by `run`.
     #[command(hide = true)]
@@ -259,6 +261,32 @@ struct TraceArgs {
     time: Option<Duration>,
 }
 
+/// Show a running station, live
+///
+/// Pages for the scan (times, histograms, late scans), the CPs (LEDs, orders, telegrams), the diagnostic buffer and a variable table, in which
+/// values can be modified after a confirmation. Without a terminal, or with --plain, it prints text. The scan does not notice.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 top press.toml\n  ob1 top press --watch M1.0,DB10.DBW20:anzw,MW10:hex\n  ob1 top press --plain --count 1 \
+    | less\n\nMore: docs/top.md."
+)]
+struct TopArgs {
+    /// A running station: its name or its file
+    station: String,
+    /// The variable table: NAME, or NAME:hex, NAME:bin, NAME:anzw (the indicator word of a handling block, in words)
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    watch: Vec<String>,
+    /// Time between two looks
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = station::parse_duration)]
+    every: Duration,
+    /// End after so many looks
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    count: Option<u64>,
+    /// Text instead of a screen
+    #[arg(long)]
+    plain: bool,
+}
+
 /// Run a station for hours, and judge its timing
 ///
 /// The station runs as a process of its own. At the end stands a verdict: every limit of the budget kept (exit code 0), one broken (1), or
@@ -409,6 +437,13 @@ impl Command {
                 raw: args.raw,
                 quiet: args.quiet,
                 time: args.time,
+            }),
+            Command::Top(args) => top::top(&top::Options {
+                station: args.station,
+                plain: args.plain,
+                every: args.every,
+                count: args.count,
+                watch: args.watch,
             }),
             Command::Soak(args) => return args.soak().into(),
             Command::Janitor { rundir, published } => {

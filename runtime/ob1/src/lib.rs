@@ -23,6 +23,7 @@ pub mod soak;
 pub mod station;
 pub mod testing;
 pub mod timing;
+pub mod top;
 pub mod trace;
 pub mod view;
 pub mod virtual_clock;

@@ -60,6 +60,8 @@ const TABLE: &[Row] = &[
             "clap",
             "hdrhistogram",
             "parking_lot",
+            // `ob1 top`.
+            "ratatui",
             "rtrb",
             "rustix",
             "serde",

@@ -8,7 +8,7 @@ use crate::timing::{self, Timing};
 
 /// A time with the unit that suits it: `183 µs`, `2.41 ms`.
 #[must_use]
-pub(super) fn time(nanos: f64) -> String {
+pub(crate) fn time(nanos: f64) -> String {
     let (scale, unit) = match nanos.abs() {
         n if n < 1e3 => (1.0, "ns"),
         n if n < 1e6 => (1e3, "µs"),

@@ -17,6 +17,7 @@ use crate::exit::Exit;
 pub use pcapng::Pcapng;
 pub use print::Printer;
 pub use recording::{Recorder, RecordingError, read};
+pub(crate) use source::Taps;
 
 /// What the command line asks for.
 #[derive(Clone, Debug, Default)]

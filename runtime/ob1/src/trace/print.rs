@@ -9,6 +9,8 @@ use ob1_protocols::trace::{Dialect, Meaning, Reader, Unit, Way};
 use ob1_protocols::{LineFault, MS, Nanos, stx_etx};
 use serde_json::Value;
 
+use super::source::News;
+
 /// Bytes in a line of a dump.
 const WIDTH: usize = 16;
 
@@ -152,6 +154,14 @@ impl Printer {
                 say(text, &format!("modem lines: {}", lines.collect::<Vec<_>>().join(", ")));
             }
             Kind::Hello | Kind::Out | Kind::In | Kind::Done | Kind::Fault => {}
+        }
+    }
+
+    /// Takes what was heard of a CP.
+    pub(crate) fn hear(&mut self, news: &News<'_>) {
+        match news {
+            News::Record(cp, record) => self.take(*cp, record),
+            News::Silence(cp, now) => self.silence(*cp, *now),
         }
     }
 

@@ -30,38 +30,79 @@ struct Tap {
     ended: bool,
 }
 
-pub(super) fn live(station: &str, options: &Options, sinks: &mut Sinks) -> Result<(), TraceError> {
-    let end = options.time.map(|time| Instant::now() + time);
-    let mut taps = open(station, options.cp.as_deref())?;
-    let mut buffer = vec![0; RECORD];
-    while taps.iter().any(|tap| !tap.ended) {
-        let left = end.map_or(QUIET, |end| end.saturating_duration_since(Instant::now()));
-        if left.is_zero() {
-            return Ok(());
-        }
-        wait(&taps, left.min(QUIET))?;
-        for tap in taps.iter_mut().filter(|tap| !tap.ended) {
+/// What is heard of a CP, by its number.
+pub(crate) enum News<'a> {
+    /// It has told something.
+    Record(u8, Record<'a>),
+    /// It has told nothing until this time of its driver.
+    Silence(u8, Nanos),
+}
+
+/// The CPs of a station that are listened to.
+pub(crate) struct Taps {
+    taps: Vec<Tap>,
+    buffer: Vec<u8>,
+}
+
+impl Taps {
+    /// Connects to the wanted CP, or to all of them.
+    pub(crate) fn open(station: &str, wanted: Option<&str>) -> Result<Self, TraceError> {
+        Ok(Self { taps: open(station, wanted)?, buffer: vec![0; RECORD] })
+    }
+
+    /// Every driver has ended.
+    fn is_over(&self) -> bool {
+        self.taps.iter().all(|tap| tap.ended)
+    }
+
+    /// A driver has ended since they were opened.
+    pub(crate) fn has_lost_one(&self) -> bool {
+        self.taps.iter().any(|tap| tap.ended)
+    }
+
+    /// Hands over what there is, without waiting.
+    pub(crate) fn take(&mut self, on: &mut dyn FnMut(News<'_>) -> io::Result<()>) -> io::Result<()> {
+        for tap in self.taps.iter_mut().filter(|tap| !tap.ended) {
             while !tap.ended {
-                match recv(&tap.fd, buffer.as_mut_slice(), RecvFlags::DONTWAIT) {
+                match recv(&tap.fd, self.buffer.as_mut_slice(), RecvFlags::DONTWAIT) {
                     Ok((0, _)) | Err(Errno::CONNRESET) => tap.ended = true,
                     Ok((length, _)) => {
                         // A newer driver may have kinds we do not know.
-                        if let Some(record) = Record::read(&buffer[..length]) {
+                        if let Some(record) = Record::read(&self.buffer[..length]) {
                             tap.last = (record.time, Instant::now());
-                            sinks.take(tap.number, &record)?;
+                            on(News::Record(tap.number, record))?;
                         }
                     }
                     Err(Errno::AGAIN | Errno::INTR) => break,
-                    Err(error) => return Err(io::Error::from(error).into()),
+                    Err(error) => return Err(error.into()),
                 }
             }
             let (time, came) = tap.last;
             let since = u64::try_from(came.elapsed().as_nanos()).unwrap_or(0);
             if since > QUIET.as_nanos() as u64 {
-                sinks.printer.silence(tap.number, time.saturating_add(since));
-                sinks.show()?;
+                on(News::Silence(tap.number, time.saturating_add(since)))?;
             }
         }
+        Ok(())
+    }
+}
+
+pub(super) fn live(station: &str, options: &Options, sinks: &mut Sinks) -> Result<(), TraceError> {
+    let end = options.time.map(|time| Instant::now() + time);
+    let mut taps = Taps::open(station, options.cp.as_deref())?;
+    while !taps.is_over() {
+        let left = end.map_or(QUIET, |end| end.saturating_duration_since(Instant::now()));
+        if left.is_zero() {
+            return Ok(());
+        }
+        wait(&taps.taps, left.min(QUIET))?;
+        taps.take(&mut |news| match news {
+            News::Record(cp, record) => sinks.take(cp, &record),
+            News::Silence(..) => {
+                sinks.printer.hear(&news);
+                sinks.show()
+            }
+        })?;
     }
     Ok(())
 }

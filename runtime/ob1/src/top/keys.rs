@@ -1,0 +1,237 @@
+//! What keys do: a machine of its own, without a terminal.
+
+/// A key, as far as it means something here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Key {
+    Char(char),
+    Enter,
+    Escape,
+    Backspace,
+    Tab,
+    Up,
+    Down,
+}
+
+/// What is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Tab {
+    #[default]
+    Scan,
+    Cps,
+    Diagnostics,
+    Variables,
+}
+
+impl Tab {
+    /// In their order, with their names.
+    pub(super) const ALL: [(Self, &'static str); 4] = [
+        (Self::Scan, "1 Scan"),
+        (Self::Cps, "2 CPs"),
+        (Self::Diagnostics, "3 Diagnostics"),
+        (Self::Variables, "4 Variables"),
+    ];
+
+    fn next(self) -> Self {
+        match self {
+            Self::Scan => Self::Cps,
+            Self::Cps => Self::Diagnostics,
+            Self::Diagnostics => Self::Variables,
+            Self::Variables => Self::Scan,
+        }
+    }
+}
+
+/// What is being typed.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) enum Entry {
+    /// Nothing: keys are commands.
+    #[default]
+    None,
+    /// The name of a cell to watch.
+    Name(String),
+    /// A new value for a cell.
+    Value {
+        /// The cell.
+        cell: String,
+        text: String,
+    },
+    /// Whether that is really meant.
+    Confirm { cell: String, value: String },
+}
+
+/// What has to be done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Act {
+    Nothing,
+    Quit,
+    /// One more line in the variable table.
+    Watch(String),
+    /// The line of the variable table goes.
+    Forget(usize),
+    /// A cell gets a value: confirmed.
+    Write {
+        cell: String,
+        value: String,
+    },
+}
+
+/// The state of the keys.
+#[derive(Debug, Default)]
+pub(super) struct Keys {
+    pub(super) tab: Tab,
+    pub(super) entry: Entry,
+    /// The chosen line of the variable table.
+    pub(super) line: usize,
+}
+
+impl Keys {
+    /// A key; `cells` are the names in the variable table.
+    pub(super) fn press(&mut self, key: Key, cells: &[String]) -> Act {
+        match std::mem::take(&mut self.entry) {
+            Entry::None => self.command(key, cells),
+            Entry::Name(text) => match typed(text, key) {
+                Typed::More(text) => {
+                    self.entry = Entry::Name(text);
+                    Act::Nothing
+                }
+                Typed::Done(text) if !text.trim().is_empty() => Act::Watch(text),
+                Typed::Done(_) | Typed::Dropped => Act::Nothing,
+            },
+            Entry::Value { cell, text } => {
+                match typed(text, key) {
+                    Typed::More(text) => self.entry = Entry::Value { cell, text },
+                    Typed::Done(text) if !text.trim().is_empty() => {
+                        self.entry = Entry::Confirm { cell, value: text.trim().to_owned() };
+                    }
+                    Typed::Done(_) | Typed::Dropped => {}
+                }
+                Act::Nothing
+            }
+            // Only a `y` writes to a running plant.
+            Entry::Confirm { cell, value } if key == Key::Char('y') => Act::Write { cell, value },
+            Entry::Confirm { .. } => Act::Nothing,
+        }
+    }
+
+    fn command(&mut self, key: Key, cells: &[String]) -> Act {
+        let last = cells.len().saturating_sub(1);
+        match key {
+            Key::Char('q') | Key::Escape => return Act::Quit,
+            Key::Tab => self.tab = self.tab.next(),
+            Key::Char(digit @ '1'..='4') => {
+                self.tab = Tab::ALL.get(digit as usize - '1' as usize).map_or(self.tab, |(tab, _)| *tab);
+            }
+            _ if self.tab != Tab::Variables => {}
+            Key::Up => self.line = self.line.saturating_sub(1),
+            Key::Down => self.line = (self.line + 1).min(last),
+            Key::Char('a') => self.entry = Entry::Name(String::new()),
+            Key::Char('d') if !cells.is_empty() => {
+                let line = self.line.min(last);
+                self.line = line.min(last.saturating_sub(1));
+                return Act::Forget(line);
+            }
+            Key::Char('m') | Key::Enter => {
+                if let Some(cell) = cells.get(self.line.min(last)) {
+                    self.entry = Entry::Value { cell: cell.clone(), text: String::new() };
+                }
+            }
+            _ => {}
+        }
+        Act::Nothing
+    }
+
+    /// The last line of the screen: what is being typed, or which keys there are.
+    pub(super) fn prompt(&self) -> String {
+        match &self.entry {
+            Entry::None if self.tab == Tab::Variables => {
+                "q quit  1-4 or Tab another page  Up/Down choose  a add  d drop  m modify".into()
+            }
+            Entry::None => "q quit  1-4 or Tab another page".into(),
+            Entry::Name(text) => format!("watch (NAME, NAME:hex, NAME:bin, NAME:anzw): {text}_"),
+            Entry::Value { cell, text } => format!("new value of {cell}: {text}_"),
+            Entry::Confirm { cell, value } => {
+                format!("write {cell} = {value} into the running CPU?  y: yes, any other key: no")
+            }
+        }
+    }
+}
+
+enum Typed {
+    More(String),
+    Done(String),
+    Dropped,
+}
+
+fn typed(mut text: String, key: Key) -> Typed {
+    match key {
+        Key::Enter => return Typed::Done(text),
+        Key::Escape => return Typed::Dropped,
+        Key::Backspace => drop(text.pop()),
+        Key::Char(c) => text.push(c),
+        Key::Tab | Key::Up | Key::Down => {}
+    }
+    Typed::More(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn keys(text: &str) -> Vec<Key> {
+        text.chars().map(|c| if c == '\n' { Key::Enter } else { Key::Char(c) }).collect()
+    }
+
+    fn play(keys: &mut Keys, input: &[Key], cells: &[String]) -> Act {
+        input.iter().fold(Act::Nothing, |act, key| {
+            assert_eq!(act, Act::Nothing, "only the last key does something");
+            keys.press(*key, cells)
+        })
+    }
+
+    #[test]
+    fn a_value_is_written_after_a_yes_and_never_else() {
+        let cells = ["M1.0".to_owned(), "DB1.SOLL".to_owned()];
+        let mut state = Keys::default();
+        assert_eq!(play(&mut state, &keys("4"), &cells), Act::Nothing);
+        state.press(Key::Down, &cells);
+        state.press(Key::Down, &cells);
+        let write = Act::Write { cell: "DB1.SOLL".into(), value: "16#1A".into() };
+        assert_eq!(play(&mut state, &keys("m16#1A\ny"), &cells), write);
+        for no in ["m1\nn", "m1\n\n", "m1\nY", "m\ny"] {
+            assert_eq!(play(&mut state, &keys(no), &cells), Act::Nothing, "{no:?}");
+            assert_eq!(state.entry, Entry::None);
+        }
+        assert_eq!(
+            play(&mut state, &[Key::Char('m'), Key::Char('1'), Key::Escape, Key::Char('y')], &cells),
+            Act::Nothing
+        );
+        // Without a table there is nothing to modify or to drop.
+        assert_eq!(play(&mut Keys { tab: Tab::Variables, ..Keys::default() }, &keys("md1\ny"), &[]), Act::Nothing);
+    }
+
+    #[test]
+    fn pages_and_the_table() {
+        let cells = ["M1.0".to_owned(), "M1.1".to_owned()];
+        let mut state = Keys::default();
+        for (key, tab) in [
+            (Key::Tab, Tab::Cps),
+            (Key::Tab, Tab::Diagnostics),
+            (Key::Tab, Tab::Variables),
+            (Key::Tab, Tab::Scan),
+            (Key::Char('4'), Tab::Variables),
+        ] {
+            assert_eq!((state.press(key, &cells), state.tab), (Act::Nothing, tab));
+        }
+        assert_eq!(play(&mut state, &keys("aMW10:hex\n"), &cells), Act::Watch("MW10:hex".into()));
+        assert_eq!(
+            play(&mut state, &[Key::Char('a'), Key::Char('x'), Key::Backspace, Key::Enter], &cells),
+            Act::Nothing
+        );
+        state.press(Key::Down, &cells);
+        assert_eq!((state.press(Key::Char('d'), &cells), state.line), (Act::Forget(1), 0));
+        // What is typed are no commands.
+        assert_eq!(play(&mut state, &keys("aq1"), &cells), Act::Nothing);
+        assert_eq!(state.press(Key::Escape, &cells), Act::Nothing);
+        assert_eq!(state.press(Key::Char('q'), &cells), Act::Quit);
+    }
+}

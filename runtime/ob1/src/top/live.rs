@@ -1,0 +1,123 @@
+//! The loops: a look, what it shows, the keys in between.
+
+use std::io::{self, Write as _};
+use std::time::{Duration, Instant};
+
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+
+use super::data::Data;
+use super::keys::{Act, Key, Keys};
+use super::source::Source;
+use super::watch::Watched;
+use super::{Options, TopError, plain, screen};
+use crate::access::client::AccessError;
+
+/// Between two looks at the lines.
+const LINES: Duration = Duration::from_millis(200);
+
+fn watched(options: &Options) -> Vec<Watched> {
+    options.watch.iter().map(|text| Watched::parse(text)).collect()
+}
+
+/// Text, a look after the other.
+pub(super) fn plain(options: &Options) -> Result<(), TopError> {
+    let mut source = Source::open(&options.station)?;
+    let watch = watched(options);
+    let mut data = Data::new(source.look(&watch)?);
+    let mut looks = 0;
+    loop {
+        let mut out = io::stdout().lock();
+        out.write_all(plain::text(&data).as_bytes())?;
+        out.write_all(b"\n")?;
+        out.flush()?;
+        drop(out);
+        looks += 1;
+        if options.count.is_some_and(|count| looks >= count) {
+            return Ok(());
+        }
+        std::thread::sleep(options.every);
+        match source.look(&watch) {
+            Ok(look) => data.update(look),
+            // The station has ended: so does this.
+            Err(AccessError::Io(_)) => return Ok(()),
+            Err(error) => return Err(error.into()),
+        }
+    }
+}
+
+/// The screen. The terminal is as it was before, however this ends.
+pub(super) fn screen(options: &Options) -> Result<(), TopError> {
+    let mut source = Source::open(&options.station)?;
+    let watch = watched(options);
+    let mut data = Data::new(source.look(&watch)?);
+    let mut terminal = ratatui::try_init()?;
+    let done = watch_keys(options, &mut source, watch, &mut data, &mut terminal);
+    ratatui::restore();
+    done
+}
+
+fn watch_keys(
+    options: &Options,
+    source: &mut Source,
+    mut watch: Vec<Watched>,
+    data: &mut Data,
+    terminal: &mut ratatui::DefaultTerminal,
+) -> Result<(), TopError> {
+    let mut keys = Keys::default();
+    let mut note = String::new();
+    let (mut looked, mut looks) = (Instant::now(), 1);
+    loop {
+        data.heard(&source.telegrams());
+        terminal.draw(|frame| screen::draw(frame, data, &keys, &note))?;
+        let left = options.every.saturating_sub(looked.elapsed());
+        if !left.is_zero() {
+            if !event::poll(left.min(LINES))? {
+                continue;
+            }
+            let Some(key) = key(&event::read()?) else { continue };
+            note.clear();
+            let cells: Vec<String> = watch.iter().map(|watched| watched.name.clone()).collect();
+            match keys.press(key, &cells) {
+                Act::Nothing => continue,
+                Act::Quit => return Ok(()),
+                Act::Watch(text) => watch.push(Watched::parse(&text)),
+                Act::Forget(line) => drop(watch.remove(line)),
+                Act::Write { cell, value } => {
+                    note = match source.write(&cell, &value) {
+                        Ok(()) => format!("{cell} = {value}: written"),
+                        Err(AccessError::Refused(why)) => format!("refused: {why}"),
+                        Err(error) => return Err(error.into()),
+                    };
+                }
+            }
+        } else if options.count.is_some_and(|count| looks >= count) {
+            return Ok(());
+        }
+        match source.look(&watch) {
+            Ok(look) => data.update(look),
+            Err(AccessError::Io(_)) => return Ok(()),
+            Err(error) => return Err(error.into()),
+        }
+        looked = Instant::now();
+        looks += 1;
+    }
+}
+
+/// A key that means something here.
+fn key(event: &Event) -> Option<Key> {
+    let Event::Key(key) = event else { return None };
+    if key.kind == KeyEventKind::Release {
+        return None;
+    }
+    Some(match key.code {
+        KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => Key::Char('q'),
+        KeyCode::Char(c) => Key::Char(c),
+        KeyCode::Enter => Key::Enter,
+        KeyCode::Esc => Key::Escape,
+        KeyCode::Backspace => Key::Backspace,
+        KeyCode::Tab => Key::Tab,
+        KeyCode::Up => Key::Up,
+        KeyCode::Down => Key::Down,
+        _ => return None,
+    })
+}

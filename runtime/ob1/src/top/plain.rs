@@ -1,0 +1,133 @@
+//! A look as text, for pipes and for terminals that are none.
+
+use std::fmt::Write as _;
+
+use super::data::{Data, counter, rows};
+use crate::access::protocol::ModuleStatus;
+use crate::soak::text::time;
+
+/// The state of the station in a line, as at the head of the screen.
+pub(super) fn head(data: &Data) -> String {
+    let (s, t) = (&data.now.status, &data.now.timing);
+    let rate = data.scan_rate().map_or_else(String::new, |rate| format!(" ({rate:.0}/s)"));
+    format!(
+        "{}  {}  process {}  {}  scans {}{rate}  late {}  overruns {}  missed {}  watchdog {}  memory {} KiB",
+        s.station,
+        s.state,
+        s.pid,
+        time(s.runtime_ns as f64),
+        t.scans,
+        t.late.scans,
+        t.overruns,
+        t.missed,
+        t.watchdogs,
+        s.memory.resident_kib
+    )
+}
+
+/// The table of times: since the last reset, and since the look before.
+pub(super) fn times(data: &Data) -> String {
+    let mut out = format!(
+        "{:<20}{:>10}{:>11}{:>11}{:>11}   {:>10}{:>11}{:>11}{:>11}\n",
+        "", "count", "p50", "p99", "max", "newest", "p50", "p99", "max"
+    );
+    for (name, all, newest) in rows(data) {
+        let _ = write!(out, "{:<20}", name.chars().take(20).collect::<String>());
+        for (place, f) in [all, newest].into_iter().enumerate() {
+            let gap = if place == 0 { "" } else { "   " };
+            let (p50, p99, max) = (time(f.p50 as f64), time(f.p99 as f64), time(f.max as f64));
+            let _ = write!(out, "{gap}{:>10}{p50:>11}{p99:>11}{max:>11}", f.count);
+        }
+        out.push('\n');
+    }
+    out
+}
+
+/// A CP or another module in a line: LEDs, driver, orders, telegrams.
+pub(super) fn module(data: &Data, number: usize, m: &ModuleStatus) -> String {
+    let mut out = format!("{:<10} {:<8} {:>5}  ", m.name, m.type_name, m.address);
+    let Some(driver) = &m.driver else {
+        out += if m.present { "present" } else { "absent" };
+        return out;
+    };
+    for led in ["PW", "ER", "TxD", "RxD"] {
+        let lit = m.leds.iter().any(|name| name == led);
+        let _ = write!(out, "{}{led} ", if lit { '*' } else { '.' });
+    }
+    let _ = write!(out, " {} ({}), lost {}", driver.state, driver.pid, driver.losses);
+    let n = |name: &str| counter(m, name);
+    let open = n("orders_accepted")
+        .saturating_sub(n("telegrams_sent") + n("send_errors") + n("orders_aborted") + n("orders_lost"));
+    let _ = write!(
+        out,
+        "  orders {} open {open} done {} error {} aborted {} lost {}  received {} errors {}",
+        n("orders_accepted"),
+        n("telegrams_sent"),
+        n("send_errors"),
+        n("orders_aborted"),
+        n("orders_lost"),
+        n("telegrams_received"),
+        n("receive_errors")
+    );
+    if let Some((sent, received)) = data.telegram_rates(number) {
+        let _ = write!(out, "  {sent:.1}/s out {received:.1}/s in");
+    }
+    out
+}
+
+/// The variable table, a line a cell.
+pub(super) fn values(data: &Data) -> Vec<String> {
+    let line =
+        |(watched, value): &(super::watch::Watched, Result<crate::access::protocol::CellValue, String>)| match value {
+            Ok(cell) => format!("{:<24} {:<8} {}", watched.name, cell.type_name, watched.show(cell)),
+            Err(why) => format!("{:<24} {why}", watched.name),
+        };
+    data.now.values.iter().map(line).collect()
+}
+
+/// An entry of the diagnostic buffer.
+pub(super) fn diagnostic(entry: &crate::access::protocol::Diagnostic) -> String {
+    format!("{:>6} {:>14.6} s  {}", entry.number, entry.time_ns as f64 / 1e9, entry.text)
+}
+
+/// The whole look.
+pub(super) fn text(data: &Data) -> String {
+    let mut out = format!("{}\n{}", head(data), times(data));
+    out += &crate::timing::text::late(&data.now.timing.late);
+    for (number, m) in data.now.status.modules.iter().enumerate() {
+        let _ = writeln!(out, "{}", module(data, number, m));
+    }
+    for line in values(data) {
+        let _ = writeln!(out, "{line}");
+    }
+    for entry in data.now.diagnostics.iter().take(3) {
+        let _ = writeln!(out, "{}", diagnostic(entry));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::data::tests::look;
+    use super::*;
+
+    #[test]
+    fn a_look_tells_everything() {
+        let mut data = Data::new(look(10, 10_000));
+        data.update(look(12, 12_000));
+        let text = text(&data);
+        for part in [
+            "press  RUN  process 42",
+            "scans 12000 (1000/s)",
+            "wake-up                  12000    20.0 µs",
+            "*PW .ER *TxD .RxD  ready (43), lost 0  orders 121 open 1 done 120",
+            "10.0/s out 5.0/s in",
+            "MW10                     WORD     16#0102",
+            "DB99.DBW0                there is no DB 99",
+            "4302h: RUN",
+            "unexplained (host suspected): 50.0 %",
+        ] {
+            assert!(text.contains(part), "{part}\n{text}");
+        }
+    }
+}
