@@ -5,6 +5,7 @@
 
 pub mod backplane;
 pub mod compile;
+pub mod disturb;
 pub mod driver;
 pub mod line;
 pub mod memory;

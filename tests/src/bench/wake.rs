@@ -63,7 +63,7 @@ fn percentile(latencies: &Latencies, share: f64) -> f64 {
 
 /// The ratios of one percentile: ours to the (geometric) mean of the two cyclictests beside it, and the two to one another.
 #[derive(Debug, Default)]
-struct Ratios {
+pub(super) struct Ratios {
     ours: Vec<f64>,
     noise: Vec<f64>,
     /// Triples in which one of the three lies beyond what is counted: nothing can be said of those.
@@ -71,7 +71,7 @@ struct Ratios {
 }
 
 impl Ratios {
-    fn enter(&mut self, ours: f64, others: [f64; 2]) {
+    pub(super) fn enter(&mut self, ours: f64, others: [f64; 2]) {
         self.censored += usize::from([ours, others[0], others[1]].iter().any(|value| *value >= LONGEST as f64));
         let [a, b] = others.map(|value| value.max(1.0));
         self.ours.push(ours.max(1.0) / (a * b).sqrt());
@@ -79,7 +79,7 @@ impl Ratios {
     }
 
     /// The median ratio, and the upper quartile of cyclictest against itself.
-    fn figures(&self) -> (f64, f64) {
+    pub(super) fn figures(&self) -> (f64, f64) {
         let mut noise = self.noise.clone();
         noise.sort_by(f64::total_cmp);
         let quartile = noise.get((noise.len() * 3) / 4).or(noise.last()).copied().unwrap_or(1.0);
@@ -88,7 +88,7 @@ impl Ratios {
 }
 
 /// Judges a median ratio against its limit and the noise.
-fn judge(ratio: f64, noise: f64, limit: f64, enough: bool) -> Verdict {
+pub(super) fn judge(ratio: f64, noise: f64, limit: f64, enough: bool) -> Verdict {
     match () {
         () if ratio > limit.max(noise) && enough => Verdict::Failed,
         // So much noise would hide a ratio beyond the limit.

@@ -5,12 +5,14 @@ use std::process::ExitCode;
 
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
-use ob1_tests::bench::{backplane, compile, driver, line, memory, scan, stl, wake};
+use ob1_tests::bench::{backplane, compile, disturb, driver, line, memory, scan, stl, wake};
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
   names: scan, pair, backplane, driver, memory, line, compile (default: all of these)
          stl: the engine beside awlsim (installed into .venv), alone; about a minute
          line, named: also Modbus RTU transactions over a pty beside libmodbus and pymodbus (installed into .venv)
+         disturb [--rounds N] [--seconds S]: the execution time of a scan while ob1 top is attached, reports are written, its driver is
+         killed ten times a minute; N (5) rounds of five runs of S (12) seconds: 5 minutes
   scan, named: also our wake-up latency beside cyclictest, N (9) triples of runs of S (15) seconds at two intervals: 14 minutes
 
 Exit status: 0 every aim met, 1 an aim missed, 2 it could not be measured, 3 inconclusive: run longer.";
@@ -20,6 +22,7 @@ fn main() -> ExitCode {
     let done = match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--peer", role, path] => answer(role, Path::new(path)).map(|()| true),
         ["stl"] => stl::measure(),
+        ["disturb", ref words @ ..] => disturbed(words),
         ref words => options(words).and_then(|(names, plan)| {
             let met = measure(&names)?;
             match names.contains(&"scan").then(|| wake::compare(plan)).transpose()? {
@@ -37,6 +40,23 @@ fn main() -> ExitCode {
             eprintln!("bench: {failure}");
             ExitCode::from(2)
         }
+    }
+}
+
+/// `disturb [--rounds N] [--seconds S]`.
+fn disturbed(words: &[&str]) -> Result<bool, Failure> {
+    let (mut rounds, mut seconds) = (None, None);
+    for pair in words.chunks(2) {
+        match pair {
+            ["--rounds", number] => rounds = Some(number.parse().map_err(|_| HELP)?),
+            ["--seconds", number] => seconds = Some(number.parse().map_err(|_| HELP)?),
+            _ => return Err(HELP.into()),
+        }
+    }
+    match disturb::measure(rounds, seconds)? {
+        Verdict::Passed => Ok(true),
+        Verdict::Failed => Ok(false),
+        Verdict::Inconclusive => Err(Inconclusive.into()),
     }
 }
 
