@@ -188,3 +188,6 @@ fn causes(report: &Report) -> String {
     }
     format!("late by {}", told.join("; "))
 }
+
+#[cfg(test)]
+mod tests;
