@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 use ob1_command::access::client::Client;
 use ob1_command::access::protocol::{Op, Response};
 use ob1_command::soak::statistics::{quantile, since};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
 use super::peer::Failure;
 use super::wake::{Ratios, Verdict, judge};
@@ -128,7 +130,7 @@ impl Site {
             if begin.elapsed() > GUARD {
                 return Err(format!("station A does not get to {SETTLED} scans").into());
             }
-            std::thread::sleep(LOOK);
+            site.stations[0].lives_for(LOOK)?;
         }
         Ok(site)
     }
@@ -163,7 +165,7 @@ impl Site {
                 }
                 _ => {}
             }
-            std::thread::sleep(LOOK.min(time.saturating_sub(begin.elapsed())));
+            self.stations[0].lives_for(LOOK.min(time.saturating_sub(begin.elapsed())))?;
         }
         let after = self.execution()?;
         drop(top);
@@ -220,6 +222,17 @@ impl Process {
     fn start(ob1: &Path, args: &[&str], file: Option<&Path>) -> Result<Self, Failure> {
         let mut command = Command::new(ob1);
         Ok(Self(command.args(args).args(file).stdin(Stdio::null()).stdout(Stdio::null()).spawn()?))
+    }
+
+    /// So much time passes; the end of the process in it is a failure.
+    fn lives_for(&self, time: Duration) -> Result<(), Failure> {
+        let pid = i32::try_from(self.0.id()).ok().and_then(Pid::from_raw).ok_or("no process")?;
+        let end = pidfd_open(pid, PidfdFlags::empty())?;
+        let time = Timespec { tv_sec: time.as_secs() as i64, tv_nsec: i64::from(time.subsec_nanos()) };
+        match poll(&mut [PollFd::new(&end, PollFlags::IN)], Some(&time))? {
+            0 => Ok(()),
+            _ => Err("the station has ended".into()),
+        }
     }
 
     fn end(&mut self) {
