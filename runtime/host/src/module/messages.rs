@@ -122,7 +122,12 @@ struct Gone(u32);
 impl fmt::Display for Gone {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         use rustix::io::Errno;
-        f.write_str(match Errno::from_raw_os_error(self.0 as i32) {
+        // The number comes out of shared memory, and the system has none beyond these.
+        let known = i32::try_from(self.0).ok().filter(|number| (1..4096).contains(number));
+        let Some(errno) = known.map(Errno::from_raw_os_error) else {
+            return if self.0 == 0 { f.write_str("line: closed") } else { write!(f, "line gone, os {}", self.0) };
+        };
+        f.write_str(match errno {
             Errno::NOENT => "line: no device",
             Errno::ACCESS | Errno::PERM => "line: no access",
             Errno::BUSY => "line: in use",
@@ -150,4 +155,21 @@ fn text(event: Event, content: fmt::Arguments<'_>) -> ModuleEvent {
     // Never an error: what does not fit is dropped.
     let _cut = short.write_fmt(content);
     ModuleEvent { event, diagnostic_interrupt: false, data: short.0, len: short.1 as u8 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_number_of_a_driver_is_too_strange_for_a_line_that_is_gone() {
+        for (number, text) in
+            [(0, "line: closed"), (2, "line: no device"), (5, "line: unplugged"), (4095, "line gone, os 4095")]
+        {
+            assert_eq!(Gone(number).to_string(), text);
+        }
+        for number in [4096, i32::MAX as u32, 1 << 31, u32::MAX] {
+            assert_eq!(Gone(number).to_string(), format!("line gone, os {number}"));
+        }
+    }
 }
