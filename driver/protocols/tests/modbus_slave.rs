@@ -179,6 +179,20 @@ fn ascii() {
     assert_eq!(slave.areas().output()[..2], [0x12, 0x34]);
 }
 
+/// Two requests in one burst: the second came while the first was answered, whatever the line's pieces. (Found by fuzzing.)
+#[test]
+fn a_request_behind_a_request() {
+    let frame = frame(Mode::Ascii).without_silence();
+    check(
+        &mut Slave::new(Config::short(frame, 5)),
+        "0   start
+         34  rx 3A 30 35 30 33 30 30 30 30 30 30 30 31 46 37 0D 0A 3A 30 35 30 33 30 30 30 30 30 30 30 31 46 37 0D 0A => \
+             tx 3A 30 35 30 33 30 32 30 30 30 30 46 36 0D 0A
+         50  done
+         90  rx 3A 30 35 30 33 30 30 30 30 30 30 30 31 46 37 0D 0A => tx 3A 30 35 30 33 30 32 30 30 30 30 46 36 0D 0A",
+    );
+}
+
 /// "The CP 240 only reports a respond telegram to the master after all data has been received." [S0 L2082]
 #[test]
 fn a_write_is_answered_when_the_cpu_has_all() {

@@ -107,11 +107,15 @@ impl Slave {
     }
 
     fn received(&mut self, now: Nanos, bytes: &[u8], out: &mut dyn Sink) {
-        if self.state == State::Held {
-            self.state = State::Listen;
-        }
         self.receiver.chunk(now, bytes.len());
         for byte in bytes {
+            match self.state {
+                State::Listen => {}
+                // The master has given up.
+                State::Held => self.state = State::Listen,
+                // What comes in while we answer is our own echo, or nobody's.
+                State::Output => return,
+            }
             if let Some(end) = self.receiver.character(now, *byte) {
                 self.ended(now, end, out);
             }
@@ -215,8 +219,6 @@ impl Machine for Slave {
                 }
                 self.release(now, out);
             }
-            // What comes in while we answer is our own echo, or nobody's.
-            Input::Rx(_) if self.state == State::Output => {}
             Input::Rx(bytes) => self.received(now, bytes, out),
             Input::TxDone if self.state == State::Output => {
                 self.receiver.clear(now);
