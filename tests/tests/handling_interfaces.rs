@@ -110,6 +110,16 @@ fn every_plugin_brings_what_is_declared() {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
+/// The other way: no library is declared without a plugin that serves it.
+#[test]
+fn every_library_has_its_plugin() {
+    let plugins = plugins();
+    for origin in standard_blocks().iter().map(|block| block.origin).filter(|origin| origin.is_declared_only()) {
+        let there = plugins.iter().any(|name| origin.name().eq_ignore_ascii_case(name));
+        assert!(there, "{} is declared, but plugins/ has none that serves it: {plugins:?}", origin.name());
+    }
+}
+
 #[test]
 fn a_difference_is_told() {
     let declared = library(Origin::Cp341);
