@@ -31,6 +31,25 @@ fn a_good_line_loses_nothing() {
 }
 
 #[test]
+fn fb_65_does_both() {
+    let scenario = |seed| Scenario {
+        stations: ["station-com.toml", "station-b.toml"].map(|name| folder().join(name)).to_vec(),
+        ..Scenario::demo(&folder(), seed)
+    };
+    let good = Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 20 * SECOND, ..scenario(7) };
+    let outcome = run(&good);
+    assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
+    for column in ["error", "aborted", "wrong", "doubled", "late", "lost"] {
+        assert_eq!(outcome.verdict.get(column), 0, "{column}\n{}", outcome.verdict);
+    }
+    assert!(outcome.verdict.get("good") > 100, "{}", outcome.verdict);
+    for seed in 1..=2 {
+        let outcome = run(&scenario(seed));
+        assert!(outcome.verdict.broken.is_empty(), "seed {seed}\n{}", outcome.verdict);
+    }
+}
+
+#[test]
 fn the_same_seed_gives_the_same_log_and_another_another() {
     let scenario = |seed| Scenario {
         faults: FaultRates::all(200),
