@@ -51,10 +51,20 @@ impl Tap {
     pub(crate) fn introduce(&mut self, now: Nanos, config: &Config, parameters: &[u8; 16]) {
         let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let at_zero = u64::try_from(since_1970.as_nanos()).unwrap_or(0).saturating_sub(now);
-        let text = json!({
+        let mut text = json!({
             "version": VERSION, "station": config.station, "name": config.name, "line": config.line.to_string(),
             "parameters": parameters, "unix_ns": at_zero, "module": if config.cp040 { "cp040" } else { "cp240" },
         });
+        if let Some(Ok(cp341)) = &config.cp341 {
+            // Its parameters are keys: there are no bytes of it.
+            text["module"] = json!("cp341");
+            for (key, value) in cp341.to_keys() {
+                text["params"][*key] = match value {
+                    ob1_params::Value::Int(number) => json!(number),
+                    ob1_params::Value::Str(word) => json!(word),
+                };
+            }
+        }
         self.hello = Record::head(now, Kind::Hello).to_vec();
         self.hello.extend(text.to_string().into_bytes());
         for ear in &mut self.listeners {

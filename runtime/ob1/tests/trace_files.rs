@@ -1,6 +1,7 @@
 //! Recordings as text, and as a capture for Wireshark: each `tests/trace/NAME.script` against `NAME.txt`.
 //!
-//! A line of a script is `MICROSECONDS KIND [DATA]`: data are hexadecimal bytes, `hello` has the 16 parameter bytes, words are in quotes.
+//! A line of a script is `MICROSECONDS KIND [DATA]`: data are hexadecimal bytes, `hello` has the 16 parameter bytes,
+//! `cp341` the name of its protocol instead; words are in quotes.
 //! `OB1_UPDATE=1 cargo test -p ob1 --test trace_files` writes the texts anew; look at the difference before you commit it.
 
 use std::path::{Path, PathBuf};
@@ -33,6 +34,11 @@ fn recording(script: &str) -> Vec<u8> {
             "hello" => {
                 let hello = json!({ "version": 1, "station": "press", "name": "cp", "line": "pty:/run/x",
                     "parameters": bytes(), "unix_ns": 1_700_000_000_000_000_000_u64 });
+                (Kind::Hello, hello.to_string().into_bytes())
+            }
+            "cp341" => {
+                let hello = json!({ "version": 1, "station": "press", "name": "cp", "line": "pty:/run/x", "module": "cp341",
+                    "parameters": vec![0; 16], "params": { "protocol": rest[0] }, "unix_ns": 0 });
                 (Kind::Hello, hello.to_string().into_bytes())
             }
             ">" => (Kind::Out, bytes()),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use ob1_params::{Cp040, Cp240, Protocol};
+use ob1_params::{Cp040, Cp240, Cp341, Protocol, Protocol341};
 use ob1_protocols::trace::record::{Kind, Record};
 use ob1_protocols::trace::{Dialect, Meaning, Reader, Unit, Way};
 use ob1_protocols::{LineFault, MS, Nanos, stx_etx};
@@ -31,20 +31,27 @@ impl Cp {
         let numbers: Vec<u8> =
             hello["parameters"].as_array()?.iter().filter_map(|n| u8::try_from(n.as_u64()?).ok()).collect();
         let bytes: [u8; 16] = numbers.try_into().ok()?;
+        let (station, line) = (hello["station"].as_str().unwrap_or(""), hello["line"].as_str().unwrap_or(""));
+        let unix = hello["unix_ns"].as_u64().unwrap_or(0);
+        if hello["module"] == "cp341" {
+            let cp = cp341(&hello["params"])?;
+            let about =
+                format!("{name} of station \"{station}\": {}, {}, {line}", cp.protocol_name(), cp.line_settings());
+            return Some((Self { name, reader: Box::new(Reader::new(dialect_341(&cp))), unix }, about));
+        }
         let parameters = match hello["module"].as_str() {
             Some("cp040") if bytes == [0; 16] => Cp040::defaults("ascii").ok()?.common,
             Some("cp040") => Cp040::decode(&bytes).ok()?.common,
             _ if bytes == [0; 16] => Cp240::unconfigured(),
             _ => Cp240::decode(&bytes).ok()?,
         };
-        let (station, line) = (hello["station"].as_str().unwrap_or(""), hello["line"].as_str().unwrap_or(""));
         let about = format!(
             "{name} of station \"{station}\": {}, {}, {line}",
             parameters.protocol_name(),
             parameters.line_settings()
         );
         let reader = Box::new(Reader::new(dialect(&parameters)));
-        Some((Self { name, reader, unix: hello["unix_ns"].as_u64().unwrap_or(0) }, about))
+        Some((Self { name, reader, unix }, about))
     }
 
     /// Hands a record to the reader; the units go to `out`.
@@ -65,6 +72,33 @@ impl Cp {
             // What is open will not go on.
             (Kind::Gone | Kind::Lost, _) => self.reader.finish(out),
             _ => self.reader.silence(record.time, out),
+        }
+    }
+}
+
+/// The parameters of a CP 341 out of its keys.
+fn cp341(keys: &Value) -> Option<Cp341> {
+    let value = |(key, value): (&String, &Value)| {
+        let value = match value {
+            Value::String(word) => ob1_params::Value::Str(word.clone()),
+            number => ob1_params::Value::Int(number.as_i64()?),
+        };
+        Some((key.clone(), value))
+    };
+    let keys: Vec<(String, ob1_params::Value)> = keys.as_object()?.iter().map(value).collect::<Option<_>>()?;
+    Cp341::from_keys(keys.iter().map(|(key, value)| (key.as_str(), value.clone()))).ok()
+}
+
+/// What the CP 341 with these parameters speaks.
+fn dialect_341(cp: &Cp341) -> Dialect {
+    match &cp.protocol {
+        Protocol341::S3964(p) => {
+            let pause = (Nanos::from(p.zvz_ms) * MS).max(20 * MS);
+            Dialect::S3964 { bcc: p.bcc, rk512: p.rk512, pause }
+        }
+        Protocol341::ModbusMaster32(p) => {
+            // Characters come late from a pty; a telegram that goes on is not cut.
+            Dialect::ModbusAscii { master: true, pause: Nanos::from(p.character_delay_ms).max(20) * MS }
         }
     }
 }
