@@ -254,8 +254,9 @@ impl CpPump {
             CpInput::Tick => Input341::Tick,
             CpInput::Line(input) => Input341::Line(input),
             CpInput::CpuRun(run) => Input341::CpuRun(run),
-            // Registers mean nothing to a CP 341, and its parameters are keys.
-            CpInput::Outputs(_) | CpInput::Parameters(_) => return,
+            CpInput::Outputs(outputs) => Input341::Outputs(outputs),
+            // The parameters of a CP 341 are keys.
+            CpInput::Parameters(_) => return,
         };
         self.due = cp.step(now, input, &mut plug);
     }
@@ -292,6 +293,10 @@ impl CpPump {
             }
         }
         self.step_341(now, Input341::Parameters(parameters.as_ref()), line);
+        // What V24_SET has written before there was a CP 341.
+        let mut outputs = Registers::default();
+        let _stale_ones_come_again = self.end.segment.read_outputs(&mut outputs);
+        self.step_341(now, Input341::Outputs(&outputs), line);
     }
 
     fn look<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {

@@ -55,11 +55,6 @@ impl Modem {
         self.rts = on;
     }
 
-    /// The loadable driver of a CP 341 switches DTR.
-    pub(crate) fn set_dtr(&mut self, on: bool) {
-        self.dtr = on;
-    }
-
     /// After a start-up RTS and DTR are ON and nothing has changed.
     pub(crate) fn reset(&mut self) {
         (self.delta, self.rts, self.dtr) = (0, true, true);

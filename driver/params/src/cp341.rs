@@ -70,6 +70,13 @@ const FRAME: &[Key341] = &[
     choice("stop_bits", &["1", "2"], "1", "stop bits"),
 ];
 
+/// [reference 6]
+const ASCII: &[Key341] = &[
+    number("zvz_ms", (2, 65_535, 1), "", "ZVZ: pause that ends a telegram; 4 at 9600 baud"),
+    choice("flow", &["none", "xon-xoff", "rts-cts"], "none", "flow control"),
+    number("flow_wait_ms", (20, 655_350, 10), "20000", "longest wait for XON or CTS"),
+];
+
 /// [reference 5.2]
 const S3964: &[Key341] = &[
     number("zvz_ms", (20, 65_530, 10), "220", "ZVZ: longest pause between two characters of a telegram"),
@@ -84,12 +91,16 @@ const S3964: &[Key341] = &[
     choice("priority", &["high", "low"], "high", "who goes first when both want to send"),
 ];
 
+/// Default ZVZ of ASCII, milliseconds, up to this baud rate; 2 ms above. [reference 6.2]
+const ZVZ_BY_BAUD: [(u32, u32); 6] = [(300, 130), (600, 65), (1200, 32), (2400, 16), (4800, 8), (9600, 4)];
+
 /// [reference 4.7]
 const RK512: &[Key341] =
     &[choice("reaction", &["20s", "baud"], "20s", "longest wait for the response: 20 s, or as the baud rate has it")];
 
 /// The protocols, by name, with the rows that belong to each besides the character frame.
 pub const PROTOCOLS_341: &[(&str, &[&[Key341]])] = &[
+    ("ascii", &[FRAME, ASCII]),
     ("3964", &[FRAME, S3964]),
     ("3964r", &[FRAME, S3964]),
     ("3964-rk512", &[FRAME, S3964, RK512]),
@@ -111,10 +122,21 @@ pub struct Cp341 {
 /// Protocol and its own parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Protocol341 {
+    /// Bare characters; a telegram ends with a pause.
+    Ascii(AsciiOf341),
     /// 3964 and 3964R, with or without RK 512 on top.
     S3964(S3964Of341),
     /// Loadable driver: Modbus ASCII master, 32-bit registers.
     ModbusMaster32(ModbusMaster32),
+}
+
+/// Parameters of ASCII. Times in milliseconds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AsciiOf341 {
+    /// ZVZ.
+    pub zvz_ms: u32,
+    /// Longest wait for XON or CTS.
+    pub flow_wait_ms: u32,
 }
 
 /// Parameters of 3964(R). Times in milliseconds.
@@ -191,11 +213,20 @@ impl Cp341 {
                 _ => Parity::Even,
             },
             stop_bits: if reader.number("stop_bits") == 2 { StopBits::Two } else { StopBits::One },
-            flow: Flow::None,
+            flow: match reader.word("flow") {
+                "xon-xoff" => Flow::XonXoff,
+                "rts-cts" => Flow::Hardware,
+                _ => Flow::None,
+            },
         };
         if protocol == cp341_modbus::NAME {
             let protocol = Protocol341::ModbusMaster32(ModbusMaster32::of(&reader));
             return Self { line, protocol, keys };
+        }
+        if protocol == "ascii" {
+            let zvz_ms = reader.number("zvz_ms") as u32;
+            let ascii = AsciiOf341 { zvz_ms, flow_wait_ms: reader.number("flow_wait_ms") as u32 };
+            return Self { line, protocol: Protocol341::Ascii(ascii), keys };
         }
         let protocol = Protocol341::S3964(S3964Of341 {
             bcc: protocol.starts_with("3964r"),
@@ -268,6 +299,11 @@ impl Key341 {
     /// `before`: the keys of the table before this one.
     fn default_value(&self, protocol: &str, before: &Reader<'_>) -> Value {
         match (self.key, self.default) {
+            ("zvz_ms", "") => {
+                let baud = before.number("baud");
+                let found = ZVZ_BY_BAUD.iter().find(|(up_to, _)| i64::from(*up_to) >= baud);
+                Value::Int(found.map_or(2, |(_, ms)| i64::from(*ms)))
+            }
             // 2 s with block check character, 550 ms without. [reference 5.2]
             ("qvz_ms", "") => Value::Int(if protocol.starts_with("3964r") { 2000 } else { 550 }),
             (key, "") => cp341_modbus::default_of(key, before).unwrap_or_else(|| written("")),
@@ -342,6 +378,10 @@ mod tests {
         let cp = Cp341::from_keys([("protocol", Value::from("3964")), ("priority", "low".into())]).unwrap();
         let Protocol341::S3964(s3964) = &cp.protocol else { panic!("{:?}", cp.protocol) };
         assert_eq!((s3964.bcc, s3964.qvz_ms, s3964.priority), (false, 550, Priority::Low));
+        for (baud, zvz_ms) in [(300, 130), (600, 65), (1200, 32), (2400, 16), (4800, 8), (9600, 4), (19_200, 2)] {
+            let cp = Cp341::from_keys([("protocol", Value::from("ascii")), ("baud", Value::Int(baud))]).unwrap();
+            assert_eq!(cp.protocol, Protocol341::Ascii(AsciiOf341 { zvz_ms, flow_wait_ms: 20_000 }), "{baud}");
+        }
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub mod table;
 
 pub use cp040::{Cp040, Duplex, Preset};
 pub use cp240::{Ascii, Cp240, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
-pub use cp341::{Cp341, Key341, Kind341, PROTOCOLS_341, Protocol341, S3964Of341};
+pub use cp341::{AsciiOf341, Cp341, Key341, Kind341, PROTOCOLS_341, Protocol341, S3964Of341};
 pub use cp341_modbus::ModbusMaster32;
 pub use error::ParamError;
 pub use line::{Flow, LineSettings, Parity, StopBits};

@@ -110,9 +110,6 @@ pub(crate) struct Memory {
     /// Where the data are: data block, first byte (timer, counter).
     number: u16,
     offset: u16,
-    /// Header, for the outputs.
-    l_no: u16,
-    l_offset: u16,
     /// Coordination flag, byte and bit.
     flag: (u16, u16),
 }
@@ -130,9 +127,7 @@ impl Memory {
             letter: bytes[10],
             number: word(12),
             offset: word(14),
-            l_no: word(16),
-            l_offset: word(18),
-            flag: (word(20), word(22)),
+            flag: (word(16), word(18)),
         }
     }
 
@@ -140,8 +135,8 @@ impl Memory {
         let mut bytes = [0; 34];
         (bytes[0], bytes[1]) = (self.phase as u8, u8::from(self.unreachable));
         let letter = u16::from(self.letter) << 8;
-        let words = [self.start, self.job, self.piece, self.len, letter, self.number, self.offset, self.l_no];
-        let words = words.into_iter().chain([self.l_offset, self.flag.0, self.flag.1]);
+        let words = [self.start, self.job, self.piece, self.len, letter, self.number, self.offset];
+        let words = words.into_iter().chain([self.flag.0, self.flag.1]);
         for (place, word) in bytes[2..].chunks_exact_mut(2).zip(words) {
             place.copy_from_slice(&word.to_be_bytes());
         }
@@ -188,9 +183,10 @@ impl Block for ReceiveRk {
         let done = end == Some(Ok(()));
         let status = end.and_then(Result::err).unwrap_or(0);
         if done {
-            cx.set(rcv::L_TYP, memory.letter)?;
-            cx.set(rcv::L_NO, memory.l_no as i16)?;
-            cx.set(rcv::L_OFFSET, memory.l_offset as i16)?;
+            // The local area: data to a DX lie in DB_NO, from DBB_NO on. [reference 1.4]
+            cx.set(rcv::L_TYP, if memory.letter == b'X' { b'D' } else { memory.letter })?;
+            cx.set(rcv::L_NO, if memory.letter == 0 { 0 } else { memory.number as i16 })?;
+            cx.set(rcv::L_OFFSET, if memory.letter == 0 { 0 } else { memory.offset as i16 })?;
             cx.set(rcv::L_CF_BYT, memory.flag.0 as i16)?;
             cx.set(rcv::L_CF_BIT, memory.flag.1 as i16)?;
         }
@@ -323,10 +319,6 @@ impl Call<'_, '_> {
     /// Something to take?
     fn wait(&mut self) -> Result<End, Abort> {
         if self.cp.job() == self.memory.job {
-            if matches!(self.cp.state(), State::Done | State::Failed) {
-                // The end of a job that was refused.
-                self.show(WAIT)?;
-            }
             return Ok(None);
         }
         match self.cp.state() {
@@ -354,8 +346,6 @@ impl Call<'_, '_> {
             letter,
             number: header.word(14),
             offset: header.word(16),
-            l_no: header.word(14),
-            l_offset: header.word(16),
             flag: (header.word(18), header.word(20)),
         };
         if letter == 0 {
@@ -403,9 +393,10 @@ impl Call<'_, '_> {
     fn refuse(&mut self, refusal: Refusal) -> Result<End, Abort> {
         let mut block = ToCp::new(REFUSE, self.memory.start, self.memory.job);
         block.0[8] = refusal as u8;
+        // The CP ends the job with the STATUS that goes with the reason.
+        self.memory.phase = Phase::Finishing;
         self.write(&block)?;
-        self.memory.phase = Phase::Waiting;
-        Ok(Some(Err(refusal.status())))
+        Ok(None)
     }
 
     /// The next piece of data of the partner.

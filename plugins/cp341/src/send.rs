@@ -188,9 +188,8 @@ impl Memory {
             _ if cp.job() != self.job => Act::Wait,
             Phase::Giving => match cp.state() {
                 State::Collecting if cp.piece() == self.piece => Act::Give,
-                State::Failed => Act::Failed(cp.status()),
-                // It has all: how the job ends is told by the next call.
-                State::Running | State::Giving | State::Done => {
+                // It has all, or does not want it: how the job ends is told by the next call.
+                State::Running | State::Giving | State::Done | State::Failed => {
                     (self.phase, self.piece) = (Phase::Running, 0);
                     Act::Wait
                 }

@@ -23,19 +23,6 @@ pub(crate) enum Refusal {
     Reset = 5,
 }
 
-impl Refusal {
-    /// STATUS of the block. [reference 3.6, 3.8]
-    pub(crate) const fn status(self) -> u16 {
-        match self {
-            Self::Locked => 0x060F,
-            Self::Db => 0x0606,
-            Self::Range => 0x0607,
-            Self::Area => 0x0604,
-            Self::Reset => 0x040A,
-        }
-    }
-}
-
 /// A place of the CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Target {

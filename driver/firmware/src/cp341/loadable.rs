@@ -78,7 +78,7 @@ impl Owner for Outlet<'_> {
     }
 
     fn dtr(&mut self, on: bool) {
-        self.parts.modem.set_dtr(on);
+        self.collected.dtr = Some(on);
         self.port.dtr(on);
     }
 }

@@ -9,6 +9,7 @@ mod protocol;
 mod receive;
 mod request;
 mod send;
+mod v24;
 
 pub use channel::{Channel, ChannelBlock, Job};
 
@@ -19,12 +20,14 @@ use ob1_protocols::{Input, LineFault, Nanos, Order};
 
 use crate::leds::Leds;
 use crate::port::{CpCounter, CpEvent, CpPort, LineInput, ParameterFault};
+use crate::registers::Registers;
 use crate::ring::Capacity;
 use channel::Reason;
 use outlet::{Collected, Outlet, Parts};
 use protocol::Protocol;
 use receive::{Kind, Offer, ReceiveChannel};
 use send::{JOB_MAX, SendChannel};
+use v24::V24;
 
 /// Everything that can happen to a CP 341.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +36,8 @@ pub enum Input341<'a> {
     Tick,
     /// What the CPU shows in a channel.
     Channel(Channel, &'a ChannelBlock),
+    /// The CPU's output registers as they now stand: V24_SET.
+    Outputs(&'a Registers),
     /// Something happened on the line.
     Line(LineInput<'a>),
     /// The CPU went to RUN or start-up (true) or to STOP (false).
@@ -55,6 +60,7 @@ pub struct Cp341 {
     sending: Option<send::Token>,
     receive: ReceiveChannel,
     parts: Parts,
+    v24: V24,
     leds_shown: Leds,
     shown: [ChannelBlock; 2],
 }
@@ -77,6 +83,7 @@ impl Cp341 {
             sending: None,
             receive: ReceiveChannel::new(),
             parts: Parts::new(),
+            v24: V24::new(),
             leds_shown: Leds::NONE,
             shown: [[0; 64]; 2],
         }
@@ -92,18 +99,20 @@ impl Cp341 {
             }
             Input341::Channel(Channel::Send, block) => self.look_send(now, block, port),
             Input341::Channel(Channel::Receive, block) => self.look_receive(now, block, port),
+            Input341::Outputs(outputs) => self.v24.set(outputs, self.protocol.driven(), port),
             Input341::Line(line) => self.line(now, line, port),
             Input341::CpuRun(run) => self.cpu(now, run, port),
             Input341::Parameters(parameters) => self.parametrise(now, parameters, port),
         }
         self.offer();
         self.publish(port);
+        let v24_due = self.v24.refresh(now, port);
         let leds = self.parts.leds.at(now);
         if leds != self.leds_shown {
             self.leds_shown = leds;
             port.leds(leds);
         }
-        self.protocol_due.into_iter().chain(self.parts.leds.deadline()).min()
+        self.protocol_due.into_iter().chain(self.parts.leds.deadline()).chain(v24_due).min()
     }
 
     /// Whether a driver is at work.
@@ -124,16 +133,15 @@ impl Cp341 {
                 port.line_settings(&new.line_settings());
                 self.parts.ring.clear(Capacity::cp341(u8::MAX));
                 self.protocol = Protocol::of(new, port.lateness());
-                self.parts.modem.reset();
-                // The loadable driver switches them itself, or not at all. [S4 L590]
-                let on = !matches!(self.protocol, Protocol::Loadable(_));
-                self.parts.modem.set_rts(on);
-                self.parts.modem.set_dtr(on);
-                port.rts(on);
-                port.dtr(on);
+                // "When the module is switched on, all output signals are in OFF state"; a driver that uses them switches them itself.
+                // [reference 2.2], [S4 L590]
+                self.v24.off(port);
                 port.event(now, CpEvent::Working);
                 self.enter(now, 0x0003, port);
                 self.drive(now, Input::Tick, port);
+                if let Some(lines) = self.v24.lines() {
+                    self.drive(now, Input::Modem(lines), port);
+                }
                 self.serve(now, port);
             }
             Err(error) => {
@@ -228,7 +236,8 @@ impl Cp341 {
             }
             port.event(now, CpEvent::Order(telegram));
             self.sending = Some(self.send.token());
-            return self.drive(now, Input::Order(Order::Send(telegram)), port);
+            self.drive(now, Input::Order(Order::Send(telegram)), port);
+            return self.break_off(now, port);
         }
         match job.request() {
             Err(status) => self.job_ended(now, Err(status), port),
@@ -354,17 +363,28 @@ impl Cp341 {
             }
             LineInput::TxDone => self.parts.leds.transmit(false),
             LineInput::Fault(LineFault::Gone) => {
+                self.parts.line_gone = true;
                 self.parts.leds.line(now, true);
                 port.count(CpCounter::LineFaults, 1);
             }
             LineInput::Fault(LineFault::Back) => {
+                self.parts.line_gone = false;
                 self.parts.leds.line(now, false);
                 port.count(CpCounter::LineRestarts, 1);
             }
             LineInput::Fault(_) => self.parts.leds.error(now),
-            LineInput::Modem(lines) => self.parts.modem.input(lines),
+            LineInput::Modem(lines) => self.v24.input(lines),
         }
         self.drive(now, line.to_protocol(), port);
+        self.break_off(now, port);
+    }
+
+    /// Nobody acknowledges: what is sent into a line that is gone is not done.
+    fn break_off(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        if self.parts.line_gone && !self.protocol.is_acknowledged() && self.protocol.busy() {
+            self.parts.first_error.get_or_insert(0x0708);
+            self.drive(now, Protocol::ABORT, port);
+        }
     }
 
     fn drive(&mut self, now: Nanos, input: Input<'_>, port: &mut dyn CpPort) {
@@ -394,6 +414,7 @@ impl Cp341 {
 
     /// What a step of the protocol has brought.
     fn after(&mut self, now: Nanos, collected: Collected, port: &mut dyn CpPort) {
+        self.v24.switched(collected.rts, collected.dtr);
         if let Some(outcome) = collected.answered {
             self.answered(now, outcome, port);
         }

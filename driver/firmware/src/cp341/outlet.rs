@@ -5,7 +5,6 @@ use ob1_protocols::{Event, LineFault, Nanos, Phase, SendError, Sink, What};
 
 use super::send::JOB_MAX;
 use crate::leds::LedDriver;
-use crate::modem::Modem;
 use crate::port::{CpCounter, CpEvent, CpPort};
 use crate::ring::{BYTES_341, Ring};
 
@@ -21,9 +20,10 @@ pub(crate) struct Parts {
     /// Errors that P_RCV_RK is to be told.
     pub(crate) untold: Untold,
     pub(crate) leds: LedDriver,
-    pub(crate) modem: Modem,
     /// First error of the job that is with the protocol. [reference 3.9]
     pub(crate) first_error: Option<u16>,
+    /// The line is gone, or was never there.
+    pub(crate) line_gone: bool,
     /// First error of the telegram that is being received.
     receive_error: Option<u16>,
     fetched: Box<[u8; JOB_MAX]>,
@@ -36,8 +36,8 @@ impl Parts {
             asked: Asked::new(),
             untold: Untold::default(),
             leds: LedDriver::new(),
-            modem: Modem::new(),
             first_error: None,
+            line_gone: false,
             receive_error: None,
             fetched: Box::new([0; JOB_MAX]),
         }
@@ -116,6 +116,10 @@ impl Untold {
 pub(crate) struct Collected {
     /// The own job: bytes fetched, or STATUS.
     pub(crate) ended: Option<Result<usize, u16>>,
+    /// The protocol has switched RTS.
+    pub(crate) rts: Option<bool>,
+    /// It has switched DTR.
+    pub(crate) dtr: Option<bool>,
     /// The job of the partner.
     pub(crate) answered: Option<Result<(), AnswerError>>,
 }
@@ -189,9 +193,10 @@ impl Sink for Outlet<'_> {
         let first = self.parts.first_error;
         self.collected.ended = Some(outcome.map(|()| 0).map_err(|error| match error {
             SendError::TooLong => 0x0518,
-            SendError::Aborted | SendError::Busy => 0x0501,
+            SendError::Aborted => first.unwrap_or(0x0501),
+            SendError::Busy => 0x0501,
             // The first error of the job is what it ends with. [reference 3.9]
-            SendError::AckDelay => first.unwrap_or(0x0707),
+            SendError::AckDelay => first.unwrap_or(0x0708),
             SendError::Repetitions | SendError::Frame => first.unwrap_or(0x070A),
         }));
     }
@@ -221,7 +226,7 @@ impl Sink for Outlet<'_> {
     }
 
     fn rts(&mut self, on: bool) {
-        self.parts.modem.set_rts(on);
+        self.collected.rts = Some(on);
         self.port.rts(on);
     }
 }

@@ -1,9 +1,9 @@
 //! From the parameters to the protocol machine.
 
-use ob1_params::{Cp341 as Parameters, Priority, Protocol341, S3964Of341};
+use ob1_params::{AsciiOf341, Cp341 as Parameters, Flow, Priority, Protocol341, S3964Of341};
 use ob1_protocols::modbus_master_32::{self, Driver};
 use ob1_protocols::rk512::{self, Rk512};
-use ob1_protocols::{MS, Machine, Nanos, Order, S3964, Sink, machine, s3964};
+use ob1_protocols::{Ascii, MS, Machine, Nanos, Order, S3964, Sink, ascii, machine, s3964};
 
 use super::loadable;
 use super::send::JOB_MAX;
@@ -13,6 +13,7 @@ use super::send::JOB_MAX;
 pub(crate) enum Protocol {
     /// No valid parameters.
     None,
+    Ascii(Box<Ascii<JOB_MAX>>),
     S3964(Box<S3964<JOB_MAX>>),
     Rk512(Box<Rk512<JOB_MAX>>),
     Loadable(Box<Driver>),
@@ -21,13 +22,15 @@ pub(crate) enum Protocol {
 impl Protocol {
     /// `late`: how late the line may hand over characters.
     pub(crate) fn of(parameters: &Parameters, late: Nanos) -> Self {
+        let char_time = parameters.line_settings().char_time_ns();
         let p = match &parameters.protocol {
+            Protocol341::Ascii(p) => return Self::Ascii(Box::new(Ascii::new(ascii_config(p, parameters, char_time)))),
             Protocol341::S3964(p) => p,
             Protocol341::ModbusMaster32(p) => {
                 return Self::Loadable(Box::new(loadable::of(p, &parameters.line_settings(), late)));
             }
         };
-        let line = s3964_config(p, parameters.line_settings().char_time_ns());
+        let line = s3964_config(p, char_time);
         if p.rk512 {
             let mut config = rk512::Config::cp341(line);
             if p.reaction_by_baud {
@@ -48,6 +51,7 @@ impl Protocol {
     ) -> Option<Nanos> {
         match self {
             Self::None => None,
+            Self::Ascii(machine) => machine.step(now, input, out),
             Self::S3964(machine) => machine.step(now, input, out),
             // Its orders come the other way.
             Self::Rk512(machine) => machine.step(now, rk512::Input::of_line(input)?, out),
@@ -59,6 +63,7 @@ impl Protocol {
     pub(crate) fn busy(&self) -> bool {
         match self {
             Self::None => false,
+            Self::Ascii(machine) => machine.busy(),
             Self::S3964(machine) => machine.busy(),
             Self::Rk512(machine) => machine.busy(),
             Self::Loadable(driver) => driver.busy(),
@@ -73,8 +78,39 @@ impl Protocol {
         }
     }
 
+    /// Whether RTS and DTR are the protocol's: flow control, automatic use.
+    pub(crate) fn driven(&self) -> (bool, bool) {
+        match self {
+            Self::Ascii(machine) => (machine.config().flow == ascii::Flow::Hardware, false),
+            Self::Loadable(driver) => (driver.uses_signals(), driver.uses_signals()),
+            _ => (false, false),
+        }
+    }
+
+    /// Whether the partner acknowledges telegrams. Where nobody does, a job on a line that is known to be gone must not count as done
+    /// because its last bit has "left".
+    pub(crate) const fn is_acknowledged(&self) -> bool {
+        !matches!(self, Self::Ascii(_))
+    }
+
     /// Drops everything.
     pub(crate) const ABORT: machine::Input<'static> = machine::Input::Order(Order::Abort);
+}
+
+/// End of telegram by character delay time, which also is the pause between two telegrams sent. [reference 6.1, 6.3]
+fn ascii_config(p: &AsciiOf341, parameters: &Parameters, char_time: Nanos) -> ascii::Config {
+    let zvz = Nanos::from(p.zvz_ms) * MS;
+    ascii::Config {
+        flow: match parameters.line.flow {
+            Flow::None => ascii::Flow::None,
+            Flow::Hardware => ascii::Flow::Hardware,
+            Flow::XonXoff => ascii::Flow::XonXoff,
+        },
+        zvz,
+        zna: zvz,
+        flow_wait: Nanos::from(p.flow_wait_ms) * MS,
+        ..ascii::Config::cp240(char_time)
+    }
 }
 
 fn s3964_config(p: &S3964Of341, char_time: Nanos) -> s3964::Config {

@@ -174,6 +174,11 @@ impl Driver {
         self.config.is_some()
     }
 
+    /// Whether it uses the RS 232C secondary signals by itself.
+    pub fn uses_signals(&self) -> bool {
+        self.config.as_ref().is_some_and(|config| config.signals.is_some())
+    }
+
     /// Whether a job is running.
     pub const fn busy(&self) -> bool {
         !matches!(self.state, State::Start | State::Idle)
@@ -209,7 +214,7 @@ impl Driver {
     fn start(&mut self, out: &mut dyn Owner) {
         self.state = State::Idle;
         self.config = self.parameters.check(|number| out.event(number));
-        if self.config.as_ref().is_some_and(|config| config.signals.is_some()) {
+        if self.uses_signals() {
             out.rts(false);
             out.dtr(true);
         }
@@ -426,7 +431,7 @@ impl Driver {
         if self.state == State::Output {
             out.take_back();
         }
-        let with_signals = self.config.as_ref().is_some_and(|config| config.signals.is_some());
+        let with_signals = self.uses_signals();
         if with_signals && matches!(self.state, State::OutputWait { .. } | State::Output) {
             out.rts(false);
         }

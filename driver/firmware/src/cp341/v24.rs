@@ -1,0 +1,106 @@
+//! The accompanying signals of the RS 232 interface, for V24_STAT and V24_SET. [reference 2], `docs/cp341-mailbox.md`
+
+use ob1_protocols::{MS, ModemLines, Nanos};
+
+use crate::port::CpPort;
+use crate::registers::Registers;
+
+/// "The CP refreshes its status image every 20 ms". [reference 2.1]
+const REFRESH: Nanos = 20 * MS;
+
+/// Bits of the image.
+const DTR: u8 = 1 << 0;
+const DSR: u8 = 1 << 1;
+const RTS: u8 = 1 << 2;
+const CTS: u8 = 1 << 3;
+const DCD: u8 = 1 << 4;
+const RI: u8 = 1 << 5;
+/// V24_SET: the program drives RTS and DTR.
+const DRIVES: u8 = 1 << 7;
+
+/// The signals and what of them is on show.
+#[derive(Debug)]
+pub(crate) struct V24 {
+    /// `None`: the line has not told yet.
+    lines: Option<ModemLines>,
+    rts: bool,
+    dtr: bool,
+    shown: u8,
+    due: Option<Nanos>,
+}
+
+impl V24 {
+    pub(crate) const fn new() -> Self {
+        Self { lines: None, rts: false, dtr: false, shown: 0, due: None }
+    }
+
+    /// Both outputs OFF.
+    pub(crate) fn off(&mut self, port: &mut dyn CpPort) {
+        (self.rts, self.dtr) = (false, false);
+        port.rts(false);
+        port.dtr(false);
+    }
+
+    /// How the line's inputs stand, if it has told.
+    pub(crate) fn lines(&self) -> Option<ModemLines> {
+        self.lines
+    }
+
+    /// The line tells how its inputs stand.
+    pub(crate) fn input(&mut self, lines: ModemLines) {
+        self.lines = Some(lines);
+    }
+
+    /// What the protocol has switched.
+    pub(crate) fn switched(&mut self, rts: Option<bool>, dtr: Option<bool>) {
+        self.rts = rts.unwrap_or(self.rts);
+        self.dtr = dtr.unwrap_or(self.dtr);
+    }
+
+    /// V24_SET. RTS is not the program's where flow control drives it, and neither of them with automatic use. [reference 2.2]
+    pub(crate) fn set(
+        &mut self,
+        outputs: &Registers,
+        (rts_is_driven, dtr_is_driven): (bool, bool),
+        port: &mut dyn CpPort,
+    ) {
+        let byte = outputs[0];
+        if byte & DRIVES == 0 {
+            return;
+        }
+        let (rts, dtr) = (byte & RTS != 0, byte & DTR != 0);
+        if rts != self.rts && !rts_is_driven {
+            self.rts = rts;
+            port.rts(rts);
+        }
+        if dtr != self.dtr && !dtr_is_driven {
+            self.dtr = dtr;
+            port.dtr(dtr);
+        }
+    }
+
+    /// Brings the image up to date, every 20 ms at most; the result is when it is due.
+    pub(crate) fn refresh(&mut self, now: Nanos, port: &mut dyn CpPort) -> Option<Nanos> {
+        let image = self.image();
+        if image == self.shown {
+            self.due = None;
+            return None;
+        }
+        let due = *self.due.get_or_insert((now / REFRESH + 1) * REFRESH);
+        if now < due {
+            return Some(due);
+        }
+        (self.shown, self.due) = (image, None);
+        let mut registers = Registers::default();
+        registers[0] = image;
+        port.inputs(&registers);
+        None
+    }
+
+    fn image(&self) -> u8 {
+        let lines = self.lines.unwrap_or_default();
+        let bits =
+            [(self.dtr, DTR), (lines.dsr, DSR), (self.rts, RTS), (lines.cts, CTS), (lines.cd, DCD), (lines.ri, RI)];
+        bits.into_iter().filter(|(on, _)| *on).fold(0, |image, (_, bit)| image | bit)
+    }
+}
