@@ -41,6 +41,9 @@ pub(crate) struct Cpu {
     pub(crate) instance: Vec<u8>,
     pub(crate) timers: BTreeMap<u16, (Nanos, bool)>,
     pub(crate) module: Registers,
+    /// Records the module answers, and those the block has written, by number.
+    pub(crate) records: BTreeMap<u8, Vec<u8>>,
+    pub(crate) written: BTreeMap<u8, Vec<u8>>,
     pub(crate) now: Nanos,
     /// What the block has asked for.
     pub(crate) stops: Vec<(Event, String)>,
@@ -92,6 +95,16 @@ impl Cpu {
     fn cells(&mut self, area: NativeArea, at: u32, len: usize) -> Result<&mut [u8], NativeError> {
         let at = at as usize;
         self.area(area)?.get_mut(at..at.saturating_add(len)).ok_or(NativeError::Outside)
+    }
+
+    fn has_records(&self, address: u32) -> Result<(), NativeError> {
+        match address == self.module.address {
+            true if !self.module.status.present => Err(NativeError::Module(ModuleError::Absent)),
+            // Without any it is a module that knows no records.
+            true if self.records.is_empty() => Err(NativeError::Module(ModuleError::NoRecord)),
+            true => Ok(()),
+            false => Err(NativeError::NoModule),
+        }
     }
 
     fn register_range(&self, address: u32, len: usize) -> Result<std::ops::Range<usize>, NativeError> {
@@ -200,11 +213,18 @@ impl NativeContext for Cpu {
     fn mailbox_take(&mut self, _address: u32, _into: &mut [u8]) -> Result<(), NativeError> {
         Err(NativeError::Module(ModuleError::Absent))
     }
-    fn record_read(&mut self, _address: u32, _record: u8, _into: &mut [u8]) -> Result<usize, NativeError> {
-        Err(NativeError::Module(ModuleError::NoRecord))
+    fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, NativeError> {
+        self.has_records(address)?;
+        let found = self.records.get(&record).ok_or(NativeError::Module(ModuleError::NoRecord))?;
+        let len = found.len().min(into.len());
+        into[..len].copy_from_slice(&found[..len]);
+        Ok(len)
     }
-    fn record_write(&mut self, _address: u32, _record: u8, _from: &[u8]) -> Result<(), NativeError> {
-        Err(NativeError::Module(ModuleError::Outside))
+    fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError> {
+        self.has_records(address)?;
+        self.records.get(&record).ok_or(NativeError::Module(ModuleError::Outside))?;
+        self.written.insert(record, from.to_vec());
+        Ok(())
     }
     fn call_block(&mut self, id: BlockId, _instance_db: u16, args: &[NativeArg]) -> Result<(), NativeError> {
         self.calls.push((id, args.to_vec()));
