@@ -41,3 +41,29 @@ fn a_good_line_loses_nothing() {
     assert!((done..=done + 1).contains(&served), "{served} served, {done} done");
     assert_eq!(cell(&outcome, "-b", 21, 4), 0, "errors of P_RCV_RK");
 }
+
+#[test]
+fn the_same_seed_gives_the_same_log() {
+    let scenario = Scenario {
+        faults: FaultRates::all(200),
+        kill_every: 3 * SECOND,
+        duration: 30 * SECOND,
+        ..Scenario::demo(&folder(), 11)
+    };
+    let (first, second) = (run(&scenario), run(&scenario));
+    assert!(first.kills > 0 && first.log.lines().count() > 100, "something has happened");
+    assert_eq!(first.log, second.log);
+}
+
+/// Good and bad lines, characters in bursts, drivers killed: each job ends exactly once, nothing wrong is taken for right, and all comes back.
+#[test]
+fn seeds_of_a_simulated_minute() {
+    for seed in 1..=4 {
+        let outcome = run(&Scenario::demo(&folder(), seed));
+        assert!(outcome.verdict.broken.is_empty(), "seed {seed}\n{}", outcome.verdict);
+        let [started, done, error, aborted, wrong] = [8, 12, 16, 20, 28].map(|byte| cell(&outcome, "-a", 21, byte));
+        let ended = done + error + aborted;
+        assert!(ended <= started && started <= ended + 1, "seed {seed}: {started} started, {ended} ended over RK 512");
+        assert!(done > 0 && u64::from(wrong) <= outcome.verdict.get("undetectable"), "seed {seed}: {wrong} wrong");
+    }
+}
