@@ -97,11 +97,13 @@ impl Cpu {
         self.area(area)?.get_mut(at..at.saturating_add(len)).ok_or(NativeError::Outside)
     }
 
-    fn has_records(&self, address: u32) -> Result<(), NativeError> {
+    /// Without any records the module answers `without` to all.
+    fn has_records(&self, address: u32, without: ModuleError) -> Result<(), NativeError> {
+        if self.records.is_empty() {
+            return Err(NativeError::Module(without));
+        }
         match address == self.module.address {
             true if !self.module.status.present => Err(NativeError::Module(ModuleError::Absent)),
-            // Without any it is a module that knows no records.
-            true if self.records.is_empty() => Err(NativeError::Module(ModuleError::NoRecord)),
             true => Ok(()),
             false => Err(NativeError::NoModule),
         }
@@ -214,14 +216,14 @@ impl NativeContext for Cpu {
         Err(NativeError::Module(ModuleError::Absent))
     }
     fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, NativeError> {
-        self.has_records(address)?;
+        self.has_records(address, ModuleError::NoRecord)?;
         let found = self.records.get(&record).ok_or(NativeError::Module(ModuleError::NoRecord))?;
         let len = found.len().min(into.len());
         into[..len].copy_from_slice(&found[..len]);
         Ok(len)
     }
     fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError> {
-        self.has_records(address)?;
+        self.has_records(address, ModuleError::Outside)?;
         self.records.get(&record).ok_or(NativeError::Module(ModuleError::Outside))?;
         self.written.insert(record, from.to_vec());
         Ok(())
