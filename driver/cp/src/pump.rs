@@ -292,6 +292,9 @@ impl CpPump {
                 self.step(now, CpInput::CpuRun(run), line);
             }
         }
+        if let Some(cp) = &mut self.cp341 {
+            cp.enable_diagnostics(line.diagnostics());
+        }
         self.step_341(now, Input341::Parameters(parameters.as_ref()), line);
         // What V24_SET has written before there was a CP 341.
         let mut outputs = Registers::default();

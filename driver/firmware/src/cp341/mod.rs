@@ -29,6 +29,9 @@ use receive::{Kind, Offer, ReceiveChannel};
 use send::{JOB_MAX, SendChannel};
 use v24::V24;
 
+/// Module class in the diagnostic bytes: communication module.
+const CLASS: u8 = 0x0C;
+
 /// Everything that can happen to a CP 341.
 #[derive(Debug, Clone, Copy)]
 pub enum Input341<'a> {
@@ -52,6 +55,7 @@ pub enum Input341<'a> {
 #[derive(Debug)]
 pub struct Cp341 {
     parameters: Option<Parameters>,
+    parameters_wrong: bool,
     protocol: Protocol,
     protocol_due: Option<Nanos>,
     cpu_running: bool,
@@ -61,6 +65,10 @@ pub struct Cp341 {
     receive: ReceiveChannel,
     parts: Parts,
     v24: V24,
+    /// Faults raise diagnostic interrupts.
+    diagnostics: bool,
+    /// What has been told: wire break, wrong parameters.
+    told: (bool, bool),
     leds_shown: Leds,
     shown: [ChannelBlock; 2],
 }
@@ -76,6 +84,7 @@ impl Cp341 {
     pub fn new() -> Self {
         Self {
             parameters: None,
+            parameters_wrong: false,
             protocol: Protocol::None,
             protocol_due: None,
             cpu_running: false,
@@ -84,6 +93,8 @@ impl Cp341 {
             receive: ReceiveChannel::new(),
             parts: Parts::new(),
             v24: V24::new(),
+            diagnostics: false,
+            told: (false, false),
             leds_shown: Leds::NONE,
             shown: [[0; 64]; 2],
         }
@@ -104,6 +115,7 @@ impl Cp341 {
             Input341::CpuRun(run) => self.cpu(now, run, port),
             Input341::Parameters(parameters) => self.parametrise(now, parameters, port),
         }
+        self.diagnose(now, port);
         self.offer();
         self.publish(port);
         let v24_due = self.v24.refresh(now, port);
@@ -115,6 +127,28 @@ impl Cp341 {
         self.protocol_due.into_iter().chain(self.parts.leds.deadline()).chain(v24_due).min()
     }
 
+    /// Enables or disables diagnostic interrupts: wire break and wrong parameters are also told as [`CpEvent::Diagnosis`].
+    pub fn enable_diagnostics(&mut self, enabled: bool) {
+        self.diagnostics = enabled;
+    }
+
+    /// Tells of a wire break and of wrong parameters that have come or gone. [reference 1.9]
+    fn diagnose(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        let found = (self.parts.line_gone, self.parameters_wrong);
+        if !self.diagnostics || found == self.told {
+            return;
+        }
+        let incoming = found.0 && !self.told.0 || found.1 && !self.told.1;
+        self.told = found;
+        let data = match found {
+            (true, false) => [0x25, CLASS, 0x02, 0, 0, 0],
+            (false, true) => [0x83, CLASS, 0, 0, 0x02, 0x0F],
+            (true, true) => [0xA7, CLASS, 0x02, 0, 0x02, 0x0F],
+            (false, false) => [0, CLASS, 0, 0, 0, 0],
+        };
+        port.event(now, CpEvent::Diagnosis { incoming, data });
+    }
+
     /// Whether a driver is at work.
     pub fn is_working(&self) -> bool {
         !matches!(self.protocol, Protocol::None)
@@ -124,6 +158,7 @@ impl Cp341 {
 
     fn parametrise(&mut self, now: Nanos, parameters: Result<&Parameters, &ParamError>, port: &mut dyn CpPort) {
         self.parts.leds.power();
+        self.parameters_wrong = parameters.is_err();
         match parameters {
             // They come with each STOP -> RUN; the same ones change nothing. [reference 1.6]
             Ok(new) if self.parameters.as_ref() == Some(new) => self.enter(now, 0x0004, port),
