@@ -252,6 +252,9 @@ impl Cp341 {
     }
 }
 
+/// What a job brings: the data in the receive block, or STATUS.
+type Answer<'a> = Result<&'a [u8], i64>;
+
 /// Every function code that pymodbus has, through P_SND_RK and P_RCV_RK of the manual's program.
 #[test]
 fn the_cp_341_asks_pymodbus() {
@@ -259,7 +262,7 @@ fn the_cp_341_asks_pymodbus() {
     let cp = Cp341::start(&site);
     let partner = Partner::start(&site, "pymodbus", true);
     cp.station.until("the partner", |_| partner.is_ready().then_some(()));
-    let table: [(&[u8], Result<&[u8], i64>); 18] = [
+    let table: [(&[u8], Answer<'_>); 18] = [
         (&[5, 16, 0, 0, 0, 2, 0xA0, 0xA1, 0xA2, 0xA3], Ok(&[])),
         (&[5, 6, 0, 2, 0x12, 0x34], Ok(&[])),
         (&[5, 3, 0, 0, 0, 3], Ok(&[0xA0, 0xA1, 0xA2, 0xA3, 0x12, 0x34])),

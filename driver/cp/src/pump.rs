@@ -7,7 +7,7 @@ use ob1_backplane::{
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341, Input341};
 use ob1_firmware::{
     Cp040, Cp240, CpCounter, CpEvent, CpInput, CpPort, DiagnosticRecord, IO_BYTES, Leds, LineFault, LineInput,
-    LineSettings, Nanos, ParameterFault, StartReason,
+    LineSettings, Nanos, ParameterFault, Registers, StartReason,
 };
 
 use crate::translate::{self, EventCode, LINE_TEXT_RECORD};
@@ -254,7 +254,11 @@ impl CpPump {
             CpInput::Tick => Input341::Tick,
             CpInput::Line(input) => Input341::Line(input),
             CpInput::CpuRun(run) => Input341::CpuRun(run),
-            CpInput::Outputs(outputs) => Input341::Outputs(outputs),
+            CpInput::Outputs(outputs) => match outputs.first_chunk() {
+                Some(outputs) => Input341::Outputs(outputs),
+                // Fewer bytes than a CP 341 has: the segment is another module's.
+                None => return,
+            },
             // The parameters of a CP 341 are keys.
             CpInput::Parameters(_) => return,
         };

@@ -92,6 +92,7 @@ fn cp341(keys: &Value) -> Option<Cp341> {
 /// What the CP 341 with these parameters speaks.
 fn dialect_341(cp: &Cp341) -> Dialect {
     match &cp.protocol {
+        Protocol341::Ascii(p) => Dialect::Ascii { pause: Nanos::from(p.zvz_ms) * MS },
         Protocol341::S3964(p) => {
             let pause = (Nanos::from(p.zvz_ms) * MS).max(20 * MS);
             Dialect::S3964 { bcc: p.bcc, rk512: p.rk512, pause }
