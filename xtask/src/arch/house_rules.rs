@@ -44,6 +44,21 @@ pub(super) fn tests(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
+/// No half-merged text: a document does not fail to build, it only reads wrong.
+pub(super) fn merge_marks(tree: &Tree) -> Vec<Finding> {
+    let mark = |line: &str| ["<<<<<<< ", ">>>>>>> "].iter().any(|mark| line.starts_with(mark));
+    let lines =
+        tree.files.iter().flat_map(|file| file.text.lines().enumerate().map(move |(at, line)| (file, at, line)));
+    lines
+        .filter(|(_, _, line)| mark(line))
+        .map(|(file, at, _)| Finding {
+            place: format!("{}:{}", file.path, at + 1),
+            rule: "merges",
+            what: "the mark of a merge that was not finished".to_owned(),
+        })
+        .collect()
+}
+
 /// Every member inherits the lints of the workspace; one that does not is outside every fence the compiler guards.
 pub(super) fn workspace_lints(tree: &Tree) -> Vec<Finding> {
     let manifests = tree.files.iter().filter(|file| file.path.ends_with("/Cargo.toml"));
@@ -95,6 +110,14 @@ mod unit {
         ]);
         let places: Vec<String> = tests(&tree).into_iter().map(|finding| finding.place).collect();
         assert_eq!(places, ["a/src/lib.rs:5", "a/tests/b.rs:2", "a/tests/b.rs:4", "tests/peers/p.py:2"]);
+    }
+
+    #[test]
+    fn a_merge_is_finished() {
+        let halves = "a\n<<<<<<< HEAD\nb\n=======\nc\n>>>>>>> d\n";
+        let tree = Tree::of(&[("docs/a.md", halves), ("b/src/lib.rs", "// a <<<<<<< b\n")]);
+        let places: Vec<String> = merge_marks(&tree).into_iter().map(|finding| finding.place).collect();
+        assert_eq!(places, ["docs/a.md:2", "docs/a.md:6"]);
     }
 
     #[test]

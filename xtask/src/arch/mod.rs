@@ -54,6 +54,7 @@ const GUARDS: &[Guard] = &[
     guard("conformance", conformance::check),
     guard("tests", house_rules::tests),
     guard("lints", house_rules::workspace_lints),
+    guard("merges", house_rules::merge_marks),
     Guard { name: "rooms", check: house_rules::long_files, warning: true },
 ];
 
