@@ -18,8 +18,8 @@ use ob1_command::timing::{Class, Recorder, Timing};
 use rustix::process::Signal;
 
 const MS: u64 = 1_000_000;
-/// Statements of the slow block: loads and loops.
-const TURNS: u64 = 20 * 60_000;
+/// Turns of the slow block, three statements each: more than the 10 ms of a cycle on any machine, far less than the watchdog on all.
+const TURNS: u64 = 200 * 60_000;
 
 /// OB 1 calls the slow block of statements when M 200.0 is set, and the slow block of a plugin when M 200.1 is, once each.
 fn station(site: &Site) -> Running {
@@ -30,7 +30,7 @@ fn station(site: &Site) -> Running {
          [[plugin]]\npath = \"{}\"\n",
         plugin.display()
     );
-    let awl = "FUNCTION FC 7 : VOID\nBEGIN\nNETWORK\nL 20;\nmore: T MW 210;\nL W#16#EA60;\nturn: T MW 212;\nL MW 212;\n\
+    let awl = "FUNCTION FC 7 : VOID\nBEGIN\nNETWORK\nL 200;\nmore: T MW 210;\nL W#16#EA60;\nturn: T MW 212;\nL MW 212;\n\
                LOOP turn;\nL MW 210;\nLOOP more;\nEND_FUNCTION\n\
                ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\nU M 200.0;\nR M 200.0;\nSPBN next;\nCALL FC 7;\n\
                next: U M 200.1;\nR M 200.1;\nSPBN end;\nCALL FC 233;\nend: NOP 0;\nEND_ORGANIZATION_BLOCK\n";
