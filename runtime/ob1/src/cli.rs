@@ -273,7 +273,8 @@ struct TraceArgs {
 struct TopArgs {
     /// A running station: its name or its file
     station: String,
-    /// The variable table: NAME, or NAME:hex, NAME:bin, NAME:anzw (the indicator word of a handling block, in words)
+    /// The variable table: NAME, or NAME:hex, NAME:bin, NAME:anzw (the indicator word of a handling block, in words),
+    /// NAME:status (STATUS of P_SND_RK and P_RCV_RK, in words)
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     watch: Vec<String>,
     /// Time between two looks

@@ -147,7 +147,7 @@ impl Keys {
                 "q quit  1-4 or Tab another page  Up/Down choose  a add  d drop  m modify".into()
             }
             Entry::None => "q quit  1-4 or Tab another page".into(),
-            Entry::Name(text) => format!("watch (NAME, NAME:hex, NAME:bin, NAME:anzw): {text}_"),
+            Entry::Name(text) => format!("watch (NAME, NAME:hex, NAME:bin, NAME:anzw, NAME:status): {text}_"),
             Entry::Value { cell, text } => format!("new value of {cell}: {text}_"),
             Entry::Confirm { cell, value } => {
                 format!("write {cell} = {value} into the running CPU?  y: yes, any other key: no")

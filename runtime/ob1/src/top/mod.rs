@@ -28,7 +28,7 @@ pub struct Options {
     pub every: Duration,
     /// End after so many looks.
     pub count: Option<u64>,
-    /// The variable table: `NAME` or `NAME:hex`, `:bin`, `:anzw`.
+    /// The variable table: `NAME` or `NAME:hex`, `:bin`, `:anzw`, `:status`.
     pub watch: Vec<String>,
 }
 

@@ -1,5 +1,6 @@
 //! The variable table: what is watched, and how a value is shown.
 
+use ob1_protocols::cp341_events;
 use serde_json::Value;
 
 use crate::access::protocol::CellValue;
@@ -16,6 +17,8 @@ pub(super) enum Form {
     Bin,
     /// The indicator word of a handling block, in words.
     Anzw,
+    /// STATUS of P_SND_RK or P_RCV_RK, in words.
+    Status,
 }
 
 /// A line of the table.
@@ -27,9 +30,9 @@ pub(super) struct Watched {
 }
 
 impl Watched {
-    /// `NAME`, `NAME:hex`, `NAME:bin`, `NAME:anzw`.
+    /// `NAME`, `NAME:hex`, `NAME:bin`, `NAME:anzw`, `NAME:status`.
     pub(super) fn parse(text: &str) -> Self {
-        let forms = [(":hex", Form::Hex), (":bin", Form::Bin), (":anzw", Form::Anzw)];
+        let forms = [(":hex", Form::Hex), (":bin", Form::Bin), (":anzw", Form::Anzw), (":status", Form::Status)];
         let text = text.trim();
         let of = |(ending, form): &(&str, Form)| {
             let name = text.len().checked_sub(ending.len()).filter(|at| text.is_char_boundary(*at))?;
@@ -45,6 +48,7 @@ impl Watched {
             Form::Hex => format!("16#{}", cell.hex),
             Form::Bin => binary(bits, cell.hex.len() * 4),
             Form::Anzw => anzw(bits as u16),
+            Form::Status => status(bits as u16),
             Form::Plain => match &cell.value {
                 Value::Bool(bit) => u8::from(*bit).to_string(),
                 other => other.to_string(),
@@ -72,6 +76,16 @@ fn anzw(word: u16) -> String {
     format!("16#{word:04X} {words}")
 }
 
+/// Event class and number of a CP 341. [reference 3.1]
+fn status(word: u16) -> String {
+    let text = match (word, cp341_events::row(word)) {
+        (0, _) => "no error",
+        (_, Some(row)) => row.text,
+        (_, None) => "no event of a CP 341",
+    };
+    format!("16#{word:04X} {text}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -89,6 +103,14 @@ mod tests {
             ("DB10.DBW20:anzw", json!(4), "0004", "16#0004 done"),
             ("DB10.DBW20:anzw", json!(5128), "1408", "16#1408 done with error, error 14h"),
             ("DB10.DBW20:anzw", json!(0), "0000", "16#0000 idle"),
+            ("DB20.DBW4:status", json!(0), "0000", "16#0000 no error"),
+            (
+                "DB20.DBW4:status",
+                json!(0x0706),
+                "0706",
+                "16#0706 At the end of the telegram came NAK, another character than DLE, or DLE too early",
+            ),
+            ("DB20.DBW4:Status", json!(0xFFFF), "FFFF", "16#FFFF no event of a CP 341"),
         ] {
             assert_eq!(Watched::parse(text).show(&cell(value, hex)), shown, "{text}");
         }
