@@ -1,4 +1,4 @@
-//! The two ways a verb ends badly.
+//! The ways a verb ends badly.
 
 use std::fmt;
 
@@ -9,12 +9,14 @@ pub(crate) enum Failure {
     Usage(String),
     /// A step failed: exit code 1.
     Step(String),
+    /// The verb is a program of its own, and ended with this exit code, which says how.
+    Program(String, u8),
 }
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Usage(what) | Self::Step(what) => f.write_str(what),
+            Self::Usage(what) | Self::Step(what) | Self::Program(what, _) => f.write_str(what),
         }
     }
 }

@@ -48,5 +48,5 @@ fn release_run(name: &str, packages: &[&str], args: &[String], python: Option<&P
         .env("OB1_PLUGIN_DIR", &folder)
         .env("OB1_BIN_DIR", &folder)
         .envs(python.map(|python| ("OB1_PYTHON", python)));
-    shell::run(&mut program)
+    shell::run_program(&mut program)
 }

@@ -74,5 +74,9 @@ fn main() -> ExitCode {
             eprintln!("xtask: {what}");
             ExitCode::FAILURE
         }
+        Err(Failure::Program(what, code)) => {
+            eprintln!("xtask: {what}");
+            ExitCode::from(code)
+        }
     }
 }

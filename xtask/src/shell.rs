@@ -3,7 +3,7 @@
 use std::ffi::OsStr;
 use std::process::{Command, Output, Stdio};
 
-use crate::failure::{Outcome, step};
+use crate::failure::{Failure, Outcome, step};
 
 /// The command line as one would type it, with the environment it is given.
 pub(crate) fn line(command: &Command) -> String {
@@ -18,10 +18,22 @@ pub(crate) fn line(command: &Command) -> String {
 /// # Errors
 /// When it cannot be started, or ends with anything but 0.
 pub(crate) fn run(command: &mut Command) -> Outcome {
+    run_program(command).map_err(|failure| step(failure.to_string()))
+}
+
+/// The same for the program that a verb stands for: its exit code becomes ours.
+///
+/// # Errors
+/// When it cannot be started, or ends with anything but 0.
+pub(crate) fn run_program(command: &mut Command) -> Outcome {
     let shown = line(command);
     eprintln!("$ {shown}");
     let status = command.status().map_err(|why| step(format!("cannot start `{shown}`: {why}")))?;
-    if status.success() { Ok(()) } else { Err(step(format!("`{shown}` failed ({status})"))) }
+    if status.success() {
+        return Ok(());
+    }
+    let code = status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1);
+    Err(Failure::Program(format!("`{shown}` failed ({status})"), code))
 }
 
 /// Runs it and returns what it wrote to standard output; its errors go to ours.
