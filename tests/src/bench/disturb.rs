@@ -15,14 +15,14 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
 use super::peer::Failure;
-use super::wake::{Ratios, Verdict, judge};
+use super::wake::{Ratios, Verdict};
 
 /// SCHED_FIFO priority of the scan that is measured.
 const PRIORITY: u8 = 80;
 /// Most that a disturbed percentile may be of the quiet ones, if these do not differ by more themselves.
 const LIMIT: f64 = 1.10;
 /// With less than this a comparison says nothing.
-const ENOUGH: (usize, u64) = (5, 12);
+const ENOUGH: (usize, u64) = (9, 6);
 /// Ten times a minute.
 const KILL: Duration = Duration::from_secs(6);
 /// Between two reports, and two looks of `ob1 top`.
@@ -83,9 +83,12 @@ pub fn measure(rounds: Option<usize>, seconds: Option<u64>) -> Result<Verdict, F
     let mut worst = Verdict::Passed;
     for ((_, name), ratios) in RUNS[2..].iter().zip(&ratios) {
         for ((percentile, _), ratios) in JUDGED.iter().zip(ratios) {
-            let (ratio, noise) = ratios.figures();
-            let verdict = judge(ratio, noise, LIMIT, enough);
-            println!("{name:<22} {percentile}  x {ratio:.3}   quiet against itself x {noise:.3}   {verdict:?}");
+            let figures = ratios.figures();
+            let verdict = figures.judge(LIMIT.max(figures.noise), enough);
+            println!(
+                "{name:<22} {percentile}  x {:.3}, with 97.5 % at most {:.3}   quiet against itself x {:.3}   {verdict:?}",
+                figures.ratio, figures.at_most, figures.noise
+            );
             worst = worst.max(verdict);
         }
     }
@@ -215,7 +218,7 @@ impl Drop for Site {
     }
 }
 
-/// `ob1`, ended by SIGINT.
+/// `ob1`, ended by SIGTERM (a shell makes jobs in the background ignore SIGINT).
 struct Process(Child);
 
 impl Process {
@@ -239,7 +242,7 @@ impl Process {
         if self.0.try_wait().is_ok_and(|ended| ended.is_some()) {
             return;
         }
-        let asked = Command::new("kill").arg("-INT").arg(self.0.id().to_string()).status();
+        let asked = Command::new("kill").arg("-TERM").arg(self.0.id().to_string()).status();
         if !asked.is_ok_and(|status| status.success()) {
             let _ = self.0.kill();
         }

@@ -101,7 +101,7 @@ impl Station {
 
 impl Drop for Station {
     fn drop(&mut self) {
-        let stopped = Command::new("kill").arg("-INT").arg(self.process.id().to_string()).status();
+        let stopped = Command::new("kill").arg("-TERM").arg(self.process.id().to_string()).status();
         if stopped.is_err() {
             let _ = self.process.kill();
         }

@@ -1,6 +1,8 @@
 //! Our wake-up latency beside that of cyclictest: same interval, priority and posture, in triples (ours, cyclictest, cyclictest) of
-//! changing order, so that the spread of cyclictest against itself is known. The machine may be shared: the maximum is never judged.
+//! changing order, so that the spread of cyclictest against itself is known. The three of a triple run in slices, so that a restless
+//! minute of the machine meets all of them. The machine may be shared: the maximum is never judged.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -18,13 +20,15 @@ const INTERVALS: [(u64, bool); 2] = [(1000, false), (250, true)];
 const LIMITS: [f64; 2] = [1.15, 1.5];
 /// With less than this a comparison says nothing.
 const ENOUGH: (usize, u64) = (9, 15);
+/// Seconds of a slice.
+const SLICE: u64 = 3;
 
 /// How much is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
     /// Triples at each interval.
     pub triples: usize,
-    /// Seconds of each run.
+    /// Seconds of each run, in whole slices.
     pub seconds: u64,
 }
 
@@ -39,7 +43,7 @@ impl Default for Plan {
 pub enum Verdict {
     /// Within the limit.
     Passed,
-    /// cyclictest differs from itself by as much: run longer.
+    /// The interval of the median holds the limit: run longer.
     Inconclusive,
     /// Beyond the limit and beyond the noise.
     Failed,
@@ -47,6 +51,13 @@ pub enum Verdict {
 
 /// Wake-up latencies in nanoseconds: value and count, ascending.
 type Latencies = Vec<(u64, u64)>;
+
+/// Adds the values of a slice.
+fn add(run: &mut BTreeMap<u64, u64>, slice: &Latencies) {
+    for (value, count) in slice {
+        *run.entry(*value).or_default() += count;
+    }
+}
 
 fn percentile(latencies: &Latencies, share: f64) -> f64 {
     let all: u64 = latencies.iter().map(|(_, count)| count).sum();
@@ -78,23 +89,53 @@ impl Ratios {
         self.noise.push(a.max(b) / a.min(b));
     }
 
-    /// The median ratio, and the upper quartile of cyclictest against itself.
-    pub(super) fn figures(&self) -> (f64, f64) {
+    /// What all of them say together.
+    pub(super) fn figures(&self) -> Figures {
         let mut noise = self.noise.clone();
         noise.sort_by(f64::total_cmp);
-        let quartile = noise.get((noise.len() * 3) / 4).or(noise.last()).copied().unwrap_or(1.0);
-        (median(&mut self.ours.clone()), quartile)
+        let noise = noise.get((noise.len() * 3) / 4).or(noise.last()).copied().unwrap_or(1.0);
+        let mut ours = self.ours.clone();
+        let ratio = median(&mut ours);
+        let at_most = ours.len().checked_sub(sign_test_rank(ours.len())).and_then(|at| ours.get(at)).copied();
+        Figures { ratio, at_most: at_most.unwrap_or(f64::INFINITY), noise }
     }
 }
 
-/// Judges a median ratio against its limit and the noise.
-pub(super) fn judge(ratio: f64, noise: f64, limit: f64, enough: bool) -> Verdict {
-    match () {
-        () if ratio > limit.max(noise) && enough => Verdict::Failed,
-        // So much noise would hide a ratio beyond the limit.
-        () if ratio > limit || noise > limit * limit || !enough => Verdict::Inconclusive,
-        () => Verdict::Passed,
+/// Ratios of one percentile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Figures {
+    /// The median of ours to theirs.
+    pub(super) ratio: f64,
+    /// The upper end of the median's 95 % interval; infinite with less than six ratios.
+    pub(super) at_most: f64,
+    /// The upper quartile of theirs to themselves.
+    pub(super) noise: f64,
+}
+
+impl Figures {
+    /// Judges the ratio against its limit and the noise.
+    pub(super) fn judge(self, limit: f64, enough: bool) -> Verdict {
+        match () {
+            () if !enough => Verdict::Inconclusive,
+            () if self.ratio > limit.max(self.noise) => Verdict::Failed,
+            () if self.at_most <= limit => Verdict::Passed,
+            () => Verdict::Inconclusive,
+        }
     }
+}
+
+/// The greatest rank, counted from either end, whose value bounds the median of so many values with 97.5 %: the sign test. 0: none does.
+fn sign_test_rank(values: usize) -> usize {
+    let (mut share, mut beyond) = (0.5_f64.powi(i32::try_from(values).unwrap_or(i32::MAX)), 0.0);
+    for rank in 0..values {
+        // Of the coin's throws, exactly `rank` lie below.
+        beyond += share;
+        if beyond > 0.025 {
+            return rank;
+        }
+        share *= (values - rank) as f64 / (rank + 1) as f64;
+    }
+    0
 }
 
 /// Measures and prints; the answer is the worst verdict of what is judged.
@@ -106,10 +147,10 @@ pub fn compare(plan: Plan) -> Result<Verdict, Failure> {
     let core = std::thread::available_parallelism().map_or(0, |n| n.get() - 1);
     let folder = std::env::temp_dir().join(format!("ob1-bench-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
-    let bench = Bench { cyclictest, folder: folder.clone(), core, seconds: plan.seconds };
+    let bench = Bench { cyclictest, folder: folder.clone(), core, slices: plan.seconds.div_ceil(SLICE) };
     let enough = plan.triples >= ENOUGH.0 && plan.seconds >= ENOUGH.1;
     println!(
-        "wake-up latency beside cyclictest: {} triples of {} s, SCHED_FIFO {PRIORITY} on core {core}; µs",
+        "wake-up latency beside cyclictest: {} triples of {} s in slices of {SLICE} s, SCHED_FIFO {PRIORITY} on core {core}; µs",
         plan.triples, plan.seconds
     );
     let mut worst = Verdict::Passed;
@@ -137,7 +178,8 @@ struct Bench {
     cyclictest: PathBuf,
     folder: PathBuf,
     core: usize,
-    seconds: u64,
+    /// Slices of a run.
+    slices: u64,
 }
 
 impl Bench {
@@ -147,13 +189,16 @@ impl Bench {
         );
         let mut ratios = [Ratios::default(), Ratios::default()];
         for triple in 0..triples {
-            let mut runs: [Latencies; 3] = Default::default();
-            // Ours comes first, second, third in turns.
-            for place in 0..3 {
-                let who = (place + triple) % 3;
-                runs[who] = if who == 0 { self.ours(interval)? } else { self.theirs(interval)? };
+            let mut runs: [BTreeMap<u64, u64>; 3] = Default::default();
+            for slice in 0..usize::try_from(self.slices)? {
+                // Ours comes first, second, third in turns.
+                for place in 0..3 {
+                    let who = (place + triple + slice) % 3;
+                    let latencies = if who == 0 { self.ours(interval)? } else { self.theirs(interval)? };
+                    add(&mut runs[who], &latencies);
+                }
             }
-            let [ours, a, b] = runs;
+            let [ours, a, b] = runs.map(|run| run.into_iter().collect::<Latencies>());
             let mut line = format!("{:<14}", format!("triple {}", triple + 1));
             for run in [&ours, &a, &b] {
                 let [p50, p99, p999] = [0.5, 0.99, 0.999].map(|share| percentile(run, share) / 1000.0);
@@ -166,14 +211,14 @@ impl Bench {
         }
         let mut verdicts = [Verdict::Passed; 2];
         for (i, name) in ["p99", "p99.9"].into_iter().enumerate() {
-            let (ratio, noise) = ratios[i].figures();
+            let figures = ratios[i].figures();
             let enough = enough && ratios[i].censored * 3 <= triples;
-            verdicts[i] = judge(ratio, noise, LIMITS[i], enough);
+            verdicts[i] = figures.judge(LIMITS[i], enough);
             let judged = i == 0 || INTERVALS.contains(&(interval, true));
             let verdict = if judged { format!("{:?}", verdicts[i]).to_lowercase() } else { "not judged here".into() };
             println!(
-                "  {name:<6} x {ratio:.3} of cyclictest (aim {:.2}); cyclictest against itself, upper quartile, x {noise:.3}: {verdict}",
-                LIMITS[i]
+                "  {name:<6} x {:.3} of cyclictest, with 97.5 % at most {:.3} (aim {:.2}); cyclictest against itself, upper quartile, x {:.3}: {verdict}",
+                figures.ratio, figures.at_most, LIMITS[i], figures.noise
             );
         }
         Ok(verdicts)
@@ -192,11 +237,7 @@ impl Bench {
         std::fs::write(self.folder.join("empty.awl"), "ORGANIZATION_BLOCK OB 1\nBEGIN\nEND_ORGANIZATION_BLOCK\n")?;
         let bin = std::env::var_os("OB1_BIN_DIR").ok_or("OB1_BIN_DIR is not set; run: cargo xtask bench scan")?;
         let mut command = Command::new(Path::new(&bin).join("ob1"));
-        command
-            .arg("run")
-            .arg(&station)
-            .args(["--quiet", "--for", &format!("{}s", self.seconds), "--report"])
-            .arg(&report);
+        command.arg("run").arg(&station).args(["--quiet", "--for", &format!("{SLICE}s"), "--report"]).arg(&report);
         ended_well(command.stdin(Stdio::null()))?;
         let report: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&report)?)?;
         let refused = report["posture"].as_array().is_some_and(|all| all.iter().any(|g| g["outcome"] == "refused"));
@@ -217,7 +258,7 @@ impl Bench {
             .arg(format!("--priority={PRIORITY}"))
             .arg(format!("--interval={interval}"))
             .arg(format!("--affinity={}", self.core))
-            .arg(format!("--duration={}", self.seconds))
+            .arg(format!("--duration={SLICE}"))
             .arg(format!("--histogram={LONGEST}"))
             .arg(format!("--histfile={}", file.display()))
             .stdout(Stdio::null());
@@ -285,25 +326,47 @@ mod tests {
     }
 
     #[test]
-    fn the_noise_of_cyclictest_decides_between_failed_and_inconclusive() {
+    fn slices_are_added() {
+        let mut run = BTreeMap::new();
+        add(&mut run, &vec![(10, 1), (20, 2)]);
+        add(&mut run, &vec![(15, 3), (20, 4)]);
+        assert_eq!(run.into_iter().collect::<Latencies>(), [(10, 1), (15, 3), (20, 6)]);
+    }
+
+    #[test]
+    fn the_median_lies_between_ranks_of_the_sign_test() {
+        // Tables of the sign test, 5 % two-sided.
+        for (values, rank) in [(0, 0), (5, 0), (6, 1), (8, 1), (9, 2), (11, 2), (12, 3), (15, 4), (20, 6), (25, 8)] {
+            assert_eq!(sign_test_rank(values), rank, "{values}");
+        }
+        let mut ratios = Ratios::default();
+        for ours in [7.0, 1.0, 2.0, 3.0, 9.0, 8.0, 4.0, 6.0, 5.0] {
+            ratios.enter(ours, [1.0, 1.0]);
+        }
+        assert_eq!(ratios.figures(), Figures { ratio: 5.0, at_most: 8.0, noise: 1.0 });
+    }
+
+    #[test]
+    fn failed_is_beyond_limit_and_noise_passed_is_the_whole_interval_within_the_limit() {
         use Verdict::*;
-        for (ratio, noise, enough, verdict) in [
-            (1.0, 1.05, true, Passed),
-            (1.15, 1.3, true, Passed),
-            (1.0, 1.4, true, Inconclusive),
-            (1.2, 1.3, true, Inconclusive),
-            (1.4, 1.3, true, Failed),
-            (1.2, 1.05, true, Failed),
-            (1.0, 1.05, false, Inconclusive),
-            (9.0, 1.05, false, Inconclusive),
+        for (ratio, at_most, noise, enough, verdict) in [
+            (1.0, 1.1, 1.05, true, Passed),
+            (1.0, 1.15, 6.0, true, Passed),
+            (1.0, 1.2, 1.05, true, Inconclusive),
+            (1.2, 1.3, 1.3, true, Inconclusive),
+            (1.4, 1.5, 1.3, true, Failed),
+            (1.2, 1.3, 1.05, true, Failed),
+            (1.0, 1.1, 1.05, false, Inconclusive),
+            (9.0, 9.1, 1.05, false, Inconclusive),
         ] {
-            assert_eq!(judge(ratio, noise, 1.15, enough), verdict, "{ratio} {noise} {enough}");
+            assert_eq!(Figures { ratio, at_most, noise }.judge(1.15, enough), verdict, "{ratio} {at_most} {noise}");
         }
         let mut ratios = Ratios::default();
         for (ours, others) in [(10.0, [10.0, 10.0]), (20.0, [10.0, 40.0]), (40.0, [10.0, 10.0])] {
             ratios.enter(ours, others);
         }
-        assert_eq!((ratios.figures(), ratios.censored), ((1.0, 4.0), 0));
+        assert_eq!(ratios.figures(), Figures { ratio: 1.0, at_most: f64::INFINITY, noise: 4.0 });
+        assert_eq!(ratios.censored, 0);
         ratios.enter(10.0, [10.0, LONGEST as f64]);
         assert_eq!(ratios.censored, 1);
     }

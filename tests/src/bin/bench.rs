@@ -12,8 +12,8 @@ const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds 
          stl: the engine beside awlsim (installed into .venv), alone; about a minute
          line, named: also Modbus RTU transactions over a pty beside libmodbus and pymodbus (installed into .venv)
          disturb [--rounds N] [--seconds S]: the execution time of a scan while ob1 top is attached, reports are written, its driver is
-         killed ten times a minute; N (5) rounds of five runs of S (12) seconds: 5 minutes
-  scan, named: also our wake-up latency beside cyclictest, N (9) triples of runs of S (15) seconds at two intervals: 14 minutes
+         killed ten times a minute; N (9) rounds of five runs of S (6) seconds: 5 minutes
+  scan, named: also our wake-up latency beside cyclictest, N (9) triples of runs of S (15) seconds at two intervals: 15 minutes
 
 Exit status: 0 every aim met, 1 an aim missed, 2 it could not be measured, 3 inconclusive: run longer.";
 
