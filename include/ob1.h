@@ -326,10 +326,6 @@ struct Ob1HostTable {
   Ob1Status (*io_read)(struct Ob1CallContext *call, uint32_t address, uint8_t *into, uint32_t len);
   // Writes peripheral bytes to the module at once, all together, and into the process image where they lie inside it.
   Ob1Status (*io_write)(struct Ob1CallContext *call, uint32_t address, const uint8_t *from, uint32_t len);
-  // Posts 32 bytes to the module's mailbox. `BUSY` while the last post has not been taken.
-  Ob1Status (*mailbox_post)(struct Ob1CallContext *call, uint32_t address, const uint8_t *from, uint32_t len);
-  // Takes what the module posted. `BUSY` when there is nothing.
-  Ob1Status (*mailbox_take)(struct Ob1CallContext *call, uint32_t address, uint8_t *into, uint32_t len);
   // Reads a record (data set) of the module; `read` gets the bytes copied.
   Ob1Status (*record_read)(struct Ob1CallContext *call,
                            uint32_t address,
@@ -467,7 +463,7 @@ struct Ob1SettingsTable {
 // The module does not answer: its driver is down.
 #define OB1_ABSENT -6
 
-// Nothing there now: an empty mailbox, no event; or the mailbox still holds the last post.
+// The module is at work on something else and has no answer now; asked later it may have one.
 #define OB1_BUSY -7
 
 // The record does not exist.

@@ -25,7 +25,7 @@ pub const DB_NUMBER: Status = -4;
 pub const NO_MODULE: Status = -5;
 /// The module does not answer: its driver is down.
 pub const ABSENT: Status = -6;
-/// Nothing there now: an empty mailbox, no event; or the mailbox still holds the last post.
+/// The module is at work on something else and has no answer now; asked later it may have one.
 pub const BUSY: Status = -7;
 /// The record does not exist.
 pub const NO_RECORD: Status = -8;

@@ -175,10 +175,6 @@ pub struct HostTable {
     pub io_read: unsafe extern "C" fn(call: *mut CallContext, address: u32, into: *mut u8, len: u32) -> Status,
     /// Writes peripheral bytes to the module at once, all together, and into the process image where they lie inside it.
     pub io_write: unsafe extern "C" fn(call: *mut CallContext, address: u32, from: *const u8, len: u32) -> Status,
-    /// Posts 32 bytes to the module's mailbox. `BUSY` while the last post has not been taken.
-    pub mailbox_post: unsafe extern "C" fn(call: *mut CallContext, address: u32, from: *const u8, len: u32) -> Status,
-    /// Takes what the module posted. `BUSY` when there is nothing.
-    pub mailbox_take: unsafe extern "C" fn(call: *mut CallContext, address: u32, into: *mut u8, len: u32) -> Status,
     /// Reads a record (data set) of the module; `read` gets the bytes copied.
     pub record_read: unsafe extern "C" fn(
         call: *mut CallContext,

@@ -76,18 +76,6 @@ pub(crate) struct DoorbellCells {
     pad: Pad<15>,
 }
 
-/// One direction of the mailbox: poster's line, taker's line.
-#[repr(C)]
-#[derive(Default)]
-pub(crate) struct MailboxCells {
-    pub(crate) posted: AtomicU64,
-    pub(crate) generation: AtomicU64,
-    pub(crate) data: Words<4>,
-    pad: Pad<10>,
-    pub(crate) taken: AtomicU64,
-    pad_taker: Pad<15>,
-}
-
 /// One data record under a sequence lock.
 #[repr(C)]
 #[derive(Default)]
@@ -148,8 +136,7 @@ pub(crate) struct SegmentCells {
     pub(crate) cpu: CpuCells,
     pub(crate) cp: CpCells,
     pub(crate) doorbell: DoorbellCells,
-    pub(crate) mail_to_cp: MailboxCells,
-    pub(crate) mail_to_cpu: MailboxCells,
+    pad_counters: Pad<64>,
     pub(crate) counters: Words<COUNTER_WORDS>,
     pub(crate) diagnosis: RecordCells,
     pub(crate) record: RecordCells,
@@ -195,14 +182,6 @@ pub(crate) const OFFSETS: &[(usize, &str)] = {
         (offset_of!(SegmentCells, cp.leds), "cp.leds"),
         (offset_of!(SegmentCells, cp.modem_inputs), "cp.modem_inputs"),
         (offset_of!(SegmentCells, doorbell.sleeping), "doorbell.sleeping"),
-        (offset_of!(SegmentCells, mail_to_cp.posted), "mail_to_cp.posted"),
-        (offset_of!(SegmentCells, mail_to_cp.generation), "mail_to_cp.generation"),
-        (offset_of!(SegmentCells, mail_to_cp.data), "mail_to_cp.data"),
-        (offset_of!(SegmentCells, mail_to_cp.taken), "mail_to_cp.taken"),
-        (offset_of!(SegmentCells, mail_to_cpu.posted), "mail_to_cpu.posted"),
-        (offset_of!(SegmentCells, mail_to_cpu.generation), "mail_to_cpu.generation"),
-        (offset_of!(SegmentCells, mail_to_cpu.data), "mail_to_cpu.data"),
-        (offset_of!(SegmentCells, mail_to_cpu.taken), "mail_to_cpu.taken"),
         (offset_of!(SegmentCells, counters), "counters"),
         (offset_of!(SegmentCells, diagnosis.record.sequence), "diagnosis.sequence"),
         (offset_of!(SegmentCells, diagnosis.record.data), "diagnosis.number"),

@@ -9,7 +9,6 @@ use crate::events::{Event, Producer};
 use crate::fault::{Fault, SegmentError, TooLong};
 use crate::header;
 use crate::layout::JSON_BYTES;
-use crate::mailbox::{Mail, Poster, Taker};
 use crate::record::{Params, Record, clear_record, read_params, read_record, write_record};
 use crate::registers::{IoBytes, RegisterWriter};
 use crate::segment::Segment;
@@ -32,15 +31,12 @@ pub struct CpSide {
     params: Box<SeqReader<PARAMS_WORDS>>,
     json: Box<[u8; JSON_BYTES]>,
     events: Producer,
-    post: Poster,
-    take: Taker,
     channels: ChannelEnd,
 }
 
 impl CpSide {
-    /// Attaches a driver: checks the header, clears what an earlier driver has left (its input registers read 0, its diagnostic record is
-    /// empty, orders in
-    /// its buffers are booked as lost, a mail to it is thrown away), shows [`DriverState::Starting`] and makes the next
+    /// Attaches a driver: checks the header, clears what an earlier driver has left (its input registers and channels read 0, its
+    /// diagnostic record is empty, orders in its buffers are booked as lost), shows [`DriverState::Starting`] and makes the next
     /// generation, which tells the CPU side that all this is done. Events an earlier driver has completed stay.
     ///
     /// # Errors
@@ -60,8 +56,6 @@ impl CpSide {
         book_lost(&cells.counters);
         counters::add(&cells.counters, Counter::DriverStarts, 1);
         let events = Producer::resume(&cells.events);
-        let post = Poster::resume(&cells.mail_to_cpu);
-        let take = Taker::resume(&cells.mail_to_cp);
         // 0 is kept for "never attached".
         let generation = cells.cp.generation.load(Ordering::Relaxed).wrapping_add(1).max(1);
         // Pairs with the load(Acquire) in `Monitor::generation`.
@@ -76,8 +70,6 @@ impl CpSide {
             params: Box::new(SeqReader::new()),
             json: Box::new([0; JSON_BYTES]),
             events,
-            post,
-            take,
             channels,
         })
     }
@@ -195,22 +187,6 @@ impl CpSide {
     /// Emits an event; false if the ring is full: it is counted as lost.
     pub fn emit_event(&mut self, event: Event) -> bool {
         self.events.emit(&self.segment.cells().events, event)
-    }
-
-    /// Posts a mail to the CPU; false if it has not taken the last one yet.
-    ///
-    /// # Errors
-    /// [`Fault::Mailbox`] if the CPU's counter has no meaning; the mailbox is emptied.
-    pub fn post_mail(&mut self, mail: &Mail) -> Result<bool, Fault> {
-        self.post.post(&self.segment.cells().mail_to_cpu, self.generation, mail)
-    }
-
-    /// Takes the mail of the CPU, if there is one.
-    ///
-    /// # Errors
-    /// [`Fault::Mailbox`] if the CPU's counter has no meaning; the mailbox is emptied.
-    pub fn take_mail(&mut self) -> Result<Option<Mail>, Fault> {
-        self.take.take(&self.segment.cells().mail_to_cp, self.generation)
     }
 
     /// Shows the CPU a block of a channel; true if it is another than before.

@@ -8,7 +8,6 @@ use crate::events::{Consumer, Event};
 use crate::fault::{Fault, SegmentError, TooLong};
 use crate::header;
 use crate::layout::PARAMETER_BYTES;
-use crate::mailbox::{Mail, Poster, Taker};
 use crate::monitor::Monitor;
 use crate::record::{Record, read_record, write_params, write_record};
 use crate::registers::{IoBytes, RegisterWriter};
@@ -25,8 +24,6 @@ pub struct CpuSide {
     inputs: SeqReader<IO_WORDS>,
     diagnosis: SeqReader<RECORD_WORDS>,
     events: Consumer,
-    post: Poster,
-    take: Taker,
     channels: ChannelEnd,
     state: CpuState,
     modem: ModemOutputs,
@@ -49,8 +46,6 @@ impl CpuSide {
             inputs: SeqReader::new(),
             diagnosis: SeqReader::new(),
             events: Consumer::new(),
-            post: Poster::new(),
-            take: Taker::new(),
             channels: ChannelEnd::new(Way::ToCp),
             state: CpuState::Stop,
             modem: ModemOutputs::default(),
@@ -67,8 +62,6 @@ impl CpuSide {
         header::write(cells, self.io);
         self.outputs.rewrite(&cells.outputs.registers);
         self.events.publish(&cells.events);
-        self.post.publish(&cells.mail_to_cp);
-        self.take.publish(&cells.mail_to_cpu);
         self.channels.rewrite(&cells.channels);
         self.set_modem_outputs(self.modem);
         self.set_cpu_state(self.state);
@@ -188,30 +181,6 @@ impl CpuSide {
     #[inline]
     pub fn poll_event(&mut self) -> Result<Option<Event>, Fault> {
         self.events.poll(&self.monitor.cells().events)
-    }
-
-    /// Posts a mail to the CP; false if it has not taken the last one yet.
-    ///
-    /// # Errors
-    /// [`Fault::Mailbox`] if the CP's counter has no meaning; the mailbox is emptied.
-    pub fn post_mail(&mut self, mail: &Mail) -> Result<bool, Fault> {
-        let posted = self.post.post(&self.monitor.cells().mail_to_cp, self.monitor.generation(), mail)?;
-        if posted {
-            self.changed();
-        }
-        Ok(posted)
-    }
-
-    /// Takes the mail of the CP, if there is one. What a driver has posted before it was restarted is thrown away.
-    ///
-    /// # Errors
-    /// [`Fault::Mailbox`] if the CP's counter has no meaning; the mailbox is emptied.
-    pub fn take_mail(&mut self) -> Result<Option<Mail>, Fault> {
-        let mail = self.take.take(&self.monitor.cells().mail_to_cpu, self.monitor.generation())?;
-        if mail.is_some() {
-            self.changed();
-        }
-        Ok(mail)
     }
 
     /// Shows the CP a block of a channel; true if it is another than before (if not, nothing is touched).

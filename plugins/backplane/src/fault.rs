@@ -22,14 +22,6 @@ pub enum Fault {
     /// An event of an unknown kind, or with more data than fits; it is dropped.
     #[error("an event with the head word {0:#x} has no meaning")]
     Event(u64),
-    /// The counters of a mailbox contradict each other; the mail in it is dropped.
-    #[error("a mailbox's counters contradict each other ({posted} posted, {taken} taken)")]
-    Mailbox {
-        /// Mails posted.
-        posted: u64,
-        /// Mails taken.
-        taken: u64,
-    },
     /// A record is longer than there is room for.
     #[error("a data record claims {0} bytes")]
     RecordLength(u64),

@@ -27,10 +27,7 @@ pub const JSON_BYTES: usize = if cfg!(loom) { 16 } else { 4096 };
 /// Room of a data record, in bytes: the longest record an S7 module has.
 pub const RECORD_BYTES: usize = if cfg!(loom) { 16 } else { 240 };
 
-/// Bytes of one mail.
-pub const MAIL_BYTES: usize = 32;
-
-/// Version of the channels' layout (`docs/cp341-mailbox.md`).
+/// Version of the channels' layout (`docs/cp341-channels.md`).
 pub const CHANNELS_VERSION: u64 = 1;
 
 /// Bytes of a channel's block, each way: 32 that describe it, 32 of user data.
@@ -103,14 +100,6 @@ pub const FIELDS: &[Field] = &[
     field(0x0218, 8, "cp.leds", Writer::Cp),
     field(0x0220, 8, "cp.modem_inputs", Writer::Cp),
     field(0x0280, 8, "doorbell.sleeping", Writer::Both),
-    field(0x0300, 8, "mail_to_cp.posted", Writer::Cpu),
-    field(0x0308, 8, "mail_to_cp.generation", Writer::Cpu),
-    field(0x0310, 32, "mail_to_cp.data", Writer::Cpu),
-    field(0x0380, 8, "mail_to_cp.taken", Writer::Cp),
-    field(0x0400, 8, "mail_to_cpu.posted", Writer::Cp),
-    field(0x0408, 8, "mail_to_cpu.generation", Writer::Cp),
-    field(0x0410, 32, "mail_to_cpu.data", Writer::Cp),
-    field(0x0480, 8, "mail_to_cpu.taken", Writer::Cpu),
     field(0x0500, 256, "counters", Writer::Cp),
     field(0x0600, 8, "diagnosis.sequence", Writer::Cp),
     field(0x0608, 8, "diagnosis.number", Writer::Cp),

@@ -37,7 +37,6 @@ mod io_image;
 #[cfg(not(loom))]
 pub mod io_layout;
 pub mod layout;
-mod mailbox;
 #[cfg(not(loom))]
 mod memfd;
 mod monitor;
@@ -56,7 +55,6 @@ pub use events::{Event, EventKind};
 pub use fault::{Fault, SegmentError, TooLong};
 #[cfg(not(loom))]
 pub use io_image::{IoField, IoImage};
-pub use mailbox::Mail;
 pub use monitor::Monitor;
 pub use record::{Params, Record};
 pub use segment::Segment;

@@ -6,7 +6,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use ob1_backplane::{Counter, CpSide, CpuSide, CpuState, DriverState, Event, EventKind, IoImage, Segment};
+use ob1_backplane::{Channel, Counter, CpSide, CpuSide, CpuState, DriverState, Event, EventKind, IoImage, Segment};
 
 thread_local! {
     /// Allocations of this thread: what the test harness does beside it is its own affair.
@@ -39,22 +39,25 @@ fn pass(number: u64, cpu: &mut CpuSide, cp: &mut CpSide, image: &mut IoImage) {
     cpu.write_outputs(&registers);
     cpu.write_params(&[number as u8; 16], &[b' '; 4096]).unwrap();
     cpu.write_record(1, &[1; 240]).unwrap();
-    cpu.post_mail(&[1; 32]).unwrap();
+    cpu.write_channel(Channel::Send, &[number as u8; 64]);
     cpu.set_cpu_state(CpuState::Run);
     let _ = cp.read_outputs(&mut registers);
     assert_eq!(registers, [number as u8; 60]);
     assert_eq!(cp.read_params().unwrap().json.len(), 4096);
     assert_eq!(cp.read_record().unwrap().data().len(), 240);
-    assert!(cp.take_mail().unwrap().is_some());
+    let mut block = [0; 64];
+    let _ = cp.read_channel(Channel::Send, &mut block);
+    assert_eq!(block, [number as u8; 64]);
     assert!(cp.emit_event(Event::new(number, EventKind::Message, 1, &[1])));
     cp.write_inputs(&registers);
     cp.write_diagnosis(1, &[2; 240]).unwrap();
-    cp.post_mail(&[1; 32]).unwrap();
+    cp.write_channel(Channel::Receive, &block);
     cp.set_state(DriverState::Ready);
     cp.count(Counter::BytesTx, 1);
     cp.beat();
     assert!(cp.prepare_sleep(cp.changes()));
-    assert!(cpu.read_diagnosis().unwrap().data().len() == 240 && cpu.take_mail().unwrap().is_some());
+    assert_eq!(cpu.read_diagnosis().unwrap().data().len(), 240);
+    let _ = cpu.read_channel(Channel::Receive, &mut block);
     assert!(cpu.poll_event().unwrap().is_some());
     let _ = cpu.read_inputs(&mut registers);
     let _ = (cpu.monitor().counters(), cpu.monitor().driver_state(), cpu.take_doorbell());

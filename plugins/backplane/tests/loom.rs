@@ -135,29 +135,6 @@ fn a_change_of_state_wakes_as_a_change_of_registers_does() {
 }
 
 #[test]
-fn mails_arrive_whole_and_once() {
-    explore(|mut cpu, mut cp| {
-        let driver = thread::spawn(move || {
-            let mut taken = 0;
-            for _ in 0..2 {
-                if let Some(mail) = cp.take_mail().expect("no contradiction") {
-                    taken += 1;
-                    assert_eq!(mail, [taken; 32]);
-                }
-            }
-            (cp, taken)
-        });
-        let mut posted = 0;
-        for _ in 0..2 {
-            posted += u8::from(cpu.post_mail(&[posted + 1; 32]).expect("no contradiction"));
-        }
-        let (mut cp, taken) = driver.join().unwrap();
-        let rest = cp.take_mail().expect("no contradiction");
-        assert_eq!(rest, (posted > taken).then_some([posted; 32]));
-    });
-}
-
-#[test]
 fn events_arrive_whole_and_in_order() {
     explore(|mut cpu, mut cp| {
         let event = |number: u8| Event::new(u64::from(number), EventKind::Message, u32::from(number), &[number; 16]);

@@ -1,4 +1,4 @@
-//! A channel as its block sees it: 64 bytes to the CP, 64 bytes from it, as data records. `docs/cp341-mailbox.md`
+//! A channel as its block sees it: 64 bytes to the CP, 64 bytes from it, as data records. `docs/cp341-channels.md`
 
 use ob1_sdk::{Abort, Cx, Refused};
 

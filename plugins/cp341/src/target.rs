@@ -7,7 +7,7 @@ use crate::state::CpState;
 /// Timers and counters fetched from a CP 341, at most so many bytes. [reference 1.5]
 const TIMERS_MAX: u16 = 32;
 
-/// Why a job cannot be, as the CP is told. `docs/cp341-mailbox.md`
+/// Why a job cannot be, as the CP is told. `docs/cp341-channels.md`
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Refusal {

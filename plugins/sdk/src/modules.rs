@@ -84,27 +84,6 @@ impl<M> Cx<'_, M> {
         reply(unsafe { (host.io_write)(call, address, from.as_ptr(), from.len() as u32) })
     }
 
-    /// Posts to the module's mailbox.
-    ///
-    /// # Errors
-    /// [`Abort`](crate::Abort); refused with `NoModule`, `Absent`, and `Busy` while the last post has not been taken.
-    pub fn mailbox_post(&mut self, address: u32, mail: &[u8; 32]) -> Reply<()> {
-        let (host, call) = self.edge();
-        // SAFETY: as in `io_read`.
-        reply(unsafe { (host.mailbox_post)(call, address, mail.as_ptr(), mail.len() as u32) })
-    }
-
-    /// Takes what the module posted.
-    ///
-    /// # Errors
-    /// [`Abort`](crate::Abort); refused with `NoModule`, `Absent`, and `Busy` when there is nothing.
-    pub fn mailbox_take(&mut self, address: u32) -> Reply<[u8; 32]> {
-        let ((host, call), mut mail) = (self.edge(), [0; 32]);
-        // SAFETY: as in `io_read`.
-        let status = unsafe { (host.mailbox_take)(call, address, mail.as_mut_ptr(), mail.len() as u32) };
-        Ok(reply(status)?.map(|()| mail))
-    }
-
     /// Reads a record (data set) of the module; gives its length as far as it was copied.
     ///
     /// # Errors

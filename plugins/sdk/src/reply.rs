@@ -24,11 +24,11 @@ pub enum Refused {
     DbNumber,
     /// The data block is write-protected.
     ReadOnly,
-    /// No module at this logical address, or it has no mailbox.
+    /// No module at this logical address.
     NoModule,
     /// The module's driver is down.
     Absent,
-    /// Nothing there now, or the mailbox still holds the last post.
+    /// The module is at work on something else; asked later it may answer.
     Busy,
     /// The module has no such record.
     NoRecord,
@@ -50,7 +50,7 @@ impl fmt::Display for Refused {
             Refused::ReadOnly => "the data block is write-protected",
             Refused::NoModule => "there is no such module at this address",
             Refused::Absent => "the module does not answer",
-            Refused::Busy => "there is nothing, or no room, now",
+            Refused::Busy => "the module is busy",
             Refused::NoRecord => "the module has no such record",
             Refused::NoBlock => "the block does not exist, or its parameters do not match",
             Refused::NoSetting => "the station file does not give this setting",

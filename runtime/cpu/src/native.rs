@@ -318,16 +318,6 @@ impl NativeContext for Call<'_, '_> {
         self.cx.machine.io_write(address, from).map_err(Self::module_error)
     }
 
-    fn mailbox_post(&mut self, address: u32, from: &[u8]) -> Result<(), NativeError> {
-        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
-        plugged.module.mailbox_post(from).map_err(NativeError::Module)
-    }
-
-    fn mailbox_take(&mut self, address: u32, into: &mut [u8]) -> Result<(), NativeError> {
-        let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
-        plugged.module.mailbox_take(into).map_err(NativeError::Module)
-    }
-
     fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, NativeError> {
         let plugged = self.cx.machine.modules.at(address).ok_or(NativeError::NoModule)?;
         plugged.module.record_read(record, into).map_err(NativeError::Module)

@@ -33,9 +33,9 @@ pub enum ModuleError {
     Absent,
     /// The bytes lie outside its registers.
     Outside,
-    /// The mailbox is empty, or still full.
+    /// It is at work on something else; asked later it may answer.
     Busy,
-    /// It has no such record, mailbox or line.
+    /// It has no such record or line.
     NoRecord,
 }
 
@@ -66,7 +66,7 @@ pub struct ModuleEvent {
 /// Counters a module keeps, by name, for reports.
 pub type ModuleCounters<'a> = &'a mut dyn FnMut(&'static str, u64);
 
-/// A module on the back plane as the CPU sees it: input and output registers at a logical address, records, a mailbox, events.
+/// A module on the back plane as the CPU sees it: input and output registers at a logical address, records, events.
 ///
 /// All methods but `counters` run on the scan thread: they neither block nor allocate, and make no system call but a doorbell.
 /// Offsets count from the module's first byte.
@@ -89,10 +89,6 @@ pub trait Module: Send {
     fn poll_event(&mut self) -> Option<ModuleEvent>;
     /// State for programs and tools.
     fn status(&self) -> ModuleStatus;
-    /// Posts to the mailbox.
-    fn mailbox_post(&mut self, from: &[u8]) -> Result<(), ModuleError>;
-    /// Takes from the mailbox.
-    fn mailbox_take(&mut self, into: &mut [u8]) -> Result<(), ModuleError>;
     /// Reads a record; returns its length.
     fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError>;
     /// Writes a record.
@@ -221,8 +217,6 @@ pub trait NativeContext {
     fn module_info(&mut self, address: u32) -> Result<(ModuleStatus, u16, u16), NativeError>;
     fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), NativeError>;
     fn io_write(&mut self, address: u32, from: &[u8]) -> Result<(), NativeError>;
-    fn mailbox_post(&mut self, address: u32, from: &[u8]) -> Result<(), NativeError>;
-    fn mailbox_take(&mut self, address: u32, into: &mut [u8]) -> Result<(), NativeError>;
     fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, NativeError>;
     fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError>;
 

@@ -116,14 +116,6 @@ impl Module for IoModule {
         ModuleStatus { present: self.present, generation: 1, leds: 0 }
     }
 
-    fn mailbox_post(&mut self, _from: &[u8]) -> Result<(), ModuleError> {
-        Err(ModuleError::NoRecord)
-    }
-
-    fn mailbox_take(&mut self, _into: &mut [u8]) -> Result<(), ModuleError> {
-        Err(ModuleError::NoRecord)
-    }
-
     fn record_read(&mut self, _record: u8, _into: &mut [u8]) -> Result<usize, ModuleError> {
         Err(ModuleError::NoRecord)
     }

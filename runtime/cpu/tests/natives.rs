@@ -210,11 +210,6 @@ fn modules_by_address() {
         cx.io_read(256, &mut bytes).unwrap();
         assert_eq!(bytes, [8, 9]);
         assert_eq!(cx.io_read(271, &mut bytes), Err(NativeError::NoModule));
-        cx.mailbox_post(256, &[5; 32]).unwrap();
-        assert_eq!(cx.mailbox_post(256, &[5; 32]), Err(NativeError::Module(ModuleError::Busy)));
-        let mut letter = [0; 32];
-        cx.mailbox_take(256, &mut letter).unwrap();
-        assert_eq!(letter, [5; 32]);
         assert_eq!(cx.record_read(256, 1, &mut bytes), Ok(1));
         assert_eq!(cx.record_write(256, 9, &bytes), Err(NativeError::Module(ModuleError::NoRecord)));
         assert_eq!(cx.diagnostic_interrupt(1, &[]), Err(NativeError::NoModule));

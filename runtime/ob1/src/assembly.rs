@@ -123,7 +123,6 @@ pub fn cp_settings(
         parameters,
         json: json.to_string().into_bytes(),
         absent_is_fault: config.absent == Absent::Fault,
-        mailbox: false,
         channels: matches!(config.kind, ModuleKind::Cp341 { .. }),
     })
 }

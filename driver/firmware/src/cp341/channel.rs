@@ -1,4 +1,4 @@
-//! The blocks of the two channels as the CP reads and writes them; `docs/cp341-mailbox.md`.
+//! The blocks of the two channels as the CP reads and writes them; `docs/cp341-channels.md`.
 
 /// What one side shows the other in a channel.
 pub type ChannelBlock = [u8; 64];

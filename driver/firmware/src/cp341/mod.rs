@@ -1,6 +1,6 @@
 //! A whole CP 341 as one sans-IO machine: two channels towards the CPU, protocol, receive buffer, LEDs, counters, diagnostic buffer.
 //!
-//! As the CP 240 it is pure in its inputs and their times. The channels are described in `docs/cp341-mailbox.md`.
+//! As the CP 240 it is pure in its inputs and their times. The channels are described in `docs/cp341-channels.md`.
 
 mod channel;
 mod loadable;

@@ -1,4 +1,4 @@
-//! The accompanying signals of the RS 232 interface, for V24_STAT and V24_SET. [reference 2], `docs/cp341-mailbox.md`
+//! The accompanying signals of the RS 232 interface, for V24_STAT and V24_SET. [reference 2], `docs/cp341-channels.md`
 
 use ob1_protocols::{MS, ModemLines, Nanos};
 

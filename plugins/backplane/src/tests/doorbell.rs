@@ -4,7 +4,7 @@ use std::sync::mpsc;
 use std::thread;
 
 use super::{ROUNDS, both_ends};
-use crate::{CpSide, CpuSide, CpuState, Freshness, ModemOutputs};
+use crate::{Channel, CpuSide, CpuState, Freshness, ModemOutputs};
 
 #[test]
 fn one_ring_for_each_sleep() {
@@ -32,24 +32,22 @@ fn one_ring_for_each_sleep() {
 
 #[test]
 fn every_kind_of_change_wakes_the_driver() {
-    type Change = fn(&mut CpuSide, &mut CpSide);
-    let changes: [(&str, Change); 7] = [
-        ("outputs", |cpu, _| assert!(cpu.write_outputs(&[9; 16]))),
-        ("parameters", |cpu, _| cpu.write_params(&[0; 16], b"{}").unwrap()),
-        ("record", |cpu, _| cpu.write_record(1, &[1]).unwrap()),
-        ("mail", |cpu, _| assert_eq!(cpu.post_mail(&[0; 32]), Ok(true))),
-        ("mail taken", |cpu, _| assert!(cpu.take_mail().unwrap().is_some())),
-        ("CPU state", |cpu, _| cpu.set_cpu_state(CpuState::Run)),
-        ("modem lines", |cpu, _| cpu.set_modem_outputs(ModemOutputs::default())),
+    type Change = fn(&mut CpuSide);
+    let changes: [(&str, Change); 6] = [
+        ("outputs", |cpu| assert!(cpu.write_outputs(&[9; 16]))),
+        ("parameters", |cpu| cpu.write_params(&[0; 16], b"{}").unwrap()),
+        ("record", |cpu| cpu.write_record(1, &[1]).unwrap()),
+        ("channel", |cpu| assert!(cpu.write_channel(Channel::Receive, &[1; 64]))),
+        ("CPU state", |cpu| cpu.set_cpu_state(CpuState::Run)),
+        ("modem lines", |cpu| cpu.set_modem_outputs(ModemOutputs::default())),
     ];
     for (name, change) in changes {
         let (_segment, mut cpu, mut cp) = both_ends(16);
-        assert_eq!(cp.post_mail(&[1; 32]), Ok(true));
         let seen = cp.changes();
         assert!(cp.prepare_sleep(seen));
         cpu.beat();
         assert!(!cpu.take_doorbell(), "a heartbeat wakes nobody");
-        change(&mut cpu, &mut cp);
+        change(&mut cpu);
         assert!(cpu.take_doorbell(), "{name}");
         assert!(!cp.prepare_sleep(seen), "{name}");
     }

@@ -74,37 +74,6 @@ fn records_cross_in_both_directions() {
 }
 
 #[test]
-fn a_mail_lies_there_until_it_is_taken() {
-    let (_segment, mut cpu, mut cp) = both_ends(16);
-    let mails: Vec<[u8; 32]> = (0_u8..100).map(|number| std::array::from_fn(|index| number ^ index as u8)).collect();
-    assert_eq!((cp.take_mail(), cpu.take_mail()), (Ok(None), Ok(None)));
-    for pair in mails.chunks(2) {
-        assert_eq!((cpu.post_mail(&pair[0]), cp.post_mail(&pair[1])), (Ok(true), Ok(true)));
-        assert_eq!((cpu.post_mail(&pair[1]), cp.post_mail(&pair[0])), (Ok(false), Ok(false)));
-        assert_eq!((cp.take_mail(), cpu.take_mail()), (Ok(Some(pair[0])), Ok(Some(pair[1]))));
-        assert_eq!((cp.take_mail(), cpu.take_mail()), (Ok(None), Ok(None)));
-    }
-}
-
-#[test]
-fn mailbox_counters_that_contradict_each_other_are_a_fault() {
-    let (segment, mut cpu, mut cp) = both_ends(16);
-    segment.poke(at("mail_to_cp.taken"), 5);
-    assert_eq!(cpu.post_mail(&[1; 32]), Err(Fault::Mailbox { posted: 0, taken: 5 }));
-    assert_eq!(cp.take_mail(), Err(Fault::Mailbox { posted: 5, taken: 0 }));
-    assert_eq!((cpu.post_mail(&[7; 32]), cp.take_mail()), (Ok(true), Ok(Some([7; 32]))), "and it goes on");
-    segment.poke(at("mail_to_cp.posted"), 2);
-    assert_eq!(cp.take_mail(), Err(Fault::Mailbox { posted: 2, taken: 6 }));
-    segment.poke(at("mail_to_cpu.posted"), u64::MAX);
-    assert_eq!(cpu.take_mail(), Err(Fault::Mailbox { posted: u64::MAX, taken: 0 }));
-    assert_eq!(cp.post_mail(&[1; 32]), Ok(false), "one behind the posted number: a mail lies there");
-    segment.poke(at("mail_to_cpu.taken"), 1);
-    assert_eq!(cp.post_mail(&[1; 32]), Err(Fault::Mailbox { posted: 0, taken: 1 }));
-    assert_eq!(cpu.take_mail(), Err(Fault::Mailbox { posted: 1, taken: u64::MAX }));
-    assert_eq!((cp.post_mail(&[8; 32]), cpu.take_mail()), (Ok(true), Ok(Some([8; 32]))));
-}
-
-#[test]
 fn events_come_in_order_and_a_full_ring_counts_what_it_loses() {
     let (_segment, mut cpu, mut cp) = both_ends(16);
     let event = |number: u64| Event::new(number, EventKind::Message, number as u32, &number.to_le_bytes());

@@ -2,8 +2,8 @@
 
 use super::{Noise, at, both_ends};
 use crate::{
-    Counter, CpSide, CpuSide, CpuState, DriverState, Event, EventKind, Freshness, Leds, ModemInputs, ModemOutputs,
-    Segment, layout,
+    Channel, Counter, CpSide, CpuSide, CpuState, DriverState, Event, EventKind, Freshness, Leds, ModemInputs,
+    ModemOutputs, Segment, layout,
 };
 
 const SEEDS: u64 = if cfg!(miri) { 2 } else { 300 };
@@ -36,7 +36,9 @@ fn use_all_of_the_cpu_side(cpu: &mut CpuSide) {
         polls += 1;
         assert!(polls <= layout::EVENT_SLOTS + 1, "the ring never ends");
     }
-    let _ = (cpu.post_mail(&[1; 32]), cpu.take_mail());
+    for channel in Channel::ALL {
+        let _ = (cpu.read_channel(channel, &mut registers), cpu.write_channel(channel, &[3; 64]));
+    }
     cpu.set_cpu_state(CpuState::Run);
     cpu.set_modem_outputs(ModemOutputs { rts: true, ..ModemOutputs::default() });
     cpu.beat();
@@ -63,7 +65,11 @@ fn use_all_of_the_cp_side(cp: &mut CpSide) {
     for number in 0..3 {
         let _ = cp.emit_event(Event::new(number, EventKind::Message, 0, &[1; 16]));
     }
-    let _ = (cp.post_mail(&[2; 32]), cp.take_mail(), cp.cpu_state(), cp.modem_outputs(), cp.cpu_heartbeat());
+    for channel in Channel::ALL {
+        let _ = (cp.read_channel(channel, &mut registers), cp.write_channel(channel, &[4; 64]));
+        let _ = cp.channel_changed(channel);
+    }
+    let _ = (cp.cpu_state(), cp.modem_outputs(), cp.cpu_heartbeat());
     for counter in Counter::ALL {
         cp.count(*counter, u64::MAX);
     }
@@ -111,6 +117,7 @@ fn a_restored_segment_works_for_the_next_driver_whatever_the_last_one_did() {
         let (segment, mut cpu, _) = both_ends(16);
         cpu.set_cpu_state(CpuState::Run);
         cpu.write_outputs(&seed.to_le_bytes().repeat(2));
+        cpu.write_channel(Channel::Send, &[seed as u8; 64]);
         segment.scribble(|_| nasty(&mut noise));
         cpu.monitor().driver_gone();
         cpu.restore();
@@ -130,9 +137,13 @@ fn a_restored_segment_works_for_the_next_driver_whatever_the_last_one_did() {
         let event = Event::new(seed, EventKind::Message, 1, &[]);
         assert!(cp.emit_event(event));
         assert_eq!(cpu.poll_event(), Ok(Some(event)));
-        assert_eq!(cpu.take_mail(), Ok(None), "nothing of an earlier driver");
-        assert_eq!((cp.post_mail(&[4; 32]), cpu.post_mail(&[3; 32])), (Ok(true), Ok(true)));
-        assert_eq!((cpu.take_mail(), cp.take_mail()), (Ok(Some([4; 32])), Ok(Some([3; 32]))));
+        let mut block = [0; 64];
+        assert_eq!(
+            (cpu.read_channel(Channel::Send, &mut block), block),
+            (Freshness::Fresh, [0; 64]),
+            "nothing of an earlier driver"
+        );
+        assert_eq!((cp.read_channel(Channel::Send, &mut block), block), (Freshness::Fresh, [seed as u8; 64]));
         assert!(cp.prepare_sleep(cp.changes()));
         cpu.set_cpu_state(CpuState::Stop);
         assert!(cpu.take_doorbell());

@@ -57,6 +57,6 @@ fn the_memory_map_has_no_overlap_and_no_odd_corner() {
     let line = |name: &str| at(name) / 128;
     assert_ne!(line("outputs.sequence"), line("inputs.sequence"));
     assert_ne!(line("cpu.heartbeat"), line("cp.heartbeat"));
-    assert_ne!(line("mail_to_cp.posted"), line("mail_to_cp.taken"));
+    assert_ne!(line("send_to_cp.sequence"), line("send_to_cpu.sequence"));
     assert_ne!(line("events.produced"), line("events.consumed"));
 }

@@ -81,25 +81,10 @@ fn what_lay_in_the_buffers_of_a_killed_driver_is_lost_once() {
 }
 
 #[test]
-fn mails_do_not_cross_a_restart() {
-    let (segment, mut cpu, mut cp) = both_ends(16);
-    assert_eq!((cpu.post_mail(&[1; 32]), cp.post_mail(&[2; 32])), (Ok(true), Ok(true)));
-    drop(cp);
-    let mut cp = CpSide::attach(&segment).unwrap();
-    assert_eq!((cp.take_mail(), cpu.take_mail()), (Ok(None), Ok(None)));
-    assert_eq!((cpu.post_mail(&[3; 32]), cp.post_mail(&[4; 32])), (Ok(true), Ok(true)));
-    assert_eq!((cp.take_mail(), cpu.take_mail()), (Ok(Some([3; 32])), Ok(Some([4; 32]))));
-}
-
-#[test]
 fn a_new_driver_puts_counters_right_that_an_old_one_has_spoilt() {
     let (segment, mut cpu, _cp) = both_ends(16);
-    for name in ["mail_to_cp.taken", "mail_to_cpu.posted", "events.produced"] {
-        segment.poke(at(name), 1 << 50);
-    }
+    segment.poke(at("events.produced"), 1 << 50);
     let mut cp = CpSide::attach(&segment).unwrap();
-    assert_eq!((cpu.post_mail(&[3; 32]), cp.post_mail(&[4; 32])), (Ok(true), Ok(true)));
-    assert_eq!((cp.take_mail(), cpu.take_mail()), (Ok(Some([3; 32])), Ok(Some([4; 32]))));
     let event = Event::new(1, EventKind::Message, 2, &[]);
     assert!(cp.emit_event(event));
     assert_eq!(cpu.poll_event(), Ok(Some(event)));

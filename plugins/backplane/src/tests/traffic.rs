@@ -1,4 +1,4 @@
-//! Mails and events between two threads at full speed: whole, in order, once.
+//! Events between two threads at full speed: whole, in order, once.
 
 use std::thread;
 
@@ -6,32 +6,6 @@ use super::{ROUNDS, both_ends};
 use crate::{Event, EventKind};
 
 const MANY: u64 = ROUNDS / 4;
-
-#[test]
-fn mails_between_two_threads_arrive_whole_in_order_and_once() {
-    let (_segment, mut cpu, mut cp) = both_ends(16);
-    let mail = |number: u64| -> [u8; 32] { std::array::from_fn(|index| number.to_le_bytes()[index % 8]) };
-    thread::scope(|scope| {
-        scope.spawn(move || {
-            for number in 1..=MANY {
-                while !cp.post_mail(&mail(number)).unwrap() {
-                    thread::yield_now();
-                }
-            }
-        });
-        let mut last = 0;
-        while last < MANY {
-            match cpu.take_mail().unwrap() {
-                Some(taken) => {
-                    last += 1;
-                    assert_eq!(taken, mail(last));
-                }
-                None => thread::yield_now(),
-            }
-        }
-        assert_eq!(cpu.take_mail(), Ok(None));
-    });
-}
 
 #[test]
 fn events_between_two_threads_are_whole_in_order_and_those_that_are_lost_are_counted() {

@@ -15,7 +15,6 @@ pub struct Seen {
     pub scans: u32,
     pub absent: bool,
     pub events: Vec<ModuleEvent>,
-    pub mailbox: Option<Vec<u8>>,
 }
 
 /// A module and the test's view of it.
@@ -72,20 +71,6 @@ impl Module for TestModule {
     }
     fn status(&self) -> ModuleStatus {
         ModuleStatus { present: !self.look(|s| s.absent), generation: 3, leds: 5 }
-    }
-    fn mailbox_post(&mut self, from: &[u8]) -> Result<(), ModuleError> {
-        self.look(|s| match s.mailbox {
-            Some(_) => Err(ModuleError::Busy),
-            None => {
-                s.mailbox = Some(from.to_vec());
-                Ok(())
-            }
-        })
-    }
-    fn mailbox_take(&mut self, into: &mut [u8]) -> Result<(), ModuleError> {
-        let bytes = self.look(|s| s.mailbox.take()).ok_or(ModuleError::Busy)?;
-        into.copy_from_slice(&bytes[..into.len()]);
-        Ok(())
     }
     fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError> {
         if record != 1 {

@@ -22,7 +22,7 @@ mod code {
 }
 
 /// Kinds of garbage, each entered once for a driver.
-const KINDS: usize = 7;
+const KINDS: usize = 6;
 
 /// What a module has to tell, and what it has told.
 #[derive(Debug, Default)]
@@ -91,9 +91,8 @@ impl Messages {
             Fault::CpuState(_) => (1, "CPU state"),
             Fault::EventRing { .. } => (2, "event ring"),
             Fault::Event(_) => (3, "event"),
-            Fault::Mailbox { .. } => (4, "mailbox"),
-            Fault::RecordLength(_) => (5, "record length"),
-            Fault::ParameterLength(_) => (6, "parameters"),
+            Fault::RecordLength(_) => (4, "record length"),
+            Fault::ParameterLength(_) => (5, "parameters"),
         };
         if !std::mem::replace(&mut self.told[kind], true) {
             self.pending = Some(text(Event::SEGMENT_GARBAGE, format_args!("{name}")));

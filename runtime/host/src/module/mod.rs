@@ -32,9 +32,7 @@ pub struct CpSettings {
     pub json: Vec<u8>,
     /// `absent = "fault"`: an access while the driver is down is an access error (OB 122), instead of reading 0.
     pub absent_is_fault: bool,
-    /// It has a mailbox.
-    pub mailbox: bool,
-    /// It has channels (the CP 341): its handling blocks read and write them as data records. (`docs/cp341-mailbox.md`)
+    /// It has channels (the CP 341): its handling blocks read and write them as data records. (`docs/cp341-channels.md`)
     pub channels: bool,
 }
 
@@ -97,13 +95,6 @@ impl CpModule {
     /// The channel that stands under a record number.
     fn channel(&self, record: u8) -> Option<Channel> {
         self.settings.channels.then(|| Channel::of_record(record)).flatten()
-    }
-
-    fn mailbox(&self) -> Result<(), ModuleError> {
-        if !self.settings.mailbox {
-            return Err(ModuleError::NoRecord);
-        }
-        if self.is_present() { Ok(()) } else { Err(ModuleError::Absent) }
     }
 }
 
@@ -191,35 +182,6 @@ impl Module for CpModule {
             present: self.is_present(),
             generation: monitor.generation() as u32,
             leds: bits.into_iter().rev().fold(0, |word, on| word << 1 | u32::from(on)),
-        }
-    }
-
-    fn mailbox_post(&mut self, from: &[u8]) -> Result<(), ModuleError> {
-        self.mailbox()?;
-        let mail = from.try_into().map_err(|_| ModuleError::Outside)?;
-        match self.side.post_mail(mail) {
-            Ok(true) => Ok(()),
-            Ok(false) => Err(ModuleError::Busy),
-            Err(fault) => {
-                self.garbage(fault);
-                Err(ModuleError::Busy)
-            }
-        }
-    }
-
-    fn mailbox_take(&mut self, into: &mut [u8]) -> Result<(), ModuleError> {
-        self.mailbox()?;
-        let into: &mut [u8; 32] = into.try_into().map_err(|_| ModuleError::Outside)?;
-        match self.side.take_mail() {
-            Ok(Some(mail)) => {
-                *into = mail;
-                Ok(())
-            }
-            Ok(None) => Err(ModuleError::Busy),
-            Err(fault) => {
-                self.garbage(fault);
-                Err(ModuleError::Busy)
-            }
         }
     }
 

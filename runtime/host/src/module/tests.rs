@@ -202,8 +202,7 @@ fn a_lost_driver_makes_the_parameters_whole_again() {
 
 #[test]
 fn noise_is_entered_once_and_never_a_panic() {
-    let (mut module, segment) =
-        module_with(Box::new(AlwaysThere), CpSettings { mailbox: true, ..CpSettings::default() });
+    let (mut module, segment) = module();
     let mut noise = 0x9E37_79B9_7F4A_7C15_u64;
     let mut entries = 0;
     for _ in 0..200 {
@@ -216,8 +215,6 @@ fn noise_is_entered_once_and_never_a_panic() {
         module.begin_scan(0);
         let _ = module.read(0, &mut [0; 16]);
         let _ = module.write(0, &[1; 16]);
-        let _ = module.mailbox_take(&mut [0; 32]);
-        let _ = module.mailbox_post(&[0; 32]);
         let _ = module.record_read(0, &mut [0; 240]);
         let _ = module.status();
         while let Some(event) = module.poll_event() {
@@ -225,14 +222,14 @@ fn noise_is_entered_once_and_never_a_panic() {
         }
         module.end_scan(0);
     }
-    assert!((1..=7).contains(&entries), "{entries} entries for one driver");
+    assert!((1..=6).contains(&entries), "{entries} entries for one driver");
     let mut garbage = 0;
     module.counters(&mut |name, value| garbage += if name == "garbage" { value } else { 0 });
     assert!(garbage >= 200, "{garbage} faults counted");
 }
 
 #[test]
-fn records_and_mails_have_their_limits() {
+fn records_have_their_limits() {
     let (mut module, segment) = module();
     assert_eq!(module.record_read(0, &mut [0; 4]), Err(ModuleError::Absent));
     let mut cp = driver(&segment);
@@ -243,5 +240,4 @@ fn records_and_mails_have_their_limits() {
     assert_eq!(module.record_write(1, &[0; 241]), Err(ModuleError::Outside));
     assert_eq!(module.record_write(1, &[4, 5]), Ok(()));
     assert_eq!(cp.read_record().expect("whole").data(), [4, 5]);
-    assert_eq!(module.mailbox_post(&[0; 32]), Err(ModuleError::NoRecord), "a CP 240 has no mailbox");
 }

@@ -97,10 +97,14 @@ impl Cpu {
         self.area(area)?.get_mut(at..at.saturating_add(len)).ok_or(NativeError::Outside)
     }
 
-    /// Without any records the module answers `without` to all.
-    fn has_records(&self, address: u32, without: ModuleError) -> Result<(), NativeError> {
+    /// Without any records the module refuses: 1 as busy, 2 as absent, all others as `without` says.
+    fn has_records(&self, address: u32, record: u8, without: ModuleError) -> Result<(), NativeError> {
         if self.records.is_empty() {
-            return Err(NativeError::Module(without));
+            return Err(NativeError::Module(match record {
+                1 => ModuleError::Busy,
+                2 => ModuleError::Absent,
+                _ => without,
+            }));
         }
         match address == self.module.address {
             true if !self.module.status.present => Err(NativeError::Module(ModuleError::Absent)),
@@ -209,21 +213,15 @@ impl NativeContext for Cpu {
         self.module.output[range].copy_from_slice(from);
         Ok(())
     }
-    fn mailbox_post(&mut self, _address: u32, _from: &[u8]) -> Result<(), NativeError> {
-        Err(NativeError::Module(ModuleError::Busy))
-    }
-    fn mailbox_take(&mut self, _address: u32, _into: &mut [u8]) -> Result<(), NativeError> {
-        Err(NativeError::Module(ModuleError::Absent))
-    }
     fn record_read(&mut self, address: u32, record: u8, into: &mut [u8]) -> Result<usize, NativeError> {
-        self.has_records(address, ModuleError::NoRecord)?;
+        self.has_records(address, record, ModuleError::NoRecord)?;
         let found = self.records.get(&record).ok_or(NativeError::Module(ModuleError::NoRecord))?;
         let len = found.len().min(into.len());
         into[..len].copy_from_slice(&found[..len]);
         Ok(len)
     }
     fn record_write(&mut self, address: u32, record: u8, from: &[u8]) -> Result<(), NativeError> {
-        self.has_records(address, ModuleError::Outside)?;
+        self.has_records(address, record, ModuleError::Outside)?;
         self.records.get(&record).ok_or(NativeError::Module(ModuleError::Outside))?;
         self.written.insert(record, from.to_vec());
         Ok(())

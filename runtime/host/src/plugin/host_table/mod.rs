@@ -43,8 +43,6 @@ pub(super) static HOST: HostTable = HostTable {
     module_state: modules::state,
     io_read: modules::io_read,
     io_write: modules::io_write,
-    mailbox_post: modules::mailbox_post,
-    mailbox_take: modules::mailbox_take,
     record_read: modules::record_read,
     record_write: modules::record_write,
     call_block: cpu::call_block,

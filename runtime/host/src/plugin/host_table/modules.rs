@@ -1,4 +1,4 @@
-//! Modules: registers, mailbox, records, and the plugin's memory for each.
+//! Modules: registers, records, and the plugin's memory for each.
 
 use std::ffi::c_void;
 
@@ -43,21 +43,6 @@ pub(super) unsafe extern "C" fn io_read(call: *mut CallContext, address: u32, in
 pub(super) unsafe extern "C" fn io_write(call: *mut CallContext, address: u32, from: *const u8, len: u32) -> Status {
     // SAFETY: as above.
     unsafe { with(call, |frame| Ok(frame.cx.io_write(address, bytes(from, len)?)?)) }
-}
-
-pub(super) unsafe extern "C" fn mailbox_post(
-    call: *mut CallContext,
-    address: u32,
-    from: *const u8,
-    len: u32,
-) -> Status {
-    // SAFETY: as above.
-    unsafe { with(call, |frame| Ok(frame.cx.mailbox_post(address, bytes(from, len)?)?)) }
-}
-
-pub(super) unsafe extern "C" fn mailbox_take(call: *mut CallContext, address: u32, into: *mut u8, len: u32) -> Status {
-    // SAFETY: as above.
-    unsafe { with(call, |frame| Ok(frame.cx.mailbox_take(address, bytes_mut(into, len)?)?)) }
 }
 
 pub(super) unsafe extern "C" fn record_read(
