@@ -2,13 +2,9 @@
 
 use std::path::PathBuf;
 
-use ob1_cp::{Parameters341, Refused, parameters_341};
+use ob1_cp::{CpType, Refused};
 use ob1_line::LineSpec;
 use serde::Deserialize;
-
-/// The module types of this driver.
-const MODULES: [&str; 3] = ["cp240", CP341, "cp040"];
-const CP341: &str = "cp341";
 
 /// Keys of the JSON text. Unknown ones are for later drivers and ignored.
 #[derive(Debug, Deserialize)]
@@ -36,25 +32,20 @@ pub(crate) struct Config {
     pub(crate) diagnostics: bool,
     /// Where the tap listens.
     pub(crate) trace: Option<PathBuf>,
-    /// It is a CP 341, with these parameters.
-    pub(crate) cp341: Option<Parameters341>,
-    /// It is a CP 040.
-    pub(crate) cp040: bool,
+    pub(crate) cp_type: CpType,
 }
 
 impl Config {
     pub(crate) fn parse(json: &[u8]) -> Result<Self, Refused> {
         let keys: Keys =
             serde_json::from_slice(json).map_err(|e| Refused(format!("the driver's configuration: {e}")))?;
-        if !MODULES.contains(&keys.module.as_str()) {
-            let known = MODULES.join(" or a ");
+        let Some(cp_type) = CpType::of(&keys.module, &keys.params) else {
+            let known = CpType::NAMES.join(" or a ");
             return Err(Refused(format!("module \"{}\": this driver is a {known}", keys.module)));
-        }
-        let cp341 = (keys.module == CP341).then(|| parameters_341(&keys.params));
-        let cp040 = keys.module == "cp040";
+        };
         let line = keys.line.parse().map_err(|e| Refused(format!("{e}")))?;
         let Keys { station, name, diagnostics, trace, .. } = keys;
-        Ok(Self { station, name, line, diagnostics, trace, cp341, cp040 })
+        Ok(Self { station, name, line, diagnostics, trace, cp_type })
     }
 }
 

@@ -1,15 +1,51 @@
-//! The parameters of a CP 341 in the driver's configuration: `"params": { "protocol": "3964r", "baud": 9600 }`.
+//! What the driver's configuration says of the module itself: its type, and the parameters of a CP 341:
+//! `"module": "cp341", "params": { "protocol": "3964r", "baud": 9600 }`.
 
 use ob1_params::{Cp341, ParamError, Value};
 use serde_json::{Map, Value as Json};
 
-use crate::pump::Parameters341;
+/// The parameters of a CP 341, or what is wrong with them.
+pub type Parameters341 = Result<Cp341, ParamError>;
 
-/// Reads them.
-///
-/// # Errors
-/// What is wrong with the keys, in the words of the station file.
-pub fn parameters_341(keys: &Map<String, Json>) -> Parameters341 {
+/// The type of the module, as the configuration says.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum CpType {
+    /// Its parameters are 16 bytes.
+    Cp240,
+    /// Its parameters are 16 bytes.
+    Cp040,
+    /// Its parameters are keys.
+    Cp341(Parameters341),
+}
+
+impl CpType {
+    /// The names of all.
+    pub const NAMES: [&str; 3] = ["cp240", "cp341", "cp040"];
+
+    /// The type of this name, with the keys that stand under `params`.
+    #[must_use]
+    pub fn of(name: &str, params: &Map<String, Json>) -> Option<Self> {
+        match name {
+            "cp240" => Some(Self::Cp240),
+            "cp341" => Some(Self::Cp341(parameters_341(params))),
+            "cp040" => Some(Self::Cp040),
+            _ => None,
+        }
+    }
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Cp240 => "cp240",
+            Self::Cp341(_) => "cp341",
+            Self::Cp040 => "cp040",
+        }
+    }
+}
+
+/// Reads them; what is wrong is said in the words of the station file.
+fn parameters_341(keys: &Map<String, Json>) -> Parameters341 {
     let value = |(key, json): (&String, &Json)| match json {
         Json::String(text) => Ok((key.clone(), Value::Str(text.clone()))),
         Json::Number(number) if number.is_i64() => Ok((key.clone(), Value::Int(number.as_i64().unwrap_or_default()))),

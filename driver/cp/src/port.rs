@@ -1,6 +1,6 @@
 //! The process's line: a real one, once the configuration has named it, and the log.
 
-use ob1_cp::{LinePort, Parameters341, Refused, to_line_settings};
+use ob1_cp::{CpType, LinePort, Refused, to_line_settings};
 use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{CpEvent, LineSettings, Nanos};
 use ob1_line::{Line, RealLine};
@@ -59,12 +59,8 @@ impl LinePort for Port {
         self.config.as_ref().is_some_and(|config| config.diagnostics)
     }
 
-    fn cp341(&self) -> Option<Parameters341> {
-        self.config.as_ref().and_then(|config| config.cp341.clone())
-    }
-
-    fn is_cp040(&self) -> bool {
-        self.config.as_ref().is_some_and(|config| config.cp040)
+    fn cp_type(&self) -> CpType {
+        self.config.as_ref().map_or(CpType::Cp240, |config| config.cp_type.clone())
     }
 
     fn introduce(&mut self, now: Nanos, parameters: &[u8; 16]) {

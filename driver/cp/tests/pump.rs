@@ -94,7 +94,7 @@ impl Module {
         assert_eq!(rx, 0x8001);
         self.put(now, 0x8001, number, &[]);
         self.put(now, 0, 0, &[]);
-        assert!(self.pump.cp().is_working());
+        assert!(self.pump.is_working());
     }
 
     fn event_codes(&mut self) -> Vec<u32> {
@@ -244,7 +244,7 @@ fn the_same_parameters_again_are_a_new_start_up() {
     module.poll(0);
     module.cpu.set_cpu_state(CpuState::Run);
     module.poll(0);
-    assert!(module.pump.cp().is_working(), "STOP and RUN alone are none");
+    assert!(module.pump.is_working(), "STOP and RUN alone are none");
     module.start(0);
     assert_eq!(module.port.applied.len(), first + 1);
 }

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use ob1_cp::{LinePort, Parameters341, Refused, parameters_341};
+use ob1_cp::{CpType, LinePort, Refused};
 use ob1_cpu::Nanos;
 use ob1_firmware::{CpEvent, LineInput, LineSettings};
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
@@ -27,12 +27,10 @@ pub struct Cable {
     undetectable: u64,
     /// The configuration of the driver at this end enables diagnostics.
     diagnostics: [bool; 2],
-    /// The CP at this end is a CP 341.
-    cp341: [Option<Parameters341>; 2],
+    /// What the CP at this end is.
+    cp_types: [CpType; 2],
     /// CP 341: what stands in its diagnostic buffer, oldest first.
     entries: [Vec<u16>; 2],
-    /// The module at this end is a CP 040.
-    cp040: [bool; 2],
     /// What leaves at this end was written by a driver that is dead: its end means nothing to the next one.
     orphaned: [bool; 2],
 }
@@ -52,9 +50,8 @@ impl Cable {
             telegrams: HashSet::new(),
             undetectable: 0,
             diagnostics: [false; 2],
-            cp341: [None, None],
+            cp_types: [CpType::Cp240, CpType::Cp240],
             entries: Default::default(),
-            cp040: [false; 2],
             orphaned: [false; 2],
         }
     }
@@ -140,19 +137,16 @@ impl LinePort for CableEnd<'_> {
     fn configure(&mut self, _now: Nanos, json: &[u8]) -> Result<(), Refused> {
         let keys: serde_json::Value = serde_json::from_slice(json).map_err(|error| Refused(error.to_string()))?;
         self.cable.diagnostics[self.end as usize] = keys["diagnostics"] == true;
-        self.cable.cp040[self.end as usize] = keys["module"] == "cp040";
         let none = serde_json::Map::new();
-        self.cable.cp341[self.end as usize] =
-            (keys["module"] == "cp341").then(|| parameters_341(keys["params"].as_object().unwrap_or(&none)));
+        let params = keys["params"].as_object().unwrap_or(&none);
+        let name = keys["module"].as_str().unwrap_or_default();
+        self.cable.cp_types[self.end as usize] =
+            CpType::of(name, params).ok_or_else(|| Refused(format!("module \"{name}\"")))?;
         Ok(())
     }
 
-    fn is_cp040(&self) -> bool {
-        self.cable.cp040[self.end as usize]
-    }
-
-    fn cp341(&self) -> Option<Parameters341> {
-        self.cable.cp341[self.end as usize].clone()
+    fn cp_type(&self) -> CpType {
+        self.cable.cp_types[self.end as usize].clone()
     }
 
     fn diagnostics(&self) -> bool {

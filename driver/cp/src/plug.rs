@@ -1,0 +1,199 @@
+//! The firmware's plug: what a CP says, put into the segment and onto the line; what the driver itself shows there.
+
+use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs};
+use ob1_firmware::cp341::{Channel, ChannelBlock};
+use ob1_firmware::{
+    CpCounter, CpEvent, CpPort, DiagnosticRecord, Leds, LineSettings, ModemLines, Nanos, ParameterFault, StartReason,
+};
+
+use crate::line_port::LinePort;
+use crate::translate::{self, EventCode, LINE_TEXT_RECORD};
+
+/// Number of the diagnostic record of a CP 040. [S3 "Diagnostic data"]
+const DIAGNOSTIC_RECORD: u32 = 1;
+
+/// The driver's end of the segment, with what is shown there.
+pub(crate) struct End {
+    pub(crate) segment: CpSide,
+    pub(crate) modem: ModemOutputs,
+    pub(crate) modem_inputs: ModemLines,
+    /// RTS as the protocol wants it.
+    rts: bool,
+    /// DTR as the CP wants it (FC 8).
+    dtr: bool,
+    pub(crate) parameters: Parameters,
+    /// Error number of a line that is gone.
+    pub(crate) line_error: Option<u32>,
+    state: DriverState,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Parameters {
+    None,
+    Refused(u32),
+    Valid,
+}
+
+impl End {
+    /// A driver just attached.
+    pub(crate) fn new(segment: CpSide) -> Self {
+        Self {
+            segment,
+            modem: ModemOutputs::default(),
+            modem_inputs: ModemLines::default(),
+            rts: true,
+            dtr: true,
+            parameters: Parameters::None,
+            line_error: None,
+            state: DriverState::Starting,
+        }
+    }
+
+    /// A message for the diagnostic buffer.
+    pub(crate) fn emit(&mut self, now: Nanos, code: u32, data: &[u8]) {
+        // A full ring counts what it could not take.
+        self.segment.emit_event(Event::new(now, EventKind::Message, code, data));
+    }
+
+    /// Shows a text as the diagnostic record.
+    pub(crate) fn write_text(&mut self, text: &str) {
+        let mut end = text.len().min(ob1_backplane::layout::RECORD_BYTES);
+        while !text.is_char_boundary(end) {
+            end -= 1;
+        }
+        // Cut to what a record holds, so it is never too long.
+        let _ = self.segment.write_diagnosis(LINE_TEXT_RECORD, &text.as_bytes()[..end]);
+    }
+
+    pub(crate) fn show_state(&mut self) {
+        let state = match (self.parameters, self.line_error) {
+            (Parameters::None, _) => DriverState::NoParameters,
+            (Parameters::Refused(code), _) => DriverState::ParameterError(code),
+            (Parameters::Valid, Some(errno)) => DriverState::LineError(errno),
+            (Parameters::Valid, None) => DriverState::Ready,
+        };
+        if state != self.state {
+            self.state = state;
+            self.segment.set_state(state);
+        }
+    }
+
+    /// RTS and DTR as they are: the CPU's where it drives them, otherwise the CP's.
+    fn modem_levels(&self) -> (bool, bool) {
+        let rts = if self.modem.drive_rts { self.modem.rts } else { self.rts };
+        let dtr = if self.modem.drive_dtr { self.modem.dtr } else { self.dtr };
+        (rts, dtr)
+    }
+
+    pub(crate) fn drive_modem<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
+        let (rts, dtr) = self.modem_levels();
+        line.set_modem_lines(now, rts, dtr);
+        self.show_modem();
+    }
+
+    pub(crate) fn show_modem(&mut self) {
+        let (rts, dtr) = self.modem_levels();
+        self.segment.set_modem_inputs(translate::modem(self.modem_inputs, rts, dtr));
+    }
+}
+
+/// Segment and line as the firmware sees them, during one step.
+pub(crate) struct Plug<'a, L: ?Sized> {
+    pub(crate) end: &'a mut End,
+    pub(crate) line: &'a mut L,
+    pub(crate) now: Nanos,
+}
+
+impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
+    fn inputs(&mut self, registers: &[u8]) {
+        self.end.segment.write_inputs(registers);
+    }
+
+    fn channel(&mut self, channel: Channel, block: &ChannelBlock) {
+        let channel = match channel {
+            Channel::Send => SegmentChannel::Send,
+            Channel::Receive => SegmentChannel::Receive,
+        };
+        self.end.segment.write_channel(channel, block);
+    }
+
+    fn transmit(&mut self, bytes: &[u8]) {
+        self.line.transmit(self.now, bytes);
+    }
+
+    fn take_back(&mut self) -> usize {
+        self.line.take_back(self.now)
+    }
+
+    fn line_settings(&mut self, settings: &LineSettings) {
+        self.line.apply(self.now, settings);
+    }
+
+    fn lateness(&self) -> Nanos {
+        self.line.lateness()
+    }
+
+    fn rts(&mut self, on: bool) {
+        self.end.rts = on;
+        self.end.drive_modem(self.now, self.line);
+    }
+
+    fn dtr(&mut self, on: bool) {
+        self.end.dtr = on;
+        self.end.drive_modem(self.now, self.line);
+    }
+
+    fn record(&mut self, record: &DiagnosticRecord) {
+        // Shorter than a record may be.
+        let _ = self.end.segment.write_diagnosis(DIAGNOSTIC_RECORD, record);
+    }
+
+    fn leds(&mut self, leds: Leds) {
+        self.end.segment.set_leds(translate::leds(leds));
+    }
+
+    fn count(&mut self, counter: CpCounter, n: u64) {
+        self.end.segment.count(translate::counter(counter), n);
+    }
+
+    fn event(&mut self, now: Nanos, event: CpEvent<'_>) {
+        match &event {
+            CpEvent::Startup { number, reason } => {
+                let reason = u8::from(*reason == StartReason::ResetRequest);
+                self.end.emit(now, EventCode::Startup as u32, &[*number, reason]);
+            }
+            CpEvent::Working => self.end.emit(now, EventCode::Working as u32, &[]),
+            CpEvent::NoParameters(fault) => {
+                let byte = match fault {
+                    ParameterFault::Value(error) => error.byte.map_or(0, |byte| byte as u8),
+                    ParameterFault::Protocol(_) => 1,
+                };
+                self.end.parameters = Parameters::Refused(u32::from(byte));
+                self.end.emit(now, EventCode::NoParameters as u32, &[byte]);
+            }
+            CpEvent::Entry(number) => self.end.emit(now, EventCode::Entry as u32, &number.to_be_bytes()),
+            CpEvent::SendFailed(code) => self.end.emit(now, EventCode::SendFailed as u32, &[*code]),
+            CpEvent::Diagnosis { incoming, data } => {
+                let kind = if *incoming { EventKind::DiagnosticIncoming } else { EventKind::DiagnosticOutgoing };
+                let number = u32::from(u16::from_be_bytes([data[4], data[5]]));
+                self.end.segment.emit_event(Event::new(now, kind, number, data));
+            }
+            CpEvent::Record { incoming, record } => {
+                let kind = if *incoming { EventKind::DiagnosticIncoming } else { EventKind::DiagnosticOutgoing };
+                self.end.segment.emit_event(Event::new(now, kind, 0, record));
+            }
+            CpEvent::Protocol(event) => {
+                if let Some(number) = event.number() {
+                    self.end.emit(now, u32::from(number), &[]);
+                }
+            }
+            CpEvent::Rk512(event) => {
+                if let Some(number) = event.number() {
+                    self.end.emit(now, u32::from(number), &[]);
+                }
+            }
+            _ => {}
+        }
+        self.line.trace(now, &event);
+    }
+}
