@@ -1,4 +1,4 @@
-//! The ledgers of the demo's programs: DB 20 of either station.
+//! The ledgers that the programs of the examples keep: DB 20 of the demo's stations, and others like them.
 
 use std::fmt;
 use std::ops::Index;
@@ -47,16 +47,17 @@ pub(crate) struct Ledger {
 impl Ledger {
     /// Of station A: sends and compares.
     pub(crate) fn of_a(station: &Running) -> Self {
-        Self::read(station, A)
+        Self::read(station, "DB20", A)
     }
 
     /// Of station B: sends back.
     pub(crate) fn of_b(station: &Running) -> Self {
-        Self::read(station, B)
+        Self::read(station, "DB20", B)
     }
 
-    fn read(station: &Running, names: &'static [&'static str]) -> Self {
-        let items: Vec<String> = names.iter().map(|name| format!("DB20.{name}")).collect();
+    /// These columns of a data block.
+    pub(crate) fn read(station: &Running, db: &str, names: &'static [&'static str]) -> Self {
+        let items: Vec<String> = names.iter().map(|name| format!("{db}.{name}")).collect();
         let items: Vec<&str> = items.iter().map(String::as_str).collect();
         Self { names, values: station.cells(&items) }
     }
@@ -94,17 +95,25 @@ const REST: u64 = 500;
 /// Lets the last telegram end and reads both ledgers. `pause(a, false)` goes on.
 pub(crate) fn rest(a: &Running, b: &Running) -> (Ledger, Ledger) {
     pause(a, true);
-    let guard = Guard::begin();
     let look = || (Ledger::of_a(a), Ledger::of_b(b));
+    at_rest([a, b], look, |(of_a, of_b)| of_a["STATE"] == 0 && of_b["STATE"] == 0)
+}
+
+/// Waits until what `look` sees of both stations is idle and does not move any more.
+pub(crate) fn at_rest<T: PartialEq + fmt::Debug>(
+    stations: [&Running; 2],
+    look: impl Fn() -> T,
+    is_idle: impl Fn(&T) -> bool,
+) -> T {
+    let guard = Guard::begin();
     loop {
         let before = look();
-        a.scans(REST);
-        b.scans(REST);
-        let (of_a, of_b) = look();
-        if of_a["STATE"] == 0 && of_b["STATE"] == 0 && before == (of_a.clone(), of_b.clone()) {
-            return (of_a, of_b);
+        stations.iter().for_each(|station| station.scans(REST));
+        let now = look();
+        if is_idle(&now) && before == now {
+            return now;
         }
-        assert!(!guard.is_over(), "no rest: {of_a:?}\n{of_b:?}");
+        assert!(!guard.is_over(), "no rest: {now:?}");
     }
 }
 

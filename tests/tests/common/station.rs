@@ -142,9 +142,22 @@ impl Running {
         (driver.pid, driver.starts, driver.losses)
     }
 
+    /// The same of the CP with this name.
+    pub(crate) fn driver_of(&self, cp: &str) -> (u32, u32, u32) {
+        let status = self.status();
+        let module = status.modules.iter().find(|module| module.name == cp);
+        let driver = module.and_then(|module| module.driver.as_ref()).expect("a CP of this name");
+        (driver.pid, driver.starts, driver.losses)
+    }
+
     /// The driver's process, once it is up.
     pub(crate) fn driver_process(&self) -> Watched {
         self.until("a driver", |s| Watched::find(s.driver().0))
+    }
+
+    /// The same of the CP with this name.
+    pub(crate) fn driver_process_of(&self, cp: &str) -> Watched {
+        self.until("a driver", |s| Watched::find(s.driver_of(cp).0))
     }
 
     /// Waits for some more scans in RUN.
