@@ -2,12 +2,11 @@
 
 mod common;
 
-use common::meters::{next, reading, seen, station};
+use common::meters::{Reading, next, reading, seen, station};
 use ob1_cpu::{Cell, CellWidth};
 use ob1_model::Area;
 use ob1_tests::meters::{Bus, Fixture, Meter, Trouble, fixtures};
 use ob1_tests::sim::SECOND;
-use ob1_tests::sim::meters::Reading;
 
 #[test]
 fn every_frame_of_the_collection_arrives_unchanged() {
@@ -29,7 +28,7 @@ fn every_frame_of_the_collection_arrives_unchanged() {
     assert_eq!(refused, bad.map(|name| format!("unsupported-frames/{name}")), "malformed, or a master's");
     assert_eq!(good, 95);
     // Each malformed one was asked for three times, all others once.
-    assert_eq!(reading.bus.frames, 95 + 3 * 5);
+    assert_eq!(reading.device.bus.frames, 95 + 3 * 5);
     assert_eq!(reading.log().lines().count(), 3, "start-up, RUN, the driver, and nothing else:\n{}", reading.log());
 }
 
@@ -58,9 +57,9 @@ fn troubles_end_with_the_response_of_the_manual() {
     assert_eq!(next(&mut reading), [1], "wrong check sums");
     assert_eq!(next(&mut reading), [1], "a collision");
     assert_eq!(next(&mut reading), good);
-    reading.shorted = true;
+    reading.device.shorted = true;
     assert_eq!(next(&mut reading), [3], "short circuit: bit 1");
-    reading.shorted = false;
+    reading.device.shorted = false;
     assert_eq!(next(&mut reading), good);
 }
 
@@ -110,16 +109,16 @@ fn the_manual_s_program_reads_a_meter() {
     // SND_UD as a control frame: reset of the application; as a long frame: the two bytes that lie behind the CI field in DB 10.
     assert_eq!(order(&mut reading, [0xBB, 0x53, 1, 0x50, 0]), 0);
     assert_eq!(order(&mut reading, [0xBB, 0x73, 1, 0x51, 2]), 0);
-    assert_eq!(reading.bus.meters[0].told, [vec![0x50], vec![0x51, 0, 2]]);
+    assert_eq!(reading.device.bus.meters[0].told, [vec![0x50], vec![0x51, 0, 2]]);
 
     assert_eq!(order(&mut reading, [0xBB, 0x7B, 1, 0, 0]), 0);
     let before = stored(&reading);
-    reading.bus.meters[0].trouble = Some(Trouble::Silent);
+    reading.device.bus.meters[0].trouble = Some(Trouble::Silent);
     assert_eq!(order(&mut reading, [0xBB, 0x5B, 1, 0, 0]), 0x8001, "no answer");
-    reading.shorted = true;
+    reading.device.shorted = true;
     assert_eq!(order(&mut reading, [0xBB, 0x5B, 1, 0, 0]), 0x80FF, "short circuit: what the program calls undefined");
     assert_eq!(stored(&reading), before, "an order that failed stores nothing");
-    reading.shorted = false;
-    reading.bus.meters[0].trouble = None;
+    reading.device.shorted = false;
+    reading.device.bus.meters[0].trouble = None;
     assert_eq!(order(&mut reading, [0xBB, 0x5B, 1, 0, 0]), 0);
 }

@@ -3,12 +3,11 @@
 
 mod common;
 
-use common::meters::{station, word};
+use common::meters::{Reading, station, word};
 use ob1_cpu::{Cell, CellWidth};
 use ob1_mbus_records::{Answer, HEADER_BYTES, Header, RECORD_BYTES};
 use ob1_model::Area;
 use ob1_tests::meters::{Bus, Meter, Trouble, fields, fixtures};
-use ob1_tests::sim::meters::Reading;
 use ob1_tests::sim::{MS, SECOND};
 
 fn library(meters: Vec<Meter>) -> Reading {
@@ -170,12 +169,12 @@ fn a_meter_with_two_telegrams() {
 fn troubles() {
     let mut reading = library(vec![meter(1, 0x11), meter(2, 0x22)]);
     assert_eq!(read(&mut reading, 9), 0x8001, "nobody there");
-    reading.bus.meters[0].trouble = Some(Trouble::Silent);
+    reading.device.bus.meters[0].trouble = Some(Trouble::Silent);
     assert_eq!(read(&mut reading, 1), 0x8001);
-    reading.shorted = true;
+    reading.device.shorted = true;
     assert_eq!(read(&mut reading, 2), 0x8003, "short circuit");
     assert_eq!(order(&mut reading, 4, 22), 0x8003, "the search ends");
-    reading.shorted = false;
+    reading.device.shorted = false;
     assert_eq!(read(&mut reading, 2), 0);
     // The single character where data were asked for is answered by no meter of ours: 255 is, by none.
     assert_eq!(read(&mut reading, 255), 0x8001);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ob1_cp::LinePort as _;
 use ob1_cpu::Nanos;
-use ob1_firmware::LineInput;
+use ob1_firmware::{LineFault, LineInput};
 use ob1_line::sim::{End, FaultRates, SplitMix64};
 
 use super::cable::{self, Cable};
@@ -16,6 +16,11 @@ use super::{SECOND, Scenario};
 pub trait Device {
     /// Takes characters, none when a deadline has come; what it writes goes to `out`. The result is its next deadline.
     fn hear(&mut self, now: Nanos, bytes: &[u8], out: &mut Vec<u8>) -> Option<Nanos>;
+
+    /// The line is short-circuited at the device: it hears nothing, and what the station sends comes back to it as a break.
+    fn is_shorted(&self) -> bool {
+        false
+    }
 }
 
 /// The station with its device.
@@ -118,10 +123,9 @@ impl<D: Device> Bench<D> {
         while self.cable.next_event().is_some_and(|at| at <= self.now) {
             let Some((end, input)) = self.cable.pop(self.now, &mut buffer) else { break };
             match (end, input) {
-                (End::A, Some(input)) => {
-                    for driver in &mut self.drivers {
-                        driver.line_event(self.now, input, &mut self.cable);
-                    }
+                (End::A, Some(input)) => self.tell(input),
+                (End::B, Some(LineInput::Rx(_))) if self.device.is_shorted() => {
+                    self.tell(LineInput::Fault(LineFault::Break));
                 }
                 (End::B, Some(LineInput::Rx(bytes))) => {
                     let mut out = Vec::new();
@@ -135,6 +139,12 @@ impl<D: Device> Bench<D> {
             let mut out = Vec::new();
             self.due = self.device.hear(self.now, &[], &mut out);
             self.write(&out);
+        }
+    }
+
+    fn tell(&mut self, input: LineInput<'_>) {
+        for driver in &mut self.drivers {
+            driver.line_event(self.now, input, &mut self.cable);
         }
     }
 

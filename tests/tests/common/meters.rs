@@ -4,13 +4,17 @@ use std::path::Path;
 
 use ob1_tests::meters::{Bus, fields};
 use ob1_tests::sim::SECOND;
-use ob1_tests::sim::meters::Reading;
+use ob1_tests::sim::device::Bench;
+use ob1_tests::sim::meters::Meters;
 use ob1_tests::sim::station::SimStation;
+
+/// A station with meters on its line.
+pub(crate) type Reading = Bench<Meters>;
 
 /// The station of this file below `tests/` or `examples/`, with these meters.
 pub(crate) fn station(file: &str, bus: Bus) -> Reading {
     let station = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(file);
-    Reading::build(&station, bus, 7).unwrap_or_else(|message| {
+    Bench::build(&station, Meters::new(bus), 7).unwrap_or_else(|message| {
         panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
     })
 }
