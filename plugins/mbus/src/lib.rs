@@ -6,6 +6,7 @@
 
 mod decode;
 mod exchange;
+mod job;
 mod read;
 mod records;
 mod response;

@@ -2,8 +2,8 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
-use crate::exchange::{Exchange, Progress, Way, exchange_of};
-use crate::response::{RESPONSE_MAX, Response, read as meaning};
+use crate::job::{Job, REQUEST, RESET, SELECTION, job_of};
+use crate::response::Response;
 use crate::{records, status};
 
 /// "The address 253 shows a secondary addressing." [S0 "A field"]
@@ -89,13 +89,7 @@ interface! {
     }
 }
 
-const EXCHANGE: Exchange = exchange_of!(read);
-
-/// STEP: nothing runs; SND_NKE, selection, REQ_UD2 have been sent.
-const IDLE: u8 = 0;
-const RESET: u8 = 1;
-const SELECTION: u8 = 2;
-const REQUEST: u8 = 3;
+const JOB: Job = job_of!(read);
 
 pub(crate) struct Read;
 
@@ -108,40 +102,12 @@ impl Block for Read {
     type Module = ();
 
     fn call(cx: &mut Cx<'_>, _state: &()) -> Result<(), Abort> {
-        let req = cx.get(read::REQ)?;
-        let edge = req && !cx.load(read::LAST_REQ)?;
-        cx.store(read::LAST_REQ, req)?;
-        if edge && cx.load(read::STEP)? == IDLE {
-            start(cx)?;
-        }
-        if cx.load(read::STEP)? == IDLE {
-            return Ok(());
-        }
-        let way = Way {
-            adr: cx.get(read::ADR)?,
-            fc_send: cx.get(read::FC_SEND)?,
-            fc_receive: cx.get(read::FC_RECEIVE)?,
-            timeout_ms: cx.get(read::TIMEOUT)?,
-        };
-        match EXCHANGE.step(cx, way)? {
-            Progress::Running => Ok(()),
-            Progress::Failed(status) => end(cx, status),
-            Progress::Response(len) => {
-                let mut buffer = [0; RESPONSE_MAX];
-                let response = EXCHANGE.response(cx, len, &mut buffer)?;
-                responded(cx, meaning(response))
-            }
-        }
+        JOB.call(cx, start, responded, end)
     }
 }
 
 fn start(cx: &mut Cx<'_>) -> Result<(), Abort> {
-    for bit in [read::DONE, read::ERROR, read::MORE] {
-        cx.set(bit, false)?;
-    }
-    cx.set(read::STATUS, status::OK)?;
-    cx.set(read::COUNT, 0)?;
-    cx.set(read::BUSY, true)?;
+    cx.set(read::MORE, false)?;
     if cx.get(read::NEXT)? {
         if !cx.load(read::ANSWERED)? {
             return end(cx, status::NO_FIRST);
@@ -153,23 +119,18 @@ fn start(cx: &mut Cx<'_>) -> Result<(), Abort> {
     cx.store(read::ANSWERED, false)?;
     // The meter begins with its first telegram; who was selected before is it no longer.
     let telegram = [cx.get(read::BAUD)?, SND_NKE, cx.get(read::ADDRESS)?];
-    order(cx, RESET, &telegram)
-}
-
-fn order(cx: &mut Cx<'_>, step: u8, telegram: &[u8]) -> Result<(), Abort> {
-    cx.store(read::STEP, step)?;
-    EXCHANGE.start(cx, telegram)
+    JOB.order(cx, RESET, &telegram)
 }
 
 fn request(cx: &mut Cx<'_>, fcb: bool) -> Result<(), Abort> {
     cx.store(read::FCB, fcb)?;
     let telegram = [cx.get(read::BAUD)?, REQ_UD2[usize::from(fcb)], cx.get(read::ADDRESS)?];
-    order(cx, REQUEST, &telegram)
+    JOB.order(cx, REQUEST, &telegram)
 }
 
-fn responded(cx: &mut Cx<'_>, response: Response<'_>) -> Result<(), Abort> {
+fn responded(cx: &mut Cx<'_>, step: u8, response: Response<'_>) -> Result<(), Abort> {
     let is_secondary = cx.get(read::ADDRESS)? == SELECTED;
-    match (cx.load(read::STEP)?, response) {
+    match (step, response) {
         (_, Response::Error(status::SHORT_CIRCUIT)) => end(cx, status::SHORT_CIRCUIT),
         // Whether a selected meter was there to acknowledge does not matter.
         (RESET, _) if is_secondary => {
@@ -180,7 +141,7 @@ fn responded(cx: &mut Cx<'_>, response: Response<'_>) -> Result<(), Abort> {
                 cx.get(read::VER)?,
                 cx.get(read::MED)?,
             );
-            order(cx, SELECTION, &telegram)
+            JOB.order(cx, SELECTION, &telegram)
         }
         (RESET, Response::Error(status)) => end(cx, status),
         (SELECTION, Response::Error(_) | Response::Fields(_)) => end(cx, status::NOT_SELECTED),
@@ -205,9 +166,5 @@ pub(crate) fn selection(baud: u8, id: u32, man: u16, ver: u8, med: u8) -> [u8; 1
 }
 
 fn end(cx: &mut Cx<'_>, status: u16) -> Result<(), Abort> {
-    cx.store(read::STEP, IDLE)?;
-    cx.set(read::BUSY, false)?;
-    cx.set(read::DONE, status == status::OK)?;
-    cx.set(read::ERROR, status != status::OK)?;
-    cx.set(read::STATUS, status)
+    JOB.end(cx, status)
 }

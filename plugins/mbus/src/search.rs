@@ -7,9 +7,9 @@
 use ob1_mbus_records::{Answer, Header};
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
-use crate::exchange::{Exchange, Progress, Way, exchange_of};
+use crate::job::{Job, REQUEST, RESET, SELECTION, job_of};
 use crate::read::{REQ_UD2, SELECTED, SND_NKE, selection};
-use crate::response::{RESPONSE_MAX, Response, read as meaning};
+use crate::response::Response;
 use crate::status;
 use crate::walk::Walk;
 
@@ -82,13 +82,7 @@ interface! {
     }
 }
 
-const EXCHANGE: Exchange = exchange_of!(search);
-
-/// STEP: nothing runs; SND_NKE, selection, REQ_UD2 have been sent.
-const IDLE: u8 = 0;
-const RESET: u8 = 1;
-const SELECTION: u8 = 2;
-const REQUEST: u8 = 3;
+const JOB: Job = job_of!(search);
 
 /// Bytes of the list's header: COUNT, COLLISIONS.
 const LIST_AT: u32 = 4;
@@ -106,40 +100,11 @@ impl Block for Search {
     type Module = ();
 
     fn call(cx: &mut Cx<'_>, _state: &()) -> Result<(), Abort> {
-        let req = cx.get(search::REQ)?;
-        let edge = req && !cx.load(search::LAST_REQ)?;
-        cx.store(search::LAST_REQ, req)?;
-        if edge && cx.load(search::STEP)? == IDLE {
-            start(cx)?;
-        }
-        if cx.load(search::STEP)? == IDLE {
-            return Ok(());
-        }
-        let way = Way {
-            adr: cx.get(search::ADR)?,
-            fc_send: cx.get(search::FC_SEND)?,
-            fc_receive: cx.get(search::FC_RECEIVE)?,
-            timeout_ms: cx.get(search::TIMEOUT)?,
-        };
-        match EXCHANGE.step(cx, way)? {
-            Progress::Running => Ok(()),
-            Progress::Failed(status) => end(cx, status),
-            Progress::Response(len) => {
-                let mut buffer = [0; RESPONSE_MAX];
-                let response = EXCHANGE.response(cx, len, &mut buffer)?;
-                responded(cx, meaning(response))
-            }
-        }
+        JOB.call(cx, start, responded, end)
     }
 }
 
 fn start(cx: &mut Cx<'_>) -> Result<(), Abort> {
-    for bit in [search::DONE, search::ERROR] {
-        cx.set(bit, false)?;
-    }
-    cx.set(search::STATUS, status::OK)?;
-    cx.set(search::COUNT, 0)?;
-    cx.set(search::BUSY, true)?;
     cx.store(search::COLLISIONS, 0)?;
     let base = cx.get(search::ID)?;
     attempt(cx, Walk::new(base))
@@ -155,16 +120,11 @@ fn attempt(cx: &mut Cx<'_>, walk: Walk) -> Result<(), Abort> {
     cx.set(search::CURRENT, walk.id)?;
     cx.store(search::LEVEL, walk.level)?;
     let telegram = [cx.get(search::BAUD)?, SND_NKE, SELECTED];
-    order(cx, RESET, &telegram)
+    JOB.order(cx, RESET, &telegram)
 }
 
-fn order(cx: &mut Cx<'_>, step: u8, telegram: &[u8]) -> Result<(), Abort> {
-    cx.store(search::STEP, step)?;
-    EXCHANGE.start(cx, telegram)
-}
-
-fn responded(cx: &mut Cx<'_>, response: Response<'_>) -> Result<(), Abort> {
-    match (cx.load(search::STEP)?, response) {
+fn responded(cx: &mut Cx<'_>, step: u8, response: Response<'_>) -> Result<(), Abort> {
+    match (step, response) {
         (_, Response::Error(status @ (status::SHORT_CIRCUIT | status::UNDEFINED))) => end(cx, status),
         (RESET, _) => {
             let telegram = selection(
@@ -174,11 +134,11 @@ fn responded(cx: &mut Cx<'_>, response: Response<'_>) -> Result<(), Abort> {
                 cx.get(search::VER)?,
                 cx.get(search::MED)?,
             );
-            order(cx, SELECTION, &telegram)
+            JOB.order(cx, SELECTION, &telegram)
         }
         (SELECTION, Response::Acknowledged) => {
             let telegram = [cx.get(search::BAUD)?, REQ_UD2[1], SELECTED];
-            order(cx, REQUEST, &telegram)
+            JOB.order(cx, REQUEST, &telegram)
         }
         (SELECTION, Response::Error(_)) => {
             let mut walk = walk(cx)?;
@@ -231,9 +191,5 @@ fn end(cx: &mut Cx<'_>, status: u16) -> Result<(), Abort> {
     let ([c0, c1], [s0, s1]) = (count.to_be_bytes(), collisions.to_be_bytes());
     let written = cx.write(Area::Db(db), 0, &[c0, c1, s0, s1])?;
     let status = if written.is_err() { status::NO_DB } else { status };
-    cx.store(search::STEP, IDLE)?;
-    cx.set(search::BUSY, false)?;
-    cx.set(search::DONE, status == status::OK)?;
-    cx.set(search::ERROR, status != status::OK)?;
-    cx.set(search::STATUS, status)
+    JOB.end(cx, status)
 }
