@@ -3,13 +3,10 @@
 //! `cargo xtask test` runs them too, shorter. A seed that fails is printed with the command that replays it, and belongs into
 //! `driver/protocols/tests/seeds` afterwards.
 
-use std::fs;
+use crate::cargo::cargo;
+use crate::failure::Outcome;
+use crate::{pick, shell};
 
-use crate::cargo::{self, cargo};
-use crate::failure::{Failure, Outcome, step};
-use crate::shell;
-
-const FOLDER: &str = "driver/protocols/tests";
 const PREFIX: &str = "faults_";
 /// Orders that must have ended in each test unless `--telegrams` says otherwise.
 const TELEGRAMS: u64 = 100_000;
@@ -25,12 +22,9 @@ struct Wish {
 /// When a test cannot be built or a seed fails.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
-    let known = protocols()?;
-    if let Some(wrong) = wish.protocols.iter().find(|name| !known.contains(name)) {
-        return Err(Failure::Usage(format!("no fault run for `{wrong}`; there are: {}", known.join(", "))));
-    }
+    let protocols = pick::some_or_all(wish.protocols, protocols()?, "fault run for")?;
     let mut test = cargo(&["test", "--release", "--package", "ob1-protocols"]);
-    for protocol in if wish.protocols.is_empty() { known } else { wish.protocols } {
+    for protocol in protocols {
         test.args(["--test", &format!("{PREFIX}{protocol}")]);
     }
     shell::run(test.args(["--", "--nocapture"]).env("OB1_TELEGRAMS", wish.telegrams.to_string()))
@@ -38,35 +32,20 @@ pub(crate) fn run(args: &[String]) -> Outcome {
 
 /// The files `faults_*.rs`.
 fn protocols() -> Outcome<Vec<String>> {
-    let folder = cargo::root().join(FOLDER);
-    let entries = fs::read_dir(&folder).map_err(|why| step(format!("{}: {why}", folder.display())))?;
-    let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
-    let mut names: Vec<String> =
-        paths.filter_map(|path| Some(path.file_stem()?.to_str()?.strip_prefix(PREFIX)?.to_owned())).collect();
-    names.sort();
-    Ok(names)
+    pick::stems("driver/protocols/tests", PREFIX)
 }
 
 fn parse(args: &[String]) -> Outcome<Wish> {
-    let mut wish = Wish { protocols: Vec::new(), telegrams: TELEGRAMS };
-    let mut args = args.iter();
-    while let Some(arg) = args.next() {
-        match arg.as_str() {
-            "--telegrams" => {
-                let number = args.next().and_then(|text| text.parse().ok()).filter(|&number| number > 0);
-                wish.telegrams =
-                    number.ok_or_else(|| Failure::Usage("--telegrams wants a number, e.g. 100000".into()))?;
-            }
-            flag if flag.starts_with('-') => return Err(Failure::Usage(format!("faults knows no `{flag}`"))),
-            protocol => wish.protocols.push(protocol.to_owned()),
-        }
-    }
-    Ok(wish)
+    let number = |text: &str| text.parse::<u64>().ok().filter(|&number| number > 0);
+    let (protocols, telegrams) =
+        pick::names_and_option(args, "faults", "--telegrams", "a number, e.g. 100000", number)?;
+    Ok(Wish { protocols, telegrams: telegrams.unwrap_or(TELEGRAMS) })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::failure::Failure;
 
     #[test]
     fn protocols_and_a_number() {

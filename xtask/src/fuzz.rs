@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use crate::cargo::{self, cargo};
 use crate::demo::duration;
-use crate::failure::{Failure, Outcome, step};
-use crate::shell;
+use crate::failure::{Outcome, step};
+use crate::{pick, shell};
 
 /// Pinned: a new version may build the targets another way.
 const CARGO_FUZZ: &str = "0.13.2";
@@ -33,12 +33,9 @@ struct Wish {
 /// When a target cannot be built or an input makes it panic; cargo-fuzz names the file with the input.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
-    let known = targets()?;
-    if let Some(wrong) = wish.targets.iter().find(|target| !known.contains(target)) {
-        return Err(Failure::Usage(format!("no fuzz target `{wrong}`; there are: {}", known.join(", "))));
-    }
+    let targets = pick::some_or_all(wish.targets, targets()?, "fuzz target")?;
     let tool = install()?;
-    for target in if wish.targets.is_empty() { known } else { wish.targets } {
+    for target in targets {
         let work = cargo::root().join("fuzz/work").join(&target);
         let corpus = cargo::root().join("fuzz/corpus").join(&target);
         fs::create_dir_all(&work).map_err(|why| step(format!("{}: {why}", work.display())))?;
@@ -62,12 +59,7 @@ fn dictionary(target: &str) -> Option<String> {
 
 /// The files of `fuzz/fuzz_targets`.
 fn targets() -> Outcome<Vec<String>> {
-    let folder = cargo::root().join("fuzz/fuzz_targets");
-    let entries = fs::read_dir(&folder).map_err(|why| step(format!("{}: {why}", folder.display())))?;
-    let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
-    let mut names: Vec<String> = paths.filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned())).collect();
-    names.sort();
-    Ok(names)
+    pick::stems("fuzz/fuzz_targets", "")
 }
 
 /// cargo-fuzz in the checkout's `.tools`, installed when it is missing.
@@ -90,24 +82,14 @@ fn is_pinned(tool: &Path) -> bool {
 }
 
 fn parse(args: &[String]) -> Outcome<Wish> {
-    let mut wish = Wish { targets: Vec::new(), each: EACH };
-    let mut args = args.iter();
-    while let Some(arg) = args.next() {
-        match arg.as_str() {
-            "--each" => {
-                let text = args.next().ok_or_else(|| Failure::Usage("--each wants a time, e.g. 10m".into()))?;
-                wish.each = duration(text).ok_or_else(|| Failure::Usage(format!("`{text}` is no time: 20s, 2m")))?;
-            }
-            flag if flag.starts_with('-') => return Err(Failure::Usage(format!("fuzz knows no `{flag}`"))),
-            target => wish.targets.push(target.to_owned()),
-        }
-    }
-    Ok(wish)
+    let (targets, each) = pick::names_and_option(args, "fuzz", "--each", "a time, e.g. 10m", duration)?;
+    Ok(Wish { targets, each: each.unwrap_or(EACH) })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::failure::Failure;
 
     #[test]
     fn targets_and_a_time() {

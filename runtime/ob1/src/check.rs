@@ -160,10 +160,10 @@ fn describe_plugin(text: &mut String, info: &ob1_host::plugin::PluginInfo) {
 
 /// A station with its program, plugins, stimulus; loaded into a CPU to find what does not fit together.
 fn check_station(path: &Path, options: &Options) -> Checked {
-    let station = match station::load(path) {
-        Ok(mut station) => {
+    let (station, mut devices) = match station::load_and_look(path) {
+        Ok((mut station, devices)) => {
             station.program.lints |= options.lints;
-            station
+            (station, devices)
         }
         Err(findings) => return Checked { findings, ..Checked::default() },
     };
@@ -180,7 +180,7 @@ fn check_station(path: &Path, options: &Options) -> Checked {
         }
         Err(findings) => findings,
     };
-    findings.append(&mut station::missing_devices(path));
+    findings.append(&mut devices);
     Checked { findings, text }
 }
 

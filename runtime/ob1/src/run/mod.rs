@@ -88,7 +88,8 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     if options.lifeline {
         signals.and_end_of_stdin().map_err(|e| Failure::system("standard input", &e))?;
     }
-    let mut station = station::load(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
+    let (mut station, devices) =
+        station::load_and_look(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
     if options.line_faults > 0 {
         for line in &mut station.simulated_lines {
             line.disturb(options.line_faults, options.line_seed);
@@ -100,7 +101,6 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     }
     let loaded = program::load(&station).map_err(|f| Failure::of_load(&f))?;
     // Lints are for `check`.
-    let devices = station::missing_devices(&options.station);
     for finding in loaded.findings.iter().chain(&devices).filter(|f| f.level != Level::Lint && !options.quiet) {
         eprintln!("{finding}");
     }

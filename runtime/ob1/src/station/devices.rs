@@ -7,11 +7,13 @@ use super::findings::LINE;
 use super::line::Line;
 use crate::finding::{Finding, Level, Text};
 
-/// A warning for each module whose serial device does not exist. `text` is that of a station file that has been read without an error.
-pub(super) fn missing(text: &str, name: &str, folder: &Path, exists: impl Fn(&Path) -> bool) -> Vec<Finding> {
-    let source = Text { file: name, text };
-    // It has been read before: nothing to tell here.
-    let Ok(file) = toml::from_str::<StationFile>(text) else { return Vec::new() };
+/// A warning for each module whose serial device does not exist.
+pub(super) fn missing(
+    file: &StationFile,
+    source: Text<'_>,
+    folder: &Path,
+    exists: impl Fn(&Path) -> bool,
+) -> Vec<Finding> {
     let lines = file.module.iter().filter_map(|module| module.get_ref().line.as_ref());
     lines
         .filter_map(|line| match Line::parse(line.get_ref(), folder) {
@@ -56,11 +58,12 @@ mod tests {
             .map(|line| module("cp", line))
             .concat();
         let text = format!("[station]\nname = \"a\"\n[program]\nsources = []\n{text}");
-        let found = missing(&text, "a.toml", Path::new("/s"), |path| path == Path::new("/dev/ttyS0"));
+        let (file, source) = (toml::from_str(&text).expect("a station file"), Text { file: "a.toml", text: &text });
+        let found = missing(&file, source, Path::new("/s"), |path| path == Path::new("/dev/ttyS0"));
         let told: Vec<_> = found.iter().map(|f| (f.level, f.code.as_str(), f.line, f.column)).collect();
         assert_eq!(told, [(Level::Warning, "C009", 9, 8), (Level::Warning, "C009", 29, 8)]);
         assert!(found[0].message.contains("/dev/ttyUSB7") && found[1].message.contains("/s/cable.pty"), "{found:?}");
-        assert!(missing(&text, "a.toml", Path::new("/s"), |_| true).is_empty());
+        assert!(missing(&file, source, Path::new("/s"), |_| true).is_empty());
     }
 
     #[test]

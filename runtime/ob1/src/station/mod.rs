@@ -24,15 +24,39 @@ pub use types::*;
 
 use std::path::Path;
 
-use crate::finding::Finding;
+use crate::finding::{Finding, Level, Text};
 
 /// Reads and checks a station file.
 ///
 /// # Errors
 /// All findings, at least one of them an error.
 pub fn load(path: &Path) -> Result<Station, Vec<Finding>> {
-    let name = path.display().to_string();
-    let text = std::fs::read_to_string(path).map_err(|error| {
+    parse(&read(path)?, &path.display().to_string(), folder_of(path))
+}
+
+/// The same for who is about to run it: with warnings for serial devices that are not there now.
+///
+/// # Errors
+/// All findings, at least one of them an error.
+pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding>> {
+    let (text, name, folder) = (read(path)?, path.display().to_string(), folder_of(path));
+    let source = Text { file: &name, text: &text };
+    let file = tables(source)?;
+    let station = check::check(&file, source, folder)?;
+    Ok((station, devices::missing(&file, source, folder, Path::exists)))
+}
+
+/// Checks the text of a station file. `name` is its name in findings, `folder` what relative paths start from.
+///
+/// # Errors
+/// All findings, at least one of them an error.
+pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Station, Vec<Finding>> {
+    let source = Text { file: name, text };
+    check::check(&tables(source)?, source, folder)
+}
+
+fn read(path: &Path) -> Result<String, Vec<Finding>> {
+    std::fs::read_to_string(path).map_err(|error| {
         let remedy = match error.kind() {
             std::io::ErrorKind::NotFound => {
                 "name an existing station file, such as examples/two-stations/station-a.toml"
@@ -41,28 +65,16 @@ pub fn load(path: &Path) -> Result<Station, Vec<Finding>> {
             _ => "make it readable for this user",
         };
         let message = format!("the station file cannot be read: {error}");
-        vec![Finding::whole(crate::finding::Level::Error, findings::UNREADABLE, &name, message, remedy)]
-    })?;
-    parse(&text, &name, path.parent().unwrap_or(Path::new("")))
+        vec![Finding::whole(Level::Error, findings::UNREADABLE, &path.display().to_string(), message, remedy)]
+    })
 }
 
-/// Checks the text of a station file. `name` is its name in findings, `folder` what relative paths start from.
-///
-/// # Errors
-/// All findings, at least one of them an error.
-pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Station, Vec<Finding>> {
-    let source = crate::finding::Text { file: name, text };
-    let file: file::StationFile =
-        toml::from_str(text).map_err(|error| vec![findings::of_toml(source, &error, "docs/station-file.md")])?;
-    check::check(&file, source, folder)
+fn folder_of(path: &Path) -> &Path {
+    path.parent().unwrap_or(Path::new(""))
 }
 
-/// Warnings for serial devices of a station file that are not there now.
-#[must_use]
-pub fn missing_devices(path: &Path) -> Vec<Finding> {
-    let text = std::fs::read_to_string(path).unwrap_or_default();
-    let folder = path.parent().unwrap_or(Path::new(""));
-    devices::missing(&text, &path.display().to_string(), folder, Path::exists)
+fn tables(source: Text<'_>) -> Result<file::StationFile, Vec<Finding>> {
+    toml::from_str(source.text).map_err(|error| vec![findings::of_toml(source, &error, "docs/station-file.md")])
 }
 
 /// Whether a path looks like a station file: for commands that take files of either kind.
