@@ -1,5 +1,22 @@
 //! The module: start-up, the two handshakes, the protocol, and the bookkeeping between them.
 
+/// The outlet of a CP for one step. No method: the protocol, and what is to be sent, are borrowed besides.
+macro_rules! outlet {
+    ($cp:ident, $now:ident, $port:ident) => {
+        $crate::cp240::Outlet {
+            now: $now,
+            ring: &mut $cp.receive.ring,
+            rk512: &mut $cp.rk512,
+            leds: &mut $cp.leds,
+            modem: &mut $cp.modem,
+            diagnosis: &mut $cp.diagnosis,
+            settings: &mut $cp.settings,
+            port: $port,
+            outcome: None,
+        }
+    };
+}
+
 mod rk512;
 
 use ob1_params::{Cp240 as Parameters, LineSettings};
@@ -429,17 +446,7 @@ impl Cp240 {
 
     /// Hands the complete telegram to the protocol.
     fn order(&mut self, now: Nanos, port: &mut dyn CpPort) {
-        let mut out = Outlet {
-            now,
-            ring: &mut self.receive.ring,
-            rk512: &mut self.rk512,
-            leds: &mut self.leds,
-            modem: &mut self.modem,
-            diagnosis: &mut self.diagnosis,
-            settings: &mut self.settings,
-            port,
-            outcome: None,
-        };
+        let mut out = outlet!(self, now, port);
         let input = Input::Order(Order::Send(self.send.telegram()));
         self.protocol_due = self.protocol.step(now, input, &mut out);
         let outcome = out.outcome;
@@ -447,17 +454,7 @@ impl Cp240 {
     }
 
     fn drive(&mut self, now: Nanos, input: Input<'_>, port: &mut dyn CpPort) {
-        let mut out = Outlet {
-            now,
-            ring: &mut self.receive.ring,
-            rk512: &mut self.rk512,
-            leds: &mut self.leds,
-            modem: &mut self.modem,
-            diagnosis: &mut self.diagnosis,
-            settings: &mut self.settings,
-            port,
-            outcome: None,
-        };
+        let mut out = outlet!(self, now, port);
         self.protocol_due = self.protocol.step(now, input, &mut out);
         let outcome = out.outcome;
         self.after_step(now, outcome, port);

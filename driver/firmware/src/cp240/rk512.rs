@@ -37,17 +37,7 @@ impl Cp240 {
             }
         };
         if let (Some(order), Protocol::Rk512(machine)) = (order, &mut self.protocol) {
-            let mut out = Outlet {
-                now,
-                ring: &mut self.receive.ring,
-                rk512: &mut self.rk512,
-                leds: &mut self.leds,
-                modem: &mut self.modem,
-                diagnosis: &mut self.diagnosis,
-                settings: &mut self.settings,
-                port,
-                outcome: None,
-            };
+            let mut out = outlet!(self, now, port);
             self.protocol_due = machine.step(now, rk512::Input::Order(order), &mut out);
         }
         self.send.ended(Ok(()));
@@ -58,17 +48,7 @@ impl Cp240 {
 
     /// An order that stands in no register.
     pub(super) fn order_rk512(&mut self, now: Nanos, order: rk512::Order<'_>, port: &mut dyn CpPort) {
-        let mut out = Outlet {
-            now,
-            ring: &mut self.receive.ring,
-            rk512: &mut self.rk512,
-            leds: &mut self.leds,
-            modem: &mut self.modem,
-            diagnosis: &mut self.diagnosis,
-            settings: &mut self.settings,
-            port,
-            outcome: None,
-        };
+        let mut out = outlet!(self, now, port);
         if let Protocol::Rk512(machine) = &mut self.protocol {
             self.protocol_due = machine.step(now, rk512::Input::Order(order), &mut out);
         }
