@@ -6,8 +6,8 @@ use ob1_params::Cp040;
 
 use super::check::number;
 use super::file::{ModuleTable, Placed};
-use super::findings::{CONTRADICTION, Findings, MISSING};
-use super::modules::{characters_of_modbus, from_raw, keys_of, line_of, parameter, place_in, stop_bits_of};
+use super::findings::{CONTRADICTION, Findings};
+use super::modules::{characters_of_modbus, keys_or_bytes, line_of, stop_bits_of};
 use super::types::ModuleKind;
 
 /// IO size: bytes each way.
@@ -22,23 +22,7 @@ pub(super) fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -
             f.error(CONTRADICTION, at, format!("`{key}` cannot be chosen for a CP 040"), remedy);
         }
     }
-    let params = match (&table.params, &table.raw) {
-        (Some(given), None) => {
-            let keys = keys_of(f, given)?;
-            Cp040::from_keys(keys).map_err(|error| parameter(f, place_in(given, &error), &error)).ok()?
-        }
-        (None, Some(raw)) => from_raw(f, "CP 040", raw, Cp040::decode)?,
-        (Some(_), Some(raw)) => {
-            let remedy = "keep one of them; `ob1 check STATION --verbose` prints the other form";
-            f.error(CONTRADICTION, raw.span(), "the parameters are given twice, as `params` and as `raw`", remedy);
-            return None;
-        }
-        (None, None) => {
-            let remedy = "params = { protocol = \"3964r\", baud = 9600 }, or raw = \"00 04 13 ...\" with all 16 bytes";
-            f.error(MISSING, table.kind.span(), "the CP 040 has no parameters", remedy);
-            return None;
-        }
-    };
+    let params = keys_or_bytes(f, table, "CP 040", |keys| Cp040::from_keys(keys), Cp040::decode)?;
     characters_of_modbus(f, table, &params.common);
     let line = line_of(f, table, folder, "the CP 040")?;
     stop_bits_of(f, table, &line, params.common.stop_bits);

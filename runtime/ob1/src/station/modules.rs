@@ -149,20 +149,7 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
             f.error(CONTRADICTION, value.span(), message, "leave it out: a CP 240 has 16 bytes each way");
         }
     }
-    let params = match (&table.params, &table.raw) {
-        (Some(params), None) => from_keys(f, params)?,
-        (None, Some(raw)) => from_raw(f, "CP 240", raw, Cp240::decode)?,
-        (Some(_), Some(raw)) => {
-            let remedy = "keep one of them; `ob1 check STATION --verbose` prints the other form";
-            f.error(CONTRADICTION, raw.span(), "the parameters are given twice, as `params` and as `raw`", remedy);
-            return None;
-        }
-        (None, None) => {
-            let remedy = "params = { protocol = \"3964r\", baud = 9600 }, or raw = \"00 04 13 ...\" with all 16 bytes";
-            f.error(MISSING, table.kind.span(), "the CP 240 has no parameters", remedy);
-            return None;
-        }
-    };
+    let params = keys_or_bytes(f, table, "CP 240", |keys| Cp240::from_keys(keys), Cp240::decode)?;
     characters_of_modbus(f, table, &params);
     let line = line_of(f, table, folder, "the CP 240")?;
     stop_bits_of(f, table, &line, params.stop_bits);
@@ -228,9 +215,31 @@ fn place_of(table: &ModuleTable, key: &str) -> std::ops::Range<usize> {
 
 pub(super) type Keys = std::collections::BTreeMap<Placed<String>, Placed<toml::Value>>;
 
-fn from_keys(f: &mut Findings<'_>, params: &Placed<Keys>) -> Option<Cp240> {
-    let keys = keys_of(f, params)?;
-    Cp240::from_keys(keys).map_err(|error| parameter(f, place_in(params, &error), &error)).ok()
+/// The parameters of a CP that has 16 bytes of them: as keys or as these bytes, exactly one of both.
+pub(super) fn keys_or_bytes<P>(
+    f: &mut Findings<'_>,
+    table: &ModuleTable,
+    cp: &str,
+    of_keys: impl FnOnce(Vec<(&str, Value)>) -> Result<P, ParamError>,
+    of_bytes: fn(&[u8; 16]) -> Result<P, ParamError>,
+) -> Option<P> {
+    match (&table.params, &table.raw) {
+        (Some(given), None) => {
+            let keys = keys_of(f, given)?;
+            of_keys(keys).map_err(|error| parameter(f, place_in(given, &error), &error)).ok()
+        }
+        (None, Some(raw)) => from_raw(f, cp, raw, of_bytes),
+        (Some(_), Some(raw)) => {
+            let remedy = "keep one of them; `ob1 check STATION --verbose` prints the other form";
+            f.error(CONTRADICTION, raw.span(), "the parameters are given twice, as `params` and as `raw`", remedy);
+            None
+        }
+        (None, None) => {
+            let remedy = "params = { protocol = \"3964r\", baud = 9600 }, or raw = \"00 04 13 ...\" with all 16 bytes";
+            f.error(MISSING, table.kind.span(), format!("the {cp} has no parameters"), remedy);
+            None
+        }
+    }
 }
 
 /// The keys as the parameter tables take them.
@@ -260,7 +269,7 @@ pub(super) fn place_in(params: &Placed<Keys>, error: &ParamError) -> std::ops::R
     found.map_or(params.span(), |(key, value)| key.span().start..value.span().end)
 }
 
-pub(super) fn from_raw<P>(
+fn from_raw<P>(
     f: &mut Findings<'_>,
     cp: &str,
     raw: &Placed<String>,
