@@ -62,22 +62,27 @@ fn stored(station: &Running, db: u8, len: usize) -> Vec<u8> {
     names.chunks(32).flat_map(|some| station.cells(some)).map(|byte| byte as u8).collect()
 }
 
-#[test]
-fn the_manual_s_program_reads_a_meter() {
+/// `examples/mbus-meter` with this station and program, and one meter at address 1; the bytes are its answer.
+fn example(station: &str, program: &str) -> (Site, Running, Meters, Vec<u8>) {
     let site = Site::new();
-    for file in ["station.toml", "mbus.awl", "meter.py"] {
+    for file in [station, program, "meter.py"] {
         let text = fs::read_to_string(checkout("examples/mbus-meter").join(file)).expect("a file of the example");
-        let is_station = file.ends_with(".toml");
-        site.write(file, &if is_station { replaced(&text, "\"150ms\"", "\"500ms\"") } else { text });
+        site.write(file, &if file == station { replaced(&text, "\"150ms\"", "\"500ms\"") } else { text });
     }
-    let station = site.run("station.toml").until_run();
+    let station = site.run(station).until_run();
     station.until("the pty", |_| site.path("mbus.pty").exists().then_some(()));
     station.until("FC 9", |s| (s.cell("M3.0") == 0).then_some(()));
     let all = fixtures();
     let meter = all.iter().find(|fixture| fixture.name.ends_with("/frame2")).expect("a fixture");
     let mut meters = Meters::start(&site, &[(1, meter)]);
     meters.tell("loud 1");
-    let expected = seen(&meter.bytes);
+    (site, station, meters, meter.bytes.clone())
+}
+
+#[test]
+fn the_manual_s_program_reads_a_meter() {
+    let (site, station, mut meters, bytes) = example("station.toml", "mbus.awl");
+    let expected = seen(&bytes);
 
     assert_eq!(order(&station, [0xBB, 0x40, 1, 0, 0]), 0, "SND_NKE");
     assert_eq!(stored(&station, 21, 2), [0, 0xE5]);
@@ -152,19 +157,7 @@ fn py_meter_bus_decodes_what_our_master_has_read() {
 /// FB 250 and FB 251 as in `examples/mbus-meter/library.awl`, whose UDTs name what the blocks write.
 #[test]
 fn the_library_reads_and_searches() {
-    let site = Site::new();
-    for file in ["library.toml", "library.awl", "meter.py"] {
-        let text = fs::read_to_string(checkout("examples/mbus-meter").join(file)).expect("a file of the example");
-        let is_station = file.ends_with(".toml");
-        site.write(file, &if is_station { replaced(&text, "\"150ms\"", "\"500ms\"") } else { text });
-    }
-    let station = site.run("library.toml").until_run();
-    station.until("the pty", |_| site.path("mbus.pty").exists().then_some(()));
-    station.until("FC 9", |s| (s.cell("M3.0") == 0).then_some(()));
-    let all = fixtures();
-    let meter = all.iter().find(|fixture| fixture.name.ends_with("/frame2")).expect("a fixture");
-    let mut meters = Meters::start(&site, &[(1, meter)]);
-    meters.tell("loud 1");
+    let (site, station, mut meters, _) = example("library.toml", "library.awl");
 
     station.set("MB11", 1);
     station.set("M10.0", 1);

@@ -1,19 +1,16 @@
 //! `examples/cp040-cp240` in virtual time: a CP 040 with FB 60 and FB 61 talks to a CP 240 with FC 0 and FC 1; a good line, a bad line,
 //! kills, the same seed twice.
 
-use std::path::{Path, PathBuf};
+mod common;
 
+use std::path::PathBuf;
+
+use common::pair::{self, run};
 use ob1_line::sim::FaultRates;
-use ob1_tests::sim::{self, Outcome, SECOND, Scenario};
+use ob1_tests::sim::{SECOND, Scenario};
 
 fn folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/cp040-cp240")
-}
-
-fn run(scenario: &Scenario) -> Outcome {
-    sim::run(scenario).unwrap_or_else(|message| {
-        panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
-    })
+    pair::example("cp040-cp240")
 }
 
 #[test]
@@ -51,16 +48,7 @@ fn fb_65_does_both() {
 
 #[test]
 fn the_same_seed_gives_the_same_log_and_another_another() {
-    let scenario = |seed| Scenario {
-        faults: FaultRates::all(200),
-        kill_every: 3 * SECOND,
-        duration: 30 * SECOND,
-        ..Scenario::demo(&folder(), seed)
-    };
-    let (first, second) = (run(&scenario(11)), run(&scenario(11)));
-    assert!(first.kills > 0 && first.log.lines().count() > 100, "something has happened");
-    assert_eq!(first.log, second.log);
-    assert_ne!(first.log, run(&scenario(12)).log);
+    pair::assert_repeats(&folder());
 }
 
 #[test]

@@ -1,18 +1,15 @@
 //! The CP 341 pair of `examples/cp341-pair` in virtual time: P_SND_RK to P_RCV_RK over 3964R, SEND and FETCH over RK 512.
 
-use std::path::{Path, PathBuf};
+mod common;
 
+use std::path::PathBuf;
+
+use common::pair::{self, run};
 use ob1_line::sim::FaultRates;
-use ob1_tests::sim::{self, Outcome, SECOND, Scenario};
+use ob1_tests::sim::{Outcome, SECOND, Scenario};
 
 fn folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/cp341-pair")
-}
-
-fn run(scenario: &Scenario) -> Outcome {
-    sim::run(scenario).unwrap_or_else(|message| {
-        panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
-    })
+    pair::example("cp341-pair")
 }
 
 /// A cell of a station's ledger.
@@ -43,16 +40,8 @@ fn a_good_line_loses_nothing() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_log() {
-    let scenario = Scenario {
-        faults: FaultRates::all(200),
-        kill_every: 3 * SECOND,
-        duration: 30 * SECOND,
-        ..Scenario::demo(&folder(), 11)
-    };
-    let (first, second) = (run(&scenario), run(&scenario));
-    assert!(first.kills > 0 && first.log.lines().count() > 100, "something has happened");
-    assert_eq!(first.log, second.log);
+fn the_same_seed_gives_the_same_log_and_another_another() {
+    pair::assert_repeats(&folder());
 }
 
 /// Good and bad lines, characters in bursts, drivers killed: each job ends exactly once, nothing wrong is taken for right, and all comes back.

@@ -9,6 +9,7 @@
 pub(crate) mod ledger;
 pub(crate) mod meters;
 pub(crate) mod native;
+pub(crate) mod pair;
 pub(crate) mod peer;
 pub(crate) mod processes;
 pub(crate) mod site;
