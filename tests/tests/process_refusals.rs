@@ -91,7 +91,7 @@ fn a_plugin_that_panics_stops_the_cpu_and_nothing_else() {
     small.until("STOP", |s| (s.status().state == "STOP").then_some(()));
     small.until("outputs off", |_| (!lamp(&image)).then_some(()));
 
-    let diag = site.ob1(&["ctl", "small.toml", "diag"]).fine();
+    let diag = site.ob1(&["diag", "small.toml"]).fine();
     let entry = diag.lines().find(|line| line.contains("F101h")).unwrap_or_else(|| panic!("no entry in\n{diag}"));
     assert!(entry.contains("200 is no percentage"), "{entry}");
     assert_eq!(small.cell("MW60"), 200, "the runtime lives and can be asked");

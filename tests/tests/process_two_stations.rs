@@ -167,8 +167,8 @@ fn cells_are_read_and_written_from_outside() {
 
     let status: Value = serde_json::from_str(&site.ob1(&["ctl", &file, "status", "--json"]).fine()).expect("JSON");
     assert_eq!((&status["state"], &status["pid"]), (&json!("RUN"), &json!(a.process.pid)));
-    let diag: Value = serde_json::from_str(&site.ob1(&["ctl", &file, "diag", "--json"]).fine()).expect("JSON");
-    let oldest = diag.as_array().and_then(|entries| entries.last()).expect("an entry");
+    let diag: Value = serde_json::from_str(&site.ob1(&["diag", &file, "--json"]).fine()).expect("JSON");
+    let oldest = diag["cpu"].as_array().and_then(|entries| entries.last()).expect("an entry");
     assert_eq!((&oldest["number"], &oldest["event"]), (&json!(1), &json!("4301h")));
 
     assert_eq!(a.interrupt().code(), Some(0));

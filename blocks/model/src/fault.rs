@@ -238,6 +238,8 @@ impl Event {
     pub const STOP_ACCESS_ERROR: Event = Event(0x4563);
     /// STOP by a time error: watchdog without OB 80, or twice in one cycle.
     pub const STOP_TIME_ERROR: Event = Event(0x4568);
+    /// STOP because of a diagnostic interrupt without OB 82.
+    pub const STOP_DIAGNOSIS: Event = Event(0x456A);
     /// STOP because OB 85 is wanted and not loaded (program sequence error).
     pub const STOP_SEQUENCE_ERROR: Event = Event(0x456D);
     /// Cycle time exceeded.
@@ -279,6 +281,7 @@ impl Event {
         Event::STOP_PROGRAMMING_ERROR,
         Event::STOP_ACCESS_ERROR,
         Event::STOP_TIME_ERROR,
+        Event::STOP_DIAGNOSIS,
         Event::STOP_SEQUENCE_ERROR,
         Event::CYCLE_TIME_EXCEEDED,
         Event::OB_STILL_RUNS,
@@ -308,6 +311,7 @@ impl Event {
             0x4562 => "STOP by programming error, OB 121 not loaded",
             0x4563 => "STOP by access error, OB 122 not loaded",
             0x4568 => "STOP by time error",
+            0x456A => "STOP by diagnostic interrupt, OB 82 not loaded",
             0x456D => "STOP by program sequence error, OB 85 not loaded",
             0x3501 => "cycle time exceeded",
             0x3502 => "OB requested while it is still being executed",

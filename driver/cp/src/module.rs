@@ -60,7 +60,7 @@ impl Module {
 
     /// Whether the place of the diagnostic record is its own: then there is none for the text of a line error.
     pub(crate) const fn has_record(&self) -> bool {
-        matches!(self.firmware, Firmware::Cp040(_))
+        matches!(self.firmware, Firmware::Cp040(_) | Firmware::Cp341(_))
     }
 
     /// Whether it wants the outputs as they stand before its first parameters. A CP 341 wants them behind: its driver says whose RTS

@@ -2,14 +2,12 @@
 
 use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
-use ob1_firmware::{
-    CpCounter, CpEvent, CpPort, DiagnosticRecord, Leds, LineSettings, ModemLines, Nanos, ParameterFault, StartReason,
-};
+use ob1_firmware::{CpCounter, CpEvent, CpPort, Leds, LineSettings, ModemLines, Nanos, ParameterFault, StartReason};
 
 use crate::line_port::LinePort;
 use crate::translate::{self, EventCode, LINE_TEXT_RECORD};
 
-/// Number of the diagnostic record of a CP 040. [S3 "Diagnostic data"]
+/// Number of the diagnostic record of a CP 040 [S3 "Diagnostic data"] and a CP 341.
 const DIAGNOSTIC_RECORD: u32 = 1;
 
 /// The driver's end of the segment, with what is shown there.
@@ -143,7 +141,7 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
         self.end.drive_modem(self.now, self.line);
     }
 
-    fn record(&mut self, record: &DiagnosticRecord) {
+    fn record(&mut self, record: &[u8]) {
         // Shorter than a record may be.
         let _ = self.end.segment.write_diagnosis(DIAGNOSTIC_RECORD, record);
     }
@@ -171,7 +169,8 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
                 self.end.parameters = Parameters::Refused(u32::from(byte));
                 self.end.emit(now, EventCode::NoParameters as u32, &[byte]);
             }
-            CpEvent::Entry(number) => self.end.emit(now, EventCode::Entry as u32, &number.to_be_bytes()),
+            CpEvent::Entry(number) => self.end.segment.enter(*number, true),
+            CpEvent::EntryGone(number) => self.end.segment.enter(*number, false),
             CpEvent::SendFailed(code) => self.end.emit(now, EventCode::SendFailed as u32, &[*code]),
             CpEvent::Diagnosis { incoming, data } => {
                 let kind = if *incoming { EventKind::DiagnosticIncoming } else { EventKind::DiagnosticOutgoing };

@@ -32,8 +32,6 @@ pub enum EventCode {
     Configuration = 7,
     /// Something in the segment has no meaning.
     Segment = 8,
-    /// CP 341: an entry of its diagnostic buffer; data: event class and number (`docs/cp341-events.md`).
-    Entry = 9,
 }
 
 pub(crate) const fn counter(counter: CpCounter) -> Counter {

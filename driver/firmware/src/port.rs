@@ -86,8 +86,8 @@ pub trait CpPort {
         let _ = on;
     }
 
-    /// CP 040: its diagnostic record (record set 01h) as it now stands.
-    fn record(&mut self, record: &DiagnosticRecord) {
+    /// CP 040 and CP 341: the diagnostic data (record 1; its first four bytes are record 0) as they now stand.
+    fn record(&mut self, record: &[u8]) {
         let _ = record;
     }
 
@@ -182,6 +182,8 @@ pub enum CpEvent<'a> {
     JobFailed(u16),
     /// CP 341: an entry of its diagnostic buffer.
     Entry(u16),
+    /// CP 341: an entry too: what had this number is gone.
+    EntryGone(u16),
     /// This telegram was received.
     Received(&'a [u8]),
     /// Modbus slave "long": the master has changed so many bytes that go to the CPU together.

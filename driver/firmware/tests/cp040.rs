@@ -34,8 +34,8 @@ impl CpPort for Log {
         self.settings = Some(*settings);
     }
 
-    fn record(&mut self, record: &DiagnosticRecord) {
-        self.records.push(*record);
+    fn record(&mut self, record: &[u8]) {
+        self.records.push(record.try_into().expect("20 bytes"));
     }
 
     fn leds(&mut self, leds: Leds) {

@@ -8,6 +8,8 @@ use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341, Input341};
 use ob1_firmware::{LineFault, LineInput, ModemLines};
 use ob1_params::{Cp341 as Parameters, Value};
 
+const SECOND: u64 = 1000 * MS;
+
 fn parameters(baud: i64) -> Parameters {
     Parameters::from_keys([("protocol", Value::from("3964r")), ("baud", Value::Int(baud))]).expect("they are good")
 }
@@ -15,6 +17,11 @@ fn parameters(baud: i64) -> Parameters {
 /// Entries of the diagnostic buffer, oldest first.
 fn entries(log: &Log) -> Vec<&str> {
     log.events.iter().filter_map(|event| event.strip_prefix("Entry(")?.strip_suffix(')')).collect()
+}
+
+/// What has gone, by entries of the diagnostic buffer.
+fn gone(log: &Log) -> Vec<&str> {
+    log.events.iter().filter_map(|event| event.strip_prefix("EntryGone(")?.strip_suffix(')')).collect()
 }
 
 fn interrupts(log: &Log) -> Vec<&String> {
@@ -51,24 +58,152 @@ fn without_parameters_a_job_ends_with_0502() {
     assert!(!cp.is_working());
 }
 
-#[test]
-fn wire_break_and_wrong_parameters_raise_a_diagnostic_interrupt() {
+/// A diagnostic interrupt, and the record beside it.
+fn told(incoming: bool, data: [u8; 6]) -> String {
+    format!("Diagnosis {{ incoming: {incoming}, data: {data:?} }}")
+}
+
+const NONE: [u8; 6] = [0, 0x0C, 0, 0, 0, 0];
+const WIRE_BREAK: [u8; 6] = [0x25, 0x0C, 0x02, 0, 0, 0];
+const PARAMETERS: [u8; 6] = [0x83, 0x0C, 0, 0, 0x02, 0x0F];
+
+/// A CP that works, its CPU in RUN, diagnostic interrupts enabled.
+fn running() -> (Cp341, Log) {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
     cp.enable_diagnostics(true);
+    cp.step(0, Input341::CpuRun(true), &mut log);
     cp.step(0, Input341::Parameters(Ok(&parameters(9600))), &mut log);
+    (cp, log)
+}
+
+fn wrong() -> ob1_params::ParamError {
+    Parameters::from_keys([]).expect_err("nothing is no parameters")
+}
+
+#[test]
+fn wire_break_and_wrong_parameters_raise_a_diagnostic_interrupt() {
+    let (mut cp, mut log) = running();
+    assert_eq!(interrupts(&log), Vec::<&String>::new());
     for _ in 0..2 {
         cp.step(0, Input341::Line(LineInput::Fault(LineFault::Gone)), &mut log);
     }
-    assert_eq!(interrupts(&log), ["Diagnosis { incoming: true, data: [37, 12, 2, 0, 0, 0] }"], "25 0C 02 00, once");
     cp.step(MS, Input341::Line(LineInput::Fault(LineFault::Back)), &mut log);
-    let wrong = Parameters::from_keys([]).expect_err("nothing is no parameters");
-    cp.step(MS, Input341::Parameters(Err(&wrong)), &mut log);
+    cp.step(MS, Input341::Parameters(Err(&wrong())), &mut log);
+    cp.step(MS, Input341::Line(LineInput::Fault(LineFault::Gone)), &mut log);
     cp.step(MS, Input341::Parameters(Ok(&parameters(9600))), &mut log);
-    let gone = "Diagnosis { incoming: false, data: [0, 12, 0, 0, 0, 0] }";
-    assert_eq!(interrupts(&log)[1..], [gone, "Diagnosis { incoming: true, data: [131, 12, 0, 0, 2, 15] }", gone]);
+    let expected = [
+        told(true, WIRE_BREAK),
+        told(false, NONE),
+        told(true, PARAMETERS),
+        told(true, [0xA7, 0x0C, 0x02, 0, 0x02, 0x0F]),
+        told(false, WIRE_BREAK),
+    ];
+    assert_eq!(interrupts(&log), expected.iter().collect::<Vec<_>>());
+    let records: Vec<[u8; 4]> = log.records.iter().map(|record| [record[0], record[1], record[2], record[3]]).collect();
+    let shown = [0x25_0C_02_00_u32, 0x00_0C_00_00, 0x83_0C_00_00, 0xA7_0C_02_00, 0x25_0C_02_00].map(u32::to_be_bytes);
+    assert_eq!((records[0], &records[1..]), ([0, 0x0C, 0, 0], &shown[..]));
+    assert!(log.records.iter().all(|record| record.len() == 16 && record[4..] == [0; 12]), "no channel information");
+    assert_eq!(entries(&log)[2..], [0x080D.to_string(), 0x020F.to_string(), 0x080D.to_string(), "3".into()]);
+    assert_eq!(gone(&log), [0x080D.to_string(), 0x020F.to_string()]);
+}
+
+#[test]
+fn nothing_is_told_unless_enabled_and_the_record_is_there_all_the_same() {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
+    cp.step(0, Input341::CpuRun(true), &mut log);
     cp.step(0, Input341::Line(LineInput::Fault(LineFault::Gone)), &mut log);
-    assert_eq!(interrupts(&log), Vec::<&String>::new(), "not unless enabled");
+    assert_eq!(interrupts(&log), Vec::<&String>::new());
+    assert_eq!(log.records.last().map(|record| record[0]), Some(0x25));
+}
+
+/// [CP 341 manual 09/2008, p. 204]
+#[test]
+fn what_comes_and_goes_in_stop_is_not_told_and_what_is_there_in_run_is() {
+    let (mut cp, mut log) = running();
+    let line = |fault| Input341::Line(LineInput::Fault(fault));
+    cp.step(0, Input341::CpuRun(false), &mut log);
+    cp.step(0, line(LineFault::Gone), &mut log);
+    cp.step(0, line(LineFault::Back), &mut log);
+    cp.step(0, Input341::CpuRun(true), &mut log);
+    assert_eq!(interrupts(&log), Vec::<&String>::new(), "it came and went in STOP");
+    cp.step(0, line(LineFault::Gone), &mut log);
+    cp.step(0, Input341::CpuRun(false), &mut log);
+    cp.step(0, Input341::CpuRun(true), &mut log);
+    assert_eq!(interrupts(&log), [&told(true, WIRE_BREAK), &told(true, WIRE_BREAK)], "it is still there");
+    cp.step(0, Input341::CpuRun(false), &mut log);
+    cp.step(0, line(LineFault::Back), &mut log);
+    cp.step(0, Input341::CpuRun(true), &mut log);
+    assert_eq!(interrupts(&log).len(), 2, "it went in STOP");
+}
+
+#[test]
+fn a_break_lasts_until_characters_come_again() {
+    let (mut cp, mut log) = running();
+    cp.step(SECOND, Input341::Line(LineInput::Fault(LineFault::Break)), &mut log);
+    assert_eq!((interrupts(&log), log.leds.error), (vec![&told(true, WIRE_BREAK)], true));
+    cp.step(100 * SECOND, Input341::Tick, &mut log);
+    assert!(log.leds.error);
+    cp.step(100 * SECOND, Input341::Line(LineInput::Rx(b"x")), &mut log);
+    assert_eq!((interrupts(&log).len(), log.leds.error), (2, false));
+    assert_eq!(
+        (entries(&log)[2..].to_vec(), gone(&log)),
+        (vec!["2061", "2050"], vec!["2061"]),
+        "080D, 0802, 080D gone"
+    );
+}
+
+/// [S4 "Diagnostics via Display Elements (LEDs)"]
+#[test]
+fn sf_is_lit_until_initialised_with_new_and_with_wrong_parameters() {
+    let (mut cp, mut log) = (Cp341::new(), Log::default());
+    let due = cp.step(0, Input341::CpuRun(true), &mut log);
+    assert_eq!((log.leds.error, due), (true, Some(20 * MS)), "switched on; only V24_STAT's image is due");
+    cp.step(10 * SECOND, Input341::Tick, &mut log);
+    assert!(log.leds.error, "for as long as there are no parameters");
+    let lit_for = |cp: &mut Cp341, log: &mut Log, from: u64, baud| {
+        cp.step(from, Input341::Parameters(Ok(&parameters(baud))), log);
+        let lit = log.leds.error;
+        cp.step(from + 500 * MS - 1, Input341::Tick, log);
+        let still = log.leds.error;
+        cp.step(from + 500 * MS, Input341::Tick, log);
+        (lit, still, log.leds.error)
+    };
+    assert_eq!(lit_for(&mut cp, &mut log, 11 * SECOND, 9600), (true, true, false));
+    assert_eq!(lit_for(&mut cp, &mut log, 12 * SECOND, 19_200), (true, true, false), "new ones: again, briefly");
+    cp.step(20 * SECOND, Input341::Parameters(Ok(&parameters(19_200))), &mut log);
+    assert!(!log.leds.error, "the same ones");
+    cp.step(21 * SECOND, Input341::Parameters(Err(&wrong())), &mut log);
+    cp.step(99 * SECOND, Input341::Tick, &mut log);
+    assert!(log.leds.error);
+    cp.step(99 * SECOND, Input341::Parameters(Ok(&parameters(9600))), &mut log);
+    cp.step(100 * SECOND, Input341::Tick, &mut log);
+    assert!(!log.leds.error);
+}
+
+#[test]
+fn sf_shows_a_line_that_is_gone_and_no_telegram_that_fails() {
+    let (mut cp, mut log) = running();
+    cp.step(SECOND, Input341::Tick, &mut log);
+    let mut lit_after = |cp: &mut Cp341, fault| {
+        cp.step(2 * SECOND, Input341::Line(LineInput::Fault(fault)), &mut log);
+        log.leds.error
+    };
+    let faults = [LineFault::Parity, LineFault::Framing, LineFault::Overrun, LineFault::Gone, LineFault::Back];
+    assert_eq!(faults.map(|fault| lit_after(&mut cp, fault)), [false, false, false, true, false]);
+}
+
+#[test]
+fn txd_and_rxd_are_lit_while_characters_go() {
+    let (mut cp, mut log) = running();
+    cp.step(SECOND, Input341::Tick, &mut log);
+    assert_eq!((log.leds.transmit, log.leds.receive), (false, false));
+    // STX of the partner: the CP answers DLE.
+    cp.step(SECOND, Input341::Line(LineInput::Rx(&[0x02])), &mut log);
+    assert_eq!((log.leds.transmit, log.leds.receive, &log.tx[..]), (true, true, &[0x10][..]));
+    cp.step(SECOND + MS, Input341::Line(LineInput::TxDone), &mut log);
+    assert_eq!((log.leds.transmit, log.leds.receive), (false, true));
+    cp.step(SECOND + 50 * MS, Input341::Tick, &mut log);
+    assert!(!log.leds.receive);
 }
 
 #[test]

@@ -3,7 +3,9 @@
 //! There is nothing but atomics in it, reserved words included, so a reference to it never promises that the memory
 //! behind stands still.
 
-use crate::layout::{COUNTER_WORDS, EVENT_SLOTS, IO_BYTES_MAX, JSON_BYTES, PARAMETER_BYTES, RECORD_BYTES};
+use crate::layout::{
+    BUFFER_SLOTS, COUNTER_WORDS, EVENT_SLOTS, IO_BYTES_MAX, JSON_BYTES, PARAMETER_BYTES, RECORD_BYTES,
+};
 use crate::seqlock::SeqCell;
 use crate::sync::{AtomicU64, Pad, Words};
 
@@ -53,7 +55,8 @@ pub(crate) struct CpuCells {
     pub(crate) heartbeat: AtomicU64,
     pub(crate) state: AtomicU64,
     pub(crate) modem_outputs: AtomicU64,
-    pad: Pad<13>,
+    pub(crate) time: AtomicU64,
+    pad: Pad<12>,
 }
 
 /// What the driver says about itself.
@@ -126,6 +129,15 @@ pub(crate) struct ChannelsCells {
     pub(crate) receive_to_cpu: ChannelCells,
 }
 
+/// The CP's diagnostic buffer.
+#[repr(C)]
+#[derive(Default)]
+pub(crate) struct BufferCells {
+    pub(crate) written: AtomicU64,
+    pad: Pad<15>,
+    pub(crate) entries: Words<BUFFER_SLOTS>,
+}
+
 /// The whole segment.
 #[repr(C, align(128))]
 #[derive(Default)]
@@ -144,7 +156,8 @@ pub(crate) struct SegmentCells {
     pub(crate) params: SeqCell<PARAMS_WORDS>,
     pad: Pad<12>,
     pub(crate) channels: ChannelsCells,
-    pad_channels: Pad<352>,
+    pub(crate) buffer: BufferCells,
+    pad_buffer: Pad<271>,
 }
 
 /// The same memory as one row of words.
@@ -176,6 +189,7 @@ pub(crate) const OFFSETS: &[(usize, &str)] = {
         (offset_of!(SegmentCells, cpu.heartbeat), "cpu.heartbeat"),
         (offset_of!(SegmentCells, cpu.state), "cpu.state"),
         (offset_of!(SegmentCells, cpu.modem_outputs), "cpu.modem_outputs"),
+        (offset_of!(SegmentCells, cpu.time), "cpu.time"),
         (offset_of!(SegmentCells, cp.generation), "cp.generation"),
         (offset_of!(SegmentCells, cp.heartbeat), "cp.heartbeat"),
         (offset_of!(SegmentCells, cp.state), "cp.state"),
@@ -208,6 +222,8 @@ pub(crate) const OFFSETS: &[(usize, &str)] = {
         (offset_of!(SegmentCells, channels.send_to_cpu.block.data), "send_to_cpu.data"),
         (offset_of!(SegmentCells, channels.receive_to_cpu.block.sequence), "receive_to_cpu.sequence"),
         (offset_of!(SegmentCells, channels.receive_to_cpu.block.data), "receive_to_cpu.data"),
+        (offset_of!(SegmentCells, buffer.written), "buffer.written"),
+        (offset_of!(SegmentCells, buffer.entries), "buffer.entries"),
     ]
 };
 

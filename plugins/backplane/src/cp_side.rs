@@ -1,6 +1,7 @@
 //! The driver's end of a segment: the CP's side of the back plane. It believes the CPU side as little as that believes
 //! the driver.
 
+use crate::buffer::{BufferEntry, BufferWriter};
 use crate::bytes::copy_out;
 use crate::cells::{IO_WORDS, PARAMS_WORDS, RECORD_WORDS, SegmentCells};
 use crate::channel::{Channel, ChannelBlock, ChannelEnd, Way};
@@ -32,6 +33,7 @@ pub struct CpSide {
     json: Box<[u8; JSON_BYTES]>,
     events: Producer,
     channels: ChannelEnd,
+    buffer: BufferWriter,
 }
 
 impl CpSide {
@@ -71,6 +73,7 @@ impl CpSide {
             json: Box::new([0; JSON_BYTES]),
             events,
             channels,
+            buffer: BufferWriter::resume(&cells.buffer),
         })
     }
 
@@ -182,6 +185,13 @@ impl CpSide {
     /// [`TooLong`] beyond 240 bytes; then nothing is written.
     pub fn write_diagnosis(&mut self, number: u32, data: &[u8]) -> Result<(), TooLong> {
         write_record(&self.cells().diagnosis, number, data)
+    }
+
+    /// Enters an event into the CP's diagnostic buffer, with the CPU's time: class and number, and whether it comes or goes.
+    pub fn enter(&mut self, number: u16, incoming: bool) {
+        let cells = self.segment.cells();
+        let time_ms = cells.cpu.time.load(Ordering::Relaxed) / 1_000_000;
+        self.buffer.enter(&cells.buffer, BufferEntry { number, incoming, time_ms });
     }
 
     /// Emits an event; false if the ring is full: it is counted as lost.

@@ -211,6 +211,12 @@ impl CpuSide {
         self.changed();
     }
 
+    /// Shows the CPU's time, in nanoseconds since the runtime started: the clock of the CP's diagnostic buffer. Does not wake the driver.
+    #[inline]
+    pub fn set_time(&mut self, now: u64) {
+        self.cells().cpu.time.store(now, Ordering::Relaxed);
+    }
+
     /// One more scan. Does not wake the driver.
     #[inline]
     pub fn beat(&mut self) {

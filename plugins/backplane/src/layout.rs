@@ -39,6 +39,12 @@ pub const EVENT_DATA_BYTES: usize = 16;
 /// Slots of the event ring.
 pub const EVENT_SLOTS: usize = if cfg!(loom) { 2 } else { 64 };
 
+/// Entries of a CP's diagnostic buffer.
+pub const BUFFER_ENTRIES: usize = if cfg!(loom) { 1 } else { 64 };
+
+/// Slots of that ring: one more, where the writer is.
+pub const BUFFER_SLOTS: usize = BUFFER_ENTRIES + 1;
+
 /// Words for counters; those without a name are reserved.
 pub const COUNTER_WORDS: usize = if cfg!(loom) { 16 } else { 32 };
 
@@ -94,6 +100,7 @@ pub const FIELDS: &[Field] = &[
     field(0x0180, 8, "cpu.heartbeat", Writer::Cpu),
     field(0x0188, 8, "cpu.state", Writer::Cpu),
     field(0x0190, 8, "cpu.modem_outputs", Writer::Cpu),
+    field(0x0198, 8, "cpu.time", Writer::Cpu),
     field(0x0200, 8, "cp.generation", Writer::Cp),
     field(0x0208, 8, "cp.heartbeat", Writer::Cp),
     field(0x0210, 8, "cp.state", Writer::Cp),
@@ -126,4 +133,6 @@ pub const FIELDS: &[Field] = &[
     field(0x2408, 64, "send_to_cpu.data", Writer::Cp),
     field(0x2480, 8, "receive_to_cpu.sequence", Writer::Cp),
     field(0x2488, 64, "receive_to_cpu.data", Writer::Cp),
+    field(0x2500, 8, "buffer.written", Writer::Cp),
+    field(0x2580, 520, "buffer.entries", Writer::Cp),
 ];

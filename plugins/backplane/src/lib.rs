@@ -23,6 +23,7 @@
 // Memory that two processes share is reached through raw pointers; all of it is in `segment`, `cells` and `io_image`.
 #![allow(unsafe_code)]
 
+mod buffer;
 mod bytes;
 mod cells;
 mod channel;
@@ -47,6 +48,7 @@ mod seqlock;
 mod sync;
 mod words;
 
+pub use buffer::BufferEntry;
 pub use channel::{Channel, ChannelBlock};
 pub use counters::{Counter, Counters};
 pub use cp_side::{ChangeMark, CpSide};

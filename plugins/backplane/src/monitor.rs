@@ -1,5 +1,6 @@
 //! What anyone in the runtime may look at, from any thread: the supervisor, the access port, the report.
 
+use crate::buffer::{self, BufferEntry};
 use crate::cells::SegmentCells;
 use crate::counters::{Counters, book_lost};
 use crate::fault::Fault;
@@ -74,6 +75,11 @@ impl Monitor {
     #[must_use]
     pub fn events_lost(&self) -> u64 {
         self.cells().events.lost.load(Ordering::Relaxed)
+    }
+
+    /// The CP's diagnostic buffer, newest entry first: at most [`crate::layout::BUFFER_ENTRIES`]. It outlives its drivers.
+    pub fn buffer(&self) -> impl Iterator<Item = BufferEntry> {
+        buffer::read(&self.cells().buffer)
     }
 
     /// Whether the driver sleeps, as far as one can see. The decision to ring is [`crate::CpuSide::take_doorbell`].

@@ -149,9 +149,16 @@ impl Context<'_> {
         ran.map(|()| substitute)
     }
 
-    /// OB 82, when it is loaded, for the module at `address` with the first four bytes of its diagnostic data.
+    /// OB 82 for the module at `address` with the first four bytes of its diagnostic data; without OB 82 STOP: "if no OB 82 is programmed, the
+    /// CPU automatically enters STOP mode" [CP 340 manual 04/2011, p. 142].
     pub(crate) fn diagnostic_interrupt(&mut self, address: u32, data: [u8; 4]) -> Result<(), Abort> {
-        let Some(callee) = self.blocks.ob(82).filter(|_| !self.disabled(82)) else { return Ok(()) };
+        if self.disabled(82) {
+            return Ok(());
+        }
+        let Some(callee) = self.blocks.ob(82) else {
+            self.stop(Event::STOP_DIAGNOSIS, address, "no OB 82");
+            return Err(Abort);
+        };
         // Bit 0 of the first byte says that something is wrong with the module: the event comes; else it goes.
         let class = if data[0] & 1 == 1 { 0x39 } else { 0x38 };
         let mut start = self.start_info(class, 0x42, ASYNCHRONOUS, 82);

@@ -63,6 +63,17 @@ pub struct ModuleEvent {
     pub len: u8,
 }
 
+/// An entry of a module's own diagnostic buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ModuleEntry {
+    /// The module's number of the event: class (high byte) and number (low byte) of a CP 341.
+    pub number: u16,
+    /// The event has come; otherwise a state that had come is gone.
+    pub incoming: bool,
+    /// When, in milliseconds since the runtime started.
+    pub time_ms: u64,
+}
+
 /// Counters a module keeps, by name, for reports.
 pub type ModuleCounters<'a> = &'a mut dyn FnMut(&'static str, u64);
 
@@ -93,6 +104,10 @@ pub trait Module: Send {
     fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError>;
     /// Writes a record.
     fn record_write(&mut self, record: u8, from: &[u8]) -> Result<(), ModuleError>;
+    /// Tells the entries of its own diagnostic buffer, newest first; false if it has none.
+    fn diagnostic_buffer(&mut self, _each: &mut dyn FnMut(ModuleEntry)) -> bool {
+        false
+    }
     /// Reports counters; not on the scan path.
     fn counters(&self, _each: ModuleCounters<'_>) {}
 }

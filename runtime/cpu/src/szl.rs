@@ -1,5 +1,5 @@
 //! System status lists (SZL) as SFC 51 reads them: module identification, characteristics, memory and system areas, LEDs, operating
-//! state, interrupts, modules and their diagnosis, the diagnostic buffer.
+//! state, interrupts, modules and their diagnosis, the diagnostic buffers of the CPU and of CPs.
 //!
 //! Layouts are those of the reference. An ID is list (low byte), extract (bits 8 to 11) and module class (bits 12 to 15, 0: CPU).
 //! ["System Status Lists (SSL)" of the system software reference]
@@ -11,7 +11,7 @@ use crate::calendar::date_and_time;
 use crate::interrupts::{priority_of, slot_of};
 use crate::machine::Machine;
 use crate::modules::{Plugged, SLOT};
-use crate::{DiagEntry, Family};
+use crate::{DiagEntry, Family, ModuleEntry};
 
 /// Who gets the records.
 type Each<'a> = &'a mut dyn FnMut(&[u8]);
@@ -19,9 +19,10 @@ type Each<'a> = &'a mut dyn FnMut(&[u8]);
 type Length = Result<u16, StatusError>;
 
 /// The lists there are, for list 0000h.
-const LISTS: [u16; 27] = [
+const LISTS: [u16; 29] = [
     0x0000, 0x0011, 0x0111, 0x0012, 0x0112, 0x0013, 0x0113, 0x0014, 0x0015, 0x0115, 0x0019, 0x0119, 0x001C, 0x011C,
-    0x0222, 0x0124, 0x0424, 0x0074, 0x0174, 0x0091, 0x0A91, 0x0C91, 0x0D91, 0x00A0, 0x01A0, 0x00B1, 0x00B3,
+    0x0222, 0x0124, 0x0424, 0x0074, 0x0174, 0x0091, 0x0A91, 0x0C91, 0x0D91, 0x00A0, 0x01A0, 0x00B1, 0x00B2, 0x00B3,
+    0xC0A0,
 ];
 /// LEDs of list xy74: SF, RUN, STOP, FRCE.
 const LEDS: [u16; 4] = [0x0001, 0x0004, 0x0005, 0x0006];
@@ -48,8 +49,10 @@ impl SystemStatus for Machine {
             0x0C91 => self.module_status(Some(index), each),
             0x00A0 => self.diagnostic_buffer(usize::MAX, each),
             0x01A0 => self.diagnostic_buffer(usize::from(index), each),
-            0x00B1 => self.diagnostic_record(index, 0, each),
-            0x00B3 => self.diagnostic_record(index, 1, each),
+            0x00B1 => diagnostic_record(self.addressed(index)?, 0, each),
+            0x00B2 => diagnostic_record(self.slotted(index)?, 1, each),
+            0x00B3 => diagnostic_record(self.addressed(index)?, 1, each),
+            0xC0A0 => self.buffer_of_cp(index, each),
             _ => Err(StatusError::Id),
         }
     }
@@ -332,26 +335,55 @@ impl Machine {
         record.put(&date_and_time(self.config.date_at_start.wrapping_add(entry.time))).bytes
     }
 
-    /// Diagnostic data record 0 or 1 of the module at a logical address.
-    fn diagnostic_record(&mut self, address: u16, number: u8, each: Each<'_>) -> Length {
+    /// The module at a logical address; bit 15 stands for an output.
+    fn addressed(&mut self, address: u16) -> Result<&mut Plugged, StatusError> {
         let (at, output) = (u32::from(address & 0x7FFF), address & 0x8000 != 0);
-        let plugged = self.modules.list.iter_mut().find(|plugged| plugged.has(at, output)).ok_or(StatusError::Index)?;
-        let mut bytes = [0; RECORD];
-        let room = if number == 0 { 4 } else { RECORD };
-        match plugged.module.record_read(number, &mut bytes[..room]) {
-            Ok(len) => {
-                let len = if number == 0 { 4 } else { len };
-                each(&bytes[..len]);
-                Ok(len as u16)
-            }
-            // No diagnostic data of its own: what the CPU knows. Module fault, wrong or missing module, communication.
-            Err(_) if number == 0 => {
-                let present = plugged.module.status().present && !plugged.lost;
-                each(if present { &[0, 0x0C, 0, 0] } else { &[0x01, 0x0C, 0x03, 0] });
-                Ok(4)
-            }
-            Err(_) => Err(StatusError::NotNow),
+        self.modules.list.iter_mut().find(|plugged| plugged.has(at, output)).ok_or(StatusError::Index)
+    }
+
+    /// The module in a rack (high byte: 0) and slot (low byte).
+    fn slotted(&mut self, place: u16) -> Result<&mut Plugged, StatusError> {
+        let index = place.checked_sub(SLOT).ok_or(StatusError::Index)?;
+        self.modules.list.get_mut(usize::from(index)).filter(|_| place < 0x100).ok_or(StatusError::Index)
+    }
+
+    /// Diagnostic buffer of the CP at a logical address, newest entry first. (docs/standard-blocks.md)
+    fn buffer_of_cp(&mut self, address: u16, each: Each<'_>) -> Length {
+        let date_at_start = self.config.date_at_start;
+        let plugged = self.addressed(address)?;
+        let base = plugged.slot.input_address as u16;
+        let has_buffer = plugged.module.diagnostic_buffer(&mut |entry| {
+            each(&cp_entry(entry, base, date_at_start));
+        });
+        if has_buffer { Ok(20) } else { Err(StatusError::Index) }
+    }
+}
+
+/// An entry of a CP's buffer as one of the CPU's: event of class F (modules other than CPUs), incoming or outgoing, with the CP's event class;
+/// event class and number, address, date and time.
+fn cp_entry(entry: ModuleEntry, base: u16, date_at_start: u64) -> [u8; 20] {
+    let event = if entry.incoming { 0xF900 } else { 0xF800 } | entry.number >> 8;
+    let record = Record::<20>::new().word(event).long(0).word(entry.number).word(base).word(0);
+    record.put(&date_and_time(date_at_start.wrapping_add(entry.time_ms.saturating_mul(1_000_000)))).bytes
+}
+
+/// Diagnostic data record 0 or 1.
+fn diagnostic_record(plugged: &mut Plugged, number: u8, each: Each<'_>) -> Length {
+    let mut bytes = [0; RECORD];
+    let room = if number == 0 { 4 } else { RECORD };
+    match plugged.module.record_read(number, &mut bytes[..room]) {
+        Ok(len) => {
+            let len = if number == 0 { 4 } else { len };
+            each(&bytes[..len]);
+            Ok(len as u16)
         }
+        // No diagnostic data of its own: what the CPU knows. Module fault, wrong or missing module, communication.
+        Err(_) if number == 0 => {
+            let present = plugged.module.status().present && !plugged.lost;
+            each(if present { &[0, 0x0C, 0, 0] } else { &[0x01, 0x0C, 0x03, 0] });
+            Ok(4)
+        }
+        Err(_) => Err(StatusError::NotNow),
     }
 }
 

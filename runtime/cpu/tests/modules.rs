@@ -162,6 +162,21 @@ fn events_reach_the_buffer_and_ob_82() {
 }
 
 #[test]
+fn a_diagnostic_interrupt_without_ob_82_is_stop() {
+    let cp = TestModule::new(16);
+    let mut bench = station(&program(vec![ob1(vec![])], vec![]), &[(256, &cp)]);
+    bench.run();
+    let event = ModuleEvent { event: Event::CP_ERROR, diagnostic_interrupt: true, data: [0x25; 16], len: 4 };
+    cp.look(|s| s.events.push(event));
+    bench.run();
+    assert_eq!(bench.events()[..2], [0x456A, Event::CP_ERROR.0]);
+    // In STOP nobody asks for an OB: the next one is an entry and no more.
+    cp.look(|s| s.events.push(event));
+    bench.run();
+    assert_eq!(bench.events()[..2], [Event::CP_ERROR.0, 0x456A]);
+}
+
+#[test]
 fn overlaps_are_refused_by_name() {
     let program = program(vec![], vec![]);
     let plug = |address, bytes| {

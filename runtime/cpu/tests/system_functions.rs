@@ -477,7 +477,13 @@ fn system_status_lists() {
         (S7_300, 0x00B1, 0x100, 0, 4, 1, &[0, 0x0C, 0, 0]),
         (S7_300, 0x00B3, 0x100, 0, 1, 1, &[0x42]),
         (S7_300, 0x00B1, 0x200, 0x8083, 0, 0, &[]),
-        (S7_300, 0x0000, 0, 0, 2, 27, &[0, 0, 0, 0x11]),
+        (S7_300, 0x00B2, 0x0004, 0, 1, 1, &[0x42]),
+        (S7_300, 0x00B2, 0x0003, 0x8083, 0, 0, &[]),
+        (S7_300, 0x00B2, 0x0005, 0x8083, 0, 0, &[]),
+        (S7_300, 0x00B2, 0x0104, 0x8083, 0, 0, &[]),
+        (S7_300, 0xC0A0, 0x100, 0x8083, 0, 0, &[]),
+        (S7_300, 0xC0A0, 0x200, 0x8083, 0, 0, &[]),
+        (S7_300, 0x0000, 0, 0, 2, 29, &[0, 0, 0, 0x11]),
         (S7_300, 0x0099, 0, 0x8082, 0, 0, &[]),
     ];
     for (family, id, index, result, len, number, bytes) in cases {
@@ -486,6 +492,33 @@ fn system_status_lists() {
         assert_eq!((got, got_len, got_number), (*result, *len, *number), "{name}");
         assert_eq!(&data[..bytes.len()], *bytes, "{name}");
     }
+}
+
+#[test]
+fn the_diagnostic_buffer_of_a_cp_in_the_status_lists() {
+    let call = "CALL SFC 51 (REQ := TRUE, SZL_ID := MW 4, INDEX := W#16#100, RET_VAL := MW 10, BUSY := M 12.0,
+         SZL_HEADER := DB10.head, DR := P#M 20.0 BYTE 50); L DB10.head.LENTHDR; T MW 14; L DB10.head.N_DR; T MW 16";
+    let (module, modules) = module();
+    let mut bench = bench_with(&on_demand(call), &[], CpuConfig::default(), modules);
+    bench.run();
+    let entry = |number, incoming, time_ms| ob1_cpu::ModuleEntry { number, incoming, time_ms };
+    let entries = vec![entry(0x080D, false, 3_723_004), entry(0x1E0D, true, u64::MAX), entry(0x0003, true, 0)];
+    module.look(|seen| seen.buffer = entries);
+    bench.set(4, ob1_cpu::CellWidth::Word, 0xC0A0);
+    bench.set_m(0, 0, true);
+    bench.run();
+    assert_eq!((bench.mw(10), bench.mw(14), bench.mw(16)), (0x0081, 20, 2), "there is room for two");
+    let memory = &bench.cpu.bit_memory()[20..60];
+    // The day of the bench begins at 1990-01-01.
+    let first = [0xF8, 0x08, 0, 0, 0, 0, 0x08, 0x0D, 1, 0, 0, 0, 0x90, 0x01, 0x01, 0x01, 0x02, 0x03, 0x00, 0x42];
+    assert_eq!(memory[..20], first);
+    assert_eq!(memory[20..32], [0xF9, 0x1E, 0, 0, 0, 0, 0x1E, 0x0D, 1, 0, 0, 0]);
+    bench.set(4, ob1_cpu::CellWidth::Word, 0xCFA0);
+    bench.set_m(0, 0, false);
+    bench.run();
+    bench.set_m(0, 0, true);
+    bench.run();
+    assert_eq!((bench.mw(10), bench.mw(14), bench.mw(16)), (0, 20, 3), "the header alone says how many there are");
 }
 
 #[test]

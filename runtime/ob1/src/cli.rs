@@ -12,7 +12,7 @@ use crate::exit::{self, Exit};
 use crate::library::Chosen;
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
-use crate::{check, janitor, remote, run, soak, station, top, trace};
+use crate::{check, diag, janitor, remote, run, soak, station, top, trace};
 
 const AFTER: &str = "\
 Examples:
@@ -24,6 +24,7 @@ Examples:
   ob1 get press.toml M1.0 DB10.DBW20               values from the running station
   ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
   ob1 ctl press.toml stop                          to STOP
+  ob1 diag press.toml                              diagnostic buffers of CPU and CPs, with remedies
   ob1 trace press.toml                             every telegram on its lines
   ob1 top press.toml                               live: scans, CPs, telegrams, diagnostic buffer, variables
   ob1 soak press.toml --for 8h --budget wake.p99.9=200us,missed=0   hours of scans, one verdict
@@ -59,6 +60,7 @@ enum Command {
     Get(GetArgs),
     Set(SetArgs),
     Ctl(CtlArgs),
+    Diag(DiagArgs),
     Trace(TraceArgs),
     Top(TopArgs),
     Soak(Box<SoakArgs>),
@@ -75,7 +77,7 @@ enum Command {
 /// Run a station: load the program, start the drivers, scan until Ctrl-C
 ///
 /// Ctrl-C (or SIGTERM) stops in order: outputs off, drivers ended, runtime directory removed, summary printed. A second Ctrl-C ends at
-/// once. A CPU in STOP because of a fault stays there to be looked at (get, ctl diag) unless --for or --scans gives the run an end.
+/// once. A CPU in STOP because of a fault stays there to be looked at (get, diag) unless --for or --scans gives the run an end.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 run press.toml\n  ob1 run press.toml --scans 10000 --report run.json --quiet\n\n\
@@ -214,14 +216,36 @@ struct SetArgs {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Every change from STOP to RUN sends the parameters to all CPs again.\n\nExamples:\n  ob1 ctl press stop\n  ob1 ctl \
-    press.toml warm\n  ob1 ctl press diag"
+    press.toml warm"
 )]
 struct CtlArgs {
     /// A running station: its name or its file
     station: String,
     /// What to do
     action: Action,
-    /// Answers of status, diag, timing and recorder as JSON
+    /// Answers of status, timing and recorder as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Print the diagnostic buffers of a running station
+///
+/// The buffer of the CPU, and those its CPs have of their own (CP 341): newest entry first, each with its time since the start of the runtime,
+/// its number, what it means and, in the line below, what helps. The buffer of a CP outlives its driver.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 diag press.toml\n  ob1 diag press cp --count 5\n  ob1 diag press 272 --json\n\n\
+    Exit codes: 0 printed, 1 no such CP, 5 the station does not run, 8 it does not answer.\n\nMore: docs/access.md, docs/cp341-events.md."
+)]
+struct DiagArgs {
+    /// A running station: its name or its file
+    station: String,
+    /// Only this CP's buffer: its name or its logical address
+    cp: Option<String>,
+    /// At most so many entries of each buffer
+    #[arg(long, short = 'n', value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
+    count: u32,
+    /// As JSON: {"cpu": [...], "cps": [{name, type, address, driver, entries}]}
     #[arg(long)]
     json: bool,
 }
@@ -360,8 +384,6 @@ enum Action {
     Reset,
     /// State, scan statistics, modules
     Status,
-    /// The diagnostic buffer, newest first
-    Diag,
     /// The accounts of every scan: distributions of times, late scans and their causes (docs/timing.md)
     Timing,
     /// The flight recorder: the scans up to the worst overrun, or up to now
@@ -423,11 +445,13 @@ impl Command {
                     Action::Hot => CommandName::Hot,
                     Action::Reset => CommandName::Reset,
                     Action::Status => return remote::status(&args.station, args.json).into(),
-                    Action::Diag => return remote::diag(&args.station, args.json).into(),
                     Action::Timing => return remote::timing(&args.station, args.json).into(),
                     Action::Recorder => return remote::recorder(&args.station, args.json).into(),
                 };
                 remote::command(&args.station, command)
+            }
+            Command::Diag(args) => {
+                diag::diag(&diag::Options { station: args.station, cp: args.cp, count: args.count, json: args.json })
             }
             Command::Trace(args) => trace::trace(&trace::Options {
                 station: args.station,

@@ -20,7 +20,7 @@ pub enum Exit {
     System = 6,
     /// A native block did not return; outputs were switched off.
     Hung = 7,
-    /// A running station has refused a request of `get`, `set` or `ctl`.
+    /// A running station has refused a request of `get`, `set`, `ctl` or `diag`.
     Refused = 8,
 }
 
@@ -32,10 +32,10 @@ Exit codes:
   2  station file, source or program rejected
   3  the CPU went to STOP because of a fault
   4  a plugin is missing, damaged or built for another interface
-  5  the station runs already (run), or does not run (get, set, ctl)
+  5  the station runs already (run), or does not run (get, set, ctl, diag)
   6  the operating system refused what the station needs
   7  a native block did not return; outputs are off
-  8  the running station refused a request of get, set or ctl
+  8  the running station refused a request of get, set, ctl or diag
   exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault.
   test: 0 passed, 1 a test failed, 2 a test file or program cannot be used.
   soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.

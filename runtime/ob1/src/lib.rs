@@ -5,6 +5,7 @@ pub mod access;
 pub mod assembly;
 pub mod check;
 pub mod cli;
+pub mod diag;
 pub mod exec;
 pub mod exit;
 pub mod finding;

@@ -9,7 +9,7 @@ use crate::access::protocol::{CommandName, Op, Response, Status, Times};
 use crate::exit::Exit;
 use crate::timing::text;
 
-fn ask(station: &str, op: Op) -> Result<Response, Exit> {
+pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
     Client::to_station(station).and_then(|mut client| client.ask(op)).map_err(|error| {
         eprintln!("ob1: {error}");
         match error {
@@ -106,22 +106,6 @@ pub fn recorder(station: &str, json: bool) -> Exit {
     }
 }
 
-/// Prints the diagnostic buffer.
-#[must_use]
-pub fn diag(station: &str, json: bool) -> Exit {
-    let entries = match ask(station, Op::Diag { count: 100 }) {
-        Ok(response) => response.diagnostics.unwrap_or_default(),
-        Err(exit) => return exit,
-    };
-    if json {
-        return print_json(&entries);
-    }
-    for entry in &entries {
-        println!("{:>6}  {:>12.6} s  {}", entry.number, entry.time_ns as f64 / 1e9, entry.text);
-    }
-    Exit::Ok
-}
-
 fn print_status(status: &Status) {
     println!(
         "{} is in {}, process {}, {:.1} s",
@@ -162,7 +146,7 @@ fn print_status(status: &Status) {
     }
 }
 
-fn print_json(value: &impl serde::Serialize) -> Exit {
+pub(crate) fn print_json(value: &impl serde::Serialize) -> Exit {
     match serde_json::to_string_pretty(value) {
         Ok(text) => {
             println!("{text}");

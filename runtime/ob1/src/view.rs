@@ -8,7 +8,7 @@ use ob1_host::driver;
 use ob1_rt::{Grant, MonotonicClock};
 
 use crate::access::item::Names;
-use crate::access::protocol::{DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times};
+use crate::access::protocol::{CpBuffer, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times};
 use crate::io::Panel;
 use crate::station::{ModuleConfig, ModuleKind};
 use crate::timing::Timings;
@@ -78,16 +78,20 @@ impl ModuleView {
             type_name: self.type_name.to_owned(),
             address: self.address,
             present,
-            leds: monitor.map(leds).unwrap_or_default(),
+            leds: monitor.map(|monitor| leds(self.type_name, monitor)).unwrap_or_default(),
             driver,
             counters: counters.unwrap_or_default(),
         }
     }
 }
 
-fn leds(monitor: &Monitor) -> Vec<String> {
+/// The LEDs that are lit, by the names on the front. A CP 341 has no LED for its power. [S4 "Diagnostics via Display Elements (LEDs)"]
+fn leds(type_name: &str, monitor: &Monitor) -> Vec<String> {
     let leds = monitor.leds();
-    let lit = [("PW", leds.power), ("ER", leds.error), ("TxD", leds.transmit), ("RxD", leds.receive)];
+    let lit = match type_name {
+        "cp341" => [("", false), ("SF", leds.error), ("TXD", leds.transmit), ("RXD", leds.receive)],
+        _ => [("PW", leds.power), ("ER", leds.error), ("TxD", leds.transmit), ("RxD", leds.receive)],
+    };
     lit.into_iter().filter(|(_, on)| *on).map(|(name, _)| name.to_owned()).collect()
 }
 
@@ -104,6 +108,23 @@ fn driver_state(monitor: &Monitor) -> String {
 }
 
 impl StationView {
+    /// The diagnostic buffers of those CPs that have one: at most `count` entries of each, newest first.
+    #[must_use]
+    pub fn buffers(&self, count: u32) -> Vec<CpBuffer> {
+        let with_buffer = self.modules.iter().filter(|module| module.type_name == "cp341");
+        let buffer = |module: &ModuleView| {
+            let monitor = module.monitor.as_ref()?;
+            Some(CpBuffer {
+                name: module.name.clone(),
+                type_name: module.type_name.to_owned(),
+                address: module.address,
+                driver: driver_state(monitor),
+                entries: monitor.buffer().take(count as usize).map(Into::into).collect(),
+            })
+        };
+        with_buffer.filter_map(buffer).collect()
+    }
+
     /// The station as others see it. `present` has one entry a module.
     #[must_use]
     pub fn status(&self, state: OperatingState, present: &[bool]) -> Status {

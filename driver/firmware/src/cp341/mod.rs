@@ -3,6 +3,8 @@
 //! As the CP 240 it is pure in its inputs and their times. The channels are described in `docs/cp341-channels.md`.
 
 mod channel;
+mod diagnosis;
+mod leds;
 mod loadable;
 mod outlet;
 mod protocol;
@@ -23,14 +25,12 @@ use crate::port::{CpCounter, CpEvent, CpPort, LineInput, ParameterFault};
 use crate::registers::Registers;
 use crate::ring::Capacity;
 use channel::Reason;
+use diagnosis::{Diagnosis, Faults};
 use outlet::{Collected, Outlet, Parts};
 use protocol::Protocol;
 use receive::{Kind, Offer, ReceiveChannel};
 use send::{JOB_MAX, SendChannel};
 use v24::V24;
-
-/// Module class in the diagnostic bytes: communication module.
-const CLASS: u8 = 0x0C;
 
 /// Everything that can happen to a CP 341.
 #[derive(Debug, Clone, Copy)]
@@ -65,10 +65,7 @@ pub struct Cp341 {
     receive: ReceiveChannel,
     parts: Parts,
     v24: V24,
-    /// Faults raise diagnostic interrupts.
-    diagnostics: bool,
-    /// What has been told: wire break, wrong parameters.
-    told: (bool, bool),
+    diagnosis: Diagnosis,
     leds_shown: Leds,
     shown: [ChannelBlock; 2],
 }
@@ -93,8 +90,7 @@ impl Cp341 {
             receive: ReceiveChannel::new(),
             parts: Parts::new(),
             v24: V24::new(),
-            diagnostics: false,
-            told: (false, false),
+            diagnosis: Diagnosis::default(),
             leds_shown: Leds::NONE,
             shown: [[0; 64]; 2],
         }
@@ -119,34 +115,31 @@ impl Cp341 {
         self.offer();
         self.publish(port);
         let v24_due = self.v24.refresh(now, port);
-        let leds = self.parts.leds.at(now);
+        let leds = self.parts.leds.at(now, self.parts.is_interrupted());
         if leds != self.leds_shown {
             self.leds_shown = leds;
             port.leds(leds);
         }
-        self.protocol_due.into_iter().chain(self.parts.leds.deadline()).chain(v24_due).min()
+        self.protocol_due.into_iter().chain(self.parts.leds.deadline(now)).chain(v24_due).min()
     }
 
     /// Enables or disables diagnostic interrupts: wire break and wrong parameters are also told as [`CpEvent::Diagnosis`].
     pub fn enable_diagnostics(&mut self, enabled: bool) {
-        self.diagnostics = enabled;
+        self.diagnosis.enabled = enabled;
     }
 
     /// Tells of a wire break and of wrong parameters that have come or gone. [reference 1.9]
     fn diagnose(&mut self, now: Nanos, port: &mut dyn CpPort) {
-        let found = (self.parts.line_gone, self.parameters_wrong);
-        if !self.diagnostics || found == self.told {
-            return;
+        let found = Faults { wire_break: self.parts.is_interrupted(), parameters: self.parameters_wrong };
+        for number in self.diagnosis.find(found) {
+            port.event(now, CpEvent::EntryGone(number));
         }
-        let incoming = found.0 && !self.told.0 || found.1 && !self.told.1;
-        self.told = found;
-        let data = match found {
-            (true, false) => [0x25, CLASS, 0x02, 0, 0, 0],
-            (false, true) => [0x83, CLASS, 0, 0, 0x02, 0x0F],
-            (true, true) => [0xA7, CLASS, 0x02, 0, 0x02, 0x0F],
-            (false, false) => [0, CLASS, 0, 0, 0, 0],
-        };
-        port.event(now, CpEvent::Diagnosis { incoming, data });
+        if let Some(record) = self.diagnosis.record() {
+            port.record(&record);
+        }
+        if let Some((incoming, data)) = self.diagnosis.interrupt() {
+            port.event(now, CpEvent::Diagnosis { incoming, data });
+        }
     }
 
     /// Whether a driver is at work.
@@ -157,13 +150,13 @@ impl Cp341 {
     // ---- start-up ----
 
     fn parametrise(&mut self, now: Nanos, parameters: Result<&Parameters, &ParamError>, port: &mut dyn CpPort) {
-        self.parts.leds.power();
         self.parameters_wrong = parameters.is_err();
         match parameters {
             // They come with each STOP -> RUN; the same ones change nothing. [reference 1.6]
             Ok(new) if self.parameters.as_ref() == Some(new) => self.enter(now, 0x0004, port),
             Ok(new) => {
                 self.drop_all(now, port);
+                self.parts.leds.parameters(now, true);
                 self.parameters = Some(new.clone());
                 port.line_settings(&new.line_settings());
                 self.parts.ring.clear(Capacity::cp341(u8::MAX));
@@ -181,6 +174,7 @@ impl Cp341 {
             }
             Err(error) => {
                 self.drop_all(now, port);
+                self.parts.leds.parameters(now, false);
                 self.parameters = None;
                 port.event(now, CpEvent::NoParameters(ParameterFault::Value(error)));
                 self.enter(now, 0x020F, port);
@@ -211,6 +205,7 @@ impl Cp341 {
             return;
         }
         self.cpu_running = run;
+        self.diagnosis.cpu(run);
         self.enter(now, if run { 0x0008 } else { 0x0007 }, port);
         if !run {
             // "All send and receive jobs stop"; a job that the protocol has goes to its end, without anybody waiting for it.
@@ -393,24 +388,32 @@ impl Cp341 {
     fn line(&mut self, now: Nanos, line: LineInput<'_>, port: &mut dyn CpPort) {
         match line {
             LineInput::Rx(bytes) => {
+                self.parts.interrupted = false;
                 self.parts.leds.received(now);
                 port.count(CpCounter::BytesRx, bytes.len() as u64);
             }
             LineInput::TxDone => self.parts.leds.transmit(false),
             LineInput::Fault(LineFault::Gone) => {
                 self.parts.line_gone = true;
-                self.parts.leds.line(now, true);
                 port.count(CpCounter::LineFaults, 1);
             }
             LineInput::Fault(LineFault::Back) => {
-                self.parts.line_gone = false;
-                self.parts.leds.line(now, false);
+                (self.parts.line_gone, self.parts.interrupted) = (false, false);
                 port.count(CpCounter::LineRestarts, 1);
             }
-            LineInput::Fault(_) => self.parts.leds.error(now),
-            LineInput::Modem(lines) => self.v24.input(lines),
+            LineInput::Fault(_) => {}
+            LineInput::Modem(lines) => {
+                self.v24.input(lines);
+                if lines.cts && lines.dsr {
+                    self.parts.leds.signals_missing(false);
+                }
+            }
         }
         self.drive(now, line.to_protocol(), port);
+        // "BREAK: receiving line to partner device is interrupted" [S4 L1750]; a protocol that has noticed has said so.
+        if self.parts.line_gone && !std::mem::replace(&mut self.parts.interrupted, true) {
+            self.enter(now, 0x080D, port);
+        }
         self.break_off(now, port);
     }
 

@@ -3,8 +3,8 @@
 use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
 use ob1_protocols::{Event, LineFault, Nanos, Phase, SendError, Sink, What};
 
+use super::leds::LedDriver;
 use super::send::JOB_MAX;
-use crate::leds::LedDriver;
 use crate::port::{CpCounter, CpEvent, CpPort};
 use crate::ring::{BYTES_341, Ring};
 
@@ -24,6 +24,8 @@ pub(crate) struct Parts {
     pub(crate) first_error: Option<u16>,
     /// The line is gone, or was never there.
     pub(crate) line_gone: bool,
+    /// BREAK (080Dh), and no character since.
+    pub(crate) interrupted: bool,
     /// First error of the telegram that is being received.
     receive_error: Option<u16>,
     fetched: Box<[u8; JOB_MAX]>,
@@ -38,6 +40,7 @@ impl Parts {
             leds: LedDriver::new(),
             first_error: None,
             line_gone: false,
+            interrupted: false,
             receive_error: None,
             fetched: Box::new([0; JOB_MAX]),
         }
@@ -46,6 +49,11 @@ impl Parts {
     /// `taking`: P_RCV_RK is called, and wants to hear of errors.
     pub(crate) fn outlet<'a>(&'a mut self, now: Nanos, taking: bool, port: &'a mut dyn CpPort) -> Outlet<'a> {
         Outlet { now, taking, parts: self, port, collected: Collected::default() }
+    }
+
+    /// The receiving line is interrupted.
+    pub(crate) const fn is_interrupted(&self) -> bool {
+        self.line_gone || self.interrupted
     }
 
     /// Data of the FETCH that has ended.
@@ -135,6 +143,11 @@ pub(crate) struct Outlet<'a> {
 
 impl Outlet<'_> {
     pub(super) fn enter(&mut self, number: u16) {
+        match number {
+            0x080D => self.parts.interrupted = true,
+            0x0818 => self.parts.leds.signals_missing(true),
+            _ => {}
+        }
         self.port.event(self.now, CpEvent::Entry(number));
     }
 
@@ -203,7 +216,6 @@ impl Sink for Outlet<'_> {
 
     fn report(&mut self, event: Event) {
         if let What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) = event.what {
-            self.parts.leds.error(self.now);
             self.port.count(CpCounter::ReceiveErrors, 1);
         }
         if event.what == What::NoRepetition

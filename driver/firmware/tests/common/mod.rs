@@ -22,6 +22,8 @@ pub(crate) struct Log {
     pub(crate) counters: BTreeMap<CpCounter, u64>,
     pub(crate) events: Vec<String>,
     pub(crate) received: Vec<Vec<u8>>,
+    /// Diagnostic data, each time they have changed.
+    pub(crate) records: Vec<Vec<u8>>,
 }
 
 impl CpPort for Log {
@@ -44,6 +46,10 @@ impl CpPort for Log {
 
     fn dtr(&mut self, on: bool) {
         self.dtr = Some(on);
+    }
+
+    fn record(&mut self, record: &[u8]) {
+        self.records.push(record.to_vec());
     }
 
     fn leds(&mut self, leds: Leds) {

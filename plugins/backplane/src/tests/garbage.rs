@@ -42,11 +42,13 @@ fn use_all_of_the_cpu_side(cpu: &mut CpuSide) {
     cpu.set_cpu_state(CpuState::Run);
     cpu.set_modem_outputs(ModemOutputs { rts: true, ..ModemOutputs::default() });
     cpu.beat();
+    cpu.set_time(u64::MAX);
     cpu.restore();
     let _ = cpu.take_doorbell();
     let monitor = cpu.monitor();
     let _ = (monitor.driver_state(), monitor.generation(), monitor.cp_heartbeat(), monitor.cpu_heartbeat());
     let _ = (monitor.leds(), monitor.modem_inputs(), monitor.events_lost(), monitor.driver_sleeps());
+    assert!(monitor.buffer().count() <= layout::BUFFER_ENTRIES);
     let counters = monitor.counters();
     let _ = (counters.open_orders(), counters.open_receives(), cpu.io_bytes(), cpu.stale_reads());
 }
@@ -64,6 +66,7 @@ fn use_all_of_the_cp_side(cp: &mut CpSide) {
     cp.write_diagnosis(1, &[1; 240]).unwrap();
     for number in 0..3 {
         let _ = cp.emit_event(Event::new(number, EventKind::Message, 0, &[1; 16]));
+        cp.enter(0x0703, number == 0);
     }
     for channel in Channel::ALL {
         let _ = (cp.read_channel(channel, &mut registers), cp.write_channel(channel, &[4; 64]));

@@ -3,6 +3,7 @@
 // Two ends only meet in earnest on two threads. The product code of this crate starts none.
 #![allow(clippy::disallowed_methods)]
 
+mod buffer;
 mod channel;
 mod doorbell;
 mod ends;

@@ -3,7 +3,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use ob1_cpu::{Module, ModuleError, ModuleEvent, ModuleStatus, Nanos};
+use ob1_cpu::{Module, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus, Nanos};
 
 /// What the module has seen and holds.
 #[derive(Debug, Default)]
@@ -15,6 +15,8 @@ pub struct Seen {
     pub scans: u32,
     pub absent: bool,
     pub events: Vec<ModuleEvent>,
+    /// Its own diagnostic buffer, newest first; empty: it has none.
+    pub buffer: Vec<ModuleEntry>,
 }
 
 /// A module and the test's view of it.
@@ -81,5 +83,9 @@ impl Module for TestModule {
     }
     fn record_write(&mut self, record: u8, _from: &[u8]) -> Result<(), ModuleError> {
         if record == 1 { Ok(()) } else { Err(ModuleError::NoRecord) }
+    }
+    fn diagnostic_buffer(&mut self, each: &mut dyn FnMut(ModuleEntry)) -> bool {
+        self.look(|s| s.buffer.iter().for_each(|entry| each(*entry)));
+        self.look(|s| !s.buffer.is_empty())
     }
 }

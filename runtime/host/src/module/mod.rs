@@ -11,7 +11,7 @@ mod tests;
 
 use ob1_backplane::layout::CHANNEL_BYTES;
 use ob1_backplane::{Channel, Counter, CpuSide, CpuState, DriverState, Fault, TooLong};
-use ob1_cpu::{Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus, Nanos};
+use ob1_cpu::{Module, ModuleCounters, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus, Nanos};
 
 pub use link::{AlwaysThere, DriverLink};
 use messages::Messages;
@@ -32,7 +32,8 @@ pub struct CpSettings {
     pub json: Vec<u8>,
     /// `absent = "fault"`: an access while the driver is down is an access error (OB 122), instead of reading 0.
     pub absent_is_fault: bool,
-    /// It has channels (the CP 341): its handling blocks read and write them as data records. (`docs/cp341-channels.md`)
+    /// It has channels (the CP 341): its handling blocks read and write them as data records. (`docs/cp341-channels.md`) So it has a
+    /// diagnostic buffer of its own too.
     pub channels: bool,
 }
 
@@ -137,7 +138,8 @@ impl Module for CpModule {
         if self.settings.absent_is_fault && !self.is_present() { Err(ModuleError::Absent) } else { Ok(()) }
     }
 
-    fn end_scan(&mut self, _now: Nanos) {
+    fn end_scan(&mut self, now: Nanos) {
+        self.side.set_time(now);
         self.side.beat();
         if self.side.take_doorbell() {
             self.link.ring();
@@ -198,9 +200,16 @@ impl Module for CpModule {
             return Ok(len);
         }
         match self.side.read_diagnosis() {
-            Ok(found) if found.number == u32::from(record) && !found.data().is_empty() => {
-                let len = found.data().len().min(into.len());
-                into[..len].copy_from_slice(&found.data()[..len]);
+            Ok(found) if !found.data().is_empty() => {
+                let data = found.data();
+                let data = match (record, found.number) {
+                    // Record 0 is the first four bytes of record 1.
+                    (0, 1) => data.get(..4).unwrap_or(data),
+                    _ if found.number == u32::from(record) => data,
+                    _ => return Err(ModuleError::NoRecord),
+                };
+                let len = data.len().min(into.len());
+                into[..len].copy_from_slice(&data[..len]);
                 Ok(len)
             }
             Ok(_) => Err(ModuleError::NoRecord),
@@ -220,6 +229,16 @@ impl Module for CpModule {
             return Ok(());
         }
         self.side.write_record(u32::from(record), from).map_err(|_| ModuleError::Outside)
+    }
+
+    fn diagnostic_buffer(&mut self, each: &mut dyn FnMut(ModuleEntry)) -> bool {
+        if !self.settings.channels {
+            return false;
+        }
+        for entry in self.side.monitor().buffer() {
+            each(ModuleEntry { number: entry.number, incoming: entry.incoming, time_ms: entry.time_ms });
+        }
+        true
     }
 
     fn counters(&self, each: ModuleCounters<'_>) {

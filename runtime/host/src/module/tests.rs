@@ -202,7 +202,8 @@ fn a_lost_driver_makes_the_parameters_whole_again() {
 
 #[test]
 fn noise_is_entered_once_and_never_a_panic() {
-    let (mut module, segment) = module();
+    let (mut module, segment) =
+        module_with(Box::new(AlwaysThere), CpSettings { channels: true, ..CpSettings::default() });
     let mut noise = 0x9E37_79B9_7F4A_7C15_u64;
     let mut entries = 0;
     for _ in 0..200 {
@@ -216,6 +217,7 @@ fn noise_is_entered_once_and_never_a_panic() {
         let _ = module.read(0, &mut [0; 16]);
         let _ = module.write(0, &[1; 16]);
         let _ = module.record_read(0, &mut [0; 240]);
+        assert!(module.diagnostic_buffer(&mut |_| {}));
         let _ = module.status();
         while let Some(event) = module.poll_event() {
             entries += u32::from(event.event == Event::SEGMENT_GARBAGE);
@@ -237,7 +239,38 @@ fn records_have_their_limits() {
     cp.write_diagnosis(1, &[1, 2, 3]).expect("short");
     let mut into = [0; 2];
     assert_eq!((module.record_read(1, &mut into), into), (Ok(2), [1, 2]));
+    let mut four = [9; 8];
+    assert_eq!(
+        (module.record_read(0, &mut four), four[3]),
+        (Ok(3), 9),
+        "record 0 begins record 1, as far as there is one"
+    );
+    cp.write_diagnosis(1, &[0x25, 0x0C, 2, 0, 7, 7]).expect("short");
+    assert_eq!((module.record_read(0, &mut four), four), (Ok(4), [0x25, 0x0C, 2, 0, 9, 9, 9, 9]));
+    cp.write_diagnosis(240, b"a text").expect("short");
+    assert_eq!(module.record_read(0, &mut four), Err(ModuleError::NoRecord));
+    assert_eq!(module.record_read(1, &mut four), Err(ModuleError::NoRecord));
     assert_eq!(module.record_write(1, &[0; 241]), Err(ModuleError::Outside));
     assert_eq!(module.record_write(1, &[4, 5]), Ok(()));
     assert_eq!(cp.read_record().expect("whole").data(), [4, 5]);
+}
+
+#[test]
+fn the_diagnostic_buffer_has_the_time_of_the_cpu_and_outlives_its_driver() {
+    let (mut module, segment) =
+        module_with(Box::new(AlwaysThere), CpSettings { channels: true, ..CpSettings::default() });
+    let mut cp = driver(&segment);
+    module.end_scan(2_500_000_000);
+    cp.enter(0x0703, true);
+    drop(cp);
+    module.side.monitor().driver_gone();
+    module.side.restore();
+    module.end_scan(7_000_000_000);
+    let mut cp = driver(&segment);
+    cp.enter(0x080D, false);
+    let mut entries = Vec::new();
+    assert!(module.diagnostic_buffer(&mut |entry| entries.push((entry.number, entry.incoming, entry.time_ms))));
+    assert_eq!(entries, [(0x080D, false, 7000), (0x0703, true, 2500)]);
+    let (mut other, _segment) = self::module();
+    assert!(!other.diagnostic_buffer(&mut |_| {}), "a CP 240 has none");
 }

@@ -42,9 +42,9 @@ pub enum Op {
     },
     /// State, scan statistics, modules.
     Status,
-    /// The newest entries of the diagnostic buffer.
+    /// The newest entries of the diagnostic buffers.
     Diag {
-        /// At most so many.
+        /// At most so many of each.
         #[serde(default = "default_count")]
         count: u32,
     },
@@ -102,6 +102,9 @@ pub struct Response {
     /// Answer to `diag`, newest first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diagnostics: Option<Vec<Diagnostic>>,
+    /// Answer to `diag`: CPs with a diagnostic buffer of their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cps: Option<Vec<CpBuffer>>,
     /// Answer to `timing`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timing: Option<Box<Timing>>,
@@ -114,7 +117,17 @@ impl Response {
     /// Done, with nothing more to say.
     #[must_use]
     pub fn done(id: Value) -> Self {
-        Self { id, ok: true, error: None, values: None, status: None, diagnostics: None, timing: None, recorder: None }
+        Self {
+            id,
+            ok: true,
+            error: None,
+            values: None,
+            status: None,
+            diagnostics: None,
+            cps: None,
+            timing: None,
+            recorder: None,
+        }
     }
 
     /// Refused.
@@ -253,6 +266,37 @@ pub struct MemoryStatus {
     pub locked_kib: u64,
     /// Threads.
     pub threads: u64,
+}
+
+/// The diagnostic buffer of a CP.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
+pub struct CpBuffer {
+    /// The module's name.
+    pub name: String,
+    /// Its type, as in the station file.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// Its logical address.
+    pub address: u32,
+    /// What its driver says: as `state` in `status`.
+    pub driver: String,
+    /// Newest first.
+    pub entries: Vec<CpEntry>,
+}
+
+/// An entry of the diagnostic buffer of a CP.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
+pub struct CpEntry {
+    /// When, in milliseconds since the runtime started.
+    pub time_ms: u64,
+    /// Event class and number, `0703h`.
+    pub number: String,
+    /// It has come; otherwise what had come is gone.
+    pub incoming: bool,
+    /// The event in words.
+    pub text: String,
+    /// What helps; empty for mere information.
+    pub remedy: String,
 }
 
 /// An entry of the diagnostic buffer.

@@ -230,7 +230,10 @@ impl Serving {
                 self.port.ask_one(Ask::Command(command))?;
             }
             Op::Status => response.status = Some(self.status()?),
-            Op::Diag { count } => response.diagnostics = Some(self.diagnostics(count)?),
+            Op::Diag { count } => {
+                response.diagnostics = Some(self.diagnostics(count)?);
+                response.cps = Some(self.view.buffers(count));
+            }
             Op::ResetStatistics => self.view.timings.reset(),
             Op::Timing { histograms } => response.timing = Some(Box::new(self.view.timings.snapshot(histograms))),
             Op::Recorder => response.recorder = Some(Box::new(self.view.timings.recorder())),

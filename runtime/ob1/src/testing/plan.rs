@@ -195,12 +195,7 @@ fn number_of(f: &mut Findings<'_>, event: &Placed<String>) -> Option<u16> {
     let number = (text.len() == 4).then(|| u16::from_str_radix(text, 16).ok()).flatten();
     if number.is_none() {
         let message = format!("\"{}\" is no number of an event", event.get_ref());
-        f.error(
-            VALUE,
-            event.span(),
-            message,
-            "four hexadecimal digits, as `ob1 ctl STATION diag` prints them: \"2522h\"",
-        );
+        f.error(VALUE, event.span(), message, "four hexadecimal digits, as `ob1 diag STATION` prints them: \"2522h\"");
     }
     number
 }

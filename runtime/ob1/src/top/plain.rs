@@ -50,7 +50,9 @@ pub(super) fn module(data: &Data, number: usize, m: &ModuleStatus) -> String {
         out += if m.present { "present" } else { "absent" };
         return out;
     };
-    for led in ["PW", "ER", "TxD", "RxD"] {
+    // The names on the front of the module.
+    let names: &[&str] = if m.type_name == "cp341" { &["SF", "TXD", "RXD"] } else { &["PW", "ER", "TxD", "RxD"] };
+    for led in names {
         let lit = m.leds.iter().any(|name| name == led);
         let _ = write!(out, "{}{led} ", if lit { '*' } else { '.' });
     }

@@ -1,0 +1,136 @@
+//! `ob1 diag`: the diagnostic buffers of a running station, the CPU's and those its CPs have of their own, with text and remedy.
+
+use ob1_backplane::BufferEntry;
+use ob1_protocols::cp341_events;
+use serde::Serialize;
+
+use crate::access::protocol::{CpBuffer, CpEntry, Diagnostic, Op};
+use crate::exit::Exit;
+use crate::remote::{ask, print_json};
+
+/// What is to be shown.
+#[derive(Debug)]
+pub struct Options {
+    /// The station: its name or its file.
+    pub station: String,
+    /// One CP only: its name or its logical address.
+    pub cp: Option<String>,
+    /// At most so many entries of each buffer.
+    pub count: u32,
+    /// As JSON.
+    pub json: bool,
+}
+
+#[derive(Serialize)]
+struct Buffers<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cpu: Option<&'a [Diagnostic]>,
+    cps: &'a [CpBuffer],
+}
+
+/// Prints the buffers, newest entry first.
+#[must_use]
+pub fn diag(options: &Options) -> Exit {
+    let response = match ask(&options.station, Op::Diag { count: options.count }) {
+        Ok(response) => response,
+        Err(exit) => return exit,
+    };
+    let cpu = response.diagnostics.unwrap_or_default();
+    let mut cps = response.cps.unwrap_or_default();
+    if let Some(wanted) = &options.cp {
+        let names: Vec<String> = cps.iter().map(|cp| format!("{} at {}", cp.name, cp.address)).collect();
+        cps.retain(|cp| cp.name == *wanted || wanted.parse() == Ok(cp.address));
+        if cps.is_empty() {
+            let there = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+            eprintln!("ob1: \"{wanted}\" is no CP with a diagnostic buffer of its own\n  = this station has: {there}");
+            return Exit::Usage;
+        }
+    }
+    let cpu = options.cp.is_none().then_some(cpu.as_slice());
+    if options.json {
+        return print_json(&Buffers { cpu, cps: &cps });
+    }
+    print!("{}", text(cpu, &cps));
+    Exit::Ok
+}
+
+/// The buffers as text.
+fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
+    use std::fmt::Write as _;
+    let mut out = String::new();
+    // Writing into a String does not fail.
+    for (index, entry) in cpu.into_iter().flatten().enumerate() {
+        if index == 0 {
+            out.push_str("CPU\n");
+        }
+        let _ = writeln!(out, "{:>6}  {:>12.6} s  {}", entry.number, entry.time_ns as f64 / 1e9, entry.text);
+    }
+    for cp in cps {
+        let gap = if out.is_empty() { "" } else { "\n" };
+        let _ = writeln!(out, "{gap}{} ({} at {}), driver: {}", cp.name, cp.type_name, cp.address, cp.driver);
+        if cp.entries.is_empty() {
+            out.push_str("        no entries\n");
+        }
+        for entry in &cp.entries {
+            let gone = if entry.incoming { "" } else { "gone: " };
+            let _ = writeln!(out, "{:>17.3} s     {} {gone}{}", entry.time_ms as f64 / 1e3, entry.number, entry.text);
+            if entry.incoming && !entry.remedy.is_empty() {
+                let _ = writeln!(out, "{:>30} {}", "=", entry.remedy);
+            }
+        }
+    }
+    out
+}
+
+impl From<BufferEntry> for CpEntry {
+    fn from(entry: BufferEntry) -> Self {
+        // What lies in shared memory can be any number.
+        let row = cp341_events::row(entry.number);
+        Self {
+            time_ms: entry.time_ms,
+            number: format!("{:04X}h", entry.number),
+            incoming: entry.incoming,
+            text: row.map_or("an event nobody knows", |row| row.text).to_owned(),
+            remedy: row.map_or("", |row| row.remedy).to_owned(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn buffer(entries: &[(u16, bool, u64)]) -> CpBuffer {
+        let entry = |&(number, incoming, time_ms): &_| BufferEntry { number, incoming, time_ms }.into();
+        CpBuffer {
+            name: "cp".into(),
+            type_name: "cp341".into(),
+            address: 272,
+            driver: "ready".into(),
+            entries: entries.iter().map(entry).collect(),
+        }
+    }
+
+    #[test]
+    fn each_entry_has_its_text_and_its_remedy() {
+        let cpu = [Diagnostic { number: 2, time_ns: 1_500_000, event: "4302h".into(), text: "4302h RUN".into() }];
+        let cp = buffer(&[(0x080D, false, 62_500), (0x080D, true, 61_000), (0x0003, true, 12), (0xFFFF, true, 0)]);
+        let expected = "\
+CPU
+     2      0.001500 s  4302h RUN
+
+cp (cp341 at 272), driver: ready
+           62.500 s     080Dh gone: BREAK: the receiving line is interrupted
+           61.000 s     080Dh BREAK: the receiving line is interrupted
+                             = Connect the devices, switch the partner on; with RS 422/485 check the wires R(A), R(B).
+            0.012 s     0003h The parameters were accepted
+            0.000 s     FFFFh an event nobody knows
+";
+        assert_eq!(text(Some(&cpu), &[cp]), expected);
+    }
+
+    #[test]
+    fn an_empty_buffer_says_so() {
+        assert_eq!(text(None, &[buffer(&[])]), "cp (cp341 at 272), driver: ready\n        no entries\n");
+    }
+}
