@@ -272,7 +272,7 @@ impl Event {
     pub const CP_ERROR_GONE: Event = Event(0xF205);
 
     /// Every event with a name that is no fault.
-    pub const ALL: [Event; 23] = [
+    pub const ALL: [Event; 24] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,

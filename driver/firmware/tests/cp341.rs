@@ -157,7 +157,7 @@ fn a_break_lasts_until_characters_come_again() {
 fn sf_is_lit_until_initialised_with_new_and_with_wrong_parameters() {
     let (mut cp, mut log) = (Cp341::new(), Log::default());
     let due = cp.step(0, Input341::CpuRun(true), &mut log);
-    assert_eq!((log.leds.error, due), (true, Some(20 * MS)), "switched on; only V24_STAT's image is due");
+    assert_eq!((log.leds.error, due), (true, None), "switched on");
     cp.step(10 * SECOND, Input341::Tick, &mut log);
     assert!(log.leds.error, "for as long as there are no parameters");
     let lit_for = |cp: &mut Cp341, log: &mut Log, from: u64, baud| {
@@ -192,11 +192,37 @@ fn sf_shows_a_line_that_is_gone_and_no_telegram_that_fails() {
     assert_eq!(faults.map(|fault| lit_after(&mut cp, fault)), [false, false, false, true, false]);
 }
 
+/// "... or CTS or DSR signals not asserted at the connector" [S4 L1703], for the driver that uses them.
+#[test]
+fn sf_shows_signals_that_broke_a_transmission_off() {
+    let (mut cp, mut log) = running();
+    let keys = [("protocol", Value::from("modbus-ascii-master-32")), ("rs232_signals", Value::from("yes"))];
+    let master = Parameters::from_keys(keys).expect("they are good");
+    cp.step(SECOND, Input341::Parameters(Ok(&master)), &mut log);
+    let lines = |on| Input341::Line(LineInput::Modem(ModemLines { cts: on, dsr: true, ri: false, cd: false }));
+    cp.step(SECOND, lines(true), &mut log);
+    let mut block: ChannelBlock = [0; 64];
+    (block[0], block[3]) = (1, 7);
+    cp.step(2 * SECOND, Input341::Channel(Channel::Send, &block), &mut log);
+    // A job of 6 bytes: registers 0 and 1 of slave 1.
+    (block[0], block[5], block[8], block[9], block[11]) = (4, 1, b'S', b'X', 6);
+    block[32..38].copy_from_slice(&[1, 3, 0, 0, 0, 2]);
+    cp.step(2 * SECOND, Input341::Channel(Channel::Send, &block), &mut log);
+    cp.step(3 * SECOND, Input341::Tick, &mut log);
+    assert!(log.leds.transmit && !log.leds.error, "after the data output waiting time: {:?}", log.events);
+    cp.step(3 * SECOND, lines(false), &mut log);
+    assert_eq!((entries(&log).last(), log.leds.error), (Some(&"2072"), true), "0818h");
+    cp.step(4 * SECOND, lines(true), &mut log);
+    assert!(!log.leds.error);
+}
+
 #[test]
 fn txd_and_rxd_are_lit_while_characters_go() {
     let (mut cp, mut log) = running();
-    cp.step(SECOND, Input341::Tick, &mut log);
+    // A NAK at the start.
+    cp.step(SECOND, Input341::Line(LineInput::TxDone), &mut log);
     assert_eq!((log.leds.transmit, log.leds.receive), (false, false));
+    log.tx.clear();
     // STX of the partner: the CP answers DLE.
     cp.step(SECOND, Input341::Line(LineInput::Rx(&[0x02])), &mut log);
     assert_eq!((log.leds.transmit, log.leds.receive, &log.tx[..]), (true, true, &[0x10][..]));

@@ -168,11 +168,11 @@ fn a_diagnostic_interrupt_without_ob_82_is_stop() {
     bench.run();
     let event = ModuleEvent { event: Event::CP_ERROR, diagnostic_interrupt: true, data: [0x25; 16], len: 4 };
     cp.look(|s| s.events.push(event));
-    bench.run();
+    bench.cycle();
     assert_eq!(bench.events()[..2], [0x456A, Event::CP_ERROR.0]);
     // In STOP nobody asks for an OB: the next one is an entry and no more.
     cp.look(|s| s.events.push(event));
-    bench.run();
+    bench.cycle();
     assert_eq!(bench.events()[..2], [Event::CP_ERROR.0, 0x456A]);
 }
 

@@ -5,11 +5,12 @@ use std::path::Path;
 use ob1_cp::LinePort as _;
 use ob1_cpu::Nanos;
 use ob1_firmware::{LineFault, LineInput};
+use ob1_host::module::CpSettings;
 use ob1_line::sim::{End, FaultRates, SplitMix64};
 
 use super::cable::{self, Cable};
 use super::driver::Driver;
-use super::station::SimStation;
+use super::station::{Plug, SimStation};
 use super::{SECOND, Scenario};
 
 /// What a station has on its line.
@@ -52,12 +53,27 @@ impl<D: Device> Bench<D> {
     /// # Errors
     /// What is wrong with the files, as text.
     pub fn build_on(station: &Path, device: D, faults: FaultRates, seed: u64) -> Result<Self, String> {
+        Self::build_with(station, device, faults, seed, &|_| {})
+    }
+
+    /// The same; `spoil` may change what the drivers are given.
+    ///
+    /// # Errors
+    /// What is wrong with the files, as text.
+    pub fn build_with(
+        station: &Path,
+        device: D,
+        faults: FaultRates,
+        seed: u64,
+        spoil: &dyn Fn(&mut CpSettings),
+    ) -> Result<Self, String> {
         let scenario =
             Scenario { stations: Vec::new(), seed, duration: SECOND, faults, coalesce: 0, kill_every: 0, wire: false };
         let cable = Cable::new("device", seed, &scenario, Nanos::MAX);
         let mut drivers = Vec::new();
         let mut rng = SplitMix64::new(seed);
-        let station = SimStation::build(station, &mut |_| Ok((0, End::A)), &mut drivers, &mut rng)?;
+        let plug: &mut Plug<'_> = &mut |_| Ok((0, End::A));
+        let station = SimStation::build_with(station, plug, &mut drivers, &mut rng, spoil)?;
         Ok(Self { station, device, now: 0, drivers, cable, due: None, log: String::new() })
     }
 
@@ -104,6 +120,11 @@ impl<D: Device> Bench<D> {
         for driver in &mut self.drivers {
             driver.kill(self.now, &mut self.cable);
         }
+    }
+
+    /// Something is wrong with the line, or the line is back.
+    pub fn fault(&mut self, fault: LineFault) {
+        self.tell(LineInput::Fault(fault));
     }
 
     /// CP 341: the numbers in its diagnostic buffer, oldest first.

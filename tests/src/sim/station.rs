@@ -6,7 +6,7 @@ use std::path::Path;
 use ob1_command::station::{self, Station};
 use ob1_command::{assembly, program};
 use ob1_cpu::{Command, Cpu, Module, ModuleSlot, Nanos};
-use ob1_host::module::CpModule;
+use ob1_host::module::{CpModule, CpSettings};
 use ob1_line::sim::SplitMix64;
 
 use super::clock::VirtualClock;
@@ -41,10 +41,24 @@ impl SimStation {
         drivers: &mut Vec<Driver>,
         rng: &mut SplitMix64,
     ) -> Result<Self, String> {
+        Self::build_with(path, plug, drivers, rng, &|_| {})
+    }
+
+    /// The same; `spoil` may change what the drivers are given, so that a driver meets what no station file can say.
+    ///
+    /// # Errors
+    /// What is wrong with the files, as text.
+    pub fn build_with(
+        path: &Path,
+        plug: &mut Plug<'_>,
+        drivers: &mut Vec<Driver>,
+        rng: &mut SplitMix64,
+        spoil: &dyn Fn(&mut CpSettings),
+    ) -> Result<Self, String> {
         let station = station::load(path).map_err(|findings| texts(&findings))?;
         let loaded = program::load(&station).map_err(|failure| texts(failure.findings()))?;
         let mut own = Vec::new();
-        let modules = modules(&station, plug, drivers, &mut own, rng)?;
+        let modules = modules(&station, plug, drivers, &mut own, rng, spoil)?;
         let seen: Vec<_> = station.modules.iter().map(assembly::plugin_module).collect();
         let natives = loaded.native_blocks(&seen).map_err(|failure| texts(failure.findings()))?;
         let mut cpu = Cpu::new(station.cpu.clone(), &loaded.program, natives, modules)
@@ -82,6 +96,7 @@ fn modules(
     drivers: &mut Vec<Driver>,
     own: &mut Vec<usize>,
     rng: &mut SplitMix64,
+    spoil: &dyn Fn(&mut CpSettings),
 ) -> Result<Modules, String> {
     let mut modules: Modules = Vec::new();
     for config in &station.modules {
@@ -93,7 +108,8 @@ fn modules(
             Driver::new(cable, end, rng.next_u64(), config.input_bytes().into()).map_err(|e| e.to_string())?;
         own.push(drivers.len());
         drivers.push(driver);
-        let settings = assembly::cp_settings(&station.name, config, None).ok_or("a CP without settings")?;
+        let mut settings = assembly::cp_settings(&station.name, config, None).ok_or("a CP without settings")?;
+        spoil(&mut settings);
         let module = CpModule::new(side, Box::new(link), settings).map_err(|e| e.to_string())?;
         let slot = ModuleSlot {
             name: config.name.clone(),

@@ -6,6 +6,7 @@
 // Each test binary uses a part of it.
 #![allow(dead_code)]
 
+pub(crate) mod diagnosis;
 pub(crate) mod ledger;
 pub(crate) mod meters;
 pub(crate) mod native;
