@@ -223,8 +223,12 @@ pub enum What {
     Restarted,
     /// A telegram without user data; acknowledged, not delivered.
     Empty,
+    /// A telegram was refused for the n-th time; its repetition is awaited (CP 341).
+    Refused(u16),
     /// The partner did not repeat a refused telegram in time (CP 341).
     NoRepetition,
+    /// The partner repeats a telegram more often than is permitted here (CP 341).
+    OneMoreRepetition,
     /// The line suffered.
     Line(LineFault),
     /// Modbus: no valid telegram.
@@ -236,17 +240,23 @@ impl Event {
     /// number. [reference 3.9, 3.10]
     pub fn number(self) -> Option<u16> {
         use Phase::{Acknowledge, Connect, Output};
+        const DLE: u8 = 0x10;
         Some(match (self.what, self.phase) {
             (What::Repetition(1), _) => 0x0701,
             (What::Unexpected(_) | What::Nak, Connect) => 0x0702,
             (What::AckDelay, Connect) => 0x0703,
+            // DLE that comes too early belongs to the end of the telegram.
+            (What::Unexpected(DLE), Output) => 0x0706,
             (What::Unexpected(_), Output) => 0x0704,
             (What::Nak, Output) => 0x0705,
             (What::Unexpected(_) | What::Nak, Acknowledge) => 0x0706,
             (What::AckDelay, Acknowledge) => 0x0707,
             (What::AckDelay, _) => 0x0708,
             (What::Exhausted, Connect) => 0x0709,
+            // What was wrong with the telegram has been reported; that it is given up has no number.
+            (What::Exhausted, Phase::Receive) => return None,
             (What::Exhausted, _) => 0x070A,
+            (What::Refused(1), _) => 0x0801,
             (What::Unexpected(_), _) => 0x0802,
             (What::BadDle(_), _) => 0x0805,
             (What::CharacterDelay | What::Restarted, _) => 0x0806,
@@ -254,6 +264,7 @@ impl Event {
             (What::NoBuffer, _) => 0x080A,
             (What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun), _) => 0x080C,
             (What::Line(LineFault::Break), _) => 0x080D,
+            (What::NoRepetition | What::OneMoreRepetition, _) => 0x0815,
             (What::TooLong, _) => 0x0816,
             _ => return None,
         })

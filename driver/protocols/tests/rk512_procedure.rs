@@ -446,8 +446,8 @@ fn follow_on_telegrams_that_are_refused() {
     for (telegram, event, reaction) in [
         ("FF 00 45 44", 0x0603, "FF 00 00 16"),
         ("FF 00 4F 44 128*61", 0x0605, "FF 00 00 10"), // a DX, not the DB
-        ("FF 00 41 44", 0x060B, "FF 00 00 34"),
-        ("FF 00 41 44 129*61", 0x060B, "FF 00 00 34"),
+        ("FF 00 41 44", 0x0611, "FF 00 00 34"),
+        ("FF 00 41 44 129*61", 0x0611, "FF 00 00 34"),
         ("00 00 41 44 0B 00 00 01 FF FF 61 62", 0x060E, "00 00 00 36"),
         ("00 00 41 44 0A 00 00 82 FF FF 128*61", 0x060E, "00 00 00 36"), // our reaction had arrived: out of order
         ("FF 01 41 44 61", 0x0601, "FF 00 00 10"),
@@ -464,7 +464,7 @@ fn follow_on_telegrams_that_are_refused() {
     check(
         "10 partner 00 00 41 44 0A 00 00 41 FF FF 128*61 => tx STX
          20 takes 00 00 00 00
-         30 partner FF 00 41 44 61 62 63 => !060B; tx STX
+         30 partner FF 00 41 44 61 62 63 => !0611; tx STX
          40 takes FF 00 00 34",
     );
     // FETCH: data, and the wrong area.

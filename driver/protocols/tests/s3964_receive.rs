@@ -338,7 +338,7 @@ fn the_cp_341_waits_for_a_repetition() {
         "0    start
          0    rx STX => tx DLE
          1    done
-         2    rx 31 10 03 23 => !Receive: BadCheck { computed: 34, received: 35 }, tx NAK
+         2    rx 31 10 03 23 => !Receive: BadCheck { computed: 34, received: 35 }, tx NAK, !Receive: Refused(1)
          3    done
          10   order 32
          4003 timeout => !Idle: NoRepetition, tx STX
@@ -348,7 +348,7 @@ fn the_cp_341_waits_for_a_repetition() {
          4010 rx DLE => sent ok
          5000 rx STX => tx DLE
          5001 done
-         5002 rx 31 10 03 23 => !Receive: BadCheck { computed: 34, received: 35 }, tx NAK
+         5002 rx 31 10 03 23 => !Receive: BadCheck { computed: 34, received: 35 }, tx NAK, !Receive: Refused(1)
          5003 done
          5004 rx STX => tx DLE
          5005 done

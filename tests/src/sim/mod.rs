@@ -86,10 +86,24 @@ pub struct Outcome {
 /// # Errors
 /// When the stations cannot be built.
 pub fn run(scenario: &Scenario) -> Result<Outcome, String> {
+    run_with(scenario, |_, _| true)
+}
+
+/// Runs a scenario with an operator: it sees each station (by its place in the scenario) after each of its cycles, reads and writes what it likes, and
+/// ends the run with `false`.
+///
+/// # Errors
+/// When the stations cannot be built.
+pub fn run_with(
+    scenario: &Scenario,
+    mut operator: impl FnMut(usize, &mut SimStation) -> bool,
+) -> Result<Outcome, String> {
     let mut world = World::build(scenario)?;
-    while world.step(scenario) {}
+    while world.step(scenario, &mut operator) {}
     Ok(world.finish())
 }
+
+type Operator<'a> = dyn FnMut(usize, &mut SimStation) -> bool + 'a;
 
 struct World {
     now: Nanos,
@@ -157,7 +171,7 @@ impl World {
     }
 
     /// Everything of one instant, in a fixed order: line, drivers, killer, CPUs. False at the end.
-    fn step(&mut self, scenario: &Scenario) -> bool {
+    fn step(&mut self, scenario: &Scenario, operator: &mut Operator<'_>) -> bool {
         let lines = self.cables.iter().filter_map(Cable::next_event);
         let drivers = self.drivers.iter().map(Driver::next_event);
         let cycles = self.stations.iter().map(|s| s.due);
@@ -176,16 +190,18 @@ impl World {
             self.kill();
             self.plan_kill(scenario);
         }
-        for station in &mut self.stations {
+        let mut goes_on = true;
+        for (place, station) in self.stations.iter_mut().enumerate() {
             if station.due <= self.now {
                 station.cycle(self.now, &mut self.log);
                 for driver in &station.drivers {
                     self.drivers[*driver].listen(self.now);
                 }
                 self.watch.look(self.now, station, &mut self.log);
+                goes_on &= operator(place, station);
             }
         }
-        true
+        goes_on
     }
 
     fn lines(&mut self, wire: bool) {

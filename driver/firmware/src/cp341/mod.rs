@@ -7,6 +7,7 @@ mod diagnosis;
 mod leds;
 mod loadable;
 mod outlet;
+mod patience;
 mod protocol;
 mod receive;
 mod request;
@@ -18,7 +19,7 @@ pub use channel::{Channel, ChannelBlock, Job};
 use ob1_params::{Cp341 as Parameters, ParamError};
 use ob1_protocols::modbus_master_32;
 use ob1_protocols::rk512::{self, Answer, AnswerError, code};
-use ob1_protocols::{Input, LineFault, Nanos, Order};
+use ob1_protocols::{Input, LineFault, MS, Nanos, Order};
 
 use crate::leds::Leds;
 use crate::port::{CpCounter, CpEvent, CpPort, LineInput, ParameterFault};
@@ -27,10 +28,14 @@ use crate::ring::Capacity;
 use channel::Reason;
 use diagnosis::{Diagnosis, Faults};
 use outlet::{Collected, Outlet, Parts};
+use patience::Patience;
 use protocol::Protocol;
 use receive::{Kind, Offer, ReceiveChannel};
 use send::{JOB_MAX, SendChannel};
 use v24::V24;
+
+/// A telegram that the CPU has no place for is offered again after this. (ours; "repeated attempts" [reference 1.7])
+const AGAIN: Nanos = 1_000 * MS;
 
 /// Everything that can happen to a CP 341.
 #[derive(Debug, Clone, Copy)]
@@ -63,6 +68,9 @@ pub struct Cp341 {
     /// The job that is with the protocol.
     sending: Option<send::Token>,
     receive: ReceiveChannel,
+    patience: Patience,
+    /// A telegram that the CPU has refused is not offered before this.
+    again_at: Nanos,
     parts: Parts,
     v24: V24,
     diagnosis: Diagnosis,
@@ -88,6 +96,8 @@ impl Cp341 {
             send: SendChannel::new(),
             sending: None,
             receive: ReceiveChannel::new(),
+            patience: Patience::default(),
+            again_at: 0,
             parts: Parts::new(),
             v24: V24::new(),
             diagnosis: Diagnosis::default(),
@@ -112,7 +122,8 @@ impl Cp341 {
             Input341::Parameters(parameters) => self.parametrise(now, parameters, port),
         }
         self.diagnose(now, port);
-        self.offer();
+        self.offer(now);
+        self.watch_cpu(now, port);
         self.publish(port);
         let v24_due = self.v24.refresh(now, port);
         let leds = self.parts.leds.at(now, self.parts.is_interrupted());
@@ -120,7 +131,9 @@ impl Cp341 {
             self.leds_shown = leds;
             port.leds(leds);
         }
-        self.protocol_due.into_iter().chain(self.parts.leds.deadline(now)).chain(v24_due).min()
+        let again = Some(self.again_at).filter(|at| now < *at);
+        let own = [self.parts.leds.deadline(now), v24_due, self.patience.deadline(), again];
+        self.protocol_due.into_iter().chain(own.into_iter().flatten()).min()
     }
 
     /// Enables or disables diagnostic interrupts: wire break and wrong parameters are also told as [`CpEvent::Diagnosis`].
@@ -302,9 +315,21 @@ impl Cp341 {
                 self.give_back(now, kind, Reason::Reset, port);
                 self.order_loadable(now, modbus_master_32::Order::Taken(false), port);
             }
+            receive::Step::Interrupted(moved) => {
+                // A telegram that only was on show is shown again, as if nothing had been.
+                let is_shown_again = kind == Some(Kind::Telegram) && !moved && self.protocol.is_plain();
+                if !is_shown_again {
+                    self.enter(now, 0x0407, port);
+                    self.give_back(now, kind, Reason::Reset, port);
+                    self.order_loadable(now, modbus_master_32::Order::Taken(false), port);
+                }
+            }
             receive::Step::Refused(reason) => {
                 self.enter(now, refusal(kind, reason), port);
                 self.give_back(now, kind, reason, port);
+                if kind == Some(Kind::Telegram) {
+                    self.again_at = now + AGAIN;
+                }
                 self.receive.ended(Err(refusal(kind, reason)));
                 self.order_loadable(now, modbus_master_32::Order::Taken(false), port);
             }
@@ -352,7 +377,7 @@ impl Cp341 {
     }
 
     /// Offers what there is, if the block waits for something.
-    fn offer(&mut self) {
+    fn offer(&mut self, now: Nanos) {
         if !self.receive.is_ready() {
             return;
         }
@@ -367,9 +392,23 @@ impl Cp341 {
             self.parts.asked.close();
             return;
         }
-        if let Some(len) = self.parts.ring.oldest() {
+        if let Some(len) = self.parts.ring.oldest().filter(|_| now >= self.again_at) {
             let ring = &self.parts.ring;
             self.receive.offer(Offer::telegram(len), |into| ring.copy(0, into));
+        }
+    }
+
+    /// Enters that the CPU does not take what there is for it. The job of an RK 512 partner is given up by the protocol, and the loadable
+    /// driver has numbers of its own. [reference 1.7]
+    fn watch_cpu(&mut self, now: Nanos, port: &mut dyn CpPort) {
+        let is_rk512 = self.protocol.rk512().is_some();
+        let waits = self.cpu_running
+            && (is_rk512 || self.protocol.is_plain())
+            && (self.receive.offered().is_some()
+                || self.parts.asked.open().is_some()
+                || self.parts.ring.oldest().is_some());
+        if let Some(number) = self.patience.look(now, waits.then(|| self.receive.moves()), is_rk512) {
+            self.enter(now, number, port);
         }
     }
 

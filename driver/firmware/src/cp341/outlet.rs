@@ -158,12 +158,15 @@ impl Outlet<'_> {
     }
 
     /// An error of receiving: told to P_RCV_RK where it costs a telegram.
-    fn receive_error(&mut self, what: What, number: u16) {
-        let first = *self.parts.receive_error.get_or_insert(number);
-        let lost = matches!(what, What::CharacterDelay | What::Restarted | What::NoBuffer | What::TooLong);
+    fn receive_error(&mut self, event: Event, number: u16) {
+        let first = self.parts.receive_error.unwrap_or(number);
+        let lost = matches!(event.what, What::CharacterDelay | What::Restarted | What::NoBuffer | What::TooLong);
         if lost {
             self.parts.receive_error = None;
             self.tell(first);
+        } else if event.phase == Phase::Receive {
+            // What comes between two telegrams belongs to neither.
+            self.parts.receive_error = Some(first);
         }
     }
 }
@@ -218,7 +221,8 @@ impl Sink for Outlet<'_> {
         if let What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) = event.what {
             self.port.count(CpCounter::ReceiveErrors, 1);
         }
-        if event.what == What::NoRepetition
+        // The block is given up.
+        if matches!((event.what, event.phase), (What::NoRepetition, _) | (What::Exhausted, Phase::Receive))
             && let Some(first) = self.parts.receive_error.take()
         {
             self.tell(first);
@@ -227,12 +231,11 @@ impl Sink for Outlet<'_> {
             self.enter(number);
             match event.phase {
                 // Information, and the two that say "used up", are no first error.
+                _ if matches!(number, 0x0701 | 0x0709 | 0x070A | 0x0801 | 0x0815) => {}
                 Phase::Connect | Phase::Output | Phase::Acknowledge => {
-                    if !matches!(number, 0x0701 | 0x0709 | 0x070A) {
-                        self.parts.first_error.get_or_insert(number);
-                    }
+                    self.parts.first_error.get_or_insert(number);
                 }
-                Phase::Idle | Phase::Receive => self.receive_error(event.what, number),
+                Phase::Idle | Phase::Receive => self.receive_error(event, number),
             }
         }
     }

@@ -78,6 +78,11 @@ impl Protocol {
         }
     }
 
+    /// Whether telegrams have no header and belong to no job: ASCII, 3964(R).
+    pub(crate) const fn is_plain(&self) -> bool {
+        matches!(self, Self::Ascii(_) | Self::S3964(_))
+    }
+
     /// Whether RTS and DTR are the protocol's: flow control, automatic use.
     pub(crate) fn driven(&self) -> (bool, bool) {
         match self {

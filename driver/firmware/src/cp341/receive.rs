@@ -67,8 +67,10 @@ impl Offer {
 pub(crate) enum Step {
     /// Nothing for others.
     Nothing,
-    /// The block has begun anew, or stopped taking: what was offered is free again.
+    /// The block has begun anew (R = 1): what was offered is free again.
     Dropped,
+    /// It takes nothing for the moment (EN_R = 0), and the same holds; whether data were on their way.
+    Interrupted(bool),
     /// The block refuses it.
     Refused(Reason),
     /// The CPU has all data, or has given all.
@@ -83,12 +85,14 @@ pub(crate) struct ReceiveChannel {
     number: u16,
     offer: Offer,
     data: Box<[u8; JOB_MAX]>,
+    /// Pieces and good ends so far: it changes when the CPU gets on with something.
+    moves: u32,
 }
 
 impl ReceiveChannel {
     pub(crate) fn new() -> Self {
         let data = Box::new([0; JOB_MAX]);
-        Self { phase: Phase::Off, start: 0, number: 0, offer: Offer::telegram(0), data }
+        Self { phase: Phase::Off, start: 0, number: 0, offer: Offer::telegram(0), data, moves: 0 }
     }
 
     /// The CPU is in STOP, or the CP begins anew.
@@ -104,6 +108,11 @@ impl ReceiveChannel {
     /// The block has begun, and takes something or is at it.
     pub(crate) fn is_taking(&self) -> bool {
         !matches!(self.phase, Phase::Off | Phase::Rest)
+    }
+
+    /// Changes when the CPU gets on with something.
+    pub(crate) fn moves(&self) -> u32 {
+        self.moves
     }
 
     /// What is on show, while it is.
@@ -139,6 +148,7 @@ impl ReceiveChannel {
     /// What was offered has come to its end.
     pub(crate) fn ended(&mut self, outcome: Result<(), u16>) {
         if self.offered().is_some() {
+            self.moves = self.moves.wrapping_add(u32::from(outcome.is_ok()));
             self.phase = outcome.map_or_else(Phase::Failed, |()| Phase::Done);
         }
     }
@@ -160,9 +170,9 @@ impl ReceiveChannel {
         }
         match (cpu.command(), self.phase) {
             (Command::Rest, _) => {
-                let dropped = self.offered().is_some();
+                let (dropped, moved) = (self.offered().is_some(), self.phase != Phase::Offered);
                 self.phase = Phase::Rest;
-                if dropped { Step::Dropped } else { Step::Nothing }
+                if dropped { Step::Interrupted(moved) } else { Step::Nothing }
             }
             (Command::Wait, Phase::Rest) => {
                 self.phase = Phase::Ready;
@@ -194,6 +204,7 @@ impl ReceiveChannel {
         }
         match self.phase {
             Phase::Giving { given } if cpu.piece() == given + 1 => {
+                self.moves = self.moves.wrapping_add(1);
                 self.phase = Phase::Giving { given: cpu.piece() };
                 if cpu.piece() >= all {
                     self.phase = Phase::Finishing;
@@ -205,6 +216,7 @@ impl ReceiveChannel {
                 let range = range(taken, self.offer.len);
                 let bytes = range.len();
                 self.data[range].copy_from_slice(&cpu.data()[..bytes]);
+                self.moves = self.moves.wrapping_add(1);
                 self.phase = Phase::Collecting { taken: taken + 1 };
                 if taken + 1 >= all {
                     self.phase = Phase::Finishing;

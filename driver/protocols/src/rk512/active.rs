@@ -31,6 +31,16 @@ enum Stage {
     Awaiting { bwz: Option<Nanos> },
 }
 
+/// An order has ended without its reaction, which may still come. Nothing in a reaction tells which order it belongs to, so the next one waits
+/// a while for it; and so does the one behind that, for the partner may have answered the first to what was sent as the second. (ours)
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Late {
+    /// No order begins before this; `None`: the wait is over.
+    until: Option<Nanos>,
+    /// The order behind the one without reaction has ended, too.
+    last: bool,
+}
+
 impl Own {
     pub(super) fn is_to_send(&self) -> bool {
         self.stage == Stage::ToSend
@@ -76,6 +86,9 @@ impl<const N: usize> Rk512<N> {
     /// [S0 "Structure of the input message"], [S0 "Structure of additional messages"]
     pub(super) fn compose_order(&mut self, telegram: &mut [u8]) -> usize {
         let Some(own) = &mut self.own else { return 0 };
+        if self.late.is_some_and(|late| late.last) {
+            self.late = None;
+        }
         own.stage = Stage::OnLine;
         let head = if own.follow { codec::SHORT } else { codec::HEADER };
         if own.follow {
@@ -96,7 +109,7 @@ impl<const N: usize> Rk512<N> {
                 own.stage = Stage::Awaiting { bwz: None };
                 own.until.get_or_insert(now + self.config.reaction);
             }
-            Err(error) => self.end_own(Err(OrderError::Line(error)), out),
+            Err(error) => self.end_own(now, Err(OrderError::Line(error)), out),
         }
     }
 
@@ -114,12 +127,25 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
+    /// Whether the next order waits for the late reaction to one before.
+    pub(super) fn waits_for_late(&self) -> bool {
+        self.late.is_some_and(|late| late.until.is_some())
+    }
+
+    /// When that wait ends, if an order waits.
+    pub(super) fn late_deadline(&self) -> Option<Nanos> {
+        self.own.as_ref().filter(|own| own.is_to_send()).and(self.late?.until)
+    }
+
     pub(super) fn own_times(&mut self, now: Nanos, out: &mut dyn Owner) {
+        if let Some(late) = self.late.as_mut().filter(|late| late.until.is_some_and(|until| now >= until)) {
+            late.until = None;
+        }
         let Some(own) = &mut self.own else { return };
         let Stage::Awaiting { bwz } = own.stage else { return };
         if own.until.is_some_and(|until| now >= until) {
             // [S0 L1678]: "a maximum period of 5s during which a reaction must be received". It holds for all repetitions together.
-            self.end_own(Err(OrderError::NoReaction), out);
+            self.end_own(now, Err(OrderError::NoReaction), out);
         } else if bwz.is_some_and(|bwz| now >= bwz) {
             // [S0 L1635]: beyond BWZ the telegram is sent again; DBL counts the attempts, as for a block.
             own.repetitions += 1;
@@ -127,7 +153,7 @@ impl<const N: usize> Rk512<N> {
                 own.stage = Stage::ToSend;
                 out.report(Event::Repetition(own.repetitions));
             } else {
-                self.end_own(Err(OrderError::BwzExceeded), out);
+                self.end_own(now, Err(OrderError::BwzExceeded), out);
             }
         }
     }
@@ -145,22 +171,23 @@ impl<const N: usize> Rk512<N> {
     }
 
     /// A reaction has come.
-    pub(super) fn reaction(&mut self, follow: bool, number: u8, data: &[u8], out: &mut dyn Owner) {
+    pub(super) fn reaction(&mut self, now: Nanos, follow: bool, number: u8, data: &[u8], out: &mut dyn Owner) {
         if !self.awaits_reaction() {
             // Without an order, or before our telegram can have arrived: of something before. [reference 3.12]
+            self.late = None;
             return out.report(Event::BadReaction(BadReaction::Sequence));
         }
         let Some(own) = &mut self.own else { return };
         if follow != own.follow {
-            return self.bad_reaction(BadReaction::Sequence, out);
+            return self.bad_reaction(now, BadReaction::Sequence, out);
         }
         if number != 0 {
             // [reference 4.5]: the order ends, without data, without further telegrams.
-            return self.end_own(Err(OrderError::Rejected(number)), out);
+            return self.end_own(now, Err(OrderError::Rejected(number)), out);
         }
         let bytes = own.request.bytes();
         let piece = match own.request.command {
-            Command::Send if !data.is_empty() => return self.bad_reaction(BadReaction::SendData, out),
+            Command::Send if !data.is_empty() => return self.bad_reaction(now, BadReaction::SendData, out),
             Command::Send => own.piece(),
             // Less than 128 bytes is tolerated in a telegram. [reference 4.4]
             Command::Fetch => match self.own_data[..bytes].get_mut(own.at..own.at + data.len()) {
@@ -168,29 +195,35 @@ impl<const N: usize> Rk512<N> {
                     place.copy_from_slice(data);
                     data.len()
                 }
-                _ => return self.bad_reaction(BadReaction::Data, out),
+                _ => return self.bad_reaction(now, BadReaction::Data, out),
             },
         };
         own.at += piece;
         if own.at == bytes {
-            return self.end_own(Ok(()), out);
+            return self.end_own(now, Ok(()), out);
         }
         *own = Own { follow: true, stage: Stage::ToSend, repetitions: 0, until: None, ..*own };
         self.forget_own_telegram();
     }
 
     /// A reaction that is none ends the order it would belong to. [reference 3.12]
-    pub(super) fn bad_reaction(&mut self, bad: BadReaction, out: &mut dyn Owner) {
+    pub(super) fn bad_reaction(&mut self, now: Nanos, bad: BadReaction, out: &mut dyn Owner) {
         if self.awaits_reaction() {
-            self.end_own(Err(OrderError::BadReaction(bad)), out);
+            self.end_own(now, Err(OrderError::BadReaction(bad)), out);
         } else {
+            self.late = None;
             out.report(Event::BadReaction(bad));
         }
     }
 
-    fn end_own(&mut self, outcome: Result<(), OrderError>, out: &mut dyn Owner) {
+    fn end_own(&mut self, now: Nanos, outcome: Result<(), OrderError>, out: &mut dyn Owner) {
         self.forget_own_telegram();
         let Some(own) = self.own.take() else { return };
+        if matches!(outcome, Err(OrderError::NoReaction | OrderError::BwzExceeded)) {
+            self.expect_late(now, false);
+        } else if self.late.is_some() {
+            self.expect_late(now, true);
+        }
         match outcome {
             Ok(()) if own.request.command == Command::Fetch => out.ended(Ok(&self.own_data[..own.request.bytes()])),
             Ok(()) => out.ended(Ok(&[])),
@@ -199,6 +232,11 @@ impl<const N: usize> Rk512<N> {
                 out.ended(Err(error));
             }
         }
+    }
+
+    /// From now on a reaction may come that belongs to an order that has ended.
+    pub(super) fn expect_late(&mut self, now: Nanos, last: bool) {
+        self.late = Some(Late { until: Some(now + self.config.late_wait), last });
     }
 
     /// What the procedure below still wants to repeat has been answered.

@@ -3,6 +3,9 @@
 use crate::machine::{Nanos, SECOND};
 use crate::s3964;
 
+/// Long enough for a telegram that is on its way, repetitions included; short beside the monitoring it follows.
+const LATE_WAIT: Nanos = 2 * SECOND;
+
 /// Configuration of [`Rk512`](super::Rk512). Times in nanoseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
@@ -12,6 +15,8 @@ pub struct Config {
     /// Reaction monitoring: longest time from the first acknowledgement of an order's telegram to its reaction; it begins
     /// anew with each follow-on telegram. [S0 L1678], [reference 4.7]
     pub reaction: Nanos,
+    /// How long an order waits for the reaction that one before it has not got in time, so that it is not taken for its own. (ours)
+    pub late_wait: Nanos,
     /// How long the CPU has to answer an order of the partner; after that it is refused with 2Ah. Shorter than the partner's reaction
     /// monitoring.
     pub answer_wait: Nanos,
@@ -32,6 +37,7 @@ impl Config {
         Self {
             line,
             reaction: 5 * SECOND,
+            late_wait: LATE_WAIT,
             answer_wait: 4 * SECOND,
             follow_wait: 5 * SECOND,
             data_max: 1024,
@@ -46,6 +52,7 @@ impl Config {
         Self {
             line,
             reaction: 20 * SECOND,
+            late_wait: LATE_WAIT,
             answer_wait: 10 * SECOND,
             follow_wait: 20 * SECOND,
             data_max: 4096,

@@ -50,8 +50,10 @@ pub enum Refusal {
     Flag,
     /// CPU number not allowed.
     Cpu,
-    /// SEND with more or fewer data than announced, or a piece longer than 128 bytes.
+    /// First telegram of a SEND with more data than announced, with none, or longer than 128 bytes.
     SendLength,
+    /// Follow-on telegram of a SEND whose data do not go with the announced length: more than are missing, none, or more than 128 bytes.
+    FollowLength,
     /// FETCH with data.
     FetchData,
     /// Nobody takes it: CPU in STOP, or it does not answer in time.
@@ -64,7 +66,7 @@ pub enum Refusal {
 
 impl Refusal {
     /// All of them.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::FirstByte,
         Self::Command,
         Self::FollowCommand,
@@ -75,6 +77,7 @@ impl Refusal {
         Self::Flag,
         Self::Cpu,
         Self::SendLength,
+        Self::FollowLength,
         Self::FetchData,
         Self::Mode,
         Self::Sequence,
@@ -94,6 +97,7 @@ impl Refusal {
             Self::Flag => (0x0609, code::FLAG),
             Self::Cpu => (0x060A, code::FLAG),
             Self::SendLength => (0x060B, code::LENGTH),
+            Self::FollowLength => (0x0611, code::LENGTH),
             Self::FetchData => (0x060C, code::LENGTH),
             Self::Mode => (0x060D, code::STOP),
             Self::Sequence => (0x060E, code::SEQUENCE),

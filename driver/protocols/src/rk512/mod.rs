@@ -21,7 +21,8 @@
 //! a reaction proves that the telegram it answers has arrived, once that has left completely; one that comes earlier
 //! belongs to something before. A telegram that is the same as the last one, before our reaction can have arrived, is the
 //! last one. When it cannot be told whether a follow-on telegram is the last one or the next with the same data,
-//! the order is refused: an error, never wrong data.
+//! the order is refused: an error, never wrong data. The reaction to an order that has been given up may still come: the next order waits a while
+//! for it, and it ends nothing.
 
 mod active;
 pub mod codec;
@@ -35,7 +36,7 @@ pub use event::{AnswerError, BadReaction, Event, OrderError, Refusal, code};
 
 use crate::machine::{self, LineFault, Machine as _, ModemLines, Nanos, SendError, TELEGRAM_MAX};
 use crate::s3964::S3964;
-use active::Own;
+use active::{Late, Own};
 use passive::{Partner, Reply};
 
 /// Longest telegram on the line that is taken in. 138 bytes is what a partner may send; what is a little longer is refused with an error
@@ -132,6 +133,8 @@ pub struct Rk512<const N: usize = TELEGRAM_MAX> {
     /// Whose telegram the procedure below is sending.
     carries: Carries,
     own: Option<Own>,
+    /// The reaction to an own order before may still come.
+    late: Option<Late>,
     own_data: [u8; N],
     partner: Option<Partner>,
     partner_data: [u8; N],
@@ -158,6 +161,7 @@ impl<const N: usize> Rk512<N> {
             line,
             carries: Carries::Nothing,
             own: None,
+            late: None,
             own_data: [0; N],
             partner: None,
             partner_data: [0; N],
@@ -220,10 +224,14 @@ impl<const N: usize> Rk512<N> {
     }
 
     fn abort(&mut self, now: Nanos, out: &mut dyn Owner) {
+        let is_owed = self.awaits_reaction();
         // Its word on its running order is not passed on: the order here ends below, whoever's turn it was.
         self.line.take(now, machine::Input::Order(machine::Order::Abort), &mut Tap::new(out));
         self.carries = Carries::Nothing;
         self.reply = None;
+        if is_owed {
+            self.expect_late(now, false);
+        }
         if self.own.take().is_some() {
             out.ended(Err(OrderError::Aborted));
         }
@@ -256,14 +264,14 @@ impl<const N: usize> Rk512<N> {
 
     fn telegram(&mut self, now: Nanos, telegram: &[u8], out: &mut dyn Owner) {
         match codec::parse(telegram) {
-            Ok(codec::Telegram::Reaction { follow, code, data }) => self.reaction(follow, code, data, out),
+            Ok(codec::Telegram::Reaction { follow, code, data }) => self.reaction(now, follow, code, data, out),
             Ok(codec::Telegram::Order(request, data)) => self.partner_order(now, request, data, out),
             Ok(codec::Telegram::Follow { command, area, data }) => self.partner_follow(now, command, area, data, out),
             // What cannot be told from a reaction is taken for one while one is due.
             Err(codec::Malformed::Short) if self.awaits_reaction() && telegram.len() < codec::SHORT => {
-                self.bad_reaction(BadReaction::Structure, out);
+                self.bad_reaction(now, BadReaction::Structure, out);
             }
-            Err(codec::Malformed::ReactionBytes) => self.bad_reaction(BadReaction::Structure, out),
+            Err(codec::Malformed::ReactionBytes) => self.bad_reaction(now, BadReaction::Structure, out),
             Err(malformed) => {
                 let follow = telegram.first() == Some(&0xFF);
                 self.refuse(follow, malformed.into(), out);
@@ -288,7 +296,9 @@ impl<const N: usize> Rk512<N> {
         let mut telegram = [0; LINE];
         let (carries, len) = match (self.compose_reply(&mut telegram), &self.own) {
             (Some(len), _) => (Carries::Reaction, len),
-            (None, Some(own)) if own.is_to_send() => (Carries::Order, self.compose_order(&mut telegram)),
+            (None, Some(own)) if own.is_to_send() && !self.waits_for_late() => {
+                (Carries::Order, self.compose_order(&mut telegram))
+            }
             _ => return,
         };
         self.carries = carries;
@@ -312,7 +322,7 @@ impl<const N: usize> Rk512<N> {
     fn deadline(&self, line: Option<Nanos>) -> Option<Nanos> {
         let own = self.own.as_ref().and_then(Own::deadline);
         let partner = self.partner.as_ref().and_then(Partner::deadline);
-        line.into_iter().chain(own).chain(partner).min()
+        line.into_iter().chain(own).chain(partner).chain(self.late_deadline()).min()
     }
 }
 

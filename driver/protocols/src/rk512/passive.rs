@@ -166,7 +166,7 @@ impl<const N: usize> Rk512<N> {
                 let room = self.partner_data[..partner.request.bytes()].get_mut(partner.at..partner.at + data.len());
                 match room {
                     Some(place) if !data.is_empty() && data.len() <= PIECE => place.copy_from_slice(data),
-                    _ => return self.refuse(true, Refusal::SendLength, out),
+                    _ => return self.refuse(true, Refusal::FollowLength, out),
                 }
                 partner.at += data.len();
                 partner.piece = data.len();

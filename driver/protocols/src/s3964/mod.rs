@@ -42,6 +42,8 @@ pub struct S3964<const N: usize = TELEGRAM_MAX> {
     rx: [u8; N],
     /// ZNA: no order begins before this.
     pause_until: Nanos,
+    /// A block was refused as often as is permitted: a partner that repeats it once more does so before this. (CP 341)
+    given_up_until: Option<Nanos>,
 }
 
 /// Where the procedure stands, with what is known there and nowhere else.
@@ -97,6 +99,7 @@ impl<const N: usize> S3964<N> {
             tx: [0; N],
             rx: [0; N],
             pause_until: 0,
+            given_up_until: None,
         }
     }
 
@@ -209,7 +212,7 @@ impl<const N: usize> S3964<N> {
             Order::Abort => {
                 self.take_back(now, out);
                 self.state = State::Idle;
-                self.pause_until = now;
+                (self.pause_until, self.given_up_until) = (now, None);
                 if self.job.take().is_some() {
                     out.sent(Err(SendError::Aborted));
                 }

@@ -29,8 +29,14 @@ impl<const N: usize> S3964<N> {
     /// A character while the line is free. `refused`: a block was refused that often and its repetition is awaited.
     pub(super) fn idle_character(&mut self, now: Nanos, byte: u8, refused: u16, out: &mut dyn Sink) {
         match byte {
-            STX => self.connection_asked(now, refused, out),
-            NAK => {} // [S0 "Passive operation"]: NAK is not answered.
+            STX => {
+                if self.given_up_until.take().is_some_and(|until| now < until) {
+                    self.report(Phase::Idle, What::OneMoreRepetition, out);
+                }
+                self.connection_asked(now, refused, out);
+            }
+            // [S0 "Passive operation"]: NAK is not answered. A partner that gives its block up says it. [reference 5.3]
+            NAK => self.given_up_until = None,
             other => self.unexpected(now, What::Unexpected(other), out),
         }
     }
@@ -154,9 +160,11 @@ impl<const N: usize> S3964<N> {
             // [S0 "Data Link Escape (DLE-character)"]: NAK, and wait for another connection request.
             State::Idle
         } else if refused < self.config.block_attempts {
+            self.report(Phase::Receive, What::Refused(refused), out);
             State::Repetition { until: self.output.end + self.config.repetition_wait, refused }
         } else {
             self.report(Phase::Receive, What::Exhausted, out);
+            self.given_up_until = Some(self.output.end + self.config.repetition_wait);
             State::Idle
         };
     }

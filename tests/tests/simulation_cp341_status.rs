@@ -1,0 +1,735 @@
+//! Every number of 3964(R) and RK 512 that a partner can bring about, at a whole CP 341 in virtual time: STL program, handling blocks, CP
+//! and line are the real ones, the partner is written here from the manual's description. What P_SND_RK and P_RCV_RK say, and what
+//! stands in the CP's diagnostic buffer. [reference 1.2, 1.7, 3.6 to 3.12]
+
+use std::collections::VecDeque;
+use std::fs;
+
+use ob1_cpu::{Cell, CellWidth, Nanos};
+use ob1_model::Area;
+use ob1_tests::sim::device::{Bench, Device};
+use ob1_tests::sim::{MS, SECOND};
+
+const STX: u8 = 0x02;
+const ETX: u8 = 0x03;
+const DLE: u8 = 0x10;
+const NAK: u8 = 0x15;
+
+/// What the CP enters when it starts. [reference 3.2]
+const STARTED: &[u16] = &[0x0008, 0x0003];
+
+/// A block as it lies on the line behind STX and DLE: 3964R. [reference 5.1]
+fn block(telegram: &[u8]) -> Vec<u8> {
+    let mut line = Vec::new();
+    for byte in telegram {
+        line.push(*byte);
+        if *byte == DLE {
+            line.push(DLE);
+        }
+    }
+    line.extend([DLE, ETX]);
+    line.push(line.iter().fold(0, |check, byte| check ^ byte));
+    line
+}
+
+/// The same with a wrong check character.
+fn spoilt(telegram: &[u8]) -> Vec<u8> {
+    let mut line = block(telegram);
+    *line.last_mut().expect("the check character") ^= 0x40;
+    line
+}
+
+/// What the partner says to a telegram of the CP.
+#[derive(Clone, Copy, Debug)]
+enum Manner {
+    /// What it should.
+    Good,
+    /// This to STX.
+    ToStx(&'static [u8]),
+    /// This to the first character of the block.
+    Within(&'static [u8]),
+    /// This to the whole block.
+    AtEnd(&'static [u8]),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Hears {
+    Nothing,
+    Data,
+    Dle,
+    Check,
+}
+
+/// A partner on the line: 3964R as a receiver and as a sender that repeats what it is told to repeat.
+struct Partner {
+    manner: Manner,
+    hears: Hears,
+    /// The telegram that comes in.
+    telegram: Vec<u8>,
+    /// Those that have come in.
+    telegrams: Vec<Vec<u8>>,
+    /// Answers to the next telegrams: telegrams of its own.
+    reactions: VecDeque<Vec<u8>>,
+    /// Blocks to send, one for each connection.
+    blocks: VecDeque<Vec<u8>>,
+    /// It waits for DLE: to its STX (true) or to its block.
+    connects: Option<bool>,
+    /// What the CP has said to its blocks.
+    acknowledged: Vec<u8>,
+}
+
+impl Partner {
+    fn new() -> Self {
+        Self {
+            manner: Manner::Good,
+            hears: Hears::Nothing,
+            telegram: Vec::new(),
+            telegrams: Vec::new(),
+            reactions: VecDeque::new(),
+            blocks: VecDeque::new(),
+            connects: None,
+            acknowledged: Vec::new(),
+        }
+    }
+
+    /// Sends what is in `blocks`, one after the other.
+    fn begin(&mut self, out: &mut Vec<u8>) {
+        if self.connects.is_none() && !self.blocks.is_empty() {
+            self.connects = Some(true);
+            out.push(STX);
+        }
+    }
+
+    fn character(&mut self, byte: u8, out: &mut Vec<u8>) {
+        match (self.connects, byte) {
+            (Some(true), DLE) => {
+                out.extend(self.blocks.pop_front().unwrap_or_default());
+                self.connects = Some(false);
+            }
+            (Some(false), DLE | NAK) => {
+                self.acknowledged.push(byte);
+                self.connects = None;
+                self.begin(out);
+            }
+            _ => self.listen(byte, out),
+        }
+    }
+
+    fn listen(&mut self, byte: u8, out: &mut Vec<u8>) {
+        match (self.hears, byte) {
+            (Hears::Nothing, STX) => {
+                if let Manner::ToStx(answer) = self.manner {
+                    return out.extend(answer);
+                }
+                self.telegram.clear();
+                self.hears = Hears::Data;
+                out.push(DLE);
+            }
+            (Hears::Nothing, _) => {}
+            (Hears::Data, _) if matches!(self.manner, Manner::Within(_)) => {
+                if let Manner::Within(answer) = self.manner {
+                    out.extend(answer);
+                }
+                self.hears = Hears::Nothing;
+            }
+            (Hears::Data, DLE) => self.hears = Hears::Dle,
+            (Hears::Data, _) => self.telegram.push(byte),
+            (Hears::Dle, ETX) => self.hears = Hears::Check,
+            (Hears::Dle, _) => {
+                self.telegram.push(byte);
+                self.hears = Hears::Data;
+            }
+            (Hears::Check, _) => {
+                self.hears = Hears::Nothing;
+                if let Manner::AtEnd(answer) = self.manner {
+                    return out.extend(answer);
+                }
+                out.push(DLE);
+                assert_eq!(block(&self.telegram).last(), Some(&byte), "the CP's check character");
+                self.telegrams.push(self.telegram.clone());
+                self.blocks.extend(self.reactions.pop_front().map(|telegram| block(&telegram)));
+                self.begin(out);
+            }
+        }
+    }
+}
+
+impl Device for Partner {
+    fn hear(&mut self, _now: Nanos, bytes: &[u8], out: &mut Vec<u8>) -> Option<Nanos> {
+        for byte in bytes {
+            self.character(*byte, out);
+        }
+        None
+    }
+}
+
+/// Both blocks, with everything in bit memory.
+const PROGRAM: &str = r"
+ORGANIZATION_BLOCK OB 1
+VAR_TEMP
+  INFO : ARRAY [1..20] OF BYTE;
+END_VAR
+BEGIN
+CALL FB 7, DB 7
+  EN_R := M84.0
+  R := M84.1
+  LADDR := 256
+  DB_NO := MW120
+  DBB_NO := 0
+  NDR := M85.0
+  ERROR := M85.1
+  LEN := MW86
+  STATUS := MW88
+CALL FB 8, DB 8
+  SF := MB100
+  REQ := M80.0
+  R := M80.1
+  LADDR := 256
+  DB_NO := 10
+  DBB_NO := 0
+  LEN := MW106
+  R_CPU_NO := 1
+  R_TYP := MB101
+  R_NO := 31
+  R_OFFSET := 0
+  R_CF_BYT := 255
+  R_CF_BIT := 0
+  DONE := M81.1
+  ERROR := M81.2
+  STATUS := MW82
+END_ORGANIZATION_BLOCK
+
+ORGANIZATION_BLOCK OB 121
+VAR_TEMP
+  INFO : ARRAY [1..20] OF BYTE;
+END_VAR
+BEGIN
+END_ORGANIZATION_BLOCK
+
+DATA_BLOCK DB 7
+FB 7
+BEGIN
+END_DATA_BLOCK
+
+DATA_BLOCK DB 8
+FB 8
+BEGIN
+END_DATA_BLOCK
+";
+
+/// What P_RCV_RK reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Report {
+    Ndr(u16),
+    Error(u16),
+}
+
+use Report::{Error, Ndr};
+
+/// The station with its partner.
+struct Site {
+    bench: Bench<Partner>,
+    /// How jobs of P_SND_RK have ended: STATUS, or 0 for DONE.
+    ends: Vec<u16>,
+    reports: Vec<Report>,
+}
+
+/// What DB 10 has: no control characters.
+fn pattern(at: u32) -> u8 {
+    0x20 + (at % 0xD0) as u8
+}
+
+/// So many of them.
+fn patterns(bytes: u32) -> Vec<u8> {
+    (0..bytes).map(pattern).collect()
+}
+
+fn word(memory: &[u8], at: usize) -> u16 {
+    u16::from_be_bytes([memory[at], memory[at + 1]])
+}
+
+impl Site {
+    /// 9600 8E1; three attempts, QVZ 100 ms, ZVZ 50 ms.
+    fn new(protocol: &str, more: &str) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let data = |number: u16, bytes: usize| {
+            let array = format!("DATA : ARRAY [0..{}] OF BYTE;", bytes - 1);
+            format!("\nDATA_BLOCK DB {number}\nSTRUCT\n  {array}\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n")
+        };
+        let program = PROGRAM.to_owned() + &data(10, 300) + &data(31, 512) + &data(40, 300);
+        fs::write(folder.path().join("status.awl"), program).expect("the program");
+        let times = "qvz_ms = 100, zvz_ms = 50, connect_attempts = 3, block_attempts = 3";
+        let file = format!(
+            "[station]\nname = \"status\"\n[cpu]\nmin_cycle = \"2ms\"\nwatchdog = \"500ms\"\n\
+             [program]\nsources = [\"status.awl\"]\nmnemonics = \"de\"\n[[plugin]]\npath = \"ob1_cp341\"\n\
+             [[module]]\ntype = \"cp341\"\nname = \"cp\"\naddress = 256\nline = \"pty:partner\"\n\
+             params = {{ protocol = \"{protocol}\", baud = 9600, {times}{more} }}\n"
+        );
+        let path = folder.path().join("station.toml");
+        fs::write(&path, file).expect("the station file");
+        let bench = Bench::build(&path, Partner::new(), 1).unwrap_or_else(|message| {
+            panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
+        });
+        let mut site = Self { bench, ends: Vec::new(), reports: Vec::new() };
+        for at in 0..300 {
+            site.write(Cell::Db(10, 8 * at), CellWidth::Byte, pattern(at).into());
+        }
+        site.pass(SECOND);
+        assert_eq!(site.bench.entries(), STARTED, "the CP works");
+        site.set_bytes(&[(100, b'S'), (101, b'D'), (121, 40)]);
+        site.bit(84, 0, true);
+        site.pass(10 * MS);
+        site
+    }
+
+    fn write(&mut self, cell: Cell, width: CellWidth, value: u32) {
+        self.bench.station.cpu.write(cell, width, value).expect("a cell of the program");
+    }
+
+    fn set_bytes(&mut self, bytes: &[(u32, u8)]) {
+        for (at, value) in bytes {
+            self.write(Cell::Area(Area::Memory, 8 * at), CellWidth::Byte, u32::from(*value));
+        }
+    }
+
+    fn bit(&mut self, byte: u32, bit: u32, on: bool) {
+        self.write(Cell::Area(Area::Memory, 8 * byte + bit), CellWidth::Bit, u32::from(on));
+    }
+
+    /// Runs until something has been noted (or for so long) and notes what the blocks say.
+    fn run(&mut self, most: Nanos, until: impl Fn(&[u16], &[Report]) -> bool) -> bool {
+        let Self { bench, ends, reports } = self;
+        bench.until(most, |station| {
+            let memory = station.cpu.bit_memory();
+            match memory[81] & 0b110 {
+                0 => assert_eq!(word(memory, 82), 0, "STATUS without ERROR"),
+                0b010 => ends.push(0),
+                _ => ends.push(word(memory, 82)),
+            }
+            match memory[85] & 0b11 {
+                0 => {}
+                0b01 => reports.push(Ndr(word(memory, 86))),
+                _ => reports.push(Error(word(memory, 88))),
+            }
+            until(ends, reports)
+        })
+    }
+
+    fn pass(&mut self, time: Nanos) {
+        self.run(time, |_, _| false);
+    }
+
+    /// Runs until something is the case.
+    fn until(&mut self, what: impl Fn(&Self) -> bool) {
+        for _ in 0..10_000 {
+            if what(self) {
+                return;
+            }
+            self.pass(MS);
+        }
+        panic!("it does not come\n{}", self.bench.log());
+    }
+
+    fn block(&self, db: u16) -> &[u8] {
+        self.bench.station.cpu.data_block(db).expect("a data block of the program")
+    }
+
+    /// An edge of REQ.
+    fn begin(&mut self, len: u16) {
+        let [high, low] = len.to_be_bytes();
+        self.set_bytes(&[(106, high), (107, low)]);
+        for on in [true, false] {
+            self.bit(80, 0, on);
+            self.pass(2 * MS);
+        }
+    }
+
+    /// A job to its end: STATUS, or 0.
+    fn job(&mut self, len: u16) -> u16 {
+        let before = self.ends.len();
+        self.begin(len);
+        assert!(self.run(60 * SECOND, |ends, _| ends.len() > before), "the job does not end\n{}", self.bench.log());
+        self.ends[before]
+    }
+
+    /// The partner sends these blocks, one after the other, as often as it takes.
+    fn partner_sends(&mut self, blocks: impl IntoIterator<Item = Vec<u8>>) {
+        self.bench.device.blocks.extend(blocks);
+        self.bench.meanwhile(|partner, _, out| {
+            partner.begin(out);
+            None
+        });
+    }
+
+    /// Entries since the start.
+    fn entries(&self) -> Vec<String> {
+        hex(&self.bench.entries()[STARTED.len()..])
+    }
+
+    /// The partner does as it should from now on; of what went wrong before nothing comes later.
+    fn is_well(&mut self) {
+        let (ends, reports) = (self.ends.len(), self.reports.len());
+        self.bench.device.manner = Manner::Good;
+        self.pass(5 * SECOND);
+        assert_eq!((self.ends.len(), self.reports.len()), (ends, reports), "nothing comes later");
+    }
+}
+
+fn hex(numbers: &[u16]) -> Vec<String> {
+    numbers.iter().map(|number| format!("{number:04X}")).collect()
+}
+
+/// [reference 3.9]: STATUS is the first error of the job; 0709h or 070Ah is entered behind it.
+const SENDING: &[(Manner, u16, &[u16])] = &[
+    (Manner::ToStx(&[NAK]), 0x0702, &[0x0702, 0x0701, 0x0702, 0x0702, 0x0709]),
+    (Manner::ToStx(b"A"), 0x0702, &[0x0702, 0x0701, 0x0702, 0x0702, 0x0709]),
+    (Manner::ToStx(b""), 0x0703, &[0x0703, 0x0701, 0x0703, 0x0703, 0x0709]),
+    (Manner::Within(b"A"), 0x0704, &[0x0704, 0x0701, 0x0704, 0x0704, 0x070A]),
+    (Manner::Within(&[NAK]), 0x0704, &[0x0704, 0x0701, 0x0704, 0x0704, 0x070A]),
+    // "DLE too early"
+    (Manner::Within(&[DLE]), 0x0706, &[0x0706, 0x0701, 0x0706, 0x0706, 0x070A]),
+    (Manner::AtEnd(&[NAK]), 0x0706, &[0x0706, 0x0701, 0x0706, 0x0706, 0x070A]),
+    (Manner::AtEnd(b"A"), 0x0706, &[0x0706, 0x0701, 0x0706, 0x0706, 0x070A]),
+    (Manner::AtEnd(b""), 0x0707, &[0x0707, 0x0701, 0x0707, 0x0707, 0x070A]),
+];
+
+#[test]
+fn what_fails_while_sending() {
+    for (manner, status, entries) in SENDING {
+        let mut site = Site::new("3964r", "");
+        site.bench.device.manner = *manner;
+        assert_eq!(hex(&[site.job(100)]), hex(&[*status]), "{manner:?}");
+        assert_eq!(site.entries(), hex(entries), "{manner:?}");
+        site.is_well();
+        assert_eq!(site.job(100), 0, "{manner:?}: and it works again");
+        assert_eq!(site.bench.device.telegrams, [patterns(100)]);
+    }
+}
+
+/// The same below RK 512: "the procedure error was entered in STATUS immediately before". [reference 3.7, 051Ah]
+#[test]
+fn what_fails_below_rk_512() {
+    for (manner, _, entries) in SENDING {
+        let mut site = Site::new("3964r-rk512", "");
+        site.bench.device.manner = *manner;
+        assert_eq!(hex(&[site.job(100)]), ["051A"], "{manner:?}");
+        assert_eq!(site.entries(), hex(&[*entries, &[0x051A]].concat()), "{manner:?}");
+    }
+}
+
+/// What a partner can do wrong when it sends; its blocks, what is entered, what P_RCV_RK says. [reference 3.10, 5.4]
+#[test]
+fn what_fails_while_receiving() {
+    let (good, bad) = (block(b"123"), spoilt(b"123"));
+    let bad_dle = b"1\x10A23\x10\x03\x11".to_vec();
+    let silent = b"12".to_vec();
+    for (name, blocks, entries, reports) in [
+        ("repeated once", vec![bad.clone(), good.clone()], &[0x0808, 0x0801][..], &[Ndr(3)][..]),
+        ("DLE and another character", vec![bad_dle, good.clone()], &[0x0805, 0x0801], &[Ndr(3)]),
+        ("a pause longer than ZVZ", vec![silent], &[0x0806], &[Error(0x0806)]),
+        ("never repeated", vec![bad.clone()], &[0x0808, 0x0801, 0x0815], &[Error(0x0808)]),
+        ("given up by both", vec![bad.clone(); 3], &[0x0808, 0x0801, 0x0808, 0x0808], &[Error(0x0808)]),
+        (
+            "repeated more often than is set here",
+            vec![bad.clone(), bad.clone(), bad, good],
+            &[0x0808, 0x0801, 0x0808, 0x0808, 0x0815],
+            &[Error(0x0808), Ndr(3)],
+        ),
+    ] {
+        let mut site = Site::new("3964r", "");
+        site.partner_sends(blocks);
+        site.pass(6 * SECOND);
+        assert_eq!(site.entries(), hex(entries), "{name}");
+        assert_eq!(site.reports, reports, "{name}");
+    }
+}
+
+/// A partner that gives its block up says NAK: what it sends next is no repetition. [reference 5.3]
+#[test]
+fn a_new_telegram_is_no_repetition() {
+    let mut site = Site::new("3964r", "");
+    site.partner_sends(vec![spoilt(b"123"); 3]);
+    site.pass(SECOND);
+    site.bench.meanwhile(|_, _, out| {
+        out.push(NAK);
+        None
+    });
+    site.pass(100 * MS);
+    site.partner_sends([block(b"4567")]);
+    site.pass(SECOND);
+    assert_eq!(site.entries(), ["0808", "0801", "0808", "0808"]);
+    assert_eq!(site.reports, [Error(0x0808), Ndr(4)]);
+}
+
+/// A character that means nothing: NAK when the line is silent. It does not become the error of the next telegram. [reference 5.4]
+#[test]
+fn a_character_in_idle() {
+    let mut site = Site::new("3964r", "");
+    site.bench.meanwhile(|_, _, out| {
+        out.push(b'A');
+        None
+    });
+    site.pass(SECOND);
+    assert_eq!(site.entries(), ["0802"]);
+    site.partner_sends([spoilt(b"123")]);
+    site.pass(6 * SECOND);
+    assert_eq!(site.reports, [Error(0x0808)]);
+}
+
+/// [reference 1.2, 5]: "Data that already reached the CP is still transmitted to the partner."
+#[test]
+fn what_the_cp_has_is_sent_in_spite_of_r() {
+    let mut site = Site::new("3964r", "");
+    site.begin(200);
+    site.until(|site| site.bench.device.telegram.len() >= 50);
+    site.bit(80, 1, true);
+    site.pass(10 * MS);
+    assert_eq!(hex(&site.ends), ["1E0D"], "told at once");
+    site.begin(10);
+    assert_eq!(site.ends.len(), 1, "blocked while R is 1");
+    site.bit(80, 1, false);
+    // The next one waits for the line.
+    site.begin(10);
+    assert!(site.bench.device.telegrams.is_empty());
+    site.pass(SECOND);
+    assert_eq!(site.bench.device.telegrams, [patterns(200), patterns(10)]);
+    assert_eq!(hex(&site.ends), ["1E0D", "0000"]);
+    assert!(site.entries().is_empty());
+}
+
+/// EN_R = 0 while a telegram is being handed over: the transfer fails, the CP keeps the telegram and hands it over again. [reference 1.7]
+#[test]
+fn the_cp_repeats_a_transfer_that_the_cpu_broke_off() {
+    let mut site = Site::new("3964r", "");
+    let telegram: Vec<u8> = (0..200).collect();
+    site.partner_sends([block(&telegram)]);
+    site.until(|site| site.block(40)[1] == 1);
+    site.bit(84, 0, false);
+    site.pass(100 * MS);
+    assert_eq!((site.reports.as_slice(), site.entries()), (&[Error(0x1E0D)][..], hex(&[0x0407])));
+    site.bit(84, 0, true);
+    site.pass(SECOND);
+    assert_eq!(site.reports, [Error(0x1E0D), Ndr(200)]);
+    assert_eq!(site.block(40)[..201], [&telegram[..], &[0]].concat());
+    // R = 1 in the middle is a RESET.
+    site.partner_sends([block(&telegram[1..])]);
+    site.until(|site| site.block(40)[0] != 0);
+    site.bit(84, 1, true);
+    site.pass(100 * MS);
+    site.bit(84, 1, false);
+    site.pass(SECOND);
+    assert_eq!(site.reports[2..], [Error(0x1E0D), Ndr(199)]);
+    assert_eq!(site.entries(), ["0407", "040A"]);
+}
+
+/// With RK 512 the job of the partner is refused instead: its program has to repeat it.
+#[test]
+fn rk_512_refuses_a_job_that_the_cpu_broke_off() {
+    for (bit, entry) in [(0, "0407"), (1, "040A")] {
+        let mut site = Site::new("3964r-rk512", "");
+        let job = [&b"\0\0AD\x1F\0\0\x32\xFF\xFF"[..], &[7; 100]].concat();
+        site.partner_sends([block(&job)]);
+        site.until(|site| site.block(31)[0] != 0);
+        site.bit(84, bit, bit == 1);
+        site.pass(SECOND);
+        assert_eq!(site.bench.device.telegrams, [b"\0\0\0\x2A"]);
+        assert_eq!((site.reports.as_slice(), site.entries()), (&[Error(0x1E0D)][..], vec![entry.to_owned()]));
+        site.bit(84, bit, bit == 0);
+        site.pass(SECOND);
+        site.partner_sends([block(&job)]);
+        site.pass(SECOND);
+        assert_eq!(site.bench.device.telegrams, [b"\0\0\0\x2A", b"\0\0\0\0"]);
+        assert_eq!(site.reports[1..], [Ndr(100)]);
+    }
+}
+
+/// Nobody takes it: "temporarily" after a second, given up after 10 s. The telegram of 3964R stays; RK 512 tells the partner 2Ah.
+#[test]
+fn nobody_takes_it() {
+    let mut site = Site::new("3964r", "");
+    site.bit(84, 0, false);
+    site.partner_sends([block(b"123")]);
+    site.pass(900 * MS);
+    assert!(site.entries().is_empty());
+    site.pass(300 * MS);
+    assert_eq!(site.entries(), ["0408"]);
+    site.pass(8_500 * MS);
+    assert_eq!(site.entries(), ["0408"]);
+    site.pass(SECOND);
+    assert_eq!(site.entries(), ["0408", "0409"]);
+    site.pass(20 * SECOND);
+    assert_eq!((site.entries().len(), site.reports.len()), (2, 0), "once");
+    site.bit(84, 0, true);
+    site.pass(SECOND);
+    assert_eq!(site.reports, [Ndr(3)]);
+
+    let mut site = Site::new("3964r-rk512", "");
+    site.bit(84, 0, false);
+    site.partner_sends([block(b"\0\0AD\x1F\0\0\x01\xFF\xFFab")]);
+    site.pass(9 * SECOND);
+    assert_eq!(site.entries(), ["0408"]);
+    assert!(site.bench.device.telegrams.is_empty());
+    site.pass(2 * SECOND);
+    assert_eq!(site.bench.device.telegrams, [b"\0\0\0\x2A"]);
+    assert_eq!(site.entries(), ["0408", "060D", "0409"]);
+    assert!(site.reports.is_empty());
+}
+
+/// A target that is not there: the block says so in each attempt, and the telegram is not lost. [reference 1.7, 040Ah]
+#[test]
+fn a_target_that_is_not_there() {
+    let mut site = Site::new("3964r", "");
+    site.set_bytes(&[(121, 99)]);
+    site.partner_sends([block(b"123")]);
+    site.pass(12_500 * MS);
+    assert_eq!(site.reports, [Error(0x040A); 13], "an attempt each second");
+    let entries = site.entries();
+    assert_eq!(entries.iter().filter(|entry| *entry == "040A").count(), 13);
+    let others: Vec<_> = entries.iter().filter(|entry| *entry != "040A").collect();
+    assert_eq!(others, ["0408", "0409"]);
+    site.set_bytes(&[(121, 40)]);
+    site.pass(SECOND);
+    assert_eq!(site.reports[13..], [Ndr(3)]);
+}
+
+/// Telegrams of the partner that are refused: the error number it gets, and the number here. [reference 3.8, 4.6, 4.10]
+#[test]
+fn what_the_partner_does_wrong() {
+    let data = |n: usize| vec![b'a'; n];
+    let with = |head: &[u8], n: usize| [head, &data(n)].concat();
+    for (telegrams, number, status) in [
+        (vec![b"\x01\0AD\x1F\0\0\x01\xFF\xFFab".to_vec()], 0x10, 0x0601),
+        (vec![b"\0\0BD\x1F\0\0\x01\xFF\xFFab".to_vec()], 0x16, 0x0602),
+        (vec![with(b"\0\0AD\x1F\0\0\x42\xFF\xFF", 128), with(b"\xFF\0ED", 0)], 0x16, 0x0603),
+        (vec![b"\0\0AM\0\0\0\x02\xFF\xFFab".to_vec()], 0x10, 0x0604),
+        (vec![with(b"\0\0AD\x1F\0\0\x42\xFF\xFF", 128), with(b"\xFF\0OD", 4)], 0x10, 0x0605),
+        (vec![b"\0\0AD\0\0\0\x01\xFF\xFFab".to_vec()], 0x14, 0x0606),
+        (vec![b"\0\0AD\x63\0\0\x01\xFF\xFFab".to_vec()], 0x14, 0x0606),
+        (vec![b"\0\0AD\x1F\xFF\0\x02\xFF\xFFabcd".to_vec()], 0x14, 0x0607),
+        (vec![b"\0\0ED\x1F\0\x08\x01\xFF\xFF".to_vec()], 0x14, 0x0608),
+        (vec![b"\0\0AD\x1F\0\0\x01\x06\x08ab".to_vec()], 0x0C, 0x0609),
+        (vec![b"\0\0AD\x1F\0\0\x01\x06\x54ab".to_vec()], 0x0C, 0x060A),
+        (vec![b"\0\0AD\x1F\0\0\x01\xFF\xFFabc".to_vec()], 0x34, 0x060B),
+        (vec![b"\0\0ED\x1F\0\0\x01\xFF\xFFab".to_vec()], 0x34, 0x060C),
+        (vec![with(b"\xFF\0AD", 2)], 0x36, 0x060E),
+        (vec![b"\0\0A".to_vec()], 0x34, 0x0610),
+        (vec![b"\0\0AD\x1F\0".to_vec()], 0x34, 0x0610),
+        (vec![with(b"\0\0AD\x1F\0\0\x42\xFF\xFF", 128), with(b"\xFF\0AD", 6)], 0x34, 0x0611),
+    ] {
+        let mut site = Site::new("3964r-rk512", "");
+        let last = telegrams.len() - 1;
+        let follow = if telegrams[last][0] == 0xFF { 0xFF } else { 0 };
+        for telegram in &telegrams {
+            site.partner_sends([block(telegram)]);
+            site.pass(SECOND);
+        }
+        let reactions = &site.bench.device.telegrams;
+        assert_eq!(reactions[last], [follow, 0, 0, number], "{telegrams:02X?}");
+        assert_eq!(site.entries(), hex(&[status]), "{telegrams:02X?}");
+        assert_eq!(site.reports, [Error(status)], "{telegrams:02X?}");
+        site.partner_sends([block(b"\0\0AD\x1F\0\0\x01\xFF\xFFab")]);
+        site.pass(SECOND);
+        assert_eq!(site.bench.device.telegrams[last + 1], b"\0\0\0\0", "and it works again");
+    }
+}
+
+/// The data are in the CPU, and the partner does not take the reaction. [reference 3.8, 0612h]
+#[test]
+fn a_reaction_that_cannot_be_sent() {
+    let mut site = Site::new("3964r-rk512", "");
+    site.bench.device.manner = Manner::ToStx(&[NAK]);
+    site.partner_sends([block(b"\0\0AD\x1F\0\0\x01\xFF\xFFab")]);
+    site.pass(SECOND);
+    assert_eq!(site.reports, [Error(0x0612)]);
+    assert_eq!(site.entries(), ["0702", "0701", "0702", "0702", "0709", "0612"]);
+    assert_eq!(site.block(31)[..2], *b"ab");
+    site.is_well();
+}
+
+/// What the partner answers to our job. [reference 3.11, 3.12, 4.6]
+#[test]
+fn what_the_partner_answers() {
+    for (sf, reaction, status) in [
+        (b'S', &b"\0\0\0\0"[..], 0),
+        (b'S', b"\0\0\0\x0A", 0x0905),
+        (b'S', b"\0\0\0\x0C", 0x0902),
+        (b'S', b"\0\0\0\x10", 0x090B),
+        (b'S', b"\0\0\0\x12", 0x0904),
+        (b'S', b"\0\0\0\x14", 0x0903),
+        (b'S', b"\0\0\0\x16", 0x090A),
+        (b'S', b"\0\0\0\x2A", 0x090D),
+        (b'S', b"\0\0\0\x32", 0x0909),
+        (b'S', b"\0\0\0\x34", 0x090C),
+        (b'S', b"\0\0\0\x36", 0x0908),
+        (b'S', b"\0\0\0\x77", 0x090E),
+        (b'S', b"\xFF\0\0\0", 0x0A01),
+        (b'S', b"\x01\0\0\0", 0x0A02),
+        (b'S', b"\0\0\0\0a", 0x0A04),
+        (b'F', b"\0\0\0\0abcd", 0),
+        (b'F', b"\0\0\0\0", 0x0A03),
+        (b'F', b"\0\0\0\0abcdef", 0x0A03),
+        (b'F', b"\0\0\0\x14", 0x0903),
+    ] {
+        let mut site = Site::new("3964r-rk512", "");
+        site.set_bytes(&[(100, sf)]);
+        site.bench.device.reactions.push_back(reaction.to_vec());
+        assert_eq!(hex(&[site.job(4)]), hex(&[status]), "{reaction:02X?}");
+        let expected = if status == 0 { vec![] } else { hex(&[status]) };
+        assert_eq!(site.entries(), expected, "{reaction:02X?}");
+        if (sf, status) == (b'F', 0) {
+            assert_eq!(site.block(10)[..5], *b"abcd$");
+        }
+    }
+}
+
+/// [reference 4.7]: 20 s, or by the transmission rate: 5 s at 9600 baud.
+#[test]
+fn no_reaction_within_the_monitoring_time() {
+    for (reaction, time) in [("", 20 * SECOND), (", reaction = \"baud\"", 5 * SECOND)] {
+        let mut site = Site::new("3964r-rk512", reaction);
+        site.begin(4);
+        site.until(|site| !site.bench.device.telegrams.is_empty());
+        site.pass(time - 100 * MS);
+        assert!(site.ends.is_empty(), "{reaction}");
+        site.pass(200 * MS);
+        assert_eq!((hex(&site.ends), site.entries()), (hex(&[0x0A05]), hex(&[0x0A05])), "{reaction}");
+    }
+}
+
+/// A reaction that comes after the monitoring time belongs to no job: the next one does not take it for its own, whether it is there
+/// already or not; nor does the one behind that, when the late one came all the same. [reference 3.12, 0A01h]
+#[test]
+fn a_late_reaction_ends_no_other_job() {
+    let late = |site: &mut Site, reaction: &[u8]| site.partner_sends([block(reaction)]);
+    // It comes while the next job waits.
+    let mut site = Site::new("3964r-rk512", ", reaction = \"baud\"");
+    assert_eq!(hex(&[site.job(4)]), ["0A05"]);
+    site.begin(6);
+    site.pass(500 * MS);
+    assert_eq!(site.bench.device.telegrams.len(), 1, "the second job waits for it");
+    site.bench.device.reactions.push_back(b"\0\0\0\x14".to_vec());
+    late(&mut site, b"\0\0\0\0");
+    site.pass(SECOND);
+    assert_eq!(site.bench.device.telegrams.len(), 2, "it has come");
+    assert_eq!((hex(&site.ends[1..]), site.entries()), (hex(&[0x0903]), hex(&[0x0A05, 0x0A01, 0x0903])));
+    // It does not come: the job goes out after 2 s, and the next one waits once more.
+    let mut site = Site::new("3964r-rk512", ", reaction = \"baud\"");
+    assert_eq!(hex(&[site.job(4)]), ["0A05"]);
+    for expected in [2, 2, 0] {
+        let begun = site.bench.now;
+        site.bench.device.reactions.push_back(b"\0\0\0\0".to_vec());
+        assert_eq!(site.job(6), 0);
+        assert_eq!((site.bench.now - begun) / SECOND, expected);
+    }
+    assert_eq!(site.entries(), ["0A05"]);
+    // It comes as the answer to the second job: the true one, which comes after it, is not taken for the third's.
+    let mut site = Site::new("3964r-rk512", ", reaction = \"baud\"");
+    assert_eq!(hex(&[site.job(4)]), ["0A05"]);
+    site.bench.device.reactions.push_back(b"\0\0\0\0".to_vec());
+    assert_eq!(site.job(6), 0, "nothing tells it from its own");
+    site.bench.device.reactions.push_back(b"\0\0\0\0".to_vec());
+    site.begin(8);
+    late(&mut site, b"\0\0\0\x14");
+    site.pass(SECOND);
+    assert_eq!((hex(&site.ends[1..]), site.entries()), (hex(&[0, 0]), hex(&[0x0A05, 0x0A01])));
+}
