@@ -60,3 +60,18 @@ fn parameters_341(keys: &Map<String, Json>) -> Parameters341 {
     let keys: Vec<(String, Value)> = keys.iter().map(value).collect::<Result<_, _>>()?;
     Cp341::from_keys(keys.iter().map(|(key, value)| (key.as_str(), value.clone())))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_has_its_type() {
+        let none = Map::new();
+        for name in CpType::NAMES {
+            assert_eq!(CpType::of(name, &none).map(|kind| kind.name()), Some(name));
+        }
+        assert_eq!(CpType::of("cp999", &none), None);
+        assert!(matches!(CpType::of("cp341", &none), Some(CpType::Cp341(Err(_)))), "a CP 341 has no defaults");
+    }
+}

@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use ob1_backplane::{Counter, CpSide, CpuSide, CpuState, DriverState, Segment};
-use ob1_cp::{CpPump, EventCode, HEARTBEAT, LinePort, Refused};
+use ob1_backplane::{Channel, Counter, CpSide, CpuSide, CpuState, DriverState, Segment};
+use ob1_cp::{CpPump, CpType, EventCode, HEARTBEAT, LinePort, Refused};
 use ob1_firmware::{LineFault, LineInput, LineSettings, Nanos};
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 
@@ -19,11 +19,16 @@ struct Port {
     end: End,
     applied: Vec<LineSettings>,
     refuse: bool,
+    cp_type: CpType,
 }
 
 impl LinePort for Port {
     fn configure(&mut self, _now: Nanos, json: &[u8]) -> Result<(), Refused> {
         if self.refuse { Err(Refused(String::from_utf8_lossy(json).into_owned())) } else { Ok(()) }
+    }
+
+    fn cp_type(&self) -> CpType {
+        self.cp_type.clone()
     }
 
     fn apply(&mut self, _now: Nanos, settings: &LineSettings) {
@@ -54,7 +59,7 @@ impl Module {
         let mut cpu = CpuSide::create(&segment, 16).unwrap();
         cpu.set_cpu_state(CpuState::Run);
         let pump = CpPump::new(CpSide::attach(&segment).unwrap());
-        let port = Port { line: Rc::clone(line), end, applied: Vec::new(), refuse: false };
+        let port = Port { line: Rc::clone(line), end, applied: Vec::new(), refuse: false, cp_type: CpType::Cp240 };
         Self { segment, cpu, pump, port, due: 0 }
     }
 
@@ -271,5 +276,38 @@ fn noise_in_the_segment_is_survived() {
         module.cpu.write_outputs(&[0; 16]);
         module.pump = CpPump::new(CpSide::attach(&module.segment).unwrap());
         module.start(now);
+    }
+}
+
+#[test]
+fn the_module_is_what_the_configuration_says() {
+    let keys = serde_json::json!({"protocol": "3964r", "baud": 9600, "parity": "none", "priority": "low"});
+    let cp341 = CpType::of("cp341", keys.as_object().unwrap()).unwrap();
+    assert!(matches!(cp341, CpType::Cp341(Ok(_))), "{cp341:?}");
+    // Start-up coordination of P_RCV_RK: START with number 5, acknowledged with READY. (docs/cp341-channels.md)
+    let mut start = [0; 64];
+    (start[0], start[3]) = (1, 5);
+    // First input register: start-up identifier of a CP 240, a CP 040's first answer, signals of a CP 341's interface, none of them on.
+    for (cp_type, register, acknowledged) in
+        [(CpType::Cp240, 0x80, [0, 0]), (CpType::Cp040, 0x88, [0, 0]), (cp341, 0, [1, 5])]
+    {
+        let name = cp_type.name();
+        let mut module = Module::new(&line(), End::A);
+        module.port.cp_type = cp_type;
+        module.cpu.write_channel(Channel::Receive, &start);
+        let mut shown = [0; 64];
+        // Parameters come with each STOP -> RUN: the second time it is the same module, and knows what it knew.
+        for transfer in 1..=2 {
+            // Zeros stand for defaults; those of a CP 341 are keys.
+            module.cpu.write_params(&[0; 16], b"{}").unwrap();
+            module.poll(transfer);
+            let _ = module.cpu.read_channel(Channel::Receive, &mut shown);
+            assert_eq!([shown[0], shown[3]], acknowledged, "{name}");
+            assert_eq!(module.cpu.monitor().driver_state(), Ok(DriverState::Ready), "{name}");
+            assert_eq!(module.inputs()[0], register, "{name}");
+        }
+        // 0004h: parameters it has already.
+        let entries: Vec<_> = module.cpu.monitor().buffer().collect();
+        assert_eq!(entries.iter().any(|entry| entry.number == 4), name == "cp341", "{name}: {entries:?}");
     }
 }
