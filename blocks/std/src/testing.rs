@@ -147,6 +147,20 @@ impl Fake {
         self.ended = block.run(self);
     }
 
+    /// Calls it so often; of each call a `+` where the first output is set, a `-` where the second is, `.` for neither, `?` for both.
+    pub(crate) fn signs(&mut self, calls: usize, plus: &str, minus: &str) -> String {
+        let sign = |_| {
+            self.run();
+            match (self.value(plus), self.value(minus)) {
+                (1, 0) => '+',
+                (0, 1) => '-',
+                (0, 0) => '.',
+                _ => '?',
+            }
+        };
+        (0..calls).map(sign).collect()
+    }
+
     fn index(&self, name: &str) -> usize {
         let found = self.block.interface.params.iter().position(|p| p.name == name);
         found.unwrap_or_else(|| panic!("{} has no {name}", self.block.name))

@@ -15,6 +15,8 @@
 
 #![allow(clippy::disallowed_methods)] // A test reads its seeds and its environment.
 
+mod s3964_frame;
+
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -24,6 +26,7 @@ use ob1_protocols::rk512::{
 };
 use ob1_protocols::s3964::{self, Priority};
 use ob1_protocols::{LineFault, MS, Nanos, SECOND};
+use s3964_frame::checked;
 
 /// Virtual time with faults.
 const FAULTY: Nanos = 30 * SECOND;
@@ -171,24 +174,6 @@ impl Books {
         self.spoilt += new.iter().filter(|telegram| !partner.sent.contains(telegram)).count() as u64;
         self.held = self.accepted.len();
     }
-}
-
-/// The user data of a block as it came off the line, if everything is right with it; written from the text of the procedure.
-fn checked(raw: &[Option<u8>], bcc: bool) -> Option<Vec<u8>> {
-    let mut raw: Vec<u8> = raw.iter().copied().collect::<Option<_>>()?;
-    if bcc && raw.pop()? != raw.iter().fold(0, |a, b| a ^ b) {
-        return None;
-    }
-    let data = raw.strip_suffix(&[0x10, 0x03])?;
-    let mut plain = Vec::new();
-    let mut bytes = data.iter();
-    while let Some(byte) = bytes.next() {
-        if *byte == 0x10 && bytes.next() != Some(&0x10) {
-            return None;
-        }
-        plain.push(*byte);
-    }
-    Some(plain)
 }
 
 /// Whether these pieces, in their order, are the data. A piece that is the same as the one before may be that one once more; without

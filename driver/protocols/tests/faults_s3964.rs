@@ -1,11 +1,13 @@
 //! 3964 and 3964R on a bad line, see [`pair`].
 
 mod pair;
+mod s3964_frame;
 
 use ob1_line::sim::{End, SimConfig, SplitMix64};
 use ob1_protocols::s3964::{Config, Priority, S3964};
 use ob1_protocols::{MS, Nanos};
 use pair::{Duet, Judge, Stage, Sum};
+use s3964_frame::checked;
 
 struct Pair<const BCC: bool>;
 
@@ -31,25 +33,6 @@ impl<const BCC: bool> Judge for Blocks<BCC> {
     fn accepts(&mut self, _now: Nanos, telegram: &[u8]) -> bool {
         checked(&self.block, BCC).as_deref() == Some(telegram)
     }
-}
-
-/// The user data of a block as it came off the line, if everything is right with it.
-/// [S0 "Block check character (BCC-Byte)"], [S0 "Data Link Escape (DLE-character)"]
-fn checked(raw: &[Option<u8>], bcc: bool) -> Option<Vec<u8>> {
-    let mut raw: Vec<u8> = raw.iter().copied().collect::<Option<_>>()?;
-    if bcc && raw.pop()? != raw.iter().fold(0, |a, b| a ^ b) {
-        return None;
-    }
-    let data = raw.strip_suffix(&[0x10, 0x03])?;
-    let mut plain = Vec::new();
-    let mut bytes = data.iter();
-    while let Some(byte) = bytes.next() {
-        if *byte == 0x10 && bytes.next() != Some(&0x10) {
-            return None;
-        }
-        plain.push(*byte);
-    }
-    Some(plain)
 }
 
 impl<const BCC: bool> Duet for Pair<BCC> {

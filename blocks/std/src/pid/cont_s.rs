@@ -118,17 +118,7 @@ mod tests {
     }
 
     fn run(fake: &mut Fake, calls: usize) -> String {
-        let mut signs = String::new();
-        for _ in 0..calls {
-            fake.run();
-            signs.push(match (fake.value("QLMNUP"), fake.value("QLMNDN")) {
-                (1, 0) => '+',
-                (0, 1) => '-',
-                (0, 0) => '.',
-                _ => '?',
-            });
-        }
-        signs
+        fake.signs(calls, "QLMNUP", "QLMNDN")
     }
 
     #[test]

@@ -96,17 +96,7 @@ mod tests {
     }
 
     fn run(fake: &mut Fake, calls: usize) -> String {
-        let mut signs = String::new();
-        for _ in 0..calls {
-            fake.run();
-            signs.push(match (fake.value("QPOS_P"), fake.value("QNEG_P")) {
-                (1, 0) => '+',
-                (0, 1) => '-',
-                (0, 0) => '.',
-                _ => '?',
-            });
-        }
-        signs
+        fake.signs(calls, "QPOS_P", "QNEG_P")
     }
 
     #[test]
