@@ -40,7 +40,7 @@ pub const EVENT_DATA_BYTES: usize = 16;
 pub const EVENT_SLOTS: usize = if cfg!(loom) { 2 } else { 64 };
 
 /// Entries of a CP's diagnostic buffer.
-pub const BUFFER_ENTRIES: usize = if cfg!(loom) { 1 } else { 64 };
+pub const BUFFER_ENTRIES: usize = if cfg!(loom) { 2 } else { 64 };
 
 /// Slots of that ring: one more, where the writer is.
 pub const BUFFER_SLOTS: usize = BUFFER_ENTRIES + 1;

@@ -54,6 +54,9 @@ fn pass(number: u64, cpu: &mut CpuSide, cp: &mut CpSide, image: &mut IoImage) {
     cp.write_channel(Channel::Receive, &block);
     cp.set_state(DriverState::Ready);
     cp.count(Counter::BytesTx, 1);
+    cpu.set_time(number * 1_000_000);
+    cp.enter(number as u16, true);
+    assert_eq!(cpu.monitor().buffer().next().map(|entry| entry.time_ms), Some(number));
     cp.beat();
     assert!(cp.prepare_sleep(cp.changes()));
     assert_eq!(cpu.read_diagnosis().unwrap().data().len(), 240);

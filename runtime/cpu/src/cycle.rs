@@ -297,9 +297,18 @@ impl Machine {
     }
 }
 
-/// The module's name, and the event's data where it is text.
+/// The module's name, and the event's data: the four bytes of a diagnostic interrupt, otherwise what is text.
 fn event_text(name: &str, event: &ModuleEvent) -> ShortText {
     let data = event.data.get(..usize::from(event.len)).unwrap_or(&event.data);
+    if event.diagnostic_interrupt {
+        let mut digits = [b' '; 11];
+        for (place, byte) in digits.chunks_mut(3).zip(event.data) {
+            let hex = |nibble: u8| b"0123456789ABCDEF"[usize::from(nibble & 15)];
+            (place[0], place[1]) = (hex(byte >> 4), hex(byte));
+        }
+        // Hexadecimal digits and spaces.
+        return ShortText::join(&[name, ": ", std::str::from_utf8(&digits).unwrap_or("")]);
+    }
     match std::str::from_utf8(data) {
         Ok(text) if !text.is_empty() && !text.contains(|c: char| c.is_control()) => {
             ShortText::join(&[name, ": ", text])

@@ -152,6 +152,10 @@ fn events_reach_the_buffer_and_ob_82() {
     cp.look(|s| s.events.push(event));
     bench.run();
     assert_eq!((bench.md(100), bench.md(104), bench.mw(108)), (0x3942_1A52, 0x0D15_0004, 256));
+    assert_eq!(
+        bench.cpu.diagnostics().next().map(|e| e.text.as_str().to_owned()).as_deref(),
+        Some("m256: 0D 15 00 04")
+    );
     let mut text = event;
     text.diagnostic_interrupt = false;
     text.data[..4].copy_from_slice(b"line");
