@@ -86,7 +86,7 @@ impl Setup {
 
 fn ascii_config(p: &AsciiParams, char_time: Nanos) -> ascii::Config {
     ascii::Config {
-        fragmented: p.fragmented,
+        criterion: if p.fragmented { ascii::Criterion::Fragments } else { ascii::Criterion::Silence },
         flow: flow(p.flow),
         zna: Nanos::from(p.zna_ms) * MS,
         zvz: Nanos::from(p.zvz_ms) * MS,

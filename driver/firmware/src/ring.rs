@@ -1,4 +1,5 @@
-//! The receive buffer: whole telegrams in a ring of 1024 or 2048 bytes [S0 "Communication via back plane bus"].
+//! The receive buffer: whole telegrams in a ring of 1024 or 2048 bytes [S0 "Communication via back plane bus"], at a CP 341 of 4096
+//! [reference 6.2].
 
 use crate::registers::BUFFER_BYTES;
 
@@ -16,6 +17,8 @@ pub const TELEGRAMS_MAX: usize = 250;
 pub(crate) struct Capacity {
     bytes: usize,
     telegrams: usize,
+    /// A telegram takes the place of those that wait.
+    overwrites: bool,
 }
 
 impl Capacity {
@@ -29,7 +32,7 @@ impl Capacity {
         } else {
             n
         };
-        Self { bytes: BUFFER_BYTES, telegrams }
+        Self { bytes: BUFFER_BYTES, telegrams, overwrites: false }
     }
 
     /// 2048 bytes, and so many telegrams, 1 to 250: EnOcean (150) [S0 L2916] and M-Bus (no number is printed) [S0 L4133].
@@ -40,6 +43,11 @@ impl Capacity {
     /// A CP 341: 4096 bytes, and so many telegrams, 1 to 250.
     pub(crate) const fn cp341(telegrams: u8) -> Self {
         Self { bytes: BYTES_341, ..Self::buffers(telegrams) }
+    }
+
+    /// One telegram, always the newest: "1 telegram + no overwrite protection". [reference 6.2]
+    pub(crate) const fn newest(self) -> Self {
+        Self { telegrams: 1, overwrites: true, ..self }
     }
 }
 
@@ -83,15 +91,29 @@ impl<const BYTES: usize> Ring<BYTES> {
         self.telegrams
     }
 
+    /// Whether a telegram takes the place of the one that waits.
+    pub(crate) const fn overwrites(&self) -> bool {
+        self.capacity.overwrites
+    }
+
     /// Bytes the next telegram may have; 0: none is taken.
     pub(crate) const fn room(&self) -> usize {
-        if self.telegrams < self.capacity.telegrams { self.capacity.bytes - self.used } else { 0 }
+        if self.capacity.overwrites {
+            self.capacity.bytes
+        } else if self.telegrams < self.capacity.telegrams {
+            self.capacity.bytes - self.used
+        } else {
+            0
+        }
     }
 
     /// Appends a telegram; false (and nothing is kept of it) if it is empty or there is no room.
     pub(crate) fn push(&mut self, telegram: &[u8]) -> bool {
         if telegram.is_empty() || telegram.len() > self.room() {
             return false;
+        }
+        if self.capacity.overwrites {
+            self.clear(self.capacity);
         }
         let begin = (self.head + self.used) % BYTES;
         let straight = telegram.len().min(BYTES - begin);
@@ -149,6 +171,17 @@ mod tests {
         ring.clear(Capacity::large(150));
         assert!(ring.push(&[7; 1800]) && (1..150).all(|n| ring.push(&[n as u8])));
         assert_eq!(ring.room(), 0, "150 telegrams, though only 1949 bytes");
+    }
+
+    #[test]
+    fn the_newest_telegram_takes_the_place_of_the_one_before() {
+        let mut ring = Ring::<BYTES_341>::new();
+        ring.clear(Capacity::cp341(1).newest());
+        assert!(ring.push(&[1; 4096]) && ring.push(&[2; 4095]) && !ring.push(&[3; 4097]));
+        assert_eq!((ring.telegrams(), ring.oldest(), ring.room()), (1, Some(4095), 4096));
+        let mut out = [0; 4095];
+        ring.copy(0, &mut out);
+        assert_eq!(out, [2; 4095]);
     }
 
     proptest! {

@@ -8,6 +8,7 @@ use crate::line::{Flow, LineSettings, Parity, StopBits};
 use crate::record::{Value, nearest};
 
 use crate::cp240::Priority;
+use crate::cp341_ascii::{self, AsciiOf341};
 use crate::cp341_modbus::{self, ModbusMaster32};
 
 /// How a key is written.
@@ -37,6 +38,8 @@ pub struct Key341 {
     pub default: &'static str,
     /// What it means, for people.
     pub text: &'static str,
+    /// It is a key only where this one before it has this value.
+    pub needs: Option<(&'static str, &'static str)>,
 }
 
 pub(crate) const fn choice(
@@ -45,7 +48,7 @@ pub(crate) const fn choice(
     default: &'static str,
     text: &'static str,
 ) -> Key341 {
-    Key341 { key, kind: Kind341::Choice(kind), default, text }
+    Key341 { key, kind: Kind341::Choice(kind), default, text, needs: None }
 }
 
 pub(crate) const fn number(
@@ -54,7 +57,7 @@ pub(crate) const fn number(
     default: &'static str,
     text: &'static str,
 ) -> Key341 {
-    Key341 { key, kind: Kind341::Number { min, max, step }, default, text }
+    Key341 { key, kind: Kind341::Number { min, max, step }, default, text, needs: None }
 }
 
 /// The character frame, first in every protocol. [reference 5.2]
@@ -68,13 +71,6 @@ const FRAME: &[Key341] = &[
     choice("data_bits", &["7", "8"], "8", "data bits of a character"),
     choice("parity", &["none", "odd", "even"], "even", "parity bit"),
     choice("stop_bits", &["1", "2"], "1", "stop bits"),
-];
-
-/// [reference 6]
-const ASCII: &[Key341] = &[
-    number("zvz_ms", (2, 65_535, 1), "", "ZVZ: pause that ends a telegram; 4 at 9600 baud"),
-    choice("flow", &["none", "xon-xoff", "rts-cts"], "none", "flow control"),
-    number("flow_wait_ms", (20, 655_350, 10), "20000", "longest wait for XON or CTS"),
 ];
 
 /// [reference 5.2]
@@ -91,16 +87,13 @@ const S3964: &[Key341] = &[
     choice("priority", &["high", "low"], "high", "who goes first when both want to send"),
 ];
 
-/// Default ZVZ of ASCII, milliseconds, up to this baud rate; 2 ms above. [reference 6.2]
-const ZVZ_BY_BAUD: [(u32, u32); 6] = [(300, 130), (600, 65), (1200, 32), (2400, 16), (4800, 8), (9600, 4)];
-
 /// [reference 4.7]
 const RK512: &[Key341] =
     &[choice("reaction", &["20s", "baud"], "20s", "longest wait for the response: 20 s, or as the baud rate has it")];
 
 /// The protocols, by name, with the rows that belong to each besides the character frame.
 pub const PROTOCOLS_341: &[(&str, &[&[Key341]])] = &[
-    ("ascii", &[FRAME, ASCII]),
+    (cp341_ascii::NAME, &[FRAME, cp341_ascii::DRIVER]),
     ("3964", &[FRAME, S3964]),
     ("3964r", &[FRAME, S3964]),
     ("3964-rk512", &[FRAME, S3964, RK512]),
@@ -122,21 +115,12 @@ pub struct Cp341 {
 /// Protocol and its own parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Protocol341 {
-    /// Bare characters; a telegram ends with a pause.
+    /// Bare characters.
     Ascii(AsciiOf341),
     /// 3964 and 3964R, with or without RK 512 on top.
     S3964(S3964Of341),
     /// Loadable driver: Modbus ASCII master, 32-bit registers.
     ModbusMaster32(ModbusMaster32),
-}
-
-/// Parameters of ASCII. Times in milliseconds.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AsciiOf341 {
-    /// ZVZ.
-    pub zvz_ms: u32,
-    /// Longest wait for XON or CTS.
-    pub flow_wait_ms: u32,
 }
 
 /// Parameters of 3964(R). Times in milliseconds.
@@ -189,16 +173,25 @@ impl Cp341 {
         }
         let mut keys = vec![("protocol", Value::from(protocol))];
         for row in rows() {
-            let value = match given.iter().find(|(key, _)| *key == row.key) {
-                Some((_, value)) => row.checked(value)?,
+            let value = given.iter().find(|(key, _)| *key == row.key).map(|(_, value)| value);
+            if !row.is_needed(&Reader(&keys)) {
+                value.map_or(Ok(()), |value| Err(row.needless(value)))?;
+                continue;
+            }
+            let value = match value {
+                Some(value) => row.checked(value)?,
                 None => row.default_value(protocol, &Reader(&keys)),
             };
             keys.push((row.key, value));
         }
-        if protocol == cp341_modbus::NAME {
-            cp341_modbus::check(&Reader(&keys))?;
+        let checked = Self::of_checked(protocol, keys);
+        let keys = Reader(&checked.keys);
+        match protocol {
+            cp341_modbus::NAME => cp341_modbus::check(&keys)?,
+            cp341_ascii::NAME => cp341_ascii::check(&keys, checked.line.char_time_ns())?,
+            _ => {}
         }
-        Ok(Self::of_checked(protocol, keys))
+        Ok(checked)
     }
 
     /// The typed form of keys that have been checked.
@@ -223,10 +216,9 @@ impl Cp341 {
             let protocol = Protocol341::ModbusMaster32(ModbusMaster32::of(&reader));
             return Self { line, protocol, keys };
         }
-        if protocol == "ascii" {
-            let zvz_ms = reader.number("zvz_ms") as u32;
-            let ascii = AsciiOf341 { zvz_ms, flow_wait_ms: reader.number("flow_wait_ms") as u32 };
-            return Self { line, protocol: Protocol341::Ascii(ascii), keys };
+        if protocol == cp341_ascii::NAME {
+            let protocol = Protocol341::Ascii(AsciiOf341::of(&reader));
+            return Self { line, protocol, keys };
         }
         let protocol = Protocol341::S3964(S3964Of341 {
             bcc: protocol.starts_with("3964r"),
@@ -258,6 +250,23 @@ impl Cp341 {
 }
 
 impl Key341 {
+    /// The same key, where another one before it has this value.
+    pub(crate) const fn only_with(mut self, key: &'static str, value: &'static str) -> Self {
+        self.needs = Some((key, value));
+        self
+    }
+
+    /// `before`: the keys of the table before this one.
+    fn is_needed(&self, before: &Reader<'_>) -> bool {
+        self.needs.is_none_or(|(key, value)| before.value(key) == Some(&written(value)))
+    }
+
+    /// It was given without the key that it needs.
+    fn needless(&self, value: &Value) -> ParamError {
+        let needed = self.needs.map_or_else(String::new, |(key, value)| format!("{key} = {}", written(value)));
+        error(self.key, value.to_string(), format!("only with {needed}"), format!("write {needed}, or remove this key"))
+    }
+
     /// What may stand here, for people.
     pub fn allowed(&self) -> String {
         match self.kind {
@@ -299,14 +308,11 @@ impl Key341 {
     /// `before`: the keys of the table before this one.
     fn default_value(&self, protocol: &str, before: &Reader<'_>) -> Value {
         match (self.key, self.default) {
-            ("zvz_ms", "") => {
-                let baud = before.number("baud");
-                let found = ZVZ_BY_BAUD.iter().find(|(up_to, _)| i64::from(*up_to) >= baud);
-                Value::Int(found.map_or(2, |(_, ms)| i64::from(*ms)))
-            }
             // 2 s with block check character, 550 ms without. [reference 5.2]
             ("qvz_ms", "") => Value::Int(if protocol.starts_with("3964r") { 2000 } else { 550 }),
-            (key, "") => cp341_modbus::default_of(key, before).unwrap_or_else(|| written("")),
+            (key, "") => cp341_modbus::default_of(key, before)
+                .or_else(|| cp341_ascii::default_of(key, before))
+                .unwrap_or_else(|| written("")),
             (_, word) => written(word),
         }
     }
@@ -323,6 +329,10 @@ pub(crate) struct Reader<'a>(pub(crate) &'a [(&'static str, Value)]);
 impl<'a> Reader<'a> {
     fn value(&self, key: &str) -> Option<&'a Value> {
         self.0.iter().find(|(name, _)| *name == key).map(|(_, value)| value)
+    }
+
+    pub(crate) fn has(&self, key: &str) -> bool {
+        self.value(key).is_some()
     }
 
     pub(crate) fn number(&self, key: &str) -> i64 {
@@ -378,10 +388,6 @@ mod tests {
         let cp = Cp341::from_keys([("protocol", Value::from("3964")), ("priority", "low".into())]).unwrap();
         let Protocol341::S3964(s3964) = &cp.protocol else { panic!("{:?}", cp.protocol) };
         assert_eq!((s3964.bcc, s3964.qvz_ms, s3964.priority), (false, 550, Priority::Low));
-        for (baud, zvz_ms) in [(300, 130), (600, 65), (1200, 32), (2400, 16), (4800, 8), (9600, 4), (19_200, 2)] {
-            let cp = Cp341::from_keys([("protocol", Value::from("ascii")), ("baud", Value::Int(baud))]).unwrap();
-            assert_eq!(cp.protocol, Protocol341::Ascii(AsciiOf341 { zvz_ms, flow_wait_ms: 20_000 }), "{baud}");
-        }
     }
 
     #[test]
@@ -390,6 +396,12 @@ mod tests {
             let cp = Cp341::from_keys([("protocol", Value::from(*protocol)), ("baud", Value::Int(38_400))]).unwrap();
             let again = Cp341::from_keys(cp.to_keys().iter().cloned()).unwrap();
             assert_eq!((again.protocol_name(), &again), (*protocol, &cp));
+        }
+        for end in ["end-characters", "length"] {
+            let given =
+                [("protocol", Value::from("ascii")), ("end_criterion", end.into()), ("rs232_signals", "yes".into())];
+            let cp = Cp341::from_keys(given).unwrap();
+            assert_eq!(Cp341::from_keys(cp.to_keys().iter().cloned()), Ok(cp));
         }
     }
 

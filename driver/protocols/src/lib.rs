@@ -5,13 +5,14 @@
 //! be called again. Configuration plus the list of (time, input) determines everything, so a field log is a test.
 //!
 //! * [`machine`]: the contract all protocols share.
-//! * [`ascii`]: bare characters, telegrams end with a pause.
+//! * [`ascii`]: bare characters, telegrams end with a pause, with end characters or after a number of characters.
 //! * [`esp2`]: EnOcean's transceiver TCM 120.
 //! * [`mbus`]: M-Bus master.
 //! * [`s3964`]: 3964 and 3964R.
 //! * [`modbus`]: Modbus RTU and ASCII, master and slave.
 //! * [`modbus_master_32`]: loadable driver of the CP 341, Modbus ASCII master with 32-bit registers; [`cp341_events`]: what its numbers mean.
 //! * [`rk512`]: RK 512 on top of either.
+//! * [`signals`]: automatic use of the RS 232C secondary signals.
 //! * [`stx_etx`]: telegrams between start and end characters.
 //! * [`trace`]: a line read by a bystander, for all of them.
 #![no_std]
@@ -28,6 +29,7 @@ pub mod modbus_master_32;
 mod output;
 pub mod rk512;
 pub mod s3964;
+pub mod signals;
 pub mod stx_etx;
 pub mod trace;
 

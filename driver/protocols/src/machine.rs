@@ -124,8 +124,13 @@ pub trait Sink {
         let _ = baud;
     }
 
-    /// Sets the modem line RTS (hardware flow control: ON while the CP can take characters).
+    /// Sets the modem line RTS (hardware flow control: ON while the CP can take characters; automatic use: ON while it sends).
     fn rts(&mut self, on: bool) {
+        let _ = on;
+    }
+
+    /// Sets the modem line DTR (automatic use of the secondary signals).
+    fn dtr(&mut self, on: bool) {
         let _ = on;
     }
 }
@@ -141,6 +146,10 @@ pub enum SendError {
     Frame,
     /// The telegram is longer than the machine's buffer; nothing was sent.
     TooLong,
+    /// ASCII with end characters: none in the telegram, or no room to append them; nothing was sent. (CP 341)
+    NoEnd,
+    /// Automatic use of the secondary signals: DSR or CTS is OFF. (CP 341)
+    Signals,
     /// Dropped by [`Order::Abort`].
     Aborted,
     /// Another order is running; this one was not taken.
@@ -153,10 +162,10 @@ impl SendError {
     /// 07h acknowledgement delay, 0Ah repetitions exceeded, 0Ch frame error, 17h too long, 00h re-initialised.
     pub fn code(self) -> u8 {
         match self {
-            Self::AckDelay => 0x07,
+            Self::AckDelay | Self::Signals => 0x07,
             Self::Repetitions => 0x0A,
             Self::Frame => 0x0C,
-            Self::TooLong => 0x17,
+            Self::TooLong | Self::NoEnd => 0x17,
             Self::Aborted | Self::Busy => 0x00,
         }
     }
@@ -231,6 +240,8 @@ pub enum What {
     OneMoreRepetition,
     /// The line suffered.
     Line(LineFault),
+    /// Automatic use of the secondary signals: DSR or CTS is OFF. (CP 341)
+    Signals,
     /// Modbus: no valid telegram.
     Modbus(crate::modbus::Failure),
 }
@@ -266,6 +277,7 @@ impl Event {
             (What::Line(LineFault::Break), _) => 0x080D,
             (What::NoRepetition | What::OneMoreRepetition, _) => 0x0815,
             (What::TooLong, _) => 0x0816,
+            (What::Signals, _) => 0x0818,
             _ => return None,
         })
     }

@@ -1,8 +1,9 @@
 //! Sending without acknowledgement, as ASCII and STX/ETX do it: the telegram between its start and end characters, the
-//! partner's flow control, ZNA.
+//! partner's flow control, ZNA or a pause between telegrams, the secondary signals.
 
 use crate::flow::Flow;
-use crate::machine::{Event, Nanos, Order, Phase, SendError, Sink, What};
+use crate::machine::{Event, ModemLines, Nanos, Order, Phase, SendError, Sink, What};
+use crate::signals::{Clear, Signals, Times};
 
 /// Characters handed to the line at a time while the partner may stop us: what it must be able to take after its XOFF.
 const CHUNK: usize = 16;
@@ -27,6 +28,24 @@ impl Flags {
     pub fn as_slice(&self) -> &[u8] {
         &self.characters[..usize::from(self.count)]
     }
+
+    /// Bytes of a telegram up to and including these characters; `None` if they are not in it.
+    pub(crate) fn end_of(&self, telegram: &[u8]) -> Option<usize> {
+        let count = self.as_slice().len();
+        telegram.windows(count.max(1)).position(|part| part == self.as_slice()).map(|at| at + count)
+    }
+}
+
+/// What of an order's bytes is put out. [reference 6.3]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Extent {
+    /// All of them, between start and end characters that count for themselves.
+    #[default]
+    Whole,
+    /// Up to and including these characters.
+    Through(Flags),
+    /// All of them with the end characters, which count.
+    Appended,
 }
 
 /// What a send follows. Times in nanoseconds.
@@ -39,6 +58,11 @@ pub(crate) struct Rules {
     pub(crate) char_time: Nanos,
     /// Longest time that an order waits for XON or CTS; 0: for ever.
     pub(crate) flow_wait: Nanos,
+    pub(crate) extent: Extent,
+    /// From the last bit of a telegram to the first of the next; unlike ZNA it does not delay the end of the order.
+    pub(crate) pause: Nanos,
+    /// Automatic use of the secondary signals.
+    pub(crate) signals: Option<Times>,
 }
 
 /// The sending half, with a buffer of `N` bytes.
@@ -48,6 +72,9 @@ pub(crate) struct Output<const N: usize> {
     state: State,
     /// The partner has stopped us.
     stopped: bool,
+    signals: Signals,
+    /// No telegram begins before this.
+    pause_until: Nanos,
     /// Bytes of user data in `data`.
     len: usize,
     data: [u8; N],
@@ -56,6 +83,12 @@ pub(crate) struct Output<const N: usize> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Idle,
+    /// The pause after the telegram before is not over.
+    Held {
+        until: Nanos,
+    },
+    /// RTS is ON; the data output waiting time runs.
+    Asking,
     /// All up to `next` has been handed over and is leaving; give up at `until`: something below us holds it back (a driver
     /// that looks at CTS by itself).
     Leaving {
@@ -75,11 +108,22 @@ enum State {
 
 impl<const N: usize> Output<N> {
     pub(crate) const fn new(rules: Rules) -> Self {
-        Self { rules, state: State::Idle, stopped: false, len: 0, data: [0; N] }
+        let signals = Signals::new(rules.signals);
+        Self { rules, state: State::Idle, stopped: false, signals, pause_until: 0, len: 0, data: [0; N] }
     }
 
     pub(crate) fn is_busy(&self) -> bool {
         self.state != State::Idle
+    }
+
+    /// The very first step.
+    pub(crate) fn start(&self, out: &mut dyn Sink) {
+        self.signals.start(out);
+    }
+
+    /// Whether the secondary signals let characters in.
+    pub(crate) fn can_receive(&self) -> bool {
+        self.signals.can_receive()
     }
 
     pub(crate) fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Sink) {
@@ -87,24 +131,62 @@ impl<const N: usize> Output<N> {
             Order::Abort => {
                 out.take_back();
                 if self.is_busy() {
-                    self.finish(Err(SendError::Aborted), out);
+                    self.end(now, Err(SendError::Aborted), out);
                 }
             }
             Order::Send(_) if self.is_busy() => out.sent(Err(SendError::Busy)),
-            Order::Send(telegram) => match self.data.get_mut(..telegram.len()) {
-                Some(buffer) => {
-                    buffer.copy_from_slice(telegram);
-                    self.len = telegram.len();
-                    self.go_on(now, 0, out);
-                }
-                None => out.sent(Err(SendError::TooLong)),
+            Order::Send(telegram) => match self.take(telegram) {
+                Ok(()) if now < self.pause_until => self.state = State::Held { until: self.pause_until },
+                Ok(()) => self.begin(now, out),
+                Err(error) => out.sent(Err(error)),
             },
         }
     }
 
+    /// Copies what is to be put out. [reference 6.3]
+    fn take(&mut self, telegram: &[u8]) -> Result<(), SendError> {
+        let telegram = match self.rules.extent {
+            Extent::Whole => telegram,
+            Extent::Through(end) => &telegram[..end.end_of(telegram).ok_or(SendError::NoEnd)?],
+            Extent::Appended if telegram.len() + self.rules.end.as_slice().len() > N => return Err(SendError::NoEnd),
+            Extent::Appended => telegram,
+        };
+        self.data.get_mut(..telegram.len()).ok_or(SendError::TooLong)?.copy_from_slice(telegram);
+        self.len = telegram.len();
+        Ok(())
+    }
+
+    fn begin(&mut self, now: Nanos, out: &mut dyn Sink) {
+        let clear = self.signals.request(now, out);
+        self.cleared(now, clear, out);
+    }
+
+    fn cleared(&mut self, now: Nanos, clear: Clear, out: &mut dyn Sink) {
+        match clear {
+            Clear::Go => self.go_on(now, 0, out),
+            Clear::Wait => self.state = State::Asking,
+            Clear::Off => self.signals_off(now, out),
+        }
+    }
+
+    /// "The send request is aborted and an error message generated." [S4 L814]
+    fn signals_off(&mut self, now: Nanos, out: &mut dyn Sink) {
+        if matches!(self.state, State::Leaving { .. }) {
+            out.take_back();
+        }
+        out.report(Event { phase: Phase::Output, what: What::Signals });
+        self.end(now, Err(SendError::Signals), out);
+    }
+
     pub(crate) fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+        self.signals.tick(now, out);
         match self.state {
-            State::Pause { until } if now >= until => self.finish(Ok(()), out),
+            State::Pause { until } if now >= until => self.end(now, Ok(()), out),
+            State::Held { until } if now >= until => self.begin(now, out),
+            State::Asking => {
+                let clear = self.signals.clear(now);
+                self.cleared(now, clear, out);
+            }
             State::Stopped { until: Some(until), .. } | State::Leaving { until: Some(until), .. } if now >= until => {
                 if matches!(self.state, State::Leaving { .. }) {
                     out.take_back();
@@ -114,7 +196,7 @@ impl<const N: usize> Output<N> {
                 if self.rules.flow == Flow::XonXoff {
                     self.stopped = false;
                 }
-                self.finish(Err(SendError::AckDelay), out);
+                self.end(now, Err(SendError::AckDelay), out);
             }
             _ => {}
         }
@@ -124,6 +206,24 @@ impl<const N: usize> Output<N> {
         if let State::Leaving { next, .. } = self.state {
             self.go_on(now, next, out);
         }
+    }
+
+    /// The modem lines have changed. The result is whether DSR has gone OFF, which ends what is coming in, too.
+    pub(crate) fn modem(&mut self, now: Nanos, lines: ModemLines, out: &mut dyn Sink) -> bool {
+        if self.rules.flow == Flow::Hardware {
+            self.set_stopped(now, !lines.cts, out);
+        }
+        let change = self.signals.inputs(lines);
+        match self.state {
+            // "... or if CTS changes to OFF during transmission" [S4 L814]
+            State::Leaving { .. } | State::Stopped { .. } if change.cts_off => self.signals_off(now, out),
+            // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF." [S4 L817]
+            State::Asking | State::Leaving { .. } | State::Stopped { .. } if change.dsr_fell => {
+                self.signals_off(now, out);
+            }
+            _ => {}
+        }
+        change.dsr_fell
     }
 
     /// The partner stops us or lets us go on. [S0 "Flow control"] What is leaving leaves: it is no more than a few characters,
@@ -136,11 +236,12 @@ impl<const N: usize> Output<N> {
     }
 
     pub(crate) fn deadline(&self) -> Option<Nanos> {
-        match self.state {
-            State::Idle => None,
+        let own = match self.state {
+            State::Idle | State::Asking => None,
             State::Leaving { until, .. } | State::Stopped { until, .. } => until,
-            State::Pause { until } => Some(until),
-        }
+            State::Held { until } | State::Pause { until } => Some(until),
+        };
+        own.into_iter().chain(self.signals.deadline()).min()
     }
 
     /// Start characters, user data and end characters as one.
@@ -152,10 +253,11 @@ impl<const N: usize> Output<N> {
     fn go_on(&mut self, now: Nanos, next: usize, out: &mut dyn Sink) {
         let total = self.total();
         if next == total {
+            self.signals.sent(now);
             // [S0 "ASCII"]: "only reset when the data has been transferred and the ZNA has expired".
             self.state = State::Pause { until: now + self.rules.zna };
             if self.rules.zna == 0 {
-                self.finish(Ok(()), out);
+                self.end(now, Ok(()), out);
             }
         } else if self.stopped {
             self.stop(now, next);
@@ -188,8 +290,10 @@ impl<const N: usize> Output<N> {
         (self.rules.flow_wait > 0).then(|| at + self.rules.flow_wait)
     }
 
-    fn finish(&mut self, outcome: Result<(), SendError>, out: &mut dyn Sink) {
+    fn end(&mut self, now: Nanos, outcome: Result<(), SendError>, out: &mut dyn Sink) {
         self.state = State::Idle;
+        self.pause_until = now + self.rules.pause;
+        self.signals.drop_request(out);
         out.sent(outcome);
     }
 }

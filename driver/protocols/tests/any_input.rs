@@ -1,11 +1,12 @@
 //! Whatever is put in, in whatever order: no panic, each order ends exactly once, nothing is delivered that has no room,
 //! and when the line falls silent for good the machine comes to rest by itself.
 
-use ob1_protocols::ascii::{self, Ascii};
+use ob1_protocols::ascii::{self, Ascii, Criterion, Sending};
 use ob1_protocols::esp2::{self, Esp2};
 use ob1_protocols::mbus::{self, MBus};
 use ob1_protocols::modbus::{Master, Mode, Slave, frame, master, slave};
 use ob1_protocols::s3964::{self, Priority, S3964};
+use ob1_protocols::signals::Times;
 use ob1_protocols::stx_etx::{self, Flags, StxEtx};
 use ob1_protocols::{Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, SECOND, SendError, Sink};
 use proptest::prelude::*;
@@ -15,7 +16,8 @@ enum Step {
     Rx(Vec<u8>),
     TxDone,
     Fault(LineFault),
-    Cts(bool),
+    /// CTS and DSR.
+    Modem(bool, bool),
     Send(usize),
     Abort,
     Room(usize),
@@ -38,7 +40,7 @@ fn step() -> impl Strategy<Value = Step> {
         6 => proptest::collection::vec(byte, 0..6).prop_map(Step::Rx),
         4 => Just(Step::TxDone),
         1 => fault.prop_map(Step::Fault),
-        1 => any::<bool>().prop_map(Step::Cts),
+        1 => any::<(bool, bool)>().prop_map(|(cts, dsr)| Step::Modem(cts, dsr)),
         2 => (0..1100_usize).prop_map(Step::Send),
         1 => Just(Step::Abort),
         1 => prop_oneof![Just(0), Just(5), Just(1024)].prop_map(Step::Room),
@@ -57,6 +59,19 @@ fn esp2_step() -> impl Strategy<Value = Step> {
             Step::Rx(frame[..frame.len().min(cut)].to_vec())
         });
     prop_oneof![2 => frame, 1 => prop::sample::select(vec![1, 10, 11, 12]).prop_map(Step::Send), 1 => Just(Step::Room(11))]
+}
+
+/// What ends a telegram of ASCII.
+fn criterion() -> impl Strategy<Value = Criterion> {
+    let sending = prop::sample::select(vec![Sending::Through, Sending::Whole, Sending::Appended]);
+    let characters = (prop::sample::select(vec![[0x03, 0x10], [0x10, 0x10], [0x10, 0x03]]), 1..3_u8, sending)
+        .prop_map(|(characters, count, sending)| Criterion::Characters { end: Flags::new(characters, count), sending });
+    prop_oneof![
+        Just(Criterion::Silence),
+        Just(Criterion::Fragments),
+        characters,
+        (1..1025_usize).prop_map(Criterion::Length),
+    ]
 }
 
 #[derive(Default)]
@@ -107,7 +122,7 @@ fn drive(machine: &mut dyn Machine, steps: &[Step]) {
                 Input::TxDone
             }
             Step::Fault(fault) => Input::LineFault(*fault),
-            Step::Cts(cts) => Input::Modem(ModemLines { cts: *cts, ..ModemLines::default() }),
+            Step::Modem(cts, dsr) => Input::Modem(ModemLines { cts: *cts, dsr: *dsr, ..ModemLines::default() }),
             Step::Send(len) => {
                 telegram = vec![0x10; *len];
                 books.orders += 1;
@@ -171,9 +186,19 @@ proptest! {
     }
 
     #[test]
-    fn ascii(steps in proptest::collection::vec(step(), 0..200), flow in 0..3_usize, fragmented: bool, zna in 0..3_u64) {
+    fn ascii(
+        steps in proptest::collection::vec(step(), 0..200),
+        flow in 0..3_usize,
+        criterion in criterion(),
+        zna in 0..3_u64,
+        pause in 0..3_u64,
+        signals: bool,
+    ) {
         let flow = [ascii::Flow::None, ascii::Flow::Hardware, ascii::Flow::XonXoff][flow];
-        drive(&mut Ascii::<1024>::new(ascii::Config { flow, fragmented, zna: zna * 20 * MS, ..ascii::Config::cp240(MS) }), &steps);
+        let signals = (signals && flow != ascii::Flow::Hardware).then_some(Times { rts_off: 30 * MS, output_wait: 50 * MS });
+        let (zna, pause) = (zna * 20 * MS, pause * 20 * MS);
+        let config = ascii::Config { criterion, flow, zna, pause, signals, ..ascii::Config::cp240(MS) };
+        drive(&mut Ascii::<1024>::new(config), &steps);
     }
 
     #[test]

@@ -4,7 +4,7 @@ mod common;
 
 use common::check;
 use ob1_protocols::MS;
-use ob1_protocols::ascii::{Ascii, Config, Flow};
+use ob1_protocols::ascii::{Ascii, Config, Criterion, Flow};
 
 fn config() -> Config {
     Config::cp240(MS)
@@ -95,7 +95,7 @@ fn telegram_length() {
          501  timeout
          510  room 2
          511  rx 41 42 43
-         711  timeout => !Receive: TooLong
+         711  timeout => !Receive: NoBuffer
          720  rx 41 42
          800  room 0
          920  timeout => !Receive: NoBuffer",
@@ -124,14 +124,14 @@ fn line_faults() {
 #[test]
 fn fragments() {
     run(
-        Config { fragmented: true, ..config() },
+        Config { criterion: Criterion::Fragments, ..config() },
         "0   start
          10  rx 11*41
          11  rx 42 43 => got 11*41 42
          211 timeout => got 43
          220 rx 12*44 => got 12*44
          221 room 5
-         222 rx 12*45 46 => !Receive: TooLong
+         222 rx 12*45 46 => !Receive: NoBuffer
          223 rx 47
          423 timeout",
     );
@@ -193,7 +193,7 @@ fn we_stop_the_partner() {
         "0   start => tx XON
          1   room 1
          10  rx 41 42
-         210 timeout => !Receive: TooLong, tx XOFF
+         210 timeout => !Receive: NoBuffer, tx XOFF
          220 rx 43              # it was under way already
          250 room 49
          300 room 50 => tx XON

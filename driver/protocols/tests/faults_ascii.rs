@@ -4,7 +4,7 @@
 mod pair;
 
 use ob1_line::sim::{End, SimConfig, SplitMix64};
-use ob1_protocols::ascii::{Ascii, Config, Flow, XOFF, XON};
+use ob1_protocols::ascii::{Ascii, Config, Criterion, Flow, XOFF, XON};
 use ob1_protocols::{MS, Nanos, SECOND};
 use pair::{Duet, Judge, Stage};
 
@@ -61,7 +61,7 @@ impl<const FRAGMENTED: bool> Duet for Pair<FRAGMENTED> {
         let sim = SimConfig::new([1200, 9600, 115_200][rng.below(3) as usize], 20);
         let zvz = [0, 20 * MS, 60 * MS][rng.below(3) as usize];
         let config = Config {
-            fragmented: FRAGMENTED,
+            criterion: if FRAGMENTED { Criterion::Fragments } else { Criterion::Silence },
             flow: [Flow::None, Flow::Hardware, Flow::XonXoff][rng.below(3) as usize],
             zvz,
             // [S0 "ASCII"]: the silence between two telegrams is the sender's.

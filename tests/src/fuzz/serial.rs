@@ -1,6 +1,8 @@
 //! ASCII and STX/ETX on any characters: no panic, nothing longer than the room, and what is received does not depend on how the
 //! characters are handed over.
 
+use ob1_protocols::ascii::{Criterion, Sending};
+use ob1_protocols::signals::Times;
 use ob1_protocols::stx_etx::{Config, Flags, StxEtx};
 use ob1_protocols::{Ascii, Event, Input, LineFault, MS, Machine, Nanos, Order, SendError, Sink, ascii};
 
@@ -73,9 +75,40 @@ pub fn run(data: &[u8]) {
     };
     let whole = receive(&mut StxEtx::<1024>::new(config.clone()), data, usize::MAX, room);
     assert_eq!(whole, receive(&mut StxEtx::<1024>::new(config), data, 1, room));
-    let config = ascii::Config { fragmented: setup & 0x80 != 0, flow, ..ascii::Config::cp240(MS) };
+    let criterion = if setup & 0x80 == 0 { Criterion::Silence } else { Criterion::Fragments };
+    let config = ascii::Config { criterion, flow, ..ascii::Config::cp240(MS) };
+    whole_and_piecewise(config, data, room);
+    cp341(*setup, [*start_1, *start_2], [*end_1, *end_2], data);
+}
+
+/// What the CP 341 has besides: end characters, fixed length, secondary signals.
+fn cp341(setup: u8, [sending, length]: [u8; 2], end: [u8; 2], data: &[u8]) {
+    let room = if setup & 4 == 0 { 1024 } else { 20 };
+    let flow = [ascii::Flow::None, ascii::Flow::XonXoff][usize::from(setup & 1)];
+    let signals = (setup & 2 != 0).then_some(Times { rts_off: 30 * MS, output_wait: 50 * MS });
+    let base = ascii::Config { flow, signals, pause: 20 * MS, ..ascii::Config::cp240(MS) };
+    let end = Flags::new(end, 1 + (setup >> 5 & 1));
+    let sending = [Sending::Through, Sending::Whole, Sending::Appended][usize::from(sending) % 3];
+    let criterion = Criterion::Characters { end, sending };
+    for telegram in whole_and_piecewise(ascii::Config { criterion, ..base.clone() }, data, room) {
+        let at = telegram.windows(end.as_slice().len()).position(|part| part == end.as_slice());
+        assert_eq!(
+            at,
+            Some(telegram.len() - end.as_slice().len()),
+            "{telegram:02X?} has {end:?} at its end and nowhere else"
+        );
+    }
+    let length = 1 + usize::from(length);
+    let criterion = Criterion::Length(length);
+    for telegram in whole_and_piecewise(ascii::Config { criterion, ..base }, data, room) {
+        assert_eq!(telegram.len(), length);
+    }
+}
+
+fn whole_and_piecewise(config: ascii::Config, data: &[u8], room: usize) -> Vec<Vec<u8>> {
     let whole = receive(&mut Ascii::<1024>::new(config.clone()), data, usize::MAX, room);
     assert_eq!(whole, receive(&mut Ascii::<1024>::new(config), data, 1, room));
+    whole
 }
 
 #[cfg(test)]

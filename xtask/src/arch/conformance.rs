@@ -22,7 +22,7 @@ const REASONS: [&str; 4] = ["fact only", "printer driver", "other module", "hard
 
 /// Rows that wait for their test. The number only falls: a row more than that is a finding, and so is one less.
 const OPEN: &str = "open";
-const OPEN_ROWS: usize = 17;
+const OPEN_ROWS: usize = 0;
 
 /// What the table has to speak of: chapters 3 to 7 of the driver's manual, sections 1 to 6 of the reference. 3.2 to 3.14 of the reference
 /// are the event numbers.

@@ -78,7 +78,6 @@ impl Owner for Outlet<'_> {
     }
 
     fn dtr(&mut self, on: bool) {
-        self.collected.dtr = Some(on);
-        self.port.dtr(on);
+        ob1_protocols::Sink::dtr(self, on);
     }
 }

@@ -16,7 +16,7 @@ mod v24;
 
 pub use channel::{Channel, ChannelBlock, Job};
 
-use ob1_params::{Cp341 as Parameters, ParamError};
+use ob1_params::{Cp341 as Parameters, ParamError, Protocol341};
 use ob1_protocols::modbus_master_32;
 use ob1_protocols::rk512::{self, Answer, AnswerError, code};
 use ob1_protocols::{Input, LineFault, MS, Nanos, Order};
@@ -172,8 +172,9 @@ impl Cp341 {
                 self.parts.leds.parameters(now, true);
                 self.parameters = Some(new.clone());
                 port.line_settings(&new.line_settings());
-                self.parts.ring.clear(Capacity::cp341(u8::MAX));
+                self.parts.ring.clear(capacity(new));
                 self.protocol = Protocol::of(new, port.lateness());
+                self.parts.heard_once = matches!(self.protocol, Protocol::Ascii(_));
                 // "When the module is switched on, all output signals are in OFF state"; a driver that uses them switches them itself.
                 // [reference 2.2], [S4 L590]
                 self.v24.off(port);
@@ -208,6 +209,9 @@ impl Cp341 {
         }
         self.parts.ring.clear(Capacity::cp341(u8::MAX));
         self.parts.untold.clear();
+        if self.receive.offered() == Some(Kind::Telegram) {
+            self.withdraw(port);
+        }
         if self.receive.offered().is_some() {
             self.receive.ended(Err(0x0501));
         }
@@ -223,6 +227,9 @@ impl Cp341 {
         if !run {
             // "All send and receive jobs stop"; a job that the protocol has goes to its end, without anybody waiting for it.
             self.send.off();
+            if self.receive.offered() == Some(Kind::Telegram) {
+                self.withdraw(port);
+            }
             self.receive.off();
             self.parts.untold.clear();
             // The slave's reply would be nobody's.
@@ -318,7 +325,9 @@ impl Cp341 {
             receive::Step::Interrupted(moved) => {
                 // A telegram that only was on show is shown again, as if nothing had been.
                 let is_shown_again = kind == Some(Kind::Telegram) && !moved && self.protocol.is_plain();
-                if !is_shown_again {
+                if is_shown_again {
+                    self.withdraw(port);
+                } else {
                     self.enter(now, 0x0407, port);
                     self.give_back(now, kind, Reason::Reset, port);
                     self.order_loadable(now, modbus_master_32::Order::Taken(false), port);
@@ -339,8 +348,12 @@ impl Cp341 {
         self.drive(now, Input::Tick, port);
     }
 
-    /// The block does not take what was offered. A telegram stays where it is; a job of the partner is refused.
+    /// The block does not take what was offered. A telegram stays where it is, unless a newer one has taken its place; a job of the partner is
+    /// refused.
     fn give_back(&mut self, now: Nanos, kind: Option<Kind>, reason: Reason, port: &mut dyn CpPort) {
+        if kind == Some(Kind::Telegram) {
+            self.withdraw(port);
+        }
         if matches!(kind, Some(Kind::Receive | Kind::Provide)) {
             let number = match reason {
                 Reason::Locked => code::LOCKED,
@@ -353,13 +366,22 @@ impl Cp341 {
         }
     }
 
+    /// A telegram is not on offer any more: it waits in the buffer, or a newer one has taken its place and it is gone.
+    fn withdraw(&mut self, port: &mut dyn CpPort) {
+        if !std::mem::take(&mut self.parts.on_offer) {
+            port.count(CpCounter::ReceiveAborted, 1);
+        }
+    }
+
     /// The CPU has all data, or has given all.
     fn taken(&mut self, now: Nanos, kind: Option<Kind>, port: &mut dyn CpPort) {
         match kind {
             None => {}
             Some(Kind::Telegram) => {
-                let len = self.parts.ring.oldest().unwrap_or(0);
-                self.parts.ring.pop();
+                let len = self.receive.given().len();
+                if std::mem::take(&mut self.parts.on_offer) {
+                    self.parts.ring.pop();
+                }
                 port.count(CpCounter::Delivered, 1);
                 port.event(now, CpEvent::Delivered(len));
                 self.receive.ended(Ok(()));
@@ -395,6 +417,7 @@ impl Cp341 {
         if let Some(len) = self.parts.ring.oldest().filter(|_| now >= self.again_at) {
             let ring = &self.parts.ring;
             self.receive.offer(Offer::telegram(len), |into| ring.copy(0, into));
+            self.parts.on_offer = true;
         }
     }
 
@@ -507,6 +530,7 @@ impl Cp341 {
                 if matches!(self.protocol, Protocol::Loadable(_)) && self.parts.ring.oldest().is_some() {
                     // Nobody has taken the reply.
                     self.parts.ring.pop();
+                    self.parts.on_offer = false;
                     port.count(CpCounter::ReceiveAborted, 1);
                     self.receive.ended(Err(status));
                 }
@@ -552,6 +576,15 @@ impl Cp341 {
     /// Writes into the diagnostic buffer.
     fn enter(&mut self, now: Nanos, number: u16, port: &mut dyn CpPort) {
         port.event(now, CpEvent::Entry(number));
+    }
+}
+
+/// What the receive buffer holds: ASCII has parameters for it. [reference 6.2]
+const fn capacity(parameters: &Parameters) -> Capacity {
+    match &parameters.protocol {
+        Protocol341::Ascii(p) if p.overwrites => Capacity::cp341(1).newest(),
+        Protocol341::Ascii(p) => Capacity::cp341(p.receive_buffers),
+        _ => Capacity::cp341(u8::MAX),
     }
 }
 

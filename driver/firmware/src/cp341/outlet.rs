@@ -1,5 +1,7 @@
 //! What a protocol works on during one step: receive buffer, job of the partner, errors, LEDs; and where it puts its results.
 
+use std::mem;
+
 use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
 use ob1_protocols::{Event, LineFault, Nanos, Phase, SendError, Sink, What};
 
@@ -26,6 +28,10 @@ pub(crate) struct Parts {
     pub(crate) line_gone: bool,
     /// BREAK (080Dh), and no character since.
     pub(crate) interrupted: bool,
+    /// The oldest telegram of the buffer is on offer to P_RCV_RK.
+    pub(crate) on_offer: bool,
+    /// Nobody repeats a telegram that could not be read: ASCII.
+    pub(crate) heard_once: bool,
     /// First error of the telegram that is being received.
     receive_error: Option<u16>,
     fetched: Box<[u8; JOB_MAX]>,
@@ -41,6 +47,8 @@ impl Parts {
             first_error: None,
             line_gone: false,
             interrupted: false,
+            on_offer: false,
+            heard_once: false,
             receive_error: None,
             fetched: Box::new([0; JOB_MAX]),
         }
@@ -160,7 +168,11 @@ impl Outlet<'_> {
     /// An error of receiving: told to P_RCV_RK where it costs a telegram.
     fn receive_error(&mut self, event: Event, number: u16) {
         let first = self.parts.receive_error.unwrap_or(number);
-        let lost = matches!(event.what, What::CharacterDelay | What::Restarted | What::NoBuffer | What::TooLong);
+        let lost = match event.what {
+            What::CharacterDelay | What::Restarted | What::NoBuffer | What::TooLong | What::Signals => true,
+            What::Line(_) => self.parts.heard_once && event.phase == Phase::Receive,
+            _ => false,
+        };
         if lost {
             self.parts.receive_error = None;
             self.tell(first);
@@ -197,6 +209,10 @@ impl Sink for Outlet<'_> {
 
     fn deliver(&mut self, telegram: &[u8]) {
         self.parts.receive_error = None;
+        if self.parts.ring.overwrites() && self.parts.ring.telegrams() > 0 && !mem::take(&mut self.parts.on_offer) {
+            // What is on offer is counted where P_RCV_RK takes it, or does not.
+            self.port.count(CpCounter::ReceiveAborted, 1);
+        }
         if self.parts.ring.push(telegram) {
             self.port.count(CpCounter::Received, 1);
             self.port.event(self.now, CpEvent::Received(telegram));
@@ -206,9 +222,14 @@ impl Sink for Outlet<'_> {
     }
 
     fn sent(&mut self, outcome: Result<(), SendError>) {
+        if outcome == Err(SendError::NoEnd) {
+            self.enter(0x050E);
+        }
         let first = self.parts.first_error;
         self.collected.ended = Some(outcome.map(|()| 0).map_err(|error| match error {
             SendError::TooLong => 0x0518,
+            SendError::NoEnd => 0x050E,
+            SendError::Signals => first.unwrap_or(0x0818),
             SendError::Aborted => first.unwrap_or(0x0501),
             SendError::Busy => 0x0501,
             // The first error of the job is what it ends with. [reference 3.9]
@@ -243,6 +264,11 @@ impl Sink for Outlet<'_> {
     fn rts(&mut self, on: bool) {
         self.collected.rts = Some(on);
         self.port.rts(on);
+    }
+
+    fn dtr(&mut self, on: bool) {
+        self.collected.dtr = Some(on);
+        self.port.dtr(on);
     }
 }
 

@@ -1,9 +1,9 @@
 //! From the parameters to the protocol machine.
 
-use ob1_params::{AsciiOf341, Cp341 as Parameters, Flow, Priority, Protocol341, S3964Of341};
+use ob1_params::{AsciiOf341, Cp341 as Parameters, EndOf341, Flow, Priority, Protocol341, S3964Of341, SendingOf341};
 use ob1_protocols::modbus_master_32::{self, Driver};
 use ob1_protocols::rk512::{self, Rk512};
-use ob1_protocols::{Ascii, MS, Machine, Nanos, Order, S3964, Sink, ascii, machine, s3964};
+use ob1_protocols::{Ascii, MS, Machine, Nanos, Order, S3964, Sink, ascii, machine, s3964, signals};
 
 use super::loadable;
 use super::send::JOB_MAX;
@@ -24,7 +24,7 @@ impl Protocol {
     pub(crate) fn of(parameters: &Parameters, late: Nanos) -> Self {
         let char_time = parameters.line_settings().char_time_ns();
         let p = match &parameters.protocol {
-            Protocol341::Ascii(p) => return Self::Ascii(Box::new(Ascii::new(ascii_config(p, parameters, char_time)))),
+            Protocol341::Ascii(p) => return Self::Ascii(Box::new(Ascii::new(ascii_config(p, parameters, late)))),
             Protocol341::S3964(p) => p,
             Protocol341::ModbusMaster32(p) => {
                 return Self::Loadable(Box::new(loadable::of(p, &parameters.line_settings(), late)));
@@ -86,7 +86,10 @@ impl Protocol {
     /// Whether RTS and DTR are the protocol's: flow control, automatic use.
     pub(crate) fn driven(&self) -> (bool, bool) {
         match self {
-            Self::Ascii(machine) => (machine.config().flow == ascii::Flow::Hardware, false),
+            Self::Ascii(machine) => {
+                let automatic = machine.config().signals.is_some();
+                (automatic || machine.config().flow == ascii::Flow::Hardware, automatic)
+            }
             Self::Loadable(driver) => (driver.uses_signals(), driver.uses_signals()),
             _ => (false, false),
         }
@@ -102,19 +105,37 @@ impl Protocol {
     pub(crate) const ABORT: machine::Input<'static> = machine::Input::Order(Order::Abort);
 }
 
-/// End of telegram by character delay time, which also is the pause between two telegrams sent. [reference 6.1, 6.3]
-fn ascii_config(p: &AsciiOf341, parameters: &Parameters, char_time: Nanos) -> ascii::Config {
+/// [reference 6]
+fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Nanos) -> ascii::Config {
     let zvz = Nanos::from(p.zvz_ms) * MS;
+    let criterion = match p.end {
+        EndOf341::Silence => ascii::Criterion::Silence,
+        EndOf341::Length(length) => ascii::Criterion::Length(length.into()),
+        EndOf341::Characters { characters, count, sending } => ascii::Criterion::Characters {
+            end: ascii::Flags::new(characters, count),
+            sending: match sending {
+                SendingOf341::Through => ascii::Sending::Through,
+                SendingOf341::Whole => ascii::Sending::Whole,
+                SendingOf341::Appended => ascii::Sending::Appended,
+            },
+        },
+    };
     ascii::Config {
+        criterion,
         flow: match parameters.line.flow {
             Flow::None => ascii::Flow::None,
             Flow::Hardware => ascii::Flow::Hardware,
             Flow::XonXoff => ascii::Flow::XonXoff,
         },
-        zvz,
-        zna: zvz,
+        // Where ZVZ only watches over a telegram, characters that the line hands over late are none that came late.
+        zvz: if criterion == ascii::Criterion::Silence { zvz } else { zvz + late },
+        pause: if p.send_pause { zvz } else { 0 },
         flow_wait: Nanos::from(p.flow_wait_ms) * MS,
-        ..ascii::Config::cp240(char_time)
+        signals: p.signals.map(|(rts_off_ms, output_wait_ms)| signals::Times {
+            rts_off: Nanos::from(rts_off_ms) * MS,
+            output_wait: Nanos::from(output_wait_ms) * MS,
+        }),
+        ..ascii::Config::cp240(parameters.line_settings().char_time_ns())
     }
 }
 

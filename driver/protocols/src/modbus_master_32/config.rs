@@ -2,6 +2,7 @@
 
 use super::number;
 use crate::machine::{MS, Nanos, SECOND};
+use crate::signals::Times;
 
 /// Transmission rates of the driver, bit/s. [S4 "Overview of Transmission Parameters"]
 pub const BAUD_RATES: [u32; 9] = [300, 600, 1200, 2400, 4800, 9600, 19_200, 38_400, 76_800];
@@ -131,8 +132,7 @@ pub(super) struct Config {
     pub(super) normal: bool,
     pub(super) long_registers: bool,
     pub(super) wiring: Wiring,
-    /// Time to RTS OFF, data output waiting time.
-    pub(super) signals: Option<(Nanos, Nanos)>,
+    pub(super) signals: Option<Times>,
 }
 
 impl Parameters {
@@ -177,7 +177,10 @@ impl Parameters {
             normal: self.operating_mode == Self::NORMAL && !self.wiring.half_duplex,
             long_registers: self.long_registers,
             wiring: self.wiring,
-            signals: self.signals.map(|s| (Nanos::from(s.rts_off_ms) * MS, Nanos::from(s.output_wait_ms) * MS)),
+            signals: self.signals.map(|s| Times {
+                rts_off: Nanos::from(s.rts_off_ms) * MS,
+                output_wait: Nanos::from(s.output_wait_ms) * MS,
+            }),
         })
     }
 }

@@ -30,6 +30,7 @@ pub use config::{BAUD_RATES, Parameters, Parity, Signals, Wiring};
 
 use crate::machine::{LineFault, ModemLines, Nanos};
 use crate::modbus::ascii;
+use crate::signals::{self, Clear};
 use config::Config;
 use job::Job;
 use receive::{Heard, Receiver};
@@ -115,9 +116,7 @@ enum State {
     /// What an earlier job has left on the line has to leave first.
     Queue,
     /// RTS is ON; the data output waiting time runs.
-    OutputWait {
-        until: Nanos,
-    },
+    OutputWait,
     /// The request is leaving.
     Output,
     /// The reply has to begin before `until`.
@@ -134,6 +133,16 @@ enum State {
     },
 }
 
+impl signals::Outputs for dyn Owner + '_ {
+    fn set_rts(&mut self, on: bool) {
+        self.rts(on);
+    }
+
+    fn set_dtr(&mut self, on: bool) {
+        self.dtr(on);
+    }
+}
+
 /// The driver.
 #[derive(Clone, Debug)]
 pub struct Driver {
@@ -145,10 +154,7 @@ pub struct Driver {
     receiver: Receiver,
     /// Characters of ours are on their way out.
     leaving: bool,
-    /// RTS goes OFF then.
-    rts_off: Option<Nanos>,
-    /// `None`: the line has not told; that counts as ON.
-    modem: Option<ModemLines>,
+    signals: signals::Signals,
     /// The line is gone.
     gone: bool,
 }
@@ -163,8 +169,7 @@ impl Driver {
             job: None,
             receiver: Receiver::new(),
             leaving: false,
-            rts_off: None,
-            modem: None,
+            signals: signals::Signals::new(None),
             gone: false,
         }
     }
@@ -176,7 +181,7 @@ impl Driver {
 
     /// Whether it uses the RS 232C secondary signals by itself.
     pub fn uses_signals(&self) -> bool {
-        self.config.as_ref().is_some_and(|config| config.signals.is_some())
+        self.signals.are_used()
     }
 
     /// Whether a job is running.
@@ -201,7 +206,7 @@ impl Driver {
             Input::Rx(bytes) => self.received(now, bytes, &config, out),
             Input::TxDone => self.tx_done(now, &config, out),
             Input::LineFault(fault) => self.line_fault(now, fault, &config, out),
-            Input::Modem(lines) => self.modem(lines, &config, out),
+            Input::Modem(lines) => self.modem(lines, out),
             Input::Order(order) => self.order(now, order, &config, out),
         }
         if input == Input::Tick {
@@ -210,14 +215,11 @@ impl Driver {
         self.deadline(&config)
     }
 
-    /// "... it switches the RTS line to OFF and the DTR line to ON." [S4 L811]
     fn start(&mut self, out: &mut dyn Owner) {
         self.state = State::Idle;
         self.config = self.parameters.check(|number| out.event(number));
-        if self.uses_signals() {
-            out.rts(false);
-            out.dtr(true);
-        }
+        self.signals = signals::Signals::new(self.config.and_then(|config| config.signals));
+        self.signals.start(out);
     }
 
     // ---- orders ----
@@ -245,28 +247,19 @@ impl Driver {
         }
     }
 
-    /// "When a send request is made, RTS is set to ON and the parameterized data output waiting time starts." [S4 L813]
     fn begin(&mut self, now: Nanos, config: &Config, out: &mut dyn Owner) {
         if self.gone && config.wiring.breaks && !config.wiring.half_duplex {
             return self.fail(number::BREAK, out);
         }
-        let Some((_, output_wait)) = config.signals else { return self.send(out) };
-        if !self.dsr() {
-            return self.fail(number::SIGNALS, out);
-        }
-        self.rts_off = None;
-        out.rts(true);
-        self.state = State::OutputWait { until: now + output_wait };
-        self.output_wait(now, out);
+        let clear = self.signals.request(now, out);
+        self.cleared(clear, out);
     }
 
-    /// "When the data output time elapses and CTS = ON, the data is sent"; if CTS is not ON by then, "the send request is aborted". [S4 L813],
-    /// [S4 L814]
-    fn output_wait(&mut self, now: Nanos, out: &mut dyn Owner) {
-        match self.state {
-            State::OutputWait { until } if now >= until && self.cts() => self.send(out),
-            State::OutputWait { until } if now >= until => self.fail(number::SIGNALS, out),
-            _ => {}
+    fn cleared(&mut self, clear: Clear, out: &mut dyn Owner) {
+        match clear {
+            Clear::Go => self.send(out),
+            Clear::Wait => self.state = State::OutputWait,
+            Clear::Off => self.fail(number::SIGNALS, out),
         }
     }
 
@@ -289,8 +282,7 @@ impl Driver {
             State::Output => {}
             _ => return,
         }
-        // "After the data is sent, the RTS line is set to OFF after the parameterized time to RTS OFF has elapsed." [S4 L815]
-        self.rts_off = config.signals.map(|(rts_off, _)| now + rts_off);
+        self.signals.sent(now);
         if self.job.as_ref().is_some_and(Job::is_broadcast) {
             self.state = State::Turnaround { until: now + config.turnaround };
         } else {
@@ -301,9 +293,9 @@ impl Driver {
     }
 
     fn received(&mut self, now: Nanos, bytes: &[u8], config: &Config, out: &mut dyn Owner) {
-        // "Reception during transmission is ignored." [S4 L727] "Data can be received as soon as the DSR line is set to ON." [S4 L816]
+        // "Reception during transmission is ignored." [S4 L727]
         for byte in bytes {
-            if !matches!(self.state, State::Reply { .. }) || config.signals.is_some() && !self.dsr() {
+            if !matches!(self.state, State::Reply { .. }) || !self.signals.can_receive() {
                 return;
             }
             match self.receiver.character(now, *byte, config.normal) {
@@ -364,25 +356,13 @@ impl Driver {
 
     // ---- secondary signals ----
 
-    fn dsr(&self) -> bool {
-        self.modem.is_none_or(|lines| lines.dsr)
-    }
-
-    fn cts(&self) -> bool {
-        self.modem.is_none_or(|lines| lines.cts)
-    }
-
-    fn modem(&mut self, lines: ModemLines, config: &Config, out: &mut dyn Owner) {
-        let dsr_was_on = self.dsr();
-        self.modem = Some(lines);
-        if config.signals.is_none() {
-            return;
-        }
+    fn modem(&mut self, lines: ModemLines, out: &mut dyn Owner) {
+        let change = self.signals.inputs(lines);
         match self.state {
             // "... or if CTS changes to OFF during transmission, the send request is aborted." [S4 L814]
-            State::Output if !lines.cts => self.fail(number::SIGNALS, out),
+            State::Output if change.cts_off => self.fail(number::SIGNALS, out),
             // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF." [S4 L817]
-            State::OutputWait { .. } | State::Output | State::Reply { .. } if dsr_was_on && !lines.dsr => {
+            State::OutputWait | State::Output | State::Reply { .. } if change.dsr_fell => {
                 self.fail(number::SIGNALS, out);
             }
             _ => {}
@@ -392,11 +372,12 @@ impl Driver {
     // ---- time ----
 
     fn tick(&mut self, now: Nanos, config: &Config, out: &mut dyn Owner) {
-        if self.rts_off.take_if(|at| now >= *at).is_some() {
-            out.rts(false);
-        }
+        self.signals.tick(now, out);
         match self.state {
-            State::OutputWait { .. } => self.output_wait(now, out),
+            State::OutputWait => {
+                let clear = self.signals.clear(now);
+                self.cleared(clear, out);
+            }
             // "If the slave doesn't send a start character during the reply monitoring time the send job is finished with error." [S4 L536]
             State::Reply { until } if !self.receiver.is_open() && now >= until => self.fail(number::NO_REPLY, out),
             State::Reply { .. } if self.receiver.is_open() && now >= self.receiver.last() + config.character_delay => {
@@ -410,14 +391,11 @@ impl Driver {
 
     fn deadline(&self, config: &Config) -> Option<Nanos> {
         let own = match self.state {
-            State::Start | State::Idle | State::Queue | State::Output => None,
+            State::Start | State::Idle | State::Queue | State::OutputWait | State::Output => None,
             State::Reply { .. } if self.receiver.is_open() => Some(self.receiver.last() + config.character_delay),
-            State::OutputWait { until }
-            | State::Reply { until }
-            | State::Turnaround { until }
-            | State::Transfer { until } => Some(until),
+            State::Reply { until } | State::Turnaround { until } | State::Transfer { until } => Some(until),
         };
-        own.into_iter().chain(self.rts_off).min()
+        own.into_iter().chain(self.signals.deadline()).min()
     }
 
     // ---- the end ----
@@ -431,10 +409,7 @@ impl Driver {
         if self.state == State::Output {
             out.take_back();
         }
-        let with_signals = self.uses_signals();
-        if with_signals && matches!(self.state, State::OutputWait { .. } | State::Output) {
-            out.rts(false);
-        }
+        self.signals.drop_request(out);
         self.state = State::Idle;
         self.job = None;
         out.ended(outcome);

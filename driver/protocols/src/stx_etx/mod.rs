@@ -18,11 +18,9 @@
 mod decoder;
 
 use crate::flow::{Flow, Gate, XOFF, XON};
-use crate::machine::{
-    Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Phase, SECOND, Sink, TELEGRAM_MAX, What,
-};
+use crate::machine::{Event, Input, LineFault, MS, Machine, Nanos, Order, Phase, SECOND, Sink, TELEGRAM_MAX, What};
 pub use crate::output::Flags;
-use crate::output::{Output, Rules};
+use crate::output::{Extent, Output, Rules};
 pub use decoder::{Decoder, Step};
 
 /// Configuration of [`StxEtx`]. Times in nanoseconds.
@@ -96,6 +94,9 @@ impl<const N: usize> StxEtx<N> {
             zna: config.zna,
             char_time: config.char_time,
             flow_wait: config.flow_wait,
+            extent: Extent::Whole,
+            pause: 0,
+            signals: None,
         };
         let receive = Receive { open: false, len: 0, data: [0; N], noise: false, completed: false };
         Self {
@@ -259,10 +260,9 @@ impl<const N: usize> Machine for StxEtx<N> {
             Input::Rx(bytes) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
             Input::TxDone => self.output.tx_done(now, out),
             Input::LineFault(fault) => self.fault(now, fault, out),
-            Input::Modem(ModemLines { cts, .. }) if self.config.flow == Flow::Hardware => {
-                self.output.set_stopped(now, !cts, out);
+            Input::Modem(lines) => {
+                self.output.modem(now, lines, out);
             }
-            Input::Modem(_) => {}
             Input::Order(order) => {
                 if order == Order::Abort {
                     self.receive.close();

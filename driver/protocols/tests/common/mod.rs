@@ -12,6 +12,7 @@
 //! | `abort` | the CPU resets |
 //! | `fault Parity` | a character that cannot be read |
 //! | `cts on`, `cts off` | the modem line |
+//! | `lines cts dsr` | the modem lines that are ON |
 //! | `room 12` | from now on the receive buffer has room for so many bytes; a tick |
 //! | `timeout` | the machine must have asked to be called exactly now; a tick |
 //!
@@ -22,7 +23,7 @@
 //! | `got 41` | a telegram is delivered |
 //! | `sent ok`, `sent AckDelay` | the end of the order |
 //! | `!Phase: What` | a report |
-//! | `rts on`, `rts off` | the modem line |
+//! | `rts on`, `rts off`, `dtr on` | the modem line |
 //! | `baud 2400` | the line goes on at this baud rate |
 //!
 //! Between two lines the machine must stay silent: each deadline that passes is ticked, and must bring nothing.
@@ -82,6 +83,10 @@ impl Sink for Recorder {
 
     fn rts(&mut self, on: bool) {
         self.log.push(format!("rts {}", if on { "on" } else { "off" }));
+    }
+
+    fn dtr(&mut self, on: bool) {
+        self.log.push(format!("dtr {}", if on { "on" } else { "off" }));
     }
 }
 
@@ -160,6 +165,11 @@ pub(crate) fn check(machine: &mut dyn Machine, table: &str) {
                 other => panic!("`{other}` is no fault: {}", place()),
             }),
             "cts" => Input::Modem(ModemLines { cts: words[2] == "on", ..ModemLines::default() }),
+            "lines" => Input::Modem(ModemLines {
+                cts: words[2..].contains(&"cts"),
+                dsr: words[2..].contains(&"dsr"),
+                ..ModemLines::default()
+            }),
             "room" => {
                 out.room = words[2].parse().expect("a number of bytes");
                 Input::Tick

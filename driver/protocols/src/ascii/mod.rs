@@ -1,0 +1,208 @@
+//! ASCII: bare characters; nothing is acknowledged, nothing checked. A telegram ends when the line falls silent, and at a CP 341 also with end
+//! characters or after a number of characters.
+//!
+//! [S0 "ASCII"], [S0 "ASCII-fragmented"], [S0 "Parameter description"], [reference 6]. Sending and receiving are independent of each
+//! other (full duplex). An order is done when ZNA has run out after the last bit.
+//!
+//! Flow control: XON/XOFF or RTS/CTS. The partner's XOFF (CTS OFF) stops the output; an order that is kept waiting for
+//! longer than [`Config::flow_wait`] fails. This side stops the partner while no receive buffer is free. In XON/XOFF mode
+//! the two characters never belong to a telegram.
+//!
+//! What a CP 341 has and a CP 240 has not is configuration: the other criteria, the pause between telegrams, the automatic use of the RS 232C
+//! secondary signals.
+
+mod receive;
+
+use crate::flow::Gate;
+pub use crate::flow::{Flow, XOFF, XON};
+use crate::machine::{Event, Input, LineFault, MS, Machine, Nanos, Order, SECOND, Sink, TELEGRAM_MAX, What};
+pub use crate::output::Flags;
+use crate::output::{Extent, Output, Rules};
+use crate::signals::Times;
+use receive::Receive;
+
+/// Bytes in a block of ASCII-fragmented: what one exchange over the back plane carries.
+pub const FRAGMENT: usize = 12;
+
+/// What ends a telegram that is coming in. [reference 6.1]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Criterion {
+    /// ZVZ.
+    Silence,
+    /// Blocks of 12 bytes as they come, and a shorter one when the line falls silent. [S0 "ASCII-fragmented"]
+    Fragments,
+    /// One or two end characters; they belong to the telegram.
+    Characters {
+        /// The characters.
+        end: Flags,
+        /// What they mean for a telegram that is sent.
+        sending: Sending,
+    },
+    /// So many characters.
+    Length(usize),
+}
+
+/// What of a telegram is sent that should end with end characters. [reference 6.3]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sending {
+    /// Everything up to and including the first end characters; without them the order fails.
+    Through,
+    /// Everything.
+    Whole,
+    /// Everything, and the end characters behind it; the order fails when the buffer does not hold both.
+    Appended,
+}
+
+/// Configuration of [`Ascii`]. Times in nanoseconds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// What ends a telegram.
+    pub criterion: Criterion,
+    /// Flow control.
+    pub flow: Flow,
+    /// ZNA: from the last bit of a telegram to the end of its order.
+    pub zna: Nanos,
+    /// From the last bit of a telegram to the first of the next. The order has ended before. (CP 341)
+    pub pause: Nanos,
+    /// ZVZ: silence that ends a telegram; 0: two character times.
+    pub zvz: Nanos,
+    /// Time of one character on the line.
+    pub char_time: Nanos,
+    /// Longest time that an order waits for XON or CTS; 0: for ever. The manual names none; 20 s as the reference does for
+    /// the CP 341.
+    pub flow_wait: Nanos,
+    /// Automatic use of the secondary signals; not together with [`Flow::Hardware`]. [S4 L803]
+    pub signals: Option<Times>,
+}
+
+impl Config {
+    /// The defaults of the parameter table: ZNA 0, ZVZ 200 ms, no flow control. [S0 "Structure of the parameter bytes of ASCII"]
+    pub fn cp240(char_time: Nanos) -> Self {
+        Self {
+            criterion: Criterion::Silence,
+            flow: Flow::None,
+            zna: 0,
+            pause: 0,
+            zvz: 200 * MS,
+            char_time,
+            flow_wait: 20 * SECOND,
+            signals: None,
+        }
+    }
+
+    /// [S0 "Character delay time (ZVZ)"]: 0: about double character time.
+    fn zvz(&self) -> Nanos {
+        if self.zvz == 0 { 2 * self.char_time } else { self.zvz }
+    }
+
+    fn rules(&self) -> Rules {
+        let (extent, end) = match self.criterion {
+            Criterion::Characters { end, sending: Sending::Through } => (Extent::Through(end), Flags::NONE),
+            Criterion::Characters { end, sending: Sending::Appended } => (Extent::Appended, end),
+            _ => (Extent::Whole, Flags::NONE),
+        };
+        Rules {
+            start: Flags::NONE,
+            end,
+            flow: self.flow,
+            zna: self.zna,
+            char_time: self.char_time,
+            flow_wait: self.flow_wait,
+            extent,
+            pause: self.pause,
+            signals: self.signals,
+        }
+    }
+}
+
+/// The ASCII procedure with a send and a receive buffer of `N` bytes each.
+#[derive(Clone, Debug)]
+pub struct Ascii<const N: usize = TELEGRAM_MAX> {
+    config: Config,
+    started: bool,
+    output: Output<N>,
+    receive: Receive<N>,
+    gate: Gate,
+}
+
+impl<const N: usize> Ascii<N> {
+    /// A machine before its first step.
+    pub fn new(config: Config) -> Self {
+        let (output, gate) = (Output::new(config.rules()), Gate::new(config.flow));
+        let receive = Receive::new(config.criterion, config.zvz());
+        Self { config, started: false, output, receive, gate }
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    fn tick(&mut self, now: Nanos, out: &mut dyn Sink) {
+        if !self.started {
+            self.started = true;
+            self.output.start(out);
+            self.gate.open(out);
+        }
+        if self.receive.tick(now, out) {
+            self.gate.check(now, out);
+        }
+        self.gate.tick(now, out);
+        self.output.tick(now, out);
+    }
+
+    fn character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) {
+        if !self.output.can_receive() {
+            return;
+        }
+        if self.config.flow == Flow::XonXoff && (byte == XON || byte == XOFF) {
+            return self.output.set_stopped(now, byte == XOFF, out);
+        }
+        if self.receive.character(now, byte, out) {
+            self.gate.check(now, out);
+        }
+    }
+
+    fn fault(&mut self, now: Nanos, fault: LineFault, out: &mut dyn Sink) {
+        let what = What::Line(fault);
+        if matches!(fault, LineFault::Gone | LineFault::Back) {
+            out.report(Event { phase: self.receive.phase(), what });
+        } else if self.output.can_receive() {
+            // The manual only lights ER. A telegram with an unreadable character is not passed on as if it were whole.
+            self.receive.unreadable(now, what, out);
+        }
+    }
+
+    fn deadline(&self) -> Option<Nanos> {
+        let start = (!self.started).then_some(0);
+        [self.receive.deadline(), self.output.deadline(), self.gate.deadline(), start].into_iter().flatten().min()
+    }
+}
+
+impl<const N: usize> Machine for Ascii<N> {
+    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+        match input {
+            Input::Tick => self.tick(now, out),
+            Input::Rx(bytes) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
+            Input::TxDone => self.output.tx_done(now, out),
+            Input::LineFault(fault) => self.fault(now, fault, out),
+            Input::Modem(lines) => {
+                // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF." [S4 L817]
+                if self.output.modem(now, lines, out) {
+                    self.receive.abandon(What::Signals, out);
+                }
+            }
+            Input::Order(order) => {
+                if order == Order::Abort {
+                    self.receive.clear();
+                }
+                self.output.order(now, order, out);
+            }
+        }
+        self.deadline()
+    }
+
+    fn busy(&self) -> bool {
+        self.output.is_busy()
+    }
+}

@@ -1,0 +1,149 @@
+//! Characters to telegrams: where one ends. [S0 "Communication via back plane bus"], [reference 6.1]
+//!
+//! | end criterion | a telegram ends | ZVZ expires before |
+//! |---|---|---|
+//! | silence | when ZVZ expires | |
+//! | fragments | after 12 bytes, or when ZVZ expires | |
+//! | end characters | with them; they belong to it | 0806h, what has come is dropped |
+//! | length | after so many characters | 0806h, what has come is dropped |
+//!
+//! With the last two the next character, however soon it comes, is the first of the next telegram. A telegram that is lost (no room, an unreadable
+//! character) is followed to its end all the same, so that the next one is whole.
+
+use super::{Criterion, FRAGMENT};
+use crate::machine::{Event, Nanos, Phase, Sink, What};
+
+/// The telegram that is coming in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Coming {
+    /// Characters so far.
+    len: usize,
+    /// The one before, where it could be read.
+    before: Option<u8>,
+    /// It will not be delivered; that was reported.
+    lost: bool,
+    /// Silence until then ends it.
+    until: Nanos,
+}
+
+/// The receiving half, with a buffer of `N` bytes.
+#[derive(Clone, Debug)]
+pub(super) struct Receive<const N: usize> {
+    criterion: Criterion,
+    zvz: Nanos,
+    coming: Option<Coming>,
+    data: [u8; N],
+}
+
+impl<const N: usize> Receive<N> {
+    pub(super) const fn new(criterion: Criterion, zvz: Nanos) -> Self {
+        Self { criterion, zvz, coming: None, data: [0; N] }
+    }
+
+    /// Nothing is coming in.
+    pub(super) fn clear(&mut self) {
+        self.coming = None;
+    }
+
+    pub(super) fn deadline(&self) -> Option<Nanos> {
+        self.coming.map(|coming| coming.until)
+    }
+
+    /// What a fault of the line meets.
+    pub(super) fn phase(&self) -> Phase {
+        if self.coming.is_some() { Phase::Receive } else { Phase::Idle }
+    }
+
+    /// A character; true if a telegram has ended with it.
+    pub(super) fn character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) -> bool {
+        let mut coming = self.coming.unwrap_or(Coming { len: 0, before: None, lost: false, until: now });
+        if self.coming.is_none() && out.room() == 0 {
+            // [S0 "Number of receive buffers"]: no more data can be received while the receive buffer is occupied.
+            lose(&mut coming, What::NoBuffer, out);
+        }
+        if !coming.lost {
+            match self.data.get_mut(coming.len) {
+                Some(place) => *place = byte,
+                // [S0 "Communication via back plane bus"]: the length of the ring buffer determines the max. length of a telegram.
+                None => lose(&mut coming, What::TooLong, out),
+            }
+        }
+        self.take(now, coming, Some(byte), out)
+    }
+
+    /// A character that could not be read: its telegram is not passed on as if it were whole.
+    pub(super) fn unreadable(&mut self, now: Nanos, what: What, out: &mut dyn Sink) -> bool {
+        let mut coming = self.coming.unwrap_or(Coming { len: 0, before: None, lost: false, until: now });
+        // The rest of a telegram that is lost already costs nothing more.
+        let phase = if coming.lost { Phase::Idle } else { Phase::Receive };
+        out.report(Event { phase, what });
+        coming.lost = true;
+        self.take(now, coming, None, out)
+    }
+
+    /// What is coming in is dropped, the rest of it as well.
+    pub(super) fn abandon(&mut self, what: What, out: &mut dyn Sink) {
+        if let Some(coming) = self.coming.as_mut().filter(|coming| !coming.lost) {
+            lose(coming, what, out);
+        }
+    }
+
+    fn take(&mut self, now: Nanos, mut coming: Coming, byte: Option<u8>, out: &mut dyn Sink) -> bool {
+        coming.len += 1;
+        coming.until = now + self.zvz;
+        let ended = match self.criterion {
+            Criterion::Silence => false,
+            // [S0 "Communication with ASCII-fragmented"]: blocks are transferred immediately.
+            Criterion::Fragments => coming.len == FRAGMENT && !coming.lost,
+            Criterion::Characters { end, .. } => match *end.as_slice() {
+                [only] => byte == Some(only),
+                [first, second] => coming.before == Some(first) && byte == Some(second),
+                _ => false,
+            },
+            Criterion::Length(length) => coming.len >= length,
+        };
+        coming.before = byte;
+        self.coming = Some(coming);
+        if ended {
+            self.end(coming, out);
+        }
+        ended
+    }
+
+    /// ZVZ may have expired; true if a telegram has ended with that.
+    pub(super) fn tick(&mut self, now: Nanos, out: &mut dyn Sink) -> bool {
+        let Some(coming) = self.coming.filter(|coming| now >= coming.until) else { return false };
+        match self.criterion {
+            // [S0 "Communication via back plane bus"]: complete with the expiration of the ZVZ.
+            Criterion::Silence | Criterion::Fragments => self.end(coming, out),
+            Criterion::Characters { .. } | Criterion::Length(_) if !coming.lost => {
+                out.report(Event { phase: Phase::Receive, what: What::CharacterDelay });
+            }
+            _ => {}
+        }
+        self.coming = None;
+        true
+    }
+
+    /// The end of a telegram, lost or not.
+    fn end(&mut self, mut coming: Coming, out: &mut dyn Sink) {
+        self.coming = None;
+        if coming.lost {
+            return;
+        }
+        // [S0 "Communication via back plane bus"]: when the buffer is filled up, new telegrams are rejected.
+        if coming.len <= out.room() {
+            return out.deliver(&self.data[..coming.len]);
+        }
+        lose(&mut coming, What::NoBuffer, out);
+        if self.criterion == Criterion::Fragments {
+            // A fragment has something to follow: that goes the same way.
+            self.coming = Some(coming);
+        }
+    }
+}
+
+fn lose(coming: &mut Coming, what: What, out: &mut dyn Sink) {
+    out.report(Event { phase: Phase::Receive, what });
+    coming.lost = true;
+}

@@ -1,0 +1,165 @@
+//! Automatic use of the RS 232C secondary signals: RTS and DTR are driven, CTS and DSR watched. [S4 "4.3 RS 232C Secondary Signals"],
+//! [reference 6.5]
+//!
+//! ```text
+//! parameters          RTS OFF, DTR ON
+//! a request           RTS ON -- data output waiting time --> CTS ON? the characters -- last bit out -- time to RTS OFF --> RTS OFF
+//! ```
+//!
+//! The room of the ASCII driver and of the loadable Modbus driver alike. What ends when a signal goes OFF is theirs; here stand the signals and both
+//! times. Without [`Times`] they are neither set nor checked [S4 L590]: everything is clear at once.
+
+use crate::machine::{ModemLines, Nanos, Sink};
+
+/// Both times, in nanoseconds. [S4 "3.6.3 RS232 Secondary Signals"]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Times {
+    /// From the last bit of a request to RTS OFF.
+    pub rts_off: Nanos,
+    /// Data output waiting time: from RTS ON to the first character.
+    pub output_wait: Nanos,
+}
+
+/// The outputs.
+pub(crate) trait Outputs {
+    fn set_rts(&mut self, on: bool);
+    fn set_dtr(&mut self, on: bool);
+}
+
+impl Outputs for dyn Sink + '_ {
+    fn set_rts(&mut self, on: bool) {
+        self.rts(on);
+    }
+
+    fn set_dtr(&mut self, on: bool) {
+        self.dtr(on);
+    }
+}
+
+/// Whether a request may leave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Clear {
+    /// Now.
+    Go,
+    /// The data output waiting time runs.
+    Wait,
+    /// DSR is OFF, or CTS was not ON in time: the request fails.
+    Off,
+}
+
+/// What a change of the inputs means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Change {
+    /// DSR has gone from ON to OFF.
+    pub(crate) dsr_fell: bool,
+    /// CTS is OFF.
+    pub(crate) cts_off: bool,
+}
+
+/// The signals of one interface.
+#[derive(Clone, Debug)]
+pub(crate) struct Signals {
+    /// `None`: no automatic use.
+    times: Option<Times>,
+    /// `None`: the line has not told; that counts as ON.
+    lines: Option<ModemLines>,
+    /// RTS is ON for a request whose last bit is not out.
+    requested: bool,
+    /// The data output waiting time ends then.
+    wait: Option<Nanos>,
+    /// RTS goes OFF then.
+    rts_off: Option<Nanos>,
+}
+
+impl Signals {
+    pub(crate) const fn new(times: Option<Times>) -> Self {
+        Self { times, lines: None, requested: false, wait: None, rts_off: None }
+    }
+
+    /// Whether they are used by themselves.
+    pub(crate) const fn are_used(&self) -> bool {
+        self.times.is_some()
+    }
+
+    /// "... it switches the RTS line to OFF and the DTR line to ON." [S4 L811]
+    pub(crate) fn start<O: Outputs + ?Sized>(&self, out: &mut O) {
+        if self.are_used() {
+            out.set_rts(false);
+            out.set_dtr(true);
+        }
+    }
+
+    /// "When a send request is made, RTS is set to ON and the parameterized data output waiting time starts." [S4 L813] With DSR OFF it is not made.
+    pub(crate) fn request<O: Outputs + ?Sized>(&mut self, now: Nanos, out: &mut O) -> Clear {
+        let Some(times) = self.times else { return Clear::Go };
+        if !self.dsr() {
+            return Clear::Off;
+        }
+        // RTS may be ON still, for the request before.
+        self.rts_off = None;
+        self.requested = true;
+        self.wait = Some(now + times.output_wait);
+        out.set_rts(true);
+        self.clear(now)
+    }
+
+    /// "When the data output time elapses and CTS = ON, the data is sent"; if CTS is not ON by then, "the send request is aborted". [S4 L813],
+    /// [S4 L814]
+    pub(crate) fn clear(&mut self, now: Nanos) -> Clear {
+        match self.wait {
+            Some(until) if now < until => Clear::Wait,
+            Some(_) if !self.cts() => Clear::Off,
+            _ => {
+                self.wait = None;
+                Clear::Go
+            }
+        }
+    }
+
+    /// The last bit of the request is out: "the RTS line is set to OFF after the parameterized time to RTS OFF has elapsed". [S4 L815]
+    pub(crate) fn sent(&mut self, now: Nanos) {
+        if let (Some(times), true) = (self.times, self.requested) {
+            self.requested = false;
+            self.rts_off = Some(now + times.rts_off);
+        }
+    }
+
+    /// The request has ended before its last bit.
+    pub(crate) fn drop_request<O: Outputs + ?Sized>(&mut self, out: &mut O) {
+        self.wait = None;
+        if core::mem::take(&mut self.requested) {
+            out.set_rts(false);
+        }
+    }
+
+    pub(crate) fn tick<O: Outputs + ?Sized>(&mut self, now: Nanos, out: &mut O) {
+        if self.rts_off.take_if(|at| now >= *at).is_some() {
+            out.set_rts(false);
+        }
+    }
+
+    pub(crate) fn deadline(&self) -> Option<Nanos> {
+        self.wait.into_iter().chain(self.rts_off).min()
+    }
+
+    /// The inputs have changed.
+    pub(crate) fn inputs(&mut self, lines: ModemLines) -> Change {
+        let dsr_was_on = self.dsr();
+        self.lines = Some(lines);
+        let used = self.are_used();
+        Change { dsr_fell: used && dsr_was_on && !lines.dsr, cts_off: used && !lines.cts }
+    }
+
+    /// "Data can be received via the RS 232C interface as soon as the DSR line is set to ON." [S4 L816]
+    pub(crate) fn can_receive(&self) -> bool {
+        !self.are_used() || self.dsr()
+    }
+
+    fn dsr(&self) -> bool {
+        self.lines.is_none_or(|lines| lines.dsr)
+    }
+
+    fn cts(&self) -> bool {
+        self.lines.is_none_or(|lines| lines.cts)
+    }
+}
