@@ -88,6 +88,13 @@ impl Parser<'_, '_> {
             self.report(head.span, &codes::FOREIGN_MNEMONIC, message);
             return;
         }
+        let next = self.peek_at(1).filter(|next| next.span.start == head.span.end).map_or("", |next| self.text(next));
+        if matches!((text, next.chars().next()), ("/" | "(", Some('*'))) {
+            let message = format!("{shown}* begins no comment in STL");
+            let remedy = "A comment begins with // and ends with its line: one // in each line.";
+            self.sink.report_with(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, remedy);
+            return;
+        }
         let known = self.words.mnemonic_words().chain(keywords());
         let message = format!("{shown} is no mnemonic");
         self.sink.report_unknown(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, text, known);
