@@ -20,10 +20,6 @@ const EVENTS: &str = "docs/cp341-events.md";
 /// Why a row has no test.
 const REASONS: [&str; 4] = ["fact only", "printer driver", "other module", "hardware fault"];
 
-/// Rows that wait for their test. The number only falls: a row more than that is a finding, and so is one less.
-const OPEN: &str = "open";
-const OPEN_ROWS: usize = 0;
-
 /// What the table has to speak of: chapters 3 to 7 of the driver's manual, sections 1 to 6 of the reference. 3.2 to 3.14 of the reference
 /// are the event numbers.
 const SECTIONS: &str = "
@@ -136,10 +132,10 @@ fn is_about(heading: &str, section: &str) -> bool {
 
 /// The guard. A tree without the rows has nothing to say (the tests of the other guards have such).
 pub(super) fn check(tree: &Tree) -> Vec<Finding> {
-    check_against(tree, OPEN_ROWS, required())
+    check_against(tree, required())
 }
 
-fn check_against<'s>(tree: &Tree, open_rows: usize, required: impl Iterator<Item = &'s str>) -> Vec<Finding> {
+fn check_against<'s>(tree: &Tree, required: impl Iterator<Item = &'s str>) -> Vec<Finding> {
     let finding = |place: String, what: String| Finding { place, rule: RULE, what };
     let Some(file) = tree.files.iter().find(|file| file.path == ROWS) else {
         return vec![finding(ROWS.into(), "is not there".into())];
@@ -147,18 +143,10 @@ fn check_against<'s>(tree: &Tree, open_rows: usize, required: impl Iterator<Item
     let table = Table::read(&file.text);
     let at = |line: usize| format!("{ROWS}:{line}");
     let mut findings: Vec<Finding> = table.flaws.iter().map(|(line, what)| finding(at(*line), what.clone())).collect();
-    let mut open = 0;
-    for row in table.rows() {
-        if row.proof == OPEN {
-            open += 1;
-        } else if !REASONS.contains(&row.proof)
-            && let Err(what) = table.prove(tree, row)
-        {
+    for row in table.rows().filter(|row| !REASONS.contains(&row.proof)) {
+        if let Err(what) = table.prove(tree, row) {
             findings.push(finding(at(row.line), what));
         }
-    }
-    if open != open_rows {
-        findings.push(finding(ROWS.into(), format!("{open} open rows; OPEN_ROWS in xtask says {open_rows}")));
     }
     for section in required {
         let rows = table.sections.iter().filter(|(heading, _)| is_about(heading, section)).map(|(_, rows)| rows.len());
@@ -199,9 +187,8 @@ fn page(tree: &Tree, table: &Table<'_>) -> String {
     let count = |is: &dyn Fn(&Row<'_>) -> bool| table.rows().filter(|row| is(row)).count();
     let without = events(tree).iter().filter(|(_, _, reason)| !reason.is_empty()).count();
     let reasons = count(&|row| REASONS.contains(&row.proof)) + without;
-    let open = count(&|row| row.proof == OPEN);
-    let proven = count(&|_| true) + without - reasons - open;
-    let _ = write!(page, "\n{proven} rows have a test, {reasons} a reason, {open} are open.\n");
+    let proven = count(&|_| true) + without - reasons;
+    let _ = write!(page, "\n{proven} rows have a test, {reasons} a reason why there is none.\n");
     for (heading, rows) in table.sections.iter().filter(|(heading, _)| !is_about(heading, "events")) {
         let manual = if heading.starts_with("S4") { "S4 " } else { "" };
         let _ = write!(page, "\n## {heading}\n\n| place | what it says | proof |\n|---|---|---|\n");
@@ -222,7 +209,6 @@ fn page(tree: &Tree, table: &Table<'_>) -> String {
 
 fn proof(tree: &Tree, table: &Table<'_>, row: &Row<'_>) -> String {
     match table.prove(tree, row) {
-        _ if row.proof == OPEN => "**open**".to_owned(),
         Ok(tests) if !REASONS.contains(&row.proof) => {
             let cells: Vec<String> =
                 tests.iter().map(|(path, name)| format!("`{name}` ({})", path.trim_end_matches(".rs"))).collect();
@@ -241,17 +227,16 @@ mod tests {
     const GOOD: &str = "@m a/tests/m.rs\n== S4 3.1 Title\nL12 | said | m::good\nL13 | said | fact only\n== events\n0E20 | - | m::good\n";
 
     /// What the guard finds in these rows, the page being right.
-    fn findings(rows: &str, open: usize) -> Vec<String> {
+    fn findings(rows: &str) -> Vec<String> {
         let files = [("a/tests/m.rs", CODE), (EVENTS, EVENT_PAGE), (ROWS, rows)];
         let page = page(&Tree::of(&files), &Table::read(rows));
         let tree = Tree::of(&[files[0], files[1], files[2], (PAGE, &page)]);
-        check_against(&tree, open, ["S4 3.1", "events"].into_iter()).iter().map(ToString::to_string).collect()
+        check_against(&tree, ["S4 3.1", "events"].into_iter()).iter().map(ToString::to_string).collect()
     }
 
     #[test]
     fn a_whole_table_passes() {
-        assert_eq!(findings(GOOD, 0), Vec::<String>::new());
-        assert_eq!(findings(&GOOD.replace("fact only", "open"), 1), Vec::<String>::new());
+        assert_eq!(findings(GOOD), Vec::<String>::new());
     }
 
     #[test]
@@ -259,7 +244,6 @@ mod tests {
         for (from, to, says) in [
             ("fact only", "somehow", "neither a test nor a reason"),
             ("| fact only", "", "a row is"),
-            ("fact only", "open", "1 open rows"),
             ("fact only", "m::helper", "no test `helper`"),
             ("fact only", "m::commented", "no test `commented`"),
             ("fact only", "n::good", "no file has the name"),
@@ -268,7 +252,7 @@ mod tests {
             ("0E20", "0E21", "0E20 occurs"),
             ("0E20", "0101", "0101 has a test and a reason"),
         ] {
-            let found = findings(&GOOD.replace(from, to), 0);
+            let found = findings(&GOOD.replace(from, to));
             assert!(found.iter().any(|finding| finding.contains(says)), "{from} -> {to}: {found:?}");
         }
     }
@@ -276,7 +260,7 @@ mod tests {
     #[test]
     fn a_page_of_other_rows_is_found() {
         let tree = Tree::of(&[("a/tests/m.rs", CODE), (EVENTS, EVENT_PAGE), (ROWS, GOOD), (PAGE, "# Old\n")]);
-        let found = check_against(&tree, 0, std::iter::empty());
+        let found = check_against(&tree, std::iter::empty());
         assert!(found.len() == 1 && found[0].what.contains("--bless"), "{found:?}");
     }
 }
