@@ -19,7 +19,9 @@ fn example(name: &str) -> Site {
             fs::copy(&path, site.path(file)).expect("room for a file");
         } else if file.ends_with(".toml") {
             let text = fs::read_to_string(&path).expect("a station file");
-            site.write(file, &replaced(&text, "watchdog = \"150ms\"", "watchdog = \"500ms\""));
+            // A busy machine is not to be late for the watchdog, nor a slave for its master.
+            let text = replaced(&text, "watchdog = \"150ms\"", "watchdog = \"500ms\"");
+            site.write(file, &text.replace("wait_ms = 300", "wait_ms = 2000"));
         }
     }
     site
@@ -140,16 +142,12 @@ fn a_master_with_two_slaves() {
     assert_eq!(long.cells(&["DB11.WORDS[0]", "DB11.WORDS[19]", "DB11.WORDS[31]"]), [0x5678, 0x9ABC, 0]);
 
     // A slave that is switched off is missed, the other one is not; and it comes back.
-    let losses = master.driver().2;
-    let of_slave_5 = || master.cells(&["DB20.SHORT_ERRORS", "DB20.SHORT_ANSWERS"]);
-    let before = of_slave_5();
+    let (losses, errors) = (master.driver().2, master.cell("DB20.SHORT_ERRORS"));
     end([long]);
     more(&master, "LONG_ERRORS", 2);
     assert_eq!(master.cell("DB20.LONG_LAST"), 1);
     more(&master, "SHORT_ANSWERS", 4);
-    // On a busy machine an answer may come too late; but slave 5 goes on answering, however often the other one is missed.
-    let after = of_slave_5();
-    assert!(after[0] - before[0] < after[1] - before[1], "slave 5 is not concerned: {before:?}, {after:?}");
+    assert_eq!(master.cell("DB20.SHORT_ERRORS"), errors, "slave 5 is not concerned");
     let long = site.run("station-long.toml").until_run();
     more(&master, "LONG_ANSWERS", 6);
     master.until("setpoints there and back", |m| (m.cells(&actual) == inverted).then_some(()));

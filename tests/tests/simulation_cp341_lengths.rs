@@ -382,6 +382,11 @@ impl Direction {
 
 /// Runs the jobs of both stations.
 fn run(protocol: &str, jobs: [Vec<Job>; 2]) {
+    run_at("1ms", protocol, jobs);
+}
+
+/// The same with another minimum cycle time of station B.
+fn run_at(cycle: &str, protocol: &str, jobs: [Vec<Job>; 2]) {
     let folder = tempfile::tempdir().expect("a folder");
     let mut program = PROGRAM.to_owned();
     for (db, bytes) in BLOCKS {
@@ -389,9 +394,9 @@ fn run(protocol: &str, jobs: [Vec<Job>; 2]) {
         program += &format!("\nDATA_BLOCK DB {db}\nSTRUCT\n  {array}\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n");
     }
     fs::write(folder.path().join("program.awl"), program).expect("the program");
-    for (name, line, priority) in [("a", "pty:cable", "high"), ("b", "serial:cable", "low")] {
+    for (name, line, priority, cycle) in [("a", "pty:cable", "high", "1ms"), ("b", "serial:cable", "low", cycle)] {
         let file = format!(
-            "[station]\nname = \"{name}\"\n[cpu]\nmin_cycle = \"1ms\"\nwatchdog = \"500ms\"\n\
+            "[station]\nname = \"{name}\"\n[cpu]\nmin_cycle = \"{cycle}\"\nwatchdog = \"500ms\"\n\
              [program]\nsources = [\"program.awl\"]\nmnemonics = \"de\"\n[[plugin]]\npath = \"ob1_cp341\"\n\
              [[module]]\ntype = \"cp341\"\nname = \"cp\"\naddress = 256\nline = \"{line}\"\n\
              params = {{ protocol = \"{protocol}\", baud = 115200, priority = \"{priority}\" }}\n"
@@ -435,6 +440,12 @@ fn every_boundary_as_send_to_x() {
 #[test]
 fn every_boundary_as_fetch_of_d() {
     run("3964-rk512", [BOUNDARIES.map(fetch).to_vec(), vec![]]);
+}
+
+/// A CPU of 100 ms takes 13 s for 4096 bytes: it is slow, and it is not given up after 10 s as one that takes nothing. [reference 1.7]
+#[test]
+fn a_slow_cpu_is_waited_for() {
+    run_at("100ms", "3964r-rk512", [vec![send('D', 4096), fetch(4096)], vec![]]);
 }
 
 /// Both stations at once, lengths and offsets by chance.

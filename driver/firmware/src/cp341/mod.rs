@@ -314,8 +314,12 @@ impl Cp341 {
     }
 
     fn look_receive(&mut self, now: Nanos, block: &ChannelBlock, port: &mut dyn CpPort) {
-        let kind = self.receive.offered();
+        let (kind, moves) = (self.receive.offered(), self.receive.moves());
         match self.receive.look(block) {
+            // A slow CPU is not one that takes nothing.
+            receive::Step::Nothing if self.receive.moves() != moves => {
+                self.order_rk512(now, rk512::Order::Working, port);
+            }
             receive::Step::Nothing => {}
             receive::Step::Dropped => {
                 self.enter(now, 0x040A, port);

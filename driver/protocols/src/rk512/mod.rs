@@ -84,6 +84,8 @@ pub enum Order<'a> {
     Start(Request, &'a [u8]),
     /// The answer to the order of the partner that [`Owner::asked`] brought. Without one it is dropped.
     Answer(Answer<'a>),
+    /// The CPU is at the order of the partner: its time to answer begins anew.
+    Working,
     /// From now on the CPU takes orders of the partner (true, as at the start) or does not (CPU in STOP).
     Serve(bool),
     /// Drop everything in both roles and go back to idle. The RESET of the CPU, or new parameters.
@@ -206,13 +208,20 @@ impl<const N: usize> Rk512<N> {
             }
         };
         let due = self.drive(now, line, out);
-        self.deadline(due)
+        let mut due = self.deadline(due);
+        // As in 3964(R): a tick leaves no time behind it that is over.
+        while input == Input::Tick && due.is_some_and(|due| due <= now) {
+            let line = self.drive(now, machine::Input::Tick, out);
+            due = self.deadline(line);
+        }
+        due
     }
 
     fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Owner) {
         match order {
             Order::Start(request, data) => self.start(request, data, out),
             Order::Answer(answer) => self.answer(answer, out),
+            Order::Working => self.working(now),
             Order::Serve(serves) => {
                 self.serves = serves;
                 if !serves && self.is_asking() {

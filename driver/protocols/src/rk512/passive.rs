@@ -197,6 +197,13 @@ impl<const N: usize> Rk512<N> {
         out.asked(&partner.request, &self.partner_data[..partner.at]);
     }
 
+    /// The CPU has moved some of the data.
+    pub(super) fn working(&mut self, now: Nanos) {
+        if let Some(Partner { stage: Stage::Asked { until }, .. }) = &mut self.partner {
+            *until = now + self.config.answer_wait;
+        }
+    }
+
     /// The CPU answers. [reference 4.5]: "after data is in the CPU".
     pub(super) fn answer(&mut self, answer: Answer<'_>, out: &mut dyn Owner) {
         let Some(partner) = self.partner.as_mut().filter(|partner| partner.is_asked()) else { return };

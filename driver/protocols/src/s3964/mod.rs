@@ -297,7 +297,13 @@ impl<const N: usize> S3964<N> {
 impl<const N: usize> Machine for S3964<N> {
     fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
         self.take(now, input, out);
-        self.go(now, out)
+        let mut due = self.go(now, out);
+        // A time of 0 ms is over as soon as it has begun: a tick leaves none behind it.
+        while input == Input::Tick && due.is_some_and(|due| due <= now) {
+            self.take(now, Input::Tick, out);
+            due = self.go(now, out);
+        }
+        due
     }
 
     fn busy(&self) -> bool {
