@@ -166,6 +166,7 @@ fn wait(
     while let Some(at) = deadline.filter(|at| *at <= until) {
         now = now.max(at);
         deadline = machine.step(now, Input::Tick, books);
+        assert!(deadline.is_none_or(|due| due > now), "a tick leaves a time behind it that is over");
         if std::mem::take(&mut books.in_flight) {
             deadline = machine.step(now, Input::TxDone, books);
         }
@@ -179,10 +180,17 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn s3964(steps in proptest::collection::vec(step(), 0..200), bcc: bool, high: bool, cp341: bool, zna in 0..3_u64) {
+    fn s3964(
+        steps in proptest::collection::vec(step(), 0..200),
+        bcc: bool,
+        high: bool,
+        cp341: bool,
+        zna in 0..3_u64,
+        qvz in 0..2_u64,
+    ) {
         let base = if cp341 { s3964::Config::cp341(bcc, MS) } else { s3964::Config::cp240(bcc, MS) };
         let priority = if high { Priority::High } else { Priority::Low };
-        drive(&mut S3964::<1024>::new(s3964::Config { priority, zna: zna * 20 * MS, ..base }), &steps);
+        drive(&mut S3964::<1024>::new(s3964::Config { priority, zna: zna * 20 * MS, qvz: qvz * base.qvz, ..base }), &steps);
     }
 
     #[test]

@@ -475,3 +475,16 @@ fn what_the_cp_341_does_otherwise() {
          325 fault Break => !Output: Line(Break), back 5, sent Frame",
     );
 }
+
+/// QVZ of 0 ms, on a line that never says that its output has ended: the time is over in the tick in which it begins, and the tick leaves none
+/// behind it that is due already.
+#[test]
+fn a_time_of_0_ms_is_over_in_the_same_tick() {
+    run(
+        Config { qvz: 0, block_attempts: 1, ..config(true) },
+        "0    start
+         0    order 31 => tx STX
+         5    rx DLE => tx 31 10 03 22
+         1009 timeout => !Acknowledge: AckDelay, !Output: Exhausted, tx NAK, sent AckDelay",
+    );
+}
