@@ -179,6 +179,10 @@ fn the_newest_telegram_is_kept() {
     bench.refuse();
     bench.pass(1000 * MS);
     assert_eq!(bench.all(), [telegram(b"refused\r\n")]);
+    bench.has_said(b"on show\r\nafter EN_R\r\n");
+    bench.pauses();
+    assert_eq!(bench.all(), [telegram(b"after EN_R\r\n")]);
+    balanced(&bench, 0);
     bench.has_said(b"stop\r\nwaits\r\n");
     bench.run(false);
     balanced(&bench, 1);

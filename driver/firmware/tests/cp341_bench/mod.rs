@@ -342,6 +342,14 @@ impl Bench {
         self.step(Input341::Channel(Channel::Receive, &block));
     }
 
+    /// EN_R = 0 and 1 again.
+    pub(crate) fn pauses(&mut self) {
+        for command in [2, 3] {
+            let block = self.receive_block(command, 0);
+            self.step(Input341::Channel(Channel::Receive, &block));
+        }
+    }
+
     /// What P_RCV_RK is told next.
     pub(crate) fn got(&mut self) -> Option<Got> {
         let shown = self.port.shown[1];
