@@ -114,7 +114,7 @@ fn the_scan_makes_no_system_call_it_may_not() {
     assert_eq!(ended.signal(), Some(Signal::SYS.as_raw()), "{ended:?}");
     driver.wait("a driver without a runtime");
     site.wait_until_empty();
-    assert!(!site.rundir("two-stations-a").exists());
+    assert!(!site.rundir("tested-a").exists());
 }
 
 #[test]
@@ -127,5 +127,5 @@ fn a_fenced_station_ends_well() {
     let ended = a.interrupt();
     assert_eq!(ended.code(), Some(0), "{ended:?}");
     assert_eq!(b.interrupt().code(), Some(0));
-    assert!(site.processes().is_empty() && !site.rundir("two-stations-a").exists());
+    assert!(site.processes().is_empty() && !site.rundir("tested-a").exists());
 }

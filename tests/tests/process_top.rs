@@ -14,8 +14,8 @@ fn a_look_at_two_stations_at_work() {
     let (a, b) = (site.run("station-a.toml").until_run(), site.run("station-b.toml").until_run());
     ledger::flow(&a, 5);
     let looks = ["--plain", "--count", "2", "--every", "200ms", "--watch", "DB20.DONE,DB99.DBW0"];
-    let said = site.ob1(&[&["top", "two-stations-a"][..], &looks].concat()).fine();
-    for part in ["two-stations-a  RUN", "FC 0 SEND", "*PW", "ready (", "DB20.DONE", "DB99.DBW0", "4302h"] {
+    let said = site.ob1(&[&["top", "tested-a"][..], &looks].concat()).fine();
+    for part in ["tested-a  RUN", "FC 0 SEND", "*PW", "ready (", "DB20.DONE", "DB99.DBW0", "4302h"] {
         assert_eq!(said.matches(part).count().min(2), 2, "{part} in both looks: {said}");
     }
     // Newest figures are those since the look before.
@@ -24,12 +24,12 @@ fn a_look_at_two_stations_at_work() {
     // It ends with its station, and a station that does not run cannot be looked at.
     let mut command = site.command(common::program("ob1"));
     let mut child =
-        command.args(["top", "two-stations-a", "--every", "50ms"]).stdout(Stdio::null()).spawn().expect("ob1");
+        command.args(["top", "tested-a", "--every", "50ms"]).stdout(Stdio::null()).spawn().expect("ob1");
     let top = Watched::find(child.id()).expect("a child is there until it is waited for");
     assert!(!top.has_ended());
     assert_eq!(a.interrupt().code(), Some(0));
     top.wait("top without a station");
     child.wait().expect("a child that has ended");
-    assert_eq!(site.ob1(&["top", "two-stations-a", "--plain"]).code, Some(5));
+    assert_eq!(site.ob1(&["top", "tested-a", "--plain"]).code, Some(5));
     assert_eq!(b.interrupt().code(), Some(0));
 }

@@ -145,9 +145,10 @@ impl Drop for Site {
     }
 }
 
-/// A station file of the demo with [`PATIENT`] times, [`WATCHDOG`], and an edit.
+/// A station file of the demo with [`PATIENT`] times, [`WATCHDOG`], and an edit. Its stations are `tested-a` and `tested-b`: a demo that runs
+/// on this machine would be found by its name.
 pub(crate) fn demo_station(name: &str, edit: impl FnOnce(String) -> String) -> String {
-    example_station("examples/two-stations", name, edit)
+    example_station("examples/two-stations", name, |text| edit(replaced(&text, "\"two-stations-", "\"tested-")))
 }
 
 /// The same of another example.
