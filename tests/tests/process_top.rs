@@ -23,8 +23,7 @@ fn a_look_at_two_stations_at_work() {
 
     // It ends with its station, and a station that does not run cannot be looked at.
     let mut command = site.command(common::program("ob1"));
-    let mut child =
-        command.args(["top", "tested-a", "--every", "50ms"]).stdout(Stdio::null()).spawn().expect("ob1");
+    let mut child = command.args(["top", "tested-a", "--every", "50ms"]).stdout(Stdio::null()).spawn().expect("ob1");
     let top = Watched::find(child.id()).expect("a child is there until it is waited for");
     assert!(!top.has_ended());
     assert_eq!(a.interrupt().code(), Some(0));

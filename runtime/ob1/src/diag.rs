@@ -55,7 +55,7 @@ pub fn diag(options: &Options) -> Exit {
 }
 
 /// The buffers as text.
-fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
+pub(crate) fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
     use std::fmt::Write as _;
     let mut out = String::new();
     // Writing into a String does not fail.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::watch::Watched;
-use crate::access::protocol::{CellValue, Diagnostic, ModuleStatus, Status};
+use crate::access::protocol::{CellValue, CpBuffer, Diagnostic, ModuleStatus, Status};
 use crate::soak::statistics::{quantile, since};
 use crate::timing::Timing;
 use crate::timing::snapshot::Spread;
@@ -18,8 +18,10 @@ pub(super) struct Look {
     pub(super) status: Status,
     /// The accounts, with all buckets.
     pub(super) timing: Timing,
-    /// The diagnostic buffer, newest first.
+    /// The CPU's diagnostic buffer, newest first.
     pub(super) diagnostics: Vec<Diagnostic>,
+    /// Those of the CPs that have one of their own.
+    pub(super) cp_buffers: Vec<CpBuffer>,
     /// The variable table, or why a cell cannot be read.
     pub(super) values: Vec<(Watched, Result<CellValue, String>)>,
 }
@@ -154,6 +156,7 @@ pub(super) fn bins(buckets: &[(u64, u64)], bins: usize) -> Vec<(u64, u64)> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use ob1_backplane::BufferEntry;
     use serde_json::json;
 
     /// A station with a CP, after so many seconds and scans.
@@ -187,6 +190,13 @@ pub(super) mod tests {
                 time_ns: 5_000_000,
                 event: "4302h".into(),
                 text: "4302h: RUN".into(),
+            }],
+            cp_buffers: vec![CpBuffer {
+                name: "cp".into(),
+                type_name: "cp341".into(),
+                address: 272,
+                driver: "ready".into(),
+                entries: (3..8).map(|number| BufferEntry { number, incoming: true, time_ms: 10 }.into()).collect(),
             }],
             values: vec![
                 (Watched::parse("MW10:hex"), Ok(value)),

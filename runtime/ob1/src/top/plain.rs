@@ -4,7 +4,11 @@ use std::fmt::Write as _;
 
 use super::data::{Data, counter, rows};
 use crate::access::protocol::ModuleStatus;
+use crate::diag;
 use crate::soak::text::time;
+
+/// Entries of each diagnostic buffer.
+const NEWEST: usize = 3;
 
 /// The state of the station in a line, as at the head of the screen.
 pub(super) fn head(data: &Data) -> String {
@@ -102,10 +106,12 @@ pub(super) fn text(data: &Data) -> String {
     for line in values(data) {
         let _ = writeln!(out, "{line}");
     }
-    for entry in data.now.diagnostics.iter().take(3) {
+    for entry in data.now.diagnostics.iter().take(NEWEST) {
         let _ = writeln!(out, "{}", diagnostic(entry));
     }
-    out
+    let mut buffers = data.now.cp_buffers.clone();
+    buffers.iter_mut().for_each(|buffer| buffer.entries.truncate(NEWEST));
+    out + &diag::text(None, &buffers)
 }
 
 #[cfg(test)]
@@ -127,9 +133,11 @@ mod tests {
             "MW10                     WORD     16#0102",
             "DB99.DBW0                there is no DB 99",
             "4302h: RUN",
+            "0.010 s     0003h The parameters were accepted",
             "unexplained (host suspected): 50.0 %",
         ] {
             assert!(text.contains(part), "{part}\n{text}");
         }
+        assert!(!text.contains("0007h"), "the newest three\n{text}");
     }
 }

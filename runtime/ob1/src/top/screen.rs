@@ -88,7 +88,14 @@ fn cps(frame: &mut Frame<'_>, area: Rect, data: &Data) {
 
 fn diagnostics(frame: &mut Frame<'_>, area: Rect, data: &Data) {
     let lines: Vec<Line<'_>> = data.now.diagnostics.iter().map(|entry| Line::from(plain::diagnostic(entry))).collect();
-    frame.render_widget(Paragraph::new(lines).block(titled("diagnostic buffer, newest first")), area);
+    let buffers = Paragraph::new(lines).block(titled("diagnostic buffer, newest first"));
+    if data.now.cp_buffers.is_empty() {
+        return frame.render_widget(buffers, area);
+    }
+    let [cpu, cps] = Layout::vertical([Constraint::Fill(1), Constraint::Fill(1)]).areas(area);
+    frame.render_widget(buffers, cpu);
+    let text = crate::diag::text(None, &data.now.cp_buffers);
+    frame.render_widget(Paragraph::new(text).block(titled("of the CPs, newest first")), cps);
 }
 
 fn variables(frame: &mut Frame<'_>, area: Rect, data: &Data, chosen: usize) {

@@ -8,7 +8,7 @@ use crate::access::client::{AccessError, Client};
 use crate::access::protocol::{CellValue, Op, Response};
 use crate::trace::{Printer, Taps};
 
-/// Entries of the diagnostic buffer that are shown.
+/// Entries of each diagnostic buffer that are shown.
 const DIAGNOSTICS: u32 = 100;
 
 /// A running station that is looked at.
@@ -34,12 +34,13 @@ impl Source {
         let nothing = || AccessError::Refused("an answer without what was asked for".into());
         let status = self.client.ask(Op::Status)?.status.ok_or_else(nothing)?;
         let timing = *self.client.ask(Op::Timing { histograms: true })?.timing.ok_or_else(nothing)?;
-        let diagnostics = self.client.ask(Op::Diag { count: DIAGNOSTICS })?.diagnostics.unwrap_or_default();
+        let buffers = self.client.ask(Op::Diag { count: DIAGNOSTICS })?;
         let mut values = Vec::with_capacity(watch.len());
         for watched in watch {
             values.push((watched.clone(), self.value(&watched.name)?));
         }
-        Ok(Look { status, timing, diagnostics, values })
+        let (diagnostics, cp_buffers) = (buffers.diagnostics.unwrap_or_default(), buffers.cps.unwrap_or_default());
+        Ok(Look { status, timing, diagnostics, cp_buffers, values })
     }
 
     /// One by one, so that a name that is wrong does not hide the others.
