@@ -17,8 +17,8 @@ pub struct Config {
     pub reaction: Nanos,
     /// How long an order waits for the reaction that one before it has not got in time, so that it is not taken for its own. (ours)
     pub late_wait: Nanos,
-    /// How long the CPU has to answer an order of the partner, or to get on with it ([`Order::Working`](super::Order::Working)); after that it is refused with 2Ah. Shorter than the partner's reaction
-    /// monitoring.
+    /// How long the CPU has to answer an order of the partner, or to get on with it ([`Order::Working`](super::Order::Working)); after that
+    /// it is refused with 2Ah. Shorter than the partner's reaction monitoring.
     pub answer_wait: Nanos,
     /// How long the next telegram of the partner's order is waited for.
     pub follow_wait: Nanos,
