@@ -1,10 +1,10 @@
 //! awlsim as a black box: its command `awlsim-test` runs a program and prints what its CPU holds.
 //!
-//! awlsim is GPL, so it is run as a program and nothing else: what is known of it here is its `--help`, its README and what it prints.
-//! `cargo xtask` installs it into the checkout (`tests/peers/requirements.txt`).
+//! awlsim is GPL, so it is run as a program and nothing else: what is known of it here is its `--help`, its README
+//! and what it prints. `cargo xtask` installs it into the checkout (`tests/peers/requirements.txt`).
 //!
-//! It prints its registers and the first 64 bytes of each area when a fault stops it. So a program shows its results there and then
-//! faults on purpose: [`stop`].
+//! It prints its registers and the first 64 bytes of each area when a fault stops it. So a program shows its results
+//! there and then faults on purpose: [`stop`].
 
 use std::error::Error;
 use std::ffi::OsStr;

@@ -1,8 +1,8 @@
-//! Meters on an M-Bus, for simulations: what a master sends goes in, what the bus answers comes out. Written from EN 13757 and the
-//! manual's tables, not with the code under test.
+//! Meters on an M-Bus, for simulations: what a master sends goes in, what the bus answers comes out. Written from EN
+//! 13757 and the manual's tables, not with the code under test.
 //!
-//! [S0 "Overview of M-Bus telegrams"], [S0 "A field"], [S0 "FCB bit"]. A bus of several meters does what two wires do: who sends at
-//! the same time as another pulls the bits to 0.
+//! [S0 "Overview of M-Bus telegrams"], [S0 "A field"], [S0 "FCB bit"]. A bus of several meters does what two wires do:
+//! who sends at the same time as another pulls the bits to 0.
 
 const SINGLE: u8 = 0xE5;
 /// Address of the selected meter, of any meter, of all meters.

@@ -1,8 +1,8 @@
-//! A Modbus slave in ASCII with 16-bit and 32-bit registers, for simulations. Written from the manual of the master and the Modbus
-//! specification, not with the code under test: it shares neither codec nor checks with it.
+//! A Modbus slave in ASCII with 16-bit and 32-bit registers, for simulations. Written from the manual of the master and
+//! the Modbus specification, not with the code under test: it shares neither codec nor checks with it.
 //!
-//! Which width a register has is a matter of its address. Asked for the wrong one the slave does what the manual says a slave does: it reads
-//! its own number of bytes, and refuses to write another one. [S4 "32-Bit Registers"]
+//! Which width a register has is a matter of its address. Asked for the wrong one the slave does what the manual says a
+//! slave does: it reads its own number of bytes, and refuses to write another one. [S4 "32-Bit Registers"]
 
 /// Number of bits and registers of each kind.
 pub const SIZE: u16 = 4000;
@@ -95,7 +95,8 @@ impl ModbusSlave {
             return None;
         }
         self.messages = self.messages.wrapping_add(1);
-        // Event bytes of the specification: 1xxxxxxx received (bit 6: broadcast), 01xxxxxx sent (bit 0 to 3: exception).
+        // Event bytes of the specification: 1xxxxxxx received (bit 6: broadcast), 01xxxxxx sent (bit 0 to 3:
+        // exception).
         self.note(if is_for_all { 0xC0 } else { 0x80 });
         let done = self.refuses.map_or_else(|| self.carry_out(function, data), Err);
         // Function 11 does not count itself.

@@ -1,4 +1,5 @@
-//! Programs on which our engine and awlsim once differed, replayed on ours: `tests/compare/*.awl`, each with what must be in bit memory.
+//! Programs on which our engine and awlsim once differed, replayed on ours: `tests/compare/*.awl`, each with what must
+//! be in bit memory.
 
 use ob1_tests::compare::{regressions, replay};
 

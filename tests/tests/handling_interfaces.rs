@@ -1,5 +1,5 @@
-//! The handling blocks declared in `blocks/std/src/handling.rs` against those the plugins bring: a program that compiled with the declaration
-//! must mean the same with the plugin.
+//! The handling blocks declared in `blocks/std/src/handling.rs` against those the plugins bring: a program that
+//! compiled with the declaration must mean the same with the plugin.
 //!
 //! The table is the folder `plugins/`: a plugin whose library is not declared, or was not built, fails here.
 

@@ -1,5 +1,6 @@
-//! The loadable driver against a slave with 32-bit registers that was written without it: every function at random, each job ends as the
-//! slave's memory says; and replies with a damaged character, none of which becomes data. In virtual time.
+//! The loadable driver against a slave with 32-bit registers that was written without it: every function at random,
+//! each job ends as the slave's memory says; and replies with a damaged character, none of which becomes data. In
+//! virtual time.
 
 use ob1_line::sim::SplitMix64;
 use ob1_protocols::modbus_master_32::{Driver, Input, Order, Owner, Parameters};
@@ -120,7 +121,8 @@ fn source(address: u8, code: u8, words: [u16; 2], data: &[u8]) -> Vec<u8> {
     source
 }
 
-/// Bits as the words of a destination or source area have them: the first eight in the low byte, at the odd address. [S4 L896]
+/// Bits as the words of a destination or source area have them: the first eight in the low byte, at the odd address.
+/// [S4 L896]
 fn in_words(bits: &[bool]) -> Vec<u8> {
     let mut bytes = vec![0; bits.len().div_ceil(16) * 2];
     for (n, _) in bits.iter().enumerate().filter(|(_, bit)| **bit) {
@@ -142,7 +144,8 @@ fn among(rng: &mut SplitMix64, low: u16, high: u16) -> u16 {
     }
 }
 
-/// A start address so that `count` elements still fit before `end`, or (once in ten) just do not; the second value tells.
+/// A start address so that `count` elements still fit before `end`, or (once in ten) just do not; the second value
+/// tells.
 fn place(rng: &mut SplitMix64, low: u16, end: u16, count: u16) -> (u16, bool) {
     if rng.below(10) == 0 { (end - count + 1, false) } else { (among(rng, low, end - count), true) }
 }

@@ -1,4 +1,5 @@
-//! A few programs of `cargo xtask compare` on our engine and on awlsim: enough to see that both still agree. The long run is the verb's.
+//! A few programs of `cargo xtask compare` on our engine and on awlsim: enough to see that both still agree. The long
+//! run is the verb's.
 
 use ob1_tests::awlsim::{Awlsim, Scratch};
 use ob1_tests::compare::{Verdict, compare};

@@ -1,5 +1,6 @@
-//! `examples/cp341-pair` as real processes: two stations with two CP 341 each, 3964R and RK 512, on two simulated lines. Nothing is lost,
-//! doubled or wrong; a driver that is killed in the middle costs what it held, and nobody is told DONE for it.
+//! `examples/cp341-pair` as real processes: two stations with two CP 341 each, 3964R and RK 512, on two simulated
+//! lines. Nothing is lost, doubled or wrong; a driver that is killed in the middle costs what it held, and nobody is
+//! told DONE for it.
 
 mod common;
 

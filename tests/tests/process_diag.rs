@@ -1,4 +1,5 @@
-//! The diagnosis of a CP 341 with real processes: a TCP line that breaks and comes back, OB 82, LEDs, `ob1 diag`, a driver that is killed.
+//! The diagnosis of a CP 341 with real processes: a TCP line that breaks and comes back, OB 82, LEDs, `ob1 diag`, a
+//! driver that is killed.
 
 mod common;
 

@@ -1,5 +1,6 @@
-//! EnOcean as real processes: the manual's program with a TCM 120 on its line, the CP on a gateway's serial port, and eltako14bus, a library
-//! that is not ours, in the place of the module and of the CPU. [S1 "Beispiel zum Einsatz unter EnOcean"]
+//! EnOcean as real processes: the manual's program with a TCM 120 on its line, the CP on a gateway's serial port, and
+//! eltako14bus, a library that is not ours, in the place of the module and of the CPU.
+//! [S1 "Beispiel zum Einsatz unter EnOcean"]
 
 mod common;
 
@@ -293,7 +294,8 @@ fn awlsim_runs_the_filter() {
         ("11", "121C7A", false),
     ];
     let calls = table.iter().enumerate().map(|(n, (status, id, _))| {
-        // awlsim takes no initial value of a parameter from the FB, so WINDOW is supplied; as long as the busiest machine may need.
+        // awlsim takes no initial value of a parameter from the FB, so WINDOW is supplied; as long as the busiest
+        // machine may need.
         format!(
             "CALL FB 110, DB 110 (NEW := TRUE, HEAD := W#16#0B05, DATA := DW#16#10000000, ID := DW#16#{id}, STATUS := B#16#{status}, \
              WINDOW := T#1H, REPEATED := M 0.{n});\n"

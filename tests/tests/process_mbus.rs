@@ -1,5 +1,5 @@
-//! M-Bus with real processes and with others' software: the program of the manual reads a meter that a script plays, and pyMeterBus
-//! understands what our master has read.
+//! M-Bus with real processes and with others' software: the program of the manual reads a meter that a script plays,
+//! and pyMeterBus understands what our master has read.
 
 mod common;
 

@@ -1,4 +1,5 @@
-//! The Modbus examples as real processes: the manual's own with the values of its variable table, and a master with two slaves.
+//! The Modbus examples as real processes: the manual's own with the values of its variable table, and a master with two
+//! slaves.
 
 mod common;
 

@@ -1,5 +1,6 @@
-//! Modbus with programs that are not ours, on a pty: pymodbus (RTU and ASCII, both roles), minimalmodbus (RTU and ASCII, master),
-//! libmodbus (RTU, slave) and mbpoll, which is libmodbus as a master; the CP 341's loadable driver asks pymodbus. The scripts are in `tests/peers/modbus.py`.
+//! Modbus with programs that are not ours, on a pty: pymodbus (RTU and ASCII, both roles), minimalmodbus (RTU and
+//! ASCII, master), libmodbus (RTU, slave) and mbpoll, which is libmodbus as a master; the CP 341's loadable driver asks
+//! pymodbus. The scripts are in `tests/peers/modbus.py`.
 
 mod common;
 

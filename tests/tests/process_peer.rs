@@ -1,7 +1,8 @@
-//! A partner that is not ours: the Python script of `tests/peers`, written from the manual alone, talks 3964R to station B of the demo,
-//! whose program sends back what it receives.
+//! A partner that is not ours: the Python script of `tests/peers`, written from the manual alone, talks 3964R to
+//! station B of the demo, whose program sends back what it receives.
 //!
-//! Each test lets the partner go wrong in one way, and looks at what both sides say of it: the partner's events, the station's DB 20.
+//! Each test lets the partner go wrong in one way, and looks at what both sides say of it: the partner's events, the
+//! station's DB 20.
 
 mod common;
 
@@ -166,7 +167,8 @@ fn conflict(priority: &str) -> Events {
     let sent: Vec<&str> = events.all("sent").iter().filter_map(|event| event["data"].as_str()).collect();
     assert_eq!(sent, [hex(b"first"), hex(b"second")], "{events:#?}");
     assert_eq!(events.received(), [hex(b"first"), hex(b"second")], "both echoes get through: {events:#?}");
-    // With a station that gives way the second telegram comes while the echo of the first is still to be sent: it waits.
+    // With a station that gives way the second telegram comes while the echo of the first is still to be sent: it
+    // waits.
     assert_eq!((ledger["RECEIVED"], ledger["BUSY"], ledger["STARTED"]), (2, 0, 2), "{ledger:?}");
     events
 }

@@ -36,7 +36,8 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// FC 4 serves SEND and FETCH, in one telegram and in several, sets and respects the coordination flag, and refuses what cannot be.
+/// FC 4 serves SEND and FETCH, in one telegram and in several, sets and respects the coordination flag, and refuses
+/// what cannot be.
 #[test]
 fn the_station_serves_the_partner() {
     let site = Site::new();

@@ -1,5 +1,5 @@
-//! The scan allocates nothing and makes no system call but the few it may, plugins included, while telegrams flow and a driver is
-//! killed. For each of the two guards a block that breaks the rule proves that it can fail.
+//! The scan allocates nothing and makes no system call but the few it may, plugins included, while telegrams flow and a
+//! driver is killed. For each of the two guards a block that breaks the rule proves that it can fail.
 
 mod common;
 

@@ -1,4 +1,5 @@
-//! The examples with serial devices as real processes: a barcode reader (ASCII) and a scale (STX/ETX), each played by its script.
+//! The examples with serial devices as real processes: a barcode reader (ASCII) and a scale (STX/ETX), each played by
+//! its script.
 
 mod common;
 

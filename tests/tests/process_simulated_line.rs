@@ -1,4 +1,5 @@
-//! Stations on a simulated line, as real processes: a cable shared by two, one that is killed, an echo, two wires within one station.
+//! Stations on a simulated line, as real processes: a cable shared by two, one that is killed, an echo, two wires
+//! within one station.
 
 mod common;
 

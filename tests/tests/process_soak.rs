@@ -1,7 +1,8 @@
-//! `ob1 soak` with real processes: its verdicts and exit codes, its files, what an interruption and a kill leave, and the ledger of the
-//! telegrams while drivers are killed.
+//! `ob1 soak` with real processes: its verdicts and exit codes, its files, what an interruption and a kill leave, and
+//! the ledger of the telegrams while drivers are killed.
 //!
-//! Limits here are either beyond what any machine reaches or below what any needs: nothing depends on how busy this one is.
+//! Limits here are either beyond what any machine reaches or below what any needs: nothing depends on how busy this one
+//! is.
 
 mod common;
 

@@ -1,8 +1,8 @@
-//! The accounts are honest: a delay that a test makes is found in them, with its class and at least its size. And the priority is the
-//! scan's alone.
+//! The accounts are honest: a delay that a test makes is found in them, with its class and at least its size. And the
+//! priority is the scan's alone.
 //!
-//! Sizes have lower bounds only: a busy machine makes everything longer, and some delays its own. Where it took the core away in the
-//! middle of ours, the class rightly is another one, and the test tries again.
+//! Sizes have lower bounds only: a busy machine makes everything longer, and some delays its own. Where it took the
+//! core away in the middle of ours, the class rightly is another one, and the test tries again.
 
 mod common;
 
@@ -18,10 +18,12 @@ use ob1_command::timing::{Class, Recorder, Timing};
 use rustix::process::Signal;
 
 const MS: u64 = 1_000_000;
-/// Turns of the slow block, three statements each: more than the 10 ms of a cycle on any machine, far less than the watchdog on all.
+/// Turns of the slow block, three statements each: more than the 10 ms of a cycle on any machine, far less than the
+/// watchdog on all.
 const TURNS: u64 = 200 * 60_000;
 
-/// OB 1 calls the slow block of statements when M 200.0 is set, and the slow block of a plugin when M 200.1 is, once each.
+/// OB 1 calls the slow block of statements when M 200.0 is set, and the slow block of a plugin when M 200.1 is, once
+/// each.
 fn station(site: &Site) -> Running {
     let plugin = native::build(site, "tests/native/timing_blocks.c", "timing_blocks.so", &[]);
     let toml = format!(

@@ -1,4 +1,5 @@
-//! Both stations of the demo as real processes: telegrams, questions from outside, STOP and RUN, and an end that leaves nothing behind.
+//! Both stations of the demo as real processes: telegrams, questions from outside, STOP and RUN, and an end that leaves
+//! nothing behind.
 
 mod common;
 

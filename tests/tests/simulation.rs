@@ -51,7 +51,8 @@ fn without_a_cable_no_order_is_ever_done() {
         duration: 60 * SECOND,
         ..Scenario::demo(&folder(), 3)
     };
-    // Nothing is lost in the calm at the end, so only the time before it is looked at: the log has each change of a counter.
+    // Nothing is lost in the calm at the end, so only the time before it is looked at: the log has each change of a
+    // counter.
     let calm = 45_000_000;
     let outcome = run(&scenario);
     let mut errors = 0;

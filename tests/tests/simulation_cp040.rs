@@ -1,5 +1,5 @@
-//! `examples/cp040-cp240` in virtual time: a CP 040 with FB 60 and FB 61 talks to a CP 240 with FC 0 and FC 1; a good line, a bad line,
-//! kills, the same seed twice.
+//! `examples/cp040-cp240` in virtual time: a CP 040 with FB 60 and FB 61 talks to a CP 240 with FC 0 and FC 1; a good
+//! line, a bad line, kills, the same seed twice.
 
 mod common;
 

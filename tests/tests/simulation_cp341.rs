@@ -1,4 +1,5 @@
-//! The CP 341 pair of `examples/cp341-pair` in virtual time: P_SND_RK to P_RCV_RK over 3964R, SEND and FETCH over RK 512.
+//! The CP 341 pair of `examples/cp341-pair` in virtual time: P_SND_RK to P_RCV_RK over 3964R, SEND and FETCH over RK
+//! 512.
 
 mod common;
 
@@ -44,7 +45,8 @@ fn the_same_seed_gives_the_same_log_and_another_another() {
     pair::assert_repeats(&folder());
 }
 
-/// Good and bad lines, characters in bursts, drivers killed: each job ends exactly once, nothing wrong is taken for right, and all comes back.
+/// Good and bad lines, characters in bursts, drivers killed: each job ends exactly once, nothing wrong is taken for
+/// right, and all comes back.
 #[test]
 fn seeds_of_a_simulated_minute() {
     for seed in 1..=4 {

@@ -1,6 +1,6 @@
-//! FB 7 and FB 8 called in every way a program can: with instance data blocks and as multi-instances of a calling FB (and of the FB that
-//! calls that one), absolute and symbolic, two of each for two CPs in one program. STL through the compiler, two whole stations over two cables in
-//! virtual time. [reference 1.0]
+//! FB 7 and FB 8 called in every way a program can: with instance data blocks and as multi-instances of a calling FB
+//! (and of the FB that calls that one), absolute and symbolic, two of each for two CPs in one program. STL through the
+//! compiler, two whole stations over two cables in virtual time. [reference 1.0]
 
 use std::fs;
 

@@ -62,7 +62,8 @@ fn a_cp_240_and_a_cp_341_over_3964r() {
     }
 }
 
-/// A CP 341 that serves the SEND and FETCH of `examples/rk512-pair/a.awl`: P_RCV_RK moves the data, the program hands the block on.
+/// A CP 341 that serves the SEND and FETCH of `examples/rk512-pair/a.awl`: P_RCV_RK moves the data, the program hands
+/// the block on.
 const SERVER: &str = r"
 ORGANIZATION_BLOCK OB 1
 VAR_TEMP

@@ -1,8 +1,8 @@
-//! Jobs of P_SND_RK over RK 512 as a table, between two CP 341 in virtual time: how each ends at P_SND_RK, and what P_RCV_RK says of it.
-//! [reference 1.3, 1.5, 3, 4.6]
+//! Jobs of P_SND_RK over RK 512 as a table, between two CP 341 in virtual time: how each ends at P_SND_RK, and what
+//! P_RCV_RK says of it. [reference 1.3, 1.5, 3, 4.6]
 //!
-//! Station A gives the jobs one after the other out of DB 60 and writes their ends into DB 61; station B writes what P_RCV_RK reports into
-//! DB 71.
+//! Station A gives the jobs one after the other out of DB 60 and writes their ends into DB 61; station B writes what
+//! P_RCV_RK reports into DB 71.
 
 use std::fmt::Write as _;
 use std::fs;

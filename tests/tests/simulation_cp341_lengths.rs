@@ -1,9 +1,11 @@
-//! Two whole CP 341 stations in virtual time, every length that is a boundary somewhere, and random ones: 3964R, RK 512 SEND to D and X,
-//! FETCH of every area up to its limit and one beyond it, odd offsets and lengths, coordination flag. Each job's data are compared byte by
-//! byte on both sides, whole data blocks, and so are the outputs of both blocks. [reference 1.2 to 1.5, 4.6, 4.8]
+//! Two whole CP 341 stations in virtual time, every length that is a boundary somewhere, and random ones: 3964R, RK 512
+//! SEND to D and X, FETCH of every area up to its limit and one beyond it, odd offsets and lengths, coordination flag.
+//! Each job's data are compared byte by byte on both sides, whole data blocks, and so are the outputs of both blocks.
+//! [reference 1.2 to 1.5, 4.6, 4.8]
 //!
-//! Both stations have the same program; the test is their operator. Data block 60 has the parameters of P_SND_RK, DB 61 the outputs of P_RCV_RK.
-//! DB 10 is what is sent, DB 12 what is fetched; DB 31 (512 bytes), DB 32 and DB 40 (for telegrams without header and for DX) are the partner's.
+//! Both stations have the same program; the test is their operator. Data block 60 has the parameters of P_SND_RK, DB 61
+//! the outputs of P_RCV_RK. DB 10 is what is sent, DB 12 what is fetched; DB 31 (512 bytes), DB 32 and DB 40 (for
+//! telegrams without header and for DX) are the partner's.
 
 use std::fs;
 
@@ -13,7 +15,8 @@ use ob1_model::Area;
 use ob1_tests::sim::station::SimStation;
 use ob1_tests::sim::{self, SECOND, Scenario};
 
-/// Lengths at which something changes: words, pieces of 32 bytes to the CPU, telegrams of 128 bytes, a byte's range, the greatest.
+/// Lengths at which something changes: words, pieces of 32 bytes to the CPU, telegrams of 128 bytes, a byte's range,
+/// the greatest.
 const BOUNDARIES: [i32; 21] =
     [1, 2, 3, 31, 32, 33, 127, 128, 129, 130, 254, 255, 256, 257, 258, 1023, 1024, 1025, 4094, 4095, 4096];
 
@@ -334,7 +337,8 @@ impl Direction {
         self.check_passive(station, job);
     }
 
-    /// The target has what was sent, with its filler, and nothing else has changed; what was fetched is noted for the other side.
+    /// The target has what was sent, with its filler, and nothing else has changed; what was fetched is noted for the
+    /// other side.
     fn check_passive(&mut self, station: &mut SimStation, job: Job) {
         let (passive, offset) = (1 - self.active, (job.r_offset & !1) as usize);
         let source = filling(self.at, self.active, 10, 4200);
@@ -442,7 +446,8 @@ fn every_boundary_as_fetch_of_d() {
     run("3964-rk512", [BOUNDARIES.map(fetch).to_vec(), vec![]]);
 }
 
-/// A CPU of 100 ms takes 13 s for 4096 bytes: it is slow, and it is not given up after 10 s as one that takes nothing. [reference 1.7]
+/// A CPU of 100 ms takes 13 s for 4096 bytes: it is slow, and it is not given up after 10 s as one that takes nothing.
+/// [reference 1.7]
 #[test]
 fn a_slow_cpu_is_waited_for() {
     run_at("100ms", "3964r-rk512", [vec![send('D', 4096), fetch(4096)], vec![]]);
@@ -484,8 +489,8 @@ fn random_jobs_in_both_directions() {
     }
 }
 
-/// Up to the limit of each area, and one beyond it: bit memory has 256 bytes here, inputs and outputs 128, timers and counters 256, of which
-/// a CP 341 gives 16. [reference 1.5, 4.8]
+/// Up to the limit of each area, and one beyond it: bit memory has 256 bytes here, inputs and outputs 128, timers and
+/// counters 256, of which a CP 341 gives 16. [reference 1.5, 4.8]
 #[test]
 fn every_area_to_its_limit_and_beyond() {
     let mut jobs = Vec::new();

@@ -1,5 +1,6 @@
-//! The program of the loadable driver's manual, chapter 8, in virtual time: its own variable M 120.7 starts each job, a slave of our own
-//! answers. Every function, what goes wrong with its STATUS, and the diagnostic buffer. [S4 "8 Application Example"]
+//! The program of the loadable driver's manual, chapter 8, in virtual time: its own variable M 120.7 starts each job, a
+//! slave of our own answers. Every function, what goes wrong with its STATUS, and the diagnostic buffer.
+//! [S4 "8 Application Example"]
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -75,8 +76,8 @@ impl Example {
         self.bench.station.cpu.write(cell, CellWidth::Byte, byte.into()).expect("a byte of the program");
     }
 
-    /// Writes the source block (from byte 10 on, as FC 21 has it) and sets M 120.7; ends when the program has counted the job. The
-    /// result is what P_RCV_RK has put into DB 43, or the STATUS that the program has saved.
+    /// Writes the source block (from byte 10 on, as FC 21 has it) and sets M 120.7; ends when the program has counted
+    /// the job. The result is what P_RCV_RK has put into DB 43, or the STATUS that the program has saved.
     fn job(&mut self, source: &[u8]) -> Result<Vec<u8>, u16> {
         for (at, byte) in (10..).zip(source) {
             self.write(Cell::Db(42, 8 * at), *byte);
@@ -215,11 +216,13 @@ fn a_colon_within_a_reply_only_stands_in_the_diagnostic_buffer() {
     assert_eq!(example.bench.entries(), [STARTED, &[0x0834]].concat());
 }
 
-/// EN_R = 0: nobody takes the reply. The job ends with 0E31h, and the reply is not there for the next one. [S4 L1652], [S4 L1785]
+/// EN_R = 0: nobody takes the reply. The job ends with 0E31h, and the reply is not there for the next one. [S4 L1652],
+/// [S4 L1785]
 #[test]
 fn a_reply_that_nobody_takes() {
     let mut example = Example::new();
-    // The manual's FC 23 sets EN_R in each call; R = 1 at P_RCV_RK has the same effect: DB 70 is its instance, R its second bit.
+    // The manual's FC 23 sets EN_R in each call; R = 1 at P_RCV_RK has the same effect: DB 70 is its instance, R its
+    // second bit.
     example.bench.device.slave.registers[0] = 0xABCD;
     example.write(Cell::Db(70, 0), 0x02);
     assert_eq!(example.job(&[5, 3, 0, 0, 0, 1]), Err(0x0E31));

@@ -1,6 +1,6 @@
-//! Every number of 3964(R) and RK 512 that a partner can bring about, at a whole CP 341 in virtual time: STL program, handling blocks, CP
-//! and line are the real ones, the partner is written here from the manual's description. What P_SND_RK and P_RCV_RK say, and what
-//! stands in the CP's diagnostic buffer. [reference 1.2, 1.7, 3.6 to 3.12]
+//! Every number of 3964(R) and RK 512 that a partner can bring about, at a whole CP 341 in virtual time: STL program,
+//! handling blocks, CP and line are the real ones, the partner is written here from the manual's description. What
+//! P_SND_RK and P_RCV_RK say, and what stands in the CP's diagnostic buffer. [reference 1.2, 1.7, 3.6 to 3.12]
 
 use std::collections::VecDeque;
 use std::fs;
@@ -461,7 +461,8 @@ fn a_new_telegram_is_no_repetition() {
     assert_eq!(site.reports, [Error(0x0808), Ndr(4)]);
 }
 
-/// A character that means nothing: NAK when the line is silent. It does not become the error of the next telegram. [reference 5.4]
+/// A character that means nothing: NAK when the line is silent. It does not become the error of the next telegram.
+/// [reference 5.4]
 #[test]
 fn a_character_in_idle() {
     let mut site = Site::new("3964r", "");
@@ -497,7 +498,8 @@ fn what_the_cp_has_is_sent_in_spite_of_r() {
     assert!(site.entries().is_empty());
 }
 
-/// EN_R = 0 while a telegram is being handed over: the transfer fails, the CP keeps the telegram and hands it over again. [reference 1.7]
+/// EN_R = 0 while a telegram is being handed over: the transfer fails, the CP keeps the telegram and hands it over
+/// again. [reference 1.7]
 #[test]
 fn the_cp_repeats_a_transfer_that_the_cpu_broke_off() {
     let mut site = Site::new("3964r", "");
@@ -543,7 +545,8 @@ fn rk_512_refuses_a_job_that_the_cpu_broke_off() {
     }
 }
 
-/// Nobody takes it: "temporarily" after a second, given up after 10 s. The telegram of 3964R stays; RK 512 tells the partner 2Ah.
+/// Nobody takes it: "temporarily" after a second, given up after 10 s. The telegram of 3964R stays; RK 512 tells the
+/// partner 2Ah.
 #[test]
 fn nobody_takes_it() {
     let mut site = Site::new("3964r", "");
@@ -696,8 +699,9 @@ fn no_reaction_within_the_monitoring_time() {
     }
 }
 
-/// A reaction that comes after the monitoring time belongs to no job: the next one does not take it for its own, whether it is there
-/// already or not; nor does the one behind that, when the late one came all the same. [reference 3.12, 0A01h]
+/// A reaction that comes after the monitoring time belongs to no job: the next one does not take it for its own,
+/// whether it is there already or not; nor does the one behind that, when the late one came all the same.
+/// [reference 3.12, 0A01h]
 #[test]
 fn a_late_reaction_ends_no_other_job() {
     let late = |site: &mut Site, reaction: &[u8]| site.partner_sends([block(reaction)]);

@@ -1,5 +1,6 @@
-//! Faults of a CP through the whole house, in virtual time: station file with `diagnostics = true`, a line that is gone and comes back, wrong
-//! parameters; driver, back plane, CPU, OB 82 with the four bytes, SFC 59 and SFC 51. [reference 1.9]
+//! Faults of a CP through the whole house, in virtual time: station file with `diagnostics = true`, a line that is gone
+//! and comes back, wrong parameters; driver, back plane, CPU, OB 82 with the four bytes, SFC 59 and SFC 51.
+//! [reference 1.9]
 
 mod common;
 

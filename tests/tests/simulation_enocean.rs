@@ -1,5 +1,5 @@
-//! The EnOcean examples in virtual time with a TCM 120: the manual's program as printed, the filter for repeated telegrams, the ID base, a CP
-//! that is killed; from the radio telegram to the output and back.
+//! The EnOcean examples in virtual time with a TCM 120: the manual's program as printed, the filter for repeated
+//! telegrams, the ID base, a CP that is killed; from the radio telegram to the output and back.
 
 use std::path::Path;
 
@@ -100,7 +100,8 @@ fn db(station: &SimStation, number: u16) -> &[u8] {
     station.cpu.data_block(number).expect("a data block of the program")
 }
 
-/// FC 100 as printed: 5 in the upper half of data byte 3 switches on, 7 off; the switch is known by the lower half of its ID.
+/// FC 100 as printed: 5 in the upper half of data byte 3 switches on, 7 off; the switch is known by the lower half of
+/// its ID.
 #[test]
 fn the_manual_s_switch() {
     let mut bench = example("station.toml");
@@ -116,7 +117,8 @@ fn the_manual_s_switch() {
     assert!(!light(&mut bench));
 }
 
-/// FC 101 as printed: "Only the last 7 bits are relevant and are ORed in the CP 240 with the ID base stored there." [S1 L1640]
+/// FC 101 as printed: "Only the last 7 bits are relevant and are ORed in the CP 240 with the ID base stored there."
+/// [S1 L1640]
 #[test]
 fn the_manual_s_telegram() {
     let mut bench = example("station.toml");
@@ -132,7 +134,8 @@ fn the_manual_s_telegram() {
     assert_eq!(bench.log().lines().count(), 3, "start-up, RUN, the driver:\n{}", bench.log());
 }
 
-/// "After a successful transfer the CPU is to be restarted or a reset via FC 9 to be executed." [S1 "Modul ersetzen und IDBase übernehmen"]
+/// "After a successful transfer the CPU is to be restarted or a reset via FC 9 to be executed."
+/// [S1 "Modul ersetzen und IDBase übernehmen"]
 #[test]
 fn a_module_is_replaced() {
     let mut bench = example("station.toml");
@@ -239,8 +242,8 @@ fn a_cp_that_is_killed_wakes_the_module_up() {
     assert!(light(&mut bench), "{}", bench.log());
 }
 
-/// On a bad line, and with a CP that is killed now and then, telegrams are lost, but none is invented, doubled or overtaken. Only faults that are
-/// seen: eight bits of check sum let one in 256 of the others pass.
+/// On a bad line, and with a CP that is killed now and then, telegrams are lost, but none is invented, doubled or
+/// overtaken. Only faults that are seen: eight bits of check sum let one in 256 of the others pass.
 #[test]
 fn a_bad_line_loses_telegrams_and_nothing_else() {
     let faults =

@@ -1,5 +1,6 @@
-//! What a CP tells the CPU beside its registers, through the whole house in virtual time: diagnostic interrupts of a bad line (OB 82), and a
-//! CP that is gone while the station file says `absent = "fault"` (OB 86, OB 85 at the process image, OB 122 at an access).
+//! What a CP tells the CPU beside its registers, through the whole house in virtual time: diagnostic interrupts of a
+//! bad line (OB 82), and a CP that is gone while the station file says `absent = "fault"` (OB 86, OB 85 at the process
+//! image, OB 122 at an access).
 //!
 //! Station A of the demo, with organization blocks more that count in DB 90.
 

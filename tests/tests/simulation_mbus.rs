@@ -1,4 +1,5 @@
-//! Meters on an M-Bus in virtual time, from the meter's answer to the data block of the program, through FC 9, FC 0 and FC 1.
+//! Meters on an M-Bus in virtual time, from the meter's answer to the data block of the program, through FC 9, FC 0 and
+//! FC 1.
 
 mod common;
 
@@ -77,7 +78,8 @@ fn the_frame_count_bit() {
     }
 }
 
-/// The program of `examples/mbus-meter`, which is the manual's: an order in MB 100 to 104, then M 99.0; RET_VAL in MW 106 when it has ended.
+/// The program of `examples/mbus-meter`, which is the manual's: an order in MB 100 to 104, then M 99.0; RET_VAL in MW
+/// 106 when it has ended.
 fn order(reading: &mut Reading, bytes: [u8; 5]) -> u32 {
     let memory = |byte: u32| Cell::Area(Area::Memory, byte * 8);
     let cpu = &mut reading.station.cpu;
@@ -106,7 +108,8 @@ fn the_manual_s_program_reads_a_meter() {
     // SND_NKE: the acknowledgement, behind it what was there.
     assert_eq!(order(&mut reading, [0xBB, 0x40, 1, 0, 0]), 0);
     assert_eq!(stored(&reading)[..2], [0, 0xE5]);
-    // SND_UD as a control frame: reset of the application; as a long frame: the two bytes that lie behind the CI field in DB 10.
+    // SND_UD as a control frame: reset of the application; as a long frame: the two bytes that lie behind the CI field
+    // in DB 10.
     assert_eq!(order(&mut reading, [0xBB, 0x53, 1, 0x50, 0]), 0);
     assert_eq!(order(&mut reading, [0xBB, 0x73, 1, 0x51, 2]), 0);
     assert_eq!(reading.device.bus.meters[0].told, [vec![0x50], vec![0x51, 0, 2]]);

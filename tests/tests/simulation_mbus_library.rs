@@ -1,5 +1,5 @@
-//! The M-Bus library in virtual time: `examples/mbus-meter/library.awl` reads meters into typed records, searches a bus, and takes no harm
-//! from what is malformed.
+//! The M-Bus library in virtual time: `examples/mbus-meter/library.awl` reads meters into typed records, searches a
+//! bus, and takes no harm from what is malformed.
 
 mod common;
 
@@ -204,8 +204,8 @@ fn twins() {
     assert_eq!(block(&reading, 21, 8), [0, 1, 0, 1, 0x20, 0, 0, 0]);
 }
 
-/// The driver is killed at every moment of a reading. The order ends with a reason or with the right records, never with wrong ones, and the
-/// next one is none the worse.
+/// The driver is killed at every moment of a reading. The order ends with a reason or with the right records, never
+/// with wrong ones, and the next one is none the worse.
 #[test]
 fn the_driver_is_killed_in_the_middle() {
     let answer = frame("test-frames/example_data_01");

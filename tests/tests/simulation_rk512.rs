@@ -1,5 +1,5 @@
-//! The RK 512 pair of `examples/rk512-pair` in virtual time: SEND, FETCH, the coordination flag, both directions at once; a good line, a
-//! bad line, kills, the same seed twice.
+//! The RK 512 pair of `examples/rk512-pair` in virtual time: SEND, FETCH, the coordination flag, both directions at
+//! once; a good line, a bad line, kills, the same seed twice.
 
 mod common;
 

@@ -1,4 +1,5 @@
-//! The TCM 120 simulator held against the manual, telegram by telegram, in virtual time. [S1 "Command Telegrams and Messages"]
+//! The TCM 120 simulator held against the manual, telegram by telegram, in virtual time.
+//! [S1 "Command Telegrams and Messages"]
 
 use ob1_protocols::esp2::frame::encode;
 use ob1_protocols::esp2::{Command, Field, Message, Radio, Telegram, WAKE};
@@ -131,7 +132,8 @@ fn a_start_is_told_in_fifteen_lines() {
     assert_eq!(bench.hears("reset"), lines.map(line));
 }
 
-/// "This command can only be used a maximum number of 10 times." The EEPROM keeps the count; 7 bits are not stored. [S1 "SET_IDBASE"]
+/// "This command can only be used a maximum number of 10 times." The EEPROM keeps the count; 7 bits are not stored.
+/// [S1 "SET_IDBASE"]
 #[test]
 fn the_id_base_can_be_changed_ten_times() {
     let mut bench = Bench::new();

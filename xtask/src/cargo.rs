@@ -14,8 +14,8 @@ pub(crate) fn root() -> &'static Path {
     here.parent().unwrap_or(here)
 }
 
-/// `cargo ARGS`, in the checkout. The variables that `cargo run` set for xtask itself are taken away again: build scripts that
-/// look at them would otherwise build anew each time.
+/// `cargo ARGS`, in the checkout. The variables that `cargo run` set for xtask itself are taken away again: build
+/// scripts that look at them would otherwise build anew each time.
 pub(crate) fn cargo(args: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     for (key, _) in std::env::vars_os() {
@@ -28,7 +28,8 @@ pub(crate) fn cargo(args: &[&str]) -> Command {
     command
 }
 
-/// `cargo metadata`, whole: packages and the graph resolved for this machine (the crates of other systems stay on the registry).
+/// `cargo metadata`, whole: packages and the graph resolved for this machine (the crates of other systems stay on the
+/// registry).
 pub(crate) fn metadata() -> Outcome<Value> {
     let version = shell::read(Command::new("rustc").arg("-vV").current_dir(root()))?;
     let host =

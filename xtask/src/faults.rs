@@ -1,7 +1,7 @@
 //! `cargo xtask faults [PROTOCOL...] [--telegrams N]`: the fault runs of `driver/protocols/tests/faults_*.rs`, long.
 //!
-//! `cargo xtask test` runs them too, shorter. A seed that fails is printed with the command that replays it, and belongs into
-//! `driver/protocols/tests/seeds` afterwards.
+//! `cargo xtask test` runs them too, shorter. A seed that fails is printed with the command that replays it, and
+//! belongs into `driver/protocols/tests/seeds` afterwards.
 
 use crate::cargo::cargo;
 use crate::failure::Outcome;

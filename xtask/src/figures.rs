@@ -6,7 +6,8 @@ use crate::cargo::{Profile, cargo};
 use crate::failure::Outcome;
 use crate::{python, shell};
 
-/// `cargo xtask sim [--seeds N] [--seed S] [--minutes M] [-- ...]`: the whole station in virtual time. Options are the program's own.
+/// `cargo xtask sim [--seeds N] [--seed S] [--minutes M] [-- ...]`: the whole station in virtual time. Options
+/// are the program's own.
 ///
 /// # Errors
 /// When it cannot be built or a seed fails; the program prints the command that replays it.
@@ -14,8 +15,8 @@ pub(crate) fn sim(args: &[String]) -> Outcome {
     release_run("sim", &["ob1-cp240", "ob1-tests"], args, None)
 }
 
-/// `cargo xtask bench`: the figures of the README with the floor measured in the same run. `stl` and `line` measure beside others: they get
-/// the partners' Python.
+/// `cargo xtask bench`: the figures of the README with the floor measured in the same run. `stl` and `line` measure
+/// beside others: they get the partners' Python.
 ///
 /// # Errors
 /// When it cannot be built or run.
@@ -24,7 +25,8 @@ pub(crate) fn bench(args: &[String]) -> Outcome {
     release_run("bench", &["ob1", "ob1-cp", "ob1-cp240", "ob1-tests"], args, python.as_deref())
 }
 
-/// `cargo xtask compare [--seeds N] [--seed S]`: random STL programs on our engine and on awlsim. Options are the program's own.
+/// `cargo xtask compare [--seeds N] [--seed S]`: random STL programs on our engine and on awlsim. Options are the
+/// program's own.
 ///
 /// # Errors
 /// When it cannot be built, awlsim cannot be installed, or a program differs.

@@ -1,7 +1,7 @@
 //! `cargo xtask fuzz [TARGET...] [--each 10m]`: the targets of `fuzz/` under libFuzzer.
 //!
-//! `cargo fuzz run -s none` needs no nightly toolchain: the address sanitizer, which would, finds nothing in safe code. What a run
-//! learns lies in `fuzz/work`, which git ignores; `fuzz/corpus` is what every test run replays.
+//! `cargo fuzz run -s none` needs no nightly toolchain: the address sanitizer, which would, finds nothing in safe
+//! code. What a run learns lies in `fuzz/work`, which git ignores; `fuzz/corpus` is what every test run replays.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! The two searching runs over the back plane: loom (every order of its memory accesses) and Miri (undefined behaviour).
+//! The two searching runs over the back plane: loom (every order of its memory accesses) and Miri (undefined
+//! behaviour).
 //!
 //! Each has a target directory of its own, because their flags would otherwise throw the usual artifacts away.
 

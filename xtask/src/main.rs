@@ -1,7 +1,7 @@
 //! `cargo xtask`: every chore of the project, the same on a desk and in CI.
 //!
-//! A verb is one module with a `run`; this file only picks it. A verb that fails prints one line that says which step failed
-//! and leaves the output of the tool above it.
+//! A verb is one module with a `run`; this file only picks it. A verb that fails prints one line that says which step
+//! failed and leaves the output of the tool above it.
 
 mod arch;
 mod book;

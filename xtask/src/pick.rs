@@ -16,7 +16,8 @@ pub(crate) fn stems(folder: &str, prefix: &str) -> Outcome<Vec<String>> {
     Ok(names)
 }
 
-/// The names on the command line of `command`, and the value of its one option, if it is there; `wants` says what that is.
+/// The names on the command line of `command`, and the value of its one option, if it is there; `wants` says what that
+/// is.
 pub(crate) fn names_and_option<T>(
     args: &[String],
     command: &str,

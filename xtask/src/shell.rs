@@ -83,7 +83,8 @@ pub(crate) fn watch(command: &mut Command, keep: fn(&str) -> bool) -> Outcome<Ve
     if status.success() { Ok(kept) } else { Err(step(format!("`{shown}` failed ({status})"))) }
 }
 
-/// Copies lines until the pipe ends. Bytes that are not text are shown as such, and a closed output does not stop the child.
+/// Copies lines until the pipe ends. Bytes that are not text are shown as such, and a closed output does not stop the
+/// child.
 fn relay(pipe: impl std::io::Read, mut to: impl std::io::Write, keep: fn(&str) -> bool) -> Vec<String> {
     let mut from = std::io::BufReader::new(pipe);
     let mut kept = Vec::new();

@@ -1,7 +1,7 @@
 //! `cargo xtask test`: every test of the project.
 //!
-//! `cargo test` alone builds neither the plugins (cdylibs) nor the binaries of other crates, and knows no foreign partner. This
-//! verb builds all of them in the profile of the tests and says where they are:
+//! `cargo test` alone builds neither the plugins (cdylibs) nor the binaries of other crates, and knows no foreign
+//! partner. This verb builds all of them in the profile of the tests and says where they are:
 //!
 //! | Variable          | Meaning                                                        |
 //! |-------------------|----------------------------------------------------------------|

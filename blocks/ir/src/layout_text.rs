@@ -17,8 +17,8 @@ pub(crate) fn type_text(ty: &DataType) -> String {
 }
 
 /// The components of a structure, one a line, each at its address from `base`; those of an array's element once, as
-/// `+offset` from the element. Takes lines in the number of declarations, whatever the bounds of arrays. `lead` is the width of
-/// the column before the address.
+/// `+offset` from the element. Takes lines in the number of declarations, whatever the bounds of arrays. `lead` is the
+/// width of the column before the address.
 pub(crate) fn components(
     ty: &DataType,
     base: Option<BitAddr>,

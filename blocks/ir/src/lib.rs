@@ -1,8 +1,8 @@
 //! The typed instruction set the engines run: the only word between the STL compiler and the engines.
 //!
-//! A [`Program`] is a set of code blocks and data blocks. A statement ([`Stmt`]) is one STL statement: its operation, its operand in
-//! typed form, and where it came from (network and line). Nothing here remembers mnemonics or source text; nothing here
-//! knows how an engine represents memory.
+//! A [`Program`] is a set of code blocks and data blocks. A statement ([`Stmt`]) is one STL statement: its operation,
+//! its operand in typed form, and where it came from (network and line). Nothing here remembers mnemonics or source
+//! text; nothing here knows how an engine represents memory.
 
 mod layout_text;
 mod op;

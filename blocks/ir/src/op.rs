@@ -363,8 +363,8 @@ pub enum Op {
 }
 
 impl Op {
-    /// Shows `see` every place this operation reads or writes, those of pointers and numbers in memory included, with the width
-    /// of the access.
+    /// Shows `see` every place this operation reads or writes, those of pointers and numbers in memory included, with
+    /// the width of the access.
     pub fn places(&self, see: &mut dyn FnMut(Place, Width)) {
         let place = |p: Place, width: Width, see: &mut dyn FnMut(Place, Width)| {
             if let Place::Memory(_, pointer) = p {

@@ -40,7 +40,8 @@ pub enum DbRegister {
     Di,
 }
 
-/// Where the pointer of a memory-indirect operand lies: `[MD 200]`, `[LW 4]`, `[DBD 8]`, `[DIW 2]`. Always a fixed place.
+/// Where the pointer of a memory-indirect operand lies: `[MD 200]`, `[LW 4]`, `[DBD 8]`, `[DIW 2]`. Always a fixed
+/// place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Pointer {
     /// Memory, Local, Db or Di.

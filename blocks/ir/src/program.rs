@@ -44,15 +44,15 @@ pub enum Arg {
     Open,
     /// A constant of an elementary type, right-aligned in 32 bits.
     Const(u32),
-    /// A constant of a composed type (STRING, DATE_AND_TIME, POINTER, ANY), as laid-out bytes. Operands supplied to POINTER and
-    /// ANY come as such a constant; so does the actual of an FB's composed in/out, whose instance keeps a POINTER
-    /// (`ob1_model::Param::is_pointer`). What is known at run time only comes otherwise: a POINTER or ANY to instance data is put
-    /// together in the local data and handed over as an operand, and the POINTER of a composed in/out is written into the
-    /// instance before the call, whose argument then is `Open`.
+    /// A constant of a composed type (STRING, DATE_AND_TIME, POINTER, ANY), as laid-out bytes. Operands supplied to
+    /// POINTER and ANY come as such a constant; so does the actual of an FB's composed in/out, whose instance keeps a
+    /// POINTER (`ob1_model::Param::is_pointer`). What is known at run time only comes otherwise: a POINTER or ANY to
+    /// instance data is put together in the local data and handed over as an operand, and the POINTER of a composed
+    /// in/out is written into the instance before the call, whose argument then is `Open`.
     Bytes(Box<[u8]>),
-    /// An operand. M, E, A, L and DBX through the DB register go by reference; fully qualified data operands (`InDb`), peripheral,
-    /// indirect and instance operands are copied before and after the call, as STEP 7 does. An operand of a composed type has the
-    /// width of a byte and names its first; its length is that of the formal's type.
+    /// An operand. M, E, A, L and DBX through the DB register go by reference; fully qualified data operands (`InDb`),
+    /// peripheral, indirect and instance operands are copied before and after the call, as STEP 7 does. An operand of a
+    /// composed type has the width of a byte and names its first; its length is that of the formal's type.
     Operand(Operand),
     /// A timer, counter or block number.
     Number(Number),
@@ -78,8 +78,8 @@ pub struct CodeBlock {
     pub id: BlockId,
     /// The name of its header or symbol, when it has one.
     pub name: Option<String>,
-    /// Parameters and variables. `temp_bytes` counts the declared local data, and beyond it what absolute operands (`LW 20`)
-    /// reach into.
+    /// Parameters and variables. `temp_bytes` counts the declared local data, and beyond it what absolute operands
+    /// (`LW 20`) reach into.
     pub interface: Interface,
     /// The statements; running past the last one ends the block.
     pub code: Vec<Stmt>,

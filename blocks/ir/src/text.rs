@@ -1,7 +1,7 @@
 //! The text form of a program, for listings: one line a statement, German mnemonics, operands in their typed form.
 //!
-//! It is made to be read and compared, not to be compiled again: jump targets are statement numbers, variables are addresses
-//! (`IN0`, `DIX+2.0`).
+//! It is made to be read and compared, not to be compiled again: jump targets are statement numbers, variables are
+//! addresses (`IN0`, `DIX+2.0`).
 
 use std::fmt::{self, Display, Formatter, Write as _};
 

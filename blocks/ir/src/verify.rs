@@ -1,8 +1,8 @@
 //! The verifier: what every engine may rely on without looking again.
 //!
-//! A program that passes has jump targets within their blocks, parameter indices within the interface, local data and instance
-//! operands within their sizes, whole-byte addresses where bytes and words are accessed, and calls with one argument for each
-//! formal of a block that exists.
+//! A program that passes has jump targets within their blocks, parameter indices within the interface, local data and
+//! instance operands within their sizes, whole-byte addresses where bytes and words are accessed, and calls with one
+//! argument for each formal of a block that exists.
 
 use std::collections::BTreeSet;
 use std::fmt;

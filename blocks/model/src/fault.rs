@@ -1,7 +1,7 @@
 //! Faults of a program and the events of the diagnostic buffer, numbered as an S7-300 numbers them.
 //!
-//! Event numbers are those of the "System Software for S7-300/400" reference (event classes 2, 3 and 4); class F is free
-//! for "events of modules other than CPUs" and holds our own.
+//! Event numbers are those of the "System Software for S7-300/400" reference (event classes 2, 3 and 4); class F is
+//! free for "events of modules other than CPUs" and holds our own.
 
 use std::fmt;
 
@@ -31,7 +31,8 @@ impl fmt::Display for Site {
     }
 }
 
-/// What a statement did wrong. Programming errors call OB 121, access errors OB 122; without that OB the CPU goes to STOP.
+/// What a statement did wrong. Programming errors call OB 121, access errors OB 122; without that OB the CPU goes to
+/// STOP.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultKind {
     /// 2521h: a digit above 9 where a BCD number is expected.
@@ -167,9 +168,10 @@ pub struct Fault {
     pub number: u32,
 }
 
-/// An access to memory as OB 121 and OB 122 describe it (OB121_RESERVED_1, OB122_MEM_AREA): in bits 7 to 4 its width (0 bit, 1 byte,
-/// 2 word, 3 double word), in bits 3 to 0 the area (0 peripheral, 1 inputs, 2 outputs, 3 bit memory, 4 global data block, 5 instance data
-/// block, 6 own local data, 7 the caller's). ["Programming Error Organization Block", "I/O Access Error Organization Block"]
+/// An access to memory as OB 121 and OB 122 describe it (OB121_RESERVED_1, OB122_MEM_AREA): in bits 7 to 4 its width (0
+/// bit, 1 byte, 2 word, 3 double word), in bits 3 to 0 the area (0 peripheral, 1 inputs, 2 outputs, 3 bit memory, 4
+/// global data block, 5 instance data block, 6 own local data, 7 the caller's). ["Programming Error Organization
+/// Block", "I/O Access Error Organization Block"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Access(u8);
 
@@ -206,8 +208,9 @@ impl Fault {
         Self { kind, access: Some(Access::new(area, bits)), number: byte }
     }
 
-    /// The word of OB 121's and OB 122's start information that tells what was wrong (OB121_FLT_REG, OB122_MEM_ADDR): a byte address,
-    /// the illegal area, the number of a timer, counter or block; of a BCD conversion the register, which is accumulator 1: 0.
+    /// The word of OB 121's and OB 122's start information that tells what was wrong (OB121_FLT_REG, OB122_MEM_ADDR): a
+    /// byte address, the illegal area, the number of a timer, counter or block; of a BCD conversion the register, which
+    /// is accumulator 1: 0.
     #[must_use]
     pub const fn source(&self) -> u16 {
         match self.kind {

@@ -44,8 +44,8 @@ impl Param {
         Self { name: name.to_owned(), aliases: Vec::new(), section, ty, at: BitAddr(0), initial: None }
     }
 
-    /// True for an in/out parameter of a composed type: a function block keeps a POINTER to the actual in its instance. What is
-    /// declared POINTER or ANY is one already, and lies there as it is.
+    /// True for an in/out parameter of a composed type: a function block keeps a POINTER to the actual in its instance.
+    /// What is declared POINTER or ANY is one already, and lies there as it is.
     #[must_use]
     pub const fn is_pointer(&self) -> bool {
         matches!(self.section, Section::InOut)
@@ -53,8 +53,8 @@ impl Param {
             && !matches!(self.ty, DataType::Pointer | DataType::Any)
     }
 
-    /// Bits of the parameter as a call hands it over: those of a POINTER for a composed in/out of a block with an instance, else
-    /// those of its type.
+    /// Bits of the parameter as a call hands it over: those of a POINTER for a composed in/out of a block with an
+    /// instance, else those of its type.
     #[must_use]
     pub fn passed_bits(&self, has_instance: bool) -> u32 {
         Layout::bits(if has_instance && self.is_pointer() { &DataType::Pointer } else { &self.ty })
@@ -85,10 +85,10 @@ impl Interface {
         self.params.iter().filter(|p| !matches!(p.section, Section::Static | Section::Temp))
     }
 
-    /// Places everything: the parameters and statics of a function block in its instance, each section from an even byte;
-    /// the temps in the local data. Sets the `at` of each declaration and both sizes. A composed in/out of a function
-    /// block lies in the instance as a POINTER of 6 bytes, as STEP 7 does it. The parameters of other blocks are references and
-    /// keep the address 0.
+    /// Places everything: the parameters and statics of a function block in its instance, each section from an even
+    /// byte; the temps in the local data. Sets the `at` of each declaration and both sizes. A composed in/out of a
+    /// function block lies in the instance as a POINTER of 6 bytes, as STEP 7 does it. The parameters of other blocks
+    /// are references and keep the address 0.
     pub fn lay_out(&mut self, has_instance: bool) {
         const IN_INSTANCE: [Section; 5] =
             [Section::Input, Section::Output, Section::InOut, Section::Return, Section::Static];

@@ -8,16 +8,16 @@ use crate::{BitAddr, DataType, Dimension, Field};
 pub struct Component {
     /// The path from the outermost name: `sub[3].name`.
     pub path: String,
-    /// The type found there. A list made by [`Layout::components`] holds elementary types and strings; the declarations of a
-    /// data block hold composed types whole, to be entered by [`Component::find`].
+    /// The type found there. A list made by [`Layout::components`] holds elementary types and strings; the declarations
+    /// of a data block hold composed types whole, to be entered by [`Component::find`].
     pub ty: DataType,
     /// Its address from the start.
     pub at: BitAddr,
 }
 
 impl Component {
-    /// The component a path leads to, from a list of declarations: `name`, `sub[3].name`, `grid[1,-2]`. Names compare without
-    /// regard to case. `None` when the path leads nowhere.
+    /// The component a path leads to, from a list of declarations: `name`, `sub[3].name`, `grid[1,-2]`. Names compare
+    /// without regard to case. `None` when the path leads nowhere.
     #[must_use]
     pub fn find(declarations: &[Component], path: &str) -> Option<Component> {
         let end = path.find(['.', '[']).unwrap_or(path.len());

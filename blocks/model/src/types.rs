@@ -65,8 +65,8 @@ pub enum DataType {
     BlockSdb,
     Timer,
     Counter,
-    /// A number that may be written as a timer (`T2`) or as a WORD: `TIMER_NR` of SYNCHRON_RESET, which the manual declares
-    /// as WORD and calls with `T2` [S0 L833].
+    /// A number that may be written as a timer (`T2`) or as a WORD: `TIMER_NR` of SYNCHRON_RESET, which the manual
+    /// declares as WORD and calls with `T2` [S0 L833].
     TimerOrWord,
 }
 

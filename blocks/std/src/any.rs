@@ -74,7 +74,8 @@ pub struct AnyPointer {
 }
 
 impl AnyPointer {
-    /// Parses the ten bytes: 10h, type, count, data block, area-crossing pointer. `None` for another syntax identifier, type or area.
+    /// Parses the ten bytes: 10h, type, count, data block, area-crossing pointer. `None` for another syntax identifier,
+    /// type or area.
     #[must_use]
     pub fn parse(bytes: &[u8; 10]) -> Option<Self> {
         if bytes[0] != 0x10 {

@@ -70,7 +70,8 @@ pub trait Context {
     fn instance_read(&mut self, at: u32, into: &mut [u8]) -> Result<(), Refused>;
     /// Writes bytes of the running FB's instance.
     fn instance_write(&mut self, at: u32, from: &[u8]) -> Result<(), Refused>;
-    /// Reads bytes of an area. `db` counts for `Db` and `Di`; 0 is the block in the caller's register. Local data is the caller's.
+    /// Reads bytes of an area. `db` counts for `Db` and `Di`; 0 is the block in the caller's register. Local data is
+    /// the caller's.
     fn area_read(&mut self, area: Area, db: u16, at: u32, into: &mut [u8]) -> Result<(), Refused>;
     /// Writes bytes of an area, see [`Context::area_read`].
     fn area_write(&mut self, area: Area, db: u16, at: u32, from: &[u8]) -> Result<(), Refused>;
@@ -111,8 +112,8 @@ pub trait Context {
     fn error_filter(&mut self) -> Option<&mut ErrorFilter> {
         None
     }
-    /// Gives `value` to accumulator 1 of the block whose access error is being handled; false outside OB 121 and OB 122. `None`
-    /// when the CPU cannot do it at all.
+    /// Gives `value` to accumulator 1 of the block whose access error is being handled; false outside OB 121 and
+    /// OB 122. `None` when the CPU cannot do it at all.
     fn replace_value(&mut self, _value: u32) -> Option<bool> {
         None
     }

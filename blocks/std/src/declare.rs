@@ -34,8 +34,9 @@ pub(crate) fn interface(declared: &[Declared], has_instance: bool) -> Interface 
     interface
 }
 
-/// `params!(NAME { Input { IN: BOOL, PT: TIME } Output { Q: BOOL } })`: an enum of the parameters in the order written, which
-/// is the order of a STEP 7 call; `NAME | OTHER` is one parameter with two spellings, `= expr` gives an initial value as bytes.
+/// `params!(NAME { Input { IN: BOOL, PT: TIME } Output { Q: BOOL } })`: an enum of the parameters in the order written,
+/// which is the order of a STEP 7 call; `NAME | OTHER` is one parameter with two spellings, `= expr` gives an initial
+/// value as bytes.
 macro_rules! params {
     ($name:ident { $($section:ident { $($param:ident $(| $alias:ident)* : $ty:ident $(= $initial:expr)?),+ $(,)? })* }) => {
         #[allow(non_camel_case_types, clippy::upper_case_acronyms, dead_code, reason = "the manual's names; not all are read")]

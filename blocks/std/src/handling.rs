@@ -1,8 +1,9 @@
-//! The handling blocks of the communication processors, declared: name, default number and parameters, so that programs that call
-//! them compile. What they do is a plugin's business; a call that no plugin serves is refused when the program is loaded.
+//! The handling blocks of the communication processors, declared: name, default number and parameters, so that programs
+//! that call them compile. What they do is a plugin's business; a call that no plugin serves is refused when the
+//! program is loaded.
 //!
-//! Parameters: CP 240 [S0 "SEND (FC 0)"] and the sections after it; CP 341 and CP 040 from the help texts of their blocks. A spelling
-//! after `|` is one that a manual's example or table has beside the first.
+//! Parameters: CP 240 [S0 "SEND (FC 0)"] and the sections after it; CP 341 and CP 040 from the help texts of their
+//! blocks. A spelling after `|` is one that a manual's example or table has beside the first.
 
 use ob1_model::BlockKind::{self, Fb, Fc};
 

@@ -1,8 +1,9 @@
 //! Standard blocks: pure functions of state, time and inputs.
 //!
-//! [`standard_blocks`] lists them all: system functions (SFC, SFB), the IEC functions, the converting blocks, the controllers. An
-//! entry has STEP 7's default number, name and parameters, and a function that runs over a [`Context`], which the CPU gives. What a
-//! block needs beside parameters, memory and modules is a [`Service`]; a CPU offers only blocks whose service it has.
+//! [`standard_blocks`] lists them all: system functions (SFC, SFB), the IEC functions, the converting blocks, the
+//! controllers. An entry has STEP 7's default number, name and parameters, and a function that runs over a [`Context`],
+//! which the CPU gives. What a block needs beside parameters, memory and modules is a [`Service`]; a CPU offers only
+//! blocks whose service it has.
 //!
 //! Facts: "System Software for S7-300/400, System and Standard Functions"; its section titles are cited in brackets.
 

@@ -162,8 +162,8 @@ pub fn library() -> Vec<StandardBlock> {
     system_functions(&[])
 }
 
-/// A block by its name in a station file: `IEC:FC4`, `IEC:FC 4` or `IEC:DELETE`, without regard to case. `None` when there is
-/// none.
+/// A block by its name in a station file: `IEC:FC4`, `IEC:FC 4` or `IEC:DELETE`, without regard to case. `None` when
+/// there is none.
 #[must_use]
 pub fn standard_block(key: &str) -> Option<StandardBlock> {
     let (origin, block) = key.split_once(':')?;

@@ -147,7 +147,8 @@ impl Fake {
         self.ended = block.run(self);
     }
 
-    /// Calls it so often; of each call a `+` where the first output is set, a `-` where the second is, `.` for neither, `?` for both.
+    /// Calls it so often; of each call a `+` where the first output is set, a `-` where the second is, `.` for
+    /// neither, `?` for both.
     pub(crate) fn signs(&mut self, calls: usize, plus: &str, minus: &str) -> String {
         let sign = |_| {
             self.run();

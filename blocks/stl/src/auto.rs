@@ -35,7 +35,8 @@ fn belongs(word: &str) -> Belongs {
     place_of(german, international, |de, en| de == en)
 }
 
-/// In which sets an operand identifier exists; `addressed`: a number or bracket follows, as it does with all but status bits.
+/// In which sets an operand identifier exists; `addressed`: a number or bracket follows, as it does with all but status
+/// bits.
 fn operand_belongs(word: &str, addressed: bool) -> Belongs {
     let wanted = |i: &Identifier| addressed || matches!(i, Identifier::Status(_));
     let find = |german: bool| {
@@ -88,9 +89,9 @@ impl Votes {
     }
 }
 
-/// The set of one file. Words of one set only decide, the more numerous ones where a file mixes both (those of the other set
-/// are then reported as such). Where there is none, but a word of two meanings, the set is asked for. Where neither is,
-/// the sets do not differ.
+/// The set of one file. Words of one set only decide, the more numerous ones where a file mixes both (those of the
+/// other set are then reported as such). Where there is none, but a word of two meanings, the set is asked for. Where
+/// neither is, the sets do not differ.
 pub(crate) fn decide(index: usize, file: &File<'_>, sink: &mut Sink) -> Mnemonics {
     let votes = count(file);
     sink.steps += file.tokens.len() as u64;

@@ -33,8 +33,8 @@ pub(crate) enum Constant {
     /// Characters in CP1252.
     Text(Vec<u8>),
     Pointer(PointerConstant),
-    /// `P##name` of a function's own parameter of the type POINTER (6 bytes) or ANY (10): a pointer to a copy in the local
-    /// data, since the caller's bytes have no address here.
+    /// `P##name` of a function's own parameter of the type POINTER (6 bytes) or ANY (10): a pointer to a copy in the
+    /// local data, since the caller's bytes have no address here.
     ToParam {
         index: u16,
         bytes: u8,
@@ -75,8 +75,8 @@ impl PointerConstant {
     }
 }
 
-/// The ANY of a timer, counter or block: type code, number ["ANY Format for Parameter Types": the count is 1, bytes 4, 5 and 7
-/// are 0, byte 6 repeats the type].
+/// The ANY of a timer, counter or block: type code, number ["ANY Format for Parameter Types": the count is 1, bytes 4,
+/// 5 and 7 are 0, byte 6 repeats the type].
 pub(crate) fn any_of_number(code: u8, number: u16) -> Vec<u8> {
     let [high, low] = number.to_be_bytes();
     vec![0x10, code, 0, 1, 0, 0, code, 0, high, low]

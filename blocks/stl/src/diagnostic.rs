@@ -61,7 +61,8 @@ pub fn render(diagnostic: &Diagnostic, source: &Source) -> String {
     render_line(diagnostic, &source.name, shown)
 }
 
-/// All findings as text, in order, an empty line between them. Each source is decoded once, so this is the way to print many.
+/// All findings as text, in order, an empty line between them. Each source is decoded once, so this is the way to print
+/// many.
 #[must_use]
 pub fn render_all(diagnostics: &[Diagnostic], sources: &[Source]) -> String {
     let texts: Vec<_> = sources.iter().map(Source::text).collect();

@@ -1,11 +1,11 @@
-//! Statements that need more than one operation: what STEP 7 puts before and after a statement to reach what has no address of
-//! its own, and the hidden local data it does that with.
+//! Statements that need more than one operation: what STEP 7 puts before and after a statement to reach what has no
+//! address of its own, and the hidden local data it does that with.
 //!
-//! A composed in/out of a function block lies in the instance as a POINTER. To reach a component, STEP 7 opens the data block the
-//! POINTER names and loads AR1 from it, so that the DB register and AR1 are changed by such a statement; so do we. An ANY or
-//! POINTER to instance data is put together at run time from DINO and AR2, in the local data; ACCU1 and ACCU2 are changed
-//! by such a call, as by any CALL of STEP 7. A POINTER for a composed in/out is written into the instance itself before the call,
-//! by which the DB register changes where that is a data block of its own.
+//! A composed in/out of a function block lies in the instance as a POINTER. To reach a component, STEP 7 opens the data
+//! block the POINTER names and loads AR1 from it, so that the DB register and AR1 are changed by such a statement; so
+//! do we. An ANY or POINTER to instance data is put together at run time from DINO and AR2, in the local data; ACCU1
+//! and ACCU2 are changed by such a call, as by any CALL of STEP 7. A POINTER for a composed in/out is written into the
+//! instance itself before the call, by which the DB register changes where that is a data block of its own.
 
 use std::collections::BTreeMap;
 
@@ -39,7 +39,8 @@ impl Around {
     }
 }
 
-/// Where hidden local data lies until it is known how much the block itself uses: beyond every address a source can write.
+/// Where hidden local data lies until it is known how much the block itself uses: beyond every address a source can
+/// write.
 const KEPT: u32 = 0x1_0000;
 /// Likewise what one statement uses alone.
 const SHARED: u32 = 0x2_0000;
@@ -101,8 +102,8 @@ pub(crate) enum Pointee {
     Through(BitAddr, BitAddr),
 }
 
-/// Puts a POINTER (6 bytes) together at a place; with a type and count an ANY (10 bytes). `place` gives the operand of a width
-/// so many bytes into it.
+/// Puts a POINTER (6 bytes) together at a place; with a type and count an ANY (10 bytes). `place` gives the operand of
+/// a width so many bytes into it.
 pub(crate) fn pointer(
     place: &dyn Fn(Width, u32) -> Operand,
     to: Pointee,
@@ -119,7 +120,8 @@ pub(crate) fn pointer(
         Pointee::Instance(offset) => {
             before.push(Op::LoadDbNumber(DbRegister::Di));
             before.push(Op::Transfer(place(Width::Word, at)));
-            // AR2 holds where the instance begins, with the area DI; a pointer that is handed on names the data block itself.
+            // AR2 holds where the instance begins, with the area DI; a pointer that is handed on names the data block
+            // itself.
             before.push(Op::TransferAr(AddressRegister::Ar2));
             before.push(Op::DWordLogic(WordLogic::And, Some(0x00FF_FFFF)));
             before.push(Op::AddConst { format: NumberFormat::DInt, value: offset.0 as i32 });
@@ -162,8 +164,8 @@ pub(crate) fn hidden_operand(width: Width, byte: u32) -> Operand {
     local(width, byte)
 }
 
-/// Moves a value between the place behind a POINTER and the hidden local data; `out` from there to the place. Bits move with
-/// their byte, inwards only.
+/// Moves a value between the place behind a POINTER and the hidden local data; `out` from there to the place. Bits move
+/// with their byte, inwards only.
 pub(crate) fn move_through(pointer: BitAddr, operand: Operand, byte: u32, out: bool, ops: &mut Vec<Op>) {
     ops.extend(open(pointer));
     let width = if operand.width == Width::Bit { Width::Byte } else { operand.width };
@@ -176,8 +178,8 @@ pub(crate) fn move_through(pointer: BitAddr, operand: Operand, byte: u32, out: b
     ops.push(Op::Transfer(if out { there } else { here }));
 }
 
-/// Copies the POINTER or ANY a function has as parameter `index` into the hidden local data, and gives the pointer to the
-/// copy. Nothing but the local data is changed.
+/// Copies the POINTER or ANY a function has as parameter `index` into the hidden local data, and gives the pointer to
+/// the copy. Nothing but the local data is changed.
 pub(crate) fn copy_param(hidden: &mut Hidden, index: u16, bytes: u8, before: &mut Vec<Op>) -> u32 {
     let Hidden { kept, copies, .. } = hidden;
     let copy = *copies.entry(index).or_insert_with(|| {
@@ -198,8 +200,8 @@ pub(crate) fn copy_param(hidden: &mut Hidden, index: u16, bytes: u8, before: &mu
     (u32::from(Area::Local.pointer_code()) << 24) | (copy * 8)
 }
 
-/// Puts the operations around the statements into the code, and the hidden local data behind the `temp_bytes` of the block's
-/// own. Jump targets follow.
+/// Puts the operations around the statements into the code, and the hidden local data behind the `temp_bytes` of the
+/// block's own. Jump targets follow.
 pub(crate) fn expand(code: Vec<Stmt>, around: BTreeMap<u32, Around>, hidden: &Hidden, temp_bytes: u32) -> Vec<Stmt> {
     if around.is_empty() {
         return code;

@@ -55,7 +55,8 @@ fn for_each_element(dims: &[ob1_model::Dimension], element: &DataType, mut f: im
     }
 }
 
-/// Puts laid-out bytes of a value at its place; a BOOL is bit 0 of its one byte. What lies outside the image is dropped.
+/// Puts laid-out bytes of a value at its place; a BOOL is bit 0 of its one byte. What lies outside the image is
+/// dropped.
 pub(crate) fn put(image: &mut [u8], at: BitAddr, ty: &DataType, bytes: &[u8]) {
     if *ty == DataType::Bool {
         let _ = cells::set_bit(image, at.0 as usize, bytes.first().is_some_and(|b| b & 1 == 1));

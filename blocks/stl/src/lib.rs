@@ -1,9 +1,9 @@
 //! STL/AWL source text to blocks and diagnostics.
 //!
 //! The way of a source: bytes -> text ([`Source`]) -> tokens -> blocks with declarations and statements, operands still
-//! tokens -> the world (numbers, types, interfaces, data blocks of all sources and the library) -> operations. Each stage
-//! goes on after a mistake, so that one run finds all of them; none panics, whatever the bytes; each takes time linear in
-//! the input.
+//! tokens -> the world (numbers, types, interfaces, data blocks of all sources and the library) -> operations. Each
+//! stage goes on after a mistake, so that one run finds all of them; none panics, whatever the bytes; each takes time
+//! linear in the input.
 //!
 //! This crate knows the instruction set ([`ob1_ir`]) and no engine.
 

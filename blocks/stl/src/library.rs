@@ -36,8 +36,8 @@ impl Library {
         Self::default()
     }
 
-    /// Adds a block. An FB or SFB whose interface has not been laid out is laid out here. The block that had this number is
-    /// given back.
+    /// Adds a block. An FB or SFB whose interface has not been laid out is laid out here. The block that had this
+    /// number is given back.
     pub fn insert(&mut self, id: BlockId, name: &str, mut interface: Interface) -> Option<LibraryBlock> {
         if id.kind.has_instance() && interface.instance_bytes == 0 {
             interface.lay_out(true);

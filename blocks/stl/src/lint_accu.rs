@@ -6,8 +6,8 @@ use crate::codes;
 use crate::diagnostic::Sink;
 use crate::lints::{Inspected, callee, leaves};
 
-/// Reports statements that use an accumulator which nothing has loaded since a CALL: the block called, and what STEP 7 puts around
-/// the call, leave something else there. Looked at up to the next label.
+/// Reports statements that use an accumulator which nothing has loaded since a CALL: the block called, and what STEP 7
+/// puts around the call, leave something else there. Looked at up to the next label.
 pub(crate) fn lost(i: &Inspected<'_>, sink: &mut Sink) {
     // Line of the call, and how many accumulators have been loaded since.
     let mut call: Option<(u32, u8)> = None;

@@ -14,7 +14,8 @@ const PASSES: u32 = 32;
 type Bits = Box<[u64]>;
 
 /// Reports outputs and function values of an FC that some path from its begin to its end leaves unassigned: the
-/// caller's operand then keeps its old value, or takes what the call's local data held. `S` and `R` count as assignments.
+/// caller's operand then keeps its old value, or takes what the call's local data held. `S` and `R` count as
+/// assignments.
 pub(crate) fn unassigned_outputs(i: &Inspected<'_>, sink: &mut Sink) {
     if i.id.kind != BlockKind::Fc {
         return;

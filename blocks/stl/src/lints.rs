@@ -120,7 +120,8 @@ pub(crate) fn callee(op: &Op) -> Option<BlockId> {
     }
 }
 
-/// Writing to an input: in a function it writes to the caller's operand, in a function block it is lost at the next call.
+/// Writing to an input: in a function it writes to the caller's operand, in a function block it is lost at the next
+/// call.
 fn inputs_written(i: &Inspected<'_>, sink: &mut Sink) {
     let params = &i.info.interface.params;
     let formals: Vec<_> = i.info.interface.formals().collect();

@@ -1,5 +1,5 @@
-//! The listing of a program: sources, symbols, blocks with the addresses of their interfaces and their compiled form, data
-//! blocks with their layout.
+//! The listing of a program: sources, symbols, blocks with the addresses of their interfaces and their compiled form,
+//! data blocks with their layout.
 
 use std::fmt::Write as _;
 

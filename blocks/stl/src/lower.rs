@@ -49,8 +49,8 @@ pub(crate) struct Lowerer<'l, 's> {
     pub(crate) around: Around,
 }
 
-/// Lowers a block's statements. Every statement first becomes exactly one operation, wrong ones `Nop`, so that jump targets are
-/// statement indices; what some need around them is put in at the end.
+/// Lowers a block's statements. Every statement first becomes exactly one operation, wrong ones `Nop`, so that jump
+/// targets are statement indices; what some need around them is put in at the end.
 pub(crate) fn lower(
     id: BlockId,
     block: &Block,

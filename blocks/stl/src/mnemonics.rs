@@ -439,8 +439,8 @@ impl Words {
         Self { mnemonics, identifiers, set }
     }
 
-    /// The mnemonics of one set with the identifiers of both, for addresses of symbol tables: an identifier that both sets have
-    /// names the same in both.
+    /// The mnemonics of one set with the identifiers of both, for addresses of symbol tables: an identifier that both
+    /// sets have names the same in both.
     pub(crate) fn of_both() -> Self {
         let identifiers = IDENTIFIERS.iter().flat_map(|(de, en, i)| [(*de, *i), (*en, *i)]).collect();
         Self { identifiers, ..Self::new(Mnemonics::German) }
@@ -464,7 +464,8 @@ impl Words {
         self.identifiers.keys().copied()
     }
 
-    /// True when `word` is a mnemonic or identifier of the other set only; the caller already knows it is not of this one.
+    /// True when `word` is a mnemonic or identifier of the other set only; the caller already knows it is not of this
+    /// one.
     pub(crate) fn is_foreign(&self, word: &str) -> bool {
         let german = self.set != Mnemonics::International;
         let other =

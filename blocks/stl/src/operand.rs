@@ -15,7 +15,8 @@ use crate::world::{Info, Symbolic, World};
 /// An operand.
 #[derive(Clone, Debug)]
 pub(crate) enum Value<'w> {
-    /// A place in memory; `ty` where a declaration or the symbol table gives one. A composed variable has the width of a byte.
+    /// A place in memory; `ty` where a declaration or the symbol table gives one. A composed variable has the width of
+    /// a byte.
     Memory {
         operand: Operand,
         ty: Option<&'w DataType>,

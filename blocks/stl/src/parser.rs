@@ -157,7 +157,8 @@ impl<'s> Parser<'_, 's> {
         }
     }
 
-    /// A block from its first word to its last. `None` when it has no usable name; its contents are checked all the same.
+    /// A block from its first word to its last. `None` when it has no usable name; its contents are checked all the
+    /// same.
     fn block(&mut self, end: &'static str, frame: Frame) -> Option<Block> {
         let head = self.here();
         self.bump();

@@ -1,5 +1,5 @@
-//! Actual parameters that have no fixed address: instance data for POINTER and ANY, and what lies behind the POINTER of a
-//! function block's composed in/out.
+//! Actual parameters that have no fixed address: instance data for POINTER and ANY, and what lies behind the POINTER of
+//! a function block's composed in/out.
 
 use ob1_ir::{Arg, Operand, Place, Width};
 use ob1_model::{Area, BitAddr, DataType, Param, Section};
@@ -24,8 +24,8 @@ fn hidden_operand(width: Width, byte: u32, bit: u8) -> Arg {
 }
 
 impl Lowerer<'_, '_> {
-    /// Makes ready an actual that must be reached at run time; `instance`: the callee keeps its parameters in an instance.
-    /// `None` when it cannot be reached (reported).
+    /// Makes ready an actual that must be reached at run time; `instance`: the callee keeps its parameters in an
+    /// instance. `None` when it cannot be reached (reported).
     pub(crate) fn reached<'w>(
         &mut self,
         formal: &Param,

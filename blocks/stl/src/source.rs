@@ -7,7 +7,8 @@ use std::borrow::Cow;
 pub struct Source {
     /// Its name, as diagnostics print it.
     pub name: String,
-    /// Its bytes: UTF-16 behind its byte order mark, UTF-8 where they are valid UTF-8, else CP1252; lines end with LF or CR LF.
+    /// Its bytes: UTF-16 behind its byte order mark, UTF-8 where they are valid UTF-8, else CP1252; lines end with LF
+    /// or CR LF.
     pub bytes: Vec<u8>,
 }
 
@@ -17,8 +18,8 @@ impl Source {
         Self { name: name.into(), bytes: bytes.into() }
     }
 
-    /// The text. Bytes that are no UTF-8 are read as CP1252, which STEP 7 writes; a byte order mark is dropped. With that of UTF-16,
-    /// which Windows editors call "Unicode", they are UTF-16.
+    /// The text. Bytes that are no UTF-8 are read as CP1252, which STEP 7 writes; a byte order mark is dropped. With
+    /// that of UTF-16, which Windows editors call "Unicode", they are UTF-16.
     #[must_use]
     pub fn text(&self) -> Cow<'_, str> {
         match self.bytes.as_slice() {

@@ -15,7 +15,8 @@ pub(crate) struct Row {
     pub(crate) span: Span,
 }
 
-/// The lines of a text that say something, with their places. A carriage return ends a line too: SEQ files have it alone.
+/// The lines of a text that say something, with their places. A carriage return ends a line too: SEQ files have it
+/// alone.
 fn lines<'t>(text: &'t str, sink: &mut Sink) -> Vec<(Span, &'t str)> {
     let mut start = 0usize;
     let mut out = Vec::new();
@@ -80,7 +81,8 @@ fn quoted(line: &str) -> Option<Vec<String>> {
     }
 }
 
-/// Characters of name, address and type in a record of an ASC file; with the 80 of the comment they are the 126 each record begins with.
+/// Characters of name, address and type in a record of an ASC file; with the 80 of the comment they are the 126 each
+/// record begins with.
 const COLUMNS: [usize; 3] = [24, 12, 10];
 
 /// `126,` and the columns.
@@ -135,7 +137,8 @@ pub(crate) fn seq(text: &str, sink: &mut Sink) -> Vec<Row> {
     rows
 }
 
-/// The header, then tuples: `-1,0` and `BOT` begin one, `1,0` and a text in quotes are a cell, `-1,0` and `EOD` end all.
+/// The header, then tuples: `-1,0` and `BOT` begin one, `1,0` and a text in quotes are a cell, `-1,0` and `EOD` end
+/// all.
 pub(crate) fn dif(text: &str, sink: &mut Sink) -> Vec<Row> {
     let lines = lines(text, sink);
     let mut rows = Vec::new();

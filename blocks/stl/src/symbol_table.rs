@@ -1,8 +1,9 @@
 //! Symbol tables as STEP 7 exports them: four text formats, one row a symbol.
 //!
-//! The formats ["Programming with STEP 7", "File Formats for Importing/Exporting a Symbol Table"]: `.SDF` has four texts in
-//! quotes, `.ASC` records of 126 characters in fixed columns, `.SEQ` tabulated address, symbol and comment, `.DIF` tuples of
-//! typed cells. Each is CP1252 or UTF-8, addresses stand in either set of mnemonics, comments stay out.
+//! The formats ["Programming with STEP 7", "File Formats for Importing/Exporting a Symbol Table"]: `.SDF` has four
+//! texts in quotes, `.ASC` records of 126 characters in fixed columns, `.SEQ` tabulated address, symbol and comment,
+//! `.DIF` tuples of typed cells. Each is CP1252 or UTF-8, addresses stand in either set of mnemonics, comments stay
+//! out.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -94,15 +95,15 @@ impl SymbolTable {
 /// The longest table, in bytes of text.
 const LONGEST_TABLE: usize = 64 << 20;
 
-/// Reads a symbol table. Its form is that of the name's extension, held against what the first line looks like; where the
-/// extension says nothing, that of the first line.
+/// Reads a symbol table. Its form is that of the name's extension, held against what the first line looks like; where
+/// the extension says nothing, that of the first line.
 #[must_use]
 pub fn read_symbols(source: &Source) -> SymbolTable {
     read_one(source, &mut Names::new())
 }
 
-/// Reads the symbol tables of one program, in their order. A name that stands in two of them is reported in the later one; the
-/// first one counts, as within a table.
+/// Reads the symbol tables of one program, in their order. A name that stands in two of them is reported in the later
+/// one; the first one counts, as within a table.
 #[must_use]
 pub fn read_symbol_tables(sources: &[Source]) -> Vec<SymbolTable> {
     let mut names = Names::new();

@@ -183,8 +183,8 @@ impl Elaborator<'_> {
     }
 }
 
-/// An FB's instance as a structure. Each section begins on an even byte: an empty structure between them, which takes no
-/// room of its own, makes the layout do that.
+/// An FB's instance as a structure. Each section begins on an even byte: an empty structure between them, which takes
+/// no room of its own, makes the layout do that.
 fn instance_type(interface: &Interface) -> DataType {
     let mut fields: Vec<Field> = Vec::new();
     let mut last = None;

@@ -47,8 +47,8 @@ impl Access {
 /// One use of an operand.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Reference {
-    /// Puts operands in the order of a cross-reference: E, A, M, peripheral, T, Z, DB, blocks, then what is indirect, then the
-    /// names of single blocks; by number and address within.
+    /// Puts operands in the order of a cross-reference: E, A, M, peripheral, T, Z, DB, blocks, then what is indirect,
+    /// then the names of single blocks; by number and address within.
     order: (u8, u32, u32, u8),
     /// The operand in German mnemonics: `M 1.0`, `DB10.DBW 20`, `T 5`, `FC 9`; `FB 3 #speed` for a name of a block;
     /// `DBW [MD 184]` where it is known at run time only.
@@ -69,8 +69,8 @@ pub struct Reference {
     pub via: Option<String>,
 }
 
-/// The cross-reference of a program, sorted by operand, then by place. Parameters of blocks outside the program count as read and
-/// written; [`xref_with`] knows better.
+/// The cross-reference of a program, sorted by operand, then by place. Parameters of blocks outside the program count
+/// as read and written; [`xref_with`] knows better.
 #[must_use]
 pub fn xref(program: &Program) -> Vec<Reference> {
     xref_with(program, &Library::new())

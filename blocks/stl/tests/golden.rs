@@ -1,5 +1,5 @@
-//! Every `tests/data/*.awl` is compiled; what it gives is held against the `.expected` file beside it: the diagnostics as
-//! printed, then the listing of the program. `UPDATE=1 cargo test -p ob1-stl` writes the expectations anew.
+//! Every `tests/data/*.awl` is compiled; what it gives is held against the `.expected` file beside it: the diagnostics
+//! as printed, then the listing of the program. `UPDATE=1 cargo test -p ob1-stl` writes the expectations anew.
 
 #![allow(clippy::disallowed_methods, reason = "the tests read their data files, and write them when asked to")]
 

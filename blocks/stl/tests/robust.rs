@@ -186,8 +186,8 @@ fn work_of_symbol_tables_grows_linearly() {
     }
 }
 
-/// Every file of `tests/corpus`, as a source in each set of mnemonics and as a symbol table of each form: what the fuzzer starts
-/// from, and what it has found.
+/// Every file of `tests/corpus`, as a source in each set of mnemonics and as a symbol table of each form: what the
+/// fuzzer starts from, and what it has found.
 #[test]
 fn the_corpus_is_replayed() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus");

@@ -1,7 +1,8 @@
-//! The process as a simulated line instead of a CP: `ob1-cp --hub JSON`. It has a segment too, only to show that it lives.
+//! The process as a simulated line instead of a CP: `ob1-cp --hub JSON`. It has a segment too, only to show that it
+//! lives.
 //!
-//! A line that two stations share is started by both: who has the lock of its name is the line, the other stands by and takes over
-//! should the first one end.
+//! A line that two stations share is started by both: who has the lock of its name is the line, the other stands by and
+//! takes over should the first one end.
 
 use std::fs::{File, OpenOptions};
 use std::io;

@@ -9,7 +9,8 @@ use crate::keys::CpType;
 #[error("{0}")]
 pub struct Refused(pub String);
 
-/// The line as the pump needs it: it puts things out here. What comes in goes to [`CpPump::line_event`](crate::CpPump::line_event).
+/// The line as the pump needs it: it puts things out here. What comes in goes to
+/// [`CpPump::line_event`](crate::CpPump::line_event).
 pub trait LinePort {
     /// A parameter transfer brought this JSON text. It comes before [`Self::apply`].
     ///

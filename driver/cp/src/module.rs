@@ -1,4 +1,5 @@
-//! The firmware behind the segment: a CP of the type the configuration names. The only place that tells the types apart.
+//! The firmware behind the segment: a CP of the type the configuration names. The only place that tells the types
+//! apart.
 
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341, Input341};
 use ob1_firmware::{Cp040, Cp240, CpInput, CpPort, Nanos};
@@ -63,8 +64,8 @@ impl Module {
         matches!(self.firmware, Firmware::Cp040(_) | Firmware::Cp341(_))
     }
 
-    /// Whether it wants the outputs as they stand before its first parameters. A CP 341 wants them behind: its driver says whose RTS
-    /// and DTR are. [reference 2.2]
+    /// Whether it wants the outputs as they stand before its first parameters. A CP 341 wants them behind: its driver
+    /// says whose RTS and DTR are. [reference 2.2]
     pub(crate) const fn wants_outputs_first(&self) -> bool {
         !matches!(self.firmware, Firmware::Cp341(_))
     }

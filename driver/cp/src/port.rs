@@ -9,7 +9,8 @@ use tracing::{debug, info, trace, warn};
 use crate::config::Config;
 use crate::tap::Tap;
 
-/// How late a real line may hand characters over: the FIFO of a UART, the latency timer of a USB adapter (16 ms), a busy machine.
+/// How late a real line may hand characters over: the FIFO of a UART, the latency timer of a USB adapter (16 ms), a
+/// busy machine.
 const LATENESS: Nanos = 50_000_000;
 
 /// A real line, or none yet.

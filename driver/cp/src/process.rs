@@ -106,8 +106,8 @@ impl Process {
                 line.ready();
             }
             if ready.doorbell {
-                // First the work: whoever rang waits for it. A ring for a later change may be swallowed with this one; that
-                // change is then found by `prepare_sleep`.
+                // First the work: whoever rang waits for it. A ring for a later change may be swallowed with this one;
+                // that change is then found by `prepare_sleep`.
                 let now = self.now();
                 changed = self.pump.has_changes();
                 self.pump.poll(now, &mut self.port);

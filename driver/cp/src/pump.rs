@@ -17,8 +17,8 @@ pub const HEARTBEAT: Nanos = 50_000_000;
 /// When the other end is found in the middle of a write, look again after this.
 const LOOK_AGAIN: Nanos = 50_000;
 
-/// [`DriverState::ParameterError`](ob1_backplane::DriverState::ParameterError) when it is the JSON that is refused; smaller codes are the
-/// number of the parameter byte.
+/// [`DriverState::ParameterError`](ob1_backplane::DriverState::ParameterError) when it is the JSON that is refused;
+/// smaller codes are the number of the parameter byte.
 const CODE_CONFIGURATION: u32 = 0x100;
 
 /// A CP on the back plane.
@@ -93,8 +93,8 @@ impl CpPump {
         self.deadline(now)
     }
 
-    /// Tells why the line is gone: the operating system's error number (0: none) and a text. The firmware learns of it by
-    /// [`Self::line_event`].
+    /// Tells why the line is gone: the operating system's error number (0: none) and a text. The firmware learns of it
+    /// by [`Self::line_event`].
     pub fn line_error(&mut self, now: Nanos, errno: u32, reason: &str) {
         self.end.line_error = Some(errno);
         self.end.emit(now, EventCode::LineGone as u32, &errno.to_be_bytes());
@@ -184,7 +184,8 @@ impl CpPump {
         self.step(now, CpInput::Outputs(outputs), line);
     }
 
-    /// The configuration says what the module is: if that is another than before, it is so from now on, with the world as it stands.
+    /// The configuration says what the module is: if that is another than before, it is so from now on, with the world
+    /// as it stands.
     fn adopt<L: LinePort + ?Sized>(&mut self, now: Nanos, kind: &CpType, line: &mut L) {
         if self.module.is(kind) {
             return;

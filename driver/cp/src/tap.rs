@@ -1,5 +1,5 @@
-//! The tap: tells whoever listens what happens on the line. It never waits: a listener that does not fetch its records loses them, and
-//! is told how many.
+//! The tap: tells whoever listens what happens on the line. It never waits: a listener that does not fetch its records
+//! loses them, and is told how many.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};

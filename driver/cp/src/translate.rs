@@ -4,14 +4,15 @@ use ob1_backplane::{Counter, Leds as SegmentLeds, ModemInputs};
 use ob1_firmware::{CpCounter, Leds, LineSettings, ModemLines};
 use ob1_line::{Flow, Parity, StopBits};
 
-/// Number of the diagnostic record with the text of the last line error (UTF-8, at most 240 bytes; empty: the line is up).
+/// Number of the diagnostic record with the text of the last line error (UTF-8, at most 240 bytes; empty: the line is
+/// up).
 pub const LINE_TEXT_RECORD: u32 = 240;
 
-/// Numbers of the events a driver emits; all are messages, none an interrupt: a CPU without OB 82 must not stop because a
-/// cable was pulled.
+/// Numbers of the events a driver emits; all are messages, none an interrupt: a CPU without OB 82 must not stop because
+/// a cable was pulled.
 ///
-/// Events of a protocol have the numbers of the event classes 7 and 8 (`0701h` first repetition, `0808h` block check ...), those of RK 512
-/// of 5, 6, 9 and 10 besides (`060Fh` locked by the coordination flag, `0A05h` no reaction ...).
+/// Events of a protocol have the numbers of the event classes 7 and 8 (`0701h` first repetition, `0808h` block check
+/// ...), those of RK 512 of 5, 6, 9 and 10 besides (`060Fh` locked by the coordination flag, `0A05h` no reaction ...).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum EventCode {
@@ -21,8 +22,8 @@ pub enum EventCode {
     Working = 2,
     /// The parameters are refused; data: the parameter byte.
     NoParameters = 3,
-    /// The line is gone; data: the operating system's error number (4 bytes, big-endian; 0: none). The text is in record
-    /// [`LINE_TEXT_RECORD`].
+    /// The line is gone; data: the operating system's error number (4 bytes, big-endian; 0: none). The text is in
+    /// record [`LINE_TEXT_RECORD`].
     LineGone = 4,
     /// The line can be used.
     LineUp = 5,

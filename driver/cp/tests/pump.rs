@@ -287,7 +287,8 @@ fn the_module_is_what_the_configuration_says() {
     // Start-up coordination of P_RCV_RK: START with number 5, acknowledged with READY. (docs/cp341-channels.md)
     let mut start = [0; 64];
     (start[0], start[3]) = (1, 5);
-    // First input register: start-up identifier of a CP 240, a CP 040's first answer, signals of a CP 341's interface, none of them on.
+    // First input register: start-up identifier of a CP 240, a CP 040's first answer, signals of a CP 341's interface,
+    // none of them on.
     for (cp_type, register, acknowledged) in
         [(CpType::Cp240, 0x80, [0, 0]), (CpType::Cp040, 0x88, [0, 0]), (cp341, 0, [1, 5])]
     {

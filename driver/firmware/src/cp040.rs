@@ -1,4 +1,5 @@
-//! The SLIO CP 040: the byte protocol towards the host, buffers, protocol machines, LEDs, diagnostics. `docs/cp040-registers.md`
+//! The SLIO CP 040: the byte protocol towards the host, buffers, protocol machines, LEDs, diagnostics.
+//! `docs/cp040-registers.md`
 
 mod diagnosis;
 mod exchange;
@@ -39,8 +40,9 @@ enum Phase {
 
 /// A CP 040.
 ///
-/// Laws for the owner as for a [`Cp240`](crate::Cp240): time never goes backwards; a tick when the answered time has come; the outputs as
-/// they stand before the first parameters. Sixteen zeros as parameters are ASCII with its defaults.
+/// Laws for the owner as for a [`Cp240`](crate::Cp240): time never goes backwards; a tick when the answered time has
+/// come; the outputs as they stand before the first parameters. Sixteen zeros as parameters are ASCII with its
+/// defaults.
 #[derive(Debug)]
 pub struct Cp040 {
     phase: Phase,
@@ -297,7 +299,8 @@ impl Cp040 {
     // ---- the line and the protocol ----
 
     fn line(&mut self, now: Nanos, line: LineInput<'_>, port: &mut dyn CpPort) {
-        // Two wires: "data is exchanged ... but only in one direction at a time". What comes while we send is our own. [S3 L347]
+        // Two wires: "data is exchanged ... but only in one direction at a time". What comes while we send is our own.
+        // [S3 L347]
         let is_half = self.parameters.as_ref().is_some_and(|p| p.duplex == Duplex::Half);
         let mut input = line.to_protocol();
         match line {

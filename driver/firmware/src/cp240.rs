@@ -60,8 +60,8 @@ enum Phase {
 ///
 /// Laws for the owner:
 /// * time never goes backwards; [`CpInput::Tick`] at the latest when the time [`Cp240::step`] answered has come;
-/// * the output registers as they stand are handed in before the first [`CpInput::Parameters`]: what is in them is of an
-///   earlier life and must not be taken for an answer;
+/// * the output registers as they stand are handed in before the first [`CpInput::Parameters`]: what is in them is of
+///   an earlier life and must not be taken for an answer;
 /// * sixteen zeros as parameters stand for "none": the module then works with its defaults [S0 L2118].
 #[derive(Debug)]
 pub struct Cp240 {
@@ -101,8 +101,8 @@ pub struct Cp240 {
 impl Cp240 {
     /// A module without parameters.
     ///
-    /// `generation` counts the lives of this module, that is, the processes that were it. Start-ups of neighbouring lives
-    /// get numbers far apart, because a new process does not know how many resets the one before it has seen.
+    /// `generation` counts the lives of this module, that is, the processes that were it. Start-ups of neighbouring
+    /// lives get numbers far apart, because a new process does not know how many resets the one before it has seen.
     pub const fn new(generation: u64) -> Self {
         Self {
             phase: Phase::Off,
@@ -179,8 +179,8 @@ impl Cp240 {
         self.phase == Phase::Working
     }
 
-    /// Enables or disables diagnostics: errors that light ER are also told as [`CpEvent::Diagnosis`]. Off unless enabled; the
-    /// parameter bytes have no place for it (ours: a switch of the station file).
+    /// Enables or disables diagnostics: errors that light ER are also told as [`CpEvent::Diagnosis`]. Off unless
+    /// enabled; the parameter bytes have no place for it (ours: a switch of the station file).
     pub fn enable_diagnostics(&mut self, enabled: bool) {
         self.diagnosis.enabled = enabled;
     }
@@ -303,8 +303,8 @@ impl Cp240 {
                 }
             }
             Phase::Clearing => {
-                // The CPU writes 0 to both; the first count of a telegram may already stand over it, for the CPU does not
-                // wait until somebody here has seen its zeros.
+                // The CPU writes 0 to both; the first count of a telegram may already stand over it, for the CPU does
+                // not wait until somebody here has seen its zeros.
                 if (rx | tx) & SYSTEM == 0 {
                     self.work(now, port);
                     self.look_registers(now, port);

@@ -1,7 +1,7 @@
 //! What the CP tells when diagnostics are enabled: "the error causes transmission of diagnostic bytes" [S0 L1458].
 //!
-//! The error comes with ER and goes with it, 4 s after its last occurrence: a disturbed line raises one interrupt, not one for
-//! each character. A further kind of error while ER is on comes by itself.
+//! The error comes with ER and goes with it, 4 s after its last occurrence: a disturbed line raises one interrupt, not
+//! one for each character. A further kind of error while ER is on comes by itself.
 //!
 //! The manual prints no bytes. The first four are those of an S7 module's data record 0 as the CP 341 has them
 //! [reference 1.9]; two more name the occurrence as in the event classes 7 and 8.

@@ -63,8 +63,9 @@ impl LedDriver {
         self.leds.power = true;
     }
 
-    /// New parameters, for one of the Modbus modes or not, valid or not. Modbus: "After switching on the voltage supply the LEDs ER, TxD and
-    /// RxD are flashing ... with valid parameters the LEDs ER, TxD and RxD extinguish." [S0 "Commissioning"]
+    /// New parameters, for one of the Modbus modes or not, valid or not. Modbus: "After switching on the voltage supply
+    /// the LEDs ER, TxD and RxD are flashing ... with valid parameters the LEDs ER, TxD and RxD extinguish."
+    /// [S0 "Commissioning"]
     pub(crate) fn parameters(&mut self, now: Nanos, modbus: bool, valid: bool) {
         if modbus {
             (self.leds.error, self.leds.transmit, self.leds.receive) = (false, false, false);

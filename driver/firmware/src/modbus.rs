@@ -1,5 +1,5 @@
-//! What is different with Modbus: no start-up identifier, a slave whose data are the registers ("short") or whose blocks go through SEND
-//! and RECEIVE ("long"). [S0 "Modbus - Deployment"], `docs/cp240-registers.md`
+//! What is different with Modbus: no start-up identifier, a slave whose data are the registers ("short") or whose
+//! blocks go through SEND and RECEIVE ("long"). [S0 "Modbus - Deployment"], `docs/cp240-registers.md`
 
 use ob1_params::{Modbus as Parameters, ModbusKind};
 use ob1_protocols::Nanos;
@@ -50,7 +50,8 @@ pub(crate) fn take_image(slave: &mut Slave, outputs: &Registers) -> bool {
     is_short && slave.set_input(outputs)
 }
 
-/// "Slave long": the next changed blocks as a telegram for RECEIVE, once the one before is through. The result is its length.
+/// "Slave long": the next changed blocks as a telegram for RECEIVE, once the one before is through. The result is its
+/// length.
 pub(crate) fn offer_change(slave: &mut Slave, receive: &mut ReceiveSide) -> Option<usize> {
     if !slave.config().confirmed {
         return None;

@@ -60,8 +60,8 @@ impl Modem {
         (self.delta, self.rts, self.dtr) = (0, true, true);
     }
 
-    /// Carries out a command; the result is what was switched and the word of the answer. RTS belongs to the protocol where
-    /// that has hardware flow control.
+    /// Carries out a command; the result is what was switched and the word of the answer. RTS belongs to the protocol
+    /// where that has hardware flow control.
     pub(crate) fn command(&mut self, command: u16, rts_is_free: bool) -> (Switched, u16) {
         let mut switched = Switched::default();
         if command & COMMAND_SET_RTS != 0 && rts_is_free {

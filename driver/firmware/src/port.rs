@@ -30,8 +30,8 @@ pub enum LineInput<'a> {
     Rx(&'a [u8]),
     /// The last bit of everything transmitted has left. A line that is gone reports it all the same.
     TxDone,
-    /// A character could not be read, the line is gone, or it is back. A line that has never been there is gone: tell it
-    /// once at the start.
+    /// A character could not be read, the line is gone, or it is back. A line that has never been there is gone: tell
+    /// it once at the start.
     Fault(LineFault),
     /// The modem lines have changed.
     Modem(ModemLines),
@@ -66,12 +66,12 @@ pub trait CpPort {
         0
     }
 
-    /// Sets baud rate, character frame and flow control; called once for each valid parameter record, and for an M-Bus telegram that
-    /// names another baud rate than the one before.
+    /// Sets baud rate, character frame and flow control; called once for each valid parameter record, and for an M-Bus
+    /// telegram that names another baud rate than the one before.
     fn line_settings(&mut self, settings: &LineSettings);
 
-    /// How late the line may hand over characters that have come in, because they come in bursts. RTU tells telegrams apart by their
-    /// silences. 0: each comes at its time.
+    /// How late the line may hand over characters that have come in, because they come in bursts. RTU tells telegrams
+    /// apart by their silences. 0: each comes at its time.
     fn lateness(&self) -> Nanos {
         0
     }

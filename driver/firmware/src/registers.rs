@@ -24,8 +24,8 @@ pub const SYSTEM: u16 = 0x8000;
 /// `TX echo`: the order ended with an error, the code is in the low byte; `TX`: seen.
 pub const FAILED: u16 = 0x2000;
 
-/// `TX`: Modbus output area, `ANZ OR 4000h` [S0 L2311]. `RX` and `RX echo`: the telegram is a changed area of the Modbus slave "long" and
-/// begins with its offset.
+/// `TX`: Modbus output area, `ANZ OR 4000h` [S0 L2311]. `RX` and `RX echo`: the telegram is a changed area of the
+/// Modbus slave "long" and begins with its offset.
 pub const AREA: u16 = 0x4000;
 
 /// `RX echo`: the CPU cannot store the changed area, its own ends before.
@@ -34,8 +34,8 @@ pub const OUTSIDE: u16 = FAILED | 0x02;
 /// Framing of RK 512: an own order of the CPU (`TX`) and how it ended (`RX`).
 pub const OWN_ORDER: u16 = 0x0800;
 
-/// Framing of RK 512: an order of the partner (`RX`) and the CPU's answer (`TX`). Alone, without a count, in `RX echo`: the CPU takes
-/// orders of the partner.
+/// Framing of RK 512: an order of the partner (`RX`) and the CPU's answer (`TX`). Alone, without a count, in `RX echo`:
+/// the CPU takes orders of the partner.
 pub const PARTNER_ORDER: u16 = 0x1000;
 
 /// Framing bits of a line command in `TX` and of its answer in `TX echo`.

@@ -1,5 +1,5 @@
-//! The receive buffer: whole telegrams in a ring of 1024 or 2048 bytes [S0 "Communication via back plane bus"], at a CP 341 of 4096
-//! [reference 6.2].
+//! The receive buffer: whole telegrams in a ring of 1024 or 2048 bytes [S0 "Communication via back plane bus"], at a CP
+//! 341 of 4096 [reference 6.2].
 
 use crate::registers::BUFFER_BYTES;
 
@@ -35,7 +35,8 @@ impl Capacity {
         Self { bytes: BUFFER_BYTES, telegrams, overwrites: false }
     }
 
-    /// 2048 bytes, and so many telegrams, 1 to 250: EnOcean (150) [S0 L2916] and M-Bus (no number is printed) [S0 L4133].
+    /// 2048 bytes, and so many telegrams, 1 to 250: EnOcean (150) [S0 L2916] and M-Bus (no number is printed)
+    /// [S0 L4133].
     pub(crate) const fn large(telegrams: u8) -> Self {
         Self { bytes: BYTES_MAX, ..Self::buffers(telegrams) }
     }

@@ -1,5 +1,5 @@
-//! RK 512 between CPU and protocol: the CPU's orders and answers taken apart, results and orders of the partner handed over
-//! block by block (docs/cp240-registers.md, "RK 512").
+//! RK 512 between CPU and protocol: the CPU's orders and answers taken apart, results and orders of the partner handed
+//! over block by block (docs/cp240-registers.md, "RK 512").
 
 use ob1_protocols::rk512::{Answer, Command, OrderError, Request};
 
@@ -119,7 +119,8 @@ impl Rk512Side {
 
     // ---- what the CPU hands over ----
 
-    /// Takes a complete telegram of the CPU apart. An order leaves its mark here, and what was left of the order before is dropped.
+    /// Takes a complete telegram of the CPU apart. An order leaves its mark here, and what was left of the order before
+    /// is dropped.
     pub(crate) fn handed<'a>(&mut self, framing: u16, telegram: &'a [u8]) -> Handed<'a> {
         if framing == OWN_ORDER {
             self.drop_result();
@@ -174,7 +175,8 @@ impl Rk512Side {
         self.partner.set(&header, data);
     }
 
-    /// The order of the partner is over. True if the CPU had not fetched it completely: it is taken out of the registers.
+    /// The order of the partner is over. True if the CPU had not fetched it completely: it is taken out of the
+    /// registers.
     pub(crate) fn answered(&mut self) -> bool {
         self.asked = None;
         let waiting = self.partner.len > 0;

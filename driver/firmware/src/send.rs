@@ -8,8 +8,8 @@ use crate::rk512::HEADER_BYTES;
 /// Error code of a telegram that is longer than the buffer. [S0 L1298]
 const TOO_LONG: u8 = 0x17;
 
-/// Error code of a telegram whose kind the protocol does not have (ours): FC 0 with RK 512, FC 2 or FC 3 without, `OR 4000h` elsewhere than
-/// at the Modbus slave "long". Left waiting, the block of the program would wait for ever.
+/// Error code of a telegram whose kind the protocol does not have (ours): FC 0 with RK 512, FC 2 or FC 3 without,
+/// `OR 4000h` elsewhere than at the Modbus slave "long". Left waiting, the block of the program would wait for ever.
 const WRONG_KIND: u8 = 0x0C;
 
 /// Where the CPU and the CP are with an order.
@@ -122,8 +122,8 @@ impl SendSide {
         self.for_output_area
     }
 
-    /// A start without start-up identifier: a count that stands in `TX` belongs to a telegram that is lost. `TX echo` shows 1 until
-    /// it is gone, which no job of the CPU goes on with, and which makes the next one write 0 first.
+    /// A start without start-up identifier: a count that stands in `TX` belongs to a telegram that is lost. `TX echo`
+    /// shows 1 until it is gone, which no job of the CPU goes on with, and which makes the next one write 0 first.
     pub(crate) const fn begin(&mut self, tx: u16) {
         self.state = if tx == 0 { State::Idle } else { State::Stale };
     }
@@ -198,8 +198,8 @@ impl SendSide {
             }
             State::Closing if tx == FAILED => Step::Wait,
             State::Answered(_) if line_command(tx).is_some() => Step::Wait,
-            // 0, or already the first count of the next telegram: the CPU may have written over its 0 before anyone here
-            // has seen it.
+            // 0, or already the first count of the next telegram: the CPU may have written over its 0 before anyone
+            // here has seen it.
             State::Closing | State::Answered(_) => {
                 self.state = State::Idle;
                 self.look(tx, block)

@@ -1,5 +1,5 @@
-//! The CP 341 beside its telegrams: entries of its diagnostic buffer, diagnostic interrupts, accompanying signals, jobs without
-//! parameters. [reference 1.6, 1.9, 2]
+//! The CP 341 beside its telegrams: entries of its diagnostic buffer, diagnostic interrupts, accompanying signals, jobs
+//! without parameters. [reference 1.6, 1.9, 2]
 
 mod common;
 

@@ -1,5 +1,6 @@
-//! ASCII of the CP 341 (and the block check of 3964R) through a whole CP: end criteria, receive buffer, sending, and what goes wrong with its number at P_SND_RK or P_RCV_RK and in
-//! the diagnostic buffer. [reference 6], [reference 3.7 to 3.10]
+//! ASCII of the CP 341 (and the block check of 3964R) through a whole CP: end criteria, receive buffer, sending, and
+//! what goes wrong with its number at P_SND_RK or P_RCV_RK and in the diagnostic buffer. [reference 6],
+//! [reference 3.7 to 3.10]
 
 mod cp341_bench;
 
@@ -70,7 +71,8 @@ fn an_unreadable_character_is_told() {
     assert_eq!((bench.all(), bench.entries()), (vec![Got::Error(0x080D)], vec![0x080D]));
 }
 
-/// The frame of 3964R that ASCII has not: BCC. 0808h is entered with the NAK, and told when the partner does not repeat. [reference 3.10]
+/// The frame of 3964R that ASCII has not: BCC. 0808h is entered with the NAK, and told when the partner does not
+/// repeat. [reference 3.10]
 #[test]
 fn a_wrong_block_check_character_is_0808h() {
     let mut bench = Bench::new(&[("protocol", "3964r".into())]);
@@ -227,7 +229,8 @@ fn sending_with_end_characters() {
     assert_eq!(bench.heard().len(), 4096);
 }
 
-/// "A pause of at least ZVZ is kept between two telegrams (also between two FB 8 jobs)"; DONE comes before. [reference 6.3]
+/// "A pause of at least ZVZ is kept between two telegrams (also between two FB 8 jobs)"; DONE comes before.
+/// [reference 6.3]
 #[test]
 fn two_jobs_are_parted_by_zvz() {
     let pause = |keys: &[(&str, Value)]| {
@@ -266,7 +269,8 @@ fn waiting_for_the_partner_ends_with_0708h() {
     assert_eq!((bench.heard(), bench.entries()), (b"now".to_vec(), vec![0x0708]));
 }
 
-/// The partner is stopped when the number of telegrams is reached, and let go when the CPU has taken one. [reference 6.4]
+/// The partner is stopped when the number of telegrams is reached, and let go when the CPU has taken one.
+/// [reference 6.4]
 #[test]
 fn the_partner_is_stopped_by_the_number_of_telegrams() {
     let keys = [("flow", Value::from("xon-xoff")), ("receive_buffers", Value::Int(2)), ("zvz_ms", Value::Int(10))];

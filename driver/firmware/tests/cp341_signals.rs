@@ -1,5 +1,6 @@
-//! The RS 232 secondary signals of a whole CP 341 on a line that has them: automatic use by the ASCII driver and by the loadable Modbus driver,
-//! V24_SET and V24_STAT beside it, BREAK. [S4 "4.3 RS 232C Secondary Signals"], [reference 2], [reference 6.5]
+//! The RS 232 secondary signals of a whole CP 341 on a line that has them: automatic use by the ASCII driver and by the
+//! loadable Modbus driver, V24_SET and V24_STAT beside it, BREAK. [S4 "4.3 RS 232C Secondary Signals"], [reference 2],
+//! [reference 6.5]
 
 mod cp341_bench;
 
@@ -42,7 +43,8 @@ fn job_of(protocol: &str) -> (&'static [u8], &'static [u8]) {
     }
 }
 
-/// "As soon as the CP is switched to automatic use, it switches RTS to OFF and DTR to ON"; V24_SET has no effect, V24_STAT has. [S4 L803], [S4 L811]
+/// "As soon as the CP is switched to automatic use, it switches RTS to OFF and DTR to ON"; V24_SET has no effect,
+/// V24_STAT has. [S4 L803], [S4 L811]
 #[test]
 fn v24_set_is_without_effect_and_v24_stat_is_not() {
     for protocol in [ASCII, MODBUS] {
@@ -143,7 +145,8 @@ fn what_is_leaving_is_taken_back() {
     assert_eq!(bench.heard(), b"He");
 }
 
-/// "Data receipt is aborted with an error message if DSR changes from ON to OFF." [S4 L817] Before that nothing is received. [S4 L816]
+/// "Data receipt is aborted with an error message if DSR changes from ON to OFF." [S4 L817] Before that nothing is
+/// received. [S4 L816]
 #[test]
 fn dsr_off_ends_what_is_received() {
     let mut bench = automatic(ASCII);

@@ -8,7 +8,8 @@ use ob1_params::Cp240;
 use ob1_protocols::esp2::frame::{Bytes, encode};
 use ob1_protocols::esp2::{Button, Command, Message, Radio, Switch, Telegram};
 
-/// "Here only E0h is to be given in byte 1 as protocol for EnOcean. The other parameters are reserved and not evaluated." [S1 L937]
+/// "Here only E0h is to be given in byte 1 as protocol for EnOcean. The other parameters are reserved and not
+/// evaluated." [S1 L937]
 const PARAMETERS: [u8; 16] = [0, 0xE0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
 
 /// What FC 101 of the manual sends, up to the ID base. [S1 L1640]
@@ -43,7 +44,8 @@ fn working(base: u32) -> Bench {
 #[test]
 fn the_send_example_of_the_manual() {
     let mut bench = working(0xFF80_0080);
-    // "To acknowledge the telegram the CP writes 11 back", "0", "0". [S1 "Beispiel Daten senden ohne Hantierungsbaustein"]
+    // "To acknowledge the telegram the CP writes 11 back", "0", "0".
+    // [S1 "Beispiel Daten senden ohne Hantierungsbaustein"]
     bench.hand_over(&FC_101);
     assert_eq!(bench.log.tx, [0xA5, 0x5A, 0x6B, 5, 2, 0, 0, 0, 0xFF, 0x80, 0, 0xE7, 6, 0xDE]);
     assert_eq!(bench.tx_echo(), 0, "in the send buffer: done");
@@ -65,8 +67,8 @@ fn the_receive_example_of_the_manual() {
     assert_eq!(bench.fetch(), switch(0).emit());
 }
 
-/// "After a successful transfer the CPU is to be restarted or a reset via FC 9 to be executed." Until then the CP ORs with the old base.
-/// [S1 "Modul ersetzen und IDBase übernehmen"]
+/// "After a successful transfer the CPU is to be restarted or a reset via FC 9 to be executed." Until then the CP ORs
+/// with the old base. [S1 "Modul ersetzen und IDBase übernehmen"]
 #[test]
 fn a_new_id_base_counts_after_a_reset() {
     let mut bench = working(0xFF80_0080);
@@ -86,7 +88,8 @@ fn a_new_id_base_counts_after_a_reset() {
     assert_eq!(bench.log.tx[8..12], [0xFF, 0xAB, 0xCD, 0xE7], "the new one");
 }
 
-/// "... which may handle up to 150 telegrams"; "at full buffer new telegrams are ignored"; ER shows it, and nothing else. [S1 L941]
+/// "... which may handle up to 150 telegrams"; "at full buffer new telegrams are ignored"; ER shows it, and nothing
+/// else. [S1 L941]
 #[test]
 fn a_full_buffer_is_all_that_er_shows() {
     let mut bench = working(0xFF80_0080);
@@ -110,7 +113,8 @@ fn a_full_buffer_is_all_that_er_shows() {
     }
 }
 
-/// The CPU hands telegrams over faster than 9600 baud: 146 fit into the buffer, one more waits for its turn, and all leave in order.
+/// The CPU hands telegrams over faster than 9600 baud: 146 fit into the buffer, one more waits for its turn, and all
+/// leave in order.
 #[test]
 fn the_send_buffer_takes_2048_bytes() {
     let mut bench = working(0xFF80_0080);

@@ -35,8 +35,8 @@ fn the_example_of_the_manual() {
     assert_eq!((bench.count(CpCounter::Sent), bench.count(CpCounter::Received)), (1, 1));
 }
 
-/// [S0 "Example RECEIVE data"]: of 18 bytes of user data and the response byte first 12, then the rest. (The manual counts the response
-/// byte among the 18 of the first word, and not among the 7 of the second.)
+/// [S0 "Example RECEIVE data"]: of 18 bytes of user data and the response byte first 12, then the rest. (The manual
+/// counts the response byte among the 18 of the first word, and not among the 7 of the second.)
 #[test]
 fn an_answer_comes_in_blocks_of_12() {
     let mut bench = Bench::working(&PARAMETERS);
@@ -123,8 +123,8 @@ fn reserved_bytes_are_not_evaluated() {
     assert_eq!(bench.fetch(), [1]);
 }
 
-/// "send and receive data have each a reserved 2048Byte buffer" [S0 L4133]: eight of the longest answers; the order behind them waits
-/// until one is taken.
+/// "send and receive data have each a reserved 2048Byte buffer" [S0 L4133]: eight of the longest answers; the order
+/// behind them waits until one is taken.
 #[test]
 fn the_receive_buffer_has_2048_bytes() {
     let mut bench = Bench::working(&PARAMETERS);

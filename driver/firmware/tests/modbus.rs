@@ -237,7 +237,8 @@ fn slave_long_stores_what_is_sent() {
     assert_eq!(bench.tx_echo(), 0x2017, "1025 bytes");
 }
 
-/// Only changed blocks, the coherent ones together, the answer when all of them have been fetched. [S0 L2072], [S0 L2082]
+/// Only changed blocks, the coherent ones together, the answer when all of them have been fetched. [S0 L2072],
+/// [S0 L2082]
 #[test]
 fn slave_long_hands_out_what_has_changed() {
     let mut bench = Bench::starting(&SLAVE_LONG);

@@ -1,4 +1,5 @@
-//! RK 512 at the registers: orders of the CPU, their results, orders of the partner, answers (docs/cp240-registers.md, "RK 512").
+//! RK 512 at the registers: orders of the CPU, their results, orders of the partner, answers (docs/cp240-registers.md,
+//! "RK 512").
 
 mod common;
 
@@ -253,7 +254,8 @@ fn a_reset_drops_both_roles() {
     assert!(cp.log.tx.is_empty() && cp.rx() == 0, "nothing of before comes back");
 }
 
-/// Whatever stands in the registers and comes off the line: no panic, the books balance, and a reset brings it back to work.
+/// Whatever stands in the registers and comes off the line: no panic, the books balance, and a reset brings it back to
+/// work.
 #[test]
 fn noise() {
     let mut seed = 0x2545_F491_4F6C_DD1D_u64;

@@ -1,7 +1,9 @@
-//! The process that is a simulated line: CPs connect to a socket, and what one sends the others hear, in its time, with its faults.
+//! The process that is a simulated line: CPs connect to a socket, and what one sends the others hear, in its time, with
+//! its faults.
 //!
-//! The model is [`SimBus`], the same as in virtual time; here somebody hands in the real one. A late owner delays characters, never
-//! loses them. The partner of a CP may be another CP, of this or of another station, or a [`Partner`] that the line brings along.
+//! The model is [`SimBus`], the same as in virtual time; here somebody hands in the real one. A late owner delays
+//! characters, never loses them. The partner of a CP may be another CP, of this or of another station, or a [`Partner`]
+//! that the line brings along.
 
 use std::io;
 use std::os::fd::AsFd;

@@ -44,8 +44,8 @@ pub enum LineEvent {
     TxDone,
     /// The line can be used; the settings could be applied except for these.
     Up(Vec<crate::Warning>),
-    /// The line cannot be used, and why. What was still to be sent, or is sent from now on, is swallowed. The line tries by
-    /// itself to come back.
+    /// The line cannot be used, and why. What was still to be sent, or is sent from now on, is swallowed. The line
+    /// tries by itself to come back.
     Gone(String),
 }
 
@@ -93,7 +93,8 @@ pub trait Line {
     fn deadline(&self) -> Option<Nanos>;
 
     /// Sends. Answers how many of the bytes were taken: all, unless more than 4096 are waiting already.
-    /// [`LineEvent::TxDone`] follows once everything taken has left the line; while the line is gone, when it would have.
+    /// [`LineEvent::TxDone`] follows once everything taken has left the line; while the line is gone, when it would
+    /// have.
     fn write(&mut self, now: Nanos, bytes: &[u8]) -> usize;
 
     /// Takes back what has not yet begun to leave; the result is how many bytes will not be sent.

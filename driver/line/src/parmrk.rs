@@ -1,5 +1,5 @@
-//! What a tty in `PARMRK` mode delivers, taken apart again: `FF FF` is the byte FFh, `FF 00 00` a break (or a 00h with a
-//! fault), `FF 00 xx` the byte xx received with a parity or framing fault (termios(3)).
+//! What a tty in `PARMRK` mode delivers, taken apart again: `FF FF` is the byte FFh, `FF 00 00` a break (or a 00h with
+//! a fault), `FF 00 xx` the byte xx received with a parity or framing fault (termios(3)).
 
 /// A fault found between the bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -33,8 +33,9 @@ enum State {
 /// A serial device, pty or TCP connection.
 ///
 /// `TxDone` means: the bytes have been written and the last bit has left. A UART that tells when its shift register is
-/// empty is asked; otherwise, and on a pty or TCP, it is the time the characters take at the configured baud rate, or the
-/// partner's next character if that is earlier. The bytes themselves reach the partner on a pty or TCP at once, not one by one.
+/// empty is asked; otherwise, and on a pty or TCP, it is the time the characters take at the configured baud rate, or
+/// the partner's next character if that is earlier. The bytes themselves reach the partner on a pty or TCP at once, not
+/// one by one.
 pub struct RealLine {
     spec: LineSpec,
     link: Box<dyn Link>,
@@ -229,8 +230,8 @@ impl RealLine {
         Ok(self.rx_begin < self.rx_end)
     }
 
-    /// What came in. It may be the answer to what went out, and where the end of that is only computed the answer can be
-    /// faster: a pty carries a telegram in no time. So the end is told first.
+    /// What came in. It may be the answer to what went out, and where the end of that is only computed the answer can
+    /// be faster: a pty carries a telegram in no time. So the end is told first.
     fn receive(&mut self, now: Nanos, buffer: &mut [u8]) -> io::Result<Option<LineEvent>> {
         loop {
             if let Some(fault) = self.fault.take() {

@@ -1,16 +1,16 @@
 //! The simulated line in virtual time: [`SimLine`] has two ends, [`SimBus`] any number of participants.
 //!
-//! Characters take their time: start bit, data bits, parity bit and stop bits at the baud rate. What is written at one end
-//! comes out at the other when its last bit does, and [`SimEvent::TxDone`] tells the writer when everything is out. The
-//! same configuration, seed and calls give the same events to the nanosecond; events of the same instant come in a
+//! Characters take their time: start bit, data bits, parity bit and stop bits at the baud rate. What is written at one
+//! end comes out at the other when its last bit does, and [`SimEvent::TxDone`] tells the writer when everything is out.
+//! The same configuration, seed and calls give the same events to the nanosecond; events of the same instant come in a
 //! fixed order (TxDone before received characters, end A before end B).
 //!
 //! The line enforces the law of time. It is broken by writing into a half-duplex line while the other end is sending,
 //! and by going back in time. A strict line panics then; another counts it ([`SimLine::violations`]) and lets the
 //! characters collide.
 //!
-//! The owner asks [`SimLine::next_event`] for the time of the next event, sets its clock to it, and takes the events with
-//! [`SimLine::pop`] until there are none left.
+//! The owner asks [`SimLine::next_event`] for the time of the next event, sets its clock to it, and takes the events
+//! with [`SimLine::pop`] until there are none left.
 //!
 //! ```
 //! use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
@@ -79,8 +79,8 @@ pub struct SimConfig {
     pub half_duplex: bool,
     /// Panic when the law of time is broken.
     pub strict: bool,
-    /// Characters that follow the first within this time come together with it, at most this much late. 0: each comes at its
-    /// own time, and only an owner that is late itself gets several at once.
+    /// Characters that follow the first within this time come together with it, at most this much late. 0: each comes
+    /// at its own time, and only an owner that is late itself gets several at once.
     pub coalesce: Nanos,
     /// What goes wrong.
     pub faults: FaultRates,
@@ -89,8 +89,8 @@ pub struct SimConfig {
 }
 
 impl SimConfig {
-    /// A full-duplex strict line without faults. `half_bits` is the length of a character in half bits, start and stop bits
-    /// included: 20 for 8N1, 22 for 8E1, 23 for 8E1.5.
+    /// A full-duplex strict line without faults. `half_bits` is the length of a character in half bits, start and stop
+    /// bits included: 20 for 8N1, 22 for 8E1, 23 for 8E1.5.
     pub fn new(baud: u32, half_bits: u32) -> Self {
         Self {
             char_time: (u64::from(half_bits) * 500_000_000).div_ceil(u64::from(baud.max(1))),
@@ -144,7 +144,8 @@ impl SimLine {
         self.config.char_time = char_time;
     }
 
-    /// Pulls the cable (true) or puts it back. What is written while it is pulled is lost; it takes its time all the same.
+    /// Pulls the cable (true) or puts it back. What is written while it is pulled is lost; it takes its time all the
+    /// same.
     pub fn set_cut(&mut self, cut: bool) {
         self.cut = cut;
     }

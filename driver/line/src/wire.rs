@@ -1,4 +1,5 @@
-//! What a CP and the hub of a simulated line say to each other: one message of a [`Channel`](crate::seqpacket::Channel) each.
+//! What a CP and the hub of a simulated line say to each other: one message of a [`Channel`](crate::seqpacket::Channel)
+//! each.
 //!
 //! | first byte | from | then |
 //! |---|---|---|

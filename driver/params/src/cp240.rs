@@ -157,8 +157,8 @@ impl Modbus {
 }
 
 impl Cp240 {
-    /// What the CP works with when nobody has sent it parameters: 9600 baud, ASCII, 8 data bits, even parity, 1 stop bit,
-    /// no flow control, ZNA 0, ZVZ 200 ms, 1 receive buffer. [S0 "Note to default parameter!"]
+    /// What the CP works with when nobody has sent it parameters: 9600 baud, ASCII, 8 data bits, even parity, 1 stop
+    /// bit, no flow control, ZNA 0, ZVZ 200 ms, 1 receive buffer. [S0 "Note to default parameter!"]
     ///
     /// Not the default of the ASCII table, which has no parity.
     pub fn unconfigured() -> Self {
@@ -177,7 +177,8 @@ impl Cp240 {
         }
     }
 
-    /// M-Bus: 2400 baud until a telegram names another rate [S0 L4298], 8 data bits, even parity, 1 stop bit as EN 1434-3 has it.
+    /// M-Bus: 2400 baud until a telegram names another rate [S0 L4298], 8 data bits, even parity, 1 stop bit as EN
+    /// 1434-3 has it.
     pub const fn mbus() -> Self {
         Self { baud: 2400, data_bits: 8, parity: Parity::Even, stop_bits: StopBits::One, protocol: Protocol::MBus }
     }
@@ -304,8 +305,8 @@ impl Cp240 {
         self.line_settings().char_time_ns()
     }
 
-    /// Number of receive buffers: the parameter for ASCII; 250 telegrams otherwise [S0 "Properties"], and 250 blocks for
-    /// ASCII-fragmented: a block is no telegram.
+    /// Number of receive buffers: the parameter for ASCII; 250 telegrams otherwise [S0 "Properties"], and 250 blocks
+    /// for ASCII-fragmented: a block is no telegram.
     pub fn receive_buffers(&self) -> u8 {
         match &self.protocol {
             Protocol::Ascii(p) if !p.fragmented => p.receive_buffers,

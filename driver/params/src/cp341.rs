@@ -1,7 +1,7 @@
 //! The parameters of a CP 341: named keys, checked against a table. [reference 4.7, 5.2, 6.2]
 //!
-//! On a rack they lie in a system data block whose layout Siemens does not print; here they travel as keys, in the station file and
-//! in the configuration of the driver alike.
+//! On a rack they lie in a system data block whose layout Siemens does not print; here they travel as keys, in the
+//! station file and in the configuration of the driver alike.
 
 use crate::error::ParamError;
 use crate::line::{Flow, LineSettings, Parity, StopBits};

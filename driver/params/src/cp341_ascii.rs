@@ -141,7 +141,8 @@ pub(crate) fn default_of(key: &str, before: &Reader<'_>) -> Option<Value> {
 /// What two keys say together. `char_time`: of one character, in nanoseconds.
 ///
 /// # Errors
-/// A ZVZ that ends each character's telegram; end characters that cannot come; overwriting with several receive buffers; two masters of RTS.
+/// A ZVZ that ends each character's telegram; end characters that cannot come; overwriting with several receive
+/// buffers; two masters of RTS.
 pub(crate) fn check(keys: &Reader<'_>, char_time: u64) -> Result<(), ParamError> {
     let zvz_ms = keys.number("zvz_ms");
     let least = char_time.div_ceil(1_000_000) as i64;
@@ -166,7 +167,8 @@ pub(crate) fn check(keys: &Reader<'_>, char_time: u64) -> Result<(), ParamError>
         let remedy = "write `receive_buffers = 1`, or leave this key out".into();
         return Err(error("prevent_overwriting", "no".into(), "yes, with several receive buffers".into(), remedy));
     }
-    // "... neither RTS/CTS data flow control nor RTS and DTR control by means of the V24_SET FB are possible." [S4 L803]
+    // "... neither RTS/CTS data flow control nor RTS and DTR control by means of the V24_SET FB are possible."
+    // [S4 L803]
     if keys.word("rs232_signals") == "yes" && keys.word("flow") == "rts-cts" {
         let remedy = "RTS has one master: remove one of the two".into();
         return Err(error("rs232_signals", "yes".into(), "no, with flow \"rts-cts\"".into(), remedy));

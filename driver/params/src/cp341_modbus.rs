@@ -1,5 +1,5 @@
-//! The parameters of the CP 341's loadable driver "Modbus ASCII master, 32-bit registers". [S4 "3.6 Assigning Parameters to the Loadable
-//! Driver"]
+//! The parameters of the CP 341's loadable driver "Modbus ASCII master, 32-bit registers".
+//! [S4 "3.6 Assigning Parameters to the Loadable Driver"]
 //!
 //! The driver is loaded by its name, as in the manual's dialogue, where it stands among the protocols: `protocol =
 //! "modbus-ascii-master-32"`.
@@ -112,7 +112,8 @@ fn stop_bits(keys: &Reader<'_>) -> i64 {
 /// What two keys say together.
 ///
 /// # Errors
-/// Stop bits that the parity does not allow; a turnaround delay that is not shorter than the response time-out; signals with two wires.
+/// Stop bits that the parity does not allow; a turnaround delay that is not shorter than the response time-out; signals
+/// with two wires.
 pub(crate) fn check(keys: &Reader<'_>) -> Result<(), ParamError> {
     let (wanted, given) = (stop_bits(keys), keys.number("stop_bits"));
     if given != wanted {

@@ -218,7 +218,8 @@ impl Layout {
         }
     }
 
-    /// Whether bytes that belong to no field may hold anything: "The other parameters are reserved and not evaluated." [S0 L4129], [S1 L937]
+    /// Whether bytes that belong to no field may hold anything: "The other parameters are reserved and not evaluated."
+    /// [S0 L4129], [S1 L937]
     pub fn ignores_reserved(self) -> bool {
         matches!(self, Self::MBus | Self::EnOcean)
     }

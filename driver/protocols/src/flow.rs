@@ -21,8 +21,9 @@ pub enum Flow {
 /// How often a free receive buffer is looked for while the partner is stopped.
 const ROOM_POLL: Nanos = 20 * MS;
 
-/// The partner is stopped when the receive buffer has less room than this: what it may still send before it obeys, and no
-/// telegram worth the name would fit anyway. The manual names no figure; 50 characters as at the CP 341. [reference 6.4]
+/// The partner is stopped when the receive buffer has less room than this: what it may still send before it obeys, and
+/// no telegram worth the name would fit anyway. The manual names no figure; 50 characters as at the CP 341.
+/// [reference 6.4]
 const MARGIN: usize = 50;
 
 /// Stops the partner while the receive buffer is full.

@@ -10,7 +10,8 @@
 //! * [`mbus`]: M-Bus master.
 //! * [`s3964`]: 3964 and 3964R.
 //! * [`modbus`]: Modbus RTU and ASCII, master and slave.
-//! * [`modbus_master_32`]: loadable driver of the CP 341, Modbus ASCII master with 32-bit registers; [`cp341_events`]: what its numbers mean.
+//! * [`modbus_master_32`]: loadable driver of the CP 341, Modbus ASCII master with 32-bit registers; [`cp341_events`]:
+//!   what its numbers mean.
 //! * [`rk512`]: RK 512 on top of either.
 //! * [`signals`]: automatic use of the RS 232C secondary signals.
 //! * [`stx_etx`]: telegrams between start and end characters.

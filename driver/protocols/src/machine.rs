@@ -41,8 +41,8 @@ pub enum Input<'a> {
     /// Characters came in, in this order; `now` is the end of the last one. A character that the line could not read is
     /// not among them: a [`Input::LineFault`] stands in its place.
     Rx(&'a [u8]),
-    /// The last bit of everything handed to [`Sink::transmit`] has left the line. A line reports it before any character
-    /// that came in later. A line without a partner swallows its output and reports this all the same.
+    /// The last bit of everything handed to [`Sink::transmit`] has left the line. A line reports it before any
+    /// character that came in later. A line without a partner swallows its output and reports this all the same.
     TxDone,
     /// The line could not read a character, or is gone.
     LineFault(LineFault),
@@ -124,7 +124,8 @@ pub trait Sink {
         let _ = baud;
     }
 
-    /// Sets the modem line RTS (hardware flow control: ON while the CP can take characters; automatic use: ON while it sends).
+    /// Sets the modem line RTS (hardware flow control: ON while the CP can take characters; automatic use: ON while it
+    /// sends).
     fn rts(&mut self, on: bool) {
         let _ = on;
     }

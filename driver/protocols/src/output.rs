@@ -89,8 +89,8 @@ enum State {
     },
     /// RTS is ON; the data output waiting time runs.
     Asking,
-    /// All up to `next` has been handed over and is leaving; give up at `until`: something below us holds it back (a driver
-    /// that looks at CTS by itself).
+    /// All up to `next` has been handed over and is leaving; give up at `until`: something below us holds it back (a
+    /// driver that looks at CTS by itself).
     Leaving {
         next: usize,
         until: Option<Nanos>,
@@ -192,7 +192,8 @@ impl<const N: usize> Output<N> {
                     out.take_back();
                 }
                 out.report(Event { phase: Phase::Output, what: What::AckDelay });
-                // An XON may have been lost on the line. The next order tries; a partner that is really full stops it again.
+                // An XON may have been lost on the line. The next order tries; a partner that is really full stops it
+                // again.
                 if self.rules.flow == Flow::XonXoff {
                     self.stopped = false;
                 }
@@ -217,7 +218,8 @@ impl<const N: usize> Output<N> {
         match self.state {
             // "... or if CTS changes to OFF during transmission" [S4 L814]
             State::Leaving { .. } | State::Stopped { .. } if change.cts_off => self.signals_off(now, out),
-            // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF." [S4 L817]
+            // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF."
+            // [S4 L817]
             State::Asking | State::Leaving { .. } | State::Stopped { .. } if change.dsr_fell => {
                 self.signals_off(now, out);
             }
@@ -226,8 +228,8 @@ impl<const N: usize> Output<N> {
         change.dsr_fell
     }
 
-    /// The partner stops us or lets us go on. [S0 "Flow control"] What is leaving leaves: it is no more than a few characters,
-    /// and among them may be an XON of our own, which must not be taken back.
+    /// The partner stops us or lets us go on. [S0 "Flow control"] What is leaving leaves: it is no more than a few
+    /// characters, and among them may be an XON of our own, which must not be taken back.
     pub(crate) fn set_stopped(&mut self, now: Nanos, stopped: bool, out: &mut dyn Sink) {
         self.stopped = stopped;
         if let (State::Stopped { next, .. }, false) = (self.state, stopped) {

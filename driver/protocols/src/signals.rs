@@ -1,13 +1,15 @@
-//! Automatic use of the RS 232C secondary signals: RTS and DTR are driven, CTS and DSR watched. [S4 "4.3 RS 232C Secondary Signals"],
-//! [reference 6.5]
+//! Automatic use of the RS 232C secondary signals: RTS and DTR are driven, CTS and DSR watched.
+//! [S4 "4.3 RS 232C Secondary Signals"], [reference 6.5]
 //!
 //! ```text
-//! parameters          RTS OFF, DTR ON
-//! a request           RTS ON -- data output waiting time --> CTS ON? the characters -- last bit out -- time to RTS OFF --> RTS OFF
+//! parameters    RTS OFF, DTR ON
+//! a request     RTS ON -- data output waiting time --> CTS ON? the characters
+//! its end       last bit out -- time to RTS OFF --> RTS OFF
 //! ```
 //!
-//! The room of the ASCII driver and of the loadable Modbus driver alike. What ends when a signal goes OFF is theirs; here stand the signals and both
-//! times. Without [`Times`] they are neither set nor checked [S4 L590]: everything is clear at once.
+//! The room of the ASCII driver and of the loadable Modbus driver alike. What ends when a signal goes OFF is theirs;
+//! here stand the signals and both times. Without [`Times`] they are neither set nor checked [S4 L590]: everything is
+//! clear at once.
 
 use crate::machine::{ModemLines, Nanos, Sink};
 
@@ -89,7 +91,8 @@ impl Signals {
         }
     }
 
-    /// "When a send request is made, RTS is set to ON and the parameterized data output waiting time starts." [S4 L813] With DSR OFF it is not made.
+    /// "When a send request is made, RTS is set to ON and the parameterized data output waiting time starts." [S4 L813]
+    /// With DSR OFF it is not made.
     pub(crate) fn request<O: Outputs + ?Sized>(&mut self, now: Nanos, out: &mut O) -> Clear {
         let Some(times) = self.times else { return Clear::Go };
         if !self.dsr() {
@@ -103,8 +106,8 @@ impl Signals {
         self.clear(now)
     }
 
-    /// "When the data output time elapses and CTS = ON, the data is sent"; if CTS is not ON by then, "the send request is aborted". [S4 L813],
-    /// [S4 L814]
+    /// "When the data output time elapses and CTS = ON, the data is sent"; if CTS is not ON by then, "the send request
+    /// is aborted". [S4 L813], [S4 L814]
     pub(crate) fn clear(&mut self, now: Nanos) -> Clear {
         match self.wait {
             Some(until) if now < until => Clear::Wait,
@@ -116,7 +119,8 @@ impl Signals {
         }
     }
 
-    /// The last bit of the request is out: "the RTS line is set to OFF after the parameterized time to RTS OFF has elapsed". [S4 L815]
+    /// The last bit of the request is out: "the RTS line is set to OFF after the parameterized time to RTS OFF has
+    /// elapsed". [S4 L815]
     pub(crate) fn sent(&mut self, now: Nanos) {
         if let (Some(times), true) = (self.times, self.requested) {
             self.requested = false;

@@ -1,5 +1,5 @@
-//! Whatever is put in, in whatever order: no panic, each order ends exactly once, nothing is delivered that has no room,
-//! and when the line falls silent for good the machine comes to rest by itself.
+//! Whatever is put in, in whatever order: no panic, each order ends exactly once, nothing is delivered that has no
+//! room, and when the line falls silent for good the machine comes to rest by itself.
 
 use ob1_protocols::ascii::{self, Ascii, Criterion, Sending};
 use ob1_protocols::esp2::{self, Esp2};

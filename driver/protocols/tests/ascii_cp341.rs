@@ -1,5 +1,5 @@
-//! What the CP 341 has of ASCII and the CP 240 has not: end characters, fixed length, the pause between telegrams, the secondary signals; as message
-//! tables. One character takes 1 ms, ZVZ is 20 ms. [reference 6]
+//! What the CP 341 has of ASCII and the CP 240 has not: end characters, fixed length, the pause between telegrams, the
+//! secondary signals; as message tables. One character takes 1 ms, ZVZ is 20 ms. [reference 6]
 
 mod common;
 
@@ -71,7 +71,8 @@ fn zvz_before_the_end_characters() {
     );
 }
 
-/// What follows in the same burst is the beginning of the next telegram, and discarded when ZVZ expires before that has ended. [reference 6.1]
+/// What follows in the same burst is the beginning of the next telegram, and discarded when ZVZ expires before that has
+/// ended. [reference 6.1]
 #[test]
 fn what_follows_in_the_same_burst() {
     run(
@@ -317,7 +318,8 @@ fn signals_that_go_off() {
     );
 }
 
-/// "Data can be received as soon as the DSR line is set to ON"; a receipt is aborted when it goes OFF. [S4 L816], [S4 L817]
+/// "Data can be received as soon as the DSR line is set to ON"; a receipt is aborted when it goes OFF. [S4 L816],
+/// [S4 L817]
 #[test]
 fn nothing_is_received_while_dsr_is_off() {
     run(

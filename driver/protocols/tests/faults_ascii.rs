@@ -1,5 +1,5 @@
-//! ASCII on a bad line, see [`pair`]. It has no check but parity, frame and silence: a telegram that is accepted is what
-//! stood between two silences, every character of it readable.
+//! ASCII on a bad line, see [`pair`]. It has no check but parity, frame and silence: a telegram that is accepted is
+//! what stood between two silences, every character of it readable.
 
 mod pair;
 

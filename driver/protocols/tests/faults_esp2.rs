@@ -1,7 +1,8 @@
-//! EnOcean's serial protocol on a bad line, see [`pair`]. What is accepted came off the line as A5 5A, these bytes and their sum, one
-//! behind the other, every character of it readable and none later than the gap.
+//! EnOcean's serial protocol on a bad line, see [`pair`]. What is accepted came off the line as A5 5A, these bytes and
+//! their sum, one behind the other, every character of it readable and none later than the gap.
 //!
-//! Two CPs face each other: each is asked for its ID base by the other and knows no answer, so telegrams go out as they are.
+//! Two CPs face each other: each is asked for its ID base by the other and knows no answer, so telegrams go out as they
+//! are.
 
 mod pair;
 

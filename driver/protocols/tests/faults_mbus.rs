@@ -115,7 +115,8 @@ impl Judge for Heard {
             // No answer; a short circuit is a fault that was there.
             [0x01] => true,
             [0x03] => self.broken,
-            // The meter takes a frame as soon as it is whole: a burst may have more behind it. To the master that is a collision.
+            // The meter takes a frame as soon as it is whole: a burst may have more behind it. To the master that is a
+            // collision.
             [head @ (0x00 | BAUD), ref fields @ ..] => (0..if head == BAUD { BURST } else { 1 }).any(|behind| {
                 let raw = &self.raw[..self.raw.len().saturating_sub(behind)];
                 (0..raw.len()).any(|from| frame(&raw[from..]).is_some_and(|heard| heard == fields))

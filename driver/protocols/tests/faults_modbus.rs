@@ -10,8 +10,8 @@ use pair::{Duet, Judge, Stage, Sum};
 
 const ADDRESS: u8 = 5;
 
-/// Whether a telegram that passes the check and this question stands in the characters: in RTU at their end, in ASCII anywhere,
-/// for its end is a character. Written from the definition of CRC and LRC, not with the codec under test.
+/// Whether a telegram that passes the check and this question stands in the characters: in RTU at their end, in ASCII
+/// anywhere, for its end is a character. Written from the definition of CRC and LRC, not with the codec under test.
 fn heard(rtu: bool, raw: &[Option<u8>], is_it: impl Fn(&[u8]) -> bool) -> Option<Vec<u8>> {
     let good = |from: usize| {
         let rest = &raw[from..];

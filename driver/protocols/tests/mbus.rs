@@ -13,8 +13,8 @@ fn run(table: &str) {
     check(&mut MBus::new(Config::cp240()), table);
 }
 
-/// [S0 "Examples"]: BBh, 7Bh, FEh goes out as 10 7B FE 79 16. The received telegram of the manual has misprints: the L fields of
-/// `08 02 72 01 02 03` are 06h, its check sum is 82h, and 7 bytes reach the program.
+/// [S0 "Examples"]: BBh, 7Bh, FEh goes out as 10 7B FE 79 16. The received telegram of the manual has misprints: the L
+/// fields of `08 02 72 01 02 03` are 06h, its check sum is 82h, and 7 bytes reach the program.
 #[test]
 fn the_examples_of_the_manual() {
     run("0     start
@@ -83,7 +83,8 @@ fn a_missing_answer_is_asked_for_three_times() {
          1333.99989 timeout => !Acknowledge: AckDelay, !Output: Repetition(1), tx 10 7B 05 80 16");
 }
 
-/// [S0 "FCB bit"]: "the same procedure starts when the master receives a defective respond"; the repetition waits for a silent bus.
+/// [S0 "FCB bit"]: "the same procedure starts when the master receives a defective respond"; the repetition waits for a
+/// silent bus.
 #[test]
 fn a_defective_answer_is_asked_for_again() {
     run("0          start
@@ -180,7 +181,8 @@ fn a_short_circuit_counts_until_a_character_comes_in() {
          316        done => got 01, sent ok");
 }
 
-/// Ours: a device that never falls silent does not keep the order alive. Three of the longest frames are 897 ms at 9600 baud.
+/// Ours: a device that never falls silent does not keep the order alive. Three of the longest frames are 897 ms at 9600
+/// baud.
 #[test]
 fn a_babbler_does_not_hold_the_order() {
     let mut table = String::from("0 start\n0 order BD 7B 05 => baud 9600, tx 10 7B 05 80 16\n0 done\n");

@@ -1,4 +1,5 @@
-//! The codecs of Modbus: check values, that they undo themselves, and that nothing that is handed in is too much for them.
+//! The codecs of Modbus: check values, that they undo themselves, and that nothing that is handed in is too much for
+//! them.
 
 use ob1_protocols::modbus::pdu::{self, Direction, Exception, Function, Match, Request};
 use ob1_protocols::modbus::{FRAME_CHARACTERS, Failure, Mode, TELEGRAM_BYTES, ascii, rtu};
@@ -15,7 +16,8 @@ fn decode_ascii(frame: &[u8]) -> Result<Vec<u8>, Failure> {
     ascii::decode(frame, &mut telegram).map(|len| telegram[..len].to_vec())
 }
 
-/// Check values: CRC-16/MODBUS of "123456789" is 4B37h; the others from the Modbus specification and the manual's example.
+/// Check values: CRC-16/MODBUS of "123456789" is 4B37h; the others from the Modbus specification and the manual's
+/// example.
 #[test]
 fn check_values() {
     assert_eq!(rtu::crc(b"123456789"), 0x4B37);

@@ -1,5 +1,5 @@
-//! The Modbus master: every branch of the manual's text as a message table. One character takes 1 ms, so RTU telegrams are 3.5 ms
-//! apart. [S0 "Modbus - Deployment"], [S0 "Modbus - Error messages"]
+//! The Modbus master: every branch of the manual's text as a message table. One character takes 1 ms, so RTU telegrams
+//! are 3.5 ms apart. [S0 "Modbus - Deployment"], [S0 "Modbus - Error messages"]
 
 mod common;
 
@@ -191,7 +191,8 @@ fn a_start_character_in_the_middle_begins_anew() {
     );
 }
 
-/// "After a broadcast the master is not waiting for a respond telegram." "Only write commands may be sent as broadcast."
+/// "After a broadcast the master is not waiting for a respond telegram." "Only write commands may be sent as
+/// broadcast."
 #[test]
 fn broadcast() {
     rtu("0    start

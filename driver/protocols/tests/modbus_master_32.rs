@@ -1,4 +1,5 @@
-//! The loadable driver's procedure: times, faults, operating modes, signals, parameters, and how each job ends. [S4 "4 Transmission Protocol"]
+//! The loadable driver's procedure: times, faults, operating modes, signals, parameters, and how each job ends.
+//! [S4 "4 Transmission Protocol"]
 
 #[allow(dead_code)] // Helpers of the examples.
 mod modbus_master_32_table;
@@ -35,7 +36,8 @@ fn after_request(parameters: Parameters, table: &str) {
 
 // ---- jobs ----
 
-/// "... completed after the reply message is received without error and complete transfer of the received data to the CPU" [S4 L1648]
+/// "... completed after the reply message is received without error and complete transfer of the received data to the
+/// CPU" [S4 L1648]
 #[test]
 fn a_reading_job_ends_when_the_cpu_has_the_data() {
     after_request(
@@ -71,7 +73,8 @@ fn a_broadcast_ends_with_the_turnaround_delay() {
     check(at_once, &format!("{table} 20 done => ok"));
 }
 
-/// "An error number corresponding to the received error code is entered in STATUS. No entry is made in a destination data block." [S4 L757]
+/// "An error number corresponding to the received error code is entered in STATUS. No entry is made in a destination
+/// data block." [S4 L757]
 #[test]
 fn an_exception_ends_the_job_without_data() {
     for code in 1..=7 {
@@ -177,7 +180,8 @@ fn a_partner_that_never_ends() {
     after_request(normal(), &format!("50 rx :\n{table} 61 rx {} => fail 0832", "0".repeat(26)));
 }
 
-/// "A start character was received within a telegram. The first part of the telegram is discarded and reception starts again." [S4 L1757]
+/// "A start character was received within a telegram. The first part of the telegram is discarded and reception starts
+/// again." [S4 L1757]
 #[test]
 fn a_colon_within_a_reply() {
     after_request(normal(), "50 rx :0503\n 60 say 05 03 02 1234 => !0834, got 1234\n 61 taken => ok");
@@ -194,8 +198,8 @@ fn a_wrong_start_character() {
 
 // ---- operating modes ----
 
-/// "All recognized transmission errors and/or BREAK before and after receive messages from the slave result in an appropriate error
-/// message." [S4 L538], [S4 L1749], [S4 L1750]
+/// "All recognized transmission errors and/or BREAK before and after receive messages from the slave result in an
+/// appropriate error message." [S4 L538], [S4 L1749], [S4 L1750]
 #[test]
 fn normal_operation_reports_what_lies_before_and_behind_a_reply() {
     for fault in ["Parity", "Framing", "Overrun"] {
@@ -214,8 +218,8 @@ fn normal_operation_reports_what_lies_before_and_behind_a_reply() {
     );
 }
 
-/// "... no error is reported. The start of the receive message is recognized by means of the correctly-received start character." [S4
-/// L539-L540]
+/// "... no error is reported. The start of the receive message is recognized by means of the correctly-received start
+/// character." [S4 L539-L540]
 #[test]
 fn interference_suppression_reports_nothing_outside_a_reply() {
     for parameters in [suppressed(), two_wire()] {
@@ -257,8 +261,8 @@ fn a_fault_inside_a_reply() {
     after_request(normal(), "50 rx :05\n 51 fault Parity\n 52 say 05 03 02 1234 => !0834, fail 080C");
 }
 
-/// "If BREAK is recognized on the receiving line by the CP during output of a message, the triggered P_SND_RK job is completed with error.
-/// Reception during transmission is ignored." [S4 L727]
+/// "If BREAK is recognized on the receiving line by the CP during output of a message, the triggered P_SND_RK job is
+/// completed with error. Reception during transmission is ignored." [S4 L727]
 #[test]
 fn while_the_request_leaves() {
     let table = "0 start\n 1 job 05 07 => ask 05 07\n";
@@ -357,7 +361,8 @@ fn dsr_off() {
     check(p(), &format!("{out} 70 done\n 80 lines cts => fail 0818\n 100 timeout => rts off"));
 }
 
-/// "If no secondary signals are parameterized, the CP neither sets nor checks these signals." [S4 "Automatic Use of RS232 Signals"]
+/// "If no secondary signals are parameterized, the CP neither sets nor checks these signals."
+/// [S4 "Automatic Use of RS232 Signals"]
 #[test]
 fn without_signals_nobody_looks() {
     let table =

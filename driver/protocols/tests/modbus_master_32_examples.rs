@@ -1,5 +1,5 @@
-//! The loadable driver's chapter 5: source area, request, reply, destination area of every function, to the byte; and every length and
-//! number at its limits. [S4 "5 Function Codes"]
+//! The loadable driver's chapter 5: source area, request, reply, destination area of every function, to the byte; and
+//! every length and number at its limits. [S4 "5 Function Codes"]
 
 #[allow(dead_code)] // The tables of the other tests.
 mod modbus_master_32_table;
@@ -48,7 +48,8 @@ fn the_examples_of_chapter_5() {
         let area = evaluate(&job, &bytes(reply)).expect(source);
         assert_eq!(hex(area.bytes()), hex(&bytes(destination)), "{source}");
         functions.push(job.function());
-        // And through the whole machine. LEN 32, as the program of chapter 8 has it, does not change the request. [S4 L2015]
+        // And through the whole machine. LEN 32, as the program of chapter 8 has it, does not change the request.
+        // [S4 L2015]
         let padding = 32_usize.saturating_sub(bytes(source).len());
         let end = if destination.is_empty() {
             format!("30 say {reply} => ok")
@@ -62,7 +63,8 @@ fn the_examples_of_chapter_5() {
     assert!(Function::ALL.iter().all(|function| functions.contains(function)), "a function without its example");
 }
 
-/// The example of the loop back test on the line, character by character; its LRC, left open by the manual, is 8Bh. [S4 L696-L723]
+/// The example of the loop back test on the line, character by character; its LRC, left open by the manual, is 8Bh.
+/// [S4 L696-L723]
 #[test]
 fn the_telegram_example_of_chapter_4() {
     assert_eq!(modbus_master_32_table::frame(&bytes("05 08 0000 A5C3")), ":05080000A5C38B\r\n");

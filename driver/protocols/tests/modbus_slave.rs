@@ -179,7 +179,8 @@ fn ascii() {
     assert_eq!(slave.areas().output()[..2], [0x12, 0x34]);
 }
 
-/// Two requests in one burst: the second came while the first was answered, whatever the line's pieces. (Found by fuzzing.)
+/// Two requests in one burst: the second came while the first was answered, whatever the line's pieces. (Found by
+/// fuzzing.)
 #[test]
 fn a_request_behind_a_request() {
     let frame = frame(Mode::Ascii).without_silence();
@@ -252,7 +253,8 @@ fn an_answer_that_is_no_longer_wanted() {
     check(&mut slave, "340 start");
 }
 
-/// "Writing master accesses must not lie outside of the reception area!" [S0 L2074]: what the CPU cannot store is refused.
+/// "Writing master accesses must not lie outside of the reception area!" [S0 L2074]: what the CPU cannot store is
+/// refused.
 #[test]
 fn outside_of_the_reception_area() {
     let mut slave = long();
@@ -292,7 +294,8 @@ fn a_refused_write_is_taken_back() {
     }
 }
 
-/// SEND stores from 0 on; `ANZ OR 4000h` in the output area, without a change for the CPU. [S0 "Write to master output area"]
+/// SEND stores from 0 on; `ANZ OR 4000h` in the output area, without a change for the CPU.
+/// [S0 "Write to master output area"]
 #[test]
 fn what_the_cpu_sends() {
     let mut slave = long();

@@ -99,8 +99,8 @@ fn a_burst_does_not_pile_up_naks() {
     );
 }
 
-/// [S0 "Passive operation"]: ZVZ exceeded: NAK, and wait for a new connection. It runs from the end of our DLE, and from
-/// each character.
+/// [S0 "Passive operation"]: ZVZ exceeded: NAK, and wait for a new connection. It runs from the end of our DLE, and
+/// from each character.
 #[test]
 fn character_delay() {
     run(

@@ -64,7 +64,8 @@ fn long_blocks() {
     );
 }
 
-/// [S0 "Timeout times"]: QVZ expires after STX: STX is repeated 5 times, then NAK and the end. QVZ begins when STX is out.
+/// [S0 "Timeout times"]: QVZ expires after STX: STX is repeated 5 times, then NAK and the end. QVZ begins when STX is
+/// out.
 #[test]
 fn no_answer_to_stx() {
     run(
@@ -237,7 +238,8 @@ fn connection_attempts_begin_anew_with_each_block() {
     );
 }
 
-/// A partner that interrupts the block: it is stopped and begun again. DLE while it leaves is too early. [reference 3.9]
+/// A partner that interrupts the block: it is stopped and begun again. DLE while it leaves is too early.
+/// [reference 3.9]
 #[test]
 fn a_character_while_the_block_leaves() {
     run(
@@ -274,8 +276,8 @@ fn time_of_what_was_taken_back() {
     );
 }
 
-/// [S0 "Initialization conflict"]: the lower priority sends DLE, receives, and then starts its own order again; the attempt
-/// lost does not count.
+/// [S0 "Initialization conflict"]: the lower priority sends DLE, receives, and then starts its own order again; the
+/// attempt lost does not count.
 #[test]
 fn low_priority_yields_and_begins_again() {
     run(
@@ -476,8 +478,8 @@ fn what_the_cp_341_does_otherwise() {
     );
 }
 
-/// QVZ of 0 ms, on a line that never says that its output has ended: the time is over in the tick in which it begins, and the tick leaves none
-/// behind it that is due already.
+/// QVZ of 0 ms, on a line that never says that its output has ended: the time is over in the tick in which it begins,
+/// and the tick leaves none behind it that is due already.
 #[test]
 fn a_time_of_0_ms_is_over_in_the_same_tick() {
     run(

@@ -10,7 +10,8 @@ const R: Dialect = Dialect::S3964 { bcc: true, rk512: false, pause: 200 * MS };
 const RK: Dialect = Dialect::S3964 { bcc: true, rk512: true, pause: 200 * MS };
 const RTU: Dialect = Dialect::ModbusRtu { master: true, pause: 50 * MS };
 
-/// Reads a script: `MS > HEX` (from the CP), `MS < HEX` (to it), `MS ! parity`, `MS .` (nothing, time passes); answers a line for each unit.
+/// Reads a script: `MS > HEX` (from the CP), `MS < HEX` (to it), `MS ! parity`, `MS .` (nothing, time passes); answers
+/// a line for each unit.
 fn read(dialect: Dialect, script: &str) -> Vec<String> {
     let mut reader = Reader::new(dialect);
     let mut lines = Vec::new();

@@ -1,7 +1,9 @@
-//! FB 100 TWO_POINT: a two-point controller with hysteresis and a minimum pause, with its memory in the instance data block.
+//! FB 100 TWO_POINT: a two-point controller with hysteresis and a minimum pause, with its memory in the instance data
+//! block.
 //!
-//! It switches on below `SP - HYS / 2` and off above `SP + HYS / 2`. After switching off it stays off for at least `PAUSE`, so that
-//! a compressor is not started against its own pressure. `SWITCHES` counts how often it has switched on.
+//! It switches on below `SP - HYS / 2` and off above `SP + HYS / 2`. After switching off it stays off for at least
+//! `PAUSE`, so that a compressor is not started against its own pressure. `SWITCHES` counts how often it has switched
+//! on.
 
 mod controller;
 

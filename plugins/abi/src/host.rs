@@ -105,8 +105,9 @@ pub struct CallArg {
     pub value: u32,
 }
 
-/// The host's functions. All run on the scan thread, inside a block's entry; pointers passed in are read or written before they
-/// return. Values of parameters and cells are numbers, not bytes in memory order, wherever a `u32` is passed.
+/// The host's functions. All run on the scan thread, inside a block's entry; pointers passed in are read or written
+/// before they return. Values of parameters and cells are numbers, not bytes in memory order, wherever a `u32` is
+/// passed.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct HostTable {
@@ -120,7 +121,8 @@ pub struct HostTable {
     // Parameters.
     /// Value of the actual of formal `index`, up to 32 bits wide; BOOL as 0/1; the number of a timer, counter or block.
     pub param_get: unsafe extern "C" fn(call: *mut CallContext, index: u32, value: *mut u32) -> Status,
-    /// Writes the actual of formal `index`: at once for M, E, A, L operands and the instance, after the return for data operands.
+    /// Writes the actual of formal `index`: at once for M, E, A, L operands and the instance, after the return for data
+    /// operands.
     pub param_set: unsafe extern "C" fn(call: *mut CallContext, index: u32, value: u32) -> Status,
     /// Bytes of an actual wider than 32 bits (STRING, DATE_AND_TIME, ANY), from byte `at`.
     pub param_read:
@@ -153,8 +155,8 @@ pub struct HostTable {
     pub set_br: unsafe extern "C" fn(call: *mut CallContext, br: u8) -> Status,
 
     // Timers and counters.
-    /// Starts or scans a timer as the statement `kind T number` does with the given result of logic operation; an edge of `rlo`
-    /// between two calls starts it. `s5time` is an S5TIME.
+    /// Starts or scans a timer as the statement `kind T number` does with the given result of logic operation; an edge
+    /// of `rlo` between two calls starts it. `s5time` is an S5TIME.
     pub timer_run: unsafe extern "C" fn(call: *mut CallContext, number: u16, kind: u8, rlo: u8, s5time: u16) -> Status,
     /// Resets a timer.
     pub timer_reset: unsafe extern "C" fn(call: *mut CallContext, number: u16) -> Status,
@@ -168,12 +170,14 @@ pub struct HostTable {
     // Modules.
     /// The module at a logical base address.
     pub module_info: unsafe extern "C" fn(call: *mut CallContext, address: u32, info: *mut ModuleInfo) -> Status,
-    /// This plugin's memory for the module at a logical address, [`crate::PluginTable::module_state_size`] bytes, aligned to 16.
+    /// This plugin's memory for the module at a logical address, [`crate::PluginTable::module_state_size`] bytes,
+    /// aligned to 16.
     pub module_state: unsafe extern "C" fn(call: *mut CallContext, address: u32, state: *mut *mut c_void) -> Status,
     /// Reads peripheral bytes directly from the module (`PEB address`...). A driver that is down reads as 0 unless the
     /// station file says `absent = "fault"`.
     pub io_read: unsafe extern "C" fn(call: *mut CallContext, address: u32, into: *mut u8, len: u32) -> Status,
-    /// Writes peripheral bytes to the module at once, all together, and into the process image where they lie inside it.
+    /// Writes peripheral bytes to the module at once, all together, and into the process image where they lie inside
+    /// it.
     pub io_write: unsafe extern "C" fn(call: *mut CallContext, address: u32, from: *const u8, len: u32) -> Status,
     /// Reads a record (data set) of the module; `read` gets the bytes copied.
     pub record_read: unsafe extern "C" fn(
@@ -189,8 +193,8 @@ pub struct HostTable {
         unsafe extern "C" fn(call: *mut CallContext, address: u32, record: u8, from: *const u8, len: u32) -> Status,
 
     // The CPU.
-    /// Calls another block: FC, FB, SFC or SFB (`KIND_*`), with its instance data block (0 for an FC or SFC) and one argument per
-    /// formal. At most 64 arguments.
+    /// Calls another block: FC, FB, SFC or SFB (`KIND_*`), with its instance data block (0 for an FC or SFC) and one
+    /// argument per formal. At most 64 arguments.
     pub call_block: unsafe extern "C" fn(
         call: *mut CallContext,
         kind: u8,

@@ -52,13 +52,13 @@ pub struct BlockDesc {
     pub number: u16,
     /// The manual's name, `SEND`.
     pub name: Text,
-    /// Parameters in the manual's order, then instance variables of an FB. The order of inputs, outputs and in/outs is the parameter
-    /// index in the host's functions; instance variables have no index.
+    /// Parameters in the manual's order, then instance variables of an FB. The order of inputs, outputs and in/outs is
+    /// the parameter index in the host's functions; instance variables have no index.
     pub params: *const ParamDesc,
     /// Number of entries of `params`.
     pub param_count: u32,
-    /// Bytes of memory this block keeps per station: allocated by the host, zeroed at every start-up, aligned to 16 bytes, given to
-    /// `entry`. 0: `state` is null. Data that must survive belongs into the instance data block.
+    /// Bytes of memory this block keeps per station: allocated by the host, zeroed at every start-up, aligned to 16
+    /// bytes, given to `entry`. 0: `state` is null. Data that must survive belongs into the instance data block.
     pub state_size: u32,
     /// The code.
     pub entry: BlockEntry,
@@ -84,7 +84,8 @@ pub struct PluginTable {
     pub block_count: u32,
     /// Bytes of memory the plugin keeps per module it serves ([`HostTable::module_state`]): zeroed at every start-up.
     pub module_state_size: u32,
-    /// Called once after loading, on the loading thread, before any block runs; may be null. Not `OK`: the plugin is refused.
+    /// Called once after loading, on the loading thread, before any block runs; may be null. Not `OK`: the plugin is
+    /// refused.
     pub init: Option<unsafe extern "C" fn() -> Status>,
     /// Copies the message of the last panic (UTF-8, at most `len` bytes) and returns its length; may be null.
     pub panic_message: Option<unsafe extern "C" fn(into: *mut u8, len: u32) -> u32>,

@@ -11,11 +11,11 @@ pub const EXTENSION_SETTINGS: &str = "settings";
 pub struct SettingsTable {
     /// `sizeof` this struct.
     pub size: u32,
-    /// A setting that is a number, of the module at a logical base address. `NO_MODULE`; `NO_SETTING` when the station file does not
-    /// give it, or gives it as a text.
+    /// A setting that is a number, of the module at a logical base address. `NO_MODULE`; `NO_SETTING` when the station
+    /// file does not give it, or gives it as a text.
     pub get_int: unsafe extern "C" fn(call: *mut CallContext, address: u32, name: Text, value: *mut i64) -> Status,
-    /// A setting that is a text (UTF-8): copies at most `len` bytes of it, `read` gets its whole length. `NO_MODULE`; `NO_SETTING`
-    /// when the station file does not give it, or gives it as a number.
+    /// A setting that is a text (UTF-8): copies at most `len` bytes of it, `read` gets its whole length. `NO_MODULE`;
+    /// `NO_SETTING` when the station file does not give it, or gives it as a number.
     pub get_text: unsafe extern "C" fn(
         call: *mut CallContext,
         address: u32,

@@ -1,8 +1,8 @@
-//! The diagnostic buffer of a CP: its newest entries in a ring that nobody empties. It belongs to the module, not to the driver: who is
-//! killed leaves it as it is, and the next one goes on behind it.
+//! The diagnostic buffer of a CP: its newest entries in a ring that nobody empties. It belongs to the module, not to
+//! the driver: who is killed leaves it as it is, and the next one goes on behind it.
 //!
-//! An entry is one word, so it is never half written; one slot more than there are entries is the one the writer is at. A reader that
-//! was overtaken stops where it was.
+//! An entry is one word, so it is never half written; one slot more than there are entries is the one the writer is at.
+//! A reader that was overtaken stops where it was.
 
 use crate::cells::BufferCells;
 use crate::layout::{BUFFER_ENTRIES, BUFFER_SLOTS};
@@ -53,7 +53,8 @@ impl BufferWriter {
     }
 
     pub(crate) fn enter(&mut self, cells: &BufferCells, entry: BufferEntry) {
-        // Pairs with the reader's load(Acquire) of the slot: who sees this entry sees a `written` that says what it stands over.
+        // Pairs with the reader's load(Acquire) of the slot: who sees this entry sees a `written` that says what it
+        // stands over.
         slot(cells, self.written).store(entry.to_word(), Ordering::Release);
         self.written = self.written.wrapping_add(1);
         // Pairs with the reader's first load(Acquire): who sees this number sees all entries before it.

@@ -1,5 +1,5 @@
-//! The two channels of a CP 341, one for each of its handling blocks: each side shows the other a block of 64 bytes under a
-//! sequence lock. What the blocks mean is in `docs/cp341-channels.md`; here they are bytes.
+//! The two channels of a CP 341, one for each of its handling blocks: each side shows the other a block of 64 bytes
+//! under a sequence lock. What the blocks mean is in `docs/cp341-channels.md`; here they are bytes.
 
 use crate::bytes::copy_out;
 use crate::cells::{ChannelsCells, IO_WORDS};

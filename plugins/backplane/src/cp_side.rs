@@ -37,9 +37,10 @@ pub struct CpSide {
 }
 
 impl CpSide {
-    /// Attaches a driver: checks the header, clears what an earlier driver has left (its input registers and channels read 0, its
-    /// diagnostic record is empty, orders in its buffers are booked as lost), shows [`DriverState::Starting`] and makes the next
-    /// generation, which tells the CPU side that all this is done. Events an earlier driver has completed stay.
+    /// Attaches a driver: checks the header, clears what an earlier driver has left (its input registers and channels
+    /// read 0, its diagnostic record is empty, orders in its buffers are booked as lost), shows
+    /// [`DriverState::Starting`] and makes the next generation, which tells the CPU side that all this is done. Events
+    /// an earlier driver has completed stay.
     ///
     /// # Errors
     /// [`SegmentError::Header`] if this is no segment of this layout version.
@@ -144,8 +145,8 @@ impl CpSide {
         self.outputs.stale()
     }
 
-    /// Writes the input registers; true if that changed anything. Bytes that `data` does not reach keep their value, bytes
-    /// beyond `io_bytes` are ignored.
+    /// Writes the input registers; true if that changed anything. Bytes that `data` does not reach keep their value,
+    /// bytes beyond `io_bytes` are ignored.
     #[inline]
     pub fn write_inputs(&mut self, data: &[u8]) -> bool {
         self.inputs.write(&self.segment.cells().inputs.registers, data)
@@ -187,7 +188,8 @@ impl CpSide {
         write_record(&self.cells().diagnosis, number, data)
     }
 
-    /// Enters an event into the CP's diagnostic buffer, with the CPU's time: class and number, and whether it comes or goes.
+    /// Enters an event into the CP's diagnostic buffer, with the CPU's time: class and number, and whether it comes or
+    /// goes.
     pub fn enter(&mut self, number: u16, incoming: bool) {
         let cells = self.segment.cells();
         let time_ms = cells.cpu.time.load(Ordering::Relaxed) / 1_000_000;

@@ -32,7 +32,8 @@ pub struct CpuSide {
 }
 
 impl CpuSide {
-    /// Makes an empty segment for a module with `io_bytes` register bytes each way (8 to 64). Nobody may be attached yet.
+    /// Makes an empty segment for a module with `io_bytes` register bytes each way (8 to 64). Nobody may be attached
+    /// yet.
     ///
     /// # Errors
     /// [`SegmentError::IoBytes`] if a module cannot have so many.
@@ -113,7 +114,8 @@ impl CpuSide {
         freshness
     }
 
-    /// Whether the driver has written its registers since the last [`Self::read_inputs`]: one load, for who waits spinning.
+    /// Whether the driver has written its registers since the last [`Self::read_inputs`]: one load, for who waits
+    /// spinning.
     #[inline]
     #[must_use]
     pub fn inputs_changed(&self) -> bool {
@@ -211,7 +213,8 @@ impl CpuSide {
         self.changed();
     }
 
-    /// Shows the CPU's time, in nanoseconds since the runtime started: the clock of the CP's diagnostic buffer. Does not wake the driver.
+    /// Shows the CPU's time, in nanoseconds since the runtime started: the clock of the CP's diagnostic buffer. Does
+    /// not wake the driver.
     #[inline]
     pub fn set_time(&mut self, now: u64) {
         self.cells().cpu.time.store(now, Ordering::Relaxed);

@@ -209,7 +209,8 @@ impl IoField {
         read_area(self.memory.cells().area::<AT_OUTPUTS>(), offset, into)
     }
 
-    /// Copies the input bytes from `offset` on, as they were written last; what lies outside the area reads 0. Returns how many lay inside.
+    /// Copies the input bytes from `offset` on, as they were written last; what lies outside the area reads 0. Returns
+    /// how many lay inside.
     pub fn read_inputs(&self, offset: usize, into: &mut [u8]) -> usize {
         read_area(self.memory.cells().area::<AT_INPUTS>(), offset, into)
     }

@@ -1,9 +1,9 @@
 //! A module as the CPU sees it, over a shared-memory or a heap segment.
 //!
-//! A [`Segment`] lies between the CPU and the driver process of one CP, in the place of the back plane of a rack. It has
-//! two ends: [`CpuSide`] belongs to the scan, [`CpSide`] to the driver. Neither waits for the other, neither believes
-//! what the other has written, and neither allocates or makes a system call after its construction. [`IoImage`] is
-//! the simpler memory of `di do ai ao` modules, open to any program.
+//! A [`Segment`] lies between the CPU and the driver process of one CP, in the place of the back plane of a rack. It
+//! has two ends: [`CpuSide`] belongs to the scan, [`CpSide`] to the driver. Neither waits for the other, neither
+//! believes what the other has written, and neither allocates or makes a system call after its construction.
+//! [`IoImage`] is the simpler memory of `di do ai ao` modules, open to any program.
 //!
 //! The crate knows neither the CPU nor the firmware: what the registers mean is agreed elsewhere. The memory map is in
 //! [`layout`] and, for drivers in other languages, in `docs/backplane.md`.

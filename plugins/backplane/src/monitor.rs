@@ -77,7 +77,8 @@ impl Monitor {
         self.cells().events.lost.load(Ordering::Relaxed)
     }
 
-    /// The CP's diagnostic buffer, newest entry first: at most [`crate::layout::BUFFER_ENTRIES`]. It outlives its drivers.
+    /// The CP's diagnostic buffer, newest entry first: at most [`crate::layout::BUFFER_ENTRIES`]. It outlives its
+    /// drivers.
     pub fn buffer(&self) -> impl Iterator<Item = BufferEntry> {
         buffer::read(&self.cells().buffer)
     }

@@ -47,8 +47,8 @@ impl<const N: usize> SeqCell<N> {
         self.sequence.store(odd.wrapping_add(1), Ordering::Release);
     }
 
-    /// One try: takes a copy with `copy`, and answers the sequence it belongs to, or `None` if a writer was at work (then
-    /// the copy is anything).
+    /// One try: takes a copy with `copy`, and answers the sequence it belongs to, or `None` if a writer was at work
+    /// (then the copy is anything).
     #[inline]
     fn try_read<T>(&self, copy: impl FnOnce(&[AtomicU64; N]) -> T) -> Option<(u64, T)> {
         let before = self.sequence.load(Ordering::Acquire);
@@ -123,8 +123,8 @@ impl<const N: usize> SeqReader<N> {
         self.sequence
     }
 
-    /// Whether there is a whole content newer than the copy. While a writer is at work there is none yet: who looks then would
-    /// only get in its way, and its end is seen by the next look.
+    /// Whether there is a whole content newer than the copy. While a writer is at work there is none yet: who looks
+    /// then would only get in its way, and its end is seen by the next look.
     #[inline]
     pub(crate) fn is_outdated(&self, cell: &SeqCell<N>) -> bool {
         let sequence = cell.sequence.load(Ordering::Relaxed);

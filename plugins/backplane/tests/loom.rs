@@ -1,8 +1,8 @@
 //! Every interleaving and every legal reordering of the exchanges between both ends, explored by loom.
 //!
-//! loom runs the loads of a thread in their order, so it cannot see a load that is delayed beyond a later store of its own
-//! thread. That `taken` and `consumed` are released behind the copy, and acquired before the slot is written again, rests
-//! on the argument at the code.
+//! loom runs the loads of a thread in their order, so it cannot see a load that is delayed beyond a later store of its
+//! own thread. That `taken` and `consumed` are released behind the copy, and acquired before the slot is written again,
+//! rests on the argument at the code.
 //!
 //! `RUSTFLAGS="--cfg loom" cargo test -p ob1-backplane --test loom --release`, with a target directory of its own.
 #![cfg(loom)]
@@ -157,7 +157,8 @@ fn events_arrive_whole_and_in_order() {
     });
 }
 
-/// The ring has room for two entries: whoever reads sees neighbours, or fewer while it is overtaken, and never an entry in another's place.
+/// The ring has room for two entries: whoever reads sees neighbours, or fewer while it is overtaken, and never an entry
+/// in another's place.
 #[test]
 fn a_reader_of_the_diagnostic_buffer_is_overtaken_and_never_misled() {
     explore(|cpu, mut cp| {

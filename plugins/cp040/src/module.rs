@@ -82,8 +82,8 @@ fn unsigned(number: i16) -> u32 {
 impl<'a> Module<'a> {
     /// Looks at the module; the outcome of the call if there is nothing more to do.
     ///
-    /// The inputs first, then what is known of the driver: what a driver that has died no longer shows is never taken for the word of
-    /// one that lives.
+    /// The inputs first, then what is known of the driver: what a driver that has died no longer shows is never taken
+    /// for the word of one that lives.
     pub(crate) fn open(
         cx: &mut Cx<'a, CpState>,
         input: i16,

@@ -1,8 +1,9 @@
 //! FC 11 ASCII_FRAGMENT: hands each block of up to 12 bytes to the program as it comes [S0 "ASCII_FRAGMENT"].
 //!
-//! The blocks of a telegram all go to the same place, `_DB` from `ABD` on, each with `EMFR` and its length in `ANZ`; the next one
-//! waits in the CP until the program has set `EMFR` back. With the protocol ASCII-fragmented each block is a telegram of its own in
-//! the registers; with another protocol the block works too and cuts whole telegrams into blocks.
+//! The blocks of a telegram all go to the same place, `_DB` from `ABD` on, each with `EMFR` and its length in `ANZ`;
+//! the next one waits in the CP until the program has set `EMFR` back. With the protocol ASCII-fragmented each block is
+//! a telegram of its own in the registers; with another protocol the block works too and cuts whole telegrams into
+//! blocks.
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
@@ -125,7 +126,8 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let job = load(cx)?;
     let alive = !words.not_ready() && module.info.present;
     if job.empf_laeuft && !(alive && module.state.receive.holds(&module.info)) {
-        // The CP is no longer the one the job was started on. A start-up waits for its acknowledgement in the same word.
+        // The CP is no longer the one the job was started on. A start-up waits for its acknowledgement in the same
+        // word.
         if words.not_ready() || module.write(cx, 0, &[0, 0])? {
             end(cx, &module, !job.letzter_block)?;
         }

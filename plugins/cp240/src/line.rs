@@ -1,7 +1,7 @@
 //! FC 8 STEUERBIT: reads the modem lines, switches RTS and DTR [S0 "STUEBIT (FC 8)"].
 //!
-//! A call with START = 1 gives a line command (`docs/cp240-registers.md`); calls that follow wait for the answer, which brings
-//! STATUS and DELTA_STATUS and takes START back. With both masks 0 it only reads.
+//! A call with START = 1 gives a line command (`docs/cp240-registers.md`); calls that follow wait for the answer,
+//! which brings STATUS and DELTA_STATUS and takes START back. With both masks 0 it only reads.
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
@@ -59,8 +59,8 @@ pub(crate) enum Step {
     Lost,
 }
 
-/// `running`: the command was given, to the CP as it is now (`held`). `sends`: FC 0 has a job, and "this block must not be called
-/// as long as a transmit command is running" [S0 L1035]: it waits instead.
+/// `running`: the command was given, to the CP as it is now (`held`). `sends`: FC 0 has a job, and "this block must not
+/// be called as long as a transmit command is running" [S0 L1035]: it waits instead.
 pub(crate) fn step(words: Words, running: bool, held: bool, sends: bool) -> Step {
     if running {
         return match tx_count(words.tx_echo) {

@@ -101,8 +101,8 @@ impl Job {
         (job, Step::Take { to: self.geem, len, count: word })
     }
 
-    /// "Writing accesses of the master should not be outside of the reception area otherwise the RECEIVE block announces a range
-    /// error." [S0 L2624]
+    /// "Writing accesses of the master should not be outside of the reception area otherwise the RECEIVE block
+    /// announces a range error." [S0 L2624]
     fn refuse(self) -> (Self, Step) {
         (Job { geem: self.bytes(), letzter_block: true, fehler_empf: true, ..self }, Step::Refuse)
     }
@@ -196,7 +196,8 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     act(cx, &module, next, step, &block)
 }
 
-/// The CP is no longer the one the job was started on: what it held is gone. A telegram whose last block is stored is none the worse.
+/// The CP is no longer the one the job was started on: what it held is gone. A telegram whose last block is stored is
+/// none the worse.
 fn lost(cx: &mut Cx<'_, CpState>, module: &Module<'_>, job: Job, words: Words) -> Result<Pafe, Abort> {
     // A start-up waits for its acknowledgement in the same word.
     if !words.not_ready() && !module.write(cx, 0, &[0, 0])? {

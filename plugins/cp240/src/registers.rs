@@ -14,7 +14,8 @@ pub(crate) const BLOCK_BYTES: u16 = 12;
 pub(crate) const TELEGRAM_MAX: u16 = 1024;
 /// `TX`: Modbus output area, `ANZ OR 4000h` [S0 L2311].
 pub(crate) const OUTPUT_AREA: u16 = 0x4000;
-/// `RX` and `RX echo`: a changed area of the Modbus slave "long"; the telegram begins with its offset in the receive area.
+/// `RX` and `RX echo`: a changed area of the Modbus slave "long"; the telegram begins with its offset in the receive
+/// area.
 pub(crate) const CHANGED_AREA: u16 = 0x4000;
 /// Bytes of that offset.
 pub(crate) const OFFSET_BYTES: u16 = 2;
@@ -112,11 +113,12 @@ pub(crate) struct Module<'a> {
     pub(crate) state: &'a CpState,
 }
 
-/// A block's access to the CP. Where there is no module, or a driver is down and the station says `absent = "fault"`, an access does
-/// what `L PEW` and `T PAW` do: event 2942h or 2943h, OB 122 or STOP; `None` when OB 122 has dealt with it.
+/// A block's access to the CP. Where there is no module, or a driver is down and the station says `absent = "fault"`,
+/// an access does what `L PEW` and `T PAW` do: event 2942h or 2943h, OB 122 or STOP; `None` when OB 122 has dealt with
+/// it.
 impl<'a> Module<'a> {
-    /// Registers first, then what is known of the driver: what a driver that has died no longer shows (0 is also what an acknowledged
-    /// telegram looks like) is never taken for the word of one that lives.
+    /// Registers first, then what is known of the driver: what a driver that has died no longer shows (0 is also what
+    /// an acknowledged telegram looks like) is never taken for the word of one that lives.
     pub(crate) fn read<const N: usize>(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, [u8; N])>, Abort> {
         let address = address(adr);
         let mut registers = [0; N];

@@ -30,8 +30,9 @@ ob1_sdk::state! {
 }
 
 ob1_sdk::state! {
-    /// A running job's claim: made with one start of the CP, void with any other. Control bits alone cannot tell: they may lie in a
-    /// retentive data block, or outside the bytes FC 9 clears (the manual's EnOcean program does that [S0 L3164]).
+    /// A running job's claim: made with one start of the CP, void with any other. Control bits alone cannot tell: they
+    /// may lie in a retentive data block, or outside the bytes FC 9 clears (the manual's EnOcean program does that
+    /// [S0 L3164]).
     #[derive(Debug, Default)]
     pub(crate) struct Claim {
         running: Cell<bool>,

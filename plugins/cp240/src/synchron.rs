@@ -1,4 +1,5 @@
-//! FC 9 SYNCHRON_RESET: acknowledges the start-up identifier of the CP, resets it on request [S0 "SYNCHRON_"], [S0 L1057-L1110].
+//! FC 9 SYNCHRON_RESET: acknowledges the start-up identifier of the CP, resets it on request [S0 "SYNCHRON_"],
+//! [S0 L1057-L1110].
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, TimerKind, interface};
 
@@ -55,11 +56,11 @@ pub(crate) enum Step {
 pub(crate) type StartDelay = bool;
 
 impl Bits {
-    /// The table of `docs/cp240-registers.md`. What `state` remembers was zeroed at the CPU's start-up: with it a NULL that was
-    /// retentive is recognised.
+    /// The table of `docs/cp240-registers.md`. What `state` remembers was zeroed at the CPU's start-up: with it a NULL
+    /// that was retentive is recognised.
     ///
-    /// The output words go to 0 as soon as the CP has answered, and stay so until the delay has run out: the first count of FC 0 cannot
-    /// overwrite them before the CP has looked.
+    /// The output words go to 0 as soon as the CP has answered, and stay so until the delay has run out: the first
+    /// count of FC 0 cannot overwrite them before the CP has looked.
     pub(crate) fn step(self, words: Words, present: bool, state: &CpState) -> (Self, Step) {
         let start_up = words.start_up();
         let mut bits = self;

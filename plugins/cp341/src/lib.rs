@@ -1,8 +1,8 @@
 //! The handling blocks of the CP 341: FB 8 P_SND_RK, FB 7 P_RCV_RK, FC 5 V24_STAT, FC 6 V24_SET.
 //!
-//! P_SND_RK and P_RCV_RK have a channel each (`docs/cp341-channels.md`), which they read and write as data records, as the
-//! originals do by RD_REC and WR_REC: 32 bytes of user data a call. What a block remembers between two calls lies in its instance;
-//! [`state::CpState`] keeps which start of the CPU it belongs to.
+//! P_SND_RK and P_RCV_RK have a channel each (`docs/cp341-channels.md`), which they read and write as data records, as
+//! the originals do by RD_REC and WR_REC: 32 bytes of user data a call. What a block remembers between two calls lies
+//! in its instance; [`state::CpState`] keeps which start of the CPU it belongs to.
 
 mod channel;
 mod receive;

@@ -1,7 +1,8 @@
 //! FB 7 P_RCV_RK: takes telegrams of the partner, and with RK 512 serves its SEND and FETCH. [reference 1.4, 1.5]
 //!
-//! A job of LEN bytes takes one call to accept it, LEN/32 calls, rounded up, for its data, and one that tells the end: at least
-//! three. A FETCH gives its first piece with the acceptance. The start-up coordination takes one call before. [reference 1.0]
+//! A job of LEN bytes takes one call to accept it, LEN/32 calls, rounded up, for its data, and one that tells the end:
+//! at least three. A FETCH gives its first piece with the acceptance. The start-up coordination takes one call before.
+//! [reference 1.0]
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 

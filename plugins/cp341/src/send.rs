@@ -1,7 +1,7 @@
 //! FB 8 P_SND_RK: sends data of a DB, or fetches data of the partner into a DB (RK 512). [reference 1.1, 1.2]
 //!
-//! A job of LEN bytes takes LEN/32 calls, rounded up, to hand over its data, one more to see that the CP has them, and one
-//! that tells the end: at least three. The start-up coordination takes one call before. [reference 1.0]
+//! A job of LEN bytes takes LEN/32 calls, rounded up, to hand over its data, one more to see that the CP has them, and
+//! one that tells the end: at least three. The start-up coordination takes one call before. [reference 1.0]
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, Refused, interface};
 
@@ -317,7 +317,8 @@ struct Wrong;
 
 type Done = Result<Result<(), Unreachable>, Wrong>;
 
-/// R = 1: the block goes back to its initial state; what has reached the CP completely is still transmitted. [reference 1.2]
+/// R = 1: the block goes back to its initial state; what has reached the CP completely is still transmitted.
+/// [reference 1.2]
 fn reset_block(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state: &CpState) -> Result<End, Abort> {
     let aborted = memory.phase.has_job() || memory.latched;
     (memory.latched, memory.absent_since) = (false, None);
@@ -428,7 +429,8 @@ fn take(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, cp: &FromCp) 
     Ok(Ok(channel::write(cx, laddr, SEND, &block)?))
 }
 
-/// "Wrong parameters can drive the CPU into STOP": the same events as for a statement with that operand. [reference 1.0]
+/// "Wrong parameters can drive the CPU into STOP": the same events as for a statement with that operand.
+/// [reference 1.0]
 fn wrong_db(cx: &mut Cx<'_, CpState>, refused: Refused, db: u16, at: u32, writing: bool) -> Result<Wrong, Abort> {
     let (event, number) = fault_of(refused, db, at, writing);
     cx.raise_fault(event, number)?;

@@ -12,8 +12,8 @@ ob1_sdk::state! {
 }
 
 ob1_sdk::state! {
-    /// A block's start number at the CP; 0: none since the start-up. An instance with another one is of an earlier life: instances lie
-    /// in data blocks, which outlast a start-up.
+    /// A block's start number at the CP; 0: none since the start-up. An instance with another one is of an earlier
+    /// life: instances lie in data blocks, which outlast a start-up.
     #[derive(Debug, Default)]
     pub(crate) struct Claim {
         pub(crate) start: Cell<u16>,

@@ -1,7 +1,7 @@
 //! FC 5 V24_STAT and FC 6 V24_SET: the accompanying signals of the RS 232 interface. [reference 2]
 //!
-//! Neither has an error output, and neither touches BR. The CP shows its lines in the first byte of its inputs and takes RTS and DTR
-//! from the first byte of its outputs.
+//! Neither has an error output, and neither touches BR. The CP shows its lines in the first byte of its inputs and
+//! takes RTS and DTR from the first byte of its outputs.
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 

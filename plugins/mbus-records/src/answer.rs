@@ -12,7 +12,8 @@ const APPLICATION_ERROR: u8 = 0x70;
 
 /// Bytes of C, A and CI field.
 const FIELDS: usize = 3;
-/// Bytes of the header of a variable data structure: identification, manufacturer, version, medium, access number, state, signature.
+/// Bytes of the header of a variable data structure: identification, manufacturer, version, medium, access number,
+/// state, signature.
 const VARIABLE_HEADER: usize = 12;
 /// Bytes of a fixed data structure: identification, access number, state, medium and units, two counters.
 const FIXED_BYTES: usize = 16;
@@ -26,7 +27,8 @@ pub enum Fault {
     UnknownCi(u8),
     /// The meter reports an error of its application, with its code (255: without one).
     Application(u8),
-    /// The header, or a record, is cut off or cannot be: the records before it are good, where the next one begins is not known.
+    /// The header, or a record, is cut off or cannot be: the records before it are good, where the next one begins is
+    /// not known.
     Malformed,
     /// The records are encrypted (AES, modes 5 and 7); keys are not known here.
     Encrypted,
@@ -176,8 +178,8 @@ impl<'a> Answer<'a> {
     }
 }
 
-/// Whether the signature is a configuration of encryption (AES, modes 5 and 7) that fits what came: sixteen bytes a block. Meters from before that
-/// put anything there.
+/// Whether the signature is a configuration of encryption (AES, modes 5 and 7) that fits what came: sixteen bytes a
+/// block. Meters from before that put anything there.
 fn is_encrypted(low: u8, high: u8, data: usize) -> bool {
     let blocks = usize::from(low >> 4);
     matches!(high & 0x1F, 5 | 7) && blocks > 0 && blocks * 16 <= data

@@ -1,4 +1,5 @@
-//! The fixed data structure (CI 73h): two counters with a unit each out of 64, behind sixteen bytes of header. [EN 1434-3]
+//! The fixed data structure (CI 73h): two counters with a unit each out of 64, behind sixteen bytes of header. [EN
+//! 1434-3]
 
 use crate::answer::{Record, Value};
 use crate::quantity::{Quantity, Unit};

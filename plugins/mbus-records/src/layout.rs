@@ -1,4 +1,5 @@
-//! Header and records as they stand in the program's data block: S7 types, high byte first (docs/mbus.md has the tables and the UDTs).
+//! Header and records as they stand in the program's data block: S7 types, high byte first (docs/mbus.md has the tables
+//! and the UDTs).
 
 use crate::answer::{Header, Record, Value};
 
@@ -22,7 +23,8 @@ mod kind {
 }
 
 impl Header {
-    /// The header with what became of the answer: STATUS, records that follow, whether the meter has more, the code of its application's error.
+    /// The header with what became of the answer: STATUS, records that follow, whether the meter has more, the code of
+    /// its application's error.
     #[must_use]
     pub fn to_bytes(self, status: u16, count: u16, more: bool, code: u8) -> [u8; HEADER_BYTES] {
         let mut bytes = [0; HEADER_BYTES];

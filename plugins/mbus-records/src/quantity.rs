@@ -1,5 +1,5 @@
-//! What a record measures and in what, as the numbers that stand in the program's data block. A number never changes its meaning; new ones
-//! come at the end.
+//! What a record measures and in what, as the numbers that stand in the program's data block. A number never changes
+//! its meaning; new ones come at the end.
 
 use m_bus_application_layer::value_information::{Unit as CrateUnit, UnitName, ValueLabel};
 

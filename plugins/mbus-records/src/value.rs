@@ -4,7 +4,8 @@ use crate::answer::Value;
 
 /// VIF: a date (type G, 2 bytes).
 const DATE: u8 = 0x6C;
-/// VIF: a point in time (type F, 4 bytes), a time of day (type J, 3 bytes), or a point in time with seconds (type I, 6 bytes).
+/// VIF: a point in time (type F, 4 bytes), a time of day (type J, 3 bytes), or a point in time with seconds (type I, 6
+/// bytes).
 const DATE_TIME: u8 = 0x6D;
 
 /// The byte with the minute, in types F and I: the meter's clock is not valid.

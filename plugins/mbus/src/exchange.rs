@@ -1,4 +1,5 @@
-//! One order and its response, through FC 0 and FC 1: the telegram lies in the instance, and so does everything the two blocks remember.
+//! One order and its response, through FC 0 and FC 1: the telegram lies in the instance, and so does everything the two
+//! blocks remember.
 
 use ob1_sdk::types::{Bool, Byte, Bytes, DWord, Word};
 use ob1_sdk::{Abort, Area, Arg, Cx, Refused, Static};

@@ -1,4 +1,5 @@
-//! What the FBs have in common: an edge of REQ starts, each step is an order, its response leads to the next one or to the end.
+//! What the FBs have in common: an edge of REQ starts, each step is an order, its response leads to the next one or to
+//! the end.
 
 use ob1_sdk::types::{Bool, Byte, Int, Time, Word};
 use ob1_sdk::{Abort, Cx, Formal, In, Out, Static};
@@ -54,8 +55,8 @@ macro_rules! job_of {
 pub(crate) use job_of;
 
 impl Job {
-    /// A call of the block: `start` on an edge of REQ while nothing runs, then the order goes on; `responded` to its response, given the
-    /// step it belongs to, and `end` with the STATUS of an order that has failed.
+    /// A call of the block: `start` on an edge of REQ while nothing runs, then the order goes on; `responded` to its
+    /// response, given the step it belongs to, and `end` with the STATUS of an order that has failed.
     pub(crate) fn call(
         self,
         cx: &mut Cx<'_>,

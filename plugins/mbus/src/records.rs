@@ -13,7 +13,8 @@ pub(crate) struct Written {
     pub(crate) more: bool,
 }
 
-/// Writes the records of an answer (C, A, CI field, data) into this data block; DATA_AT counts from the response byte in front of it.
+/// Writes the records of an answer (C, A, CI field, data) into this data block; DATA_AT counts from the response byte
+/// in front of it.
 pub(crate) fn write(cx: &mut Cx<'_>, db: u16, fields: &[u8]) -> Result<Written, Abort> {
     let area = Area::Db(db);
     let mut written = Written { status: status::OK, count: 0, more: false };

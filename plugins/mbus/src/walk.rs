@@ -1,4 +1,5 @@
-//! The way through the secondary addresses: a wildcard pattern, made narrower digit by digit where several meters answer.
+//! The way through the secondary addresses: a wildcard pattern, made narrower digit by digit where several meters
+//! answer.
 
 /// Digits of an identification.
 const DIGITS: u32 = 8;

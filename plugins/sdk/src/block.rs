@@ -27,8 +27,8 @@ pub trait Block {
     const NAME: &'static str;
     /// Its parameters, from [`crate::interface!`].
     const PARAMS: &'static [Param];
-    /// Memory of this block per station, zeroed at every start-up; `()` for none. Data that must survive belongs into the
-    /// instance data block.
+    /// Memory of this block per station, zeroed at every start-up; `()` for none. Data that must survive belongs into
+    /// the instance data block.
     type State: Zeroable;
     /// The plugin's memory per module, the same type for all its blocks; `()` for none. See [`Cx::module_state`].
     type Module: Zeroable;

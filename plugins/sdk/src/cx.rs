@@ -144,8 +144,8 @@ impl<'a, M> Cx<'a, M> {
         nanos
     }
 
-    /// Raises a programming or access error (event 25xxh, 29xxh) about `number`, as a statement would. Returns when OB 121/122
-    /// has dealt with it.
+    /// Raises a programming or access error (event 25xxh, 29xxh) about `number`, as a statement would. Returns when OB
+    /// 121/122 has dealt with it.
     ///
     /// # Errors
     /// [`Abort`]: the CPU goes to STOP.

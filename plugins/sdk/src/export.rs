@@ -98,8 +98,8 @@ unsafe extern "C" fn entry<B: Block>(host: *const HostTable, call: *mut CallCont
     let host = unsafe { &*host };
     let state: *const B::State =
         if size_of::<B::State>() == 0 { core::ptr::NonNull::dangling().as_ptr() } else { state.cast() };
-    // SAFETY: memory of `state_size` = `size_of::<B::State>()` bytes, aligned to 16, zeroed at start-up and then written by this
-    // block alone through shared references; or, for a state without bytes, any aligned pointer.
+    // SAFETY: memory of `state_size` = `size_of::<B::State>()` bytes, aligned to 16, zeroed at start-up and then
+    // written by this block alone through shared references; or, for a state without bytes, any aligned pointer.
     let Some(state) = (unsafe { state.as_ref() }) else { return abi::BAD_ARGUMENT };
     let ran = catch_unwind(AssertUnwindSafe(|| {
         // SAFETY: `host` and `call` are those of this entry; the context ends with the closure.
@@ -116,8 +116,8 @@ unsafe extern "C" fn entry<B: Block>(host: *const HostTable, call: *mut CallCont
     }
 }
 
-/// Exports the plugin: its name and version, the type of its memory per module (`()` for none), and its blocks. Once per crate,
-/// and only in a crate of type `cdylib`.
+/// Exports the plugin: its name and version, the type of its memory per module (`()` for none), and its blocks. Once
+/// per crate, and only in a crate of type `cdylib`.
 ///
 /// ```text
 /// ob1_sdk::export_plugin! {

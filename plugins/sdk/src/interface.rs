@@ -1,11 +1,12 @@
 //! The parameter list of a block, readable and checked at compile time.
 
-/// Declares the parameters of a block and, for an FB, its instance variables, as the manual's table does: section, name, other
-/// spellings, type.
+/// Declares the parameters of a block and, for an FB, its instance variables, as the manual's table does: section,
+/// name, other spellings, type.
 ///
 /// Gives a module with the table `PARAMS` for [`crate::Block::PARAMS`] and one typed constant for each name, for
-/// [`Cx::get`](crate::Cx::get) and [`Cx::set`](crate::Cx::set). Writing an input, or a value of another type, does not compile.
-/// Types are those of [`crate::types`]; sections are `in`, `out`, `in_out`, `ret` and, last and only in an FB, `static`.
+/// [`Cx::get`](crate::Cx::get) and [`Cx::set`](crate::Cx::set). Writing an input, or a value of another type, does not
+/// compile. Types are those of [`crate::types`]; sections are `in`, `out`, `in_out`, `ret` and, last and only in an FB,
+/// `static`.
 ///
 /// ```
 /// ob1_sdk::interface! {

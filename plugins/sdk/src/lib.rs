@@ -1,7 +1,7 @@
 //! Write a block of an `ob1` program in Rust, without unsafe code.
 //!
-//! A plugin is a crate of type `cdylib`. It describes the parameters of each block with [`interface!`], implements [`Block`] for a
-//! unit type, and lists its blocks once in [`export_plugin!`]:
+//! A plugin is a crate of type `cdylib`. It describes the parameters of each block with [`interface!`], implements
+//! [`Block`] for a unit type, and lists its blocks once in [`export_plugin!`]:
 //!
 //! ```
 //! use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
@@ -40,12 +40,13 @@
 //! ob1_sdk::export_plugin! { name: "limits", version: env!("CARGO_PKG_VERSION"), module_state: (), blocks: [Limit] }
 //! ```
 //!
-//! which must stand in a crate of type `cdylib` and nothing else: the exported function has the same name in every plugin, and
-//! two of them in one program would clash.
+//! which must stand in a crate of type `cdylib` and nothing else: the exported function has the same name in every
+//! plugin, and two of them in one program would clash.
 //!
 //! # Rules
 //!
-//! - A block runs inside the scan: no allocation, no lock, no system call, no thread, no clock but [`Cx::now`], no mutable statics.
+//! - A block runs inside the scan: no allocation, no lock, no system call, no thread, no clock but [`Cx::now`], no
+//!   mutable statics.
 //! - What a call returns as [`Abort`] is passed on with `?` at once: the CPU is on its way to STOP.
 //! - A panic ends the call and takes the CPU to STOP, with the message in the diagnostic buffer.
 // The edge itself: raw pointers of the C interface become safe functions here, so that no plugin needs unsafe code.

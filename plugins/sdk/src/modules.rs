@@ -33,9 +33,10 @@ impl<'a, M: Zeroable> Cx<'a, M> {
         // SAFETY: `host` and `call` belong to the running entry (Cx::new).
         let status = unsafe { (host.module_state)(call, address, &raw mut state) };
         Ok(reply(status)?.and_then(|()| {
-            // SAFETY: the host gives null, or memory of `module_state_size` bytes aligned to 16, zeroed at start-up and used by
-            // this plugin alone, until the entry returns. That size is `size_of::<M>()`: the export macro takes it from the
-            // type that is `Block::Module` of every block. M is Zeroable, and only ever seen through shared references.
+            // SAFETY: the host gives null, or memory of `module_state_size` bytes aligned to 16, zeroed at start-up and
+            // used by this plugin alone, until the entry returns. That size is `size_of::<M>()`: the export macro takes
+            // it from the type that is `Block::Module` of every block. M is Zeroable, and only ever seen through shared
+            // references.
             unsafe { state.cast::<M>().as_ref() }.ok_or(crate::Refused::BadArgument)
         }))
     }
@@ -64,8 +65,8 @@ impl<M> Cx<'_, M> {
     /// Reads peripheral bytes directly from the module, past the process image.
     ///
     /// # Errors
-    /// [`Abort`](crate::Abort); refused with `NoModule`, and `Absent` where the station file says `absent = "fault"`. Otherwise
-    /// a driver that is down reads as 0.
+    /// [`Abort`](crate::Abort); refused with `NoModule`, and `Absent` where the station file says `absent = "fault"`.
+    /// Otherwise a driver that is down reads as 0.
     #[inline]
     pub fn io_read(&mut self, address: u32, into: &mut [u8]) -> Reply<()> {
         let (host, call) = self.edge();
@@ -73,7 +74,8 @@ impl<M> Cx<'_, M> {
         reply(unsafe { (host.io_read)(call, address, into.as_mut_ptr(), into.len() as u32) })
     }
 
-    /// Writes peripheral bytes to the module at once and all together, and into the process image where they lie inside it.
+    /// Writes peripheral bytes to the module at once and all together, and into the process image where they lie inside
+    /// it.
     ///
     /// # Errors
     /// As [`Cx::io_read`].

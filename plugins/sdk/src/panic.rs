@@ -1,5 +1,5 @@
-//! Panics of a plugin: a hook that copies the message into a fixed buffer, without a backtrace, a lock or an allocation of its
-//! own, and the function by which the host fetches it.
+//! Panics of a plugin: a hook that copies the message into a fixed buffer, without a backtrace, a lock or an allocation
+//! of its own, and the function by which the host fetches it.
 //!
 //! Every plugin has a standard library of its own and so a hook of its own.
 
@@ -10,8 +10,9 @@ use std::panic::PanicHookInfo;
 /// Longest message kept.
 const MESSAGE_BYTES: usize = 512;
 
-// The one place a plugin keeps outside the host's memory. It is written by the hook and read by the host after the entry has
-// returned; were two stations of one process to panic at the same time, their texts could mix, and no more than that.
+// The one place a plugin keeps outside the host's memory. It is written by the hook and read by the host after the
+// entry has returned; were two stations of one process to panic at the same time, their texts could mix, and no more
+// than that.
 static MESSAGE: [AtomicU8; MESSAGE_BYTES] = [const { AtomicU8::new(0) }; MESSAGE_BYTES];
 static LEN: AtomicUsize = AtomicUsize::new(0);
 

@@ -6,7 +6,8 @@ use ob1_abi::{self as abi, Status};
 
 use crate::Cx;
 
-/// The CPU is on its way to STOP, or the run ends: the block is left at once. Made by the host alone; pass it on with `?`.
+/// The CPU is on its way to STOP, or the run ends: the block is left at once. Made by the host alone; pass it on with
+/// `?`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use = "return it: the CPU is going to STOP"]
 pub struct Abort(pub(crate) ());

@@ -12,14 +12,14 @@ impl<M> Cx<'_, M> {
         let (host, call) = self.edge();
         // SAFETY: `host` and `call` belong to the running entry (Cx::new); the name is static.
         let answer = unsafe { (host.extension)(call, text(EXTENSION_SETTINGS)) };
-        // SAFETY: the host answers null or a table of this type that lives as long as the process; plugins are never unloaded and
-        // neither is the host.
+        // SAFETY: the host answers null or a table of this type that lives as long as the process; plugins are never
+        // unloaded and neither is the host.
         let table = unsafe { answer.cast::<SettingsTable>().as_ref() }?;
         (table.size as usize >= size_of::<SettingsTable>()).then_some(table)
     }
 
-    /// A setting that is a number, of the module at a logical base address. It does not change while the station runs; look once
-    /// and keep it in the module's state.
+    /// A setting that is a number, of the module at a logical base address. It does not change while the station runs;
+    /// look once and keep it in the module's state.
     ///
     /// # Errors
     /// [`Abort`](crate::Abort); refused with `NoModule`, `NoSetting`.

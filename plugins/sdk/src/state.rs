@@ -4,8 +4,8 @@ use core::cell::Cell;
 
 /// Types for which zero bytes are a value, and which need no destructor: what the host can allocate for a block.
 ///
-/// State is given as a shared reference, because a block may be called again from a block it called or by a higher priority:
-/// put what changes into [`Cell`]s. Declare a state with [`crate::state!`], which needs no unsafe code.
+/// State is given as a shared reference, because a block may be called again from a block it called or by a higher
+/// priority: put what changes into [`Cell`]s. Declare a state with [`crate::state!`], which needs no unsafe code.
 ///
 /// # Safety
 /// All-zero bytes are a valid value of the type, and dropping it does nothing.

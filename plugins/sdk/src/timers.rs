@@ -33,8 +33,8 @@ pub struct Timer {
 }
 
 impl<M> Cx<'_, M> {
-    /// What the statement `kind T number` does with this result of logic operation; an edge of `rlo` between two calls starts
-    /// the timer. `s5time` is an S5TIME: `0x0010` is 100 ms.
+    /// What the statement `kind T number` does with this result of logic operation; an edge of `rlo` between two calls
+    /// starts the timer. `s5time` is an S5TIME: `0x0010` is 100 ms.
     ///
     /// # Errors
     /// [`Abort`](crate::Abort); refused with `Outside` when the CPU has no such timer.

@@ -149,7 +149,8 @@ impl ReceiveJob {
     fn take(self, info: u8, io_bytes: usize, return_value: u16) -> (Self, ReceiveStep) {
         let n = usize::from(self.piece);
         let payload = io_bytes - 1;
-        // "Data_Offset = (Fragment_counter ...) x (IO_Size - 1) - 7 + Offset", 7 being the head with an offset. [S3 L11]
+        // "Data_Offset = (Fragment_counter ...) x (IO_Size - 1) - 7 + Offset", 7 being the head with an offset.
+        // [S3 L11]
         let done = (n * payload).saturating_sub(self.head());
         let front = if n == 0 { self.head() } else { 0 };
         let count = (payload - front).min(usize::from(self.length).saturating_sub(done));

@@ -81,8 +81,9 @@ impl SendJob {
         (1..=TELEGRAM_MAX).contains(&length).then_some(Self { phase: Phase::Starting, length, piece: 0 })
     }
 
-    /// "Command: execute a reset on the CP": both directions are empty afterwards. While it runs nothing is received: what stands in the
-    /// inputs is of before; afterwards begin with a [`ReceiveJob::default`](crate::ReceiveJob) and the acknowledgement [`IDLE`].
+    /// "Command: execute a reset on the CP": both directions are empty afterwards. While it runs nothing is received:
+    /// what stands in the inputs is of before; afterwards begin with a [`ReceiveJob::default`](crate::ReceiveJob) and
+    /// the acknowledgement [`IDLE`].
     pub const fn reset() -> Self {
         Self { phase: Phase::ResetStarting, length: 0, piece: 0 }
     }
@@ -97,7 +98,8 @@ impl SendJob {
         matches!(self.phase, Phase::ResetStarting | Phase::ResetAsked | Phase::ResetClosing)
     }
 
-    /// One step: the CP's inputs, byte 0 of the outputs as it was written last, and the number of bytes each way (8 to 60).
+    /// One step: the CP's inputs, byte 0 of the outputs as it was written last, and the number of bytes each way (8 to
+    /// 60).
     pub fn step(self, inputs: &[u8], output0: u8, io_bytes: usize) -> (Self, SendStep) {
         if is_absent(inputs, output0) {
             return (self, SendStep::Wait);

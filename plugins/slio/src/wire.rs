@@ -6,8 +6,8 @@ pub const IO_BYTES: core::ops::RangeInclusive<usize> = 8..=60;
 /// Longest telegram, in user bytes. [S3 L303]
 pub const TELEGRAM_MAX: u16 = 1024;
 
-/// Output byte 0: the acknowledgement of what is received lies in the high nibble, the command in the low one. In input byte 0 it is
-/// the other way about: the answer to the command is high, the fragment info low. [S3 L315]
+/// Output byte 0: the acknowledgement of what is received lies in the high nibble, the command in the low one. In input
+/// byte 0 it is the other way about: the answer to the command is high, the fragment info low. [S3 L315]
 pub const ACKNOWLEDGE_SHIFT: u8 = 4;
 
 /// Idle.
@@ -38,7 +38,8 @@ pub const fn fragments(stream_bytes: usize, io_bytes: usize) -> usize {
     stream_bytes.div_ceil(io_bytes - 1)
 }
 
-/// Nibble of fragment `n`, counted from 0. Those between the first and the last count 0 to 7, and begin again. [S3 L315]
+/// Nibble of fragment `n`, counted from 0. Those between the first and the last count 0 to 7, and begin again.
+/// [S3 L315]
 pub(crate) const fn nibble(n: usize, stream_bytes: usize, io_bytes: usize) -> u8 {
     if n + 1 >= fragments(stream_bytes, io_bytes) {
         LAST
@@ -49,7 +50,8 @@ pub(crate) const fn nibble(n: usize, stream_bytes: usize, io_bytes: usize) -> u8
     }
 }
 
-/// Whether the inputs are those of a CP that is not there: it reads as zeros, and `0` answers no other command than `0`.
+/// Whether the inputs are those of a CP that is not there: it reads as zeros, and `0` answers no other command than
+/// `0`.
 pub(crate) fn is_absent(inputs: &[u8], output0: u8) -> bool {
     inputs.first().is_none_or(|byte| *byte == 0) && output0 & 0x0F != 0
 }

@@ -1,7 +1,7 @@
 //! How fast the reference engine runs STL programs: `cargo run --release -p ob1-cpu --example speed -- FILE.awl...`
 //!
-//! Each program's OB 1 runs again and again for about a second, the best of five rounds counts; the last line is all statements over
-//! all time.
+//! Each program's OB 1 runs again and again for about a second, the best of five rounds counts; the last line is all
+//! statements over all time.
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "a measuring tool reads the clock and files")]
 #![allow(clippy::print_stdout, reason = "its output")]
 

@@ -2,7 +2,8 @@
 
 use crate::Nanos;
 
-/// The eight bytes for `nanos` since 1990-01-01: year, month, day, hour, minute, second, milliseconds and day of the week (1 = Sunday).
+/// The eight bytes for `nanos` since 1990-01-01: year, month, day, hour, minute, second, milliseconds and day of the
+/// week (1 = Sunday).
 #[must_use]
 pub fn date_and_time(nanos: Nanos) -> [u8; 8] {
     let ms = nanos / 1_000_000;
@@ -24,7 +25,8 @@ pub fn date_and_time(nanos: Nanos) -> [u8; 8] {
     ]
 }
 
-/// Year, month and day of a day counted from 1990-01-01. Eras of 400 years from March 1600, so that leap days end a year.
+/// Year, month and day of a day counted from 1990-01-01. Eras of 400 years from March 1600, so that leap days end a
+/// year.
 fn civil(days: u64) -> (u64, u64, u64) {
     const MARCH_1600_TO_1990: u64 = 142_385;
     let day = days + MARCH_1600_TO_1990;

@@ -43,15 +43,15 @@ pub struct CpuConfig {
     pub clock_memory: Option<u16>,
     /// Time of day at the runtime's time 0, in nanoseconds since 1990-01-01: the date in start information.
     pub date_at_start: u64,
-    /// Organization blocks find their start information in the first 20 bytes of their local data. Without it these bytes are what
-    /// the block before left there; SFC 6 answers all the same.
+    /// Organization blocks find their start information in the first 20 bytes of their local data. Without it these
+    /// bytes are what the block before left there; SFC 6 answers all the same.
     pub ob_start_info: bool,
     /// Items of the access port served in one scan, at least 1.
     pub port_items_per_scan: u32,
     /// Items the access port's rings hold, at least 1.
     pub port_capacity: usize,
-    /// Peripheral reads answer from the process image of the inputs and peripheral writes land in that of the outputs: for
-    /// programs run without modules.
+    /// Peripheral reads answer from the process image of the inputs and peripheral writes land in that of the outputs:
+    /// for programs run without modules.
     pub peripheral_from_image: bool,
 }
 
@@ -131,13 +131,14 @@ pub enum Command {
     Run,
     /// To STOP.
     Stop,
-    /// Warm restart: what is retentive keeps its value, by default all data blocks; process images and the rest of bit memory, timers
-    /// and counters are cleared, other data blocks get their load values.
+    /// Warm restart: what is retentive keeps its value, by default all data blocks; process images and the rest of bit
+    /// memory, timers and counters are cleared, other data blocks get their load values.
     Warm,
     /// Cold restart: nothing is kept. Data blocks get their load values, those made by the program are deleted.
     Cold,
-    /// Hot restart, S7-400 only: everything keeps its value, OB 101 runs, and a new cycle begins; what was left of the interrupted
-    /// one is not run. Refused, with an entry in the diagnostic buffer, on an S7-300 and where no RUN came before.
+    /// Hot restart, S7-400 only: everything keeps its value, OB 101 runs, and a new cycle begins; what was left of the
+    /// interrupted one is not run. Refused, with an entry in the diagnostic buffer, on an S7-300 and where no RUN came
+    /// before.
     Hot,
     /// Memory reset: STOP, everything as after loading, the diagnostic buffer stays.
     Reset,

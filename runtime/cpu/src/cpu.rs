@@ -1,4 +1,5 @@
-//! A CPU seen from outside: commands, figures, cells, access port. Its cycle is in [`crate::cycle`], its start-up in [`crate::startup`].
+//! A CPU seen from outside: commands, figures, cells, access port. Its cycle is in [`crate::cycle`], its start-up in
+//! [`crate::startup`].
 
 use std::sync::Arc;
 
@@ -148,8 +149,8 @@ impl Cpu {
         })
     }
 
-    /// A hardware interrupt for OB 40 to 47, with the address and the point of its start information. It runs in the next cycle, or
-    /// at the next call of [`Cpu::cycle`] when that comes before the cycle is due.
+    /// A hardware interrupt for OB 40 to 47, with the address and the point of its start information. It runs in the
+    /// next cycle, or at the next call of [`Cpu::cycle`] when that comes before the cycle is due.
     ///
     /// # Errors
     /// The OB does not exist, the CPU is not in RUN, or too many wait.
@@ -217,8 +218,8 @@ impl Cpu {
         self.machine.memory.snapshot_len()
     }
 
-    /// Copies bit memory, then all data blocks in ascending order (each padded to a multiple of eight bytes), as they are between two
-    /// cycles. `false`, and nothing copied, when `into` has another length. Allocates nothing.
+    /// Copies bit memory, then all data blocks in ascending order (each padded to a multiple of eight bytes), as they
+    /// are between two cycles. `false`, and nothing copied, when `into` has another length. Allocates nothing.
     #[must_use]
     pub fn snapshot_into(&self, into: &mut [u8]) -> bool {
         self.machine.memory.snapshot_into(into)

@@ -20,9 +20,9 @@ const CLOCK_HALF_MS: [u64; 8] = [50, 100, 200, 250, 400, 500, 800, 1000];
 const HARDWARE_EVENTS: std::ops::RangeInclusive<u16> = 0x1141..=0x1148;
 
 impl Cpu {
-    /// One whole cycle: access port, events of the modules, process image of the inputs, OB 1, process image of the outputs,
-    /// statistics. Before the next cycle is due, when an interrupt is: only that ([`CycleEnd::whole`] is false then). In STOP only
-    /// access port and modules are served. The caller sleeps until the deadline it is given.
+    /// One whole cycle: access port, events of the modules, process image of the inputs, OB 1, process image of the
+    /// outputs, statistics. Before the next cycle is due, when an interrupt is: only that ([`CycleEnd::whole`] is false
+    /// then). In STOP only access port and modules are served. The caller sleeps until the deadline it is given.
     pub fn cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
         self.machine.now = self.machine.now.max(clock.now());
         self.machine.memory.reuse_deleted();
@@ -258,8 +258,8 @@ impl Cpu {
 }
 
 impl Machine {
-    /// When the cycle after the one planned at `planned` is due, now that this one has ended; whether it overran, and how many deadlines
-    /// no cycle will begin for.
+    /// When the cycle after the one planned at `planned` is due, now that this one has ended; whether it overran, and
+    /// how many deadlines no cycle will begin for.
     fn next_cycle(&mut self, planned: Nanos) -> (Nanos, bool, u64) {
         let (min, now) = (self.config.min_cycle, self.now);
         let next = planned + min;

@@ -1,6 +1,7 @@
 //! Data blocks that the program makes and deletes (SFC 22, SFC 23), in a part of the arena reserved for them.
 //!
-//! A deleted block's bytes are given to another only between two scans: until then data block registers may still point there.
+//! A deleted block's bytes are given to another only between two scans: until then data block registers may still point
+//! there.
 
 use crate::memory::{Db, Memory, Range};
 

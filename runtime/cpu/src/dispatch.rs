@@ -1,4 +1,5 @@
-//! Interrupts in their turn: what is due runs when its priority class is above the running one, at safe points and between cycles.
+//! Interrupts in their turn: what is due runs when its priority class is above the running one, at safe points and
+//! between cycles.
 
 use crate::events::Late;
 use crate::interrupts::{Hardware, Passed, Request, SLOTS, ob_of, priority_of};
@@ -6,7 +7,8 @@ use crate::services::period_word;
 use crate::{Abort, Context, Nanos, ObInfo};
 
 impl Context<'_> {
-    /// Runs the interrupt of the highest class that is due, when it is above the running class. False when there was none.
+    /// Runs the interrupt of the highest class that is due, when it is above the running class. False when there was
+    /// none.
     #[cold]
     pub(crate) fn interrupt(&mut self) -> Result<bool, Abort> {
         self.collect()?;

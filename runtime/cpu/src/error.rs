@@ -66,7 +66,8 @@ pub enum LoadError {
         /// Its first byte.
         address: u32,
     },
-    /// L009: the intermediate code is not sound: a jump out of the block, a parameter that does not exist, brackets nested too deep.
+    /// L009: the intermediate code is not sound: a jump out of the block, a parameter that does not exist, brackets
+    /// nested too deep.
     Code {
         /// The statement.
         site: Site,

@@ -1,5 +1,5 @@
-//! Events that call an organization block at once: programming, access and time errors, diagnosis of modules, lost stations, image
-//! errors. ["Organization Blocks" of the system software reference]
+//! Events that call an organization block at once: programming, access and time errors, diagnosis of modules, lost
+//! stations, image errors. ["Organization Blocks" of the system software reference]
 
 use ob1_model::{Access, BlockId, BlockKind, Event, Fault, Site};
 
@@ -102,8 +102,8 @@ impl Context<'_> {
         self.run_ob(callee, ObInfo { number: 80, priority: ASYNCHRONOUS, start })
     }
 
-    /// A programming or access error: its OB, or STOP. `Ok`: the program goes on with the next statement, with what SFC 44 has
-    /// put in ACCU1, if it was called.
+    /// A programming or access error: its OB, or STOP. `Ok`: the program goes on with the next statement, with what SFC
+    /// 44 has put in ACCU1, if it was called.
     #[cold]
     pub(crate) fn fault(
         &mut self,
@@ -149,8 +149,8 @@ impl Context<'_> {
         ran.map(|()| substitute)
     }
 
-    /// OB 82 for the module at `address` with the first four bytes of its diagnostic data; without OB 82 STOP: "if no OB 82 is programmed, the
-    /// CPU automatically enters STOP mode" [CP 340 manual 04/2011, p. 142].
+    /// OB 82 for the module at `address` with the first four bytes of its diagnostic data; without OB 82 STOP: "if no
+    /// OB 82 is programmed, the CPU automatically enters STOP mode" [CP 340 manual 04/2011, p. 142].
     pub(crate) fn diagnostic_interrupt(&mut self, address: u32, data: [u8; 4]) -> Result<(), Abort> {
         if self.disabled(82) {
             return Ok(());
@@ -168,9 +168,11 @@ impl Context<'_> {
         self.run_ob(callee, ObInfo { number: 82, priority: ASYNCHRONOUS, start })
     }
 
-    /// OB 86, when it is loaded: the station behind the module at `address` is lost or back. `index` counts the modules from 0.
+    /// OB 86, when it is loaded: the station behind the module at `address` is lost or back. `index` counts the modules
+    /// from 0.
     ///
-    /// A lost driver is no reason for STOP here, unlike on the hardware: it is started again, and the scan goes on meanwhile.
+    /// A lost driver is no reason for STOP here, unlike on the hardware: it is started again, and the scan goes on
+    /// meanwhile.
     pub(crate) fn station(&mut self, address: u32, index: usize, lost: bool) -> Result<(), Abort> {
         let Some(callee) = self.blocks.ob(86).filter(|_| !self.disabled(86)) else { return Ok(()) };
         let mut start = self.start_info(if lost { 0x39 } else { 0x38 }, 0xC4, ASYNCHRONOUS, 86);

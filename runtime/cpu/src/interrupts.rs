@@ -1,4 +1,5 @@
-//! Interrupts by time and by modules: what is due, what waits, what is lost. Pure state; [`crate::machine::Context`] runs the blocks.
+//! Interrupts by time and by modules: what is due, what waits, what is lost. Pure state; [`crate::machine::Context`]
+//! runs the blocks.
 //!
 //! Times are the CPU's own `now`. A due time is absolute: lateness of one interrupt does not move the next.
 //! ["Organization Blocks" of the system software reference]
@@ -158,7 +159,8 @@ impl Interrupts {
         (self.next_due, self.pending, self.running, self.queued) = (NEVER, 0, 0, 0);
     }
 
-    /// RUN begins: so do the intervals of the cyclic interrupts. Each comes for the first time after its interval and phase.
+    /// RUN begins: so do the intervals of the cyclic interrupts. Each comes for the first time after its interval and
+    /// phase.
     pub(crate) fn start(&mut self, now: Nanos) {
         for (due, c) in self.due[CYCLIC..].iter_mut().zip(&self.cyclic) {
             *due = if c.loaded { now.saturating_add(c.period).saturating_add(c.phase) } else { NEVER };

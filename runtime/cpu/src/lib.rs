@@ -1,8 +1,8 @@
-//! The CPU: memory, process image, organization blocks, scan loop, diagnostic buffer, access port, and the reference engine
-//! that defines what a statement means.
+//! The CPU: memory, process image, organization blocks, scan loop, diagnostic buffer, access port, and the reference
+//! engine that defines what a statement means.
 //!
-//! [`Cpu::new`] loads a compiled program, native blocks and modules; [`Cpu::cycle`] runs one cycle and says when the next is due.
-//! The CPU knows time only through the [`Clock`] it is given and never sleeps: the caller does.
+//! [`Cpu::new`] loads a compiled program, native blocks and modules; [`Cpu::cycle`] runs one cycle and says when the
+//! next is due. The CPU knows time only through the [`Clock`] it is given and never sleeps: the caller does.
 
 mod accounts;
 mod calendar;

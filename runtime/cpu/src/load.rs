@@ -41,8 +41,8 @@ impl Cpu {
         Self::load(config, program, natives, modules, false)
     }
 
-    /// As [`Cpu::new`], but every statement is executed straight from the intermediate code, without the short forms of the run
-    /// loop. Slower; for comparing the two.
+    /// As [`Cpu::new`], but every statement is executed straight from the intermediate code, without the short forms of
+    /// the run loop. Slower; for comparing the two.
     ///
     /// # Errors
     /// As [`Cpu::new`].

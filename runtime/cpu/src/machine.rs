@@ -88,7 +88,8 @@ pub(crate) struct Machine {
     pub(crate) statements: u64,
     /// Statements it does not know of yet.
     pub(crate) pending: u32,
-    /// So many of them, and a safe point looks at the clock: at most [`STATEMENTS_PER_LOOK`], fewer when something is due before.
+    /// So many of them, and a safe point looks at the clock: at most [`STATEMENTS_PER_LOOK`], fewer when something is
+    /// due before.
     pub(crate) look_after: u32,
     /// Nanoseconds that 1024 statements have taken between the last looks.
     pub(crate) pace: u64,
@@ -174,7 +175,8 @@ impl Context<'_> {
         }
         let due = machine.interrupts.next_due().min(machine.watchdog.expires.unwrap_or(Nanos::MAX));
         let time = due.saturating_sub(machine.now);
-        // A due time is seen at the first safe point behind it where statements are charged, else within some statements of it.
+        // A due time is seen at the first safe point behind it where statements are charged, else within some
+        // statements of it.
         let statements = match self.clock.statements_in(time) {
             Some(statements) => statements.max(1),
             None => (time.saturating_mul(1024) / machine.pace.max(1)).max(FEWEST_STATEMENTS),

@@ -1,7 +1,7 @@
 //! The memory arena: every area and data block of the CPU in one flat piece with stable offsets.
 //!
-//! Order: inputs, outputs, bit memory, local data stack, call scratch, constants, data blocks. A bit address in the arena
-//! (byte * 8 + bit) fits 32 bits; references to actual parameters are such addresses.
+//! Order: inputs, outputs, bit memory, local data stack, call scratch, constants, data blocks. A bit address in the
+//! arena (byte * 8 + bit) fits 32 bits; references to actual parameters are such addresses.
 
 use ob1_ir::DataBlock;
 use ob1_model::cells;
@@ -176,8 +176,8 @@ impl Memory {
         (self.memory.len + self.all_dbs.len) as usize
     }
 
-    /// Copies bit memory, then all data blocks in ascending order, each padded to a multiple of eight bytes. `false`, and nothing
-    /// copied, for another length.
+    /// Copies bit memory, then all data blocks in ascending order, each padded to a multiple of eight bytes. `false`,
+    /// and nothing copied, for another length.
     pub(crate) fn snapshot_into(&self, into: &mut [u8]) -> bool {
         if into.len() != self.snapshot_len() {
             return false;

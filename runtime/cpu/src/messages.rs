@@ -1,6 +1,7 @@
 //! Messages of the program: user entries of the diagnostic buffer (SFC 52) and block-related messages (SFC 17, SFC 18).
 //!
-//! There are no display devices that could log on: a block-related message goes to the log, and SFC 17's are acknowledged at once.
+//! There are no display devices that could log on: a block-related message goes to the log, and SFC 17's are
+//! acknowledged at once.
 
 use ob1_model::Event;
 use ob1_std::services::{Alarm, AlarmError, MessageError, Messages};

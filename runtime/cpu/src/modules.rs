@@ -138,7 +138,8 @@ impl Modules {
         Ok(())
     }
 
-    /// One module's part of the process image of the outputs. A module that does not answer gets the image again in the next scan.
+    /// One module's part of the process image of the outputs. A module that does not answer gets the image again in the
+    /// next scan.
     pub(crate) fn write_image(&mut self, index: usize, memory: &Memory) -> Result<(), ModuleError> {
         let image = memory.outputs;
         let plugged = &mut self.list[index];

@@ -83,8 +83,8 @@ fn run(native: &Native, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abo
     Ok(call.br)
 }
 
-/// The same with the time it takes, without organization blocks and plugin blocks that run within it. The CPU's own time does not move
-/// by these looks at the clock.
+/// The same with the time it takes, without organization blocks and plugin blocks that run within it. The CPU's own
+/// time does not move by these looks at the clock.
 fn timed(native: &Native, account: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
     let inside = cx.machine.inside;
     let outer = std::mem::take(&mut cx.machine.trace.nested);

@@ -70,8 +70,8 @@ impl ObRecord {
         }
     }
 
-    /// The times SFC 78 tells. `inside`: the block is the running one, and others have had so much of its time. `own`: it asks for
-    /// its own times, and gets those of the last run once.
+    /// The times SFC 78 tells. `inside`: the block is the running one, and others have had so much of its time. `own`:
+    /// it asks for its own times, and gets those of the last run once.
     pub(crate) fn times(&mut self, now: Nanos, inside: Option<Nanos>, own: bool, into: &mut RunTimes) {
         let micros = |time: Nanos| u32::try_from(time / 1000).unwrap_or(u32::MAX >> 1);
         if let Some((run, whole)) = self.last {

@@ -2,8 +2,9 @@
 //!
 //! Figures of the scans do not: they stand in [`crate::Accounts`], where reading them costs the scan nothing.
 //!
-//! Requests and responses are small `Copy` items. The CPU serves a bounded number of them at the cycle control point; the client side
-//! is `Send` and belongs to one thread (a socket server), which knows names and types (see [`crate::parse_item`]).
+//! Requests and responses are small `Copy` items. The CPU serves a bounded number of them at the cycle control point;
+//! the client side is `Send` and belongs to one thread (a socket server), which knows names and types (see
+//! [`crate::parse_item`]).
 
 use ob1_model::Area;
 use rtrb::{Consumer, Producer, RingBuffer};

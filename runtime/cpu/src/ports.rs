@@ -11,18 +11,18 @@ pub trait Clock {
     /// The time now. Never goes back.
     fn now(&mut self) -> Nanos;
 
-    /// Told at safe points how many statements have been executed since the last time. A virtual clock charges time for them, so that a
-    /// loop on a timer ends and the watchdog fires; a real clock ignores it.
+    /// Told at safe points how many statements have been executed since the last time. A virtual clock charges time for
+    /// them, so that a loop on a timer ends and the watchdog fires; a real clock ignores it.
     fn executed(&mut self, statements: u64);
 
-    /// How many statements it takes until so much time has passed, for a clock that charges time for statements; `None` for one
-    /// whose time goes on by itself. So the CPU knows when to ask for the time again.
+    /// How many statements it takes until so much time has passed, for a clock that charges time for statements; `None`
+    /// for one whose time goes on by itself. So the CPU knows when to ask for the time again.
     fn statements_in(&self, _time: Nanos) -> Option<u64> {
         None
     }
 
-    /// A block waits inside the scan (SFC 47) until `deadline`, or until something is due before. A virtual clock moves there. A real
-    /// one has nothing to do: its time goes on by itself, and a scan does not sleep.
+    /// A block waits inside the scan (SFC 47) until `deadline`, or until something is due before. A virtual clock moves
+    /// there. A real one has nothing to do: its time goes on by itself, and a scan does not sleep.
     fn wait(&mut self, _deadline: Nanos) {}
 }
 
@@ -79,8 +79,8 @@ pub type ModuleCounters<'a> = &'a mut dyn FnMut(&'static str, u64);
 
 /// A module on the back plane as the CPU sees it: input and output registers at a logical address, records, events.
 ///
-/// All methods but `counters` run on the scan thread: they neither block nor allocate, and make no system call but a doorbell.
-/// Offsets count from the module's first byte.
+/// All methods but `counters` run on the scan thread: they neither block nor allocate, and make no system call but a
+/// doorbell. Offsets count from the module's first byte.
 pub trait Module: Send {
     /// Bytes of input registers (CP to CPU).
     fn input_bytes(&self) -> u16;
@@ -88,7 +88,8 @@ pub trait Module: Send {
     fn output_bytes(&self) -> u16;
     /// Once a scan, before the process image of the inputs is read.
     fn begin_scan(&mut self, now: Nanos);
-    /// Reads input registers. An absent driver's registers read 0 and this is `Ok`, unless the station file says `absent = "fault"`.
+    /// Reads input registers. An absent driver's registers read 0 and this is `Ok`, unless the station file says
+    /// `absent = "fault"`.
     fn read(&mut self, at: u16, into: &mut [u8]) -> Result<(), ModuleError>;
     /// Writes output registers; the bytes of one call reach the module together.
     fn write(&mut self, at: u16, from: &[u8]) -> Result<(), ModuleError>;
@@ -202,8 +203,8 @@ pub struct ObInfo {
     pub start: [u8; 20],
 }
 
-/// What a native block can ask of the CPU during its call. The plugin interface (`ob1-abi`) mirrors these functions one by one;
-/// meanings are documented there.
+/// What a native block can ask of the CPU during its call. The plugin interface (`ob1-abi`) mirrors these functions
+/// one by one; meanings are documented there.
 #[expect(missing_docs, reason = "documented at the function of the same name in ob1_abi::HostTable")]
 pub trait NativeContext {
     fn param_get(&mut self, index: u32) -> Result<u32, NativeError>;
@@ -247,16 +248,16 @@ pub trait NativeContext {
     fn log(&mut self, level: u8, text: &str);
     /// Restarts the cycle monitoring (SFC 43). Not in the plugin interface; nothing by default.
     fn retrigger_watchdog(&mut self) {}
-    /// Comes back after so many microseconds; higher classes may run meanwhile (SFC 47). Not in the plugin interface; at once by
-    /// default.
+    /// Comes back after so many microseconds; higher classes may run meanwhile (SFC 47). Not in the plugin interface;
+    /// at once by default.
     ///
     /// # Errors
     /// The CPU goes to STOP.
     fn wait(&mut self, _microseconds: u32) -> Result<(), Abort> {
         Ok(())
     }
-    /// What standard blocks ask for: clock, interrupts by time, masks and locks, data blocks. Not in the plugin interface; none by
-    /// default.
+    /// What standard blocks ask for: clock, interrupts by time, masks and locks, data blocks. Not in the plugin
+    /// interface; none by default.
     fn services(&mut self) -> Option<&mut dyn crate::Services> {
         None
     }

@@ -1,7 +1,7 @@
 //! Process inputs and outputs: the modules `di do ai ao`, over bytes that someone else holds, or over a timed stimulus.
 //!
-//! The CPU knows no operating system, so the shared-memory image that other programs read and write is an [`IoBacking`] implemented
-//! elsewhere.
+//! The CPU knows no operating system, so the shared-memory image that other programs read and write is an [`IoBacking`]
+//! implemented elsewhere.
 
 use crate::{Module, ModuleError, ModuleEvent, ModuleStatus, Nanos};
 
@@ -180,8 +180,8 @@ impl std::fmt::Display for StimulusOutside {
 impl std::error::Error for StimulusOutside {}
 
 impl Stimulus {
-    /// A stimulus for a module of `bytes` bytes; the steps need not be sorted. With a `period` above 0 the steps are repeated, and
-    /// none may lie at or after it.
+    /// A stimulus for a module of `bytes` bytes; the steps need not be sorted. With a `period` above 0 the steps are
+    /// repeated, and none may lie at or after it.
     ///
     /// # Errors
     /// A step outside the module.

@@ -1,8 +1,9 @@
 //! Retentive memory: what a warm restart keeps, and its image for a power cycle.
 //!
-//! The image is one contiguous piece, all numbers little-endian: magic, version, length, number of data blocks made by the program; then
-//! what has to be the same when it is restored (checksum of the declarations, the ranges); then the made data blocks, the contents,
-//! and a checksum over everything before. Keeping it on a disk is the caller's business.
+//! The image is one contiguous piece, all numbers little-endian: magic, version, length, number of data blocks made by
+//! the program; then what has to be the same when it is restored (checksum of the declarations, the ranges); then the
+//! made data blocks, the contents, and a checksum over everything before. Keeping it on a disk is the caller's
+//! business.
 
 use ob1_ir::Program;
 use ob1_model::BlockKind;
@@ -17,7 +18,8 @@ const VERSION: u32 = 1;
 const HEAD: usize = 20;
 const CHECKSUM: usize = 8;
 
-/// What keeps its value over a warm restart and a power cycle. The default is no bit memory, timers or counters, and all data blocks.
+/// What keeps its value over a warm restart and a power cycle. The default is no bit memory, timers or counters, and
+/// all data blocks.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Retentive {
     /// Bytes of bit memory.
@@ -182,8 +184,8 @@ fn clear_gaps<T: Default>(list: &mut [T], keep: &[std::ops::Range<usize>]) {
     }
 }
 
-/// What gives the retained bytes their meaning: the declarations of data blocks and function blocks. Statements are not part of it, so
-/// that a program keeps its data when a statement changes.
+/// What gives the retained bytes their meaning: the declarations of data blocks and function blocks. Statements are not
+/// part of it, so that a program keeps its data when a statement changes.
 fn declarations(program: &Program) -> u64 {
     use std::fmt::Write;
     let mut hash = Hash::default();
@@ -258,8 +260,8 @@ impl Cpu {
         HEAD + keep.same.len() + made + ranges + timers + counters + CHECKSUM
     }
 
-    /// Replaces what `into` holds by the image of retentive memory as it is between two cycles. Allocates only when `into` has no room
-    /// for [`Cpu::retentive_len`] bytes.
+    /// Replaces what `into` holds by the image of retentive memory as it is between two cycles. Allocates only when
+    /// `into` has no room for [`Cpu::retentive_len`] bytes.
     pub fn retentive_image(&self, into: &mut Vec<u8>) {
         let m = &self.machine;
         let len = self.retentive_len();

@@ -1,6 +1,8 @@
-//! What the standard blocks ask of the CPU beside memory and modules: clock, interrupts by time, masked errors, locks, data blocks.
+//! What the standard blocks ask of the CPU beside memory and modules: clock, interrupts by time, masked errors, locks,
+//! data blocks.
 //!
-//! The rules of masks and locks stand in `ob1-std`; here they are kept, asked at the right places, and turned into due times.
+//! The rules of masks and locks stand in `ob1-std`; here they are kept, asked at the right places, and turned into due
+//! times.
 
 use ob1_std::Service;
 use ob1_std::moment::Moment;

@@ -44,7 +44,8 @@ pub enum MissedCycle {
     Now,
     /// The schedule stays: deadlines that have passed are left out, the next cycle begins at the next one.
     Skip,
-    /// The schedule stays: cycles begin at once until it has been caught up with. More than [`MissedCycle::MOST`] behind are left out.
+    /// The schedule stays: cycles begin at once until it has been caught up with. More than [`MissedCycle::MOST`]
+    /// behind are left out.
     CatchUp,
 }
 
@@ -53,7 +54,8 @@ impl MissedCycle {
     pub const MOST: u64 = 1000;
 }
 
-/// A cyclic interrupt. OB 30 to 38 that are loaded but not configured run every 5 s, 2 s, 1 s, 500, 200, 100, 50, 20 and 10 ms.
+/// A cyclic interrupt. OB 30 to 38 that are loaded but not configured run every 5 s, 2 s, 1 s, 500, 200, 100, 50, 20
+/// and 10 ms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CyclicInterrupt {
     /// The organization block, 30 to 38.
@@ -74,8 +76,8 @@ impl CyclicInterrupt {
     }
 }
 
-/// A time-of-day interrupt that is set and activated at each start-up, as the hardware configuration does it. SFC 28 to 30 may change
-/// it until the next one. Without its OB it has no effect.
+/// A time-of-day interrupt that is set and activated at each start-up, as the hardware configuration does it. SFC 28 to
+/// 30 may change it until the next one. Without its OB it has no effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TimeOfDay {
     /// The organization block, 10 to 17.

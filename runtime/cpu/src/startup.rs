@@ -52,8 +52,8 @@ impl Start {
 }
 
 impl Cpu {
-    /// Memory counts as that of a RUN before, so that a hot restart can go on from it, as after a power failure of a CPU with a
-    /// battery.
+    /// Memory counts as that of a RUN before, so that a hot restart can go on from it, as after a power failure of a
+    /// CPU with a battery.
     pub fn assume_run(&mut self) {
         self.has_run = true;
     }

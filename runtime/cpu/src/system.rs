@@ -16,8 +16,8 @@ pub fn system_blocks() -> Vec<Box<dyn NativeBlock>> {
     ob1_std::system_functions(crate::SERVICES).into_iter().map(|block| standard_block(block.id, block)).collect()
 }
 
-/// A standard block under the number the user gives it. A block that [needs](StandardBlock::needs) a service this CPU does not
-/// have raises "block not loaded" when it is called, so it is not to be offered.
+/// A standard block under the number the user gives it. A block that [needs](StandardBlock::needs) a service this CPU
+/// does not have raises "block not loaded" when it is called, so it is not to be offered.
 #[must_use]
 pub fn standard_block(id: BlockId, block: StandardBlock) -> Box<dyn NativeBlock> {
     Box::new(Standard { id, block })

@@ -1,8 +1,8 @@
-//! System status lists (SZL) as SFC 51 reads them: module identification, characteristics, memory and system areas, LEDs, operating
-//! state, interrupts, modules and their diagnosis, the diagnostic buffers of the CPU and of CPs.
+//! System status lists (SZL) as SFC 51 reads them: module identification, characteristics, memory and system areas,
+//! LEDs, operating state, interrupts, modules and their diagnosis, the diagnostic buffers of the CPU and of CPs.
 //!
-//! Layouts are those of the reference. An ID is list (low byte), extract (bits 8 to 11) and module class (bits 12 to 15, 0: CPU).
-//! ["System Status Lists (SSL)" of the system software reference]
+//! Layouts are those of the reference. An ID is list (low byte), extract (bits 8 to 11) and module class (bits 12 to
+//! 15, 0: CPU). ["System Status Lists (SSL)" of the system software reference]
 
 use ob1_model::BlockKind;
 use ob1_std::services::{RunTimes, StatusError, SystemStatus};
@@ -156,8 +156,9 @@ impl Machine {
     /// By groups: MC7 unit, time system, system response, instructions.
     fn characteristics(&self, group: Option<u16>, each: Each<'_>) -> Length {
         let large = self.config.family == Family::S7_400;
-        // Interpreter; 1 ms, all clock functions; which restarts; 32 bits, floats with functions, 4 accumulators, MCR, AR1 and AR2,
-        // area-crossing, area-internal, memory-indirect for M, DB, DI, L, parameters of FCs, edges of I, Q, M, DB, DI, L, /FC.
+        // Interpreter; 1 ms, all clock functions; which restarts; 32 bits, floats with functions, 4 accumulators, MCR,
+        // AR1 and AR2, area-crossing, area-internal, memory-indirect for M, DB, DI, L, parameters of FCs, edges of I,
+        // Q, M, DB, DI, L, /FC.
         let groups: [(u16, &[u16]); 4] = [
             (0x0000, &[0x0002]),
             (0x0100, &[0x0101, 0x0105]),
@@ -359,8 +360,8 @@ impl Machine {
     }
 }
 
-/// An entry of a CP's buffer as one of the CPU's: event of class F (modules other than CPUs), incoming or outgoing, with the CP's event class;
-/// event class and number, address, date and time.
+/// An entry of a CP's buffer as one of the CPU's: event of class F (modules other than CPUs), incoming or outgoing,
+/// with the CP's event class; event class and number, address, date and time.
 fn cp_entry(entry: ModuleEntry, base: u16, date_at_start: u64) -> [u8; 20] {
     let event = if entry.incoming { 0xF900 } else { 0xF800 } | entry.number >> 8;
     let record = Record::<20>::new().word(event).long(0).word(entry.number).word(base).word(0);

@@ -4,8 +4,8 @@ mod common;
 
 use common::source::bench;
 
-/// How an operand is prepared and named, as bit, byte, word and double word; `-` where there is no such form. Each means byte 24 and, as
-/// a bit, 24.5 of its area.
+/// How an operand is prepared and named, as bit, byte, word and double word; `-` where there is no such form. Each
+/// means byte 24 and, as a bit, 24.5 of its area.
 const FORMS: &[(&str, &str, [&str; 4])] = &[
     ("M", "", ["M 24.5", "MB 24", "MW 24", "MD 24"]),
     ("E", "", ["E 24.5", "EB 24", "EW 24", "ED 24"]),

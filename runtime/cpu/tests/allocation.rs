@@ -56,7 +56,8 @@ fn ten_thousand_cycles_allocate_nothing() {
     let mut bench = Bench::with(cpu);
     let mut client = bench.cpu.access_client().expect("the first");
     bench.run();
-    // The counter sees the test harness's own thread too, which allocates now and then: a scan that allocated would do so in every round.
+    // The counter sees the test harness's own thread too, which allocates now and then: a scan that allocated would do
+    // so in every round.
     let quiet = (0..5).any(|_| {
         let region = Region::new(ALLOCATOR);
         for id in 0..10_000 {

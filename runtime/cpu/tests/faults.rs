@@ -11,7 +11,8 @@ fn ar1(area: Option<Area>, byte: u32) -> Place {
     Place::Register(area, AddressRegister::Ar1, BitAddr::byte_addr(byte))
 }
 
-/// Statements whose last one is wrong, the error, the number it is about, and how memory was accessed as OB 121 and OB 122 tell it.
+/// Statements whose last one is wrong, the error, the number it is about, and how memory was accessed as OB 121 and OB
+/// 122 tell it.
 fn table() -> Vec<(Vec<Op>, FaultKind, u32, u32)> {
     let pointer = |byte: u32| Pointer { area: Area::Memory, at: BitAddr::byte_addr(byte) };
     let word = |place| Operand { width: Width::Word, place };
@@ -200,7 +201,8 @@ fn the_source_of_an_error_by_its_kind() {
     }
 }
 
-/// OB 121 and OB 122 find the registers of the interrupted block; it gets them back whatever they do. A load that fails gives 0.
+/// OB 121 and OB 122 find the registers of the interrupted block; it gets them back whatever they do. A load that fails
+/// gives 0.
 #[test]
 fn the_registers_of_the_interrupted_block() {
     let code = vec![

@@ -1,4 +1,5 @@
-//! The short forms mean what the intermediate code says: random straight-line programs run both ways and leave the same memory.
+//! The short forms mean what the intermediate code says: random straight-line programs run both ways and leave the same
+//! memory.
 
 mod common;
 

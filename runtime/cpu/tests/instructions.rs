@@ -1,5 +1,6 @@
-//! Result and status word of single statements, as tables from the STL reference. Each row runs three times: in the short forms,
-//! straight from the intermediate code, and on a CPU with four accumulators, which shows the whole status word.
+//! Result and status word of single statements, as tables from the STL reference. Each row runs three times: in the
+//! short forms, straight from the intermediate code, and on a CPU with four accumulators, which shows the whole status
+//! word.
 
 mod common;
 

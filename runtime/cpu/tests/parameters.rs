@@ -1,12 +1,13 @@
-//! Actual parameters: every kind of actual for every kind of formal, from source text, by the values and side effects that a
-//! program sees.
+//! Actual parameters: every kind of actual for every kind of formal, from source text, by the values and side effects
+//! that a program sees.
 
 mod common;
 
 use common::Bench;
 use common::source::bench;
 
-/// An elementary type: how a callee changes it, and what it is before and after, as the hexadecimal constant of its width.
+/// An elementary type: how a callee changes it, and what it is before and after, as the hexadecimal constant of its
+/// width.
 struct Type {
     name: &'static str,
     /// The letter of its operands.
@@ -80,8 +81,8 @@ const ACTUALS: [Actual; 11] = [
 const CALLEES: [(&str, &str); 3] =
     [("FC", "CALL FC 5 "), ("FB", "CALL FB 5 , DB 5 "), ("multi-instance", "CALL #sub ")];
 
-/// The program of a type, an actual and a callee. Results: `M 10` what the input gave, `M 20` the in/out, `M 30` DB and DI
-/// register and AR2 before and after the call.
+/// The program of a type, an actual and a callee. Results: `M 10` what the input gave, `M 20` the in/out, `M 30` DB and
+/// DI register and AR2 before and after the call.
 fn elementary(ty: &Type, actual: &Actual, call: &str) -> String {
     let name = ty.name;
     let place = |n| (actual.place)(ty, n);
@@ -224,7 +225,8 @@ const COMPOSED: [(&str, &str, &str); 7] = [
     ("UDT 7", "#i.in.a", "#x.in.a"),
 ];
 
-/// Composed actuals. The callee adds 1 to the first word of the input into that of the output, and 2 to that of the in/out.
+/// Composed actuals. The callee adds 1 to the first word of the input into that of the output, and 2 to that of the
+/// in/out.
 #[test]
 fn composed_actuals_of_every_kind_for_every_kind_of_block() {
     // Name, caller's kind, actual of the nth parameter, first word of it for the caller.

@@ -1,5 +1,5 @@
-//! POINTER, ANY and the composed in/outs of function blocks: what arrives, what is reached through them, and the program of the
-//! compiler's own pointer tests run to its end.
+//! POINTER, ANY and the composed in/outs of function blocks: what arrives, what is reached through them, and the
+//! program of the compiler's own pointer tests run to its end.
 
 mod common;
 
@@ -11,7 +11,8 @@ fn hex(bench: &Bench, at: usize, len: usize) -> String {
     bench.cpu.bit_memory()[at..at + len].iter().map(|b| format!("{b:02X}")).collect()
 }
 
-/// What calls: an FB with statics, temps, an ANY and a POINTER of its own; what is called stores the bytes it was given.
+/// What calls: an FB with statics, temps, an ANY and a POINTER of its own; what is called stores the bytes it was
+/// given.
 fn pointer_program(callee: &str, call: &str, formal: &str, actual: &str) -> String {
     let store = |width: &str, at: u32| format!("L {width} [AR1,P#{at}.0]; T M{width} {};", 20 + at);
     let bytes = if formal == "ANY" {
@@ -86,8 +87,8 @@ fn the_bytes_of_a_pointer_and_of_an_any() {
     }
 }
 
-/// A composed in/out handed on from FB to FB, to a multi-instance, to an FC, to a system function: the innermost block adds to
-/// the words of the actual, wherever that lies.
+/// A composed in/out handed on from FB to FB, to a multi-instance, to an FC, to a system function: the innermost block
+/// adds to the words of the actual, wherever that lies.
 #[test]
 fn a_composed_in_out_handed_on() {
     let text = "
@@ -144,8 +145,8 @@ fn a_composed_in_out_handed_on() {
     }
 }
 
-/// An ANY of a function's own handed to a system function: put together by hand in a temp, copied from a parameter, or the
-/// parameter itself.
+/// An ANY of a function's own handed to a system function: put together by hand in a temp, copied from a parameter, or
+/// the parameter itself.
 #[test]
 fn an_any_put_together_by_hand() {
     let source = "

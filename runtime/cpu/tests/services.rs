@@ -1,4 +1,5 @@
-//! System functions that change what the CPU does: interrupts by time, locks, masked errors, data blocks made by the program.
+//! System functions that change what the CPU does: interrupts by time, locks, masked errors, data blocks made by the
+//! program.
 
 mod common;
 

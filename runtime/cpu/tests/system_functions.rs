@@ -1,4 +1,5 @@
-//! Every system function called from STL in a running CPU: parameters in and out, RET_VAL, BR, and what the CPU does about it.
+//! Every system function called from STL in a running CPU: parameters in and out, RET_VAL, BR, and what the CPU does
+//! about it.
 
 mod common;
 
@@ -10,11 +11,12 @@ use common::source::{bench, bench_with, blocks};
 use ob1_cpu::{CpuConfig, CyclicInterrupt, Family, Module, ModuleSlot, OperatingState};
 use ob1_model::{BlockId, BlockKind, Event};
 
-/// One call: the block, its call with the result in MW 10 and other results from MB 20 on, the result, BR, and bytes from MB 20
-/// on.
+/// One call: the block, its call with the result in MW 10 and other results from MB 20 on, the result, BR, and bytes
+/// from MB 20 on.
 type Row = (&'static str, &'static str, u32, bool, &'static [u8]);
 
-/// What needs no event and no second block. `CALL` is put in front, `RET_VAL := MW 10` is written out where there is one.
+/// What needs no event and no second block. `CALL` is put in front, `RET_VAL := MW 10` is written out where there is
+/// one.
 const CALLS: &[Row] = &[
     ("SFC 0", "(PDT := DB10.at, RET_VAL := MW 10)", 0, true, &[]),
     ("SFC 0", "(PDT := P#DB10.DBX 32.0, RET_VAL := MW 10)", 0x8080, false, &[]),

@@ -1,5 +1,6 @@
-//! A walk through the instruction list: every mnemonic of the STL reference, in both sets, compiled from source text and run; result
-//! in both accumulators and status word as its page of the reference has them. More values per instruction: `instructions.rs`.
+//! A walk through the instruction list: every mnemonic of the STL reference, in both sets, compiled from source text
+//! and run; result in both accumulators and status word as its page of the reference has them. More values per
+//! instruction: `instructions.rs`.
 //!
 //! ["Statement List (STL) for S7-300 and S7-400", the table "Status word" of each instruction]
 
@@ -38,8 +39,8 @@ const REST: u32 = BR | OR | STA | RLO | FC;
 const ALL: u32 = 0x1FF;
 const CC: u32 = CC1 | CC0 | OV;
 
-/// Statements in German, separated by semicolons; ACCU1, ACCU2 and status word before and after. Memory: M 100.0 is 1, M 100.1 is 0;
-/// DB 10 holds 10 bytes, the first word 1234h; FC 1 loads 7, FC 2 is empty. T 1 and Z 1 are untouched.
+/// Statements in German, separated by semicolons; ACCU1, ACCU2 and status word before and after. Memory: M 100.0 is 1,
+/// M 100.1 is 0; DB 10 holds 10 bytes, the first word 1234h; FC 1 loads 7, FC 2 is empty. T 1 and Z 1 are untouched.
 type Row = (&'static str, [u32; 3], [u32; 3]);
 
 const fn r(value: f32) -> u32 {
@@ -407,8 +408,8 @@ fn every_instruction_in_both_sets() {
     assert!(missing.is_empty(), "not walked: {missing:?}");
 }
 
-/// `T STW` on an S7-300 leaves /FC, STA and OR as they are: the scan behind it begins or goes on as if it were not there
-/// ["Statement List (STL) for S7-300 and S7-400 Programming", "T STW", note]. M 100.0 is 1, M 100.1 is 0.
+/// `T STW` on an S7-300 leaves /FC, STA and OR as they are: the scan behind it begins or goes on as if it were not
+/// there ["Statement List (STL) for S7-300 and S7-400 Programming", "T STW", note]. M 100.0 is 1, M 100.1 is 0.
 #[test]
 fn what_t_stw_writes() {
     for (text, rlo_300, rlo_400) in [

@@ -1,7 +1,7 @@
 //! When a driver process is started, given up, killed, and started again: a pure machine in virtual time.
 //!
-//! It knows no process. [`crate::driver`] feeds it with what pidfds and heartbeats say and does what it asks for; the whole-station
-//! simulation does the same with virtual drivers.
+//! It knows no process. [`crate::driver`] feeds it with what pidfds and heartbeats say and does what it asks for; the
+//! whole-station simulation does the same with virtual drivers.
 //!
 //! ```
 //! use ob1_host::supervisor::{Exit, Input, Request, Supervisor, Times};

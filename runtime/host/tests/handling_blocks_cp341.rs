@@ -1,5 +1,6 @@
-//! The handling blocks of the CP 341, loaded as the runtime loads them, against a CP written from `docs/cp341-channels.md` that answers
-//! everything at once: how many calls a job takes, what the outputs say in which call, edges and levels, R, EN_R, restarts. [reference 1, 2]
+//! The handling blocks of the CP 341, loaded as the runtime loads them, against a CP written from
+//! `docs/cp341-channels.md` that answers everything at once: how many calls a job takes, what the outputs say in which
+//! call, edges and levels, R, EN_R, restarts. [reference 1, 2]
 
 mod support;
 

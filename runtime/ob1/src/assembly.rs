@@ -84,7 +84,8 @@ pub fn plugin_module(config: &ModuleConfig) -> PluginModule {
 
 /// What a CP of the station is told: parameter bytes, and the driver's configuration as JSON. `None` for process I/O.
 ///
-/// With the runtime directory of a station that runs, and its simulated lines, also where its line is and where it can be listened to.
+/// With the runtime directory of a station that runs, and its simulated lines, also where its line is and where it can
+/// be listened to.
 #[must_use]
 pub fn cp_settings(
     station: &str,

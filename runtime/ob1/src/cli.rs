@@ -76,8 +76,9 @@ enum Command {
 
 /// Run a station: load the program, start the drivers, scan until Ctrl-C
 ///
-/// Ctrl-C (or SIGTERM) stops in order: outputs off, drivers ended, runtime directory removed, summary printed. A second Ctrl-C ends at
-/// once. A CPU in STOP because of a fault stays there to be looked at (get, diag) unless --for or --scans gives the run an end.
+/// Ctrl-C (or SIGTERM) stops in order: outputs off, drivers ended, runtime directory removed, summary printed. A second
+/// Ctrl-C ends at once. A CPU in STOP because of a fault stays there to be looked at (get, diag) unless --for or
+/// --scans gives the run an end.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 run press.toml\n  ob1 run press.toml --scans 10000 --report run.json --quiet\n\n\
@@ -101,7 +102,8 @@ struct RunArgs {
     quiet: bool,
     /// Kill the process if the scan thread makes any system call but sleep, doorbell, getrusage, clock_gettime
     ///
-    /// A proof, not a mode of operation: a seccomp filter on the scan thread. A run that ends well has made no other call.
+    /// A proof, not a mode of operation: a seccomp filter on the scan thread. A run that ends well has made no other
+    /// call.
     #[arg(long)]
     fence_scan: bool,
     /// End with standard input; for a process that has started this one
@@ -116,8 +118,8 @@ struct RunArgs {
 
 /// Check sources or a station file
 ///
-/// A station file is checked with its program and its plugins. Sources alone are checked without knowing the blocks of a plugin,
-/// unless --plugin names it.
+/// A station file is checked with its program and its plugins. Sources alone are checked without knowing the blocks of
+/// a plugin, unless --plugin names it.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 check station.toml\n  ob1 check station.toml --verbose      both forms of the CPs' parameters\n  \
@@ -153,8 +155,8 @@ struct CheckArgs {
     /// Findings as a JSON array
     #[arg(long)]
     json: bool,
-    /// Ask the system for what the station file wants for its scan, and say what was granted, what was refused, and the command that
-    /// would grant it
+    /// Ask the system for what the station file wants for its scan, and say what was granted, what was refused, and the
+    /// command that would grant it
     #[arg(long, conflicts_with_all = ["plugin", "listing", "lints"])]
     posture: bool,
     /// Also print modules, and the parameters of CPs as keys and as bytes
@@ -230,8 +232,9 @@ struct CtlArgs {
 
 /// Print the diagnostic buffers of a running station
 ///
-/// The buffer of the CPU, and those its CPs have of their own (CP 341): newest entry first, each with its time since the start of the runtime,
-/// its number, what it means and, in the line below, what helps. The buffer of a CP outlives its driver.
+/// The buffer of the CPU, and those its CPs have of their own (CP 341): newest entry first, each with its time since
+/// the start of the runtime, its number, what it means and, in the line below, what helps. The buffer of a CP outlives
+/// its driver.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 diag press.toml\n  ob1 diag press cp --count 5\n  ob1 diag press 272 --json\n\n\
@@ -252,8 +255,9 @@ struct DiagArgs {
 
 /// Show what goes over the lines of a running station, or of a recording
 ///
-/// Each telegram and each control character with its time (seconds since the driver's start), its direction (> from the CP, < to it), its
-/// meaning and its user data. Listening does not slow the CP down: what is not fetched in time is lost, and counted.
+/// Each telegram and each control character with its time (seconds since the driver's start), its direction (> from the
+/// CP, < to it), its meaning and its user data. Listening does not slow the CP down: what is not fetched in time is
+/// lost, and counted.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 trace press.toml\n  ob1 trace press.toml scale --raw\n  ob1 trace press --record line.trace --quiet --for 10min\n  \
@@ -287,8 +291,9 @@ struct TraceArgs {
 
 /// Show a running station, live
 ///
-/// Pages for the scan (times, histograms, late scans), the CPs (LEDs, orders, telegrams), the diagnostic buffer and a variable table, in which
-/// values can be modified after a confirmation. Without a terminal, or with --plain, it prints text. The scan does not notice.
+/// Pages for the scan (times, histograms, late scans), the CPs (LEDs, orders, telegrams), the diagnostic buffer and a
+/// variable table, in which values can be modified after a confirmation. Without a terminal, or with --plain, it prints
+/// text. The scan does not notice.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 top press.toml\n  ob1 top press --watch M1.0,DB10.DBW20:anzw,MW10:hex\n  ob1 top press --plain --count 1 \
@@ -314,8 +319,9 @@ struct TopArgs {
 
 /// Run a station for hours, and judge its timing
 ///
-/// The station runs as a process of its own. At the end stands a verdict: every limit of the budget kept (exit code 0), one broken (1), or
-/// too little seen to tell (2). Ctrl-C ends it early, with the verdict on what has been seen. The reports are written each minute.
+/// The station runs as a process of its own. At the end stands a verdict: every limit of the budget kept (exit code 0),
+/// one broken (1), or too little seen to tell (2). Ctrl-C ends it early, with the verdict on what has been seen. The
+/// reports are written each minute.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Limits: DISTRIBUTION.p99.9=TIME (p50 p90 p99 p99.9 p99.99 p99.999 max mean; cycle wake deadlines execution inputs\noutputs \

@@ -1,4 +1,5 @@
-//! `ob1 diag`: the diagnostic buffers of a running station, the CPU's and those its CPs have of their own, with text and remedy.
+//! `ob1 diag`: the diagnostic buffers of a running station, the CPU's and those its CPs have of their own, with text
+//! and remedy.
 
 use ob1_backplane::BufferEntry;
 use ob1_protocols::cp341_events;

@@ -1,7 +1,7 @@
 //! The janitor: a child process that removes what a station has published, should the runtime be killed.
 //!
-//! It holds the read end of a pipe whose write end only the runtime has, and waits for its end of file. It does nothing else, so nothing
-//! can keep it from doing that. (docs/decisions/0003-janitor.md)
+//! It holds the read end of a pipe whose write end only the runtime has, and waits for its end of file. It does nothing
+//! else, so nothing can keep it from doing that. (docs/decisions/0003-janitor.md)
 
 use std::io::{self, PipeWriter, Read as _};
 use std::os::unix::process::CommandExt as _;

@@ -1,5 +1,5 @@
-//! The `ob1` command as a library: the station file, the build of a station, and what the subcommands do. The binary is thin, and the
-//! whole-station simulation reads the same station files through this crate.
+//! The `ob1` command as a library: the station file, the build of a station, and what the subcommands do. The binary is
+//! thin, and the whole-station simulation reads the same station files through this crate.
 
 pub mod access;
 pub mod assembly;

@@ -114,7 +114,8 @@ fn unknown(key: &str) -> String {
     format!("there is no standard block \"{key}\"{hint} (docs/standard-blocks.md lists them)")
 }
 
-/// Single choices, and whole libraries beside them: a single one stands for the block a library would bring under its number.
+/// Single choices, and whole libraries beside them: a single one stands for the block a library would bring under its
+/// number.
 ///
 /// # Errors
 /// Numbers that two of the libraries, or two of the single choices, want for different blocks.

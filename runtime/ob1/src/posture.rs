@@ -1,4 +1,5 @@
-//! What a station asks of the operating system for its scan: asked for in one place, by `run` and by `check --posture` alike.
+//! What a station asks of the operating system for its scan: asked for in one place, by `run` and by
+//! `check --posture` alike.
 
 use std::fs::File;
 
@@ -40,8 +41,9 @@ pub fn ask_thread(station: &crate::station::Realtime) -> Posture {
     grants
 }
 
-/// A scan that would leave nothing of its core to anybody else: free-running, or spinning more than half of its cycle, with a real-time
-/// priority, on a core that is not its own. The kernel throttles such a thread for tens of milliseconds each second.
+/// A scan that would leave nothing of its core to anybody else: free-running, or spinning more than half of its cycle,
+/// with a real-time priority, on a core that is not its own. The kernel throttles such a thread for tens of
+/// milliseconds each second.
 #[must_use]
 pub fn starves(station: &Station, isolated: &[usize], file: &str) -> Option<Finding> {
     let asked = &station.realtime;

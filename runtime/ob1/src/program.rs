@@ -47,7 +47,8 @@ impl LoadFailure {
     }
 }
 
-/// Where plugins with a bare name are looked for, in this order: `OB1_PLUGIN_DIR`, the folder of the executable, `../lib/ob1` beside it.
+/// Where plugins with a bare name are looked for, in this order: `OB1_PLUGIN_DIR`, the folder of the executable,
+/// `../lib/ob1` beside it.
 #[must_use]
 pub fn plugin_folders() -> Vec<PathBuf> {
     let mut folders: Vec<PathBuf> = std::env::var_os("OB1_PLUGIN_DIR").map(PathBuf::from).into_iter().collect();

@@ -1,8 +1,9 @@
-//! The runtime directory of a station: the control socket, links to what tools may open, and the proof that the station lives.
+//! The runtime directory of a station: the control socket, links to what tools may open, and the proof that the station
+//! lives.
 //!
-//! `$XDG_RUNTIME_DIR/ob1/NAME`, or `/run/ob1/NAME` for root, or `/tmp/ob1-UID/NAME`; mode 0700. In it: `control.sock` (0600), `io` and
-//! `MODULE.segment` (links to `/proc/PID/fd/N`), and `pid`. Who holds the lock on `pid` owns the directory: the lock goes with its
-//! process, however that ends, so a leftover is known by being unlocked.
+//! `$XDG_RUNTIME_DIR/ob1/NAME`, or `/run/ob1/NAME` for root, or `/tmp/ob1-UID/NAME`; mode 0700. In it: `control.sock`
+//! (0600), `io` and `MODULE.segment` (links to `/proc/PID/fd/N`), and `pid`. Who holds the lock on `pid` owns the
+//! directory: the lock goes with its process, however that ends, so a leftover is known by being unlocked.
 
 use std::ffi::OsStr;
 use std::fs::{self, DirBuilder, File, OpenOptions};
@@ -20,8 +21,8 @@ pub const SOCKET: &str = "control.sock";
 /// Name of the process I/O image.
 pub const IO: &str = "io";
 const PID: &str = "pid";
-/// Another owner may vanish between two looks; more often than this it does not. With [`STEP`] in between also how long a dead runtime
-/// and its janitor are waited for: 5 s.
+/// Another owner may vanish between two looks; more often than this it does not. With [`STEP`] in between also how long
+/// a dead runtime and its janitor are waited for: 5 s.
 const ATTEMPTS: usize = 500;
 const STEP: Duration = Duration::from_millis(10);
 
@@ -238,8 +239,8 @@ fn lives(pid: &str) -> bool {
     pid.is_some_and(|pid| test_kill_process(pid) != Err(Errno::SRCH))
 }
 
-/// For the janitor: takes the directory of the runtime `dead` over and keeps it while `work` runs; then removes it. False when it has a
-/// living owner or does not get free.
+/// For the janitor: takes the directory of the runtime `dead` over and keeps it while `work` runs; then removes it.
+/// False when it has a living owner or does not get free.
 ///
 /// A dying process closes its files in no useful order: the janitor may know of its end before the lock is gone.
 pub(crate) fn bury(dir: &Path, dead: &str, work: impl FnOnce()) -> bool {

@@ -1,7 +1,8 @@
 //! Simulated lines at work: where their sockets are, and the processes that are the lines.
 //!
-//! A line is a process of its own beside the drivers, started and watched like them (`ob1-cp --hub`), because its CPs are processes and
-//! may be those of two stations. Its socket lies in the station's runtime directory; that of a shared line beside the stations'.
+//! A line is a process of its own beside the drivers, started and watched like them (`ob1-cp --hub`), because its
+//! CPs are processes and may be those of two stations. Its socket lies in the station's runtime directory; that of a
+//! shared line beside the stations'.
 
 use std::path::{Path, PathBuf};
 

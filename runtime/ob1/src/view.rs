@@ -85,7 +85,8 @@ impl ModuleView {
     }
 }
 
-/// The LEDs that are lit, by the names on the front. A CP 341 has no LED for its power. [S4 "Diagnostics via Display Elements (LEDs)"]
+/// The LEDs that are lit, by the names on the front. A CP 341 has no LED for its power.
+/// [S4 "Diagnostics via Display Elements (LEDs)"]
 fn leds(type_name: &str, monitor: &Monitor) -> Vec<String> {
     let leds = monitor.leds();
     let lit = match type_name {

@@ -10,8 +10,8 @@
 //! | ```` ```toml,station ```` | a station file that is good |
 //! | `,file=pump.awl` (any language) | a file that the page's command lines find |
 //!
-//! Lines of a page that has files and begin with `ob1 check`, `exec`, `test` or `xref` are run beside these files, and must end well, or as a
-//! comment `# exit code 3` on the line says.
+//! Lines of a page that has files and begin with `ob1 check`, `exec`, `test` or `xref` are run beside these files, and
+//! must end well, or as a comment `# exit code 3` on the line says.
 //!
 //! `cargo xtask book` runs it, with the rules for links and the table of contents.
 
@@ -122,7 +122,8 @@ fn wrong_with(code: &Code) -> Option<String> {
     }
 }
 
-/// The words of an `ob1` command line, without prompt, path, comment and what a shell takes off. `None`: the line is no such line.
+/// The words of an `ob1` command line, without prompt, path, comment and what a shell takes off. `None`: the line is no
+/// such line.
 fn words_of(line: &str) -> Option<Vec<String>> {
     let line = line.trim_start().trim_start_matches("$ ").trim_start_matches("sudo ");
     let line = line.strip_prefix("target/release/").unwrap_or(line);

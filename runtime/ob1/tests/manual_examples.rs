@@ -1,5 +1,5 @@
-//! The programs of the manuals in `examples/`: they compile against the declared handling blocks, and they do what the manual says
-//! when stand-ins of the handling blocks, written in STL, answer at once.
+//! The programs of the manuals in `examples/`: they compile against the declared handling blocks, and they do what the
+//! manual says when stand-ins of the handling blocks, written in STL, answer at once.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -1,4 +1,5 @@
-//! The command with real processes, without drivers: exit codes, report, cells, one owner at a time, nothing left behind.
+//! The command with real processes, without drivers: exit codes, report, cells, one owner at a time, nothing left
+//! behind.
 
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};

@@ -1,6 +1,7 @@
 //! Killing a writer of retentive files at random moments: what it has said to be written is there, whole.
 //!
-//! Without a harness, because the test is its own child: `process_retentive child FOLDER SEED` writes until it is killed.
+//! Without a harness, because the test is its own child: `process_retentive child FOLDER SEED` writes until it is
+//! killed.
 #![allow(clippy::print_stdout, reason = "its output is what the parent reads")]
 
 use std::io::{BufRead as _, BufReader, Write as _};

@@ -2,7 +2,8 @@
 //!
 //! A line of a script is `MICROSECONDS KIND [DATA]`: data are hexadecimal bytes, `hello` has the 16 parameter bytes,
 //! `cp341` the name of its protocol instead; words are in quotes.
-//! `OB1_UPDATE=1 cargo test -p ob1 --test trace_files` writes the texts anew; look at the difference before you commit it.
+//! `OB1_UPDATE=1 cargo test -p ob1 --test trace_files` writes the texts anew; look at the difference before you
+//! commit it.
 
 use std::path::{Path, PathBuf};
 

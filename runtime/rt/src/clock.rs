@@ -7,7 +7,8 @@ use rustix::time::{ClockId, Timespec, clock_gettime};
 
 const NANOS_PER_SECOND: u64 = 1_000_000_000;
 
-/// CLOCK_MONOTONIC in nanoseconds since an origin. Copies share the origin, so that all threads speak of the same times.
+/// CLOCK_MONOTONIC in nanoseconds since an origin. Copies share the origin, so that all threads speak of the same
+/// times.
 #[derive(Clone, Copy, Debug)]
 pub struct MonotonicClock {
     origin: Nanos,
@@ -31,8 +32,8 @@ impl MonotonicClock {
         sleep_until(self.origin.saturating_add(deadline));
     }
 
-    /// The same, but sleeps `spin` nanoseconds less and looks at the clock without pause until the deadline: the core is awake then, and
-    /// the time the kernel needs to wake a thread has passed.
+    /// The same, but sleeps `spin` nanoseconds less and looks at the clock without pause until the deadline: the core
+    /// is awake then, and the time the kernel needs to wake a thread has passed.
     pub fn spin_until(&self, deadline: Nanos, spin: Nanos) {
         self.sleep_until(deadline.saturating_sub(spin));
         while self.time() < deadline {
@@ -55,8 +56,8 @@ fn monotonic() -> Nanos {
     (now.tv_sec as u64).saturating_mul(NANOS_PER_SECOND).saturating_add(now.tv_nsec as u64)
 }
 
-/// Sleeps until CLOCK_MONOTONIC shows `absolute` nanoseconds. The deadline is absolute, so a late wake-up does not move the next one,
-/// and a signal in between only makes it sleep on.
+/// Sleeps until CLOCK_MONOTONIC shows `absolute` nanoseconds. The deadline is absolute, so a late wake-up does not move
+/// the next one, and a signal in between only makes it sleep on.
 pub fn sleep_until(absolute: Nanos) {
     let deadline =
         Timespec { tv_sec: (absolute / NANOS_PER_SECOND) as i64, tv_nsec: (absolute % NANOS_PER_SECOND) as i64 };

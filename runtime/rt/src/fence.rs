@@ -1,8 +1,9 @@
 //! The system-call fence: proof that the scan thread makes only the system calls the house rules allow.
 //!
-//! A seccomp filter on the calling thread. Any call that is not on the list kills the whole process with SIGSYS, so a run that ends
-//! well is a proof. Allowed is what invariant 8 allows: the sleep, a doorbell, one look at kernel counters after a late scan. The clock
-//! is read through the vDSO; its system call is allowed for machines whose clock source has no vDSO.
+//! A seccomp filter on the calling thread. Any call that is not on the list kills the whole process with SIGSYS, so a
+//! run that ends well is a proof. Allowed is what invariant 8 allows: the sleep, a doorbell, one look at kernel
+//! counters after a late scan. The clock is read through the vDSO; its system call is allowed for machines whose clock
+//! source has no vDSO.
 
 use std::collections::BTreeMap;
 
@@ -24,8 +25,8 @@ pub const ALLOWED_SYSTEM_CALLS: [(&str, i64); 5] = [
 #[error("the system-call fence could not be built: {0}")]
 pub struct FenceError(String);
 
-/// Fences the calling thread, for ever: from here on it makes the calls of [`ALLOWED_SYSTEM_CALLS`] or the process dies of SIGSYS. The
-/// thread can then neither return nor exit; it ends with the process.
+/// Fences the calling thread, for ever: from here on it makes the calls of [`ALLOWED_SYSTEM_CALLS`] or the process dies
+/// of SIGSYS. The thread can then neither return nor exit; it ends with the process.
 ///
 /// # Errors
 /// When the kernel has no seccomp or the machine is of an unknown kind.

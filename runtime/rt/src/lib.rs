@@ -1,10 +1,11 @@
-//! The fenced operating-system calls of the runtime: the clock and the sleep to a deadline, locking memory, scheduling of the
-//! scan thread, its stack, what the kernel says about it, and the system-call fence.
+//! The fenced operating-system calls of the runtime: the clock and the sleep to a deadline, locking memory, scheduling
+//! of the scan thread, its stack, what the kernel says about it, and the system-call fence.
 //!
-//! Everything asked of the system answers with what was granted, what was refused and what would grant it ([`Grant`]); nothing
-//! here fails a run because a privilege is missing.
+//! Everything asked of the system answers with what was granted, what was refused and what would grant it ([`Grant`]);
+//! nothing here fails a run because a privilege is missing.
 
-// Fenced by the house rules: sched_setscheduler, getrusage(RUSAGE_THREAD) and the signal mask of a thread have no safe wrapper.
+// Fenced by the house rules: sched_setscheduler, getrusage(RUSAGE_THREAD) and the signal mask of a thread have no safe
+// wrapper.
 #![allow(unsafe_code)]
 
 mod clock;

@@ -57,8 +57,8 @@ const AFFINITY_REMEDY: &str =
 
 /// Locks the memory of the process, pages as they are first touched (MCL_ONFAULT), so that stacks cost what they use.
 ///
-/// Without CAP_IPC_LOCK and with a limit, only what is mapped now is locked: a lock on the future would make later mappings
-/// (threads, logs) fail as soon as the limit is reached.
+/// Without CAP_IPC_LOCK and with a limit, only what is mapped now is locked: a lock on the future would make later
+/// mappings (threads, logs) fail as soon as the limit is reached.
 #[must_use]
 pub fn lock_memory() -> Grant {
     let what = "lock memory".to_owned();
@@ -80,8 +80,8 @@ pub fn lock_memory() -> Grant {
     }
 }
 
-/// Raises the calling thread, and it alone, to SCHED_FIFO with `priority` (1 to 99). Threads and processes it starts fall back to the
-/// ordinary scheduler (SCHED_RESET_ON_FORK).
+/// Raises the calling thread, and it alone, to SCHED_FIFO with `priority` (1 to 99). Threads and processes it starts
+/// fall back to the ordinary scheduler (SCHED_RESET_ON_FORK).
 #[must_use]
 pub fn raise_priority(priority: u8) -> Grant {
     let what = format!("SCHED_FIFO priority {priority}");
@@ -114,7 +114,8 @@ pub fn pin_to(cores: &[usize]) -> Grant {
     }
 }
 
-/// Sets the timer slack of the calling thread to 1 ns: without it the kernel may wake an ordinary thread 50 µs late to save power.
+/// Sets the timer slack of the calling thread to 1 ns: without it the kernel may wake an ordinary thread 50 µs late to
+/// save power.
 #[must_use]
 pub fn set_timer_slack() -> Grant {
     let what = "timer slack 1 ns".to_owned();

@@ -33,14 +33,14 @@ pub fn prefault_stack() {
     black_box(&mut room);
 }
 
-/// Makes the allocator set up what it keeps for the calling thread. The scan allocates nothing; this is for the one thing that does, a
-/// panic on its way to the edge of a plugin.
+/// Makes the allocator set up what it keeps for the calling thread. The scan allocates nothing; this is for the one
+/// thing that does, a panic on its way to the edge of a plugin.
 pub fn warm_heap() {
     black_box(vec![0u8; 32 * 1024]);
 }
 
-/// Blocks all signals on the calling thread, so that those sent to the process are handled by another one. What the thread itself
-/// provokes (SIGSEGV, SIGSYS and their like) cannot be blocked in effect.
+/// Blocks all signals on the calling thread, so that those sent to the process are handled by another one. What the
+/// thread itself provokes (SIGSEGV, SIGSYS and their like) cannot be blocked in effect.
 pub fn block_signals() {
     let mut all = MaybeUninit::<libc::sigset_t>::uninit();
     // SAFETY: sigfillset initialises the set it is given; pthread_sigmask only reads it and accepts a null old set.

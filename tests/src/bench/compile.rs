@@ -1,5 +1,5 @@
-//! How long the front end takes for a large program: mixed statements, symbols, calls, structures; and that it takes time in
-//! proportion to the length.
+//! How long the front end takes for a large program: mixed statements, symbols, calls, structures; and that it takes
+//! time in proportion to the length.
 
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -77,7 +77,8 @@ fn compile(statements: usize) -> Result<f64, Failure> {
     Ok(median(&mut times))
 }
 
-/// A program of functions of [`BODY`] statements, called from OB 1, with a data block and a symbol for every four of them.
+/// A program of functions of [`BODY`] statements, called from OB 1, with a data block and a symbol for every four of
+/// them.
 fn program(statements: usize) -> (String, Vec<Symbol>) {
     let functions = statements / BODY;
     let mut text = String::with_capacity(statements * 24);

@@ -1,8 +1,9 @@
-//! Whether the scan notices who looks at it: its execution time (without the wake-up) while `ob1 top` is attached, while reports are written,
-//! and while its driver is killed ten times a minute, beside quiet times of the same run.
+//! Whether the scan notices who looks at it: its execution time (without the wake-up) while `ob1 top` is attached,
+//! while reports are written, and while its driver is killed ten times a minute, beside quiet times of the same run.
 //!
-//! Rounds of five runs in changing order: quiet, quiet again, and the three disturbances. The two quiet ones of a round say how much
-//! the machine differs from itself. And whatever the program was told is done has arrived: the partner's CP, which lives, has it.
+//! Rounds of five runs in changing order: quiet, quiet again, and the three disturbances. The two quiet ones of a round
+//! say how much the machine differs from itself. And whatever the program was told is done has arrived: the partner's
+//! CP, which lives, has it.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};

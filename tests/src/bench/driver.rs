@@ -1,5 +1,5 @@
-//! The back plane through `ob1-cp`: the CPU side writes and rings, a sleeping driver wakes, answers, and the CPU side sees it, spinning;
-//! beside a process that waits in `poll` on a bare pipe and answers in a bare word.
+//! The back plane through `ob1-cp`: the CPU side writes and rings, a sleeping driver wakes, answers, and the CPU side
+//! sees it, spinning; beside a process that waits in `poll` on a bare pipe and answers in a bare word.
 
 use std::io::Write as _;
 use std::path::Path;

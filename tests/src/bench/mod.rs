@@ -1,7 +1,7 @@
 //! The figures of the README: each beside a floor measured in the same run.
 //!
-//! This machine may be shared and noisy, so a figure and its floor are measured in turns, many short rounds each, and the
-//! median of the rounds is printed with the ratio of the medians.
+//! This machine may be shared and noisy, so a figure and its floor are measured in turns, many short rounds each, and
+//! the median of the rounds is printed with the ratio of the medians.
 
 pub mod backplane;
 pub mod compile;

@@ -83,7 +83,8 @@ impl<'a> Words<'a> {
     }
 }
 
-/// The peer's side of a bare pipe: sleeps in `poll` as a driver does, answers the word at each byte, ends at end of file.
+/// The peer's side of a bare pipe: sleeps in `poll` as a driver does, answers the word at each byte, ends at end of
+/// file.
 ///
 /// # Errors
 /// When the segment cannot be opened or the pipe fails.

@@ -73,7 +73,8 @@ pub fn accounts() -> Result<Figure, Failure> {
     })
 }
 
-/// What handing a late scan over to the observer costs besides: the one look at the kernel's counters, beside that look alone.
+/// What handing a late scan over to the observer costs besides: the one look at the kernel's counters, beside that look
+/// alone.
 ///
 /// # Errors
 /// When there is no ring.

@@ -1,7 +1,7 @@
 //! `cargo xtask bench stl`: the speed of the engine beside awlsim, on six programs of typical statements.
 //!
-//! Before a time is believed, both leave the same memory: bit memory, outputs and the data block a program works on. Ours runs through the
-//! door any script has, `ob1 exec`.
+//! Before a time is believed, both leave the same memory: bit memory, outputs and the data block a program works on.
+//! Ours runs through the door any script has, `ob1 exec`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,8 +12,8 @@ use crate::awlsim::{Awlsim, Failure, SHOWN, STOP, Scratch, Speed};
 struct Program {
     name: &'static str,
     what: &'static str,
-    /// What awlsim's Cython core, its fastest form, did on this kind of machine: million statements a second (2026-11-21, version 0.77.1,
-    /// OB 1 in process without I/O).
+    /// What awlsim's Cython core, its fastest form, did on this kind of machine: million statements a second
+    /// (2026-11-21, version 0.77.1, OB 1 in process without I/O).
     cython: f64,
     /// Its data block and how many bytes of it are compared.
     data: Option<(u16, usize)>,
@@ -48,7 +48,8 @@ const ROUNDS: usize = 5;
 const SECONDS: u32 = 2;
 /// All statements by all CPU time, in million a second.
 const AIM: f64 = 150.0;
-/// Attempts at the program with timers: awlsim's run in real time, and a machine that stands still for 100 ms lets one run out.
+/// Attempts at the program with timers: awlsim's run in real time, and a machine that stands still for 100 ms lets one
+/// run out.
 const ATTEMPTS: usize = 5;
 
 /// Prints the table; true when the memory is the same and every aim is met.

@@ -1,6 +1,7 @@
-//! Our wake-up latency beside that of cyclictest: same interval, priority and posture, in triples (ours, cyclictest, cyclictest) of
-//! changing order, so that the spread of cyclictest against itself is known. The three of a triple run in slices, so that a restless
-//! minute of the machine meets all of them. The machine may be shared: the maximum is never judged.
+//! Our wake-up latency beside that of cyclictest: same interval, priority and posture, in triples (ours, cyclictest,
+//! cyclictest) of changing order, so that the spread of cyclictest against itself is known. The three of a triple run
+//! in slices, so that a restless minute of the machine meets all of them. The machine may be shared: the maximum is
+//! never judged.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -72,7 +73,8 @@ fn percentile(latencies: &Latencies, share: f64) -> f64 {
     0.0
 }
 
-/// The ratios of one percentile: ours to the (geometric) mean of the two cyclictests beside it, and the two to one another.
+/// The ratios of one percentile: ours to the (geometric) mean of the two cyclictests beside it, and the two to one
+/// another.
 #[derive(Debug, Default)]
 pub(super) struct Ratios {
     ours: Vec<f64>,
@@ -124,7 +126,8 @@ impl Figures {
     }
 }
 
-/// The greatest rank, counted from either end, whose value bounds the median of so many values with 97.5 %: the sign test. 0: none does.
+/// The greatest rank, counted from either end, whose value bounds the median of so many values with 97.5 %: the sign
+/// test. 0: none does.
 fn sign_test_rank(values: usize) -> usize {
     let (mut share, mut beyond) = (0.5_f64.powi(i32::try_from(values).unwrap_or(i32::MAX)), 0.0);
     for rank in 0..values {

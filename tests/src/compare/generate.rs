@@ -1,7 +1,8 @@
 //! Random straight-line statements: what a snippet does between its beginning and its harvest.
 //!
-//! They stay where both engines must agree: no operand beyond its area, no BCD number with a digit above 9, no statement that faults. What is
-//! left out because awlsim deviates from the reference is listed in `tests/compare/README.md`.
+//! They stay where both engines must agree: no operand beyond its area, no BCD number with a digit above 9, no
+//! statement that faults. What is left out because awlsim deviates from the reference is listed in
+//! `tests/compare/README.md`.
 
 use super::random::Random;
 
@@ -204,7 +205,8 @@ fn double_integer(random: &mut Random) -> Item {
     then(loads(random), statement)
 }
 
-/// A real number whose products and quotients are in range: overflow, and what is not a number, is left to our own tables.
+/// A real number whose products and quotients are in range: overflow, and what is not a number, is left to our own
+/// tables.
 fn real_value(random: &mut Random) -> String {
     let numbers = ["0.0", "1.0", "-1.0", "0.5", "2.5", "3.5", "-2.5", "1.0e8", "-1.0e-8", "16777217.0", "12345.678"];
     let number = match random.below(3) {

@@ -1,9 +1,9 @@
 //! `cargo xtask compare`: random straight-line programs on our engine and on awlsim leave the same memory.
 //!
-//! awlsim takes long to start, so one run has many snippets ([`program::SNIPPETS`]) and compares a digest of each. A snippet whose digest
-//! differs is run alone, made as small as it still differs, and written as a regression file: an STL source with what must be in
-//! bit memory, which an ordinary test replays on our engine (`tests/compare/*.awl`). Where awlsim deviates from the published reference
-//! the reference wins: `tests/compare/README.md`.
+//! awlsim takes long to start, so one run has many snippets ([`program::SNIPPETS`]) and compares a digest of each. A
+//! snippet whose digest differs is run alone, made as small as it still differs, and written as a regression file: an
+//! STL source with what must be in bit memory, which an ordinary test replays on our engine (`tests/compare/*.awl`).
+//! Where awlsim deviates from the published reference the reference wins: `tests/compare/README.md`.
 
 pub mod generate;
 pub mod program;
@@ -131,8 +131,8 @@ impl Difference {
         text
     }
 
-    /// The regression file: the source, and awlsim's bytes as what is expected. Whoever adds it puts the reference's in their place
-    /// where awlsim is wrong.
+    /// The regression file: the source, and awlsim's bytes as what is expected. Whoever adds it puts the reference's in
+    /// their place where awlsim is wrong.
     #[must_use]
     pub fn regression(&self) -> String {
         let rows = self.theirs.chunks(16).map(|row| row.iter().map(|b| format!(" {b:02X}")).collect::<String>());

@@ -1,4 +1,5 @@
-//! Snippets as a program: each is a function that begins from the same state, works, and leaves everything it changed in bit memory.
+//! Snippets as a program: each is a function that begins from the same state, works, and leaves everything it changed
+//! in bit memory.
 //!
 //! | bytes | |
 //! |---|---|
@@ -47,7 +48,8 @@ impl Snippet {
         for index in 0..4 {
             let _ = write!(text, "L MD {};\nT LD {};\n", 200 + 4 * index, 4 * index);
         }
-        // The same accumulators, registers and status word each time: what the fill function leaves is the engines' own affair.
+        // The same accumulators, registers and status word each time: what the fill function leaves is the engines' own
+        // affair.
         text.push_str("UC FC 101;\nAUF DB 10;\nAUF DI 11;\nLAR1 P#0.0;\nLAR2 P#0.0;\nL 0;\nL 0;\n");
         text.push_str(if self.accumulators == 4 { "ENT;\nENT;\n" } else { "" });
         text.push_str("T STW;\nCLR;\n");
@@ -127,7 +129,8 @@ pub fn with_digests(snippets: &[Snippet]) -> String {
     format!("{text}{ob1}{}END_ORGANIZATION_BLOCK\n", show())
 }
 
-/// One of them, with all it leaves in MB 0 to 191: its memory and results (96 bytes), DB 10 (32 bytes XORed on 32), DB 11 likewise, E, A.
+/// One of them, with all it leaves in MB 0 to 191: its memory and results (96 bytes), DB 10 (32 bytes XORed on 32), DB
+/// 11 likewise, E, A.
 #[must_use]
 pub fn alone(snippet: &Snippet) -> String {
     let mut ob1 = String::from("ORGANIZATION_BLOCK OB 1\nBEGIN\nUC FC 1;\nAUF DB 10;\nAUF DI 11;\n");

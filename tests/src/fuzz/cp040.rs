@@ -1,5 +1,5 @@
-//! The registers of a CP 040 on any bytes: no panic, nothing shown that the document does not know, each order ended once; and the host's
-//! machines on any inputs: nothing taken from outside of the registers.
+//! The registers of a CP 040 on any bytes: no panic, nothing shown that the document does not know, each order ended
+//! once; and the host's machines on any inputs: nothing taken from outside of the registers.
 
 use std::collections::BTreeMap;
 

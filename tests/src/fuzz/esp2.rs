@@ -1,5 +1,6 @@
-//! EnOcean on any characters: telegrams are read whatever they are and written as they were read; the CP's machine only sends frames with a
-//! right check sum, ends each order exactly once, and hears the same however the characters are cut; so does the simulated TCM 120.
+//! EnOcean on any characters: telegrams are read whatever they are and written as they were read; the CP's machine only
+//! sends frames with a right check sum, ends each order exactly once, and hears the same however the characters are
+//! cut; so does the simulated TCM 120.
 
 use ob1_protocols::esp2::frame::{Bytes, Decoder, FRAME_BYTES, Step, TELEGRAM_BYTES, encode};
 use ob1_protocols::esp2::{Config, Esp2, Telegram, WAKE};

@@ -1,4 +1,5 @@
-//! Whatever compiles runs: some thousand statements on the reference engine and on its plain form, with the same memory after each cycle.
+//! Whatever compiles runs: some thousand statements on the reference engine and on its plain form, with the same memory
+//! after each cycle.
 
 use ob1_cpu::{Clock, Command, Cpu, CpuConfig, Interrupt, Nanos, OperatingState};
 use ob1_ir::Program;

@@ -1,4 +1,5 @@
-//! Intermediate code made of bytes: the verifier judges it, the text form prints it, and what the verifier lets through runs.
+//! Intermediate code made of bytes: the verifier judges it, the text form prints it, and what the verifier lets through
+//! runs.
 
 use ob1_ir::{
     AccuOp, AddressRegister, BitTest, CodeBlock, Compare, Convert, DataBlock, DataKind, DbRegister, Jump, Logic,

@@ -1,6 +1,6 @@
-//! M-Bus: frames of any characters, the master with any answers, and the records of any answer. Nothing panics, a frame that is accepted is
-//! written back to the same characters, each order ends, and its response is one of those the manual has; records lie behind one another inside
-//! the answer, and a malformed one is the last.
+//! M-Bus: frames of any characters, the master with any answers, and the records of any answer. Nothing panics, a frame
+//! that is accepted is written back to the same characters, each order ends, and its response is one of those the
+//! manual has; records lie behind one another inside the answer, and a malformed one is the last.
 
 use ob1_mbus_records::{Answer, RECORD_BYTES, Value};
 use ob1_protocols::mbus::frame::{FRAME_MAX, Frame, Progress};
@@ -55,8 +55,9 @@ fn codec(data: &[u8]) {
     }
 }
 
-/// The first byte is the length of the program's telegram, which follows; the rest is what the bus says: FEh is a silence, FFh a
-/// character that cannot be read, FDh a break, FCh the end of our output, and FBh in front of any of them the character itself.
+/// The first byte is the length of the program's telegram, which follows; the rest is what the bus says: FEh is a
+/// silence, FFh a character that cannot be read, FDh a break, FCh the end of our output, and FBh in front of any of
+/// them the character itself.
 fn master(data: &[u8]) {
     let [setup, data @ ..] = data else { return };
     let (telegram, mut data) = data.split_at(data.len().min(usize::from(setup & 0x1F)));

@@ -1,8 +1,8 @@
 //! Bodies of the fuzz targets: whatever the bytes, none of them panics.
 //!
-//! `fuzz/` runs them under libFuzzer (`cargo xtask fuzz`); `tests/tests/fuzz_corpus.rs` replays the committed corpora in every test run.
-//! A new target is a module here, its line in [`TARGETS`], and its two lines in `fuzz/fuzz_targets` and `fuzz/Cargo.toml`; a test sees
-//! that these agree.
+//! `fuzz/` runs them under libFuzzer (`cargo xtask fuzz`); `tests/tests/fuzz_corpus.rs` replays the committed corpora
+//! in every test run. A new target is a module here, its line in [`TARGETS`], and its two lines in `fuzz/fuzz_targets`
+//! and `fuzz/Cargo.toml`; a test sees that these agree.
 
 pub mod cp040;
 pub mod esp2;

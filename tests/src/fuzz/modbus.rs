@@ -1,5 +1,5 @@
-//! Modbus on any characters: the decoders are total, what they accept encodes to the same frame, a slave only answers what passes the
-//! check, and a master's order ends exactly once.
+//! Modbus on any characters: the decoders are total, what they accept encodes to the same frame, a slave only answers
+//! what passes the check, and a master's order ends exactly once.
 
 use ob1_protocols::modbus::pdu::{self, Direction, Request};
 use ob1_protocols::modbus::{FRAME_CHARACTERS, Master, Mode, Slave, TELEGRAM_BYTES, ascii, frame, master, rtu, slave};
@@ -88,7 +88,8 @@ fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize) -> Partner {
     partner
 }
 
-/// The first byte is the configuration; what follows goes to the codecs as it is, and to the machines with a right check behind it.
+/// The first byte is the configuration; what follows goes to the codecs as it is, and to the machines with a right
+/// check behind it.
 pub fn run(data: &[u8]) {
     let [setup, data @ ..] = data else { return };
     decode(data);

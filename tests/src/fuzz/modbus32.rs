@@ -1,5 +1,5 @@
-//! The CP 341's loadable driver on any source area and any reply: the decoders are total, what they accept has the length its function
-//! has, each job ends exactly once, and what is delivered passed all checks.
+//! The CP 341's loadable driver on any source area and any reply: the decoders are total, what they accept has the
+//! length its function has, each job ends exactly once, and what is delivered passed all checks.
 
 use ob1_protocols::modbus_master_32::job::{Function, Job};
 use ob1_protocols::modbus_master_32::reply::evaluate;
@@ -56,8 +56,9 @@ fn decode(source: &[u8], reply: &[u8], long_registers: bool) {
     assert_eq!(area.bytes().len(), expected);
 }
 
-/// Low bits: mode and wiring; the next byte is the length of the source area, which follows; the rest is what the line says. FFh is a
-/// character that cannot be read, FEh a silence, FDh a break, FCh the end of our output, FBh DSR and CTS change.
+/// Low bits: mode and wiring; the next byte is the length of the source area, which follows; the rest is what the line
+/// says. FFh is a character that cannot be read, FEh a silence, FDh a break, FCh the end of our output, FBh DSR and CTS
+/// change.
 pub fn run(data: &[u8]) {
     let [setup, length, data @ ..] = data else { return };
     let (source, line) = data.split_at(data.len().min(usize::from(*length)));

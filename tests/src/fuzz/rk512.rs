@@ -1,5 +1,5 @@
-//! RK 512: the decoder is total and goes there and back; the machine takes any characters, orders and answers at any time, ends each order
-//! once, and answers each question of the partner once.
+//! RK 512: the decoder is total and goes there and back; the machine takes any characters, orders and answers at any
+//! time, ends each order once, and answers each question of the partner once.
 
 use ob1_protocols::rk512::codec::{HEADER, Telegram, parse};
 use ob1_protocols::rk512::{Answer, AnswerError, Config, Event, Input, Order, OrderError, Owner, Request, Rk512};

@@ -1,5 +1,5 @@
-//! ASCII and STX/ETX on any characters: no panic, nothing longer than the room, and what is received does not depend on how the
-//! characters are handed over.
+//! ASCII and STX/ETX on any characters: no panic, nothing longer than the room, and what is received does not depend on
+//! how the characters are handed over.
 
 use ob1_protocols::ascii::{Criterion, Sending};
 use ob1_protocols::signals::Times;

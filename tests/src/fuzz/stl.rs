@@ -4,8 +4,8 @@ use std::sync::LazyLock;
 
 use ob1_stl::{Library, Mnemonics, Options, Source, compile, render};
 
-/// Steps of work a byte of source may cost, and what any source may: the work is linear. A data block declared in a line has up to
-/// 64 KiB of start values, hence so many.
+/// Steps of work a byte of source may cost, and what any source may: the work is linear. A data block declared in a
+/// line has up to 64 KiB of start values, hence so many.
 const STEPS_PER_BYTE: u64 = 8_192;
 const STEPS: u64 = 200_000;
 

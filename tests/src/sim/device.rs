@@ -1,4 +1,5 @@
-//! One station and a device on its line, in virtual time: the real CPU, plugin, driver pump and firmware; the device is a machine of its own.
+//! One station and a device on its line, in virtual time: the real CPU, plugin, driver pump and firmware; the device is
+//! a machine of its own.
 
 use std::path::Path;
 
@@ -18,7 +19,8 @@ pub trait Device {
     /// Takes characters, none when a deadline has come; what it writes goes to `out`. The result is its next deadline.
     fn hear(&mut self, now: Nanos, bytes: &[u8], out: &mut Vec<u8>) -> Option<Nanos>;
 
-    /// The line is short-circuited at the device: it hears nothing, and what the station sends comes back to it as a break.
+    /// The line is short-circuited at the device: it hears nothing, and what the station sends comes back to it as a
+    /// break.
     fn is_shorted(&self) -> bool {
         false
     }

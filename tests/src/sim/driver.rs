@@ -1,5 +1,5 @@
-//! A driver without a process: the real segment (on the heap), the real supervisor machine, the real pump and firmware; only their
-//! life and death are virtual.
+//! A driver without a process: the real segment (on the heap), the real supervisor machine, the real pump and firmware;
+//! only their life and death are virtual.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -6,7 +6,8 @@ use super::MS;
 use super::device::Device;
 use crate::meters::Bus;
 
-/// A meter thinks so long before it answers: 11 to 330 bit times and 50 ms are permitted; this is enough for 11 bits at 300 baud.
+/// A meter thinks so long before it answers: 11 to 330 bit times and 50 ms are permitted; this is enough for 11 bits at
+/// 300 baud.
 const THINKS: Nanos = 40 * MS;
 
 /// The meters on their bus.
@@ -14,7 +15,8 @@ const THINKS: Nanos = 40 * MS;
 pub struct Meters {
     /// The meters.
     pub bus: Bus,
-    /// While it is true the bus is short-circuited: nothing gets through, and the converter reports a break at each frame.
+    /// While it is true the bus is short-circuited: nothing gets through, and the converter reports a break at each
+    /// frame.
     pub shorted: bool,
     answer: Option<(Nanos, Vec<u8>)>,
 }

@@ -1,8 +1,8 @@
 //! The whole-station simulation: both demo stations in one thread, in virtual time.
 //!
-//! Everything that decides is the real thing: station files, compiler, CPU, the plugin's shared library, module adapter, segments, supervisor
-//! machine, driver pump, firmware, protocol machines. Virtual are time, the life of the driver processes, and the line.
-//! The same scenario gives the same log, to the byte.
+//! Everything that decides is the real thing: station files, compiler, CPU, the plugin's shared library, module
+//! adapter, segments, supervisor machine, driver pump, firmware, protocol machines. Virtual are time, the life of the
+//! driver processes, and the line. The same scenario gives the same log, to the byte.
 
 pub mod cable;
 pub mod clock;
@@ -41,7 +41,8 @@ pub struct Scenario {
     pub duration: Nanos,
     /// Faults of the line.
     pub faults: FaultRates,
-    /// Characters that follow one another come together, at most this much late, as a tty hands them out; 0: each at its own time.
+    /// Characters that follow one another come together, at most this much late, as a tty hands them out; 0: each at
+    /// its own time.
     pub coalesce: Nanos,
     /// Mean time between two `kill -9` of drivers; 0: none.
     pub kill_every: Nanos,
@@ -50,7 +51,8 @@ pub struct Scenario {
 }
 
 impl Scenario {
-    /// The demo's two stations for a minute, with a bad line and a killer about. What goes wrong, and how often, depends on the seed.
+    /// The demo's two stations for a minute, with a bad line and a killer about. What goes wrong, and how often,
+    /// depends on the seed.
     #[must_use]
     pub fn demo(folder: &std::path::Path, seed: u64) -> Self {
         let mut rng = SplitMix64::new(seed);
@@ -89,8 +91,8 @@ pub fn run(scenario: &Scenario) -> Result<Outcome, String> {
     run_with(scenario, |_, _| true)
 }
 
-/// Runs a scenario with an operator: it sees each station (by its place in the scenario) after each of its cycles, reads and writes what it likes, and
-/// ends the run with `false`.
+/// Runs a scenario with an operator: it sees each station (by its place in the scenario) after each of its cycles,
+/// reads and writes what it likes, and ends the run with `false`.
 ///
 /// # Errors
 /// When the stations cannot be built.

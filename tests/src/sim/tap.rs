@@ -1,8 +1,9 @@
 //! A tap on the simulated line: which telegrams were sent, and which came out good by the check character alone.
 //!
-//! 3964R cannot catch everything: two bits flipped in the same column of a block, or a lost 00h, leave the check character right. So a telegram that
-//! arrives wrong is a fault of ours only when no block with a right check character came out of the line. The tap decides that with a decoder
-//! of its own, written from the manual's description of the block [S0 L1650-L1660] and independent of the machines it judges.
+//! 3964R cannot catch everything: two bits flipped in the same column of a block, or a lost 00h, leave the check
+//! character right. So a telegram that arrives wrong is a fault of ours only when no block with a right check character
+//! came out of the line. The tap decides that with a decoder of its own, written from the manual's description of the
+//! block [S0 L1650-L1660] and independent of the machines it judges.
 
 use ob1_cpu::Nanos;
 
@@ -36,7 +37,8 @@ enum State {
 impl Tap {
     /// Takes a character that was complete at `now`; answers a payload whose block has a right check character.
     ///
-    /// An STX begins a block where none is open; an open one ends with its check character, or by silence longer than ZVZ.
+    /// An STX begins a block where none is open; an open one ends with its check character, or by silence longer than
+    /// ZVZ.
     pub fn push(&mut self, now: Nanos, byte: u8) -> Option<&[u8]> {
         self.hear(now);
         if self.state != State::Idle && self.state != State::Check {

@@ -1,5 +1,5 @@
-//! What must hold after a run, whatever went wrong in it: read from the ledgers that the stations' own programs keep in DB 20
-//! (`examples/two-stations/README.md`) and from the counters of the drivers.
+//! What must hold after a run, whatever went wrong in it: read from the ledgers that the stations' own programs keep in
+//! DB 20 (`examples/two-stations/README.md`) and from the counters of the drivers.
 
 use std::fmt::{self, Write as _};
 

@@ -1,8 +1,8 @@
-//! A TCM 120, the transceiver inside the CP 240 EnOcean: the serial side as the manuals describe it, the radio side fed by whoever owns it.
-//! [S1 "Command Telegrams and Messages"]
+//! A TCM 120, the transceiver inside the CP 240 EnOcean: the serial side as the manuals describe it, the radio side fed
+//! by whoever owns it. [S1 "Command Telegrams and Messages"]
 //!
-//! A sans-IO machine: virtual time in tests, a pty in `tcm120` (the binary). Its framing is its own, so that a mistake in that of
-//! `ob1_protocols::esp2` does not hide behind the same mistake here; the typed telegrams are shared.
+//! A sans-IO machine: virtual time in tests, a pty in `tcm120` (the binary). Its framing is its own, so that a mistake
+//! in that of `ob1_protocols::esp2` does not hide behind the same mistake here; the typed telegrams are shared.
 
 mod framing;
 pub mod script;

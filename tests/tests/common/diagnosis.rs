@@ -1,4 +1,5 @@
-//! A program that looks at the diagnosis of the module at address 256: OB 82 counts, OB 1 reads diagnostic data and buffer.
+//! A program that looks at the diagnosis of the module at address 256: OB 82 counts, OB 1 reads diagnostic data and
+//! buffer.
 
 /// Cells of DB 90, 91 and 92, as [`PROGRAM`] lays them out.
 pub(crate) mod cell {

@@ -89,7 +89,8 @@ pub(crate) fn flow(a: &Running, more: i64) {
     a.until("telegrams flow", |a| (a.cell("DB20.GOOD") >= good + more).then_some(()));
 }
 
-/// Scans in which neither ledger may move to count as being at rest: a telegram that a CP holds needs a few dozen to reach the program.
+/// Scans in which neither ledger may move to count as being at rest: a telegram that a CP holds needs a few dozen to
+/// reach the program.
 const REST: u64 = 500;
 
 /// Lets the last telegram end and reads both ledgers. `pause(a, false)` goes on.

@@ -1,4 +1,5 @@
-//! Meters that are read by the program `stations/mbus/read.awl` in virtual time: one after the other, the answers in DB 11.
+//! Meters that are read by the program `stations/mbus/read.awl` in virtual time: one after the other, the answers in DB
+//! 11.
 
 use std::path::Path;
 

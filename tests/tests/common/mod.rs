@@ -1,5 +1,5 @@
-//! What the tests with real processes have in common: a place of its own for each, stations that run there, partners, and waits
-//! that end when the thing itself has happened.
+//! What the tests with real processes have in common: a place of its own for each, stations that run there, partners,
+//! and waits that end when the thing itself has happened.
 //!
 //! Time appears here as a guard only: a wait that is not over after [`GUARD`] has failed, however busy the machine.
 

@@ -27,7 +27,8 @@ pub(crate) fn build(site: &Site, source: &str, library: &str, flags: &[&str]) ->
     path
 }
 
-/// The counter of `tests/native/count_alloc.c`. In memory: a page of a file on a disk can make whoever writes to it wait for the disk.
+/// The counter of `tests/native/count_alloc.c`. In memory: a page of a file on a disk can make whoever writes to it
+/// wait for the disk.
 #[derive(Debug)]
 pub(crate) struct Counts(File);
 

@@ -13,11 +13,12 @@ use super::processes::{self, Watched};
 use super::station::Running;
 use super::{Guard, checkout, plugin_dir, program};
 
-/// QVZ and ZVZ in which a partner surely answers, however busy the machine: the tests are about telegrams, not about its speed.
+/// QVZ and ZVZ in which a partner surely answers, however busy the machine: the tests are about telegrams, not about
+/// its speed.
 pub(crate) const PATIENT: &str = "qvz_ms = 2000, zvz_ms = 1000, ";
 
-/// The cycle watchdog of the demo's stations: longer than a busy machine may take a scan off its core, shorter than the second after
-/// which a silent driver counts as hung. An OB 1 that waited for such a driver would be caught.
+/// The cycle watchdog of the demo's stations: longer than a busy machine may take a scan off its core, shorter than the
+/// second after which a silent driver counts as hung. An OB 1 that waited for such a driver would be caught.
 const WATCHDOG: &str = "watchdog = \"500ms\"";
 
 /// The folder of a test. Dropping it ends every process that was started from it, whoever started it.
@@ -145,8 +146,8 @@ impl Drop for Site {
     }
 }
 
-/// A station file of the demo with [`PATIENT`] times, [`WATCHDOG`], and an edit. Its stations are `tested-a` and `tested-b`: a demo that runs
-/// on this machine would be found by its name.
+/// A station file of the demo with [`PATIENT`] times, [`WATCHDOG`], and an edit. Its stations are `tested-a` and
+/// `tested-b`: a demo that runs on this machine would be found by its name.
 pub(crate) fn demo_station(name: &str, edit: impl FnOnce(String) -> String) -> String {
     example_station("examples/two-stations", name, |text| edit(replaced(&text, "\"two-stations-", "\"tested-")))
 }

@@ -1,7 +1,9 @@
-//! The conformance table of the CP 341: every row of the manuals with the test that proves it, or the reason why there is none.
+//! The conformance table of the CP 341: every row of the manuals with the test that proves it, or the reason why there
+//! is none.
 //!
-//! `docs/conformance/cp341.rows` is written by hand, `docs/conformance/cp341.md` is made of it by `cargo xtask arch --bless`. The guard
-//! finds rows that have neither test nor reason, tests that are not there, sections without a row, and a page that is not the rows.
+//! `docs/conformance/cp341.rows` is written by hand, `docs/conformance/cp341.md` is made of it by
+//! `cargo xtask arch --bless`. The guard finds rows that have neither test nor reason, tests that are not there,
+//! sections without a row, and a page that is not the rows.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -20,8 +22,8 @@ const EVENTS: &str = "docs/cp341-events.md";
 /// Why a row has no test.
 const REASONS: [&str; 4] = ["fact only", "printer driver", "other module", "hardware fault"];
 
-/// What the table has to speak of: chapters 3 to 7 of the driver's manual, sections 1 to 6 of the reference. 3.2 to 3.14 of the reference
-/// are the event numbers.
+/// What the table has to speak of: chapters 3 to 7 of the driver's manual, sections 1 to 6 of the reference. 3.2 to
+/// 3.14 of the reference are the event numbers.
 const SECTIONS: &str = "
     S4 3.1; S4 3.2; S4 3.3; S4 3.4; S4 3.5; S4 3.6; S4 3.6.1; S4 3.6.2; S4 3.6.3; S4 3.7; S4 3.8; S4 4; S4 4.1; S4 4.2; S4 4.3;
     S4 5; S4 5.1; S4 5.2; S4 5.3; S4 5.4; S4 5.5; S4 5.6; S4 5.7; S4 5.8; S4 5.9; S4 5.10; S4 5.11; S4 5.12; S4 5.13; S4 5.14; S4 5.15;

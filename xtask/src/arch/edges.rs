@@ -210,7 +210,8 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
         ],
         &["libc", "rustix", "ob1-backplane", "ob1-cpu", "ob1-model", "parking_lot", "tracing"],
     ),
-    // Only `line` opens a device, only `host` loads a plugin, and the driver process knows no CPU but for the clock in `rt`.
+    // Only `line` opens a device, only `host` loads a plugin, and the driver process knows no CPU but for the clock in
+    // `rt`.
     ("invariant 4", &["ob1", "ob1-host", "ob1-rt", "ob1-backplane"], &["serialport", "ob1-line"]),
     ("invariant 4", &["ob1-cp", "ob1-line", "ob1-backplane", "ob1-rt"], &["libloading"]),
     ("invariant 2", &["ob1-cp"], &["ob1-host", "ob1-stl", "ob1-abi"]),

@@ -1,9 +1,10 @@
-//! The fences clippy guards: what a crate may not call or name, as one table from which the clippy.toml files are written.
+//! The fences clippy guards: what a crate may not call or name, as one table from which the clippy.toml files are
+//! written.
 //!
-//! A crate's clippy.toml replaces the one at the root, so each repeats its common part. The files are what clippy reads; this
-//! guard sees that they are what the table says (`cargo xtask arch --bless` writes them), and that no product code has a hole
-//! cut into its fence with an `allow`. Test code obeys too; where it must not (data files, threads of a model), the test says
-//! `#![expect(clippy::disallowed_methods, reason = "...")]`.
+//! A crate's clippy.toml replaces the one at the root, so each repeats its common part. The files are what clippy
+//! reads; this guard sees that they are what the table says (`cargo xtask arch --bless` writes them), and that no
+//! product code has a hole cut into its fence with an `allow`. Test code obeys too; where it must not (data files,
+//! threads of a model), the test says `#![expect(clippy::disallowed_methods, reason = "...")]`.
 
 use super::Finding;
 use super::mask::has_word;

@@ -91,6 +91,26 @@ pub(super) fn long_files(tree: &Tree) -> Vec<Finding> {
     findings
 }
 
+/// Columns of a line, as in rustfmt.toml, which leaves comments alone.
+const WIDE: usize = 120;
+
+/// Comments are as narrow as code. Rows of tables cannot be folded.
+pub(super) fn wide_comments(tree: &Tree) -> Vec<Finding> {
+    let is_wide = |line: &str| {
+        let text = line.trim_start().trim_start_matches('/').trim_start_matches('!').trim_start();
+        line.trim_start().starts_with("//") && line.chars().count() > WIDE && !text.starts_with('|')
+    };
+    let lines = tree.rust().flat_map(|file| file.text.lines().enumerate().map(move |(at, line)| (file, at, line)));
+    lines
+        .filter(|(_, _, line)| is_wide(line))
+        .map(|(file, at, _)| Finding {
+            place: format!("{}:{}", file.path, at + 1),
+            rule: "width",
+            what: format!("a comment of more than {WIDE} columns"),
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod unit {
     use super::*;
@@ -110,6 +130,15 @@ mod unit {
         ]);
         let places: Vec<String> = tests(&tree).into_iter().map(|finding| finding.place).collect();
         assert_eq!(places, ["a/src/lib.rs:5", "a/tests/b.rs:2", "a/tests/b.rs:4", "tests/peers/p.py:2"]);
+    }
+
+    #[test]
+    fn comments_are_narrow() {
+        let long = "x".repeat(WIDE - 2);
+        let text = format!("//{long}\n//{long}x\n    //! | {long} |\nlet a = \"{long}xx\";\n    /// {long}\n");
+        let tree = Tree::of(&[("a/src/lib.rs", &text), ("docs/a.md", &text)]);
+        let places: Vec<String> = wide_comments(&tree).into_iter().map(|finding| finding.place).collect();
+        assert_eq!(places, ["a/src/lib.rs:2", "a/src/lib.rs:5"]);
     }
 
     #[test]

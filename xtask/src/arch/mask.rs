@@ -36,7 +36,8 @@ pub(super) fn mask(source: &str) -> String {
         }
         at = end;
     }
-    // Only whole literals and comments were blanked, byte for byte, so what is left is text; anything else shows as a blank.
+    // Only whole literals and comments were blanked, byte for byte, so what is left is text; anything else shows as a
+    // blank.
     String::from_utf8(code).unwrap_or_else(|_| source.chars().map(|c| if c == '\n' { c } else { ' ' }).collect())
 }
 

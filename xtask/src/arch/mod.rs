@@ -1,7 +1,7 @@
 //! `cargo xtask arch`: the guards of the invariants, as far as the compiler and clippy do not guard them already.
 //!
-//! A guard is a function from the checkout to findings. A finding names the place, the invariant (the number in ARCHITECTURE.md)
-//! and what is wrong. Each guard's own tests feed it a breach and see it found.
+//! A guard is a function from the checkout to findings. A finding names the place, the invariant (the number in
+//! ARCHITECTURE.md) and what is wrong. Each guard's own tests feed it a breach and see it found.
 
 mod citations;
 mod conformance;
@@ -55,6 +55,7 @@ const GUARDS: &[Guard] = &[
     guard("tests", house_rules::tests),
     guard("lints", house_rules::workspace_lints),
     guard("merges", house_rules::merge_marks),
+    guard("width", house_rules::wide_comments),
     Guard { name: "rooms", check: house_rules::long_files, warning: true },
 ];
 

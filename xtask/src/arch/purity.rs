@@ -89,7 +89,8 @@ const CELLS: &[&str] = &[
     "SyncUnsafeCell",
 ];
 
-/// What else a plugin has no business with; clippy refuses most of it too, but a plugin of a user has no clippy.toml of ours.
+/// What else a plugin has no business with; clippy refuses most of it too, but a plugin of a user has no clippy.toml of
+/// ours.
 const PLUGIN_WORDS: &[&str] = &["thread_local", "Instant", "SystemTime"];
 
 /// No mutable statics, threads or clocks in plugins: one loaded .so serves many stations.

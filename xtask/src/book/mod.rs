@@ -1,7 +1,8 @@
 //! `cargo xtask book [--check]`: the pages of `docs/` as a book.
 //!
-//! The check: every page is in the table of contents, every link and path leads somewhere (`rules`); what the pages show of STL compiles
-//! and the command lines parse (`runtime/ob1/tests/book.rs`). Without `--check` mdBook then makes HTML of it, in `target/book`.
+//! The check: every page is in the table of contents, every link and path leads somewhere (`rules`); what the pages
+//! show of STL compiles and the command lines parse (`runtime/ob1/tests/book.rs`). Without `--check` mdBook then
+//! makes HTML of it, in `target/book`.
 
 mod page;
 mod rules;

@@ -1,4 +1,5 @@
-//! What must hold between the pages: every page of `docs/` is in the table of contents, every link and every path named leads somewhere.
+//! What must hold between the pages: every page of `docs/` is in the table of contents, every link and every path named
+//! leads somewhere.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;

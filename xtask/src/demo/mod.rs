@@ -1,7 +1,8 @@
 //! `cargo xtask demo`: the two stations of `examples/two-stations` in two processes, watched, and judged at the end.
 //!
-//! Both run in a folder of their own below the target directory, joined by a null modem: A's driver makes a pty, B's opens it as
-//! a serial device. With `--dirty` each makes one, and this program carries the bytes between them and spoils some on the way.
+//! Both run in a folder of their own below the target directory, joined by a null modem: A's driver makes a pty, B's
+//! opens it as a serial device. With `--dirty` each makes one, and this program carries the bytes between them and
+//! spoils some on the way.
 //!
 //! The end is orderly: A is told to begin no new telegram, the one under way comes home, the ledgers (DB 20 of each
 //! station) are read, then both get the signal that Ctrl-C sends.
@@ -25,7 +26,8 @@ use station::Station;
 
 /// Where the story lies.
 const EXAMPLE: &str = "examples/two-stations";
-/// How long the stations may take until the first telegram, and to come to rest at the end. A guard: both take a moment.
+/// How long the stations may take until the first telegram, and to come to rest at the end. A guard: both take a
+/// moment.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Between two looks.
 const LOOK: Duration = Duration::from_millis(500);

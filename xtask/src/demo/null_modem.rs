@@ -1,7 +1,7 @@
 //! A bad cable between two ptys: carries bytes both ways and spoils one bit now and then.
 //!
-//! Only single bits: the block check of 3964R, an exclusive or, sees every one of them. Which byte is hit is the same in every
-//! run, counted in bytes; what stands there is not, because the two stations run in real time.
+//! Only single bits: the block check of 3964R, an exclusive or, sees every one of them. Which byte is hit is the same
+//! in every run, counted in bytes; what stands there is not, because the two stations run in real time.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};

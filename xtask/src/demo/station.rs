@@ -127,7 +127,8 @@ impl Drop for Station {
     }
 }
 
-/// The value of an operand in the answer: an object by operand, or a list of objects that name it; either may lie under `values`.
+/// The value of an operand in the answer: an object by operand, or a list of objects that name it; either may lie under
+/// `values`.
 fn value_of(answer: &Value, operand: &str) -> Option<i64> {
     if let Some(inner) = answer.get("values") {
         return value_of(inner, operand);

@@ -1,6 +1,7 @@
 //! Date and time: sums, differences, parts, comparisons, S5TIME.
 //!
-//! A DATE_AND_TIME with digits that are no date is not checked for on the original; here the result is left alone and BR is 0.
+//! A DATE_AND_TIME with digits that are no date is not checked for on the original; here the result is left alone and
+//! BR is 0.
 
 use std::cmp::Ordering;
 
@@ -78,7 +79,8 @@ fn part(call: &mut Call<'_>, input: impl Params, ret_val: impl Params, part: fn(
     Ok(())
 }
 
-/// The bytes in the order of time: 1990 before 2089, the day of the week left out. Nothing is checked, as on the original.
+/// The bytes in the order of time: 1990 before 2089, the day of the week left out. Nothing is checked, as on the
+/// original.
 fn order(mut bytes: [u8; 8]) -> [u8; 8] {
     bytes[0] = if bytes[0] >= 0x90 { bytes[0] - 0x90 } else { bytes[0].saturating_add(0x10) };
     bytes[7] &= 0xF0;

@@ -1,4 +1,5 @@
-//! LIMIT, MAX, MIN, SEL: variables of one type, recognized by their ANY pointers. An error leaves the result alone; BR is 0 then.
+//! LIMIT, MAX, MIN, SEL: variables of one type, recognized by their ANY pointers. An error leaves the result alone; BR
+//! is 0 then.
 
 use std::cmp::Ordering;
 

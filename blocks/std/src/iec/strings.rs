@@ -113,8 +113,8 @@ fn len(call: &mut Call<'_>) -> Done {
     Ok(())
 }
 
-/// L characters of the first string from the P-th on give way to the second. L 0: the first string. P 0 counts as 1. P behind
-/// the end: the second string is put at the end.
+/// L characters of the first string from the P-th on give way to the second. L 0: the first string. P 0 counts as 1. P
+/// behind the end: the second string is put at the end.
 fn replace(call: &mut Call<'_>) -> Done {
     let (one, other) = (call.text(Replace::IN1), call.text(Replace::IN2));
     let (Ok(l), Ok(p)) = (usize::try_from(call.int(Replace::L)), usize::try_from(call.int(Replace::P))) else {

@@ -1,9 +1,10 @@
 //! FB 42 CONT_S: PI controller for an actuator that integrates, with pulses up and down.
 //! ["Step Control with SFB 42/FB 42 CONT_S"]
 //!
-//! One integrator holds how far the actuator still has to go, in percent of its travel: the integral of the error signal, less what the pulses
-//! have moved it (100 % in MTR_TM). A pulse begins when that and the proportional part make up the travel of a shortest pulse,
-//! and ends when less than the travel of half a cycle is left; this choice of thresholds is ours.
+//! One integrator holds how far the actuator still has to go, in percent of its travel: the integral of the error
+//! signal, less what the pulses have moved it (100 % in MTR_TM). A pulse begins when that and the proportional part
+//! make up the travel of a shortest pulse, and ends when less than the travel of half a cycle is left; this choice of
+//! thresholds is ours.
 
 use ob1_model::BlockKind::Fb;
 

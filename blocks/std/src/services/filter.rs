@@ -1,4 +1,5 @@
-//! The filter of synchronous errors (SFC 36 to 38): which errors call no OB 121 or OB 122, and which of those have occurred.
+//! The filter of synchronous errors (SFC 36 to 38): which errors call no OB 121 or OB 122, and which of those have
+//! occurred.
 //!
 //! Bit `n` of the programming errors is event 2520h + n, bit `n` of the access errors is event 2940h + n.
 //! ["Handling Synchronous Errors"]

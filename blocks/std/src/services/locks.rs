@@ -36,7 +36,8 @@ fn selected(mode: u8, ob: u16) -> Result<u128, LockError> {
 }
 
 impl InterruptLocks {
-    /// SFC 39: locks by MODE 0 (all), 1 (the class of `ob`) or 2 (`ob`); 80h, 81h, 82h do it without diagnostic entries.
+    /// SFC 39: locks by MODE 0 (all), 1 (the class of `ob`) or 2 (`ob`); 80h, 81h, 82h do it without diagnostic
+    /// entries.
     ///
     /// # Errors
     /// What is wrong with the selection.

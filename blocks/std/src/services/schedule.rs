@@ -35,8 +35,8 @@ impl Period {
     }
 }
 
-/// A time-of-day interrupt. The CPU starts its OB at each moment [`TimeOfDayInterrupt::next`] gives while `active`, and ends
-/// `active` after the last.
+/// A time-of-day interrupt. The CPU starts its OB at each moment [`TimeOfDayInterrupt::next`] gives while `active`, and
+/// ends `active` after the last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TimeOfDayInterrupt {
     /// First time and period, once set.

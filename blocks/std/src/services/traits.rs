@@ -233,8 +233,8 @@ pub enum MessageError {
 
 /// Messages of the program.
 pub trait Messages {
-    /// Enters a user event with up to 2 and 4 bytes of information in the diagnostic buffer and sends it to logged-on stations when
-    /// asked to.
+    /// Enters a user event with up to 2 and 4 bytes of information in the diagnostic buffer and sends it to logged-on
+    /// stations when asked to.
     ///
     /// # Errors
     /// The entry is made, but not sent.

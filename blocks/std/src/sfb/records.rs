@@ -1,5 +1,5 @@
-//! SFB 52 RDREC, SFB 53 WRREC, SFB 54 RALRM: records and alarms of modules. Modules answer at once, so that BUSY stays 0.
-//! ["DPV1 SFBs According to PNO AK 1131"]
+//! SFB 52 RDREC, SFB 53 WRREC, SFB 54 RALRM: records and alarms of modules. Modules answer at once, so that BUSY stays
+//! 0. ["DPV1 SFBs According to PNO AK 1131"]
 
 use crate::call::{Call, read_error, write_error};
 use crate::declare::params;
@@ -132,8 +132,8 @@ fn ralrm(call: &mut Call<'_>) -> Done {
     call.br(result.is_ok())
 }
 
-/// TINFO: start information, then eight bytes that are 0 for a module of the central rack 0; AINFO: the alarm's bytes. As much as the
-/// targets hold.
+/// TINFO: start information, then eight bytes that are 0 for a module of the central rack 0; AINFO: the alarm's bytes.
+/// As much as the targets hold.
 fn information(call: &mut Call<'_>, alarm: &crate::services::AlarmInfo) -> Result<(), u32> {
     let mut task = [0; 28];
     task[..20].copy_from_slice(&alarm.start);

@@ -1,5 +1,5 @@
-//! IEC timers: SFB 3 TP, SFB 4 TON, SFB 5 TOF. They count in the system time of SFC 64 and are brought up to date by each call.
-//! ["IEC Timers and IEC Counters"]
+//! IEC timers: SFB 3 TP, SFB 4 TON, SFB 5 TOF. They count in the system time of SFC 64 and are brought up to date by
+//! each call. ["IEC Timers and IEC Counters"]
 
 use crate::Done;
 use crate::call::Call;

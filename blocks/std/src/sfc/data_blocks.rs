@@ -1,5 +1,5 @@
-//! SFC 22 CREAT_DB, SFC 23 DEL_DB, SFC 24 TEST_DB, SFC 82 CREA_DBL, SFC 83 READ_DBL, SFC 84 WRIT_DBL. They end in the same call, so that
-//! BUSY stays 0. ["Copy and Block Functions"]
+//! SFC 22 CREAT_DB, SFC 23 DEL_DB, SFC 24 TEST_DB, SFC 82 CREA_DBL, SFC 83 READ_DBL, SFC 84 WRIT_DBL. They end in the
+//! same call, so that BUSY stays 0. ["Copy and Block Functions"]
 
 use ob1_model::Area;
 

@@ -38,9 +38,9 @@ const HEADER_ONLY: u16 = 0x0F00;
 /// Bytes of a system status list: the most that reaches DR.
 const LIST: usize = 2048;
 
-/// DR takes as many whole records as it has room for, RET_VAL is 0081h when some are missing, and 8081h when there is no room for
-/// one. SZL_HEADER tells the length of a record and how many are in DR; of an extract "header information only" (xFyz), how many
-/// there are.
+/// DR takes as many whole records as it has room for, RET_VAL is 0081h when some are missing, and 8081h when there is
+/// no room for one. SZL_HEADER tells the length of a record and how many are in DR; of an extract "header information
+/// only" (xFyz), how many there are.
 fn rdsysst(call: &mut Call<'_>) -> Done {
     if !call.bool(RdSysSt::REQ) {
         call.set_bool(RdSysSt::BUSY, false);

@@ -1,5 +1,5 @@
-//! SFC 13 DPNRM_DG, SFC 14 DPRD_DAT, SFC 15 DPWR_DAT, SFC 58 WR_REC, SFC 59 RD_REC: data and records of modules. Modules answer in
-//! the same call, so that BUSY stays 0. ["Transferring Data Records", "Distributed I/Os"]
+//! SFC 13 DPNRM_DG, SFC 14 DPRD_DAT, SFC 15 DPWR_DAT, SFC 58 WR_REC, SFC 59 RD_REC: data and records of modules.
+//! Modules answer in the same call, so that BUSY stays 0. ["Transferring Data Records", "Distributed I/Os"]
 
 use crate::call::{Call, read_error, write_error};
 use crate::declare::params;

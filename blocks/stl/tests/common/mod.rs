@@ -119,8 +119,9 @@ pub(crate) fn symbols() -> Vec<Symbol> {
     ]
 }
 
-/// Compiles one source with the library and symbols above; names that begin with `bench_` without a library, with `auto_` with
-/// the set of mnemonics to be found, with `lints_` with all lints; names with `international` in them with those mnemonics.
+/// Compiles one source with the library and symbols above; names that begin with `bench_` without a library, with
+/// `auto_` with the set of mnemonics to be found, with `lints_` with all lints; names with `international` in them with
+/// those mnemonics.
 pub(crate) fn compile_one(name: &str, bytes: &[u8]) -> Output {
     let mnemonics = if name.starts_with("auto_") {
         Mnemonics::Auto

@@ -59,7 +59,8 @@ impl Diagnosis {
         &self.record
     }
 
-    /// Whether there is something new; `Some(true)` if an error has come, `Some(false)` if one has gone. The record is renewed then.
+    /// Whether there is something new; `Some(true)` if an error has come, `Some(false)` if one has gone. The record is
+    /// renewed then.
     pub(super) fn change(&mut self, now: Nanos) -> Option<bool> {
         let found = (self.wire_break, self.parameters);
         if found == self.told {

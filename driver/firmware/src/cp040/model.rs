@@ -1,5 +1,6 @@
-//! Model test of the host protocol: the CP's side here, the host's side from `ob1-slio`, registers between them, and an order of events
-//! drawn by chance. Every telegram goes through exactly once and in order; with resets, at most once.
+//! Model test of the host protocol: the CP's side here, the host's side from `ob1-slio`, registers between them, and
+//! an order of events drawn by chance. Every telegram goes through exactly once and in order; with resets, at most
+//! once.
 
 use std::collections::VecDeque;
 

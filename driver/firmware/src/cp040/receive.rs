@@ -4,7 +4,8 @@ use super::wire::{Area, FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, INFO_PLAIN, IO_BYT
 use crate::registers::BUFFER_BYTES;
 use crate::ring::{Capacity, Ring};
 
-/// Telegrams that wait are kept with what stands between their length and their data: info, offset if there is one, return value.
+/// Telegrams that wait are kept with what stands between their length and their data: info, offset if there is one,
+/// return value.
 const PLAIN_HEAD: usize = 3;
 const OFFSET_HEAD: usize = 5;
 
@@ -27,8 +28,8 @@ enum State {
         piece: usize,
         nibble: u8,
     },
-    /// The last piece was acknowledged, or everything was forgotten: until the host shows idle, nobody could tell whether what it
-    /// shows means the next telegram, and it could take that for the rest of the one before.
+    /// The last piece was acknowledged, or everything was forgotten: until the host shows idle, nobody could tell
+    /// whether what it shows means the next telegram, and it could take that for the rest of the one before.
     Closing,
 }
 
@@ -116,7 +117,8 @@ impl ReceiveSide {
         pushed
     }
 
-    /// Appends an error: a telegram of nothing but the return value. In a full buffer it has no place, as in a real one.
+    /// Appends an error: a telegram of nothing but the return value. In a full buffer it has no place, as in a real
+    /// one.
     pub(crate) fn push_error(&mut self, value: ReturnValue) {
         if self.newest == Some(value) {
             return;

@@ -14,7 +14,8 @@ enum State {
     Transmitting { shown: u8, withdrawn: bool },
     /// The order is over: `A` or `E`; or it was refused: `D` or `E`.
     Answered { shown: u8 },
-    /// "Reset was executed": shown until nothing stands in the outputs that could be taken for the beginning of a telegram.
+    /// "Reset was executed": shown until nothing stands in the outputs that could be taken for the beginning of a
+    /// telegram.
     Reset,
 }
 
@@ -52,7 +53,8 @@ impl SendSide {
 
     /// Forgets everything; true if an order was with the protocol and will never be answered.
     ///
-    /// A `command` that stands there from before, of a host that has heard no answer, must not send its telegram a second time.
+    /// A `command` that stands there from before, of a host that has heard no answer, must not send its telegram a
+    /// second time.
     pub(crate) fn clear(&mut self, command: u8) -> bool {
         let aborted = self.is_transmitting();
         self.state = if matches!(command, FIRST | LAST | RESET) { State::Reset } else { State::Idle };

@@ -1,7 +1,9 @@
-//! What both directions of the host protocol share: byte 0 with its two nibbles, and how a telegram is cut into fragments.
+//! What both directions of the host protocol share: byte 0 with its two nibbles, and how a telegram is cut into
+//! fragments.
 //!
-//! A telegram is one stream of bytes: telegram info, length (high, low), then the rest. It is cut into pieces of IO size - 1 bytes, and
-//! each piece travels behind byte 0: "ceil((length + 3) / (IO size - 1))" telegrams for sending. [S3 L313]
+//! A telegram is one stream of bytes: telegram info, length (high, low), then the rest. It is cut into pieces of IO
+//! size - 1 bytes, and each piece travels behind byte 0: "ceil((length + 3) / (IO size - 1))" telegrams for sending.
+//! [S3 L313]
 
 /// Smallest and largest number of bytes the CP occupies each way.
 pub const IO_BYTES: std::ops::RangeInclusive<usize> = 8..=60;
@@ -38,8 +40,8 @@ pub(crate) fn nibbles(area: &[u8]) -> (u8, u8) {
     (byte >> 4, byte & 0x0F)
 }
 
-/// Nibble of piece `n` (from 0) of a stream of `total` bytes cut into pieces of `piece` bytes. Fragments between the first and the last
-/// count 0 to 7 and begin again. [S3 L315]
+/// Nibble of piece `n` (from 0) of a stream of `total` bytes cut into pieces of `piece` bytes. Fragments between the
+/// first and the last count 0 to 7 and begin again. [S3 L315]
 pub(crate) const fn nibble(n: usize, total: usize, piece: usize) -> u8 {
     if (n + 1) * piece >= total {
         LAST

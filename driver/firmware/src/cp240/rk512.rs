@@ -10,8 +10,9 @@ use crate::registers::OWN_ORDER;
 use crate::rk512::{Handed, Offer};
 
 impl Cp240 {
-    /// The CPU has handed over an order, or the answer to the partner's. `TX` is free again as soon as it has been taken over; how an
-    /// order ends is told by `RX`, so that an answer can go out while an order waits for its reaction.
+    /// The CPU has handed over an order, or the answer to the partner's. `TX` is free again as soon as it has been
+    /// taken over; how an order ends is told by `RX`, so that an answer can go out while an order waits for its
+    /// reaction.
     pub(super) fn handed(&mut self, now: Nanos, port: &mut dyn CpPort) {
         let framing = self.send.framing();
         if framing == OWN_ORDER {

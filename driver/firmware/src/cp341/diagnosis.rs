@@ -1,12 +1,13 @@
-//! What is wrong with a CP 341 as a module: its diagnostic data, and when a diagnostic interrupt is raised. [reference 1.9]
+//! What is wrong with a CP 341 as a module: its diagnostic data, and when a diagnostic interrupt is raised.
+//! [reference 1.9]
 
 use crate::diagnosis::DiagnosticBytes;
 
 /// Diagnostic data record 1; the first four bytes are record 0.
 pub(crate) type Record = [u8; 16];
 
-/// Module class: communication module, without channel information and without user information. So the twelve bytes behind the first four
-/// have nothing to say.
+/// Module class: communication module, without channel information and without user information. So the twelve bytes
+/// behind the first four have nothing to say.
 const CLASS: u8 = 0x0C;
 
 /// BREAK: the receiving line is interrupted.
@@ -53,8 +54,9 @@ pub(crate) struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// "Events (either incoming or outgoing) that occurred when the CPU was in STOP mode are not stored. Events that are still present when
-    /// the CPU switches back to RUN mode are signaled via a diagnostic interrupt." [CP 341 manual 09/2008, p. 204]
+    /// "Events (either incoming or outgoing) that occurred when the CPU was in STOP mode are not stored. Events that
+    /// are still present when the CPU switches back to RUN mode are signaled via a diagnostic interrupt."
+    /// [CP 341 manual 09/2008, p. 204]
     pub(crate) fn cpu(&mut self, running: bool) {
         self.cpu_running = running;
         self.told = Faults::default();

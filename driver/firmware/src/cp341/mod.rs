@@ -1,4 +1,5 @@
-//! A whole CP 341 as one sans-IO machine: two channels towards the CPU, protocol, receive buffer, LEDs, counters, diagnostic buffer.
+//! A whole CP 341 as one sans-IO machine: two channels towards the CPU, protocol, receive buffer, LEDs, counters,
+//! diagnostic buffer.
 //!
 //! As the CP 240 it is pure in its inputs and their times. The channels are described in `docs/cp341-channels.md`.
 
@@ -56,7 +57,8 @@ pub enum Input341<'a> {
 
 /// A CP 341.
 ///
-/// Laws for the owner: time never goes backwards; [`Input341::Tick`] at the latest when the time [`Cp341::step`] answered has come.
+/// Laws for the owner: time never goes backwards; [`Input341::Tick`] at the latest when the time [`Cp341::step`]
+/// answered has come.
 #[derive(Debug)]
 pub struct Cp341 {
     parameters: Option<Parameters>,
@@ -136,7 +138,8 @@ impl Cp341 {
         self.protocol_due.into_iter().chain(own.into_iter().flatten()).min()
     }
 
-    /// Enables or disables diagnostic interrupts: wire break and wrong parameters are also told as [`CpEvent::Diagnosis`].
+    /// Enables or disables diagnostic interrupts: wire break and wrong parameters are also told as
+    /// [`CpEvent::Diagnosis`].
     pub fn enable_diagnostics(&mut self, enabled: bool) {
         self.diagnosis.enabled = enabled;
     }
@@ -175,8 +178,8 @@ impl Cp341 {
                 self.parts.ring.clear(capacity(new));
                 self.protocol = Protocol::of(new, port.lateness());
                 self.parts.heard_once = matches!(self.protocol, Protocol::Ascii(_));
-                // "When the module is switched on, all output signals are in OFF state"; a driver that uses them switches them itself.
-                // [reference 2.2], [S4 L590]
+                // "When the module is switched on, all output signals are in OFF state"; a driver that uses them
+                // switches them itself. [reference 2.2], [S4 L590]
                 self.v24.off(port);
                 port.event(now, CpEvent::Working);
                 self.enter(now, 0x0003, port);
@@ -225,7 +228,8 @@ impl Cp341 {
         self.diagnosis.cpu(run);
         self.enter(now, if run { 0x0008 } else { 0x0007 }, port);
         if !run {
-            // "All send and receive jobs stop"; a job that the protocol has goes to its end, without anybody waiting for it.
+            // "All send and receive jobs stop"; a job that the protocol has goes to its end, without anybody waiting
+            // for it.
             self.send.off();
             if self.receive.offered() == Some(Kind::Telegram) {
                 self.withdraw(port);
@@ -257,8 +261,8 @@ impl Cp341 {
         }
     }
 
-    /// Gives the complete job of the send channel to the protocol, as soon as that is free: a job that was reset after it had been
-    /// handed over is still being transmitted. [reference 1.2]
+    /// Gives the complete job of the send channel to the protocol, as soon as that is free: a job that was reset after
+    /// it had been handed over is still being transmitted. [reference 1.2]
     fn begin(&mut self, now: Nanos, port: &mut dyn CpPort) {
         if self.sending.is_some() || self.protocol.busy() || !self.send.is_running() {
             return;
@@ -352,8 +356,8 @@ impl Cp341 {
         self.drive(now, Input::Tick, port);
     }
 
-    /// The block does not take what was offered. A telegram stays where it is, unless a newer one has taken its place; a job of the partner is
-    /// refused.
+    /// The block does not take what was offered. A telegram stays where it is, unless a newer one has taken its place;
+    /// a job of the partner is refused.
     fn give_back(&mut self, now: Nanos, kind: Option<Kind>, reason: Reason, port: &mut dyn CpPort) {
         if kind == Some(Kind::Telegram) {
             self.withdraw(port);
@@ -425,8 +429,8 @@ impl Cp341 {
         }
     }
 
-    /// Enters that the CPU does not take what there is for it. The job of an RK 512 partner is given up by the protocol, and the loadable
-    /// driver has numbers of its own. [reference 1.7]
+    /// Enters that the CPU does not take what there is for it. The job of an RK 512 partner is given up by the
+    /// protocol, and the loadable driver has numbers of its own. [reference 1.7]
     fn watch_cpu(&mut self, now: Nanos, port: &mut dyn CpPort) {
         let is_rk512 = self.protocol.rk512().is_some();
         let waits = self.cpu_running

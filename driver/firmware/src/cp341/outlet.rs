@@ -1,4 +1,5 @@
-//! What a protocol works on during one step: receive buffer, job of the partner, errors, LEDs; and where it puts its results.
+//! What a protocol works on during one step: receive buffer, job of the partner, errors, LEDs; and where it puts its
+//! results.
 
 use std::mem;
 
@@ -183,8 +184,8 @@ impl Outlet<'_> {
     }
 }
 
-/// Event number of the CP 341: NAK while characters leave is one of the "characters received while sending"; 0705h is the CP 441's.
-/// [reference 3.9]
+/// Event number of the CP 341: NAK while characters leave is one of the "characters received while sending"; 0705h is
+/// the CP 441's. [reference 3.9]
 fn number(event: Event) -> Option<u16> {
     match event.number() {
         Some(0x0705) => Some(0x0704),

@@ -18,8 +18,8 @@ pub(crate) struct Patience {
 }
 
 impl Patience {
-    /// Something waits, or nothing (`None`); the number changes when the CPU gets on with it. With `is_watched` something else gives it
-    /// up. The result is an event number, each once for a wait.
+    /// Something waits, or nothing (`None`); the number changes when the CPU gets on with it. With `is_watched`
+    /// something else gives it up. The result is an event number, each once for a wait.
     pub(crate) fn look(&mut self, now: Nanos, waits: Option<u32>, is_watched: bool) -> Option<u16> {
         if self.since.map(|(_, moves)| moves) != waits {
             self.since = waits.map(|moves| (now, moves));

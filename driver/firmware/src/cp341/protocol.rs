@@ -95,8 +95,8 @@ impl Protocol {
         }
     }
 
-    /// Whether the partner acknowledges telegrams. Where nobody does, a job on a line that is known to be gone must not count as done
-    /// because its last bit has "left".
+    /// Whether the partner acknowledges telegrams. Where nobody does, a job on a line that is known to be gone must not
+    /// count as done because its last bit has "left".
     pub(crate) const fn is_acknowledged(&self) -> bool {
         !matches!(self, Self::Ascii(_))
     }

@@ -63,7 +63,8 @@ impl Job {
     }
 }
 
-/// The area of a letter at R_TYP: the German ones, and the English tools' for E, A and Z. Upper case only. [reference 1.1, 1.3]
+/// The area of a letter at R_TYP: the German ones, and the English tools' for E, A and Z. Upper case only.
+/// [reference 1.1, 1.3]
 fn area(letter: u8) -> Option<Area> {
     match letter {
         b'I' => Some(Area::Inputs),

@@ -57,7 +57,8 @@ impl V24 {
         self.dtr = dtr.unwrap_or(self.dtr);
     }
 
-    /// V24_SET. RTS is not the program's where flow control drives it, and neither of them with automatic use. [reference 2.2]
+    /// V24_SET. RTS is not the program's where flow control drives it, and neither of them with automatic use.
+    /// [reference 2.2]
     pub(crate) fn set(
         &mut self,
         outputs: &Registers,

@@ -1,5 +1,5 @@
-//! A CP 341 on the bench: its line is the simulated one with modem lines (null modem), a partner at the other end; the two channels are under our
-//! hands as P_SND_RK and P_RCV_RK have them (`docs/cp341-channels.md`). Virtual time.
+//! A CP 341 on the bench: its line is the simulated one with modem lines (null modem), a partner at the other end; the
+//! two channels are under our hands as P_SND_RK and P_RCV_RK have them (`docs/cp341-channels.md`). Virtual time.
 
 #![allow(dead_code)] // each test file uses its own part of it
 

@@ -211,8 +211,8 @@ const fn stop_bits(settings: &LineSettings) -> serialport::StopBits {
     }
 }
 
-/// XON and XOFF are the protocol's affair: a tty that stops its output at XOFF would hold back the protocol's own XON with it,
-/// and two partners that have stopped each other would stay silent for ever.
+/// XON and XOFF are the protocol's affair: a tty that stops its output at XOFF would hold back the protocol's own XON
+/// with it, and two partners that have stopped each other would stay silent for ever.
 const fn flow(settings: &LineSettings) -> FlowControl {
     match settings.flow {
         Flow::None | Flow::XonXoff => FlowControl::None,

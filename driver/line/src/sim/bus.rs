@@ -1,9 +1,10 @@
 //! A simulated line with any number of participants: two on a cable, or many on a two-wire RS-485 bus.
 //!
-//! Like [`SimLine`](super::SimLine) it keeps the time of every character and lets them suffer by a seed; with two participants, full
-//! duplex and the same seed it gives the same events. What it has beyond that: each participant has its own character frame, and one that listens with
-//! another baud rate or parity hears faults; on a two-wire line everybody hears everybody, who speaks is deaf, and who speaks
-//! at the same time as another spoils both; a participant may send a break; faults may come in bursts.
+//! Like [`SimLine`](super::SimLine) it keeps the time of every character and lets them suffer by a seed; with two
+//! participants, full duplex and the same seed it gives the same events. What it has beyond that: each participant has
+//! its own character frame, and one that listens with another baud rate or parity hears faults; on a two-wire line
+//! everybody hears everybody, who speaks is deaf, and who speaks at the same time as another spoils both; a participant
+//! may send a break; faults may come in bursts.
 
 use std::collections::VecDeque;
 
@@ -251,8 +252,8 @@ impl SimBus {
         who
     }
 
-    /// A participant leaves: it is told nothing more, its modem lines fall. What it has written still leaves, as from the buffer
-    /// of a UART; its number is given to a later one.
+    /// A participant leaves: it is told nothing more, its modem lines fall. What it has written still leaves, as from
+    /// the buffer of a UART; its number is given to a later one.
     pub fn leave(&mut self, who: Participant, now: Nanos) {
         self.set_modem(who, now, false, false);
         if let Some(member) = self.members.get_mut(who) {

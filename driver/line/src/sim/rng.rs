@@ -1,5 +1,5 @@
-//! The random numbers of the simulation: SplitMix64 (Steele, Lea, Flood: "Fast splittable pseudorandom number generators").
-//! Small, fast, and written down here so that a seed means the same for ever.
+//! The random numbers of the simulation: SplitMix64 (Steele, Lea, Flood: "Fast splittable pseudorandom number
+//! generators"). Small, fast, and written down here so that a seed means the same for ever.
 
 /// A stream of random numbers.
 #[derive(Debug, Clone, PartialEq, Eq)]

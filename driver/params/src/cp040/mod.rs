@@ -1,7 +1,7 @@
 //! The 16 parameter bytes of record set 80h of a CP 040, typed.
 //!
-//! The other record sets stand elsewhere in a station file: the lengths of the process image (02h) are `io_bytes`, the diagnostic
-//! interrupt (00h) is `diagnostics`.
+//! The other record sets stand elsewhere in a station file: the lengths of the process image (02h) are `io_bytes`, the
+//! diagnostic interrupt (00h) is `diagnostics`.
 
 pub mod table;
 
@@ -15,8 +15,8 @@ use crate::table::{Field, Layout};
 /// The parameters of a CP 040.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cp040 {
-    /// What it has in common with a CP 240: the character frame, and the protocol with its own parameters. Times are in milliseconds, of
-    /// ASCII, STX/ETX and Modbus in steps of 1 (0..65535), of 3964(R) in steps of 20.
+    /// What it has in common with a CP 240: the character frame, and the protocol with its own parameters. Times are in
+    /// milliseconds, of ASCII, STX/ETX and Modbus in steps of 1 (0..65535), of 3964(R) in steps of 20.
     pub common: Cp240,
     /// Operating mode.
     pub duplex: Duplex,

@@ -1,5 +1,5 @@
-//! The parameter tables of the CP 040 manual, as data. Record set 80h: BAUD, PROTOCOL and OPTION3 to OPTION16 are bytes 0 to 15; OPTION n
-//! is byte n - 1. [S3 "Parameter data of ASCII"] and the sections of the other protocols.
+//! The parameter tables of the CP 040 manual, as data. Record set 80h: BAUD, PROTOCOL and OPTION3 to OPTION16 are bytes
+//! 0 to 15; OPTION n is byte n - 1. [S3 "Parameter data of ASCII"] and the sections of the other protocols.
 
 use crate::table::{BYTE, DATA_BITS_ROW, FLAGS, Field, Kind, Layout, PARITY_ROW, STOP_BITS_ROW, TICKS, bits, whole};
 

@@ -1,15 +1,15 @@
-//! ASCII: bare characters; nothing is acknowledged, nothing checked. A telegram ends when the line falls silent, and at a CP 341 also with end
-//! characters or after a number of characters.
+//! ASCII: bare characters; nothing is acknowledged, nothing checked. A telegram ends when the line falls silent, and at
+//! a CP 341 also with end characters or after a number of characters.
 //!
-//! [S0 "ASCII"], [S0 "ASCII-fragmented"], [S0 "Parameter description"], [reference 6]. Sending and receiving are independent of each
-//! other (full duplex). An order is done when ZNA has run out after the last bit.
+//! [S0 "ASCII"], [S0 "ASCII-fragmented"], [S0 "Parameter description"], [reference 6]. Sending and receiving are
+//! independent of each other (full duplex). An order is done when ZNA has run out after the last bit.
 //!
 //! Flow control: XON/XOFF or RTS/CTS. The partner's XOFF (CTS OFF) stops the output; an order that is kept waiting for
-//! longer than [`Config::flow_wait`] fails. This side stops the partner while no receive buffer is free. In XON/XOFF mode
-//! the two characters never belong to a telegram.
+//! longer than [`Config::flow_wait`] fails. This side stops the partner while no receive buffer is free. In XON/XOFF
+//! mode the two characters never belong to a telegram.
 //!
-//! What a CP 341 has and a CP 240 has not is configuration: the other criteria, the pause between telegrams, the automatic use of the RS 232C
-//! secondary signals.
+//! What a CP 341 has and a CP 240 has not is configuration: the other criteria, the pause between telegrams, the
+//! automatic use of the RS 232C secondary signals.
 
 mod receive;
 
@@ -68,15 +68,16 @@ pub struct Config {
     pub zvz: Nanos,
     /// Time of one character on the line.
     pub char_time: Nanos,
-    /// Longest time that an order waits for XON or CTS; 0: for ever. The manual names none; 20 s as the reference does for
-    /// the CP 341.
+    /// Longest time that an order waits for XON or CTS; 0: for ever. The manual names none; 20 s as the reference does
+    /// for the CP 341.
     pub flow_wait: Nanos,
     /// Automatic use of the secondary signals; not together with [`Flow::Hardware`]. [S4 L803]
     pub signals: Option<Times>,
 }
 
 impl Config {
-    /// The defaults of the parameter table: ZNA 0, ZVZ 200 ms, no flow control. [S0 "Structure of the parameter bytes of ASCII"]
+    /// The defaults of the parameter table: ZNA 0, ZVZ 200 ms, no flow control.
+    /// [S0 "Structure of the parameter bytes of ASCII"]
     pub fn cp240(char_time: Nanos) -> Self {
         Self {
             criterion: Criterion::Silence,
@@ -187,7 +188,8 @@ impl<const N: usize> Machine for Ascii<N> {
             Input::TxDone => self.output.tx_done(now, out),
             Input::LineFault(fault) => self.fault(now, fault, out),
             Input::Modem(lines) => {
-                // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF." [S4 L817]
+                // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF."
+                // [S4 L817]
                 if self.output.modem(now, lines, out) {
                     self.receive.abandon(What::Signals, out);
                 }

@@ -7,8 +7,8 @@
 //! | end characters | with them; they belong to it | 0806h, what has come is dropped |
 //! | length | after so many characters | 0806h, what has come is dropped |
 //!
-//! With the last two the next character, however soon it comes, is the first of the next telegram. A telegram that is lost (no room, an unreadable
-//! character) is followed to its end all the same, so that the next one is whole.
+//! With the last two the next character, however soon it comes, is the first of the next telegram. A telegram that is
+//! lost (no room, an unreadable character) is followed to its end all the same, so that the next one is whole.
 
 use super::{Criterion, FRAGMENT};
 use crate::machine::{Event, Nanos, Phase, Sink, What};
@@ -64,7 +64,8 @@ impl<const N: usize> Receive<N> {
         if !coming.lost {
             match self.data.get_mut(coming.len) {
                 Some(place) => *place = byte,
-                // [S0 "Communication via back plane bus"]: the length of the ring buffer determines the max. length of a telegram.
+                // [S0 "Communication via back plane bus"]: the length of the ring buffer determines the max. length of
+                // a telegram.
                 None => lose(&mut coming, What::TooLong, out),
             }
         }

@@ -1,4 +1,5 @@
-//! Classes 14 and 30: loadable driver, and what the blocks find. [S4 "7.3.3 Error Codes for “General Processing Errors”"], [reference 3.14]
+//! Classes 14 and 30: loadable driver, and what the blocks find.
+//! [S4 "7.3.3 Error Codes for “General Processing Errors”"], [reference 3.14]
 
 use super::Origin::{FactOnly, HardwareFault, OtherModule, PrinterDriver};
 use super::{Row, here, other};

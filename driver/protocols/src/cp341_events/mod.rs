@@ -1,8 +1,8 @@
-//! Event numbers of the CP 341, class and number as in STATUS, with text and remedy in our own words. [reference 3], [S4 "7.3 Table of
-//! Errors / Events"]
+//! Event numbers of the CP 341, class and number as in STATUS, with text and remedy in our own words. [reference 3],
+//! [S4 "7.3 Table of Errors / Events"]
 //!
-//! One table for the diagnostic buffer's text, for `docs/cp341-events.md`, and for the test that asks of each number which test provokes
-//! it. "The numbers mean the same in every block." [S4 L1709]
+//! One table for the diagnostic buffer's text, for `docs/cp341-events.md`, and for the test that asks of each number
+//! which test provokes it. "The numbers mean the same in every block." [S4 L1709]
 
 mod driver;
 mod job;

@@ -1,4 +1,5 @@
-//! Classes 6 to 10: jobs of the partner, sending, receiving, responses. [reference 3.8 to 3.12], [S4 "7.3.2 Error Codes for “Receive Errors”"]
+//! Classes 6 to 10: jobs of the partner, sending, receiving, responses. [reference 3.8 to 3.12],
+//! [S4 "7.3.2 Error Codes for “Receive Errors”"]
 
 use super::Origin::OtherModule;
 use super::{Row, here, other};

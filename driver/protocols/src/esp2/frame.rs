@@ -60,8 +60,8 @@ pub enum Step {
     },
 }
 
-/// Finds frames among characters. Behind characters that are no frame it begins anew at the first A5 5A that can be one, even if
-/// that stands within them: a frame that follows a mutilated one is not lost.
+/// Finds frames among characters. Behind characters that are no frame it begins anew at the first A5 5A that can be
+/// one, even if that stands within them: a frame that follows a mutilated one is not lost.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     window: [u8; FRAME_BYTES],

@@ -1,11 +1,11 @@
-//! EnOcean over the serial protocol version 2 of its transceiver TCM 120, as the CP 240 EnOcean speaks it with the module inside it.
-//! [S1 "Kommunikationsprinzip"]
+//! EnOcean over the serial protocol version 2 of its transceiver TCM 120, as the CP 240 EnOcean speaks it with the
+//! module inside it. [S1 "Kommunikationsprinzip"]
 //!
 //! * [`frame`]: fourteen bytes on the line, eleven for the program.
 //! * [`telegram`], [`radio`]: every telegram of the manuals, typed.
 //!
-//! The machine passes telegrams on in both directions and knows of one thing in them alone, the ID base: at its start it asks the
-//! module for it (RD_IDBASE), and ORs the lower 7 bits of the IDs that the program sends with it.
+//! The machine passes telegrams on in both directions and knows of one thing in them alone, the ID base: at its start
+//! it asks the module for it (RD_IDBASE), and ORs the lower 7 bits of the IDs that the program sends with it.
 
 pub mod frame;
 mod queue;
@@ -121,7 +121,8 @@ impl Esp2 {
         self.output(out);
     }
 
-    /// Asks for the ID base. The module may have been sent to sleep, and the reset of the CP 240 resets it by wire; here WAKE does.
+    /// Asks for the ID base. The module may have been sent to sleep, and the reset of the CP 240 resets it by wire;
+    /// here WAKE does.
     fn ask(&mut self, now: Nanos, attempt: u8, out: &mut dyn Sink) {
         if attempt > 1 {
             out.transmit(&[WAKE]);
@@ -149,7 +150,8 @@ impl Esp2 {
         self.output(out);
     }
 
-    /// "The telegrams stored in the send buffer are immediately transmitted." One at a time: what is to be dropped is still here.
+    /// "The telegrams stored in the send buffer are immediately transmitted." One at a time: what is to be dropped is
+    /// still here.
     fn output(&mut self, out: &mut dyn Sink) {
         if self.leaving || matches!(self.base, Base::Unasked | Base::Asked { .. }) {
             return;

@@ -2,7 +2,8 @@
 
 use super::frame::{Bytes, FRAME_BYTES, TELEGRAM_BYTES, WAKE};
 
-/// Telegrams the buffer takes: 2048 bytes, each telegram with its synchronization bytes and check sum. [S1 "Beispiel Daten senden ohne Hantierungsbaustein"]
+/// Telegrams the buffer takes: 2048 bytes, each telegram with its synchronization bytes and check sum.
+/// [S1 "Beispiel Daten senden ohne Hantierungsbaustein"]
 pub const SEND_TELEGRAMS: usize = 2048 / FRAME_BYTES;
 
 /// What the CPU may send.

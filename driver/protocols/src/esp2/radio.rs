@@ -1,4 +1,5 @@
-//! What comes and goes by radio: the ORG formats RPS, 1BS, 4BS, HRC, 6DT and MDA with their bit fields. [S1 "Description of ORG field"]
+//! What comes and goes by radio: the ORG formats RPS, 1BS, 4BS, HRC, 6DT and MDA with their bit fields.
+//! [S1 "Description of ORG field"]
 
 use super::frame::Bytes;
 

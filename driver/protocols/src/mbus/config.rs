@@ -12,8 +12,8 @@ pub struct Config {
     pub answer_more: Nanos,
     /// Silence of the bus after an exchange that failed, bit times.
     pub pause_bits: u32,
-    /// Shortest gap that ends an answer, nanoseconds: a frame has no pauses, but a tty or a network hands characters out in
-    /// pieces. 0: bit times alone count.
+    /// Shortest gap that ends an answer, nanoseconds: a frame has no pauses, but a tty or a network hands characters
+    /// out in pieces. 0: bit times alone count.
     pub gap_min: Nanos,
 }
 

@@ -1,8 +1,8 @@
 //! M-Bus master of the CP 240 (240-1FA20): a program's telegram out as a frame, the slave's answer back.
 //!
 //! [S0 "CP 240 - M-Bus"]. The first byte of a telegram from the program is the baud rate; what follows decides by its
-//! length which frame it becomes. One order at a time: it ends when the slave has answered, or has been given up after two
-//! repetitions. Each order brings exactly one response telegram, whose first byte tells how it went:
+//! length which frame it becomes. One order at a time: it ends when the slave has answered, or has been given up after
+//! two repetitions. Each order brings exactly one response telegram, whose first byte tells how it went:
 //!
 //! | response | |
 //! |---|---|
@@ -13,10 +13,11 @@
 //! | `03` | bits 0 and 1: the bus is short-circuited |
 //!
 //! Ours, because the manual is silent: an order waits until the longest response fits into the receive buffer, so that
-//! no answer is lost; an order nobody answers ends with `01` at once, so that a program that waits for a response (as the
-//! manual's FC 100 does) goes on; a short circuit is what the level converter reports as a break of the line. A line that stays
-//! at 0 reports its break once, so it counts until a character comes in again. A device that never falls silent does not keep an
-//! order alive: an attempt takes the time of the answer and of [`ATTEMPT_FRAMES`] of the longest frames at most.
+//! no answer is lost; an order nobody answers ends with `01` at once, so that a program that waits for a response (as
+//! the manual's FC 100 does) goes on; a short circuit is what the level converter reports as a break of the line. A
+//! line that stays at 0 reports its break once, so it counts until a character comes in again. A device that never
+//! falls silent does not keep an order alive: an attempt takes the time of the answer and of [`ATTEMPT_FRAMES`] of the
+//! longest frames at most.
 
 mod config;
 pub mod frame;
@@ -44,7 +45,8 @@ const BROADCAST: u8 = 255;
 /// "It repeats the transfer of the same telegram for up to two times." [S0 "FCB bit"]
 const ATTEMPTS: u16 = 3;
 
-/// Longest frames that fit into one attempt, beside the wait for the answer: an echo, an answer, and what is behind a defective one.
+/// Longest frames that fit into one attempt, beside the wait for the answer: an echo, an answer, and what is behind a
+/// defective one.
 const ATTEMPT_FRAMES: Nanos = 3;
 
 /// A line that never reports the end of its output is taken to have ended it this long after the time it needed.

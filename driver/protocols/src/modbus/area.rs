@@ -1,8 +1,9 @@
 //! The two areas of a slave, and which of its blocks the master has changed. [S0 "Range definitions"]
 //!
-//! Input and output are the master's: it reads the input area (1x, 3x) and reads and writes the output area (0x, 4x). Bits and words
-//! lie over one another, for "the CP 240 is not differentiating digital and analog data" [S0 L2335]: word n is bytes 2n (high) and
-//! 2n + 1 (low), bit n is bit n modulo 8 of byte n / 8 (ours: so bit 0 is `E x.0` of the first byte).
+//! Input and output are the master's: it reads the input area (1x, 3x) and reads and writes the output area (0x, 4x).
+//! Bits and words lie over one another, for "the CP 240 is not differentiating digital and analog data" [S0 L2335]:
+//! word n is bytes 2n (high) and 2n + 1 (low), bit n is bit n modulo 8 of byte n / 8 (ours: so bit 0 is `E x.0` of the
+//! first byte).
 
 use super::pdu::{Exception, Request};
 
@@ -71,8 +72,8 @@ impl Areas {
         self.changed != 0
     }
 
-    /// The next changed blocks, from the lowest on, as far as they are coherent, at most 16. "If the 8Byte blocks are not coherent
-    /// every changed 8Byte block requires one block cycle." [S0 L2072]
+    /// The next changed blocks, from the lowest on, as far as they are coherent, at most 16. "If the 8Byte blocks are
+    /// not coherent every changed 8Byte block requires one block cycle." [S0 L2072]
     pub fn take_change(&mut self) -> Option<Change> {
         if self.changed == 0 {
             return None;
@@ -84,7 +85,8 @@ impl Areas {
         Some(Change { first: first * BLOCK_BYTES, bytes: blocks * BLOCK_BYTES })
     }
 
-    /// The CPU has stored a change, or cannot: then the area gets back what the CPU has, and the same write is a change again.
+    /// The CPU has stored a change, or cannot: then the area gets back what the CPU has, and the same write is a change
+    /// again.
     pub fn close_change(&mut self, change: Change, stored: bool) {
         for block in change.first / BLOCK_BYTES..(change.first + change.bytes).min(self.size) / BLOCK_BYTES {
             let bytes = block * BLOCK_BYTES..(block + 1) * BLOCK_BYTES;

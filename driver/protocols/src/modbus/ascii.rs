@@ -43,9 +43,9 @@ pub fn encode(telegram: &[u8], frame: &mut [u8]) -> Option<usize> {
 /// Decodes a frame, from its `:` to its LF, into `telegram`; the result is the telegram's length.
 ///
 /// # Errors
-/// [`Failure::Start`]: the first character is not `:`. [`Failure::Overflow`]: CR LF does not stand at the end, or the telegram is longer
-/// than `telegram` less one byte. [`Failure::Incomplete`]: half a byte, or not even address, function code and LRC. [`Failure::Fault`]: a
-/// character that is no digit, or a wrong LRC.
+/// [`Failure::Start`]: the first character is not `:`. [`Failure::Overflow`]: CR LF does not stand at the end, or the
+/// telegram is longer than `telegram` less one byte. [`Failure::Incomplete`]: half a byte, or not even address,
+/// function code and LRC. [`Failure::Fault`]: a character that is no digit, or a wrong LRC.
 pub fn decode(frame: &[u8], telegram: &mut [u8]) -> Result<usize, Failure> {
     let Some((&START, rest)) = frame.split_first() else {
         return Err(if frame.is_empty() { Failure::Incomplete } else { Failure::Start });

@@ -8,7 +8,8 @@ use crate::machine::SendError;
 pub enum Failure {
     /// `ERROR01 NO DATA`: no telegram arrived within the delay time.
     NoData = 1,
-    /// `ERROR02 D LOST`: the receive buffer is full, or an error occurred in the receive section (parity, frame, overrun, break).
+    /// `ERROR02 D LOST`: the receive buffer is full, or an error occurred in the receive section (parity, frame,
+    /// overrun, break).
     DataLost = 2,
     /// `ERROR03 F OVERF`: the end of the telegram was not recognized, or it is longer than permitted.
     Overflow = 3,

@@ -1,13 +1,13 @@
 //! Characters with their times to telegrams. Master and slave receive in the same way.
 //!
-//! "Instead of start and end ID, RTU uses a time watcher." [S0 L2060] The manual gives no times; they are those of the Modbus
-//! specification for serial lines: 3.5 characters of silence separate telegrams, within one it is 1.5 at most; above 19200 bit/s
-//! 1.75 ms and 0.75 ms.
+//! "Instead of start and end ID, RTU uses a time watcher." [S0 L2060] The manual gives no times; they are those of the
+//! Modbus specification for serial lines: 3.5 characters of silence separate telegrams, within one it is 1.5 at most;
+//! above 19200 bit/s 1.75 ms and 0.75 ms.
 //!
-//! The time of a character is that of its end, so a pause between two characters is what lies between their ends less one character.
-//! A device that hands characters over in bursts (a UART with a FIFO, a USB adapter) tells a burst's time only:
-//! [`Config::with_bursts`] says how late it may be. A telegram whose check is right is taken after the silence all the same; only one
-//! that is not whole is waited for.
+//! The time of a character is that of its end, so a pause between two characters is what lies between their ends less
+//! one character. A device that hands characters over in bursts (a UART with a FIFO, a USB adapter) tells a burst's
+//! time only: [`Config::with_bursts`] says how late it may be. A telegram whose check is right is taken after the
+//! silence all the same; only one that is not whole is waited for.
 
 use super::{Failure, Mode, TELEGRAM_BYTES, ascii, pdu, rtu};
 use crate::machine::{MS, Nanos, SECOND};
@@ -25,8 +25,8 @@ pub struct Config {
     pub mode: Mode,
     /// Time of one character on the line.
     pub char_time: Nanos,
-    /// RTU: silence that ends a telegram and that is kept before one. 0: none is kept, and a telegram ends when it has the length
-    /// its function code asks for and its check is right. ASCII has none.
+    /// RTU: silence that ends a telegram and that is kept before one. 0: none is kept, and a telegram ends when it has
+    /// the length its function code asks for and its check is right. ASCII has none.
     pub silence: Nanos,
     /// RTU: longest pause within a telegram; 0: not looked at.
     pub gap: Nanos,
@@ -62,7 +62,8 @@ impl Config {
         self
     }
 
-    /// The same without silences: as fast as the partner can. For lines that separate telegrams by themselves, and to measure.
+    /// The same without silences: as fast as the partner can. For lines that separate telegrams by themselves, and to
+    /// measure.
     #[must_use]
     pub const fn without_silence(mut self) -> Self {
         if matches!(self.mode, Mode::Rtu) {

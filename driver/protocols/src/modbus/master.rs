@@ -1,11 +1,12 @@
 //! The master: one order, one request, one answer. [S0 "Master-Slave-Communication"]
 //!
-//! An order is a request telegram. It ends when its answer, good or with an error announced by the slave, has been delivered; when no
-//! valid answer came, with the plain text of the [`Failure`] delivered in its place and an error (ours: the manual tells the program by
-//! the text alone); a broadcast, when its last bit is out. "After a broadcast the master is not waiting for a respond telegram." [S0 L2309]
+//! An order is a request telegram. It ends when its answer, good or with an error announced by the slave, has been
+//! delivered; when no valid answer came, with the plain text of the [`Failure`] delivered in its place and an error
+//! (ours: the manual tells the program by the text alone); a broadcast, when its last bit is out. "After a broadcast
+//! the master is not waiting for a respond telegram." [S0 L2309]
 //!
-//! The delay time runs from the last bit of the request to the first character of the answer; from there on the times of
-//! [`frame`](super::frame) decide (ours). Telegrams that are not the answer do not end the wait.
+//! The delay time runs from the last bit of the request to the first character of the answer; from there on the times
+//! of [`frame`](super::frame) decide (ours). Telegrams that are not the answer do not end the wait.
 
 use super::frame::{self, End, Receiver};
 use super::pdu::{self, BROADCAST, Direction, Function, Match};
@@ -29,7 +30,8 @@ impl Config {
     }
 }
 
-/// The delay time "evaluated automatically": 50 ms + 2926000 ms / baud rate (ASCII), 5190000 ms / baud rate (RTU). [S0 "Delay time"]
+/// The delay time "evaluated automatically": 50 ms + 2926000 ms / baud rate (ASCII), 5190000 ms / baud rate (RTU).
+/// [S0 "Delay time"]
 pub const fn automatic_wait(mode: Mode, baud: u32) -> Nanos {
     let per_baud: Nanos = match mode {
         Mode::Ascii => 2_926_000,
@@ -137,7 +139,8 @@ impl Master {
             return self.end(Ok(()), out);
         }
         let until = now + self.config.wait;
-        // Twice the longest telegram, and its last pause: a partner that never falls silent does not keep the order for ever.
+        // Twice the longest telegram, and its last pause: a partner that never falls silent does not keep the order for
+        // ever.
         let frame = &self.config.frame;
         let end = until + 2 * FRAME_CHARACTERS as u64 * (frame.char_time + frame.gap) + frame.patience;
         self.state = State::Answer { until, end };
@@ -180,7 +183,8 @@ impl Master {
         self.end(Ok(()), out);
     }
 
-    /// "The master enters an error message into the receive block in plain text." [S0 "Master doesn't receive valid data"]
+    /// "The master enters an error message into the receive block in plain text."
+    /// [S0 "Master doesn't receive valid data"]
     fn fail(&mut self, failure: Failure, out: &mut dyn Sink) {
         out.report(Event { phase: Phase::Acknowledge, what: What::Modbus(failure) });
         if out.room() < failure.telegram().len() {

@@ -7,8 +7,9 @@
 //! * [`frame`]: characters with their times to telegrams; the silences of RTU, the start and end characters of ASCII.
 //! * [`Master`] and [`Slave`]: the two machines.
 //!
-//! A *telegram* is what stands in the data blocks of the program: slave address, function code, data, without the check. "The
-//! check sums are automatically added to every telegram. They are not shown in the data block." [S0 "Check sum CRC, RTU, LRC"]
+//! A *telegram* is what stands in the data blocks of the program: slave address, function code, data, without the
+//! check. "The check sums are automatically added to every telegram. They are not shown in the data block."
+//! [S0 "Check sum CRC, RTU, LRC"]
 
 pub mod area;
 pub mod ascii;
@@ -23,8 +24,8 @@ pub use failure::Failure;
 pub use master::Master;
 pub use slave::Slave;
 
-/// Longest telegram without its check, bytes: `10h` with 125 words, that is address, function code, first word, number of words, number
-/// of bytes and 250 bytes of data. [S0 "Write n Words 10h"]
+/// Longest telegram without its check, bytes: `10h` with 125 words, that is address, function code, first word, number
+/// of words, number of bytes and 250 bytes of data. [S0 "Write n Words 10h"]
 pub const TELEGRAM_BYTES: usize = 257;
 
 /// Characters of the longest frame: that of ASCII, two for each byte of telegram and LRC, `:`, CR and LF.
@@ -40,8 +41,8 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// Writes the frame of a telegram; the result is its length in characters. `None`: the telegram is empty or longer than
-    /// [`TELEGRAM_BYTES`].
+    /// Writes the frame of a telegram; the result is its length in characters. `None`: the telegram is empty or longer
+    /// than [`TELEGRAM_BYTES`].
     pub fn encode(self, telegram: &[u8], frame: &mut [u8; FRAME_CHARACTERS]) -> Option<usize> {
         if telegram.is_empty() || telegram.len() > TELEGRAM_BYTES {
             return None;

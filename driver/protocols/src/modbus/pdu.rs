@@ -1,7 +1,8 @@
-//! What the bytes of a telegram mean: function codes, lengths, requests, answers, exceptions. [S0 "Modbus - Function codes"]
+//! What the bytes of a telegram mean: function codes, lengths, requests, answers, exceptions.
+//! [S0 "Modbus - Function codes"]
 //!
-//! Registers have two bytes; where a slave has registers of four bytes too (codes 03h, 06h, 10h with the "32-bit extensions" of
-//! [S4 "32-Bit Registers"]), the functions take the size as a parameter.
+//! Registers have two bytes; where a slave has registers of four bytes too (codes 03h, 06h, 10h with the "32-bit
+//! extensions" of [S4 "32-Bit Registers"]), the functions take the size as a parameter.
 
 /// Bytes of a register.
 pub const REGISTER_BYTES: usize = 2;
@@ -58,7 +59,8 @@ impl Function {
     }
 }
 
-/// Why a slave refuses; the codes of the Modbus specification (the manual calls the rest of such a telegram "not relevant").
+/// Why a slave refuses; the codes of the Modbus specification (the manual calls the rest of such a telegram "not
+/// relevant").
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Exception {
@@ -122,8 +124,8 @@ fn word(telegram: &[u8], at: usize) -> Option<u16> {
 }
 
 impl<'a> Request<'a> {
-    /// Takes a request telegram (address first, no check) apart, as a slave must: function, then numbers. Whether the area is large
-    /// enough is the area's matter.
+    /// Takes a request telegram (address first, no check) apart, as a slave must: function, then numbers. Whether the
+    /// area is large enough is the area's matter.
     ///
     /// # Errors
     /// The exception to answer with.
@@ -183,7 +185,8 @@ pub enum Direction {
     Answer,
 }
 
-/// Length of a telegram by its first bytes; `None`: more of it must be known, or the function code is none of the eight.
+/// Length of a telegram by its first bytes; `None`: more of it must be known, or the function code is none of the
+/// eight.
 pub fn length(direction: Direction, telegram: &[u8], register_bytes: usize) -> Option<usize> {
     let code = *telegram.get(1)?;
     if direction == Direction::Answer && code & ERROR_BIT != 0 {
@@ -211,7 +214,8 @@ pub enum Match {
     Long,
 }
 
-/// Holds an answer (with a good check) against its request. A function code that is none of the eight cannot be looked into.
+/// Holds an answer (with a good check) against its request. A function code that is none of the eight cannot be looked
+/// into.
 pub fn matches(request: &[u8], answer: &[u8], register_bytes: usize) -> Match {
     let (Some(asked), Some(code)) = (request.get(1), answer.get(1)) else { return Match::Short };
     if request.first() != answer.first() || code & !ERROR_BIT != *asked {

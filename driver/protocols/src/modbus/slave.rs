@@ -1,8 +1,9 @@
 //! The slave, "short" and "long": it answers from its [`Areas`], and hands what the master writes to the CPU.
 //!
 //! "The CP 240 only reports a respond telegram to the master after all data has been received." [S0 L2082]: with
-//! [`Config::confirmed`] the answer to a write waits until the CPU has taken every block that has changed. Somebody speaking in the
-//! meantime means that the master has given up, and the answer is dropped: it would meet another telegram.
+//! [`Config::confirmed`] the answer to a write waits until the CPU has taken every block that has changed. Somebody
+//! speaking in the meantime means that the master has given up, and the answer is dropped: it would meet another
+//! telegram.
 
 use super::area::{AREA_BYTES, Areas, Change, SHORT_BYTES};
 use super::frame::{self, End, Receiver};
@@ -95,7 +96,8 @@ impl Slave {
         self.with_cpu
     }
 
-    /// The CPU has stored what it was given, or refuses it because its own area ends before. Follow with [`Input::Tick`].
+    /// The CPU has stored what it was given, or refuses it because its own area ends before. Follow with
+    /// [`Input::Tick`].
     pub fn change_taken(&mut self, stored: bool) {
         if let Some(change) = self.with_cpu.take() {
             self.areas.close_change(change, stored);

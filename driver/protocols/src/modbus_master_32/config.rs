@@ -1,4 +1,5 @@
-//! What the parameter assignment tool asks for, and what the driver makes of it at its start. [S4 "3.6.1 Modbus ASCII Protocol"]
+//! What the parameter assignment tool asks for, and what the driver makes of it at its start.
+//! [S4 "3.6.1 Modbus ASCII Protocol"]
 
 use super::number;
 use crate::machine::{MS, Nanos, SECOND};
@@ -7,7 +8,8 @@ use crate::signals::Times;
 /// Transmission rates of the driver, bit/s. [S4 "Overview of Transmission Parameters"]
 pub const BAUD_RATES: [u32; 9] = [300, 600, 1200, 2400, 4800, 9600, 19_200, 38_400, 76_800];
 
-/// How long the CPU may take to fetch a reply. The driver's manual names no time [S4 L1785]; this is the one of 0409h [reference 3.6].
+/// How long the CPU may take to fetch a reply. The driver's manual names no time [S4 L1785]; this is the one of 0409h
+/// [reference 3.6].
 const TRANSFER: Nanos = 10 * SECOND;
 
 /// Longest times the parameters may name, ms. [S4 "3.6.3 RS232 Secondary Signals"]
@@ -37,7 +39,8 @@ impl Parity {
 /// What the receiving line is like. [S4 "3.6.2 RS422/485 (X27) Interface"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wiring {
-    /// Two-wire operation: the driver switches the line from sending to receiving; faults and BREAK before and after a reply are ignored.
+    /// Two-wire operation: the driver switches the line from sending to receiving; faults and BREAK before and after a
+    /// reply are ignored.
     pub half_duplex: bool,
     /// Line status BREAK can be recognised. Not with the presetting R(A) 0V, R(B) 5V ("High").
     pub breaks: bool,

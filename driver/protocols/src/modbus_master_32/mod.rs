@@ -7,9 +7,10 @@
 //! P_SND_RK   DONE / ERROR  <-  ended
 //! ```
 //!
-//! A job ends when its reply has been judged: a writing one at once, a reading one when the CPU has taken the data [S4 L1648], a broadcast
-//! after the turnaround delay [S4 "Turnaround Delay"]. Every error is an event number that goes to [`Owner::event`] (the diagnostic buffer,
-//! [S4 L1687]); the one that ends the job goes to [`Owner::ended`] too and is P_SND_RK's STATUS. 0834h ends no job.
+//! A job ends when its reply has been judged: a writing one at once, a reading one when the CPU has taken the data
+//! [S4 L1648], a broadcast after the turnaround delay [S4 "Turnaround Delay"]. Every error is an event number that goes
+//! to [`Owner::event`] (the diagnostic buffer, [S4 L1687]); the one that ends the job goes to [`Owner::ended`] too and
+//! is P_SND_RK's STATUS. 0834h ends no job.
 //!
 //! * [`job`]: the source area to a request, all checks of it; total, without time.
 //! * [`reply`]: a reply to the destination area; total, without time.
@@ -17,8 +18,8 @@
 //! * [`Driver`]: the machine.
 //! * [`number`]: the event numbers.
 //!
-//! It differs from [`modbus::Master`](crate::modbus::Master), the CP 240's, in everything the program and the line see: layouts, numbers,
-//! times, signals. Both share what is Modbus: LRC and digits.
+//! It differs from [`modbus::Master`](crate::modbus::Master), the CP 240's, in everything the program and the line see:
+//! layouts, numbers, times, signals. Both share what is Modbus: LRC and digits.
 
 mod config;
 pub mod job;
@@ -64,15 +65,16 @@ pub enum Input<'a> {
 /// An order of the CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order<'a> {
-    /// A job of P_SND_RK: `R_TYP` and the source area, LEN bytes of it. It ends with [`Owner::ended`], exactly once. While one runs another is
-    /// answered at once with [`number::BUSY`]; the first goes on.
+    /// A job of P_SND_RK: `R_TYP` and the source area, LEN bytes of it. It ends with [`Owner::ended`], exactly once.
+    /// While one runs another is answered at once with [`number::BUSY`]; the first goes on.
     Job {
         /// Parameter `R_TYP`.
         r_typ: u8,
         /// Source area.
         source: &'a [u8],
     },
-    /// P_RCV_RK has taken what was delivered (`true`), or cannot (`false`, after the reason went into the diagnostic buffer).
+    /// P_RCV_RK has taken what was delivered (`true`), or cannot (`false`, after the reason went into the diagnostic
+    /// buffer).
     Taken(bool),
     /// Drop the running job: it ends with [`number::ABORTED`].
     Abort,
@@ -300,7 +302,8 @@ impl Driver {
             }
             match self.receiver.character(now, *byte, config.normal) {
                 Heard::Nothing => {}
-                // "This does not in itself fail the send job. The error only appears in the CP diagnostic buffer." [S4 L1757]
+                // "This does not in itself fail the send job. The error only appears in the CP diagnostic buffer."
+                // [S4 L1757]
                 Heard::Restart => out.event(number::RESTART),
                 Heard::End(Ok(())) => self.replied(now, config, out),
                 Heard::End(Err(number)) => self.fail(number, out),
@@ -311,8 +314,8 @@ impl Driver {
     fn replied(&mut self, now: Nanos, config: &Config, out: &mut dyn Owner) {
         let Some(job) = &self.job else { return };
         match reply::evaluate(job, self.receiver.telegram()) {
-            // "... completed after the reply message is received without error and complete transfer of the received data to the CPU." [S4
-            // L1648]
+            // "... completed after the reply message is received without error and complete transfer of the received
+            // data to the CPU." [S4 L1648]
             Ok(destination) if !destination.bytes().is_empty() => {
                 self.state = State::Transfer { until: now + config.transfer };
                 out.deliver(destination.bytes());
@@ -336,14 +339,15 @@ impl Driver {
                 }
                 true
             }
-            // "Line status BREAK cannot be recognized": a character without its stop bit. [S4 "Presetting of the Receiving Line"]
+            // "Line status BREAK cannot be recognized": a character without its stop bit.
+            // [S4 "Presetting of the Receiving Line"]
             LineFault::Break => config.wiring.breaks,
             LineFault::Parity | LineFault::Framing | LineFault::Overrun => false,
         };
         let number = if is_break { number::BREAK } else { number::TRANSMISSION };
         match self.state {
-            // "If BREAK is recognized on the receiving line by the CP during output of a message, the triggered P_SND_RK job is completed with
-            // error." [S4 L727] In two-wire operation nobody listens meanwhile.
+            // "If BREAK is recognized on the receiving line by the CP during output of a message, the triggered
+            // P_SND_RK job is completed with error." [S4 L727] In two-wire operation nobody listens meanwhile.
             State::Output if is_break && !config.wiring.half_duplex => self.fail(number, out),
             State::Output => {}
             State::Reply { .. } if is_break && (config.normal || self.receiver.is_open()) => self.fail(number, out),
@@ -361,7 +365,8 @@ impl Driver {
         match self.state {
             // "... or if CTS changes to OFF during transmission, the send request is aborted." [S4 L814]
             State::Output if change.cts_off => self.fail(number::SIGNALS, out),
-            // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF." [S4 L817]
+            // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF."
+            // [S4 L817]
             State::OutputWait | State::Output | State::Reply { .. } if change.dsr_fell => {
                 self.fail(number::SIGNALS, out);
             }
@@ -378,7 +383,8 @@ impl Driver {
                 let clear = self.signals.clear(now);
                 self.cleared(clear, out);
             }
-            // "If the slave doesn't send a start character during the reply monitoring time the send job is finished with error." [S4 L536]
+            // "If the slave doesn't send a start character during the reply monitoring time the send job is finished
+            // with error." [S4 L536]
             State::Reply { until } if !self.receiver.is_open() && now >= until => self.fail(number::NO_REPLY, out),
             State::Reply { .. } if self.receiver.is_open() && now >= self.receiver.last() + config.character_delay => {
                 self.fail(self.receiver.silence(), out);

@@ -1,6 +1,7 @@
 //! Characters to a reply: colon, digits, CR, LF. [S4 "4.1 Message Structure"]
 //!
-//! What is wrong with a reply is kept until it has ended, by LF or by silence: whoever asks again at once must not meet the rest of it.
+//! What is wrong with a reply is kept until it has ended, by LF or by silence: whoever asks again at once must not meet
+//! the rest of it.
 
 use super::{FRAME_CHARACTERS, TELEGRAM_BYTES, number};
 use crate::machine::Nanos;
@@ -88,7 +89,8 @@ impl Receiver {
         self.fault.or(self.flaw).unwrap_or(number::CHARACTER_DELAY)
     }
 
-    /// A character that could not be read. In normal operation it counts before the colon as well, and no colon mends it.
+    /// A character that could not be read. In normal operation it counts before the colon as well, and no colon mends
+    /// it.
     pub(super) const fn unreadable(&mut self, now: Nanos, normal: bool) {
         if normal {
             self.open = true;
@@ -103,7 +105,8 @@ impl Receiver {
 
     pub(super) fn character(&mut self, now: Nanos, byte: u8, normal: bool) -> Heard {
         if byte != START && !self.open && !normal {
-            // "The start of the receive message from the slave is recognized by means of the correctly-received start character." [S4 L540]
+            // "The start of the receive message from the slave is recognized by means of the correctly-received start
+            // character." [S4 L540]
             return Heard::Nothing;
         }
         self.last = now;

@@ -22,7 +22,8 @@ pub struct Destination {
 impl Destination {
     const EMPTY: Self = Self { bytes: [0; DESTINATION_BYTES], len: 0 };
 
-    /// What is entered from the area's first byte on; its length is what P_RCV_RK shows as LEN. Empty: nothing is entered.
+    /// What is entered from the area's first byte on; its length is what P_RCV_RK shows as LEN. Empty: nothing is
+    /// entered.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.len).unwrap_or(&[])
     }
@@ -36,8 +37,9 @@ impl Destination {
         area
     }
 
-    /// Bits, word by word: "The 1st received byte is entered as the Low Byte of the 1st word, the 2nd as the High Byte". An odd last byte
-    /// has 00h as its high byte, and "any unaccessed bits in the last received byte are masked to zero". [S4 L896-L898]
+    /// Bits, word by word: "The 1st received byte is entered as the Low Byte of the 1st word, the 2nd as the High
+    /// Byte". An odd last byte has 00h as its high byte, and "any unaccessed bits in the last received byte are masked
+    /// to zero". [S4 L896-L898]
     fn of_bits(data: &[u8], count: u16) -> Self {
         let mut area = Self::EMPTY;
         area.len = data.len().next_multiple_of(2);
@@ -89,8 +91,8 @@ pub fn evaluate(job: &Job, reply: &[u8]) -> Result<Destination, u16> {
     }
 }
 
-/// Exception codes 1 to 7 have a number each. [S4 L1819-L1825] Another one is the answer to nothing the driver knows: a wrong function code
-/// (ours).
+/// Exception codes 1 to 7 have a number each. [S4 L1819-L1825] Another one is the answer to nothing the driver knows:
+/// a wrong function code (ours).
 fn exception(data: &[u8]) -> u16 {
     match data {
         [] => number::REPLY_SHORT,
@@ -125,8 +127,9 @@ fn counted(data: &[u8], bytes: usize) -> Result<&[u8], u16> {
     }
 }
 
-/// Function 03. A slave that answers with registers of the other width is told apart from one that counts wrongly: "check accessed address
-/// of the slave whether it belongs to the expected memory area (16/32-bit)". [S4 L844], [S4 L1809-L1810]
+/// Function 03. A slave that answers with registers of the other width is told apart from one that counts wrongly:
+/// "check accessed address of the slave whether it belongs to the expected memory area (16/32-bit)". [S4 L844],
+/// [S4 L1809-L1810]
 fn registers(job: &Job, data: &[u8]) -> Result<Destination, u16> {
     let count = usize::from(job.value());
     let other_width = 6 - job.register_bytes();
@@ -138,8 +141,8 @@ fn registers(job: &Job, data: &[u8]) -> Result<Destination, u16> {
     }
 }
 
-/// Function 12. The manual's slave has 64 event bytes; one that has fewer to tell is taken at its word (ours; the Modbus specification has
-/// "0 to 64").
+/// Function 12. The manual's slave has 64 event bytes; one that has fewer to tell is taken at its word (ours; the
+/// Modbus specification has "0 to 64").
 fn event_log(data: &[u8]) -> Result<&[u8], u16> {
     let data = behind_counter(data)?;
     match data.len() {

@@ -6,8 +6,8 @@
 pub const HEADER: usize = 10;
 /// Bytes of the header of a follow-on telegram, and of a reaction.
 pub const SHORT: usize = 4;
-/// Bytes of user data in one telegram. The tables print positions up to 127, the text says "when the data exceeds 128Byte".
-/// [S0 "Structure of additional messages"], [reference 4.4]
+/// Bytes of user data in one telegram. The tables print positions up to 127, the text says "when the data exceeds
+/// 128Byte". [S0 "Structure of additional messages"], [reference 4.4]
 pub const PIECE: usize = 128;
 
 /// First byte of an order or reaction.
@@ -94,8 +94,8 @@ impl Coordination {
     /// Neither flag nor CPU number: FF FF.
     pub const NONE: Self = Self([NONE, NONE]);
 
-    /// Flag and CPU number (1 to 4) as [reference 4.2] encodes them: without a number the high nibble is 0 with a flag and F
-    /// without one.
+    /// Flag and CPU number (1 to 4) as [reference 4.2] encodes them: without a number the high nibble is 0 with a flag
+    /// and F without one.
     pub const fn new(flag: Option<Flag>, cpu: Option<u8>) -> Self {
         match (flag, cpu) {
             (None, None) => Self::NONE,
@@ -154,8 +154,8 @@ impl Request {
         self.length as usize * self.area.unit()
     }
 
-    /// Third and fourth byte. SEND to a DX is `O D`, SEND to a DB `A D`: the header's description is the only text that makes a DX
-    /// distinguishable. [reference 1.3]
+    /// Third and fourth byte. SEND to a DX is `O D`, SEND to a DB `A D`: the header's description is the only text that
+    /// makes a DX distinguishable. [reference 1.3]
     pub const fn letters(&self) -> [u8; 2] {
         match (self.command, self.area) {
             (Command::Send, Area::Dx) => *b"OD",

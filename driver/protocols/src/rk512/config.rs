@@ -9,16 +9,19 @@ const LATE_WAIT: Nanos = 2 * SECOND;
 /// Configuration of [`Rk512`](super::Rk512). Times in nanoseconds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Config {
-    /// The procedure below: 3964 or 3964R. Its BWZ is the longest time from the acknowledgement of an order's telegram to STX of the
-    /// reaction, after which the telegram is sent again, its `block_attempts` (DBL) times in all; 0: not at all (CP 341). [S0 L1635]
+    /// The procedure below: 3964 or 3964R. Its BWZ is the longest time from the acknowledgement of an order's telegram
+    /// to STX of the reaction, after which the telegram is sent again, its `block_attempts` (DBL) times in all; 0: not
+    /// at all (CP 341). [S0 L1635]
     pub line: s3964::Config,
-    /// Reaction monitoring: longest time from the first acknowledgement of an order's telegram to its reaction; it begins
-    /// anew with each follow-on telegram. [S0 L1678], [reference 4.7]
+    /// Reaction monitoring: longest time from the first acknowledgement of an order's telegram to its reaction; it
+    /// begins anew with each follow-on telegram. [S0 L1678], [reference 4.7]
     pub reaction: Nanos,
-    /// How long an order waits for the reaction that one before it has not got in time, so that it is not taken for its own. (ours)
+    /// How long an order waits for the reaction that one before it has not got in time, so that it is not taken for its
+    /// own. (ours)
     pub late_wait: Nanos,
-    /// How long the CPU has to answer an order of the partner, or to get on with it ([`Order::Working`](super::Order::Working)); after that
-    /// it is refused with 2Ah. Shorter than the partner's reaction monitoring.
+    /// How long the CPU has to answer an order of the partner, or to get on with it
+    /// ([`Order::Working`](super::Order::Working)); after that it is refused with 2Ah. Shorter than the partner's
+    /// reaction monitoring.
     pub answer_wait: Nanos,
     /// How long the next telegram of the partner's order is waited for.
     pub follow_wait: Nanos,
@@ -31,8 +34,8 @@ pub struct Config {
 }
 
 impl Config {
-    /// The CP 240: 5 s for the reaction [S0 L1678], 1024 bytes [S0 "Error message CP Byte 0"], flags in bytes 0 to 199 [reference
-    /// 9.4]. A CPU number is taken as the Siemens texts say, 1 to 4, and not looked at.
+    /// The CP 240: 5 s for the reaction [S0 L1678], 1024 bytes [S0 "Error message CP Byte 0"], flags in bytes 0 to 199
+    /// [reference 9.4]. A CPU number is taken as the Siemens texts say, 1 to 4, and not looked at.
     pub fn cp240(line: s3964::Config) -> Self {
         Self {
             line,
@@ -46,8 +49,8 @@ impl Config {
         }
     }
 
-    /// The CP 341: 20 s for the reaction [reference 4.7], 4096 bytes [reference 4.8], 10 s for the CPU to take the data [reference 3.6,
-    /// 0409h].
+    /// The CP 341: 20 s for the reaction [reference 4.7], 4096 bytes [reference 4.8], 10 s for the CPU to take the data
+    /// [reference 3.6, 0409h].
     pub fn cp341(line: s3964::Config) -> Self {
         Self {
             line,

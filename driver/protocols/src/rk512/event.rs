@@ -52,7 +52,8 @@ pub enum Refusal {
     Cpu,
     /// First telegram of a SEND with more data than announced, with none, or longer than 128 bytes.
     SendLength,
-    /// Follow-on telegram of a SEND whose data do not go with the announced length: more than are missing, none, or more than 128 bytes.
+    /// Follow-on telegram of a SEND whose data do not go with the announced length: more than are missing, none, or
+    /// more than 128 bytes.
     FollowLength,
     /// FETCH with data.
     FetchData,

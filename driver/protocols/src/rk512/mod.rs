@@ -13,16 +13,16 @@
 //!                                      <-    [FF 00 00 code  data]
 //! ```
 //!
-//! One machine plays both roles at once: an own order waits for its reaction while orders of the partner come in and are
-//! answered ("quasi full duplex", one order each way) [reference 4.5]. The active role is in `active`, the passive one in
-//! `passive`; [`codec`] knows the telegrams, [`Config`] the differences between CPs.
+//! One machine plays both roles at once: an own order waits for its reaction while orders of the partner come in and
+//! are answered ("quasi full duplex", one order each way) [reference 4.5]. The active role is in `active`, the passive
+//! one in `passive`; [`codec`] knows the telegrams, [`Config`] the differences between CPs.
 //!
-//! 3964(R) may deliver a block twice, when the acknowledgement of the first is lost. The rules here (ours, the texts are silent):
-//! a reaction proves that the telegram it answers has arrived, once that has left completely; one that comes earlier
-//! belongs to something before. A telegram that is the same as the last one, before our reaction can have arrived, is the
-//! last one. When it cannot be told whether a follow-on telegram is the last one or the next with the same data,
-//! the order is refused: an error, never wrong data. The reaction to an order that has been given up may still come: the next order waits a while
-//! for it, and it ends nothing.
+//! 3964(R) may deliver a block twice, when the acknowledgement of the first is lost. The rules here (ours, the texts
+//! are silent): a reaction proves that the telegram it answers has arrived, once that has left completely; one that
+//! comes earlier belongs to something before. A telegram that is the same as the last one, before our reaction can have
+//! arrived, is the last one. When it cannot be told whether a follow-on telegram is the last one or the next with the
+//! same data, the order is refused: an error, never wrong data. The reaction to an order that has been given up may
+//! still come: the next order waits a while for it, and it ends nothing.
 
 mod active;
 pub mod codec;
@@ -39,8 +39,8 @@ use crate::s3964::S3964;
 use active::{Late, Own};
 use passive::{Partner, Reply};
 
-/// Longest telegram on the line that is taken in. 138 bytes is what a partner may send; what is a little longer is refused with an error
-/// number instead of NAK.
+/// Longest telegram on the line that is taken in. 138 bytes is what a partner may send; what is a little longer is
+/// refused with an error number instead of NAK.
 const LINE: usize = 256;
 
 /// What happened.
@@ -119,8 +119,8 @@ pub trait Owner {
     /// The partner wants something; with the data of a SEND. Answer with [`Order::Answer`]; until then no other comes.
     fn asked(&mut self, request: &Request, data: &[u8]);
 
-    /// The order of the partner is over, exactly once for each [`Owner::asked`]: the answer has arrived, or why not. An answer given
-    /// from now on belongs to nothing.
+    /// The order of the partner is over, exactly once for each [`Owner::asked`]: the answer has arrived, or why not. An
+    /// answer given from now on belongs to nothing.
     fn answered(&mut self, outcome: Result<(), AnswerError>);
 
     /// Something worth the LED `ER`, a diagnostic entry or a line of the trace.

@@ -25,8 +25,8 @@ pub struct Config {
     pub qvz: Nanos,
     /// ZNA: pause between the end of an order and the STX of the next. [S0 "Time delay after command (ZNA)"]
     pub zna: Nanos,
-    /// BWZ of the CP 240: from the acknowledged request telegram to STX of the answer telegram. Plain 3964(R) has neither
-    /// requests nor answers, so this machine carries it for RK 512 only. [S0 L1635]
+    /// BWZ of the CP 240: from the acknowledged request telegram to STX of the answer telegram. Plain 3964(R) has
+    /// neither requests nor answers, so this machine carries it for RK 512 only. [S0 L1635]
     pub bwz: Nanos,
     /// Time of one character on the line.
     pub char_time: Nanos,
@@ -49,11 +49,11 @@ pub struct Config {
 }
 
 impl Config {
-    /// The CP 240 with the defaults of its parameter table: ZVZ 200 ms, QVZ 500 ms, BWZ 2 s, low priority, 5 repetitions of
-    /// STX, DBL 6. [S0 "Structure of parameter bytes for 3964(R) / 3964(R) with RK512"]
+    /// The CP 240 with the defaults of its parameter table: ZVZ 200 ms, QVZ 500 ms, BWZ 2 s, low priority, 5
+    /// repetitions of STX, DBL 6. [S0 "Structure of parameter bytes for 3964(R) / 3964(R) with RK512"]
     ///
-    /// A block is repeated 5 times like STX [S0 "Timeout times"], which is the default DBL with the first attempt included;
-    /// so DBL is taken as the number of attempts.
+    /// A block is repeated 5 times like STX [S0 "Timeout times"], which is the default DBL with the first attempt
+    /// included; so DBL is taken as the number of attempts.
     pub fn cp240(bcc: bool, char_time: Nanos) -> Self {
         Self {
             bcc,
@@ -75,8 +75,8 @@ impl Config {
         }
     }
 
-    /// The CP 341 with its defaults: ZVZ 220 ms, QVZ 2 s (without BCC 550 ms), high priority, 6 attempts each, 4 s for the
-    /// repetition of a refused block, 400 ms for a receive buffer. [reference 5.2 to 5.4]
+    /// The CP 341 with its defaults: ZVZ 220 ms, QVZ 2 s (without BCC 550 ms), high priority, 6 attempts each, 4 s for
+    /// the repetition of a refused block, 400 ms for a receive buffer. [reference 5.2 to 5.4]
     pub fn cp341(bcc: bool, char_time: Nanos) -> Self {
         Self {
             bcc,

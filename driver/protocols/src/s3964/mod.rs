@@ -287,8 +287,8 @@ impl<const N: usize> S3964<N> {
         self.job.as_ref().is_some_and(Job::is_out)
     }
 
-    /// Forgets the running order between two halves of a step, without a word: the telegram that was delivered in the first
-    /// half has shown that the partner has it.
+    /// Forgets the running order between two halves of a step, without a word: the telegram that was delivered in the
+    /// first half has shown that the partner has it.
     pub(crate) fn forget_order(&mut self) {
         self.job = None;
     }

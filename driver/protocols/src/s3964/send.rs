@@ -42,8 +42,9 @@ impl<const N: usize> S3964<N> {
     pub(super) fn connect_character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) {
         match byte {
             STX if self.config.priority == Priority::Low => {
-                // [S0 "Initialization conflict"]: the station with the lower priority sends DLE and changes to receive mode.
-                // Its order stays and begins again afterwards; the attempt lost here does not count. [reference 5.5]
+                // [S0 "Initialization conflict"]: the station with the lower priority sends DLE and changes to receive
+                // mode. Its order stays and begins again afterwards; the attempt lost here does not count.
+                // [reference 5.5]
                 self.report(Phase::Connect, What::Conflict { yielded: true }, out);
                 if let Some(job) = &mut self.job {
                     job.connects -= 1;
@@ -61,8 +62,8 @@ impl<const N: usize> S3964<N> {
         }
     }
 
-    /// [S0 "Timeout times"]: QVZ expires after STX, or NAK or any other character follows it: STX is repeated; after the
-    /// last repetition NAK, and the attempt is given up.
+    /// [S0 "Timeout times"]: QVZ expires after STX, or NAK or any other character follows it: STX is repeated; after
+    /// the last repetition NAK, and the attempt is given up.
     pub(super) fn connect_failed(&mut self, now: Nanos, what: What, out: &mut dyn Sink) {
         self.report(Phase::Connect, what, out);
         let connects = self.job.as_ref().map_or(0, |job| job.connects);

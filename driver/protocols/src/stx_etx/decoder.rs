@@ -1,5 +1,5 @@
-//! Where telegrams begin and end in a stream of characters. Without time: the silence that ends a telegram is the machine's
-//! affair. [S0 "STX/ETX"], [S0 "Number of start flags"], [S0 "Number of end flags"]
+//! Where telegrams begin and end in a stream of characters. Without time: the silence that ends a telegram is the
+//! machine's affair. [S0 "STX/ETX"], [S0 "Number of start flags"], [S0 "Number of end flags"]
 
 use crate::output::Flags;
 
@@ -28,9 +28,9 @@ enum State {
 
 /// Finds telegrams in a stream.
 ///
-/// The first of two start or end characters alone is held back until the next one tells what it was. "All the characters
-/// between STX and ETX" are user data [S0 "STX/ETX"]; a start within a telegram means that its end was lost: the procedure
-/// is for characters 20h..7Fh, so it cannot be user data.
+/// The first of two start or end characters alone is held back until the next one tells what it was. "All the
+/// characters between STX and ETX" are user data [S0 "STX/ETX"]; a start within a telegram means that its end was lost:
+/// the procedure is for characters 20h..7Fh, so it cannot be user data.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     start: Flags,

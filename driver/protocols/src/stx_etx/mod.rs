@@ -1,10 +1,10 @@
 //! STX/ETX: telegrams between start and end characters; nothing is acknowledged, nothing checked. [S0 "STX/ETX"]
 //!
-//! None, one or two characters each. What comes before the start is thrown away; the characters between start and end go to
-//! the CPU when the end has come. Without end characters a telegram ends with the silence of TMO
+//! None, one or two characters each. What comes before the start is thrown away; the characters between start and end
+//! go to the CPU when the end has come. Without end characters a telegram ends with the silence of TMO
 //! [S0 "Technical Data Protocols"]; without start characters it begins with any character. Sending and receiving are
-//! independent of each other (full duplex), an order is done when ZNA has run out after the last bit, and flow control is
-//! that of [`ascii`](crate::ascii).
+//! independent of each other (full duplex), an order is done when ZNA has run out after the last bit, and flow control
+//! is that of [`ascii`](crate::ascii).
 //!
 //! | the manual leaves open | here |
 //! |---|---|
@@ -209,7 +209,8 @@ impl<const N: usize> Receive<N> {
                         self.len += 1;
                     }
                     None => {
-                        // [S0 "Communication via back plane bus"]: the ring buffer's length is that of the longest telegram.
+                        // [S0 "Communication via back plane bus"]: the ring buffer's length is that of the longest
+                        // telegram.
                         self.lose(What::TooLong, out);
                         decoder.skip();
                     }

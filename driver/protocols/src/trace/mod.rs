@@ -1,7 +1,8 @@
-//! What goes over a line, read by a bystander: characters of both directions in, telegrams and control characters with their meaning out.
+//! What goes over a line, read by a bystander: characters of both directions in, telegrams and control characters with
+//! their meaning out.
 //!
-//! Total over any characters, without clock and allocation. A bystander cannot know what a CP has decided; where the line alone leaves
-//! it open, [`Meaning`] says what the characters are, not what became of them.
+//! Total over any characters, without clock and allocation. A bystander cannot know what a CP has decided; where the
+//! line alone leaves it open, [`Meaning`] says what the characters are, not what became of them.
 
 mod mbus;
 mod meaning;

@@ -5,8 +5,8 @@ use core::fmt;
 use super::meaning::{Bytes, Modbus};
 use crate::modbus::pdu::{Direction, ERROR_BIT, Function};
 
-/// Length of function 06 with a 32-bit register: its data have four bytes, and nothing else tells. [S4 "5.8 Function Code 06 – Write Single
-/// 32-Bit Register"]
+/// Length of function 06 with a 32-bit register: its data have four bytes, and nothing else tells.
+/// [S4 "5.8 Function Code 06 – Write Single 32-Bit Register"]
 const LONG_WRITE: usize = 8;
 
 impl fmt::Display for Modbus<'_> {

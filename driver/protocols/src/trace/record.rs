@@ -1,8 +1,10 @@
-//! What a CP's tap writes for each thing that happens on its line: one record, by itself in a message, or behind its length in a file.
+//! What a CP's tap writes for each thing that happens on its line: one record, by itself in a message, or behind its
+//! length in a file.
 //!
-//! A record is the time (8 bytes, nanoseconds since the start of the driver), the kind (1 byte) and its data. A file is [`MAGIC`], the
-//! version (2 bytes) and records, each behind its length (2 bytes) and the number of its CP (1 byte). All numbers are little-endian. A stream and a file begin with a
-//! [`Kind::Hello`], and there may be more of them: the CP has got other parameters.
+//! A record is the time (8 bytes, nanoseconds since the start of the driver), the kind (1 byte) and its data. A file is
+//! [`MAGIC`], the version (2 bytes) and records, each behind its length (2 bytes) and the number of its CP (1 byte).
+//! All numbers are little-endian. A stream and a file begin with a [`Kind::Hello`], and there may be more of them: the
+//! CP has got other parameters.
 
 use crate::machine::Nanos;
 
@@ -17,7 +19,8 @@ pub const HEAD: usize = 9;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Kind {
-    /// Who this is: JSON text with `version`, `station`, `name`, `line`, `parameters` (16 numbers), `unix_ns` (the time at 0).
+    /// Who this is: JSON text with `version`, `station`, `name`, `line`, `parameters` (16 numbers), `unix_ns` (the time
+    /// at 0).
     Hello = 0,
     /// Characters handed to the line.
     Out = 1,

@@ -1,7 +1,7 @@
 //! Message tables for RK 512: a machine is led through a conversation in virtual time.
 //!
-//! One line a step, `TIME_MS INPUT => OUTPUT; OUTPUT`; what stands behind `#` is a remark. Bytes are hexadecimal; `3*41` repeats
-//! one, `01..10` counts from one to the other. `|` parts header and data.
+//! One line a step, `TIME_MS INPUT => OUTPUT; OUTPUT`; what stands behind `#` is a remark. Bytes are hexadecimal;
+//! `3*41` repeats one, `01..10` counts from one to the other. `|` parts header and data.
 //!
 //! | input | |
 //! |---|---|

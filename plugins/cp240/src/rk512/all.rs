@@ -1,7 +1,8 @@
 //! FC 4 S/R_ALL_RK512: serves the SEND and FETCH orders of the partner [S0 "S/R\\_ALL\\_RK512 (FC 4)"].
 //!
-//! SEND goes to data blocks; FETCH reads data blocks, inputs, outputs, bit memory, timers and counters. What cannot be is refused with
-//! the error numbers of RK 512 (ours where the manual names none): 0Ch coordination flag, 10h area, 14h data block or range, 32h locked.
+//! SEND goes to data blocks; FETCH reads data blocks, inputs, outputs, bit memory, timers and counters. What cannot be
+//! is refused with the error numbers of RK 512 (ours where the manual names none): 0Ch coordination flag, 10h area, 14h
+//! data block or range, 32h locked.
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
@@ -18,7 +19,8 @@ interface! {
         in     ADR: Int;
         /// Indicator word of the last order of the partner. The table says "in"; it is written.
         in_out ANZW: Word;
-        /// What was wrong with the data block of the last order: 1 not present, 2 too short, 3 number outside the valid range.
+        /// What was wrong with the data block of the last order: 1 not present, 2 too short, 3 number outside the valid
+        /// range.
         out    PAFE: Byte;
         /// Bytes of the telegram that are through.
         in_out GESE: Word;
@@ -113,8 +115,8 @@ pub(crate) struct Evaluated {
     pub(crate) pafe: Pafe,
 }
 
-/// Evaluates a header. `locked`: the coordination flag (`None`: outside the bit memory); `db`: what is wrong with the data block;
-/// `room`: whether the area holds the order.
+/// Evaluates a header. `locked`: the coordination flag (`None`: outside the bit memory); `db`: what is wrong with the
+/// data block; `room`: whether the area holds the order.
 pub(crate) fn evaluate(header: &Header, locked: Option<bool>, db: Pafe, room: bool) -> Evaluated {
     let refuse = |code| Evaluated { code, pafe: Pafe::Ok };
     match header.area {

@@ -120,6 +120,7 @@ impl Job {
         Job { phase: Phase::Closing, gese: u16::from(code), failed, ..self }
     }
 
-    /// The CP is no longer the one the order was given to [S0 "Error message CP Byte 0"]: "the CP had to reinitialize the connection".
+    /// The CP is no longer the one the order was given to [S0 "Error message CP Byte 0"]: "the CP had to reinitialize
+    /// the connection".
     pub(crate) const LOST: u8 = INITIALISED;
 }

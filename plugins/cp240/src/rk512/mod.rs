@@ -1,5 +1,5 @@
-//! RK 512: FC 2 FETCH_RK512, FC 3 SEND_RK512, FC 4 S/R_ALL_RK512 [S0 "RK512 communication - Handling blocks"], on the registers of
-//! `docs/cp240-registers.md`, "RK 512".
+//! RK 512: FC 2 FETCH_RK512, FC 3 SEND_RK512, FC 4 S/R_ALL_RK512 [S0 "RK512 communication - Handling blocks"], on the
+//! registers of `docs/cp240-registers.md`, "RK 512".
 
 mod all;
 mod fetch;
@@ -54,7 +54,8 @@ const fn failed(code: u8) -> u16 {
     (code as u16) << 8 | FAILED
 }
 
-/// A block that has not been called for so long has given up what it holds: the reaction monitoring of the CP [S0 L1678].
+/// A block that has not been called for so long has given up what it holds: the reaction monitoring of the CP
+/// [S0 L1678].
 const GIVEN_UP: u64 = 5_000_000_000;
 
 ob1_sdk::state! {

@@ -41,7 +41,8 @@ impl Wish {
         [0, token, command, b'D', self.remote.0 as u8, self.remote.1 as u8, high, low, flag, bit]
     }
 
-    /// PAFE of what can be told without the partner: its data blocks have numbers 1 to 255 and words 0 to 255 on the line.
+    /// PAFE of what can be told without the partner: its data blocks have numbers 1 to 255 and words 0 to 255 on the
+    /// line.
     fn check(&self, cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
         if !(1..=255).contains(&self.remote.0) {
             return Ok(Pafe::Number);

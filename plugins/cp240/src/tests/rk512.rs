@@ -1,5 +1,5 @@
-//! FC 2, FC 3 and FC 4: the steps of an own order against a CP made of the register document, and what a header of the partner is
-//! answered with.
+//! FC 2, FC 3 and FC 4: the steps of an own order against a CP made of the register document, and what a header of the
+//! partner is answered with.
 
 use crate::registers::{FAILED, Pafe, Words};
 use crate::rk512::{Evaluated, Header, Job, OWN, PARTNER, Phase, Step, evaluate};

@@ -25,8 +25,8 @@ pub struct Figures {
     pub execution: Histogram,
     /// From the deadline of a cycle to its start: one value a cycle.
     pub wake: Histogram,
-    /// The same with a value for each missed deadline too: how late the next cycle began for it. A pause of ten cycles is ten late
-    /// deadlines here and one late cycle in `wake`.
+    /// The same with a value for each missed deadline too: how late the next cycle began for it. A pause of ten cycles
+    /// is ten late deadlines here and one late cycle in `wake`.
     pub deadlines: Histogram,
     /// Back plane and process image before OB 1: events of the modules, inputs.
     pub inputs: Histogram,

@@ -1,8 +1,8 @@
 //! Distributions of times: buckets that one thread writes and others read.
 //!
-//! The layout is that of an HDR histogram: exact below 256 ns, above that 256 buckets to each power of two, so that a value is known to
-//! within 0.4 % from a nanosecond to a minute. (hdrhistogram itself cannot be read while another thread writes; see
-//! docs/decisions.)
+//! The layout is that of an HDR histogram: exact below 256 ns, above that 256 buckets to each power of two, so that a
+//! value is known to within 0.4 % from a nanosecond to a minute. (hdrhistogram itself cannot be read while another
+//! thread writes; see docs/decisions.)
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -76,7 +76,8 @@ impl Recording {
     }
 }
 
-/// A distribution of times in nanoseconds, as it was read. Values are known to within 0.4 %, the greatest since load exactly.
+/// A distribution of times in nanoseconds, as it was read. Values are known to within 0.4 %, the greatest since load
+/// exactly.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Histogram {
     counts: Box<[u64]>,

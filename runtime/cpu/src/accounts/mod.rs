@@ -1,8 +1,8 @@
 //! The accounts of every scan: what the scan thread writes down, and what others read of it without the scan noticing.
 //!
-//! One writer, the scan; any number of readers. Everything is a relaxed atomic of its own, allocated at load: writing takes no lock,
-//! allocates nothing and waits for nobody, and reading costs the scan nothing. Nothing is ever reset here: whoever wants figures from a
-//! moment on takes the difference of two snapshots ([`Figures::since`]).
+//! One writer, the scan; any number of readers. Everything is a relaxed atomic of its own, allocated at load: writing
+//! takes no lock, allocates nothing and waits for nobody, and reading costs the scan nothing. Nothing is ever reset
+//! here: whoever wants figures from a moment on takes the difference of two snapshots ([`Figures::since`]).
 
 mod figures;
 mod histogram;
@@ -28,7 +28,8 @@ pub(crate) use trace::{Ended, Trace, plugin_blocks};
 /// What is kept, and from when on a scan is late.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AccountsConfig {
-    /// A scan that begins so much after its deadline, or later, is late; 0: a tenth of the minimum cycle time, at least 100 µs.
+    /// A scan that begins so much after its deadline, or later, is late; 0: a tenth of the minimum cycle time, at least
+    /// 100 µs.
     pub late: Nanos,
     /// A scan that takes so long, or longer, is late; 0: the minimum cycle time, or 10 ms without one.
     pub long: Nanos,
@@ -159,7 +160,8 @@ impl Accounts {
         }
     }
 
-    /// The figures so far, since load. May be read at any time from any thread; single figures of it may be of neighbouring scans.
+    /// The figures so far, since load. May be read at any time from any thread; single figures of it may be of
+    /// neighbouring scans.
     #[must_use]
     pub fn figures(&self) -> Figures {
         Figures {

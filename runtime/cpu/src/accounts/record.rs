@@ -38,7 +38,8 @@ pub struct ScanRecord {
     pub end: Nanos,
     /// How much of its lateness is the scan before, which had not ended at the deadline.
     pub carried: Nanos,
-    /// How much of its lateness are organization blocks that ran between the two scans and had not ended at the deadline.
+    /// How much of its lateness are organization blocks that ran between the two scans and had not ended at the
+    /// deadline.
     pub between: Nanos,
     /// The longest organization block that ran between the two scans; 0: none.
     pub between_ob: u16,

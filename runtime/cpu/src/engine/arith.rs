@@ -1,7 +1,7 @@
 //! Arithmetic and comparison: results and condition codes as pure functions of the accumulators.
 //!
-//! Condition codes: "Evaluating the Bits of the Status Word" with integer and floating-point functions, STL reference. `cc` holds CC1,
-//! CC0 and OV in their places of the status word; who uses it also sets OS from OV.
+//! Condition codes: "Evaluating the Bits of the Status Word" with integer and floating-point functions, STL reference.
+//! `cc` holds CC1, CC0 and OV in their places of the status word; who uses it also sets OS from OV.
 
 use ob1_ir::{AccuOp, Compare, MathFn};
 

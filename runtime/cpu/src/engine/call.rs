@@ -291,8 +291,8 @@ fn instance(entry: &Entry, bytes: u32) -> Result<u32, Fault> {
     in_db(entry.di, DbRegister::Di, entry.ar2 & POINTER_BITS, bytes * 8, true).and_then(arena)
 }
 
-/// Copies results to the caller's actuals, after its registers have come back. Fully qualified ones go through the data block
-/// registers, which keep what they held.
+/// Copies results to the caller's actuals, after its registers have come back. Fully qualified ones go through the data
+/// block registers, which keep what they held.
 pub(crate) fn copy_out(call: &Call, tops: Tops, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     let (db, di) = (r.db, r.di);
     let result = match call.instance {

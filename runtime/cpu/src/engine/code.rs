@@ -1,5 +1,5 @@
-//! The pre-decoded form: one short operation per statement at the statement's own index, so that jump targets, sites and
-//! statement counts need no tables of their own.
+//! The pre-decoded form: one short operation per statement at the statement's own index, so that jump targets, sites
+//! and statement counts need no tables of their own.
 
 use ob1_ir::{AccuOp, CallMode, Compare, Jump, Logic, NumberFormat, Place, Stmt};
 use ob1_model::{BlockId, BlockKind, Site};

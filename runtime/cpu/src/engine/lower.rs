@@ -331,7 +331,8 @@ fn based(place: Place, l: &Lowering<'_>) -> Option<(Base, u32)> {
     })
 }
 
-/// Bytes of local data: what is declared, what fixed operands reach, and the start information of an organization block.
+/// Bytes of local data: what is declared, what fixed operands reach, and the start information of an organization
+/// block.
 fn local_bytes(block: &CodeBlock) -> u32 {
     let mut bytes = block.interface.temp_bytes;
     if block.id.kind == BlockKind::Ob {

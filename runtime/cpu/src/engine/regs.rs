@@ -58,8 +58,9 @@ pub(crate) struct Regs {
     pub(crate) mcr_active: bool,
 }
 
-/// The registers of a block that an error has interrupted. OB 121 and OB 122 find them in their own, as they belong to the same
-/// class; they come back unchanged, but for what SFC 44 puts in ACCU1. ["Error Organization Blocks" of Programming with STEP 7]
+/// The registers of a block that an error has interrupted. OB 121 and OB 122 find them in their own, as they belong to
+/// the same class; they come back unchanged, but for what SFC 44 puts in ACCU1. ["Error Organization Blocks" of
+/// Programming with STEP 7]
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Interrupted {
     pub(crate) accus: [u32; 4],

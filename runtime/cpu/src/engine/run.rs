@@ -131,8 +131,8 @@ fn scan_bit(scan: Scan, bit: bool, r: &mut Regs) {
 }
 
 impl Reference {
-    /// Runs `block` until it ends. The registers live in this function; nested blocks of statements run in the same loop, native
-    /// blocks and organization blocks for faults are called out of it.
+    /// Runs `block` until it ends. The registers live in this function; nested blocks of statements run in the same
+    /// loop, native blocks and organization blocks for faults are called out of it.
     fn run(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {
         let blocks = cx.blocks;
         let floor = cx.machine.frames.len();

@@ -1,5 +1,5 @@
-//! Every statement but jumps and calls, executed straight from the intermediate code. What the run loop has no short form for
-//! comes here; tests run whole programs this way and compare.
+//! Every statement but jumps and calls, executed straight from the intermediate code. What the run loop has no short
+//! form for comes here; tests run whole programs this way and compare.
 
 use ob1_ir::{AccuOp, AddressRegister, BitTest, DbRegister, Logic, NumberFormat, Op, Place, WordLogic};
 use ob1_model::{BitAddr, Fault, FaultKind};

@@ -1,9 +1,9 @@
 //! The doorbell of a driver: a non-blocking pipe whose read end is the driver's stdin.
 //!
-//! The pipe lives as long as the module, not as long as one driver process: a restarted driver gets the same read end. So the scan
-//! thread writes to one descriptor for ever, without a lock and without the danger that the number means another file. The read end
-//! is also kept by the supervisor, so a ring while no driver lives is not an error; when the runtime goes, the write end goes, and the
-//! driver reads end of file.
+//! The pipe lives as long as the module, not as long as one driver process: a restarted driver gets the same read end.
+//! So the scan thread writes to one descriptor for ever, without a lock and without the danger that the number means
+//! another file. The read end is also kept by the supervisor, so a ring while no driver lives is not an error; when the
+//! runtime goes, the write end goes, and the driver reads end of file.
 
 use std::io;
 use std::mem::ManuallyDrop;
@@ -12,15 +12,16 @@ use std::sync::Arc;
 
 use rustix::pipe::{PipeFlags, pipe_with};
 
-/// The ringing end. Clones ring the same bell; the driver reads end of file when the last one is dropped or one is hung up.
+/// The ringing end. Clones ring the same bell; the driver reads end of file when the last one is dropped or one is hung
+/// up.
 #[derive(Clone, Debug)]
 pub struct Doorbell {
     write_end: Arc<OwnedFd>,
 }
 
 impl Doorbell {
-    /// A new doorbell: the ringing end, and the end that becomes a driver's stdin (duplicate it for each start). Both are non-blocking
-    /// and closed on exec.
+    /// A new doorbell: the ringing end, and the end that becomes a driver's stdin (duplicate it for each start). Both
+    /// are non-blocking and closed on exec.
     ///
     /// # Errors
     /// What the system says when no descriptor is left.
@@ -35,15 +36,17 @@ impl Doorbell {
         let _ = rustix::io::write(self.write_end.as_fd(), &[1]);
     }
 
-    /// Closes the pipe for all clones at once, so that the driver reads end of file although a scan thread that never returns (a fenced
-    /// one) still holds the bell. Later rings go nowhere.
+    /// Closes the pipe for all clones at once, so that the driver reads end of file although a scan thread that never
+    /// returns (a fenced one) still holds the bell. Later rings go nowhere.
     ///
-    /// `instead` takes the pipe's place under its number; a read-only descriptor makes rings an error, which is ignored.
+    /// `instead` takes the pipe's place under its number; a read-only descriptor makes rings an error, which is
+    /// ignored.
     ///
     /// # Errors
     /// What the system says.
     pub fn hang_up(&self, instead: impl AsFd) -> io::Result<()> {
-        // SAFETY: the descriptor is open, because `write_end` owns it, and the alias is never dropped, so it is not closed twice.
+        // SAFETY: the descriptor is open, because `write_end` owns it, and the alias is never dropped, so it is not
+        // closed twice.
         let mut alias = ManuallyDrop::new(unsafe { OwnedFd::from_raw_fd(self.write_end.as_raw_fd()) });
         rustix::io::dup3(instead, &mut alias, rustix::io::DupFlags::CLOEXEC)?;
         Ok(())

@@ -126,7 +126,8 @@ impl Fleet {
         Ok(port)
     }
 
-    /// Starts the supervisor thread, which starts the drivers. Call it from an ordinary thread: the new one inherits its scheduling.
+    /// Starts the supervisor thread, which starts the drivers. Call it from an ordinary thread: the new one inherits
+    /// its scheduling.
     ///
     /// # Errors
     /// What the system says when it has no thread or descriptor left.
@@ -161,7 +162,8 @@ pub struct RunningFleet {
 }
 
 impl RunningFleet {
-    /// Stops the drivers: end of file on their stdin, up to [`STOP_WAIT`] for them to end, then SIGKILL. Returns when all are gone.
+    /// Stops the drivers: end of file on their stdin, up to [`STOP_WAIT`] for them to end, then SIGKILL. Returns when
+    /// all are gone.
     pub fn stop(mut self) {
         self.halt();
     }

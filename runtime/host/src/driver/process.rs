@@ -32,7 +32,8 @@ pub(super) struct Process {
 }
 
 impl Process {
-    /// Starts it. No `pre_exec`, so that std uses posix_spawn: a fork of a process with locked memory would cost the scan milliseconds.
+    /// Starts it. No `pre_exec`, so that std uses posix_spawn: a fork of a process with locked memory would cost the
+    /// scan milliseconds.
     pub(super) fn start(command: &DriverCommand, segment: &std::path::Path, stdin: &OwnedFd) -> io::Result<Self> {
         let mut child = Command::new(&command.program)
             .arg("--segment")

@@ -1,7 +1,8 @@
-//! What a driver and its supervisor report, as entries of the diagnostic buffer. Made on the scan thread: no allocation.
+//! What a driver and its supervisor report, as entries of the diagnostic buffer. Made on the scan thread: no
+//! allocation.
 //!
-//! A CP also reports each repetition and each failed order; those are not entered. They are the program's affair (FEHLER_KOM), are
-//! counted, and a noisy line would push everything else out of the buffer.
+//! A CP also reports each repetition and each failed order; those are not entered. They are the program's affair
+//! (FEHLER_KOM), are counted, and a noisy line would push everything else out of the buffer.
 
 use std::fmt::{self, Write};
 

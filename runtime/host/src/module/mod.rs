@@ -1,8 +1,8 @@
 //! A CP on the back plane as the CPU sees it: the CPU's end of a segment behind the port [`ob1_cpu::Module`].
 //!
-//! Nothing that comes out of the segment is trusted. What has no meaning becomes an entry in the diagnostic buffer and a counter,
-//! once per kind and driver; a driver that is down reads as 0. The registers a program reads are those of the moment (`L PEW`), and
-//! what it writes is published at once; the doorbell is rung at the end of the scan.
+//! Nothing that comes out of the segment is trusted. What has no meaning becomes an entry in the diagnostic buffer and
+//! a counter, once per kind and driver; a driver that is down reads as 0. The registers a program reads are those of
+//! the moment (`L PEW`), and what it writes is published at once; the doorbell is rung at the end of the scan.
 
 mod link;
 mod messages;
@@ -32,8 +32,8 @@ pub struct CpSettings {
     pub json: Vec<u8>,
     /// `absent = "fault"`: an access while the driver is down is an access error (OB 122), instead of reading 0.
     pub absent_is_fault: bool,
-    /// It has channels (the CP 341): its handling blocks read and write them as data records. (`docs/cp341-channels.md`) So it has a
-    /// diagnostic buffer of its own too.
+    /// It has channels (the CP 341): its handling blocks read and write them as data records.
+    /// (`docs/cp341-channels.md`) So it has a diagnostic buffer of its own too.
     pub channels: bool,
 }
 

@@ -107,8 +107,9 @@ impl NativeBlock for PluginBlock {
     #[inline]
     fn call(&self, cx: &mut dyn NativeContext) -> Result<(), Abort> {
         let mut frame = Frame { cx, memory: &self.memory, abort: false, panic: None };
-        // SAFETY: an entry of the type the interface names, with a table that lives for ever, the frame as the call context it
-        // gives back to the host's functions, and its own state. The frame is not touched until the entry has returned.
+        // SAFETY: an entry of the type the interface names, with a table that lives for ever, the frame as the call
+        // context it gives back to the host's functions, and its own state. The frame is not touched until the entry
+        // has returned.
         let status = unsafe { (self.code.entry)(&raw const HOST, (&raw mut frame).cast(), self.state.pointer()) };
         if let Some(panic) = frame.panic.take() {
             resume_unwind(panic);

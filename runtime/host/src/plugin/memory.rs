@@ -32,8 +32,8 @@ impl State {
     /// Fills it with zeros. No block of the plugin runs meanwhile.
     pub(super) fn clear(&self) {
         for chunk in &self.chunks {
-            // SAFETY: the pointer of an UnsafeCell in a living box; blocks of this station run on the thread of the CPU, which is
-            // the one that resets them (`Plugin::station`), and not during a reset.
+            // SAFETY: the pointer of an UnsafeCell in a living box; blocks of this station run on the thread of the
+            // CPU, which is the one that resets them (`Plugin::station`), and not during a reset.
             unsafe { chunk.get().write_bytes(0, 1) };
         }
     }
@@ -45,8 +45,8 @@ pub(super) struct StationMemory {
     modules: Vec<(PluginModule, State)>,
 }
 
-// SAFETY: the memory is reached through the blocks of one station alone, and `Plugin::station` binds them to one CPU, which runs
-// them on one thread at a time.
+// SAFETY: the memory is reached through the blocks of one station alone, and `Plugin::station` binds them to one CPU,
+// which runs them on one thread at a time.
 unsafe impl Send for StationMemory {}
 // SAFETY: as for Send.
 unsafe impl Sync for StationMemory {}

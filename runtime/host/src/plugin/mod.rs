@@ -1,7 +1,8 @@
 //! Plugins: blocks that come as shared libraries behind the interface of `ob1-abi`.
 //!
-//! [`Plugin::load`] opens a library, checks its table before believing a byte of it, and never closes it again. One loaded library
-//! serves many stations: [`Plugin::station`] makes the native blocks of one station, with memory of their own.
+//! [`Plugin::load`] opens a library, checks its table before believing a byte of it, and never closes it again. One
+//! loaded library serves many stations: [`Plugin::station`] makes the native blocks of one station, with memory of
+//! their own.
 
 mod block;
 mod error;
@@ -67,7 +68,8 @@ pub struct Plugin {
 static LOADED: Mutex<Vec<Arc<Plugin>>> = Mutex::new(Vec::new());
 
 impl Plugin {
-    /// Loads the shared library at `path`, or gives the plugin that was loaded from there before. Not for the scan thread.
+    /// Loads the shared library at `path`, or gives the plugin that was loaded from there before. Not for the scan
+    /// thread.
     ///
     /// # Errors
     /// A [`PluginError`] with a number and a remedy.
@@ -78,8 +80,8 @@ impl Plugin {
         if let Some(known) = loaded.iter().find(|plugin| plugin.path == file) {
             return Ok(Arc::clone(known));
         }
-        // SAFETY: loading runs the library's constructors. That is what the station file asks for by naming it; a plugin is
-        // trusted with that (docs/plugins.md, "What is checked").
+        // SAFETY: loading runs the library's constructors. That is what the station file asks for by naming it; a
+        // plugin is trusted with that (docs/plugins.md, "What is checked").
         let library = unsafe { Library::new(&file) }.map_err(|e| refuse(Refusal::NotALibrary(reason(&e))))?;
         // Never unloaded: blocks, texts and the panic hook of the plugin stay valid until the process ends.
         let library = ManuallyDrop::new(library);
@@ -118,8 +120,8 @@ impl Plugin {
         &self.path
     }
 
-    /// The blocks for one station, under the numbers `renumber` gives them (their own where it says nothing), with memory for each
-    /// block and for each of the `modules`.
+    /// The blocks for one station, under the numbers `renumber` gives them (their own where it says nothing), with
+    /// memory for each block and for each of the `modules`.
     ///
     /// The blocks belong to one CPU, which runs them on one thread at a time.
     ///

@@ -46,8 +46,9 @@ pub(super) fn open(library: &Library) -> Result<Table, Refusal> {
     if table.is_null() || !table.is_aligned() {
         return Err(malformed("ob1_plugin returned no table"));
     }
-    // Size and versions are the frozen part: they are there in every major version, and nothing else is read before they are known.
-    // SAFETY: not null, aligned, and at least these three fields long in every version of the interface.
+    // Size and versions are the frozen part: they are there in every major version, and nothing else is read before
+    // they are known. SAFETY: not null, aligned, and at least these three fields long in every version of the
+    // interface.
     let (size, major, minor) = unsafe { ((*table).size, (*table).abi_major, (*table).abi_minor) };
     if major != abi::ABI_MAJOR {
         return Err(Refusal::OtherMajor { major, minor });
@@ -87,7 +88,8 @@ impl Table {
     /// Runs the plugin's `init`, if it has one.
     pub(super) fn init(&self) -> Result<(), Refusal> {
         let Some(init) = self.table.init else { return Ok(()) };
-        // SAFETY: a function of the type the interface names; called once, on the loading thread (Plugin::load holds the lock).
+        // SAFETY: a function of the type the interface names; called once, on the loading thread (Plugin::load holds
+        // the lock).
         match unsafe { init() } {
             abi::OK => Ok(()),
             status => Err(Refusal::InitFailed(status)),
@@ -133,7 +135,8 @@ fn block(desc: &BlockDesc) -> Result<(BlockInfo, Code), Refusal> {
     Ok((BlockInfo { id, name, interface }, Code { entry, state_size }))
 }
 
-/// The entries of a list whose elements say their own size: they may be larger than ours, when a later minor version built them.
+/// The entries of a list whose elements say their own size: they may be larger than ours, when a later minor version
+/// built them.
 fn entries<T>(first: *const T, count: u32, size: fn(&T) -> u32, list: &str) -> Result<Vec<&'static T>, Refusal> {
     let mut entries = Vec::new();
     let mut next = first;
@@ -141,7 +144,8 @@ fn entries<T>(first: *const T, count: u32, size: fn(&T) -> u32, list: &str) -> R
         if next.is_null() || !next.is_aligned() {
             return Err(malformed(format!("{list}: no pointer to them")));
         }
-        // SAFETY: not null, aligned; static data of the plugin, by its word an array of `count` elements that begin with their size.
+        // SAFETY: not null, aligned; static data of the plugin, by its word an array of `count` elements that begin
+        // with their size.
         let bytes = unsafe { next.cast::<u32>().read() } as usize;
         if bytes < size_of::<T>() || bytes > 64 * size_of::<T>() || !bytes.is_multiple_of(align_of::<T>()) {
             return Err(malformed(format!("{list}: an entry of {bytes} bytes, it has at least {}", size_of::<T>())));

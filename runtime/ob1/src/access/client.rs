@@ -11,7 +11,8 @@ use super::protocol::{Op, Request, Response};
 use crate::rundir;
 use crate::station;
 
-/// How long a station may take to answer. Its socket thread answers for a CPU that hangs; this is for a process that was stopped.
+/// How long a station may take to answer. Its socket thread answers for a CPU that hangs; this is for a process that
+/// was stopped.
 const ANSWER_TIME: Duration = Duration::from_secs(60);
 
 /// Why a station was not asked.

@@ -1,5 +1,5 @@
-//! Looking into a running station: names of cells, the socket protocol, its server in the runtime and its client in `get`, `set`, `ctl`.
-//! The protocol is documented in `docs/access.md`, so that any program can speak it.
+//! Looking into a running station: names of cells, the socket protocol, its server in the runtime and its client in
+//! `get`, `set`, `ctl`. The protocol is documented in `docs/access.md`, so that any program can speak it.
 
 pub mod client;
 pub mod item;

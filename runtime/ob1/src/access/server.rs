@@ -1,5 +1,5 @@
-//! The socket of a running station: a thread that is the access port's one client. It serves one request at a time; the scan sees only
-//! the bounded rings of the port.
+//! The socket of a running station: a thread that is the access port's one client. It serves one request at a time; the
+//! scan sees only the bounded rings of the port.
 
 use std::io::{self, Read as _, Write as _};
 use std::os::unix::fs::PermissionsExt as _;

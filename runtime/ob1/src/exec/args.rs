@@ -12,9 +12,9 @@ use crate::station;
 
 /// Run bare sources without a station file: the start OB once, then OB 1 for ever
 ///
-/// There are no modules: peripheral reads answer from the process image of the inputs, peripheral writes land in that of the outputs.
-/// Time is virtual unless --real-time is given: each statement takes --ns-per-statement, each cycle at least --min-cycle, and nothing
-/// waits, so the same sources give the same result on any machine.
+/// There are no modules: peripheral reads answer from the process image of the inputs, peripheral writes land in that
+/// of the outputs. Time is virtual unless --real-time is given: each statement takes --ns-per-statement, each cycle at
+/// least --min-cycle, and nothing waits, so the same sources give the same result on any machine.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  ob1 exec press.awl --symbols press.sdf --limit 10s --dump M:0:100:m.bin\n  \
     ob1 exec main.awl lib.awl --mnemonics en --stats run.json\n\n\

@@ -40,8 +40,8 @@ impl fmt::Debug for WallTime {
     }
 }
 
-/// A clock that ends the run. The limit is looked at between two cycles; a cycle that does not end is halted when it is over by the
-/// cycle monitoring time, or when real time is up.
+/// A clock that ends the run. The limit is looked at between two cycles; a cycle that does not end is halted when it is
+/// over by the cycle monitoring time, or when real time is up.
 #[derive(Debug)]
 pub(super) struct ExecClock {
     time: Time,

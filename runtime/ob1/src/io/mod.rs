@@ -1,7 +1,8 @@
 //! Process I/O: the modules `di do ai ao`, backed by an image that any program can map, and by a timed stimulus.
 //!
-//! All such modules of a station share one image. They lie side by side in it: a module's first byte has the module's logical address as
-//! its offset. Inputs written by a stimulus and by other programs mix; the last one wins. (docs/process-io.md)
+//! All such modules of a station share one image. They lie side by side in it: a module's first byte has the module's
+//! logical address as its offset. Inputs written by a stimulus and by other programs mix; the last one wins.
+//! (docs/process-io.md)
 
 mod panel;
 mod stimulus;
@@ -23,8 +24,8 @@ pub struct ProcessIo {
     shared: Arc<Mutex<Shared>>,
 }
 
-/// What the modules share. All of them live on the scan thread, so the lock is never contended there; the only other thread that takes
-/// it is the monitor, when the scan has hung and will not come back.
+/// What the modules share. All of them live on the scan thread, so the lock is never contended there; the only other
+/// thread that takes it is the monitor, when the scan has hung and will not come back.
 struct Shared {
     image: IoImage,
     field: IoField,
@@ -60,8 +61,8 @@ impl ProcessIo {
         Some(self.shared.lock().ok()?.field.clone())
     }
 
-    /// The module a station file describes; `None` for one that is no process I/O. The first one made leads: it plays the stimulus at the
-    /// start of a scan and counts the scan at its end.
+    /// The module a station file describes; `None` for one that is no process I/O. The first one made leads: it plays
+    /// the stimulus at the start of a scan and counts the scan at its end.
     #[must_use]
     pub fn module(&self, config: &ModuleConfig, leads: bool) -> Option<Box<dyn Module>> {
         let (at, inputs, outputs) = match config.kind {

@@ -1,5 +1,5 @@
-//! Inputs written through the socket. An input that a module feeds is read anew at the start of each scan: whoever writes it means the
-//! module, so it is written into the image, as a hand on the switch would.
+//! Inputs written through the socket. An input that a module feeds is read anew at the start of each scan: whoever
+//! writes it means the module, so it is written into the image, as a hand on the switch would.
 
 use std::fmt;
 use std::ops::Range;

@@ -1,5 +1,5 @@
-//! A timed stimulus: process inputs set at given times, from a TOML file. Times count from the start of the runtime, so the same file
-//! does the same in a simulation.
+//! A timed stimulus: process inputs set at given times, from a TOML file. Times count from the start of the runtime, so
+//! the same file does the same in a simulation.
 
 use std::path::Path;
 

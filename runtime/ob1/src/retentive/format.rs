@@ -1,7 +1,7 @@
 //! The bytes of a retentive file. The only place that knows bincode.
 //!
-//! Magic, version of this format and length of the content in little-endian, a checksum over version and content, then the content as
-//! bincode writes it. The image in it is the CPU's own and has its own version.
+//! Magic, version of this format and length of the content in little-endian, a checksum over version and content, then
+//! the content as bincode writes it. The image in it is the CPU's own and has its own version.
 
 use bincode::config::{Configuration, standard};
 

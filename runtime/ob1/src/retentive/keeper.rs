@@ -1,7 +1,7 @@
 //! From the scan to the disk: the scan fills buffers it is given, a thread of its own writes them.
 //!
-//! The scan allocates nothing and takes no lock: buffers come and go through two rings. What comes too late for a buffer waits for the
-//! next one.
+//! The scan allocates nothing and takes no lock: buffers come and go through two rings. What comes too late for a
+//! buffer waits for the next one.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -69,8 +69,8 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// Starts the thread that writes into `store`: an image every `every`, where something has changed, and one at each end of RUN.
-    /// `len` is the length of the CPU's image.
+    /// Starts the thread that writes into `store`: an image every `every`, where something has changed, and one at each
+    /// end of RUN. `len` is the length of the CPU's image.
     ///
     /// # Errors
     /// No thread can be had.

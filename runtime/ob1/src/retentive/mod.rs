@@ -1,4 +1,5 @@
-//! Retentive memory over power cycles: read before the start, written while the station runs and when it stops. docs/station-file.md
+//! Retentive memory over power cycles: read before the start, written while the station runs and when it stops.
+//! docs/station-file.md
 
 pub mod format;
 pub mod keeper;

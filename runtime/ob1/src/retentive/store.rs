@@ -1,7 +1,7 @@
 //! Two generations of a retentive file on the disk.
 //!
-//! `.NAME.retentive.a` and `.b` take turns. A file is written under another name, synced, renamed over the older generation, and the
-//! folder synced: at every moment at least one whole generation is there under its name.
+//! `.NAME.retentive.a` and `.b` take turns. A file is written under another name, synced, renamed over the older
+//! generation, and the folder synced: at every moment at least one whole generation is there under its name.
 
 use std::fs::{self, File};
 use std::io::{self, Write as _};
@@ -31,8 +31,8 @@ pub struct Found {
 }
 
 impl Store {
-    /// Looks at what is there. A file that is refused is renamed to `….refused` and stays for inspection; a leftover of an interrupted
-    /// writing goes.
+    /// Looks at what is there. A file that is refused is renamed to `….refused` and stays for inspection; a leftover
+    /// of an interrupted writing goes.
     ///
     /// # Errors
     /// The folder cannot be made or read.

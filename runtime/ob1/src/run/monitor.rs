@@ -1,6 +1,7 @@
 //! The monitor: names a native block that never returns, switches the outputs off and ends the process.
 //!
-//! Nothing can bring the scan thread back from such a block. A statement loop is the watchdog's business and needs no monitor.
+//! Nothing can bring the scan thread back from such a block. A statement loop is the watchdog's business and needs no
+//! monitor.
 
 use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
@@ -16,8 +17,8 @@ use crate::watched::Running;
 
 /// Time between two looks.
 const LOOK: Duration = Duration::from_millis(100);
-/// Looks in which nothing must have moved, at least: looks are counted, not time, so that a process that was stopped as a whole is not
-/// taken for a hung scan.
+/// Looks in which nothing must have moved, at least: looks are counted, not time, so that a process that was stopped as
+/// a whole is not taken for a hung scan.
 const LOOKS: u32 = 20;
 /// The same for a CPU without a watchdog.
 const LOOKS_WITHOUT_WATCHDOG: u32 = 600;

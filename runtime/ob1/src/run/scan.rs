@@ -1,7 +1,8 @@
 //! The scan thread: asks for its posture, then cycles until it is told to finish.
 //!
-//! From its first cycle on it allocates nothing, takes no lock another thread can hold, and makes no system call but the sleep, the
-//! doorbells, and one look at its kernel counters after a late scan; the fence proves it. What others want to know of it stands in atomics.
+//! From its first cycle on it allocates nothing, takes no lock another thread can hold, and makes no system call but
+//! the sleep, the doorbells, and one look at its kernel counters after a late scan; the fence proves it. What others
+//! want to know of it stands in atomics.
 
 use std::sync::Arc;
 use std::sync::OnceLock;

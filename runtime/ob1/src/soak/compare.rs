@@ -1,7 +1,7 @@
 //! `ob1 soak --compare A.json B.json`: whether the second of two soaks is worse, and by how much.
 //!
-//! Medians and high percentiles are compared by the intervals of the time series, which are nearly independent of one another; scans
-//! are not. What is too rare for that (the tail, late scans, missed deadlines) is compared by counts.
+//! Medians and high percentiles are compared by the intervals of the time series, which are nearly independent of one
+//! another; scans are not. What is too rare for that (the tail, late scans, missed deadlines) is compared by counts.
 
 use std::fmt::Write as _;
 use std::path::Path;

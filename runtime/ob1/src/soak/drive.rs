@@ -25,7 +25,8 @@ const TICK: Duration = Duration::from_millis(50);
 const LIVE: Duration = Duration::from_secs(1);
 /// Between two checkpoints.
 const CHECKPOINT: Duration = Duration::from_secs(60);
-/// Intervals of the time series, if they are not shorter than [`SHORTEST`] then: enough for a slope, few enough to draw one in no time.
+/// Intervals of the time series, if they are not shorter than [`SHORTEST`] then: enough for a slope, few enough to draw
+/// one in no time.
 const INTERVALS: u32 = 480;
 const SHORTEST: Duration = Duration::from_secs(1);
 /// Longest warm-up that is not asked for.

@@ -77,7 +77,8 @@ fn unseen(why: &str) -> Judged {
     ("nothing".into(), Verdict::Inconclusive, why.into())
 }
 
-/// Broken when at least ten values, and more than the percentile allows, lie beyond the limit; kept when enough values have been seen.
+/// Broken when at least ten values, and more than the percentile allows, lie beyond the limit; kept when enough values
+/// have been seen.
 fn of_percentile(report: &Report, name: &str, share: f64, limit: f64) -> Judged {
     let Some(spread) = report.distribution(name) else { return unseen("no value of it has been seen") };
     let buckets = &spread.buckets;
@@ -96,7 +97,8 @@ fn of_percentile(report: &Report, name: &str, share: f64, limit: f64) -> Judged 
         let why = format!("{} values have been seen, {over} of them greater than the limit", spread.count);
         return (measured, Verdict::Inconclusive, why);
     }
-    // Between the sure pass and the sure break: the percentile lies beyond, by fewer than ten values. Cannot be with enough values.
+    // Between the sure pass and the sure break: the percentile lies beyond, by fewer than ten values. Cannot be with
+    // enough values.
     (measured, kept(over as f64 <= allowed.max(BEYOND as f64)), String::new())
 }
 

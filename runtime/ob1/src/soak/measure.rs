@@ -36,7 +36,8 @@ pub(super) struct Measurement {
 }
 
 impl Measurement {
-    /// Begins with a reading that was taken right after the statistics had been reset. `cells` are the names and roles of its cells.
+    /// Begins with a reading that was taken right after the statistics had been reset. `cells` are the names and roles
+    /// of its cells.
     pub(super) fn begin(mut report: Report, first: &Reading, cells: &[(String, Role)]) -> Self {
         let cell = |((name, role), value): (&(String, Role), &f64)| CellLedger {
             name: name.clone(),
@@ -79,7 +80,8 @@ impl Measurement {
         self.before = reading;
     }
 
-    /// The last reading, which may come in the middle of an interval: one of less than half its length tells nothing about the trend.
+    /// The last reading, which may come in the middle of an interval: one of less than half its length tells nothing
+    /// about the trend.
     pub(super) fn finish(&mut self, reading: Reading) {
         if (reading.time_ns - self.before.time_ns) * 2 >= self.report.interval_ns {
             self.interval(reading);

@@ -1,7 +1,8 @@
 //! `ob1 soak`: a station runs for hours, and at the end stands a verdict (docs/soak.md).
 //!
-//! The station is a process of its own, asked through its socket like any other; the soak reads its accounts, draws up the report, and
-//! judges it. Everything from the readings on is pure: [`measure`] collects, [`judge`] decides, [`text`] and [`html`] tell.
+//! The station is a process of its own, asked through its socket like any other; the soak reads its accounts, draws up
+//! the report, and judges it. Everything from the readings on is pure: [`measure`] collects, [`judge`] decides,
+//! [`text`] and [`html`] tell.
 
 mod budget;
 mod compare;

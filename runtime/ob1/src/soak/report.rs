@@ -62,7 +62,8 @@ pub struct Report {
     pub diagnostics: Vec<Diagnostic>,
     /// The time series.
     pub intervals: Vec<Interval>,
-    /// The accounts of all scans that were measured, with the buckets of all distributions; none before the first reading.
+    /// The accounts of all scans that were measured, with the buckets of all distributions; none before the first
+    /// reading.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<Timing>,
 }

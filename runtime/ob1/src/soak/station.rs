@@ -1,7 +1,7 @@
 //! The station under test: `ob1 run` as a process of its own, asked through its socket.
 //!
-//! Nothing of the soak lies in the station's process: neither its memory nor its threads disturb the scan or are counted as the
-//! station's.
+//! Nothing of the soak lies in the station's process: neither its memory nor its threads disturb the scan or are
+//! counted as the station's.
 
 use std::fs::File;
 use std::io;
@@ -23,8 +23,9 @@ pub(super) struct Station {
 }
 
 impl Station {
-    /// Starts `ob1 run`, with these further arguments. What it says goes to `log`. It is in a process group of its own: Ctrl-C is for the
-    /// soak, which ends the station in order; and should the soak be killed, its end of the pipe goes with it.
+    /// Starts `ob1 run`, with these further arguments. What it says goes to `log`. It is in a process group of its own:
+    /// Ctrl-C is for the soak, which ends the station in order; and should the soak be killed, its end of the pipe goes
+    /// with it.
     pub(super) fn start(file: &Path, more: &[String], log: File) -> io::Result<Self> {
         let child = Command::new(std::env::current_exe()?)
             .args(["run", "--quiet", "--lifeline"])
@@ -74,7 +75,8 @@ impl Station {
         (resident(self.pid()), fds)
     }
 
-    /// Kills one of its drivers. The process is held by a descriptor while it is looked at: the number alone may belong to another.
+    /// Kills one of its drivers. The process is held by a descriptor while it is looked at: the number alone may belong
+    /// to another.
     pub(super) fn kill_driver(&self, pid: u32) -> bool {
         let Some(number) = i32::try_from(pid).ok().and_then(Pid::from_raw) else { return false };
         let Ok(driver) = pidfd_open(number, PidfdFlags::empty()) else { return false };

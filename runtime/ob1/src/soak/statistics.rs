@@ -1,4 +1,5 @@
-//! The statistics of a soak, as pure functions: percentiles of a distribution, slopes with a confidence interval, comparison of two runs.
+//! The statistics of a soak, as pure functions: percentiles of a distribution, slopes with a confidence interval,
+//! comparison of two runs.
 
 use serde::{Deserialize, Serialize};
 
@@ -60,8 +61,9 @@ pub fn beyond(buckets: &[(Nanos, u64)], limit: Nanos) -> u64 {
     buckets.iter().filter(|(value, _)| *value > limit).map(|(_, n)| n).sum()
 }
 
-/// What has come to a distribution since an earlier reading. The greatest bucket of a reading may be named by the greatest value there has
-/// been, so that it is another name a moment later: a count that has no bucket any more is taken from the next higher one.
+/// What has come to a distribution since an earlier reading. The greatest bucket of a reading may be named by the
+/// greatest value there has been, so that it is another name a moment later: a count that has no bucket any more is
+/// taken from the next higher one.
 #[must_use]
 pub fn since(now: &[(Nanos, u64)], before: &[(Nanos, u64)]) -> Vec<(Nanos, u64)> {
     let mut before = before.iter().copied().peekable();
@@ -93,7 +95,8 @@ pub struct Slope {
     pub high: f64,
 }
 
-/// The Theil-Sen slope through points (time, value): a few outliers do not move it. `None` for less than [`INTERVALS`] points.
+/// The Theil-Sen slope through points (time, value): a few outliers do not move it. `None` for less than [`INTERVALS`]
+/// points.
 #[must_use]
 pub fn slope(points: &[(f64, f64)]) -> Option<Slope> {
     if points.len() < INTERVALS {
@@ -147,7 +150,8 @@ pub struct Shift {
     pub low: f64,
     /// Upper bound.
     pub high: f64,
-    /// How often chance alone would make the samples differ so much, either way (Mann-Whitney, normal approximation, corrected for ties).
+    /// How often chance alone would make the samples differ so much, either way (Mann-Whitney, normal approximation,
+    /// corrected for ties).
     pub p: f64,
 }
 
@@ -267,7 +271,8 @@ mod tests {
 
     #[test]
     fn sens_example_from_the_definition() {
-        // 10 points: Z * sqrt(10 * 9 * 25 / 18) = 21.9 ranks around the middle of 45 slopes, from the 12th to the 34th (from 1).
+        // 10 points: Z * sqrt(10 * 9 * 25 / 18) = 21.9 ranks around the middle of 45 slopes, from the 12th to the 34th
+        // (from 1).
         assert_eq!(ranks(45, Z95 * 125.0_f64.sqrt()), (11, 33));
     }
 

@@ -1,4 +1,5 @@
-//! Serial devices that are not there: no error, for an adapter may be plugged in later, but said before anybody waits for it.
+//! Serial devices that are not there: no error, for an adapter may be plugged in later, but said before anybody waits
+//! for it.
 
 use std::path::{Path, PathBuf};
 

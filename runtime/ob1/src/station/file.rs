@@ -1,4 +1,5 @@
-//! The station file as it is written: one struct a table, unknown keys refused. What the values mean is `check`'s business.
+//! The station file as it is written: one struct a table, unknown keys refused. What the values mean is `check`'s
+//! business.
 
 use std::collections::BTreeMap;
 

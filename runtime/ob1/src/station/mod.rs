@@ -1,7 +1,7 @@
 //! The station file: what a station is made of. Read, checked, and turned into a [`Station`].
 //!
-//! The format is documented in `docs/station-file.md`. Unknown keys are refused with the nearest known one; every finding names file,
-//! line and column; all checks that are not about the syntax of the file report together.
+//! The format is documented in `docs/station-file.md`. Unknown keys are refused with the nearest known one; every
+//! finding names file, line and column; all checks that are not about the syntax of the file report together.
 
 mod check;
 mod cp040;

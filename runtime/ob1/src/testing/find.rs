@@ -7,7 +7,8 @@ const ENDING: &str = ".test.toml";
 /// Folders deeper than this are not searched: links may go in circles.
 const DEPTH: usize = 16;
 
-/// The test files that `paths` name: files as they are, folders searched for `*.test.toml`, hidden ones and `target` left out.
+/// The test files that `paths` name: files as they are, folders searched for `*.test.toml`, hidden ones and `target`
+/// left out.
 ///
 /// # Errors
 /// A path that does not exist or cannot be read.

@@ -1,8 +1,9 @@
 //! A program that calls one block, for tests of that block alone.
 //!
-//! The call stands in a generated function that becomes OB 1; no other organization block of the program stays. A function gets its
-//! actual parameters from a generated data block, a function block keeps its own in a generated instance. The first step of a test opens
-//! the call: in the scan before, with the start of the CPU, nothing is set yet.
+//! The call stands in a generated function that becomes OB 1; no other organization block of the program stays. A
+//! function gets its actual parameters from a generated data block, a function block keeps its own in a generated
+//! instance. The first step of a test opens the call: in the scan before, with the start of the CPU, nothing is set
+//! yet.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -21,8 +21,8 @@ use crate::exit::TestExit;
 
 /// Test control programs in virtual time
 ///
-/// A test is a TOML file NAME.test.toml beside the program: it sets inputs, lets time pass and says what outputs, data blocks and the
-/// diagnostic buffer must hold. Nothing waits: ten minutes of a timer take milliseconds.
+/// A test is a TOML file NAME.test.toml beside the program: it sets inputs, lets time pass and says what outputs, data
+/// blocks and the diagnostic buffer must hold. Nothing waits: ten minutes of a timer take milliseconds.
 #[derive(Clone, Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 test examples/traffic-light\n  ob1 test press.test.toml --filter start --junit results.xml\n\n\

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
-    /// The kernel gave the core to something else, or had to find memory: run-queue wait, involuntary switches, page faults, steal.
+    /// The kernel gave the core to something else, or had to find memory: run-queue wait, involuntary switches, page
+    /// faults, steal.
     Kernel,
     /// The process was stopped by a signal and continued.
     Stopped,
@@ -43,7 +44,8 @@ impl Class {
     }
 }
 
-/// What the kernel counted around a scan. A window: up to two looks of the observer wide, so these are upper bounds for the scan itself.
+/// What the kernel counted around a scan. A window: up to two looks of the observer wide, so these are upper bounds for
+/// the scan itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Evidence {
     /// Width of the window.

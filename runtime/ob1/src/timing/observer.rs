@@ -1,5 +1,5 @@
-//! The observer thread: looks at the kernel's counters a few times a second, explains the late scans the scan thread has handed over,
-//! and takes frozen flights away.
+//! The observer thread: looks at the kernel's counters a few times a second, explains the late scans the scan thread
+//! has handed over, and takes frozen flights away.
 
 use std::collections::VecDeque;
 use std::sync::Arc;

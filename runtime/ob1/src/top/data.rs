@@ -52,7 +52,8 @@ impl Data {
         self.telegrams.drain(..over);
     }
 
-    /// Time between the two looks in seconds; 0 at the first one, and when somebody has reset the statistics in between.
+    /// Time between the two looks in seconds; 0 at the first one, and when somebody has reset the statistics in
+    /// between.
     fn seconds(&self) -> f64 {
         let (now, before) = (&self.now.timing, self.before.as_ref().map(|look| &look.timing));
         let same = before.filter(|before| before.since_ns == now.since_ns);
@@ -138,7 +139,8 @@ impl Figures {
     }
 }
 
-/// A histogram in `bins` logarithmic bins from the least to the greatest value: the upper end of each in nanoseconds, and its count.
+/// A histogram in `bins` logarithmic bins from the least to the greatest value: the upper end of each in nanoseconds,
+/// and its count.
 pub(super) fn bins(buckets: &[(u64, u64)], bins: usize) -> Vec<(u64, u64)> {
     let (Some((least, _)), Some((greatest, _))) = (buckets.first(), buckets.last()) else { return Vec::new() };
     let (from, to) = ((*least).max(1) as f64, (*greatest).max(2) as f64 * 1.001);

@@ -1,7 +1,8 @@
 //! `ob1 top`: a running station, live (docs/top.md). A screen on a terminal, lines of text elsewhere.
 //!
-//! Everything is asked through the station's socket; its figures come from copies of the accounts, so that the scan does not notice who
-//! looks. What is shown is a pure function of the answers ([`data`], [`plain`], [`screen`]), and what keys do is too ([`keys`]).
+//! Everything is asked through the station's socket; its figures come from copies of the accounts, so that the scan
+//! does not notice who looks. What is shown is a pure function of the answers ([`data`], [`plain`], [`screen`]), and
+//! what keys do is too ([`keys`]).
 
 mod data;
 mod keys;

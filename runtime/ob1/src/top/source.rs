@@ -60,7 +60,8 @@ impl Source {
         self.client.ask(Op::Set { items }).map(drop)
     }
 
-    /// What has gone over the lines since the last time. A driver that was killed takes its tap with it: the next one is connected to.
+    /// What has gone over the lines since the last time. A driver that was killed takes its tap with it: the next one
+    /// is connected to.
     pub(super) fn telegrams(&mut self) -> String {
         if self.taps.as_ref().is_none_or(Taps::has_lost_one) {
             self.taps = Taps::open(&self.name, None).ok();

@@ -1,5 +1,5 @@
-//! Frames of Modbus RTU for Wireshark: a pcapng file of link type 250, RTAC serial. Its pseudo header has a place for the
-//! direction, and its payload can be decoded as Modbus RTU (docs/trace.md says how).
+//! Frames of Modbus RTU for Wireshark: a pcapng file of link type 250, RTAC serial. Its pseudo header has a place for
+//! the direction, and its payload can be decoded as Modbus RTU (docs/trace.md says how).
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};

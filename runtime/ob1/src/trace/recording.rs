@@ -1,5 +1,5 @@
-//! Recordings: records of CPs one after the other in a file. The format is `ob1_protocols::trace::record`'s, with the number of
-//! the CP (1 byte) between the length of a record and the record.
+//! Recordings: records of CPs one after the other in a file. The format is `ob1_protocols::trace::record`'s, with the
+//! number of the CP (1 byte) between the length of a record and the record.
 
 use std::io::{self, Write};
 

@@ -1,6 +1,7 @@
-//! User data over the simulated line, beside what the protocol's own characters and pauses leave of the baud rate: at the protocol
-//! machines with orders queued, and end to end through FC 0 and FC 1 at a scan of 1 ms. In virtual time; only the cost of an order is the
-//! processor's. Then Modbus RTU over a pty, beside others, where the interpreter of the partners' scripts is known.
+//! User data over the simulated line, beside what the protocol's own characters and pauses leave of the baud rate: at
+//! the protocol machines with orders queued, and end to end through FC 0 and FC 1 at a scan of 1 ms. In virtual time;
+//! only the cost of an order is the processor's. Then Modbus RTU over a pty, beside others, where the interpreter of
+//! the partners' scripts is known.
 
 mod modbus;
 mod queue;
@@ -28,7 +29,8 @@ struct Case {
     pause: Nanos,
 }
 
-/// Runs the measurement: throughput at the machines and end to end, the processor's cost of an order, Modbus over a pty.
+/// Runs the measurement: throughput at the machines and end to end, the processor's cost of an order, Modbus over a
+/// pty.
 ///
 /// # Errors
 /// When an order fails, the stations cannot be built, or a partner cannot be had.
@@ -106,8 +108,8 @@ fn cases(baud: u32) -> Vec<Case> {
         [OfMachine::with_overhead(master, vec![5, 3, 0, 0, 0, registers], 3), OfMachine::side(slave, Vec::new())]
     };
     let silence = frame::Config::new(Mode::Rtu, baud, char_time).silence;
-    // 3964R puts 6 characters round a block: STX, DLE, DLE, ETX, BCC, DLE. RK 512 needs two telegrams and two reactions for 250 bytes,
-    // the first telegram with a header of 10 bytes, the others with 4.
+    // 3964R puts 6 characters round a block: STX, DLE, DLE, ETX, BCC, DLE. RK 512 needs two telegrams and two reactions
+    // for 250 bytes, the first telegram with a header of 10 bytes, the others with 4.
     let of_rk512_order = PAYLOAD + 10 + 3 * 4 + 4 * 6;
     let case = |name, sides, characters, pause| Case { name, sides, characters, pause };
     vec![

@@ -1,5 +1,6 @@
-//! Modbus RTU over a pty: transactions of the protocol machine a second, beside a bare loop, libmodbus and pymodbus, all against the same
-//! server. One register is read, 38400 baud, so that 1.75 ms of silence are kept; once more with no silence, as libmodbus keeps none.
+//! Modbus RTU over a pty: transactions of the protocol machine a second, beside a bare loop, libmodbus and pymodbus,
+//! all against the same server. One register is read, 38400 baud, so that 1.75 ms of silence are kept; once more with
+//! no silence, as libmodbus keeps none.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read as _, Write as _};

@@ -47,8 +47,8 @@ pub(super) unsafe fn with(
     call: *mut CallContext,
     body: impl for<'x> FnOnce(&mut Frame<'x>) -> Result<(), Refused>,
 ) -> Status {
-    // SAFETY: `PluginBlock::call` made the context from its frame and does not touch it while the entry runs; nested calls have
-    // frames of their own. The body works for every lifetime, so nothing of it can stay in the frame.
+    // SAFETY: `PluginBlock::call` made the context from its frame and does not touch it while the entry runs; nested
+    // calls have frames of their own. The body works for every lifetime, so nothing of it can stay in the frame.
     let Some(frame) = (unsafe { call.cast::<Frame<'_>>().as_mut() }) else { return abi::BAD_ARGUMENT };
     if frame.abort {
         return abi::ABORT;
@@ -113,8 +113,8 @@ pub(super) unsafe fn put<T>(to: *mut T, value: T) -> Result<(), Refused> {
     Ok(())
 }
 
-/// Checks the size a caller has set in a struct to be filled; larger ones belong to later minor versions, and their new fields
-/// keep what the caller has put there.
+/// Checks the size a caller has set in a struct to be filled; larger ones belong to later minor versions, and their new
+/// fields keep what the caller has put there.
 ///
 /// # Safety
 /// `to` is null or leads to a struct that begins with its size.

@@ -1,10 +1,11 @@
-//! The host's functions as the interface names them. Each one finds the call's frame behind the context, validates what it was given,
-//! asks the CPU, and turns the answer into a status. No panic crosses: one of the CPU is kept in the frame until the plugin has
-//! returned.
+//! The host's functions as the interface names them. Each one finds the call's frame behind the context, validates what
+//! it was given, asks the CPU, and turns the answer into a status. No panic crosses: one of the CPU is kept in the
+//! frame until the plugin has returned.
 //!
-//! SAFETY of every function here: the interface promises that `call` is the context given to the entry that is running, that
-//! pointers lead to as many bytes as are named, and that all of it happens on the scan thread. What can be checked (null, lengths,
-//! codes) is checked; a C plugin that lies about the rest is beyond help, and `docs/plugins.md` says so.
+//! SAFETY of every function here: the interface promises that `call` is the context given to the entry that is running,
+//! that pointers lead to as many bytes as are named, and that all of it happens on the scan thread. What can be checked
+//! (null, lengths, codes) is checked; a C plugin that lies about the rest is beyond help, and `docs/plugins.md` says
+//! so.
 
 mod areas;
 mod cpu;

@@ -1,7 +1,7 @@
 //! What a station is put under while it is judged: load generators with a seed, named in the report.
 //!
-//! They are threads of the soak's process, with the ordinary priority, and end with it. The station is another process: what they
-//! allocate and write is not in its accounts.
+//! They are threads of the soak's process, with the ordinary priority, and end with it. The station is another process:
+//! what they allocate and write is not in its accounts.
 
 mod generators;
 mod kills;
