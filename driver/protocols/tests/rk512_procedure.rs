@@ -368,6 +368,7 @@ fn bad_reactions() {
         ("01 00 00 00 01 02 03 04", "!0A02; ended BadReaction(Structure)"),
         ("00 00 00", "!0A02; ended BadReaction(Structure)"),
         ("FF 00 00 00 01 02 03 04", "!0A01; ended BadReaction(Sequence)"),
+        ("00 00 00 32 01 02 03 04", "!0A03; ended BadReaction(Data)"), // data with an error number
     ] {
         check(&format!("{fetch}\n30 partner {reaction} => {ends}"));
     }
@@ -375,6 +376,11 @@ fn bad_reactions() {
         "10 order {SEND_8} | 01..10 => tx STX
          20 takes {SEND_8} 01..10
          30 partner 00 00 00 00 01 => !0A04; ended BadReaction(SendData)"
+    ));
+    check(&format!(
+        "10 order {SEND_8} | 01..10 => tx STX
+         20 takes {SEND_8} 01..10
+         30 partner 00 00 00 45 58 39 => !0A04; ended BadReaction(SendData)"
     ));
     // The first reaction once more after a follow-on telegram is one out of order.
     check(

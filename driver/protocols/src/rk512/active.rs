@@ -31,8 +31,9 @@ enum Stage {
     Awaiting { bwz: Option<Nanos> },
 }
 
-/// An order has ended without its reaction, which may still come. Nothing in a reaction tells which order it belongs to, so the next one waits
-/// a while for it; and so does the one behind that, for the partner may have answered the first to what was sent as the second. (ours)
+/// An order has ended without its reaction, which may still come. Nothing in a reaction tells which order it belongs
+/// to, so the next one waits a while for it; and so does the one behind that, for the partner may have answered the
+/// first to what was sent as the second. (ours)
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Late {
     /// No order begins before this; `None`: the wait is over.
@@ -113,8 +114,8 @@ impl<const N: usize> Rk512<N> {
         }
     }
 
-    /// BWZ runs while the line is free: it ends with STX of the reaction. An order of the partner, or something that was no telegram,
-    /// lets it begin anew.
+    /// BWZ runs while the line is free: it ends with STX of the reaction. An order of the partner, or something that
+    /// was no telegram, lets it begin anew.
     pub(super) fn watch_bwz(&mut self, now: Nanos) {
         let free = self.line.is_free();
         let time = self.config.line.bwz;
@@ -144,7 +145,8 @@ impl<const N: usize> Rk512<N> {
         let Some(own) = &mut self.own else { return };
         let Stage::Awaiting { bwz } = own.stage else { return };
         if own.until.is_some_and(|until| now >= until) {
-            // [S0 L1678]: "a maximum period of 5s during which a reaction must be received". It holds for all repetitions together.
+            // [S0 L1678]: "a maximum period of 5s during which a reaction must be received". It holds for all
+            // repetitions together.
             self.end_own(now, Err(OrderError::NoReaction), out);
         } else if bwz.is_some_and(|bwz| now >= bwz) {
             // [S0 L1635]: beyond BWZ the telegram is sent again; DBL counts the attempts, as for a block.
@@ -181,13 +183,15 @@ impl<const N: usize> Rk512<N> {
         if follow != own.follow {
             return self.bad_reaction(now, BadReaction::Sequence, out);
         }
-        if number != 0 {
-            // [reference 4.5]: the order ends, without data, without further telegrams.
-            return self.end_own(now, Err(OrderError::Rejected(number)), out);
-        }
+        // Data come "only if byte 4 = 00h" [reference 4.3]: this may be the partner's own order, made a reaction by the
+        // line.
+        let with_data = !data.is_empty();
         let bytes = own.request.bytes();
         let piece = match own.request.command {
-            Command::Send if !data.is_empty() => return self.bad_reaction(now, BadReaction::SendData, out),
+            Command::Send if with_data => return self.bad_reaction(now, BadReaction::SendData, out),
+            _ if number != 0 && with_data => return self.bad_reaction(now, BadReaction::Data, out),
+            // [reference 4.5]: the order ends, without data, without further telegrams.
+            _ if number != 0 => return self.end_own(now, Err(OrderError::Rejected(number)), out),
             Command::Send => own.piece(),
             // Less than 128 bytes is tolerated in a telegram. [reference 4.4]
             Command::Fetch => match self.own_data[..bytes].get_mut(own.at..own.at + data.len()) {
@@ -219,7 +223,8 @@ impl<const N: usize> Rk512<N> {
     fn end_own(&mut self, now: Nanos, outcome: Result<(), OrderError>, out: &mut dyn Owner) {
         self.forget_own_telegram();
         let Some(own) = self.own.take() else { return };
-        if matches!(outcome, Err(OrderError::NoReaction | OrderError::BwzExceeded)) {
+        // What was no good reaction need not have been the reaction.
+        if matches!(outcome, Err(OrderError::NoReaction | OrderError::BwzExceeded | OrderError::BadReaction(_))) {
             self.expect_late(now, false);
         } else if self.late.is_some() {
             self.expect_late(now, true);
