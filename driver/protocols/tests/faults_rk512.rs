@@ -70,6 +70,10 @@ struct Books {
     spoilt: u64,
     /// Spoilt telegrams at both ends when our running order began.
     spoilt_mark: u64,
+    /// Spoilt telegrams at this end when our running order began.
+    order_spoilt: u64,
+    /// Spoilt telegrams at this end when the last question was put.
+    question_spoilt: u64,
     /// Characters of the block that is leaving.
     leaving: Vec<Option<u8>>,
     /// Telegrams that have left.
@@ -120,7 +124,8 @@ impl Owner for Port<'_> {
         if let Ok(data) = outcome {
             let telegrams = &self.books.accepted[self.books.order_mark..];
             let data = (request.command == Command::Fetch).then_some(data);
-            assert!(reactions_say(telegrams, data, self.books.bcc), "done without the partner's word");
+            let certain = self.books.bcc && self.books.spoilt == self.books.order_spoilt;
+            assert!(reactions_say(telegrams, data, certain), "done without the partner's word");
         }
         self.books.ended = Some(outcome.map(<[u8]>::to_vec));
     }
@@ -128,7 +133,9 @@ impl Owner for Port<'_> {
     fn asked(&mut self, request: &Request, data: &[u8]) {
         self.trace(format_args!("asked {request:?} {data:02X?}"));
         assert!(self.books.question.is_none(), "a second question before the first is over");
-        assert!(telegrams_say(&self.books.accepted, request, data, self.books.bcc), "not what came off the line");
+        let certain = self.books.bcc && self.books.spoilt == self.books.question_spoilt;
+        self.books.question_spoilt = self.books.spoilt;
+        assert!(telegrams_say(&self.books.accepted, request, data, certain), "not what came off the line");
         let patience = match self.books.rng.below(40) {
             0 if self.now < FAULTY => 12 * SECOND,
             1..4 if self.now < FAULTY => 700 * MS,
@@ -178,13 +185,14 @@ impl Books {
 }
 
 /// Whether these pieces, in their order, are the data. A piece that is the same as the one before may be that one once
-/// more; without block check character one of the two may have been spoilt.
-fn put_together<'a>(pieces: impl Iterator<Item = &'a [u8]>, data: &[u8], bcc: bool) -> bool {
+/// more; where something was spoilt that the check did not see (`certain` is false), one of the two may be it, its
+/// length too.
+fn put_together<'a>(pieces: impl Iterator<Item = &'a [u8]>, data: &[u8], certain: bool) -> bool {
     // All lengths the data may have after each piece.
     let mut lengths = vec![0];
     let mut before: Option<&[u8]> = None;
     for piece in pieces {
-        let same = before.is_some_and(|before| before == piece || !bcc && before.len() == piece.len());
+        let same = before.is_some_and(|before| !certain || before == piece);
         let again = if same { lengths.clone() } else { Vec::new() };
         lengths.retain(|at| data.get(*at..*at + piece.len()) == Some(piece));
         lengths.iter_mut().for_each(|at| *at += piece.len());
@@ -197,23 +205,23 @@ fn put_together<'a>(pieces: impl Iterator<Item = &'a [u8]>, data: &[u8], bcc: bo
 }
 
 /// Whether the last telegrams off the line are this order.
-fn telegrams_say(accepted: &[Vec<u8>], request: &Request, data: &[u8], bcc: bool) -> bool {
+fn telegrams_say(accepted: &[Vec<u8>], request: &Request, data: &[u8], certain: bool) -> bool {
     let header = request.header();
     let letters = &header[2..4];
     let Some(begin) = accepted.iter().rposition(|t| t.starts_with(&header)) else { return false };
     // The same first telegram may have come more than once.
     let first = &accepted[begin][10..];
     let follow = accepted[begin + 1..].iter().filter(|t| t.starts_with(&[0xFF, 0]) && t[2..].starts_with(letters));
-    put_together(std::iter::once(first).chain(follow.map(|t| &t[4..])), data, bcc)
+    put_together(std::iter::once(first).chain(follow.map(|t| &t[4..])), data, certain)
 }
 
 /// Whether the reactions off the line say "done", and, at a FETCH, these data.
-fn reactions_say(accepted: &[Vec<u8>], data: Option<&[u8]>, bcc: bool) -> bool {
+fn reactions_say(accepted: &[Vec<u8>], data: Option<&[u8]>, certain: bool) -> bool {
     let good = |t: &&Vec<u8>| matches!(t[..], [0x00 | 0xFF, 0, 0, 0, ..]);
     let reactions: Vec<_> = accepted.iter().filter(good).collect();
     let last_is_one = accepted.last().is_some_and(|t| good(&t));
     // Reactions to something before may have come first.
-    let fits = |from: usize, data| put_together(reactions[from..].iter().map(|t| &t[4..]), data, bcc);
+    let fits = |from: usize, data| put_together(reactions[from..].iter().map(|t| &t[4..]), data, certain);
     last_is_one && data.is_none_or(|data| (0..reactions.len()).any(|from| fits(from, data)))
 }
 
@@ -235,6 +243,8 @@ impl Station {
             held: 0,
             spoilt: 0,
             spoilt_mark: 0,
+            order_spoilt: 0,
+            question_spoilt: 0,
             leaving: Vec::new(),
             sent: VecDeque::new(),
             question: None,
@@ -389,6 +399,7 @@ fn run(seed: u64, faults: bool, trace: bool) -> Sum {
                 station.books.running = Some((request, data.clone()));
                 station.books.order_mark = station.books.accepted.len();
                 stations[n].books.spoilt_mark = stations[0].books.spoilt + stations[1].books.spoilt;
+                stations[n].books.order_spoilt = stations[n].books.spoilt;
                 let station = &mut stations[n];
                 if trace {
                     println!("{:>12.3} ms {:?} order {request:?}", now as f64 / MS as f64, station.end);
