@@ -261,8 +261,9 @@ struct Ob1ObInfo {
   uint8_t start[20];
 };
 
-// The host's functions. All run on the scan thread, inside a block's entry; pointers passed in are read or written before they
-// return. Values of parameters and cells are numbers, not bytes in memory order, wherever a `u32` is passed.
+// The host's functions. All run on the scan thread, inside a block's entry; pointers passed in are read or written
+// before they return. Values of parameters and cells are numbers, not bytes in memory order, wherever a `u32` is
+// passed.
 struct Ob1HostTable {
   // `sizeof` this struct.
   uint32_t size;
@@ -272,7 +273,8 @@ struct Ob1HostTable {
   uint16_t abi_minor;
   // Value of the actual of formal `index`, up to 32 bits wide; BOOL as 0/1; the number of a timer, counter or block.
   Ob1Status (*param_get)(struct Ob1CallContext *call, uint32_t index, uint32_t *value);
-  // Writes the actual of formal `index`: at once for M, E, A, L operands and the instance, after the return for data operands.
+  // Writes the actual of formal `index`: at once for M, E, A, L operands and the instance, after the return for data
+  // operands.
   Ob1Status (*param_set)(struct Ob1CallContext *call, uint32_t index, uint32_t value);
   // Bytes of an actual wider than 32 bits (STRING, DATE_AND_TIME, ANY), from byte `at`.
   Ob1Status (*param_read)(struct Ob1CallContext *call, uint32_t index, uint32_t at, uint8_t *into, uint32_t len);
@@ -306,8 +308,8 @@ struct Ob1HostTable {
   Ob1Status (*registers)(struct Ob1CallContext *call, struct Ob1Registers *registers);
   // Sets the binary result the caller sees after the call. It is 1 unless set.
   Ob1Status (*set_br)(struct Ob1CallContext *call, uint8_t br);
-  // Starts or scans a timer as the statement `kind T number` does with the given result of logic operation; an edge of `rlo`
-  // between two calls starts it. `s5time` is an S5TIME.
+  // Starts or scans a timer as the statement `kind T number` does with the given result of logic operation; an edge
+  // of `rlo` between two calls starts it. `s5time` is an S5TIME.
   Ob1Status (*timer_run)(struct Ob1CallContext *call, uint16_t number, uint8_t kind, uint8_t rlo, uint16_t s5time);
   // Resets a timer.
   Ob1Status (*timer_reset)(struct Ob1CallContext *call, uint16_t number);
@@ -319,12 +321,14 @@ struct Ob1HostTable {
   Ob1Status (*counter_set)(struct Ob1CallContext *call, uint16_t number, uint16_t value);
   // The module at a logical base address.
   Ob1Status (*module_info)(struct Ob1CallContext *call, uint32_t address, struct Ob1ModuleInfo *info);
-  // This plugin's memory for the module at a logical address, `PluginTable::module_state_size` bytes, aligned to 16.
+  // This plugin's memory for the module at a logical address, `PluginTable::module_state_size` bytes,
+  // aligned to 16.
   Ob1Status (*module_state)(struct Ob1CallContext *call, uint32_t address, void **state);
   // Reads peripheral bytes directly from the module (`PEB address`...). A driver that is down reads as 0 unless the
   // station file says `absent = "fault"`.
   Ob1Status (*io_read)(struct Ob1CallContext *call, uint32_t address, uint8_t *into, uint32_t len);
-  // Writes peripheral bytes to the module at once, all together, and into the process image where they lie inside it.
+  // Writes peripheral bytes to the module at once, all together, and into the process image where they lie inside
+  // it.
   Ob1Status (*io_write)(struct Ob1CallContext *call, uint32_t address, const uint8_t *from, uint32_t len);
   // Reads a record (data set) of the module; `read` gets the bytes copied.
   Ob1Status (*record_read)(struct Ob1CallContext *call,
@@ -339,8 +343,8 @@ struct Ob1HostTable {
                             uint8_t record,
                             const uint8_t *from,
                             uint32_t len);
-  // Calls another block: FC, FB, SFC or SFB (`KIND_*`), with its instance data block (0 for an FC or SFC) and one argument per
-  // formal. At most 64 arguments.
+  // Calls another block: FC, FB, SFC or SFB (`KIND_*`), with its instance data block (0 for an FC or SFC) and one
+  // argument per formal. At most 64 arguments.
   Ob1Status (*call_block)(struct Ob1CallContext *call,
                           uint8_t kind,
                           uint16_t number,
@@ -383,13 +387,13 @@ struct Ob1BlockDesc {
   uint16_t number;
   // The manual's name, `SEND`.
   struct Ob1Text name;
-  // Parameters in the manual's order, then instance variables of an FB. The order of inputs, outputs and in/outs is the parameter
-  // index in the host's functions; instance variables have no index.
+  // Parameters in the manual's order, then instance variables of an FB. The order of inputs, outputs and in/outs is
+  // the parameter index in the host's functions; instance variables have no index.
   const struct Ob1ParamDesc *params;
   // Number of entries of `params`.
   uint32_t param_count;
-  // Bytes of memory this block keeps per station: allocated by the host, zeroed at every start-up, aligned to 16 bytes, given to
-  // `entry`. 0: `state` is null. Data that must survive belongs into the instance data block.
+  // Bytes of memory this block keeps per station: allocated by the host, zeroed at every start-up, aligned to 16
+  // bytes, given to `entry`. 0: `state` is null. Data that must survive belongs into the instance data block.
   uint32_t state_size;
   // The code.
   Ob1BlockEntry entry;
@@ -413,7 +417,8 @@ struct Ob1PluginTable {
   uint32_t block_count;
   // Bytes of memory the plugin keeps per module it serves (`HostTable::module_state`): zeroed at every start-up.
   uint32_t module_state_size;
-  // Called once after loading, on the loading thread, before any block runs; may be null. Not `OK`: the plugin is refused.
+  // Called once after loading, on the loading thread, before any block runs; may be null. Not `OK`: the plugin is
+  // refused.
   Ob1Status (*init)(void);
   // Copies the message of the last panic (UTF-8, at most `len` bytes) and returns its length; may be null.
   uint32_t (*panic_message)(uint8_t *into, uint32_t len);
@@ -426,11 +431,11 @@ typedef const struct Ob1PluginTable *(*Ob1PluginEntry)(void);
 struct Ob1SettingsTable {
   // `sizeof` this struct.
   uint32_t size;
-  // A setting that is a number, of the module at a logical base address. `NO_MODULE`; `NO_SETTING` when the station file does not
-  // give it, or gives it as a text.
+  // A setting that is a number, of the module at a logical base address. `NO_MODULE`; `NO_SETTING` when the station
+  // file does not give it, or gives it as a text.
   Ob1Status (*get_int)(struct Ob1CallContext *call, uint32_t address, struct Ob1Text name, int64_t *value);
-  // A setting that is a text (UTF-8): copies at most `len` bytes of it, `read` gets its whole length. `NO_MODULE`; `NO_SETTING`
-  // when the station file does not give it, or gives it as a number.
+  // A setting that is a text (UTF-8): copies at most `len` bytes of it, `read` gets its whole length. `NO_MODULE`;
+  // `NO_SETTING` when the station file does not give it, or gives it as a number.
   Ob1Status (*get_text)(struct Ob1CallContext *call,
                         uint32_t address,
                         struct Ob1Text name,
