@@ -124,7 +124,7 @@ impl Owner for Port<'_> {
         if let Ok(data) = outcome {
             let telegrams = &self.books.accepted[self.books.order_mark..];
             let data = (request.command == Command::Fetch).then_some(data);
-            let certain = self.books.bcc && self.books.spoilt == self.books.order_spoilt;
+            let certain = self.books.spoilt == self.books.order_spoilt;
             assert!(reactions_say(telegrams, data, certain), "done without the partner's word");
         }
         self.books.ended = Some(outcome.map(<[u8]>::to_vec));
@@ -133,7 +133,7 @@ impl Owner for Port<'_> {
     fn asked(&mut self, request: &Request, data: &[u8]) {
         self.trace(format_args!("asked {request:?} {data:02X?}"));
         assert!(self.books.question.is_none(), "a second question before the first is over");
-        let certain = self.books.bcc && self.books.spoilt == self.books.question_spoilt;
+        let certain = self.books.spoilt == self.books.question_spoilt;
         self.books.question_spoilt = self.books.spoilt;
         assert!(telegrams_say(&self.books.accepted, request, data, certain), "not what came off the line");
         let patience = match self.books.rng.below(40) {
