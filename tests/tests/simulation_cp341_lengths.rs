@@ -7,8 +7,11 @@
 //! the outputs of P_RCV_RK. DB 10 is what is sent, DB 12 what is fetched; DB 31 (512 bytes), DB 32 and DB 40 (for
 //! telegrams without header and for DX) are the partner's.
 
+mod common;
+
 use std::fs;
 
+use common::cp341::{INSTANCES, data_block};
 use ob1_cpu::{Cell, CellWidth};
 use ob1_line::sim::{FaultRates, SplitMix64};
 use ob1_model::Area;
@@ -80,16 +83,6 @@ BEGIN
       L     S5T#2H;
       SE    T 5;
 END_ORGANIZATION_BLOCK
-
-DATA_BLOCK DB 7
-FB 7
-BEGIN
-END_DATA_BLOCK
-
-DATA_BLOCK DB 8
-FB 8
-BEGIN
-END_DATA_BLOCK
 ";
 
 /// Data blocks and their bytes.
@@ -392,11 +385,8 @@ fn run(protocol: &str, jobs: [Vec<Job>; 2]) {
 /// The same with another minimum cycle time of station B.
 fn run_at(cycle: &str, protocol: &str, jobs: [Vec<Job>; 2]) {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut program = PROGRAM.to_owned();
-    for (db, bytes) in BLOCKS {
-        let array = format!("DATA : ARRAY [0..{}] OF BYTE;", bytes - 1);
-        program += &format!("\nDATA_BLOCK DB {db}\nSTRUCT\n  {array}\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n");
-    }
+    let blocks = BLOCKS.map(|(db, bytes)| data_block(db, bytes)).concat();
+    let program = [PROGRAM, INSTANCES, &blocks].concat();
     fs::write(folder.path().join("program.awl"), program).expect("the program");
     for (name, line, priority, cycle) in [("a", "pty:cable", "high", "1ms"), ("b", "serial:cable", "low", cycle)] {
         let file = format!(

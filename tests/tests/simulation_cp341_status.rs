@@ -2,9 +2,12 @@
 //! handling blocks, CP and line are the real ones, the partner is written here from the manual's description. What
 //! P_SND_RK and P_RCV_RK say, and what stands in the CP's diagnostic buffer. [reference 1.2, 1.7, 3.6 to 3.12]
 
+mod common;
+
 use std::collections::VecDeque;
 use std::fs;
 
+use common::cp341::{INSTANCES, data_block};
 use ob1_cpu::{Cell, CellWidth, Nanos};
 use ob1_model::Area;
 use ob1_tests::sim::device::{Bench, Device};
@@ -205,16 +208,6 @@ VAR_TEMP
 END_VAR
 BEGIN
 END_ORGANIZATION_BLOCK
-
-DATA_BLOCK DB 7
-FB 7
-BEGIN
-END_DATA_BLOCK
-
-DATA_BLOCK DB 8
-FB 8
-BEGIN
-END_DATA_BLOCK
 ";
 
 /// What P_RCV_RK reports.
@@ -252,11 +245,8 @@ impl Site {
     /// 9600 8E1; three attempts, QVZ 100 ms, ZVZ 50 ms.
     fn new(protocol: &str, more: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
-        let data = |number: u16, bytes: usize| {
-            let array = format!("DATA : ARRAY [0..{}] OF BYTE;", bytes - 1);
-            format!("\nDATA_BLOCK DB {number}\nSTRUCT\n  {array}\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n")
-        };
-        let program = PROGRAM.to_owned() + &data(10, 300) + &data(31, 512) + &data(40, 300);
+        let blocks = [(10, 300), (31, 512), (40, 300)].map(|(db, bytes)| data_block(db, bytes)).concat();
+        let program = [PROGRAM, INSTANCES, &blocks].concat();
         fs::write(folder.path().join("status.awl"), program).expect("the program");
         let times = "qvz_ms = 100, zvz_ms = 50, connect_attempts = 3, block_attempts = 3";
         let file = format!(
