@@ -132,9 +132,11 @@ fn a_process_that_was_stopped_is_told_by_its_signal() {
     });
     // It woke up later than it was stopped, or ran longer; the deadline may have come up to a cycle after the stop.
     assert!(u128::from(entry.size_ns) + 10 * 1_000_000 >= lasted.get().as_nanos(), "{entry:?}");
-    let after = timing(&station);
+    // Figures that were read while a scan was entered may be of two scans.
+    let after = station.until("no deadline is left out", |station| {
+        Some(timing(station)).filter(|timing| timing.deadlines.count == timing.scans + timing.missed)
+    });
     assert!(after.missed >= before.missed + 25, "300 ms are thirty cycles");
-    assert_eq!(after.deadlines.count, after.scans + after.missed, "none is left out");
     assert!(after.deadlines.p50_ns <= after.deadlines.p99_ns && after.deadlines.max_ns >= 250 * MS);
     assert_eq!(station.interrupt().code(), Some(0));
 }

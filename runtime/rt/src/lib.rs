@@ -1,14 +1,16 @@
 //! The fenced operating-system calls of the runtime: the clock and the sleep to a deadline, locking memory, scheduling
-//! of the scan thread, its stack, what the kernel says about it, and the system-call fence.
+//! of the scan thread, its stack, what the kernel says about it, when it was continued after a stop, and the
+//! system-call fence.
 //!
 //! Everything asked of the system answers with what was granted, what was refused and what would grant it ([`Grant`]);
 //! nothing here fails a run because a privilege is missing.
 
-// Fenced by the house rules: sched_setscheduler, getrusage(RUSAGE_THREAD) and the signal mask of a thread have no safe
-// wrapper.
+// Fenced by the house rules: sched_setscheduler, getrusage(RUSAGE_THREAD), the signal mask of a thread and an action of
+// our own for a signal have no safe wrapper.
 #![allow(unsafe_code)]
 
 mod clock;
+mod continued;
 mod fence;
 mod posture;
 mod stack;
@@ -16,6 +18,7 @@ mod system;
 mod usage;
 
 pub use clock::{MonotonicClock, sleep_until};
+pub use continued::Continued;
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use posture::{Grant, Outcome, Posture, lock_memory, pin_to, raise_priority, set_timer_slack};
 pub use stack::{PREFAULT_BYTES, THREAD_STACK_BYTES, block_signals, prefault_stack, spawn, warm_heap};

@@ -60,7 +60,7 @@ pub struct Evidence {
     pub minor_faults: u64,
     /// Page faults that did.
     pub major_faults: u64,
-    /// The process was continued by SIGCONT.
+    /// The process was continued by SIGCONT between the scan's deadline and its end.
     pub stopped: bool,
     /// How much later than planned the observer itself came to look.
     pub observer_late_ns: Nanos,
@@ -152,7 +152,7 @@ fn kernel(evidence: &Evidence, size: Nanos, part: Part) -> Option<(Class, String
     let explains = |time: Nanos| time > 0 && time >= size / 2;
     let us = |time: Nanos| time as f64 / 1000.0;
     let said = |text: String| Some((Class::Kernel, text));
-    if evidence.stopped && size <= evidence.window_ns {
+    if evidence.stopped {
         return Some((Class::Stopped, "SIGSTOP and SIGCONT".into()));
     }
     if explains(evidence.wait_ns) {

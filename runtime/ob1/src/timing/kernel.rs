@@ -19,8 +19,8 @@ pub(super) struct Sample {
     pub(super) switches: u64,
     pub(super) minor_faults: u64,
     pub(super) major_faults: u64,
-    /// SIGCONT came since the sample before.
-    pub(super) stopped: bool,
+    /// SIGCONT came since the sample before, at this time.
+    pub(super) continued: Option<Nanos>,
     /// So much later than planned.
     pub(super) late: Nanos,
 }
@@ -37,7 +37,7 @@ impl Sample {
             switches: switches(&read("status")),
             minor_faults,
             major_faults,
-            stopped: false,
+            continued: None,
             late: 0,
         }
     }

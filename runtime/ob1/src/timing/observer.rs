@@ -3,15 +3,14 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use ob1_cpu::{Nanos, ScanRecord};
-use ob1_rt::ThreadUsage;
+use ob1_rt::{Continued, ThreadUsage};
 use rtrb::{Consumer, Producer, RingBuffer};
-use signal_hook::consts::SIGCONT;
 
 use super::Timings;
 use super::cause::{Evidence, explain};
@@ -94,8 +93,7 @@ impl Observer {
     pub fn start(timings: Timings, cores: Vec<usize>) -> std::io::Result<(Self, LateSender)> {
         let (ring, late) = RingBuffer::new(ROOM);
         let shared = Arc::new(Shared::default());
-        let continued = Arc::new(AtomicBool::new(false));
-        signal_hook::flag::register(SIGCONT, Arc::clone(&continued))?;
+        let continued = Continued::watch(timings.clock)?;
         let (stop, stopped) = mpsc::channel();
         let mut looking = Looking {
             timings,
@@ -138,7 +136,7 @@ struct Looking {
     cores: Vec<usize>,
     late: Consumer<LateScan>,
     shared: Arc<Shared>,
-    continued: Arc<AtomicBool>,
+    continued: Continued,
     samples: VecDeque<Sample>,
     /// Explained at the next look, when the counters of what came with them are there too.
     waiting: Vec<LateScan>,
@@ -154,7 +152,7 @@ impl Looking {
         }
         let time = self.timings.clock.time();
         let mut sample = Sample::read(thread, &self.cores, time);
-        sample.stopped = self.continued.swap(false, Ordering::Relaxed);
+        sample.continued = self.continued.take();
         sample.late = time.saturating_sub(planned);
         if self.samples.len() == SAMPLES {
             self.samples.pop_front();
@@ -200,7 +198,8 @@ impl Looking {
         let counted = |now: u64, last: Option<u64>, before: u64| now.saturating_sub(last.unwrap_or(before));
         let usage = &late.usage;
         let window = after.time.saturating_sub(before.time);
-        let within = |s: &&Sample| s.time > before.time && s.time <= after.time + LOOK.as_nanos() as Nanos;
+        let look = LOOK.as_nanos() as Nanos;
+        let within = |s: &&Sample| s.time > before.time && s.time <= after.time + look;
         let within: Vec<&Sample> = self.samples.iter().filter(within).collect();
         Evidence {
             window_ns: window,
@@ -209,7 +208,8 @@ impl Looking {
             switches: counted(usage.involuntary_switches, last.map(|l| l.involuntary_switches), before.switches),
             minor_faults: counted(usage.minor_faults, last.map(|l| l.minor_faults), before.minor_faults),
             major_faults: counted(usage.major_faults, last.map(|l| l.major_faults), before.major_faults),
-            stopped: within.iter().any(|s| s.stopped),
+            // The scan may have gone on, and ended, before the thread that takes the signals came to note it.
+            stopped: self.samples.iter().filter_map(|s| s.continued).any(|at| record.planned <= at && at <= end + look),
             observer_late_ns: within.iter().map(|s| s.late).filter(|late| *late > 1_000_000).max().unwrap_or(0),
             ns_per_statement,
         }
