@@ -83,7 +83,13 @@ fn kill_drivers(seed: u64, kills: u32) {
         let (of_a, of_b) = ledger::rest(&a, &b);
         assert_accounted(&of_a, &of_b, kills_of_a, kills_of_b, &what);
         // FC 9 of the manual's program has synchronised with each new CP.
-        assert_eq!((of_a["SYNCS"], of_b["SYNCS"]), (1 + kills_of_a, 1 + kills_of_b), "{what}");
+        assert_eq!(
+            (of_a["SYNCS"], of_b["SYNCS"]),
+            (1 + kills_of_a, 1 + kills_of_b),
+            "{what}\n{:#?}\n{:#?}",
+            a.diagnostics(),
+            b.diagnostics()
+        );
         ledger::pause(&a, false);
     }
     for station in [&a, &b] {

@@ -28,6 +28,9 @@ pub struct Times {
     pub hang: Nanos,
     /// A driver that has been started must give its first sign of life within this time. Default 5 s.
     pub start: Nanos,
+    /// A driver that is kept from giving a sign of life ([`Input::Starved`]) is killed after this long without one: its
+    /// device may never let go of it. Default 30 s.
+    pub starved: Nanos,
     /// The first wait that is not zero; each further one is twice as long. Default 50 ms.
     pub first_wait: Nanos,
     /// The longest wait between two starts. Default 1 s.
@@ -38,7 +41,14 @@ pub struct Times {
 
 impl Default for Times {
     fn default() -> Self {
-        Self { hang: 1000 * MS, start: 5000 * MS, first_wait: 50 * MS, longest_wait: 1000 * MS, healthy: 5000 * MS }
+        Self {
+            hang: 1000 * MS,
+            start: 5000 * MS,
+            starved: 30_000 * MS,
+            first_wait: 50 * MS,
+            longest_wait: 1000 * MS,
+            healthy: 5000 * MS,
+        }
     }
 }
 
@@ -77,6 +87,9 @@ pub enum Input {
     Exited(Exit),
     /// The driver's heartbeat has changed.
     Heartbeat,
+    /// Time has passed, and the driver could not have done anything with it: it waits for a core, or the kernel holds
+    /// it. To kill it would lose its telegrams and not bring back the line.
+    Starved,
 }
 
 /// What the supervisor wants done, at once.
@@ -116,13 +129,33 @@ enum State {
     /// [`Request::Spawn`] is out.
     Spawning,
     /// A process without a sign of life so far.
-    Starting { since: Nanos },
+    Starting { silent: Silent },
     /// At work.
-    Up { since: Nanos, last_beat: Nanos },
+    Up { since: Nanos, silent: Silent },
     /// [`Request::Kill`] is out.
     Killed,
     /// No start is wanted any more; the process may still be there.
     Stopped,
+}
+
+/// Since when there has been no sign of life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Silent {
+    /// In all.
+    since: Nanos,
+    /// And nothing kept the driver from giving one.
+    freely_since: Nanos,
+}
+
+impl Silent {
+    fn from(now: Nanos) -> Self {
+        Self { since: now, freely_since: now }
+    }
+
+    /// When it has been silent for too long: freely, or in all.
+    fn until(self, freely: Nanos, in_all: Nanos) -> Nanos {
+        self.freely_since.saturating_add(freely).min(self.since.saturating_add(in_all))
+    }
 }
 
 /// What a caller may want to show.
@@ -179,8 +212,8 @@ impl Supervisor {
         let (request, report) = match self.state {
             State::Down { start_at } => self.down(now, start_at),
             State::Spawning => self.spawning(now, input),
-            State::Starting { since } => self.starting(now, input, since),
-            State::Up { since, last_beat } => self.up(now, input, since, last_beat),
+            State::Starting { silent } => self.starting(now, input, silent),
+            State::Up { since, silent } => self.up(now, input, since, silent),
             State::Killed => self.killed(now, input),
             State::Stopped => (None, None),
         };
@@ -190,8 +223,8 @@ impl Supervisor {
     fn deadline(&self) -> Option<Nanos> {
         match self.state {
             State::Down { start_at } => Some(start_at),
-            State::Starting { since } => Some(since.saturating_add(self.times.start)),
-            State::Up { last_beat, .. } => Some(last_beat.saturating_add(self.times.hang)),
+            State::Starting { silent } => Some(silent.until(self.times.start, self.times.starved)),
+            State::Up { silent, .. } => Some(silent.until(self.times.hang, self.times.starved)),
             State::Spawning | State::Killed | State::Stopped => None,
         }
     }
@@ -207,7 +240,7 @@ impl Supervisor {
     fn spawning(&mut self, now: Nanos, input: Input) -> (Option<Request>, Option<Report>) {
         match input {
             Input::Spawned => {
-                self.state = State::Starting { since: now };
+                self.state = State::Starting { silent: Silent::from(now) };
                 (None, None)
             }
             // Reported once, not at every attempt: a missing program would fill the diagnostic buffer.
@@ -216,14 +249,14 @@ impl Supervisor {
                 let (request, _) = self.lost(now, exit);
                 (request, first.then_some(Report::Lost(exit)))
             }
-            Input::Tick | Input::Heartbeat => (None, None),
+            Input::Tick | Input::Heartbeat | Input::Starved => (None, None),
         }
     }
 
-    fn starting(&mut self, now: Nanos, input: Input, since: Nanos) -> (Option<Request>, Option<Report>) {
+    fn starting(&mut self, now: Nanos, input: Input, silent: Silent) -> (Option<Request>, Option<Report>) {
         match input {
             Input::Heartbeat => {
-                self.state = State::Up { since: now, last_beat: now };
+                self.state = State::Up { since: now, silent: Silent::from(now) };
                 self.starts = self.starts.saturating_add(1);
                 (None, Some(Report::Up(self.starts)))
             }
@@ -232,30 +265,42 @@ impl Supervisor {
                 let (request, _) = self.lost(now, exit);
                 (request, first.then_some(Report::Lost(exit)))
             }
-            Input::Tick if now >= since.saturating_add(self.times.start) => self.kill(),
-            Input::Tick | Input::Spawned => (None, None),
+            Input::Tick | Input::Starved => self.silent(now, input, silent),
+            Input::Spawned => (None, None),
         }
     }
 
-    fn up(&mut self, now: Nanos, input: Input, since: Nanos, last_beat: Nanos) -> (Option<Request>, Option<Report>) {
+    fn up(&mut self, now: Nanos, input: Input, since: Nanos, silent: Silent) -> (Option<Request>, Option<Report>) {
         if now.saturating_sub(since) >= self.times.healthy {
             self.failures = 0;
         }
         match input {
             Input::Heartbeat => {
-                self.state = State::Up { since, last_beat: now };
+                self.state = State::Up { since, silent: Silent::from(now) };
                 (None, None)
             }
             Input::Exited(exit) => self.lost(now, exit),
-            Input::Tick if now >= last_beat.saturating_add(self.times.hang) => self.kill(),
-            Input::Tick | Input::Spawned => (None, None),
+            Input::Tick | Input::Starved => self.silent(now, input, silent),
+            Input::Spawned => (None, None),
         }
+    }
+
+    /// No sign of life, while starting or up.
+    fn silent(&mut self, now: Nanos, input: Input, silent: Silent) -> (Option<Request>, Option<Report>) {
+        if input == Input::Starved {
+            let longer = Silent { freely_since: now, ..silent };
+            match &mut self.state {
+                State::Starting { silent } | State::Up { silent, .. } => *silent = longer,
+                State::Down { .. } | State::Spawning | State::Killed | State::Stopped => {}
+            }
+        }
+        if self.deadline().is_some_and(|deadline| now >= deadline) { self.kill() } else { (None, None) }
     }
 
     fn killed(&mut self, now: Nanos, input: Input) -> (Option<Request>, Option<Report>) {
         match input {
             Input::Exited(_) => self.lost(now, Exit::Hung),
-            Input::Tick | Input::Spawned | Input::Heartbeat => (None, None),
+            Input::Tick | Input::Spawned | Input::Heartbeat | Input::Starved => (None, None),
         }
     }
 

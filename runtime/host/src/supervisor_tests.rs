@@ -102,6 +102,29 @@ fn a_hang_is_killed_and_reported_as_a_hang() {
 }
 
 #[test]
+fn a_driver_that_is_kept_from_beating_is_no_hang() {
+    let mut supervisor = up();
+    run(
+        &mut supervisor,
+        &[
+            (900, Input::Starved, None, None),
+            (1800, Input::Starved, None, None),
+            // Free again: a second from the last time that it was not.
+            (2799, Input::Tick, None, None),
+            (2800, Input::Tick, Some(Request::Kill), None),
+            (2803, KILLED, SPAWN, Some(Report::Lost(Exit::Hung))),
+            (2804, Input::Spawned, None, None),
+            (9000, Input::Starved, None, None),
+            (9100, Input::Heartbeat, None, Some(Report::Up(2))),
+            (9200, Input::Starved, None, None),
+            // For ever is too long: half a minute from the last sign of life.
+            (39_099, Input::Starved, None, None),
+            (39_100, Input::Starved, Some(Request::Kill), None),
+        ],
+    );
+}
+
+#[test]
 fn a_driver_that_never_answers_is_killed_too() {
     let mut supervisor = Supervisor::new(Times::default());
     run(
@@ -147,7 +170,7 @@ fn a_stopped_supervisor_starts_nothing() {
 #[test]
 fn every_deadline_lies_ahead_or_is_answered() {
     // Whatever comes in whatever order, following the deadlines never stands still.
-    let inputs = [Input::Tick, Input::Spawned, Input::Heartbeat, KILLED];
+    let inputs = [Input::Tick, Input::Spawned, Input::Heartbeat, Input::Starved, KILLED];
     let mut seed = 1u64;
     let mut supervisor = Supervisor::new(Times::default());
     let mut now = 0;

@@ -1,6 +1,11 @@
-//! What the kernel knows about this process and its threads, for reports.
+//! What the kernel knows about this process and its threads, for reports, and about a driver's, for its supervisor.
 
 use std::fs;
+
+use ob1_cpu::Nanos;
+
+/// Time of a tick in `/proc/PID/stat` (USER_HZ is 100 on every Linux).
+const TICK: Nanos = 10_000_000;
 
 /// Memory of the process, in KiB, from `/proc/self/status`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -34,6 +39,31 @@ fn parse_status(text: &str) -> Memory {
         locked_kib: figure("VmLck"),
         threads: figure("Threads"),
     }
+}
+
+/// What a process is at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProcessState {
+    /// `R` runs or waits for a core, `S` sleeps, `D` is held by the kernel, `T` is stopped; and others, as in proc(5).
+    pub state: char,
+    /// Time it has had on a core, in steps of 10 ms.
+    pub ran: Nanos,
+}
+
+/// Looks at a process; `None` where it or `/proc` is not there.
+#[must_use]
+pub fn process_state(pid: u32) -> Option<ProcessState> {
+    parse_stat(&fs::read_to_string(format!("/proc/{pid}/stat")).ok()?)
+}
+
+/// Fields 3, 14 and 15; the name in field 2 may hold blanks and brackets.
+fn parse_stat(stat: &str) -> Option<ProcessState> {
+    let (_, rest) = stat.rsplit_once(')')?;
+    let mut fields = rest.split_whitespace();
+    let state = fields.next()?.chars().next()?;
+    let user: u64 = fields.nth(10)?.parse().ok()?;
+    let system: u64 = fields.next()?.parse().ok()?;
+    Some(ProcessState { state, ran: user.saturating_add(system).saturating_mul(TICK) })
 }
 
 /// The kernel's number of the calling thread.
@@ -82,6 +112,15 @@ mod tests {
         let expected = Memory { resident_kib: 4321, peak_kib: 5000, locked_kib: 12, threads: 4 };
         assert_eq!(parse_status(text), expected);
         assert_eq!(parse_status("VmRSS without a number"), Memory::default());
+    }
+
+    #[test]
+    fn state_and_time_of_a_process() {
+        let stat = "5035 (ob1) cp) D 1 5035 1 0 -1 4194304 120 0 3 0 7 12 0 0 20 0 1 0 99 1 2 3";
+        assert_eq!(parse_stat(stat), Some(ProcessState { state: 'D', ran: 19 * TICK }));
+        assert_eq!((parse_stat(""), parse_stat("1 (x) S 1 2")), (None, None));
+        assert_eq!(process_state(std::process::id()).map(|process| process.state == 'Z'), Some(false));
+        assert_eq!(process_state(u32::MAX), None);
     }
 
     #[test]

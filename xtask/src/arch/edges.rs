@@ -33,6 +33,8 @@ const TABLE: &[Row] = &[
             "ob1-cpu",
             "ob1-abi",
             "ob1-backplane",
+            // What the system says of a driver's process.
+            "ob1-rt",
             "libc",
             "libloading",
             "rtrb",

@@ -22,6 +22,8 @@ const MS: Nanos = 1_000_000;
 const LOOK: Nanos = 100 * MS;
 /// The same while one is starting: so long its first sign of life may go unseen.
 const LOOK_STARTING: Nanos = 5 * MS;
+/// A look that comes so long after the last one comes late: the whole process, or the machine, has stood still.
+const LOOK_LATE: Nanos = 3 * LOOK;
 /// Reports the scan has not fetched yet; more are dropped.
 const REPORTS: usize = 32;
 /// Stack of the supervisor thread, in bytes.
@@ -85,6 +87,8 @@ struct Driver {
     supervisor: Supervisor,
     process: Option<Process>,
     last_beat: u64,
+    /// When it was looked at last.
+    looked: Nanos,
     reports: Producer<Report>,
     status: Arc<DriverStatus>,
 }
@@ -120,6 +124,7 @@ impl Fleet {
             supervisor: Supervisor::new(times),
             process: None,
             last_beat: 0,
+            looked: 0,
             reports: producer,
             status,
         });
@@ -244,7 +249,7 @@ impl<C: Clock> Watch<C> {
 impl Driver {
     /// Feeds the machine with what has happened and does what it asks; returns when it wants to be looked at again.
     fn attend(&mut self, now: Nanos) -> Nanos {
-        let mut input = self.observe();
+        let mut input = self.observe(now);
         loop {
             let step = self.supervisor.step(now, input);
             if let Some(report) = step.report {
@@ -270,7 +275,9 @@ impl Driver {
         }
     }
 
-    fn observe(&mut self) -> Input {
+    fn observe(&mut self, now: Nanos) -> Input {
+        let since_last_look = now.saturating_sub(self.looked);
+        self.looked = now;
         if let Some(exit) = self.process.as_mut().and_then(Process::ended) {
             self.process = None;
             self.status.pid.store(0, Ordering::Relaxed);
@@ -278,12 +285,15 @@ impl Driver {
             self.monitor.driver_gone();
             return Input::Exited(exit);
         }
+        let Some(process) = &mut self.process else { return Input::Tick };
         let beat = self.monitor.cp_heartbeat();
-        if self.process.is_some() && beat != self.last_beat {
+        if beat != self.last_beat {
             self.last_beat = beat;
+            process.has_beaten();
             return Input::Heartbeat;
         }
-        Input::Tick
+        // Who comes late himself has not seen what the driver could do meanwhile.
+        if process.is_starved() || since_last_look > LOOK_LATE { Input::Starved } else { Input::Tick }
     }
 
     fn spawn(&mut self) -> Input {

@@ -7,9 +7,15 @@ use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 
+use ob1_cpu::Nanos;
+use ob1_rt::{ProcessState, process_state};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
 use crate::supervisor::Exit;
+
+/// Time on a core that is enough for any number of signs of life. Who has had so much since the last one goes round in
+/// circles.
+const ENOUGH: Nanos = 200_000_000;
 
 /// How a driver is started.
 #[derive(Clone, Debug)]
@@ -29,6 +35,8 @@ pub struct DriverCommand {
 pub(super) struct Process {
     child: Child,
     pidfd: OwnedFd,
+    /// Time it had had on a core when its silence was first seen.
+    silent_at: Option<Nanos>,
 }
 
 impl Process {
@@ -45,7 +53,7 @@ impl Process {
             .process_group(0)
             .spawn()?;
         match pidfd_open(Pid::from_child(&child), PidfdFlags::empty()) {
-            Ok(pidfd) => Ok(Self { child, pidfd }),
+            Ok(pidfd) => Ok(Self { child, pidfd, silent_at: None }),
             Err(error) => {
                 let _ = child.kill();
                 let _ = child.wait();
@@ -61,6 +69,19 @@ impl Process {
     /// Readable when the process has ended.
     pub(super) fn pidfd(&self) -> &OwnedFd {
         &self.pidfd
+    }
+
+    /// It has given a sign of life.
+    pub(super) fn has_beaten(&mut self) {
+        self.silent_at = None;
+    }
+
+    /// Whether it is silent because it can do nothing: it waits for a core, or the kernel holds it (a tty does, to hand
+    /// over what it has received). Not: it sleeps, is stopped, or goes round in circles.
+    pub(super) fn is_starved(&mut self) -> bool {
+        let Some(ProcessState { state, ran }) = process_state(self.id()) else { return false };
+        let ran = ran.saturating_sub(*self.silent_at.get_or_insert(ran));
+        state == 'D' || state == 'R' && ran < ENOUGH
     }
 
     pub(super) fn kill(&mut self) {
