@@ -104,6 +104,10 @@ impl Process {
                 && let Some(line) = self.port.line()
             {
                 line.ready();
+                // Before the times are looked at: a process that the system has held up finds them expired, and the answer
+                // that came in time beside them.
+                let now = self.now();
+                self.line_events(now);
             }
             if ready.doorbell {
                 // First the work: whoever rang waits for it. A ring for a later change may be swallowed with this one;

@@ -201,6 +201,38 @@ fn two_drivers_speak_3964r_over_a_null_modem() {
     }
 }
 
+/// The system holds the driver up for longer than QVZ, while the answer comes in.
+#[test]
+fn an_answer_in_time_counts_for_a_driver_that_comes_late() {
+    let _one = lock();
+    let qvz = Duration::from_secs(2);
+    let parameters = [0x0E, 0x04, 0x13, 0, 0, 10, 100, 100, 5, 6, 0, 0, 0, 0, 0, 0];
+    let dir = tempfile::tempdir().unwrap();
+    let line = dir.path().join("line");
+    let mut station = Station::with(&parameters, "pty", line, dir);
+    station.synchronise();
+    let mut partner = station.partner();
+    station.put(0, 1, b"1");
+    station.until("echo", |s| (s.words().1 == 1).then_some(()));
+    station.put(0, 0, &[]);
+    // What is answered while it is held up: STX, then the block.
+    for out in [[0x02].as_slice(), &[b'1', 0x10, 0x03, 0x22]] {
+        let mut read = vec![0; out.len()];
+        partner.read_exact(&mut read).unwrap();
+        assert_eq!(read, out);
+        kill_process(station.pid(), Signal::STOP).unwrap();
+        let stopped = Instant::now();
+        partner.write_all(&[0x10]).unwrap();
+        station.until("QVZ is over", |_| (stopped.elapsed() > qvz + qvz / 10).then_some(()));
+        kill_process(station.pid(), Signal::CONT).unwrap();
+    }
+    station.until("done", |s| (s.words().1 == 0).then_some(()));
+    let counters = station.cpu.monitor().counters();
+    assert_eq!((counters.get(Counter::TelegramsSent), counters.get(Counter::SendErrors)), (1, 0));
+    // Nothing was repeated.
+    assert_eq!(serialport::SerialPort::bytes_to_read(&partner).unwrap(), 0);
+}
+
 #[test]
 fn a_killed_driver_is_followed_by_another_on_the_same_path() {
     let _one = lock();

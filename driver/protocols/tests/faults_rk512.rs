@@ -27,7 +27,7 @@ use ob1_protocols::rk512::{
 };
 use ob1_protocols::s3964::{self, Priority};
 use ob1_protocols::{LineFault, MS, Nanos, SECOND};
-use s3964_frame::checked;
+use s3964_frame::{Incoming, checked};
 
 /// Virtual time with faults.
 const FAULTY: Nanos = 30 * SECOND;
@@ -58,8 +58,7 @@ struct Books {
     /// Orders done whose data did not arrive, though no telegram was spoilt: when they ended.
     untrue: Vec<(Nanos, Request)>,
     calm: u64,
-    /// Characters since our last DLE.
-    raw: Vec<Option<u8>>,
+    incoming: Incoming,
     /// Telegrams that came off the line whole, each acknowledged by our DLE.
     accepted: Vec<Vec<u8>>,
     /// Of those: how many before our running order began.
@@ -105,9 +104,8 @@ impl Port<'_> {
 impl Owner for Port<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.trace(format_args!("tx {bytes:02X?}"));
-        if bytes == [0x10] {
-            let raw = std::mem::take(&mut self.books.raw);
-            self.books.accepted.extend(checked(&raw, self.books.bcc));
+        if let Some(block) = self.books.incoming.transmitted(bytes) {
+            self.books.accepted.extend(checked(&block, self.books.bcc));
         }
         self.books.put_down_sent(bytes);
         self.line.write(self.end, self.now, bytes);
@@ -237,7 +235,7 @@ impl Station {
             damaged: 0,
             untrue: Vec::new(),
             calm: 0,
-            raw: Vec::new(),
+            incoming: Incoming::default(),
             accepted: Vec::new(),
             order_mark: 0,
             held: 0,
@@ -260,8 +258,9 @@ impl Station {
             Input::Rx(bytes) if bytes.len() > 1 => {
                 return bytes.iter().for_each(|b| self.step(now, Input::Rx(&[*b]), line, trace));
             }
-            Input::Rx(bytes) => self.books.raw.push(Some(bytes[0])),
-            Input::LineFault(_) => self.books.raw.push(None),
+            Input::Rx(bytes) => self.books.incoming.push(Some(bytes[0])),
+            Input::LineFault(_) => self.books.incoming.push(None),
+            Input::TxDone => self.books.incoming.out(),
             _ => {}
         }
         let mut port = Port { line, end: self.end, now, books: &mut self.books, trace };

@@ -7,27 +7,30 @@ use ob1_line::sim::{End, SimConfig, SplitMix64};
 use ob1_protocols::s3964::{Config, Priority, S3964};
 use ob1_protocols::{MS, Nanos};
 use pair::{Duet, Judge, Stage, Sum};
-use s3964_frame::checked;
+use s3964_frame::{Incoming, checked};
 
 struct Pair<const BCC: bool>;
 
 /// The last block that was acknowledged, from the characters between two of our DLE.
 struct Blocks<const BCC: bool> {
-    /// Characters that came in since our last DLE; `None` in the place of an unreadable one.
-    raw: Vec<Option<u8>>,
-    /// The same for the block that our last DLE acknowledged.
+    incoming: Incoming,
+    /// What our last DLE acknowledged.
     block: Vec<Option<u8>>,
 }
 
 impl<const BCC: bool> Judge for Blocks<BCC> {
     fn character(&mut self, _now: Nanos, character: Option<u8>) {
-        self.raw.push(character);
+        self.incoming.push(character);
     }
 
     fn transmitted(&mut self, _now: Nanos, bytes: &[u8]) {
-        if bytes == [0x10] {
-            self.block = std::mem::take(&mut self.raw);
+        if let Some(block) = self.incoming.transmitted(bytes) {
+            self.block = block;
         }
+    }
+
+    fn out(&mut self) {
+        self.incoming.out();
     }
 
     fn accepts(&mut self, _now: Nanos, telegram: &[u8]) -> bool {
@@ -49,7 +52,8 @@ impl<const BCC: bool> Duet for Pair<BCC> {
             0 => Config::cp341(BCC, sim.char_time),
             _ => Config { priority: Priority::High, ..low.clone() },
         };
-        let partners = [high, low].map(|c| (S3964::new(c), Blocks { raw: Vec::new(), block: Vec::new() }));
+        let partners =
+            [high, low].map(|c| (S3964::new(c), Blocks { incoming: Incoming::default(), block: Vec::new() }));
         Stage { sim, partners, pause: 30 * MS, slow_one_in: 10 }
     }
 

@@ -146,6 +146,24 @@ fn characters_before_our_dle_is_out() {
     );
 }
 
+/// This side was late, and the partner has asked again before there was an answer: no data. Once our DLE is out an STX
+/// is a character like others.
+#[test]
+fn a_request_that_was_repeated_before_our_dle() {
+    run(
+        config(true),
+        "0   start
+         0   rx STX STX => tx DLE, !Idle: Unexpected(2)
+         0.5 rx STX => !Idle: Unexpected(2)
+         1   done
+         2   rx 31 10 03 22 => tx DLE, got 31
+         3   done
+         10  rx STX => tx DLE
+         11  done
+         12  rx STX 31 10 03 20 => tx DLE, got 02 31",
+    );
+}
+
 /// [S0 "Block check character (BCC-Byte)"]: differs: NAK instead of DLE; the CP 240 then waits for another connection
 /// request, and an order of its own may go first.
 #[test]

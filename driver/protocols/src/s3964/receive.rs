@@ -92,6 +92,11 @@ impl<const N: usize> S3964<N> {
 
     /// A character of the block. ZVZ begins again with each. [S0 "Timeout times"]
     pub(super) fn receive_character(&mut self, now: Nanos, mut block: Block, byte: u8, out: &mut dyn Sink) {
+        if byte == STX && !block.begun() && !self.output.is_out(now) {
+            // Our DLE comes so late that the partner has repeated its request. Two of these STX as data would leave BCC
+            // as it is. [reference 5.4: 0802h]
+            return self.report(Phase::Idle, What::Unexpected(byte), out);
+        }
         block.characters += 1;
         match block.decoder.push(byte) {
             Step::More => {}

@@ -82,6 +82,8 @@ pub(crate) trait Judge {
     fn character(&mut self, now: Nanos, character: Option<u8>);
     /// The machine put this on the line.
     fn transmitted(&mut self, _now: Nanos, _bytes: &[u8]) {}
+    /// All that the machine put on the line is out.
+    fn out(&mut self) {}
     /// Whether the machine may deliver this now.
     fn accepts(&mut self, now: Nanos, telegram: &[u8]) -> bool;
 }
@@ -209,6 +211,7 @@ impl<D: Duet> Station<D> {
         match input {
             Input::Rx(bytes) => bytes.iter().for_each(|b| self.books.judge.character(now, Some(*b))),
             Input::LineFault(_) => self.books.judge.character(now, None),
+            Input::TxDone => self.books.judge.out(),
             _ => {}
         }
         let mut port = Port { line, end: self.end, now, books: &mut self.books, trace };

@@ -18,3 +18,32 @@ pub(crate) fn checked(raw: &[Option<u8>], bcc: bool) -> Option<Vec<u8>> {
     }
     Some(plain)
 }
+
+/// What came in since our last DLE; `None` in the place of a character that could not be read.
+#[derive(Default)]
+pub(crate) struct Incoming {
+    characters: Vec<Option<u8>>,
+    /// Something of ours is on the line.
+    leaving: bool,
+}
+
+impl Incoming {
+    pub(crate) fn push(&mut self, character: Option<u8>) {
+        // Before our DLE is out nothing of a block can come; an STX is the request once more. [reference 5.4]
+        let again = self.leaving && self.characters.is_empty() && character == Some(0x02);
+        if !again {
+            self.characters.push(character);
+        }
+    }
+
+    /// Put on the line. A DLE ends a block, or begins one: all that came before it.
+    pub(crate) fn transmitted(&mut self, bytes: &[u8]) -> Option<Vec<Option<u8>>> {
+        self.leaving = true;
+        (bytes == [0x10]).then(|| std::mem::take(&mut self.characters))
+    }
+
+    /// All of ours is out.
+    pub(crate) fn out(&mut self) {
+        self.leaving = false;
+    }
+}
