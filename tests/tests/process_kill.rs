@@ -61,7 +61,7 @@ fn assert_accounted(a: &Ledger, b: &Ledger, kills_of_a: i64, kills_of_b: i64, wh
 
 /// Kills drivers, A's and B's in turn, at moments of this seed.
 fn kill_drivers(seed: u64, kills: u32) {
-    let site = Site::two_stations();
+    let site = Site::two_stations_on_a_cable();
     let (a, b) = start(&site);
     let mut random = SplitMix64::new(seed);
     let (mut kills_of_a, mut kills_of_b) = (0, 0);
@@ -98,7 +98,7 @@ fn kill_drivers(seed: u64, kills: u32) {
     for ended in [a.interrupt(), b.interrupt()] {
         assert_eq!(ended.code(), Some(0), "{ended:?}");
     }
-    assert!(site.processes().is_empty());
+    site.wait_until_empty();
 }
 
 #[test]

@@ -63,6 +63,17 @@ impl Site {
         site
     }
 
+    /// The same on a simulated cable. A pty hands over what was written to it by a thread of the kernel, and on a busy
+    /// machine that comes seconds late: later than 3964R can bear without sending a telegram twice.
+    pub(crate) fn two_stations_on_a_cable() -> Self {
+        let site = Self::two_stations();
+        for (name, line) in [("station-a.toml", "pty:null-modem.pty"), ("station-b.toml", "serial:null-modem.pty")] {
+            let text = replaced(&demo_station(name, |text| text), line, "sim:cable");
+            site.write(name, &(text + "\n[[simulated_line]]\nname = \"cable\"\nshared = true\n"));
+        }
+        site
+    }
+
     pub(crate) fn path(&self, name: impl AsRef<Path>) -> PathBuf {
         self.folder.path().join(name)
     }
