@@ -273,9 +273,11 @@ impl Event {
     pub const CP_ERROR: Event = Event(0xF204);
     /// A CP's error is gone (ours).
     pub const CP_ERROR_GONE: Event = Event(0xF205);
+    /// A driver process got no core, or the kernel held it, for longer than a hang is borne (ours).
+    pub const DRIVER_HELD_UP: Event = Event(0xF206);
 
     /// Every event with a name that is no fault.
-    pub const ALL: [Event; 24] = [
+    pub const ALL: [Event; 25] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -300,6 +302,7 @@ impl Event {
         Event::SEGMENT_GARBAGE,
         Event::CP_ERROR,
         Event::CP_ERROR_GONE,
+        Event::DRIVER_HELD_UP,
     ];
 
     /// The event's text.
@@ -353,6 +356,7 @@ impl Event {
             0xF203 => "a CP's shared memory is not valid",
             0xF204 => "a CP reports an error",
             0xF205 => "a CP's error is gone",
+            0xF206 => "driver process was held up by the system",
             // Entries of the program itself (SFC 52): classes 8 and 9 are for its messages, A and B for the user's own.
             _ if matches!(self.0 >> 12, 8..=0xB) => "entry of the program",
             _ => "event",

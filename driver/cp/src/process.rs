@@ -104,8 +104,8 @@ impl Process {
                 && let Some(line) = self.port.line()
             {
                 line.ready();
-                // Before the times are looked at: a process that the system has held up finds them expired, and the answer
-                // that came in time beside them.
+                // Before the times are looked at: a process that the system has held up finds them expired, and beside
+                // them the answer that came in time.
                 let now = self.now();
                 self.line_events(now);
             }

@@ -108,6 +108,9 @@ pub enum Report {
     Up(u32),
     /// The driver is gone.
     Lost(Exit),
+    /// The driver is back at work: for so long, in nanoseconds and longer than a hang is borne, the system has kept it
+    /// from it ([`Input::Starved`]).
+    HeldUp(Nanos),
 }
 
 /// The outcome of a step.
@@ -277,7 +280,8 @@ impl Supervisor {
         match input {
             Input::Heartbeat => {
                 self.state = State::Up { since, silent: Silent::from(now) };
-                (None, None)
+                let time = now.saturating_sub(silent.since);
+                (None, (silent.freely_since > silent.since && time >= self.times.hang).then_some(Report::HeldUp(time)))
             }
             Input::Exited(exit) => self.lost(now, exit),
             Input::Tick | Input::Starved => self.silent(now, input, silent),

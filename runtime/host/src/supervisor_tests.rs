@@ -109,11 +109,16 @@ fn a_driver_that_is_kept_from_beating_is_no_hang() {
         &[
             (900, Input::Starved, None, None),
             (1800, Input::Starved, None, None),
+            (1900, Input::Heartbeat, None, Some(Report::HeldUp(1896 * MS))),
+            // Not worth a word.
+            (2700, Input::Starved, None, None),
+            (2800, Input::Heartbeat, None, None),
+            (3600, Input::Starved, None, None),
             // Free again: a second from the last time that it was not.
-            (2799, Input::Tick, None, None),
-            (2800, Input::Tick, Some(Request::Kill), None),
-            (2803, KILLED, SPAWN, Some(Report::Lost(Exit::Hung))),
-            (2804, Input::Spawned, None, None),
+            (4599, Input::Tick, None, None),
+            (4600, Input::Tick, Some(Request::Kill), None),
+            (4603, KILLED, SPAWN, Some(Report::Lost(Exit::Hung))),
+            (4604, Input::Spawned, None, None),
             (9000, Input::Starved, None, None),
             (9100, Input::Heartbeat, None, Some(Report::Up(2))),
             (9200, Input::Starved, None, None),

@@ -326,6 +326,10 @@ impl Driver {
                 self.status.losses.fetch_add(1, Ordering::Relaxed);
                 tracing::warn!(driver = %self.command.name, "lost: {exit}");
             }
+            Report::HeldUp(time) => {
+                let ms = time / MS;
+                tracing::warn!(driver = %self.command.name, "held up by the system for {ms} ms: no core, or in the kernel");
+            }
         }
         // A scan that fetches nothing for 32 reports has other troubles; the counters above are still right.
         let _ = self.reports.push(report);

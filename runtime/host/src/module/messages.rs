@@ -106,6 +106,7 @@ pub(super) fn of_report(report: Report) -> ModuleEvent {
     match report {
         Report::Up(starts) => text(Event::DRIVER_UP, format_args!("start {starts}")),
         Report::Lost(exit) => text(Event::DRIVER_LOST, format_args!("{exit}")),
+        Report::HeldUp(time) => text(Event::DRIVER_HELD_UP, format_args!("{} ms", time / 1_000_000)),
     }
 }
 

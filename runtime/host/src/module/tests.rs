@@ -155,7 +155,8 @@ fn the_doorbell_rings_once_for_a_driver_that_sleeps() {
 #[test]
 fn reports_and_messages_become_entries() {
     let rings = std::sync::Arc::default();
-    let link = Recorder { rings, reports: vec![Report::Up(2), Report::Lost(Exit::Signal(9))] };
+    let reports = vec![Report::HeldUp(4_230_000_000), Report::Up(2), Report::Lost(Exit::Signal(9))];
+    let link = Recorder { rings, reports };
     let (mut module, segment) = module_with(Box::new(link), CpSettings::default());
     let mut cp = driver(&segment);
     for (code, data) in [
@@ -179,6 +180,7 @@ fn reports_and_messages_become_entries() {
         [
             (Event::DRIVER_LOST, false, b"signal 9".to_vec()),
             (Event::DRIVER_UP, false, b"start 2".to_vec()),
+            (Event::DRIVER_HELD_UP, false, b"4230 ms".to_vec()),
             (Event::CP_ERROR, false, b"line: unplugged".to_vec()),
             (Event::CP_ERROR_GONE, false, b"line up".to_vec()),
             (Event::CP_ERROR, false, b"line gone, os 99".to_vec()),
