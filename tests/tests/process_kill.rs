@@ -113,7 +113,7 @@ fn drivers_are_killed_at_other_moments() {
 
 #[test]
 fn a_driver_that_hangs_is_killed_and_started_again() {
-    let site = Site::two_stations();
+    let site = Site::two_stations_on_a_cable();
     let (a, b) = start(&site);
     for (station, what) in [(&a, "A"), (&b, "B")] {
         let driver = station.driver_process();

@@ -18,6 +18,9 @@ use crate::port::Port;
 /// Passes without asking the system, while the CPU side keeps changing things, before line and doorbell get a look.
 const PASSES: u32 = 16;
 
+/// Who wakes up so much later than he wanted to was held up by the system.
+const HELD_UP: Nanos = 5_000_000;
+
 /// Received bytes handed over at a time.
 const BUFFER: usize = 256;
 
@@ -89,7 +92,8 @@ impl Process {
                 }
                 self.pump.awake();
             }
-            let timeout = if passes >= PASSES { 0 } else { deadline.min(line).saturating_sub(self.now()) };
+            let due = deadline.min(line);
+            let timeout = if passes >= PASSES { 0 } else { due.saturating_sub(self.now()) };
             (passes, changed) = (0, false);
             let ready = self.wait(Duration::from_nanos(timeout))?;
             self.pump.awake();
@@ -104,10 +108,12 @@ impl Process {
                 && let Some(line) = self.port.line()
             {
                 line.ready();
-                // Before the times are looked at: a process that the system has held up finds them expired, and beside
-                // them the answer that came in time.
+                // A process that was held up finds times expired, and beside them the answer that came in time: the line
+                // first. Otherwise the times: a silence that is over has ended what came before it.
                 let now = self.now();
-                self.line_events(now);
+                if now.saturating_sub(due) > HELD_UP {
+                    self.line_events(now);
+                }
             }
             if ready.doorbell {
                 // First the work: whoever rang waits for it. A ring for a later change may be swallowed with this one;
