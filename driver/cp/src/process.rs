@@ -108,8 +108,8 @@ impl Process {
                 && let Some(line) = self.port.line()
             {
                 line.ready();
-                // A process that was held up finds times expired, and beside them the answer that came in time: the line
-                // first. Otherwise the times: a silence that is over has ended what came before it.
+                // A process that was held up finds times expired, and beside them the answer that came in time: the
+                // line first. Otherwise the times: a silence that is over has ended what came before it.
                 let now = self.now();
                 if now.saturating_sub(due) > HELD_UP {
                     self.line_events(now);
