@@ -76,12 +76,10 @@ impl Process {
         self.silent_at = None;
     }
 
-    /// Whether it is silent because it can do nothing: it waits for a core, or the kernel holds it (a tty does, to hand
-    /// over what it has received). Not: it sleeps, is stopped, or goes round in circles.
+    /// Whether it is silent because it can do nothing.
     pub(super) fn is_starved(&mut self) -> bool {
         let Some(ProcessState { state, ran }) = process_state(self.id()) else { return false };
-        let ran = ran.saturating_sub(*self.silent_at.get_or_insert(ran));
-        state == 'D' || state == 'R' && ran < ENOUGH
+        is_starved(state, ran.saturating_sub(*self.silent_at.get_or_insert(ran)))
     }
 
     pub(super) fn kill(&mut self) {
@@ -104,10 +102,38 @@ impl Process {
     }
 }
 
+/// Of a process in this state that has had so much time on a core since it fell silent: it waits for a core, or the
+/// kernel holds it (a tty does, to hand over what it has received). Not: it sleeps, is stopped, or goes round in
+/// circles.
+fn is_starved(state: char, ran: Nanos) -> bool {
+    state == 'D' || state == 'R' && ran < ENOUGH
+}
+
 fn exit_of(status: ExitStatus) -> Exit {
     match (status.code(), status.signal()) {
         (Some(code), _) => Exit::Code(code),
         (None, Some(signal)) => Exit::Signal(signal),
         (None, None) => Exit::Code(-1),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_can_do_nothing() {
+        for (state, ran, starved) in [
+            ('D', 0, true),
+            ('D', 10 * ENOUGH, true),
+            ('R', 0, true),
+            ('R', ENOUGH - 1, true),
+            ('R', ENOUGH, false),
+            ('S', 0, false),
+            ('T', 0, false),
+            ('Z', 0, false),
+        ] {
+            assert_eq!(is_starved(state, ran), starved, "{state} after {ran} ns");
+        }
     }
 }
