@@ -146,8 +146,8 @@ fn characters_before_our_dle_is_out() {
     );
 }
 
-/// This side was late, and the partner has asked again before there was an answer: no data. Once our DLE is out an STX
-/// is a character like others.
+/// This side was late, and the partner has asked again before there was an answer: no data. After that an STX in front
+/// of the block may still be a request: the block is refused, once. Otherwise it is a character like others.
 #[test]
 fn a_request_that_was_repeated_before_our_dle() {
     run(
@@ -158,9 +158,13 @@ fn a_request_that_was_repeated_before_our_dle() {
          1   done
          2   rx 31 10 03 22 => tx DLE, got 31
          3   done
-         10  rx STX => tx DLE
+         10  rx STX STX => tx DLE, !Idle: Unexpected(2)
          11  done
-         12  rx STX 31 10 03 20 => tx DLE, got 02 31",
+         12  rx STX STX 31 10 03 22 => !Receive: Unexpected(2), tx NAK
+         13  done
+         20  rx STX => tx DLE
+         21  done
+         22  rx STX STX 31 10 03 22 => tx DLE, got 02 02 31",
     );
 }
 

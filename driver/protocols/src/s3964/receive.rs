@@ -12,6 +12,8 @@ pub(super) struct Block {
     len: usize,
     /// Characters so far, unreadable ones included.
     characters: usize,
+    /// The request for the connection has been repeated before our DLE was out.
+    asked_again: bool,
     /// An error has been noted (and reported): the block will be refused at its end.
     bad: bool,
     /// How often this block has been refused before.
@@ -69,7 +71,14 @@ impl<const N: usize> S3964<N> {
 
     fn accept(&mut self, now: Nanos, refused: u16, out: &mut dyn Sink) {
         self.transmit(now, &[DLE], out);
-        let block = Block { decoder: Decoder::new(self.config.bcc), len: 0, characters: 0, bad: false, refused };
+        let block = Block {
+            decoder: Decoder::new(self.config.bcc),
+            len: 0,
+            characters: 0,
+            asked_again: false,
+            bad: false,
+            refused,
+        };
         self.state = State::Receive { block, expiry: self.expiry_unreported(self.config.zvz()) };
     }
 
@@ -92,10 +101,18 @@ impl<const N: usize> S3964<N> {
 
     /// A character of the block. ZVZ begins again with each. [S0 "Timeout times"]
     pub(super) fn receive_character(&mut self, now: Nanos, mut block: Block, byte: u8, out: &mut dyn Sink) {
-        if byte == STX && !block.begun() && !self.output.is_out(now) {
-            // Our DLE comes so late that the partner has repeated its request. Two of these STX as data would leave BCC
-            // as it is. [reference 5.4: 0802h]
-            return self.report(Phase::Idle, What::Unexpected(byte), out);
+        if byte == STX && !block.begun() {
+            if !self.output.is_out(now) {
+                // Our DLE comes so late that the partner has repeated its request. [reference 5.4: 0802h]
+                block.asked_again = true;
+                self.state = State::Receive { block, expiry: self.expiry_unreported(self.config.zvz()) };
+                return self.report(Phase::Idle, What::Unexpected(byte), out);
+            }
+            if block.asked_again {
+                // One more of these, or the first of the data? Two as data would leave BCC as it is: the partner is to
+                // repeat the block.
+                self.note(&mut block, What::Unexpected(byte), out);
+            }
         }
         block.characters += 1;
         match block.decoder.push(byte) {
