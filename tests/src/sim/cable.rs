@@ -97,8 +97,13 @@ impl Cable {
                 self.arrived[end as usize].spoil(now);
                 LineInput::Fault(fault_of(fault))
             }
-            SimEvent::TxDone if std::mem::take(&mut self.orphaned[end as usize]) => return Some((end, None)),
-            SimEvent::TxDone => LineInput::TxDone,
+            SimEvent::TxDone => {
+                self.arrived[end as usize].answers(false);
+                if std::mem::take(&mut self.orphaned[end as usize]) {
+                    return Some((end, None));
+                }
+                LineInput::TxDone
+            }
             SimEvent::Cts(_) => return Some((end, None)),
         };
         Some((end, Some(input)))
@@ -170,6 +175,7 @@ impl LinePort for CableEnd<'_> {
                 self.cable.telegrams.insert(payload.to_vec());
             }
         }
+        self.cable.arrived[self.end as usize].answers(true);
         self.cable.orphaned[self.end as usize] = false;
         self.cable.line.write(self.end, now, bytes);
     }

@@ -23,6 +23,8 @@ pub struct Tap {
     check: u8,
     spoilt: bool,
     last: Nanos,
+    /// What the receiver has sent is still on the line, its DLE perhaps.
+    answering: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,6 +43,10 @@ impl Tap {
     /// ZVZ.
     pub fn push(&mut self, now: Nanos, byte: u8) -> Option<&[u8]> {
         self.hear(now);
+        if self.answering && byte == STX && self.state == State::Data && self.payload.is_empty() {
+            // A request once more: it was sent before the DLE to the first one could be heard. [reference 5.4]
+            return None;
+        }
         if self.state != State::Idle && self.state != State::Check {
             self.check ^= byte;
         }
@@ -82,6 +88,15 @@ impl Tap {
     pub fn spoil(&mut self, now: Nanos) {
         self.hear(now);
         self.spoilt = true;
+        if self.state == State::Check {
+            // In the place of the check character: it has ended.
+            self.state = State::Idle;
+        }
+    }
+
+    /// The receiver puts something on the line, or all of it is out.
+    pub fn answers(&mut self, is_leaving: bool) {
+        self.answering = is_leaving;
     }
 
     fn hear(&mut self, now: Nanos) {
@@ -130,5 +145,25 @@ mod tests {
         }
         tap.spoil(ZVZ + 8);
         assert!([0x10, 0x03, 0x22].into_iter().all(|byte| tap.push(ZVZ + 9, byte).is_none()));
+        for byte in [0x02, 0x31, 0x10, 0x03] {
+            assert!(tap.push(ZVZ + 10, byte).is_none());
+        }
+        tap.spoil(ZVZ + 11);
+        let good = b"\x02\x31\x10\x03\x22".iter().filter(|byte| tap.push(ZVZ + 12, **byte).is_some()).count();
+        assert_eq!(good, 1, "the block after one whose check character could not be read");
+    }
+
+    #[test]
+    fn a_request_that_is_repeated_before_the_answer_is_no_data() {
+        let mut tap = Tap::default();
+        assert!(tap.push(0, STX).is_none());
+        tap.answers(true);
+        assert!(tap.push(0, STX).is_none());
+        tap.answers(false);
+        let block = b"\x02\x31\x10\x03\x20";
+        assert_eq!(
+            block.iter().filter_map(|byte| tap.push(1, *byte).map(<[u8]>::to_vec)).collect::<Vec<_>>(),
+            [b"\x021"]
+        );
     }
 }
