@@ -23,6 +23,8 @@ pub struct Tap {
     check: u8,
     spoilt: bool,
     last: Nanos,
+    /// When the request came.
+    begun: Nanos,
     /// What the receiver has sent is still on the line, its DLE perhaps.
     answering: bool,
 }
@@ -43,7 +45,8 @@ impl Tap {
     /// ZVZ.
     pub fn push(&mut self, now: Nanos, byte: u8) -> Option<&[u8]> {
         self.hear(now);
-        if self.answering && byte == STX && self.state == State::Data && self.payload.is_empty() {
+        let unanswered = self.answering || self.begun == now;
+        if unanswered && byte == STX && self.state == State::Data && self.payload.is_empty() {
             // A request once more: it was sent before the DLE to the first one could be heard. [reference 5.4]
             return None;
         }
@@ -52,7 +55,7 @@ impl Tap {
         }
         match (self.state, byte) {
             (State::Idle, STX) => {
-                self.state = State::Data;
+                (self.state, self.begun) = (State::Data, now);
                 self.payload.clear();
                 (self.check, self.spoilt) = (0, false);
             }
@@ -113,7 +116,7 @@ mod tests {
 
     fn good(bytes: &[u8]) -> Vec<Vec<u8>> {
         let mut tap = Tap::default();
-        bytes.iter().filter_map(|b| tap.push(0, *b).map(<[u8]>::to_vec)).collect()
+        (1..).zip(bytes).filter_map(|(at, byte)| tap.push(at, *byte).map(<[u8]>::to_vec)).collect()
     }
 
     #[test]
@@ -156,13 +159,14 @@ mod tests {
     #[test]
     fn a_request_that_is_repeated_before_the_answer_is_no_data() {
         let mut tap = Tap::default();
-        assert!(tap.push(0, STX).is_none());
+        // In one go, and while the answer leaves.
+        assert!(tap.push(1, STX).is_none() && tap.push(1, STX).is_none());
         tap.answers(true);
-        assert!(tap.push(0, STX).is_none());
+        assert!(tap.push(2, STX).is_none());
         tap.answers(false);
         let block = b"\x02\x31\x10\x03\x20";
         assert_eq!(
-            block.iter().filter_map(|byte| tap.push(1, *byte).map(<[u8]>::to_vec)).collect::<Vec<_>>(),
+            block.iter().filter_map(|byte| tap.push(3, *byte).map(<[u8]>::to_vec)).collect::<Vec<_>>(),
             [b"\x021"]
         );
     }
