@@ -91,6 +91,15 @@ impl Memory {
         pids.filter(|pid| self.is_open_in(*pid) || self.is_mapped_in(*pid)).collect()
     }
 
+    /// Waits until nobody holds it. A process that ends has lost its environment before it lets go of its files.
+    pub(crate) fn wait_until_free(self) {
+        let guard = Guard::begin();
+        while let Some(process) = self.holders().into_iter().find_map(Watched::find) {
+            assert!(!guard.is_over(), "still held by {:?}", process.threads());
+            process.ends_within(Duration::from_millis(50));
+        }
+    }
+
     fn is_open_in(self, pid: u32) -> bool {
         let Ok(descriptors) = fs::read_dir(format!("/proc/{pid}/fd")) else { return false };
         let same = |found: fs::Metadata| (found.dev(), found.ino()) == (self.device, self.inode);
