@@ -8,7 +8,7 @@ use std::fs;
 
 use common::checkout;
 use common::ledger::{self, Ledger};
-use common::site::{Site, example_station, replaced};
+use common::site::{Site, example_station, on_a_simulated_line};
 use common::station::Running;
 use ob1_line::sim::SplitMix64;
 use rustix::process::Signal;
@@ -28,12 +28,9 @@ fn pair() -> (Site, Running, Running) {
     for name in ["a.awl", "b.awl"] {
         fs::copy(checkout("examples/cp341-pair").join(name), site.path(name)).expect("a file of the example");
     }
-    for (name, kind) in [("station-a.toml", "pty"), ("station-b.toml", "serial")] {
+    for name in ["station-a.toml", "station-b.toml"] {
         let text = example_station("examples/cp341-pair", name, |text| {
-            CPS.iter().fold(text, |text, (_, line)| {
-                let text = replaced(&text, &format!("{kind}:{line}.pty"), &format!("sim:{line}"));
-                text + &format!("\n[[simulated_line]]\nname = \"{line}\"\nshared = true\nseed = 341\n")
-            })
+            CPS.iter().fold(text, |text, (_, line)| on_a_simulated_line(&text, line))
         });
         site.write(name, &text);
     }

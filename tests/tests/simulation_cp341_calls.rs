@@ -2,8 +2,11 @@
 //! (and of the FB that calls that one), absolute and symbolic, two of each for two CPs in one program. STL through the
 //! compiler, two whole stations over two cables in virtual time. [reference 1.0]
 
+mod common;
+
 use std::fs;
 
+use common::cp341::{INSTANCES, data_block};
 use ob1_cpu::{Cell, CellWidth};
 use ob1_line::sim::FaultRates;
 use ob1_tests::sim::station::SimStation;
@@ -112,16 +115,6 @@ CALL "P_SND_RK", "I_SND_2"
       T     DB30.DBW 30;
 END_ORGANIZATION_BLOCK
 
-DATA_BLOCK DB 7
-FB 7
-BEGIN
-END_DATA_BLOCK
-
-DATA_BLOCK DB 8
-FB 8
-BEGIN
-END_DATA_BLOCK
-
 DATA_BLOCK "I_RCV_2"
 "P_RCV_RK"
 BEGIN
@@ -224,14 +217,12 @@ impl Seen {
 fn instances_multi_instances_numbers_and_symbols() {
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("symbols.sdf"), SYMBOLS).expect("the symbols");
-    let blocks: String = [(11, 240), (12, 240), (30, 40), (41, 240), (42, 240)]
-        .map(|(number, bytes)| {
-            let array = format!("DATA : ARRAY [0..{}] OF BYTE;", bytes - 1);
-            format!("\nDATA_BLOCK DB {number}\nSTRUCT\n  {array}\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n")
-        })
-        .concat();
-    for (name, text, end, priority) in [("a", A, "pty", "high"), ("b", B, "serial", "low")] {
-        fs::write(folder.path().join(format!("{name}.awl")), text.to_owned() + &blocks).expect("the program");
+    let blocks =
+        [(11, 240), (12, 240), (30, 40), (41, 240), (42, 240)].map(|(db, bytes)| data_block(db, bytes)).concat();
+    for (name, text, end, priority) in
+        [("a", A.to_owned(), "pty", "high"), ("b", [B, INSTANCES].concat(), "serial", "low")]
+    {
+        fs::write(folder.path().join(format!("{name}.awl")), text + &blocks).expect("the program");
         let module = |n: u32, address: u32| {
             format!(
                 "[[module]]\ntype = \"cp341\"\nname = \"cp-{n}\"\naddress = {address}\nline = \"{end}:cable-{n}\"\n\

@@ -215,7 +215,7 @@ impl Supervisor {
         let (request, report) = match self.state {
             State::Down { start_at } => self.down(now, start_at),
             State::Spawning => self.spawning(now, input),
-            State::Starting { silent } => self.starting(now, input, silent),
+            State::Starting { .. } => self.starting(now, input),
             State::Up { since, silent } => self.up(now, input, since, silent),
             State::Killed => self.killed(now, input),
             State::Stopped => (None, None),
@@ -256,7 +256,7 @@ impl Supervisor {
         }
     }
 
-    fn starting(&mut self, now: Nanos, input: Input, silent: Silent) -> (Option<Request>, Option<Report>) {
+    fn starting(&mut self, now: Nanos, input: Input) -> (Option<Request>, Option<Report>) {
         match input {
             Input::Heartbeat => {
                 self.state = State::Up { since: now, silent: Silent::from(now) };
@@ -268,7 +268,7 @@ impl Supervisor {
                 let (request, _) = self.lost(now, exit);
                 (request, first.then_some(Report::Lost(exit)))
             }
-            Input::Tick | Input::Starved => self.silent(now, input, silent),
+            Input::Tick | Input::Starved => self.silent(now, input),
             Input::Spawned => (None, None),
         }
     }
@@ -284,19 +284,17 @@ impl Supervisor {
                 (None, (silent.freely_since > silent.since && time >= self.times.hang).then_some(Report::HeldUp(time)))
             }
             Input::Exited(exit) => self.lost(now, exit),
-            Input::Tick | Input::Starved => self.silent(now, input, silent),
+            Input::Tick | Input::Starved => self.silent(now, input),
             Input::Spawned => (None, None),
         }
     }
 
     /// No sign of life, while starting or up.
-    fn silent(&mut self, now: Nanos, input: Input, silent: Silent) -> (Option<Request>, Option<Report>) {
-        if input == Input::Starved {
-            let longer = Silent { freely_since: now, ..silent };
-            match &mut self.state {
-                State::Starting { silent } | State::Up { silent, .. } => *silent = longer,
-                State::Down { .. } | State::Spawning | State::Killed | State::Stopped => {}
-            }
+    fn silent(&mut self, now: Nanos, input: Input) -> (Option<Request>, Option<Report>) {
+        if input == Input::Starved
+            && let State::Starting { silent } | State::Up { silent, .. } = &mut self.state
+        {
+            silent.freely_since = now;
         }
         if self.deadline().is_some_and(|deadline| now >= deadline) { self.kill() } else { (None, None) }
     }

@@ -67,9 +67,8 @@ impl Site {
     /// machine that comes seconds late: later than 3964R can bear without sending a telegram twice.
     pub(crate) fn two_stations_on_a_cable() -> Self {
         let site = Self::two_stations();
-        for (name, line) in [("station-a.toml", "pty:null-modem.pty"), ("station-b.toml", "serial:null-modem.pty")] {
-            let text = replaced(&demo_station(name, |text| text), line, "sim:cable");
-            site.write(name, &(text + "\n[[simulated_line]]\nname = \"cable\"\nshared = true\n"));
+        for name in ["station-a.toml", "station-b.toml"] {
+            site.write(name, &demo_station(name, |text| on_a_simulated_line(&text, "null-modem")));
         }
         site
     }
@@ -168,6 +167,13 @@ pub(crate) fn example_station(folder: &str, name: &str, edit: impl FnOnce(String
     let text = fs::read_to_string(checkout(folder).join(name)).expect("a file of the example");
     let text = replaced(&text, "watchdog = \"150ms\"", WATCHDOG);
     edit(replaced(&text, "priority = ", &format!("{PATIENT}priority = ")))
+}
+
+/// With a simulated line, shared by both stations, in the place of the pty of this name.
+pub(crate) fn on_a_simulated_line(station: &str, name: &str) -> String {
+    let kind = if station.contains(&format!("pty:{name}.pty")) { "pty" } else { "serial" };
+    let text = replaced(station, &format!("{kind}:{name}.pty"), &format!("sim:{name}"));
+    text + &format!("\n[[simulated_line]]\nname = \"{name}\"\nshared = true\nseed = 341\n")
 }
 
 /// Replaces what must be there.

@@ -25,21 +25,29 @@ pub(crate) struct Incoming {
     characters: Vec<Option<u8>>,
     /// Something of ours is on the line.
     leaving: bool,
+    /// The request has been repeated before our DLE was out.
+    asked_again: bool,
 }
 
 impl Incoming {
     pub(crate) fn push(&mut self, character: Option<u8>) {
         // Before our DLE is out nothing of a block can come; an STX is the request once more. [reference 5.4]
-        let again = self.leaving && self.characters.is_empty() && character == Some(0x02);
-        if !again {
-            self.characters.push(character);
+        let request = self.characters.is_empty() && character == Some(0x02);
+        if request && self.leaving {
+            self.asked_again = true;
+        } else {
+            // One more of these, or data: nobody may take it for data.
+            self.characters.push(character.filter(|_| !(request && self.asked_again)));
         }
     }
 
     /// Put on the line. A DLE ends a block, or begins one: all that came before it.
     pub(crate) fn transmitted(&mut self, bytes: &[u8]) -> Option<Vec<Option<u8>>> {
         self.leaving = true;
-        (bytes == [0x10]).then(|| std::mem::take(&mut self.characters))
+        (bytes == [0x10]).then(|| {
+            self.asked_again = false;
+            std::mem::take(&mut self.characters)
+        })
     }
 
     /// All of ours is out.

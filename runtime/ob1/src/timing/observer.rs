@@ -198,8 +198,7 @@ impl Looking {
         let counted = |now: u64, last: Option<u64>, before: u64| now.saturating_sub(last.unwrap_or(before));
         let usage = &late.usage;
         let window = after.time.saturating_sub(before.time);
-        let look = LOOK.as_nanos() as Nanos;
-        let within = |s: &&Sample| s.time > before.time && s.time <= after.time + look;
+        let within = |s: &&Sample| s.time > before.time && s.time <= after.time + LOOK.as_nanos() as Nanos;
         let within: Vec<&Sample> = self.samples.iter().filter(within).collect();
         Evidence {
             window_ns: window,
@@ -208,8 +207,7 @@ impl Looking {
             switches: counted(usage.involuntary_switches, last.map(|l| l.involuntary_switches), before.switches),
             minor_faults: counted(usage.minor_faults, last.map(|l| l.minor_faults), before.minor_faults),
             major_faults: counted(usage.major_faults, last.map(|l| l.major_faults), before.major_faults),
-            // The scan may have gone on, and ended, before the thread that takes the signals came to note it.
-            stopped: self.samples.iter().filter_map(|s| s.continued).any(|at| record.planned <= at && at <= end + look),
+            stopped: self.samples.iter().filter_map(|s| s.continued).any(|at| was_stopped(record, at)),
             observer_late_ns: within.iter().map(|s| s.late).filter(|late| *late > 1_000_000).max().unwrap_or(0),
             ns_per_statement,
         }
@@ -228,5 +226,28 @@ impl Looking {
         waits.sort_unstable();
         let per_ms = waits.get(waits.len() / 2).copied().unwrap_or(0);
         per_ms.saturating_mul(window / 1000) / 1000
+    }
+}
+
+/// Whether the process was stopped in this scan, or before it began, when it was continued at this time.
+fn was_stopped(record: &ScanRecord, continued: Nanos) -> bool {
+    // The scan may have gone on, and ended, before the thread that takes the signals came to note it.
+    let noted_by = record.end.max(record.planned) + LOOK.as_nanos() as Nanos;
+    (record.planned..=noted_by).contains(&continued)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_scan_that_was_continued_was_stopped() {
+        const MS: Nanos = 1_000_000;
+        let record = ScanRecord { planned: 100 * MS, start: 400 * MS, end: 401 * MS, ..ScanRecord::default() };
+        for (continued, stopped) in
+            [(99, false), (100, true), (400, true), (401, true), (451, true), (452, false), (700, false)]
+        {
+            assert_eq!(was_stopped(&record, continued * MS), stopped, "continued at {continued} ms");
+        }
     }
 }
