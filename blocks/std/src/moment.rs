@@ -44,18 +44,20 @@ impl Date {
 
     /// The date so many days after 1990-01-01; `None` after 2089.
     #[must_use]
-    pub fn from_days(mut days: u32) -> Option<Self> {
-        let mut year = 1990;
-        while days >= Self::days_of_month(year, 2) + 337 {
-            days -= Self::days_of_month(year, 2) + 337;
-            year += 1;
+    pub const fn from_days(days: u32) -> Option<Self> {
+        if days > Moment::MAX.days() {
+            return None;
         }
-        let mut month = 1;
-        while days >= Self::days_of_month(year, month) {
-            days -= Self::days_of_month(year, month);
-            month += 1;
-        }
-        (year <= 2089).then_some(Self { year, month, day: days + 1 })
+        // Eras of 400 years from March 1600, so that a leap day ends its year.
+        const MARCH_1600_TO_1990: u32 = 142_385;
+        let day = days + MARCH_1600_TO_1990;
+        let (era, day) = (day / 146_097, day % 146_097);
+        let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+        let day = day - (365 * year + year / 4 - year / 100);
+        let shifted = (5 * day + 2) / 153;
+        let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
+        let day = day - (153 * shifted + 2) / 5 + 1;
+        Some(Self { year: 1600 + era * 400 + year + (month <= 2) as u32, month, day })
     }
 }
 

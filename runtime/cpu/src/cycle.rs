@@ -118,7 +118,7 @@ impl Cpu {
     /// Starts the cycle monitoring.
     fn watch(&mut self, start: Nanos) {
         let limit = self.machine.config.watchdog;
-        self.machine.watchdog = Watchdog { expires: (limit > 0).then(|| start + limit), excess: false };
+        self.machine.watchdog = Watchdog { expires: (limit > 0).then(|| start.saturating_add(limit)), excess: false };
     }
 
     pub(crate) fn context<'a>(&'a mut self, clock: &'a mut dyn Clock) -> Context<'a> {
@@ -181,7 +181,7 @@ impl Cpu {
             let _ = m.modules.read_image(index, &mut m.memory);
         }
         m.modules.end_scan(now);
-        self.due = now + STOP_CYCLE;
+        self.due = now.saturating_add(STOP_CYCLE);
         CycleEnd { next_deadline: self.due, state: self.state, whole: true, late: false }
     }
 
@@ -262,7 +262,7 @@ impl Machine {
     /// how many deadlines no cycle will begin for.
     fn next_cycle(&mut self, planned: Nanos) -> (Nanos, bool, u64) {
         let (min, now) = (self.config.min_cycle, self.now);
-        let next = planned + min;
+        let next = planned.saturating_add(min);
         if next >= now || min == 0 {
             return (next.max(now), false, 0);
         }

@@ -39,7 +39,7 @@ impl Context<'_> {
         let limit_ms = (machine.config.watchdog / 1_000_000) as u32;
         let ran_ms = ((machine.now - machine.cycle_start) / 1_000_000).min(0xFFFF) as u16;
         let second = std::mem::replace(&mut machine.watchdog.excess, true);
-        machine.watchdog.expires = Some(machine.now + machine.config.watchdog);
+        machine.watchdog.expires = Some(machine.now.saturating_add(machine.config.watchdog));
         self.entry(Event::CYCLE_TIME_EXCEEDED, limit_ms, "");
         if second {
             self.stop(Event::STOP_TIME_ERROR, limit_ms, "twice in one cycle");

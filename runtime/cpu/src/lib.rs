@@ -5,7 +5,6 @@
 //! next is due. The CPU knows time only through the [`Clock`] it is given and never sleeps: the caller does.
 
 mod accounts;
-mod calendar;
 mod cells;
 mod config;
 mod cpu;
@@ -36,12 +35,12 @@ mod startup;
 mod system;
 mod szl;
 mod timers;
+mod wall;
 
 pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ObStatistics,
     ScanRecord, ScanStatistics,
 };
-pub use calendar::date_and_time;
 pub use config::{Command, CpuConfig, CycleEnd, ModuleSlot, OperatingState};
 pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_TEXT, DiagEntry, ShortText};
@@ -57,6 +56,7 @@ pub use retentive::{DataRange, Retentive, RetentiveData, Why};
 pub use services::{SERVICES, Services};
 pub use settings::{CyclicInterrupt, Family, Missed, MissedCycle, TimeOfDay};
 pub use system::{standard_block, system_blocks};
+pub use wall::date_and_time;
 
 use diag::DiagBuffer;
 use machine::Context;

@@ -18,6 +18,7 @@ use crate::port::AccessPort;
 use crate::retentive::Keep;
 use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
+use crate::wall::Wall;
 use crate::{Cpu, CpuConfig, DiagBuffer, LoadError, Memory, Module, ModuleSlot, Modules, NativeBlock, ObInfo};
 
 /// Most bytes of a data block.
@@ -124,6 +125,7 @@ impl Cpu {
             log,
             interrupt,
             now: 0,
+            wall: Wall::new(config.date_at_start),
             statements: 0,
             pending: 0,
             look_after: 1,

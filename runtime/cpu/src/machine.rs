@@ -7,7 +7,6 @@ use ob1_model::{BlockId, BlockKind, Event, FaultKind};
 use ob1_std::services::ErrorFilter;
 
 use crate::accounts::Trace;
-use crate::calendar::date_and_time;
 use crate::engine::{Callee, Engine, Entry, Frame, Interrupted, Signatures};
 use crate::interrupts::Interrupts;
 use crate::log::{LogLine, LogWriter};
@@ -15,6 +14,7 @@ use crate::obs::ObRecords;
 use crate::retentive::Keep;
 use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
+use crate::wall::Wall;
 use crate::{Abort, Clock, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, Nanos, ObInfo, ShortText};
 
 /// Statements after which the engine looks at the clock at its next safe point, at the latest.
@@ -108,6 +108,8 @@ pub(crate) struct Machine {
     pub(crate) ob: ObInfo,
     /// The organization block that gives the running class: `ob`, but where that is OB 121 or OB 122.
     pub(crate) class_ob: u16,
+    /// The date behind `now`.
+    pub(crate) wall: Wall,
     /// When the last start-up began.
     pub(crate) started: Nanos,
     /// Time the running organization block was interrupted by others.
@@ -171,7 +173,7 @@ impl Context<'_> {
         self.clock.executed(pending);
         machine.now = machine.now.max(self.clock.now());
         if pending >= FEWEST_STATEMENTS {
-            machine.pace = (machine.now - before) * 1024 / pending;
+            machine.pace = (machine.now - before).saturating_mul(1024) / pending;
         }
         let due = machine.interrupts.next_due().min(machine.watchdog.expires.unwrap_or(Nanos::MAX));
         let time = due.saturating_sub(machine.now);
@@ -227,7 +229,7 @@ impl Context<'_> {
     pub(crate) fn start_info(&self, class: u8, id: u8, priority: u8, number: u8) -> [u8; 20] {
         let mut start = [0; 20];
         start[..4].copy_from_slice(&[class, id, priority, number]);
-        start[12..].copy_from_slice(&date_and_time(self.machine.config.date_at_start + self.machine.now));
+        start[12..].copy_from_slice(&self.machine.wall.bytes(self.machine.now));
         start
     }
 
@@ -295,7 +297,8 @@ impl Context<'_> {
     pub(crate) fn retrigger_watchdog(&mut self) {
         let machine = &mut *self.machine;
         machine.watchdog.excess = false;
-        machine.watchdog.expires = (machine.config.watchdog > 0).then(|| machine.now + machine.config.watchdog);
+        machine.watchdog.expires =
+            (machine.config.watchdog > 0).then(|| machine.now.saturating_add(machine.config.watchdog));
     }
 
     /// Enters `event` and marks the CPU for STOP.

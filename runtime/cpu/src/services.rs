@@ -12,7 +12,6 @@ use ob1_std::services::{
     SystemStatus, TimeOfDayInterrupt, WallClock,
 };
 
-use crate::Nanos;
 use crate::db_pool::NoDb;
 use crate::interrupts::{NEVER, slot_of};
 use crate::machine::Machine;
@@ -150,7 +149,7 @@ impl Machine {
         let interrupt = &mut self.services.time_of_day[i];
         let next = if interrupt.active { interrupt.next(now) } else { None };
         interrupt.active = next.is_some();
-        let due = next.map_or(NEVER, |moment| (moment.ms() * 1_000_000).wrapping_sub(self.config.date_at_start));
+        let due = next.map_or(NEVER, |moment| self.wall.when(moment));
         self.interrupts.set_due(slot_of(10 + i as u16).unwrap_or_default(), due);
     }
 
@@ -169,8 +168,7 @@ impl Machine {
     }
 
     fn moment_now(&self) -> Moment {
-        let nanos: Nanos = self.config.date_at_start.wrapping_add(self.now);
-        Moment::from_ms(nanos / 1_000_000).unwrap_or(Moment::MAX)
+        self.wall.moment(self.now)
     }
 }
 
@@ -245,7 +243,7 @@ impl WallClock for Machine {
         self.moment_now()
     }
     fn set_moment(&mut self, moment: Moment) {
-        self.config.date_at_start = (moment.ms() * 1_000_000).wrapping_sub(self.now);
+        self.wall.set(moment, self.now);
         self.services.touched = true;
     }
 }

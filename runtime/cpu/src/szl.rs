@@ -7,10 +7,10 @@
 use ob1_model::BlockKind;
 use ob1_std::services::{RunTimes, StatusError, SystemStatus};
 
-use crate::calendar::date_and_time;
 use crate::interrupts::{priority_of, slot_of};
 use crate::machine::Machine;
 use crate::modules::{Plugged, SLOT};
+use crate::wall::Wall;
 use crate::{DiagEntry, Family, ModuleEntry};
 
 /// Who gets the records.
@@ -297,7 +297,7 @@ impl Machine {
         let start = &self.services.start_up;
         let record = Record::<20>::new().word(event).put(&[0xFF, before << 4 | now]).long(0);
         let record = record.put(&[start[1], start[9], start[10], start[11]]);
-        each(&record.put(&date_and_time(self.config.date_at_start + self.started)).bytes);
+        each(&record.put(&self.wall.bytes(self.started)).bytes);
         Ok(20)
     }
 
@@ -333,7 +333,7 @@ impl Machine {
         };
         let record = Record::<20>::new().word(entry.event.0).word(0).put(&[kind, 0]).word(entry.data as u16);
         let record = record.word(block).word(line);
-        record.put(&date_and_time(self.config.date_at_start.wrapping_add(entry.time))).bytes
+        record.put(&self.wall.bytes(entry.time)).bytes
     }
 
     /// The module at a logical address; bit 15 stands for an output.
@@ -350,11 +350,11 @@ impl Machine {
 
     /// Diagnostic buffer of the CP at a logical address, newest entry first. (docs/standard-blocks.md)
     fn buffer_of_cp(&mut self, address: u16, each: Each<'_>) -> Length {
-        let date_at_start = self.config.date_at_start;
+        let wall = self.wall;
         let plugged = self.addressed(address)?;
         let base = plugged.slot.input_address as u16;
         let has_buffer = plugged.module.diagnostic_buffer(&mut |entry| {
-            each(&cp_entry(entry, base, date_at_start));
+            each(&cp_entry(entry, base, wall));
         });
         if has_buffer { Ok(20) } else { Err(StatusError::Index) }
     }
@@ -362,10 +362,10 @@ impl Machine {
 
 /// An entry of a CP's buffer as one of the CPU's: event of class F (modules other than CPUs), incoming or outgoing,
 /// with the CP's event class; event class and number, address, date and time.
-fn cp_entry(entry: ModuleEntry, base: u16, date_at_start: u64) -> [u8; 20] {
+fn cp_entry(entry: ModuleEntry, base: u16, wall: Wall) -> [u8; 20] {
     let event = if entry.incoming { 0xF900 } else { 0xF800 } | entry.number >> 8;
     let record = Record::<20>::new().word(event).long(0).word(entry.number).word(base).word(0);
-    record.put(&date_and_time(date_at_start.wrapping_add(entry.time_ms.saturating_mul(1_000_000)))).bytes
+    record.put(&wall.bytes(entry.time_ms.saturating_mul(1_000_000))).bytes
 }
 
 /// Diagnostic data record 0 or 1.

@@ -68,7 +68,7 @@ impl Timer {
     fn start(&mut self, now: Nanos, time: u16) -> Result<(), FaultKind> {
         let digits = S5Time(time).digits().ok_or(FaultKind::BcdConversion)?;
         self.base = time >> 12 & 3;
-        self.end = now + u64::from(digits) * self.unit();
+        self.end = now.saturating_add(u64::from(digits) * self.unit());
         self.rest = digits as u16;
         self.running = true;
         self.latched = false;

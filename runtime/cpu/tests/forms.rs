@@ -3,6 +3,7 @@
 
 mod common;
 
+use common::random::Random;
 use common::*;
 use ob1_cpu::{Cpu, CpuConfig};
 use ob1_ir::{
@@ -11,21 +12,13 @@ use ob1_ir::{
 };
 use ob1_model::{Area, BitAddr, Interface, TimerKind};
 
-/// xorshift: the same programs in every run.
-struct Random(u64);
+/// Random statements.
+trait Statements {
+    fn place(&mut self, bit: bool) -> Place;
+    fn statement(&mut self, index: u32, count: u32) -> Op;
+}
 
-impl Random {
-    fn next(&mut self, below: u32) -> u32 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 33) as u32 % below
-    }
-
-    fn of<T: Copy>(&mut self, choices: &[T]) -> T {
-        choices[self.next(choices.len() as u32) as usize]
-    }
-
+impl Statements for Random {
     fn place(&mut self, bit: bool) -> Place {
         let area = self.of(&[Area::Memory, Area::Memory, Area::Input, Area::Output, Area::Local, Area::Db]);
         let byte = self.next(if area == Area::Local { 16 } else { 28 }) + if area == Area::Local { 20 } else { 0 };

@@ -82,7 +82,7 @@ fn automatic(call: &mut Call<'_>, direction: i8, open: f32, travel: f32, cycle: 
     let pulse = call.dint(ContS::PULSE_TM).max(cycle);
     let wanted = if open > 0.0 { 1 } else { -1 };
     if direction != 0 {
-        let left = call.dint(ContS::sPulseTm) - cycle;
+        let left = call.dint(ContS::sPulseTm).saturating_sub(cycle);
         call.set_dint(ContS::sPulseTm, left.max(0));
         if left > 0 || wanted == direction && open.abs() >= travel / 2.0 {
             return direction;
@@ -93,7 +93,7 @@ fn automatic(call: &mut Call<'_>, direction: i8, open: f32, travel: f32, cycle: 
             return 0;
         }
     } else {
-        let left = (call.dint(ContS::sBreakTm) - cycle).max(0);
+        let left = call.dint(ContS::sBreakTm).saturating_sub(cycle).max(0);
         call.set_dint(ContS::sBreakTm, left);
         if left > 0 {
             return 0;

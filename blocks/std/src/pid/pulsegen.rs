@@ -38,7 +38,8 @@ fn pulsegen(call: &mut Call<'_>) -> Done {
     let mut elapsed = call.dint(PulseGen::sElapsed).max(0);
     // A new value begins a new period, but not in the first two nor in the last two calls of one.
     let changed = input != call.real(PulseGen::sInv);
-    let inside = (2 * cycle..period.saturating_sub(2 * cycle)).contains(&elapsed);
+    let two = cycle.saturating_mul(2);
+    let inside = (two..period.saturating_sub(two)).contains(&elapsed);
     if elapsed >= period || changed && inside && call.bool(PulseGen::SYN_ON) {
         elapsed = 0;
     }

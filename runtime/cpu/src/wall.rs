@@ -1,0 +1,107 @@
+//! The wall clock: the only place where the CPU's own time and a date meet.
+//!
+//! It shows what DATE_AND_TIME can show. Whatever it is set to and however long it runs, it stays inside: it stands
+//! still at the last moment of 2089, and a time before the first moment of 1990 is shown as that.
+
+use ob1_std::moment::Moment;
+
+use crate::Nanos;
+
+const NANOS_PER_MS: u64 = 1_000_000;
+
+/// The date behind the CPU's own time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wall {
+    /// Nanoseconds from 1990-01-01 to the CPU's time 0; below 0 when the clock was set to an earlier date than the CPU
+    /// has been running for.
+    at_zero: i128,
+}
+
+impl Wall {
+    /// A clock that shows `date_at_zero` (nanoseconds since 1990-01-01) at the CPU's time 0.
+    pub(crate) fn new(date_at_zero: u64) -> Self {
+        Self { at_zero: i128::from(date_at_zero) }
+    }
+
+    /// What it shows at `now`.
+    pub(crate) fn moment(self, now: Nanos) -> Moment {
+        let nanos = (self.at_zero + i128::from(now)).clamp(0, i128::from(u64::MAX)) as u64;
+        moment(nanos)
+    }
+
+    /// The same as the eight bytes of a DATE_AND_TIME.
+    pub(crate) fn bytes(self, now: Nanos) -> [u8; 8] {
+        self.moment(now).to_bytes()
+    }
+
+    /// Sets it: at `now` it shows `moment`.
+    pub(crate) fn set(&mut self, moment: Moment, now: Nanos) {
+        self.at_zero = nanos(moment) - i128::from(now);
+    }
+
+    /// The CPU's time at which it shows `moment`; 0 when that lies before the CPU's time 0.
+    pub(crate) fn when(self, moment: Moment) -> Nanos {
+        (nanos(moment) - self.at_zero).clamp(0, i128::from(Nanos::MAX)) as Nanos
+    }
+}
+
+fn nanos(moment: Moment) -> i128 {
+    i128::from(moment.ms() * NANOS_PER_MS)
+}
+
+fn moment(nanos: u64) -> Moment {
+    Moment::from_ms(nanos / NANOS_PER_MS).unwrap_or(Moment::MAX)
+}
+
+/// The eight bytes of a DATE_AND_TIME for `nanos` since 1990-01-01; later than 2089 they are its last moment.
+#[must_use]
+pub fn date_and_time(nanos: u64) -> [u8; 8] {
+    moment(nanos).to_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use ob1_std::moment::DAY_MS;
+
+    use super::*;
+
+    #[test]
+    fn it_shows_what_it_was_set_to_whatever_the_time() {
+        let days = [0, 1, 59, 3652 + 59, 14_610, 36_523, 36_524];
+        let times = [0, 1, NANOS_PER_MS, 999_999_999, 86_400 * 1_000_000_000, u64::MAX / 2, u64::MAX];
+        for date_at_zero in [0, 1_000_000_000_000_000_000, u64::MAX] {
+            for now in times {
+                for ms in days.map(|day| day * DAY_MS + 45_296_789).into_iter().chain([0, Moment::MAX.ms()]) {
+                    let mut wall = Wall::new(date_at_zero);
+                    let set = Moment::from_ms(ms).expect("a moment");
+                    wall.set(set, now);
+                    assert_eq!((wall.moment(now), wall.bytes(now)), (set, set.to_bytes()));
+                    assert_eq!(wall.when(set), now);
+                    // Before and after, also far outside of what it can show.
+                    for other in times {
+                        let shown = wall.moment(other);
+                        assert_eq!(shown.cmp(&set), shown.ms().cmp(&set.ms()));
+                        assert_eq!(Moment::from_bytes(wall.bytes(other)), Ok(shown), "{ms} at {now}, {other}");
+                        let _ = wall.when(shown);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn dates() {
+        let day = 86_400_000_000_000;
+        for (nanos, bytes) in [
+            (0, [0x90, 0x01, 0x01, 0, 0, 0, 0, 0x02]),
+            (59 * day, [0x90, 0x03, 0x01, 0, 0, 0, 0, 0x05]),
+            (
+                (3652 + 59) * day + 13 * 3_600_000_000_000 + 5 * 60_000_000_000 + 59_123_000_000,
+                [0x00, 0x02, 0x29, 0x13, 0x05, 0x59, 0x12, 0x33],
+            ),
+            (u64::MAX, [0x89, 0x12, 0x31, 0x23, 0x59, 0x59, 0x99, 0x97]),
+        ] {
+            assert_eq!(date_and_time(nanos), bytes, "{nanos}");
+        }
+    }
+}
