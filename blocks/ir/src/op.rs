@@ -1,6 +1,6 @@
 //! The operations, each one STL statement. Meaning: "Statement List (STL) for S7-300 and S7-400" reference.
 
-use ob1_model::{BitAddr, TimerKind};
+use ob1_model::{Area, BitAddr, TimerKind};
 
 use crate::{AddressRegister, Arg, Call, DbRegister, Number, Operand, Place, Target, Width};
 
@@ -230,6 +230,14 @@ pub enum Op {
     Load(Operand),
     /// `L constant`: the 32 bits loaded into ACCU1.
     LoadConst(u32),
+    /// `L P##name` of a function's parameter: the pointer to its actual into ACCU1. With `at` the actual is a composed
+    /// one: its POINTER (6 bytes) is put there in the local data, and the pointer to it loaded.
+    LoadParamPointer {
+        /// Index among the block's formals.
+        index: u16,
+        /// Where in the local data the POINTER goes.
+        at: Option<BitAddr>,
+    },
     /// `T operand`.
     Transfer(Operand),
     /// `L STW`.
@@ -387,6 +395,13 @@ impl Op {
                     if let Arg::Operand(o) = arg {
                         place(o.place, o.width, see);
                     }
+                }
+            }
+            Op::LoadParamPointer { index, at } => {
+                see(Place::Param { index: *index, at: BitAddr(0) }, Width::Byte);
+                if let Some(at) = at {
+                    see(Place::Fixed(Area::Local, *at), Width::Word);
+                    see(Place::Fixed(Area::Local, BitAddr(at.0 + 16)), Width::DWord);
                 }
             }
             _ => {}

@@ -31,9 +31,9 @@ pub enum Target {
 pub enum CallMode {
     /// `CALL`: with parameters.
     Call,
-    /// `UC`: no parameters.
+    /// `UC`: with the pointers of [`Arg::Raw`], or nothing.
     Unconditional,
-    /// `CC`: no parameters, when RLO = 1.
+    /// `CC`: the same, when RLO = 1.
     Conditional,
 }
 
@@ -56,6 +56,10 @@ pub enum Arg {
     Operand(Operand),
     /// A timer, counter or block number.
     Number(Number),
+    /// `UC FC 5 { P#M 1.0 }`: one double word of the list that stands behind the call in machine code: the pointer to
+    /// an elementary actual, the pointer to the POINTER or ANY of a composed one, or the number of a timer, counter or
+    /// block in the high word. Area V is the caller's local data.
+    Raw(u32),
 }
 
 /// A call statement.
@@ -67,7 +71,8 @@ pub struct Call {
     pub target: Target,
     /// Instance data block of an FB.
     pub instance: Option<Number>,
-    /// One entry per formal of the callee's interface, in its order; empty for `UC`/`CC`.
+    /// One entry per formal of the callee's interface, in its order. For `UC`/`CC` of an FC or SFC any number of
+    /// [`Arg::Raw`], in the order of [`list_places`](ob1_model::Interface::list_places); else none.
     pub args: Vec<Arg>,
 }
 

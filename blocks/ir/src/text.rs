@@ -261,6 +261,8 @@ impl Display for Op {
             Op::SaveRlo => f.write_str("SAVE"),
             Op::Load(o) => write!(f, "L {o}"),
             Op::LoadConst(v) => write!(f, "L DW#16#{v:X}"),
+            Op::LoadParamPointer { index, at: None } => write!(f, "L P##PAR{index}"),
+            Op::LoadParamPointer { index, at: Some(at) } => write!(f, "L P##PAR{index} by P#L {at}"),
             Op::Transfer(o) => write!(f, "T {o}"),
             Op::LoadStatus => f.write_str("L STW"),
             Op::TransferStatus => f.write_str("T STW"),
@@ -359,14 +361,15 @@ impl Display for Call {
         if self.args.is_empty() {
             return Ok(());
         }
-        f.write_str(" (")?;
+        let (open, close) = if self.mode == CallMode::Call { (" (", ")") } else { (" { ", " }") };
+        f.write_str(open)?;
         for (i, arg) in self.args.iter().enumerate() {
             if i > 0 {
                 f.write_str(", ")?;
             }
             write!(f, "{arg}")?;
         }
-        f.write_char(')')
+        f.write_str(close)
     }
 }
 
@@ -381,6 +384,8 @@ impl Display for Arg {
             }
             Arg::Operand(o) => write!(f, "{o}"),
             Arg::Number(n) => write!(f, "#{n}"),
+            Arg::Raw(bits) if bits & 0x8000_FFFF == 0 => write!(f, "N#{}", bits >> 16),
+            Arg::Raw(bits) => f.write_str(&pointer_constant(*bits)),
         }
     }
 }

@@ -42,6 +42,8 @@ pub enum Defect {
     ArgCount(usize, usize),
     /// An argument left open where the callee has no memory of its own.
     OpenArg(usize),
+    /// A pointer of a raw list in a `CALL`, or another argument in the list of a `UC` or `CC`.
+    RawArg(usize),
     /// An instance data block is missing or too much.
     Instance,
 }
@@ -63,6 +65,7 @@ impl fmt::Display for Defect {
             Defect::UnknownBlock(id) => write!(f, "{id} is not there"),
             Defect::ArgCount(given, formals) => write!(f, "{given} arguments for {formals} parameters"),
             Defect::OpenArg(index) => write!(f, "argument {index} is left open"),
+            Defect::RawArg(index) => write!(f, "argument {index} is of the other kind of call"),
             Defect::Instance => f.write_str("the instance data block is missing or too much"),
         }
     }
@@ -211,11 +214,15 @@ fn check_number(block: &CodeBlock, formals: usize, number: Number) -> Result<(),
 }
 
 fn check_call<'p>(call: &Call, interface: &dyn Fn(BlockId) -> Option<&'p Interface>, report: &mut dyn FnMut(Defect)) {
+    let with_parameters = call.mode == CallMode::Call;
+    if let Some(index) = call.args.iter().position(|a| matches!(a, Arg::Raw(_)) == with_parameters) {
+        report(Defect::RawArg(index));
+    }
     let (id, local) = match call.target {
         Target::Block(id) => (id, false),
         Target::Local(id, _) => (id, true),
-        Target::Indirect(..) => {
-            if !call.args.is_empty() {
+        Target::Indirect(kind, _) => {
+            if !call.args.is_empty() && (with_parameters || kind.has_instance()) {
                 report(Defect::ArgCount(call.args.len(), 0));
             }
             return;
@@ -225,16 +232,18 @@ fn check_call<'p>(call: &Call, interface: &dyn Fn(BlockId) -> Option<&'p Interfa
         report(Defect::UnknownBlock(id));
         return;
     };
-    let with_parameters = call.mode == CallMode::Call;
     let needs_instance = with_parameters && id.kind.has_instance() && !local;
     if call.instance.is_some() != needs_instance {
         report(Defect::Instance);
     }
+    // A list of pointers is as long as it is.
+    let listed = !with_parameters && !id.kind.has_instance();
     let formals = if with_parameters { callee.formals().count() } else { 0 };
-    if call.args.len() != formals {
+    if call.args.len() != formals && !listed {
         report(Defect::ArgCount(call.args.len(), formals));
     }
     if !id.kind.has_instance()
+        && with_parameters
         && let Some(index) = call.args.iter().position(|a| *a == Arg::Open)
     {
         report(Defect::OpenArg(index));
@@ -311,6 +320,17 @@ mod tests {
         assert_eq!(one(call(FC1, Vec::new(), None)), [Defect::ArgCount(0, 1)]);
         assert_eq!(one(call(FC1, vec![Arg::Open], None)), [Defect::OpenArg(0)]);
         assert_eq!(one(call(FC1, vec![Arg::Const(0)], Some(Number::Fixed(1)))), [Defect::Instance]);
+        let mode = CallMode::Unconditional;
+        let uc =
+            |id, arg| Op::Call(Box::new(Call { mode, target: Target::Block(id), instance: None, args: vec![arg] }));
+        assert_eq!(one(uc(FC1, Arg::Raw(0x8300_0008))), []);
+        assert_eq!(one(uc(FC1, Arg::Const(1))), [Defect::RawArg(0)]);
+        assert_eq!(one(call(FC1, vec![Arg::Raw(0)], None)), [Defect::RawArg(0)]);
+        assert_eq!(
+            defects(vec![block(FC1, vec![uc(FB1, Arg::Raw(0))]), block(FB1, Vec::new())], Vec::new()),
+            [Defect::ArgCount(1, 0)]
+        );
+        assert_eq!(one(Op::LoadParamPointer { index: 3, at: None }), [Defect::ParamIndex(3)]);
         let twice = vec![block(FC1, Vec::new()), block(FC1, Vec::new())];
         assert_eq!(defects(twice, Vec::new()), [Defect::DuplicateBlock(FC1)]);
     }

@@ -85,6 +85,23 @@ impl Interface {
         self.params.iter().filter(|p| !matches!(p.section, Section::Static | Section::Temp))
     }
 
+    /// The place of each formal, in the order of [`formals`](Self::formals), in the list of pointers behind a call of
+    /// an FC or SFC in machine code: inputs, return value, outputs, in/outs.
+    #[must_use]
+    pub fn list_places(&self) -> Vec<u16> {
+        const IN_LIST: [Section; 4] = [Section::Input, Section::Return, Section::Output, Section::InOut];
+        let rank = |p: &Param| IN_LIST.iter().position(|s| *s == p.section);
+        let mut order: Vec<(Option<usize>, usize)> = self.formals().map(rank).zip(0..).collect();
+        order.sort_unstable();
+        let mut places = vec![0; order.len()];
+        for (place, (_, formal)) in (0u16..).zip(order) {
+            if let Some(slot) = places.get_mut(formal) {
+                *slot = place;
+            }
+        }
+        places
+    }
+
     /// Places everything: the parameters and statics of a function block in its instance, each section from an even
     /// byte; the temps in the local data. Sets the `at` of each declaration and both sizes. A composed in/out of a
     /// function block lies in the instance as a POINTER of 6 bytes, as STEP 7 does it. The parameters of other blocks
@@ -123,6 +140,14 @@ impl Interface {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_return_value_stands_before_the_outputs_in_the_list() {
+        let param = |section| Param::new("p", section, DataType::Int);
+        let sections = [Section::Input, Section::Output, Section::InOut, Section::Return, Section::Temp];
+        let interface = Interface { params: sections.map(param).to_vec(), ..Interface::default() };
+        assert_eq!(interface.list_places(), [0, 2, 3, 1]);
+    }
 
     #[test]
     fn sections_begin_on_even_bytes() {

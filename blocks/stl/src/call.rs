@@ -34,7 +34,8 @@ impl<'l> Lowerer<'l, '_> {
         }
         let (Target::Block(id) | Target::Local(id, _)) = target else {
             self.no_actuals(statement, "an indirect call");
-            return Some(call_op(mode, target, None, Vec::new()));
+            let list = self.raw_list(statement, mode, target)?;
+            return Some(call_op(mode, target, None, list));
         };
         let Some(info) = resolver.world.blocks.get(&id) else {
             self.unknown_block(id, span);
@@ -43,7 +44,8 @@ impl<'l> Lowerer<'l, '_> {
         self.check_instance(mode, target, id, instance, span)?;
         if mode != CallMode::Call {
             self.no_actuals(statement, "UC and CC");
-            return Some(call_op(mode, target, instance, Vec::new()));
+            let list = self.raw_list(statement, mode, target)?;
+            return Some(call_op(mode, target, instance, list));
         }
         self.around.callee = match (target, instance.and_then(fixed)) {
             (Target::Local(_, at), _) => Some(Callee::Own(at)),

@@ -33,12 +33,22 @@ pub(crate) enum Constant {
     /// Characters in CP1252.
     Text(Vec<u8>),
     Pointer(PointerConstant),
-    /// `P##name` of a function's own parameter of the type POINTER (6 bytes) or ANY (10): a pointer to a copy in the
-    /// local data, since the caller's bytes have no address here.
+    /// `P##name` of a function's own parameter.
     ToParam {
         index: u16,
-        bytes: u8,
+        kind: ToParam,
     },
+}
+
+/// What `P##` of a function's parameter points to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ToParam {
+    /// The elementary actual itself.
+    Actual,
+    /// A POINTER to the composed actual, in the local data.
+    Pointer,
+    /// A copy of so many bytes in the local data: of the actual that is a POINTER (6) or ANY (10).
+    Copy(u8),
 }
 
 /// `P#12.0`, `P#M 3.0`, `P#DB10.DBX0.0 BYTE 12`.

@@ -200,6 +200,33 @@ pub(crate) fn copy_param(hidden: &mut Hidden, index: u16, bytes: u8, before: &mu
     (u32::from(Area::Local.pointer_code()) << 24) | (copy * 8)
 }
 
+/// The pointer to a function's parameter into ACCU1, or into an address register with the accumulators kept. That to a
+/// composed one leads to its POINTER in the hidden local data.
+pub(crate) fn param_pointer(
+    hidden: &mut Hidden,
+    index: u16,
+    composed: bool,
+    register: Option<AddressRegister>,
+    around: &mut Around,
+) -> Op {
+    let Hidden { kept, copies, .. } = hidden;
+    let at = composed.then(|| {
+        let byte = *copies.entry(index).or_insert_with(|| {
+            let at = KEPT + *kept;
+            *kept += 6;
+            at
+        });
+        BitAddr::byte_addr(byte)
+    });
+    let load = Op::LoadParamPointer { index, at };
+    let Some(register) = register else { return load };
+    let saved = hidden.take(8);
+    let (accu1, accu2) = (local(Width::DWord, saved), local(Width::DWord, saved + 4));
+    around.before.extend([Op::Transfer(accu1), Op::ExchangeAccus, Op::Transfer(accu2), load]);
+    around.after.extend([Op::Load(accu2), Op::Load(accu1)]);
+    Op::LoadAr(register)
+}
+
 /// Puts the operations around the statements into the code, and the hidden local data behind the `temp_bytes` of the
 /// block's own. Jump targets follow.
 pub(crate) fn expand(code: Vec<Stmt>, around: BTreeMap<u32, Around>, hidden: &Hidden, temp_bytes: u32) -> Vec<Stmt> {
@@ -270,6 +297,9 @@ impl Placing {
             Op::Transfer(o) => Op::Transfer(self.operand(o)),
             Op::LoadArFrom(r, o) => Op::LoadArFrom(r, self.operand(o)),
             Op::TransferArTo(r, o) => Op::TransferArTo(r, self.operand(o)),
+            Op::LoadParamPointer { index, at: Some(at) } => {
+                Op::LoadParamPointer { index, at: Some(BitAddr::byte_addr(self.byte(at.byte()))) }
+            }
             Op::LoadConst(v) if points => Op::LoadConst(bits(v)),
             Op::LoadArConst(r, v) if points => Op::LoadArConst(r, bits(v)),
             Op::Call(mut call) => {

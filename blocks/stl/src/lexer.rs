@@ -30,12 +30,31 @@ const CONSTANT_PREFIXES: [&str; 20] = [
 
 /// Splits `text`. Every token costs one step; every character is looked at a bounded number of times.
 pub(crate) fn lex(file: usize, text: &str, sink: &mut Sink) -> Vec<Token> {
-    let mut lexer = Lexer { file, text, at: 0, line: 1, tokens: Vec::with_capacity(text.len() / 4), sink };
+    let mut lexer =
+        Lexer { lines_within: 0, file, text, at: 0, line: 1, tokens: Vec::with_capacity(text.len() / 4), sink };
     lexer.run();
     lexer.tokens
 }
 
+/// The length of the list that begins here with its closing bracket. It may go over lines; within a text it neither
+/// ends nor begins another.
+fn closed_list(text: &str) -> Option<usize> {
+    let mut quoted = false;
+    for (at, byte) in text.bytes().enumerate().skip(1) {
+        match byte {
+            b'\'' => quoted = !quoted,
+            b'\n' => quoted = false,
+            b'}' if !quoted => return Some(at + 1),
+            b'{' if !quoted => return None,
+            _ => {}
+        }
+    }
+    None
+}
+
 struct Lexer<'a> {
+    /// Line ends within the token under way.
+    lines_within: u32,
     file: usize,
     text: &'a str,
     at: usize,
@@ -110,6 +129,7 @@ impl<'a> Lexer<'a> {
     fn push(&mut self, kind: Kind, start: usize, spaced: bool) {
         let span = Span { start: start as u32, end: self.at as u32 };
         self.tokens.push(Token { kind, span, line: self.line, spaced });
+        self.line = self.line.saturating_add(std::mem::take(&mut self.lines_within));
     }
 
     fn token(&mut self, c: char) -> Kind {
@@ -234,15 +254,14 @@ impl<'a> Lexer<'a> {
 
     fn attributes(&mut self) -> Kind {
         let start = self.at;
-        self.skip_while(|c| c != '}' && c != '\n');
-        if !self.eat('}') {
+        if let Some(length) = closed_list(self.rest()) {
+            let lines = self.rest().get(..length).unwrap_or("").matches('\n').count();
+            self.at += length;
+            self.lines_within = lines as u32;
+        } else {
+            self.skip_while(|c| c != '\n');
             let span = Span { start: start as u32, end: self.at as u32 };
-            self.sink.report(
-                self.file,
-                span,
-                &codes::NOT_CLOSED,
-                "the attribute list is not closed with } on this line",
-            );
+            self.sink.report(self.file, span, &codes::NOT_CLOSED, "the list is not closed with }");
         }
         Kind::Attributes
     }

@@ -37,6 +37,7 @@ mod parse_code;
 mod parse_types;
 mod parser;
 mod path;
+mod raw_list;
 mod reach;
 mod reader;
 mod source;

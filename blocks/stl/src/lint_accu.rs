@@ -75,6 +75,7 @@ fn loads(op: &Op) -> bool {
         op,
         Op::Load(_)
             | Op::LoadConst(_)
+            | Op::LoadParamPointer { .. }
             | Op::LoadStatus
             | Op::LoadTimer(_)
             | Op::LoadTimerBcd(_)

@@ -1,11 +1,11 @@
 //! Constants in operands: signs, byte lists, and what `P#` points to.
 
 use ob1_ir::{Operand, Place, Width};
-use ob1_model::{Area, DataType};
+use ob1_model::{Area, BitAddr, DataType};
 
 use crate::address::bit_address;
 use crate::codes;
-use crate::constant::{self, ANY_TYPES, Constant, PointerConstant};
+use crate::constant::{self, ANY_TYPES, Constant, PointerConstant, ToParam};
 use crate::mnemonics::Identifier;
 use crate::operand::{Resolver, Value};
 use crate::parser::{split_digits, unquote};
@@ -136,6 +136,12 @@ impl Resolver<'_> {
         }
     }
 
+    /// True when `ty` is that of the whole parameter, not of its first component.
+    fn is_whole(&self, index: u16, ty: &DataType) -> bool {
+        let formal = self.block.and_then(|(_, info)| info.interface.formals().nth(usize::from(index)));
+        formal.is_some_and(|f| std::ptr::eq(&raw const f.ty, ty))
+    }
+
     /// `P##name`: a pointer to a variable of this block.
     fn pointer_to_local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Constant> {
         let value = self.local(reader, name, span)?;
@@ -146,14 +152,20 @@ impl Resolver<'_> {
             }
             // The instance has a POINTER in its place; that is what P## of it points to.
             Value::Through { pointer, whole: true, .. } => (Area::Di, pointer),
-            Value::Memory { operand: Operand { place: Place::Param { index, .. }, .. }, ty: Some(ty) }
-                if matches!(ty, DataType::Pointer | DataType::Any) =>
+            Value::Memory { operand: Operand { place: Place::Param { index, at: BitAddr(0) }, .. }, ty: Some(ty) }
+                if self.is_whole(index, ty) =>
             {
-                return Some(Constant::ToParam { index, bytes: if *ty == DataType::Any { 10 } else { 6 } });
+                let kind = match ty {
+                    DataType::Any => ToParam::Copy(10),
+                    DataType::Pointer => ToParam::Copy(6),
+                    ty if ty.is_composed() => ToParam::Pointer,
+                    _ => ToParam::Actual,
+                };
+                return Some(Constant::ToParam { index, kind });
             }
             Value::Memory { .. } | Value::Through { .. } => {
-                let message = "where this lies is known at run time only; P## takes POINTER and ANY parameters of functions, \
-                               temps and instance data";
+                let message =
+                    "where this lies is known at run time only; P## takes whole parameters, temps and instance data";
                 reader.report(span, &codes::NOT_SUPPORTED, message);
                 return None;
             }

@@ -7,7 +7,7 @@ use ob1_model::{Area, BitAddr, BlockId, DataType};
 
 use crate::auto::Sets;
 use crate::codes;
-use crate::constant::Constant;
+use crate::constant::{Constant, ToParam};
 use crate::diagnostic::Sink;
 use crate::elaborate::LONGEST;
 use crate::expand::{self, Around, Hidden};
@@ -123,14 +123,18 @@ impl Lowerer<'_, '_> {
         complete.then_some(op)
     }
 
-    /// `L P##name` and `LAR1 P##name` of a function's parameter point to a copy in the hidden local data.
+    /// `L P##name` and `LAR1 P##name` of a function's parameter.
     fn pointing(&mut self, op: Lowered, around: &mut Around) -> Op {
         match op {
             Lowered::Op(op) => op,
-            Lowered::LoadPointer(register, index, bytes) => {
+            Lowered::LoadPointer(register, index, ToParam::Copy(bytes)) => {
                 around.points = true;
                 let pointer = expand::copy_param(&mut self.hidden, index, bytes, &mut around.before);
                 register.map_or(Op::LoadConst(pointer), |r| Op::LoadArConst(r, pointer))
+            }
+            Lowered::LoadPointer(register, index, kind) => {
+                around.points = true;
+                expand::param_pointer(&mut self.hidden, index, kind == ToParam::Pointer, register, around)
             }
         }
     }
@@ -151,8 +155,8 @@ impl Lowerer<'_, '_> {
 /// What a statement becomes.
 enum Lowered {
     Op(Op),
-    /// The pointer to the copy of a parameter, into ACCU1 or an address register.
-    LoadPointer(Option<AddressRegister>, u16, u8),
+    /// The pointer to a parameter, into ACCU1 or an address register.
+    LoadPointer(Option<AddressRegister>, u16, ToParam),
 }
 
 /// Everything but calls and jumps.
@@ -179,11 +183,11 @@ fn operation(
     }
     let span = reader.rest();
     let value = match (resolver.operand(reader)?, &row.shape) {
-        (Value::Constant(Constant::ToParam { index, bytes }), Shape::Load) => {
-            return Some(Lowered::LoadPointer(None, index, bytes));
+        (Value::Constant(Constant::ToParam { index, kind }), Shape::Load) => {
+            return Some(Lowered::LoadPointer(None, index, kind));
         }
-        (Value::Constant(Constant::ToParam { index, bytes }), Shape::LoadAr(register)) => {
-            return Some(Lowered::LoadPointer(Some(*register), index, bytes));
+        (Value::Constant(Constant::ToParam { index, kind }), Shape::LoadAr(register)) => {
+            return Some(Lowered::LoadPointer(Some(*register), index, kind));
         }
         (Value::Through { .. }, Shape::TransferAr(AddressRegister::Ar1)) => {
             let message = "AR1 is needed to reach this, and lost; TAR1 into a temp first";

@@ -1,5 +1,7 @@
 //! Statements: label, mnemonic, operand tokens, and the actual parameters of calls in both written forms.
 
+use ob1_ir::CallMode;
+
 use crate::codes;
 use crate::mnemonics::{Row, Shape};
 use crate::parser::{Parser, keywords};
@@ -36,6 +38,7 @@ impl Parser<'_, '_> {
         };
         if matches!(row.shape, Shape::Call(_)) {
             statement.operand = self.call_target();
+            self.list_behind(&mut statement);
             self.actuals(&mut statement.args);
         } else {
             let from = self.at;
@@ -115,6 +118,22 @@ impl Parser<'_, '_> {
             self.bump();
         }
         from..self.at
+    }
+
+    /// The list of pointers of `UC` and `CC` may stand on the next line.
+    fn list_behind(&mut self, statement: &mut Statement) {
+        let end_of_target = self.at;
+        let listed = statement.row.is_some_and(|r| matches!(r.shape, Shape::Call(mode) if mode != CallMode::Call));
+        if listed && self.peek_kind() == Some(Kind::Newline) {
+            while self.peek_kind() == Some(Kind::Newline) {
+                self.bump();
+            }
+            if self.eat(Kind::Attributes) {
+                statement.operand.end = self.at;
+                return;
+            }
+        }
+        self.at = end_of_target;
     }
 
     /// The actual parameters after a CALL: `( .. )` in the source form, the following lines in the editor form.

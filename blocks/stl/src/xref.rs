@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use ob1_ir::{
-    AddressRegister, Arg, BitTest, Call, CodeBlock, DataBlock, Number, Op, Operand, Place, Program, Stmt, Symbol,
-    Target, Width,
+    AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, DataBlock, Number, Op, Operand, Place, Program, Stmt,
+    Symbol, Target, Width,
 };
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 
 use crate::library::Library;
 use crate::mnemonics::Words;
 use crate::names;
+use crate::operand::width_of;
 use crate::symbols;
 use crate::world::Symbolic;
 
@@ -294,7 +295,12 @@ impl Seen<'_, '_> {
             self.number("DB", 30, instance, Access::Open, None);
         }
         let interface = id.and_then(|id| self.all.interfaces.get(&id).copied());
-        let formals: Vec<&Param> = interface.map(|i| i.formals().collect()).unwrap_or_default();
+        let mut formals: Vec<&Param> = interface.map(|i| i.formals().collect()).unwrap_or_default();
+        if let Some(interface) = interface.filter(|_| call.mode != CallMode::Call) {
+            let mut listed: Vec<_> = interface.list_places().into_iter().zip(formals).collect();
+            listed.sort_by_key(|(place, _)| *place);
+            formals = listed.into_iter().map(|(_, formal)| formal).collect();
+        }
         for (index, arg) in call.args.iter().enumerate() {
             let formal = formals.get(index).copied();
             let via = match (id, formal) {
@@ -317,6 +323,22 @@ impl Seen<'_, '_> {
             Arg::Operand(operand) => match ty {
                 Some(ty) if ty.is_composed() => self.sized(*operand, Layout::bits(ty), access, Some(via)),
                 _ => self.operand(*operand, access, Some(via)),
+            },
+            Arg::Raw(bits) => match ty {
+                Some(ty) if ty.is_parameter_type() => {
+                    self.argument(&Arg::Number(Number::Fixed((bits >> 16) as u16)), formal, access, via);
+                }
+                Some(ty) => {
+                    let at = BitAddr(bits & 0x0007_FFFF);
+                    let area = match Area::from_pointer_code((bits >> 24) as u8) {
+                        Some(Area::PreviousLocal) => Some(Area::Local),
+                        area => area,
+                    };
+                    if let (Some(area), width) = (area, width_of(ty).unwrap_or(Width::Byte)) {
+                        self.operand(Operand { width, place: Place::Fixed(area, at) }, access, Some(via));
+                    }
+                }
+                None => {}
             },
             Arg::Number(number) => match ty {
                 Some(DataType::Timer | DataType::TimerOrWord) => {

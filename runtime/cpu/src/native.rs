@@ -1,8 +1,8 @@
 //! Native blocks: what they can ask of the CPU during a call.
 
-use ob1_model::{BitAddr, BlockId, Event, Fault, FaultKind, Section, Site, TimerKind};
+use ob1_model::{Area, BitAddr, BlockId, Event, Fault, FaultKind, Section, Site, TimerKind};
 
-use crate::engine::{Callee, Entry, Interrupted};
+use crate::engine::{Callee, Entry, Interrupted, RAW};
 use crate::machine::Context;
 use crate::memory::Range;
 use crate::timers::Counter;
@@ -111,6 +111,8 @@ enum Found {
     /// A bit of the arena and its size.
     Place(u32, u32),
     Number(u32),
+    /// A byte of the peripheral area and the size in bits.
+    Peripheral(u32, u32),
 }
 
 impl Call<'_, '_> {
@@ -136,7 +138,27 @@ impl Call<'_, '_> {
         if write && formal.input {
             return Err(NativeError::NoParam);
         }
+        if reference & RAW != 0 {
+            return self.by_pointer(reference, formal.bits, write);
+        }
         Ok(Found::Place(reference, formal.bits))
+    }
+
+    /// What a pointer of a raw list names.
+    fn by_pointer(&self, pointer: u32, bits: u32, write: bool) -> Result<Found, NativeError> {
+        let at = BitAddr(pointer & POINTER_BITS);
+        let db = match Area::from_pointer_code((pointer >> 24) as u8) {
+            Some(Area::Db) => self.entry.db,
+            Some(Area::Di) => self.entry.di,
+            Some(Area::Peripheral) if matches!(bits, 8..=32) => return Ok(Found::Peripheral(at.byte(), bits)),
+            _ => return Err(NativeError::Outside),
+        };
+        if write && db.writable == 0 {
+            return Err(NativeError::ReadOnly);
+        }
+        let range = Range { at: db.at, len: db.len };
+        let byte = range.locate(at.byte(), bits.div_ceil(8)).ok_or(NativeError::Outside)?;
+        Ok(Found::Place(byte * 8 + u32::from(at.bit()), bits))
     }
 
     /// The arena bit of `bits` bits at `at` of the instance.
@@ -196,6 +218,12 @@ impl NativeContext for Call<'_, '_> {
             Found::Number(number) => Ok(number),
             Found::Place(at, bits @ 0..=32) => Ok(self.cx.machine.memory.read_bits(at, bits as u8)),
             Found::Place(..) => Err(NativeError::NoParam),
+            Found::Peripheral(at, bits) => {
+                let mut bytes = [0; 4];
+                let from = 4usize.saturating_sub((bits / 8) as usize);
+                self.io_read(at, &mut bytes[from..])?;
+                Ok(u32::from_be_bytes(bytes))
+            }
         }
     }
 
@@ -205,6 +233,10 @@ impl NativeContext for Call<'_, '_> {
             Found::Place(at, bits @ 0..=32) => {
                 self.cx.machine.memory.write_bits(at, bits as u8, value);
                 Ok(())
+            }
+            Found::Peripheral(at, bits) => {
+                let from = 4usize.saturating_sub((bits / 8) as usize);
+                self.io_write(at, &value.to_be_bytes()[from..])
             }
             _ => Err(NativeError::NoParam),
         }

@@ -1,7 +1,7 @@
 //! Calls at run time: references and copies in, the frame, copies out.
 
 use ob1_ir::{CallMode, DbRegister};
-use ob1_model::{Fault, FaultKind};
+use ob1_model::{BlockId, Fault, FaultKind};
 
 use super::code::{Call, CallTarget, InSource, InstanceOf, OutTarget, RefArg};
 use super::regs::{OS, Regs};
@@ -99,18 +99,29 @@ pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, blocks: &Block
             return Ok(Prepared::Skipped);
         }
     }
-    let callee = match call.target {
-        CallTarget::Known(callee) => callee,
+    let (callee, named) = match call.target {
+        CallTarget::Known(callee) => (callee, None),
         CallTarget::Indirect(kind, n) => {
             let n = number(n, r, m)?;
-            blocks.find(ob1_model::BlockId::new(kind, n)).ok_or_else(|| missing(kind, n))?
+            let id = BlockId::new(kind, n);
+            (blocks.find(id).ok_or_else(|| missing(kind, n))?, Some(id))
         }
     };
     check_depth(m)?;
     let mut entry = entry(call, Tops::of(m), r);
     let (db, di) = (r.db, r.di);
     match call.instance {
-        InstanceOf::None => references(call, r, m)?,
+        InstanceOf::None => match &call.list {
+            Some(list) => {
+                let signature = match list.signature {
+                    Some(index) => blocks.signatures.0.get(index as usize),
+                    None => named.and_then(|id| blocks.signatures.find(id)),
+                };
+                let formals = signature.map_or(&[][..], |s| &s.formals);
+                entry.given = super::raw::references(&list.pointers, formals, r, m)?;
+            }
+            None => references(call, r, m)?,
+        },
         InstanceOf::Db(n) => {
             let n = number(n, r, m)?;
             entry.di = open(m, n, DbRegister::Di)?;
@@ -223,10 +234,15 @@ pub(crate) fn references(call: &Call, r: &mut Regs, m: &mut Machine) -> Result<(
     for (index, patch) in &call.patches {
         let reference = match *patch {
             RefArg::Local(at) => r.local * 8 + at,
-            RefArg::Param { index, at } => reference(index, r, m) + at,
+            RefArg::Param { index, at } => super::raw::handed_on(reference(index, r, m), at, r, m),
             RefArg::Db { at, bits } => arena(in_db(r.db, DbRegister::Db, at, bits, false)?)?,
             RefArg::Number(n) => u32::from(number(n, r, m)?),
             RefArg::Value(place) => read(place, 16, r, m)?,
+            RefArg::Bytes { at, len, scratch } => {
+                let to = scratch_bit + scratch;
+                m.memory.copy(at, to / 8, len);
+                to
+            }
             RefArg::Scratch { value, bits, scratch } => {
                 let at = scratch_bit + scratch;
                 m.memory.write_bits(at, bits, value);

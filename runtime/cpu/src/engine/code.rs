@@ -263,6 +263,8 @@ pub(crate) enum RefArg {
     Copy { place: Place, bits: u32, scratch: u32, out: bool },
     /// A composed actual of an indirect place or data block: referred to where it lies.
     Located { place: Place, bits: u32, out: bool },
+    /// A composed constant the callee may overwrite: its bytes in the arena, and how many.
+    Bytes { at: u32, len: u32, scratch: u32 },
     /// A constant the callee may overwrite.
     Scratch { value: u32, bits: u8, scratch: u32 },
 }
@@ -308,6 +310,14 @@ pub(crate) struct InstanceOut {
     pub(crate) bits: u32,
 }
 
+/// The list of pointers of a call.
+#[derive(Debug)]
+pub(crate) struct List {
+    pub(crate) pointers: Box<[u32]>,
+    /// Index of the signature of the block called, when it is known at load.
+    pub(crate) signature: Option<u32>,
+}
+
 /// A call, ready to run.
 #[derive(Debug)]
 pub(crate) struct Call {
@@ -319,6 +329,8 @@ pub(crate) struct Call {
     /// References known at load; the others are patched in.
     pub(crate) refs: Box<[u32]>,
     pub(crate) patches: Box<[(u16, RefArg)]>,
+    /// `UC`/`CC` of an FC or SFC: its list of pointers.
+    pub(crate) list: Option<List>,
     /// Bytes of scratch.
     pub(crate) scratch: u32,
     pub(crate) ins: Box<[InstanceIn]>,

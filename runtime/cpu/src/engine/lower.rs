@@ -1,6 +1,6 @@
 //! From the intermediate code to the pre-decoded form, at load.
 
-use ob1_ir::{BitTest, CallMode, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Program};
+use ob1_ir::{BitTest, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Program};
 use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section};
 
 use super::Callee;
@@ -29,6 +29,10 @@ pub(crate) struct Formal {
     pub(crate) at: u32,
     /// A STRING: its operand may be shorter than declared here, as its length bytes tell.
     pub(crate) string: bool,
+    /// Composed, and neither POINTER nor ANY: a list of pointers names the POINTER to it.
+    pub(crate) by_pointer: bool,
+    /// Its place in a list of pointers.
+    pub(crate) listed: u16,
 }
 
 impl Formal {
@@ -50,6 +54,7 @@ pub(crate) struct Signature {
 impl Signature {
     /// The signature of an interface; `written` tells which formals the callee may write.
     pub(crate) fn new(id: BlockId, callee: Callee, interface: &Interface, written: &dyn Fn(usize) -> bool) -> Self {
+        let places = interface.list_places();
         let formals = interface
             .formals()
             .enumerate()
@@ -64,6 +69,8 @@ impl Signature {
                     written: p.section != Section::Input || written(i),
                     at: p.at.0,
                     string: matches!(p.ty, DataType::String(_)),
+                    by_pointer: p.ty.is_composed() && !matches!(p.ty, DataType::Pointer | DataType::Any),
+                    listed: places.get(i).copied().unwrap_or(u16::MAX),
                 }
             })
             .collect();
@@ -78,6 +85,10 @@ pub(crate) struct Signatures(pub(crate) Vec<Signature>);
 impl Signatures {
     pub(crate) fn find(&self, id: BlockId) -> Option<&Signature> {
         self.0.binary_search_by_key(&id, |s| s.id).ok().map(|i| &self.0[i])
+    }
+
+    pub(crate) fn index(&self, id: BlockId) -> Option<u32> {
+        self.0.binary_search_by_key(&id, |s| s.id).ok().and_then(|i| u32::try_from(i).ok())
     }
 }
 
@@ -133,9 +144,7 @@ pub(crate) fn lower(block: &CodeBlock, l: &Lowering<'_>, errors: &mut Vec<LoadEr
                 Ok(lowered) => {
                     let call = index_u32(calls.len());
                     let op = match (lowered.target, lowered.instance) {
-                        (CallTarget::Known(Callee::Native(native)), InstanceOf::None)
-                            if lowered.mode != CallMode::Conditional =>
-                        {
+                        (CallTarget::Known(Callee::Native(native)), InstanceOf::None) if lowered.list.is_none() => {
                             Op::CallNative { call, native }
                         }
                         _ => Op::Call { call },

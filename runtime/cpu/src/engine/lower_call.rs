@@ -3,7 +3,7 @@
 use ob1_ir::{Arg, Call as IrCall, CallMode, CodeBlock, Number, Operand, Place, Target};
 use ob1_model::{Area, BlockId, Layout, Section, Site};
 
-use super::code::{Call, CallTarget, InSource, InstanceIn, InstanceOf, InstanceOut, OutTarget, RefArg};
+use super::code::{Call, CallTarget, InSource, InstanceIn, InstanceOf, InstanceOut, List, OutTarget, RefArg};
 use super::lower::{Constants, Formal, Lowering, Signature, Signatures, fixed};
 use super::resolve::width_bits;
 use crate::LoadError;
@@ -50,6 +50,7 @@ pub(crate) fn lower_call(block: &CodeBlock, index: usize, call: &IrCall, l: &Low
         instance_bytes: 0,
         refs: Box::default(),
         patches: Box::default(),
+        list: None,
         scratch: 0,
         ins: Box::default(),
         outs: Box::default(),
@@ -59,14 +60,12 @@ pub(crate) fn lower_call(block: &CodeBlock, index: usize, call: &IrCall, l: &Low
     let id = match call.target {
         Target::Block(id) | Target::Local(id, _) => id,
         Target::Indirect(kind, number) => {
-            if !call.args.is_empty() {
-                let id = BlockId::new(kind, 0);
-                return Err(LoadError::Arguments {
-                    block: id,
-                    site,
-                    reason: "a block by number takes no parameters".into(),
-                });
-            }
+            let id = BlockId::new(kind, 0);
+            lowered.list = raw_list(call, id, None).map_err(|reason| LoadError::Arguments {
+                block: id,
+                site,
+                reason: reason.into(),
+            })?;
             lowered.target = CallTarget::Indirect(kind, number);
             return Ok(lowered);
         }
@@ -77,9 +76,7 @@ pub(crate) fn lower_call(block: &CodeBlock, index: usize, call: &IrCall, l: &Low
     lowered.target = CallTarget::Known(signature.callee);
     let wrong = |reason: String| LoadError::Arguments { block: id, site, reason };
     if call.mode != CallMode::Call {
-        if !call.args.is_empty() || call.instance.is_some() {
-            return Err(wrong("UC and CC take no parameters".into()));
-        }
+        lowered.list = raw_list(call, id, l.signatures.index(id)).map_err(|reason| wrong(reason.into()))?;
         return Ok(lowered);
     }
     if call.args.len() != signature.formals.len() {
@@ -101,6 +98,22 @@ pub(crate) fn lower_call(block: &CodeBlock, index: usize, call: &IrCall, l: &Low
         reference_call(block, call, signature, l, &mut lowered, &wrong)?;
     }
     Ok(lowered)
+}
+
+/// The list of pointers of a call without parameters: of an FC or SFC, however short.
+fn raw_list(call: &IrCall, id: BlockId, signature: Option<u32>) -> Result<Option<List>, &'static str> {
+    if call.mode == CallMode::Call || call.instance.is_some() {
+        return Err("a block by number, UC and CC take no parameters");
+    }
+    if id.kind.has_instance() {
+        return if call.args.is_empty() { Ok(None) } else { Err("UC and CC of an FB take no list of pointers") };
+    }
+    if call.args.len() > FORMALS {
+        return Err("a list of more than 256 pointers");
+    }
+    let raw = |arg: &Arg| if let Arg::Raw(bits) = arg { Some(*bits) } else { None };
+    let pointers = call.args.iter().map(raw).collect::<Option<_>>().ok_or("UC and CC take a list of pointers")?;
+    Ok(Some(List { pointers, signature }))
 }
 
 fn instance_call(
@@ -139,6 +152,7 @@ fn instance_call(
             }
             Arg::Number(number) if formal.number => InSource::Number(*number),
             Arg::Number(_) => return Err(wrong(format!("parameter {} is no number", i + 1))),
+            Arg::Raw(_) => return Err(wrong("CALL takes no list of pointers".into())),
             Arg::Operand(operand) => {
                 check_width(*operand, formal, i, wrong)?;
                 let known = fixed(operand.place, bits, l).map(|(byte, mask)| byte * 8 + mask.trailing_zeros());
@@ -212,8 +226,14 @@ fn reference_call(
                     return Err(wrong(format!("parameter {} has {} bits", i + 1, formal.bits)));
                 }
                 let at = l.constants.find(bytes).ok_or_else(|| wrong("constant not collected".into()))?;
-                refs.push((l.memory.constants.at + at) * 8);
-                continue;
+                let at = l.memory.constants.at + at;
+                if formal.written {
+                    let len = bytes.len() as u32;
+                    RefArg::Bytes { at, len, scratch: take(len * 8) }
+                } else {
+                    refs.push(at * 8);
+                    continue;
+                }
             }
             Arg::Number(Number::Fixed(n)) if formal.number => {
                 refs.push(u32::from(*n));
@@ -221,6 +241,7 @@ fn reference_call(
             }
             Arg::Number(number) if formal.number => RefArg::Number(*number),
             Arg::Number(_) => return Err(wrong(format!("parameter {} is no number", i + 1))),
+            Arg::Raw(_) => return Err(wrong("CALL takes no list of pointers".into())),
             Arg::Operand(operand) => {
                 check_width(*operand, formal, i, wrong)?;
                 if formal.number {

@@ -3,6 +3,7 @@
 use ob1_ir::{AddressRegister, DbRegister, Number, Place, Pointer, Width};
 use ob1_model::{Area, BitAddr, BlockKind, Fault, FaultKind};
 
+use super::raw::RAW;
 use super::regs::Regs;
 use crate::machine::Machine;
 use crate::memory::{Db, Range};
@@ -40,7 +41,7 @@ pub(crate) fn locate(place: Place, bits: u32, write: bool, r: &mut Regs, m: &Mac
             r.di = open(m, number, DbRegister::Di)?;
             in_db(r.di, DbRegister::Di, at.0, bits, write)
         }
-        Place::Param { index, at } => Ok(Where::Arena(reference(index, r, m).wrapping_add(at.0))),
+        Place::Param { index, at } => param(index, at.0, bits, write, r, m),
         Place::Instance(at) => in_db(r.di, DbRegister::Di, (r.ar2 & POINTER_BITS).wrapping_add(at.0), bits, write),
         Place::Memory(area, pointer) => {
             let at = read_pointer(pointer, 32, r, m)? & POINTER_BITS;
@@ -71,6 +72,16 @@ pub(crate) fn reference(index: u16, r: &Regs, m: &Machine) -> u32 {
     m.refs.get(r.refs as usize + usize::from(index)).copied().unwrap_or(0)
 }
 
+/// The place of an actual, `at` bits into it.
+#[inline(always)]
+pub(crate) fn param(index: u16, at: u32, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<Where, Fault> {
+    let reference = reference(index, r, m);
+    if reference & RAW != 0 {
+        return super::raw::locate(reference, at, bits, write, r, m);
+    }
+    Ok(Where::Arena(reference.wrapping_add(at)))
+}
+
 /// Whole bytes begin at one.
 #[inline(always)]
 pub(crate) fn aligned(area: Area, at: u32, bits: u32, write: bool) -> Result<(), Fault> {
@@ -95,6 +106,9 @@ pub(crate) fn in_area(area: Area, at: u32, bits: u32, write: bool, r: &Regs, m: 
     };
     match range.locate(at / 8, bits.div_ceil(8)) {
         Some(byte) => Ok(Where::Arena(byte * 8 + at % 8)),
+        None if area == Area::PreviousLocal => {
+            super::raw::copies(at, bits, m).ok_or_else(|| outside(area, at, bits, write))
+        }
         None => Err(outside(area, at, bits, write)),
     }
 }

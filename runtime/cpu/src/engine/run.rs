@@ -46,7 +46,7 @@ impl From<Fault> for Miss {
 fn based(base: Base, at: u32, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<u32, Miss> {
     let found = match base {
         Base::Local => return Ok(r.local * 8 + at),
-        Base::Param(index) => return Ok(resolve::reference(index, r, m).wrapping_add(at)),
+        Base::Param(index) => resolve::param(index, at, bits, write, r, m)?,
         Base::Db => resolve::in_db(r.db, ob1_ir::DbRegister::Db, at, bits, write)?,
         Base::Instance => {
             let at = (r.ar2 & resolve::POINTER_BITS).wrapping_add(at);

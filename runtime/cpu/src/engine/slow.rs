@@ -36,6 +36,7 @@ pub(crate) fn step(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> 
         | Op::SaveRlo => bit_logic(op, r, m),
         Op::Load(_)
         | Op::LoadConst(_)
+        | Op::LoadParamPointer { .. }
         | Op::Transfer(_)
         | Op::LoadStatus
         | Op::TransferStatus
@@ -240,6 +241,10 @@ fn load_transfer(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
             load(r, value);
         }
         Op::LoadConst(value) => load(r, value),
+        Op::LoadParamPointer { index, at } => {
+            let pointer = super::raw::pointer_to(index, at, r, m)?;
+            load(r, pointer);
+        }
         Op::Transfer(operand) => {
             let value = if r.mcr_off() { 0 } else { r.a1 };
             write(operand.place, width_bits(operand.width), value, r, m)?;

@@ -32,6 +32,7 @@ pub(crate) fn places(op: &Op, f: &mut dyn FnMut(Place, u32)) {
                 }
             }
         }
+        Op::LoadParamPointer { at: Some(at), .. } => f(Place::Fixed(Area::Local, *at), 48),
         _ => {}
     }
 }
@@ -77,6 +78,8 @@ fn written(op: &Op, f: &mut dyn FnMut(Place)) {
             f(*place);
         }
         Op::Transfer(operand) | Op::TransferArTo(_, operand) => f(operand.place),
+        // What has its pointer may write it.
+        Op::LoadParamPointer { index, .. } => f(Place::Param { index: *index, at: BitAddr(0) }),
         // Passed on: the called block may write it.
         Op::Call(_) => places(op, &mut |place, _| f(place)),
         _ => {}
@@ -147,6 +150,15 @@ pub(crate) fn verify(block: &CodeBlock, errors: &mut Vec<LoadError>) {
             Place::Memory(_, pointer) => pointer_place(pointer, &mut complain),
             _ => {}
         });
+        if let Op::LoadParamPointer { index, at } = &stmt.op {
+            match formals.get(usize::from(*index)).filter(|_| is_fc) {
+                None => complain(format!("no parameter {index} by reference")),
+                Some(p) if p.ty.is_composed() != at.is_some() => {
+                    complain(format!("the pointer to {} is of the other kind", p.name));
+                }
+                Some(_) => {}
+            }
+        }
         numbers(&stmt.op, &mut |n| match n {
             Number::Param(index) => {
                 if !is_fc || formals.get(usize::from(index)).is_none_or(|p| !p.ty.is_parameter_type()) {
