@@ -25,8 +25,13 @@ params!(ContS {
     Static { sInvAlt: REAL, sRest: REAL, sPulseTm: TIME, sBreakTm: TIME }
 });
 
-pub(super) const ROWS: &[Row] = &[Row::new::<ContS>(Origin::Pid, Fb, 42, "CONT_S", cont_s)
-    .note("thresholds of the three-step element are ours: the travel of a shortest pulse, and of half a cycle")];
+pub(super) const ROWS: &[Row] = &[
+    Row::new::<ContS>(Origin::Pid, Fb, 42, "CONT_S", cont_s).note(THRESHOLDS),
+    Row::sfb::<ContS>(42, "CONT_S", cont_s).note(THRESHOLDS),
+];
+
+const THRESHOLDS: &str =
+    "thresholds of the three-step element are ours: the travel of a shortest pulse, and of half a cycle";
 
 fn cont_s(call: &mut Call<'_>) -> Done {
     if call.bool(ContS::COM_RST) {

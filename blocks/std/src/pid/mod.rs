@@ -1,4 +1,5 @@
-//! "PID Control Blocks": FB 41 CONT_C, FB 42 CONT_S, FB 43 PULSEGEN. ["Integrated Control"]
+//! "PID Control Blocks": FB 41 CONT_C, FB 42 CONT_S, FB 43 PULSEGEN; the compact CPUs have the same three as SFB 41 to
+//! 43. ["Integrated Control"]
 //!
 //! They count in CYCLE, the interval at which the program calls them, and read no clock. The equations are the sampled
 //! form of the manual's block diagrams; statics whose names the manual does not give are ours.
