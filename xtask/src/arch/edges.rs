@@ -22,6 +22,7 @@ const TABLE: &[Row] = &[
     row("ob1-ir", "invariant 3", &["ob1-model"]),
     row("ob1-stl", "invariant 3", &["ob1-model", "ob1-ir", "strsim", "thiserror"]),
     row("ob1-std", "invariant 2", &["ob1-model"]),
+    row("ob1-project", "invariant 3", &["ob1-model", "encoding_rs", "zip"]),
     // It runs the system blocks, which are pure functions, as native blocks.
     row("ob1-cpu", "invariant 2", &["ob1-model", "ob1-ir", "ob1-std", "hdrhistogram", "rtrb"]),
     row("ob1-rt", "invariant 4", &["ob1-cpu", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"]),

@@ -123,6 +123,7 @@ const ALL: &[Ban] = &[Clock, Threads, Locks, Disk, Net, Process, Hash];
 const FENCES: &[(&str, &[Ban])] = &[
     ("blocks/ir", ALL),
     ("blocks/model", ALL),
+    ("blocks/project", ALL),
     ("blocks/std", ALL),
     ("blocks/stl", ALL),
     ("driver/firmware", ALL),
