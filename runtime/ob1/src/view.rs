@@ -155,6 +155,7 @@ impl StationView {
                 locked_kib: memory.locked_kib,
                 threads: memory.threads,
             },
+            log_lost: ob1_log::lost(),
         }
     }
 }

@@ -186,6 +186,9 @@ pub struct Status {
     pub posture: Vec<GrantStatus>,
     /// Memory of the process.
     pub memory: MemoryStatus,
+    /// Log lines of the runtime that nobody got: its stderr was full, slow or gone.
+    #[serde(default)]
+    pub log_lost: u64,
 }
 
 /// A distribution of times, in nanoseconds.

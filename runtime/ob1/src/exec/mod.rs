@@ -34,7 +34,7 @@ pub fn exec(args: &ExecArgs) -> ExecExit {
     match try_exec(args) {
         Ok(exit) => exit,
         Err((exit, text)) => {
-            eprint!("{text}");
+            errs!("{text}");
             exit
         }
     }
@@ -61,9 +61,9 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     let exit = run(&mut cpu, &mut clock, args.start);
     let stats = meter.stop(&cpu, clock.now(), exit, args);
     match exit {
-        ExecExit::Fault => eprint!("{}", fault_text(&cpu)),
+        ExecExit::Fault => errs!("{}", fault_text(&cpu)),
         ExecExit::Limit if clock.wall_is_over() => {
-            eprintln!(
+            err!(
                 "ob1: the wall limit of {} s was reached before the limit of virtual time",
                 clock::WALL_LIMIT.as_secs()
             );
@@ -92,7 +92,7 @@ fn compile(args: &ExecArgs, standard: &[Choice]) -> Result<Program, Failure> {
     let (program, findings) = program::compile(&sources, &library).map_err(|findings| rejected(&findings))?;
     if !args.quiet {
         for finding in &findings {
-            eprintln!("{finding}");
+            err!("{finding}");
         }
     }
     Ok(program)

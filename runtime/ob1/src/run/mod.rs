@@ -16,6 +16,7 @@ use crate::assembly::{self, AssemblyError, DriverSettings};
 use crate::exit::Exit;
 use crate::finding::{Finding, Level};
 use crate::janitor::Janitor;
+use crate::out;
 use crate::posture;
 use crate::program::{self, LoadFailure};
 use crate::rundir::{RunDir, RunDirError};
@@ -76,7 +77,7 @@ pub fn run(options: &Options) -> Exit {
     match try_run(options) {
         Ok(exit) => exit,
         Err(Failure(exit, text)) => {
-            eprint!("{text}");
+            errs!("{text}");
             exit
         }
     }
@@ -102,7 +103,7 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     let loaded = program::load(&station).map_err(|f| Failure::of_load(&f))?;
     // Lints are for `check`.
     for finding in loaded.findings.iter().chain(&devices).filter(|f| f.level != Level::Lint && !options.quiet) {
-        eprintln!("{finding}");
+        err!("{finding}");
     }
     let rundir = RunDir::claim(&station.name).map_err(|error| {
         let exit = if matches!(error, RunDirError::Running { .. }) { Exit::Running } else { Exit::System };
@@ -125,7 +126,7 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
         report.write(path).map_err(|e| Failure::system(&format!("the report {}", path.display()), &e))?;
     }
     if !options.quiet {
-        print!("{}", report.summary());
+        out::print_at_the_end(report.summary());
     }
     Ok(exit_of(&report))
 }
