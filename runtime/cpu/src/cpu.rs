@@ -106,6 +106,12 @@ impl Cpu {
         self.machine.diag.iter()
     }
 
+    /// The diagnostic entry so many entries back, 0 the newest.
+    #[must_use]
+    pub fn diagnostic(&self, back: usize) -> Option<&DiagEntry> {
+        self.machine.diag.get(back)
+    }
+
     /// Enters an event from outside the program: a driver's supervisor, the command.
     pub fn diagnose(&mut self, event: Event, data: u32, text: &str) {
         let entry = DiagEntry {

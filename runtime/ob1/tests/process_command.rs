@@ -202,3 +202,120 @@ fn file_with(bench: &Bench, bytes: &[u8]) -> bool {
     let read = |slot: &str| std::fs::read(bench.folder.path().join(format!(".bench.retentive.{slot}")));
     ["a", "b"].iter().filter_map(|slot| read(slot).ok()).any(|file| file.windows(bytes.len()).any(|w| w == bytes))
 }
+
+fn said(output: &std::process::Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Every change of state is told once, with the place of the error and what helps; the end has its exit code.
+#[test]
+fn each_change_of_state_is_told_once() {
+    let bench = Bench::new();
+    let output = bench.ob1(&["run", "bench.toml", "--scans", "5"]);
+    let text = said(&output);
+    for part in ["STARTUP: 4301h", "RUN: 4302h", "STOP: 4304h STOP by operator"] {
+        assert_eq!(text.matches(part).count(), 1, "{part}: {text}");
+    }
+    assert_eq!(output.status.code(), Some(0), "{text}");
+
+    bench.write("bench.awl", &PROGRAM.replace("U     M      2.0", "UN    M      2.0"));
+    let output = bench.ob1(&["run", "bench.toml", "--for", "1h"]);
+    let text = said(&output);
+    assert_eq!(output.status.code(), Some(3), "{text}");
+    for part in [
+        "STOP: 4562h STOP by programming error, OB 121 not loaded",
+        "because of 253Ah data block not loaded (OB 1, network 1, line 15, ",
+        "DB 77), bench.awl:15",
+        "= Load the data block",
+    ] {
+        assert_eq!(text.matches(part).count(), 1, "{part}: {text}");
+    }
+}
+
+/// STOP in start-up never was RUN, and is not told as if.
+#[test]
+fn a_stop_in_start_up_is_not_told_as_running() {
+    let bench = Bench::new();
+    let start_up = "ORGANIZATION_BLOCK OB 100\nBEGIN\nNETWORK\n      CALL SFC 46;\nEND_ORGANIZATION_BLOCK\n";
+    bench.write("bench.awl", &format!("{PROGRAM}\n{start_up}"));
+    for quiet in [&[][..], &["--quiet"]] {
+        let args = [&["run", "bench.toml", "--for", "1h"], quiet].concat();
+        let output = bench.ob1(&args);
+        let text = said(&output);
+        assert_eq!(output.status.code(), Some(3), "{text}");
+        assert_eq!(text.matches("STOP: 4543h STOP by the program (SFC 46)").count(), 1, "{text}");
+        assert!(!text.contains("RUN: ") && !text.contains("running"), "{text}");
+    }
+}
+
+#[test]
+fn a_program_without_ob_1_is_told() {
+    let bench = Bench::new();
+    bench.write(
+        "bench.awl",
+        &PROGRAM
+            .replace("ORGANIZATION_BLOCK OB 1\n", "FUNCTION FC 1 : VOID\n")
+            .replace("END_ORGANIZATION_BLOCK", "END_FUNCTION"),
+    );
+    for args in [
+        &["check", "bench.toml"][..],
+        &["run", "bench.toml", "--scans", "3"],
+        &["run", "bench.toml", "--scans", "3", "--quiet"],
+    ] {
+        let output = bench.ob1(args);
+        assert!(said(&output).contains("L021: the program has no OB 1"), "{args:?}: {output:?}");
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {output:?}");
+    }
+    let output = bench.ob1(&["exec", "bench.awl", "--limit", "10ms", "--quiet"]);
+    assert!(said(&output).contains("L021: the program has no OB 1"), "{output:?}");
+}
+
+#[test]
+fn exec_says_how_it_ended() {
+    let bench = Bench::new();
+    let output = bench.ob1(&["exec", "bench.awl", "--limit", "10ms"]);
+    assert_eq!(said(&output), "ob1: the limit was reached in RUN after 10 scans, 0.010 s; exit code 3\n");
+    bench.write("bench.awl", &PROGRAM.replace("U     M      2.0", "UN    M      2.0"));
+    let output = bench.ob1(&["exec", "bench.awl", "--limit", "10ms"]);
+    let text = said(&output);
+    assert!(text.contains("253Ah data block not loaded") && text.contains(", bench.awl:15\n"), "{text}");
+    assert!(text.ends_with("ob1: a fault stopped the CPU after 0 scans, 0.000 s; exit code 11\n"), "{text}");
+}
+
+/// Clients that say nothing keep nobody out: neither others nor the run itself.
+#[test]
+fn idle_clients_lock_nobody_out() {
+    use std::io::{BufRead as _, BufReader, Write as _};
+    use std::os::unix::net::UnixStream;
+
+    let bench = Bench::new();
+    let socket = bench.rundir().join("control.sock");
+    // With few descriptors too: the shell's limit is the run's.
+    for limit in ["", "ulimit -n 40; "] {
+        let mut command = std::process::Command::new("sh");
+        let ob1 = env!("CARGO_BIN_EXE_ob1");
+        command.args(["-c", &format!("{limit}exec {ob1} run bench.toml --quiet")]).current_dir(bench.folder.path());
+        command.env("XDG_RUNTIME_DIR", bench.folder.path()).stdin(std::process::Stdio::null());
+        let mut station =
+            bench::Station { child: command.stdout(std::process::Stdio::null()).spawn().expect("a shell") };
+        bench.until_state("RUN");
+        let idle: Vec<_> = (0..64).filter_map(|_| UnixStream::connect(&socket).ok()).collect();
+        assert!(idle.len() > 32);
+        assert_eq!(bench.code(&["ctl", "bench", "stop"]), Some(0), "{limit}");
+        bench.until_state("STOP");
+        // One that asks much and reads nothing.
+        let mut slow = UnixStream::connect(&socket).expect("it listens");
+        for _ in 0..200 {
+            slow.write_all(b"{\"op\":\"timing\",\"histograms\":true}\n").expect("room in the socket");
+        }
+        for _ in 0..20 {
+            assert_eq!(bench.code(&["ctl", "bench", "status"]), Some(0), "{limit}");
+        }
+        let mut first = String::new();
+        BufReader::new(slow).read_line(&mut first).expect("an answer");
+        assert!(first.contains("\"ok\":true"), "{first}");
+        station.signal("-INT");
+        assert_eq!(station.child.wait().expect("it ends").code(), Some(0), "{limit}");
+        drop(idle);
+    }
+}

@@ -9,7 +9,7 @@ mod clock;
 mod dump;
 mod stats;
 
-use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, Family, OperatingState};
+use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, DiagEntry, Family, OperatingState};
 use ob1_ir::Program;
 use ob1_model::Event;
 
@@ -22,6 +22,7 @@ use crate::finding::Finding;
 use crate::library::Choice;
 use crate::offer::Unserved;
 use crate::program::{self, Sources};
+use crate::view::Places;
 use clock::{ExecClock, WallTime};
 use stats::Meter;
 
@@ -61,7 +62,7 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     let exit = run(&mut cpu, &mut clock, args.start);
     let stats = meter.stop(&cpu, clock.now(), exit, args);
     match exit {
-        ExecExit::Fault => errs!("{}", fault_text(&cpu)),
+        ExecExit::Fault => errs!("{}", fault_text(&cpu, &Places::new(&program))),
         ExecExit::Limit if clock.wall_is_over() => {
             err!(
                 "ob1: the wall limit of {} s was reached before the limit of virtual time",
@@ -69,6 +70,9 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
             );
         }
         _ => {}
+    }
+    if !args.quiet {
+        err!("{}", ended_text(exit, stats.scans, clock.now()));
     }
     for dump in &args.dump {
         dump.write(&cpu).map_err(|text| (ExecExit::Other(Exit::System), format!("ob1: {text}\n")))?;
@@ -89,11 +93,10 @@ fn compile(args: &ExecArgs, standard: &[Choice]) -> Result<Program, Failure> {
         library: standard.to_vec(),
         lints: false,
     };
-    let (program, findings) = program::compile(&sources, &library).map_err(|findings| rejected(&findings))?;
-    if !args.quiet {
-        for finding in &findings {
-            err!("{finding}");
-        }
+    let (program, mut findings) = program::compile(&sources, &library).map_err(|findings| rejected(&findings))?;
+    findings.extend(program::without_ob1(&program, []));
+    for finding in findings.iter().filter(|finding| !args.quiet || finding.code == program::NO_OB1) {
+        err!("{finding}");
     }
     Ok(program)
 }
@@ -155,9 +158,21 @@ fn ending(cpu: &Cpu, clock: &ExecClock) -> ExecExit {
     }
 }
 
+/// How it ended, in a line.
+fn ended_text(exit: ExecExit, scans: u64, now: u64) -> String {
+    let how = match exit {
+        ExecExit::Stopped => "the program stopped the CPU (SFC 46)",
+        ExecExit::Limit => "the limit was reached in RUN",
+        _ => "a fault stopped the CPU",
+    };
+    let scans = if scans == 1 { "1 scan".to_owned() } else { format!("{scans} scans") };
+    format!("ob1: {how} after {scans}, {:.3} s; exit code {}", now as f64 / 1e9, exit.code())
+}
+
 /// The entries that led to STOP, newest first: the reason for STOP and what it came from.
-fn fault_text(cpu: &Cpu) -> String {
+fn fault_text(cpu: &Cpu, places: &Places) -> String {
     let beginning = [Event::STARTUP, Event::RUN];
     let entries = cpu.diagnostics().take_while(|entry| !beginning.contains(&entry.event)).take(SHOWN);
-    entries.map(|entry| format!("ob1: {:.6} s  {entry}\n", entry.time as f64 / 1e9)).collect()
+    let line = |entry: &DiagEntry| format!("ob1: {:.6} s  {}\n", entry.time as f64 / 1e9, places.told(entry));
+    entries.map(line).collect()
 }
