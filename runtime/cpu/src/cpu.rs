@@ -84,6 +84,13 @@ impl Cpu {
         self.machine.interrupt.clone()
     }
 
+    /// Bytes of stack that a thread needs to call [`Cpu::cycle`]: for the deepest nesting of organization blocks and
+    /// native blocks that can come of what is loaded.
+    #[must_use]
+    pub fn stack_bytes(&self) -> usize {
+        self.machine.stack
+    }
+
     /// Asks for a change of state; the next [`Cpu::cycle`] makes it.
     pub fn request(&mut self, command: Command) {
         self.wanted = Some(command);

@@ -59,7 +59,8 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     }
     let mut clock = ExecClock::new(args, cpu.interrupt(), WallTime::start());
     let meter = Meter::start();
-    let exit = run(&mut cpu, &mut clock, args.start);
+    let exit = ob1_rt::with_stack(cpu.stack_bytes(), || run(&mut cpu, &mut clock, args.start));
+    let exit = exit.map_err(|e| (ExecExit::Other(Exit::System), format!("ob1: a thread for the program: {e}\n")))?;
     let stats = meter.stop(&cpu, clock.now(), exit, args);
     match exit {
         ExecExit::Fault => errs!("{}", fault_text(&cpu, &Places::new(&program))),

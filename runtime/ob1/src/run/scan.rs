@@ -122,7 +122,7 @@ pub(super) struct Scan {
 impl Scan {
     /// Starts the thread. With a fence that cannot be raised it ends at once with the reason.
     pub(super) fn start(self) -> std::io::Result<JoinHandle<Result<(), String>>> {
-        ob1_rt::spawn("ob1-scan", move || self.run())
+        ob1_rt::spawn_with_stack("ob1-scan", self.cpu.stack_bytes(), move || self.run())
     }
 
     fn run(mut self) -> Result<(), String> {

@@ -55,7 +55,17 @@ pub fn test(args: &TestArgs) -> TestExit {
         }
     };
     let filter = args.filter.as_deref().unwrap_or_default();
-    let reports: Vec<FileReport> = files.iter().map(|file| run_file(file, filter)).collect();
+    // Plugin blocks nested as deep as any program may nest them.
+    let reports = ob1_rt::with_stack(ob1_cpu::MOST_STACK_BYTES, || {
+        files.iter().map(|file| run_file(file, filter)).collect::<Vec<FileReport>>()
+    });
+    let reports = match reports {
+        Ok(reports) => reports,
+        Err(error) => {
+            errs!("ob1: a thread for the tests: {error}\n");
+            return TestExit::Unusable;
+        }
+    };
     for report in reports.iter().filter(|r| !args.quiet || r.failed() > 0 || !r.refused.is_empty()) {
         says!("{}", report.text());
     }
