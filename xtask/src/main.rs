@@ -13,7 +13,6 @@ mod faults;
 mod figures;
 mod fuzz;
 mod loom_miri;
-mod needs;
 mod pick;
 mod python;
 mod shell;

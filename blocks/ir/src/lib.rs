@@ -5,12 +5,14 @@
 //! text; nothing here knows how an engine represents memory.
 
 mod layout_text;
+mod notation;
 mod op;
 mod place;
 mod program;
 mod text;
 mod verify;
 
+pub use notation::Notation;
 pub use op::{AccuOp, BitTest, Compare, Convert, Jump, Logic, MathFn, NumberFormat, Op, Shift, StatusBit, WordLogic};
 pub use place::{AddressRegister, DbRegister, Number, Operand, Place, Pointer, Width};
 pub use program::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Program, Stmt, Symbol, Target};

@@ -238,6 +238,16 @@ pub enum Op {
         /// Where in the local data the POINTER goes.
         at: Option<BitAddr>,
     },
+    /// `L P##name` of a function's parameter of the type POINTER (6 bytes) or ANY (10): the actual is copied into the
+    /// local data, since the caller's bytes may have no address here, and the pointer to the copy loaded.
+    LoadParamCopy {
+        /// Index among the block's formals.
+        index: u16,
+        /// Bytes of the actual.
+        bytes: u8,
+        /// Where in the local data the copy goes.
+        at: BitAddr,
+    },
     /// `T operand`.
     Transfer(Operand),
     /// `L STW`.
@@ -403,6 +413,11 @@ impl Op {
                     see(Place::Fixed(Area::Local, *at), Width::Word);
                     see(Place::Fixed(Area::Local, BitAddr(at.0 + 16)), Width::DWord);
                 }
+            }
+            Op::LoadParamCopy { index, bytes, at } => {
+                see(Place::Param { index: *index, at: BitAddr(0) }, Width::Byte);
+                see(Place::Fixed(Area::Local, *at), Width::Word);
+                see(Place::Fixed(Area::Local, BitAddr(at.0 + u32::from(*bytes).saturating_sub(4) * 8)), Width::DWord);
             }
             _ => {}
         }

@@ -1,8 +1,8 @@
 //! Blocks, calls and the whole program.
 
-use ob1_model::{BlockId, Component, DataType, Interface};
+use ob1_model::{Area, BitAddr, BlockId, Component, DataType, Interface};
 
-use crate::{Number, Op, Operand};
+use crate::{Number, Op, Operand, Place};
 
 /// One statement.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,6 +90,24 @@ pub struct CodeBlock {
     pub code: Vec<Stmt>,
     /// Index into [`Program::sources`].
     pub source: u32,
+}
+
+impl CodeBlock {
+    /// Bytes of local data, an even number, that absolute operands (`L 10.0`, `LW 20`) reach into.
+    #[must_use]
+    pub fn local_bytes(code: &[Stmt]) -> u32 {
+        let mut bytes = 0;
+        for stmt in code {
+            stmt.op.places(&mut |place, width| {
+                if let Place::Fixed(Area::Local, at) = place
+                    && at.byte() <= BitAddr::MAX_BYTE
+                {
+                    bytes = bytes.max(at.byte() + width.bytes());
+                }
+            });
+        }
+        bytes.next_multiple_of(2)
+    }
 }
 
 /// What a data block is.

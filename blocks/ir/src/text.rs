@@ -73,6 +73,7 @@ impl Display for Operand {
                 write!(f, "{} [{}D {}]", area_text(area, width), pointer.area.name(), pointer.at.byte())
             }
             Place::Register(Some(area), register, at) => write!(f, "{} [{register},P#{at}]", area_text(area, width)),
+            Place::Register(None, register, at) if width == Width::Bit => write!(f, "[{register},P#{at}]"),
             Place::Register(None, register, at) => write!(f, "{} [{register},P#{at}]", letter(width)),
         }
     }
@@ -263,6 +264,7 @@ impl Display for Op {
             Op::LoadConst(v) => write!(f, "L DW#16#{v:X}"),
             Op::LoadParamPointer { index, at: None } => write!(f, "L P##PAR{index}"),
             Op::LoadParamPointer { index, at: Some(at) } => write!(f, "L P##PAR{index} by P#L {at}"),
+            Op::LoadParamCopy { index, bytes, at } => write!(f, "L P##PAR{index} by {bytes} bytes at P#L {at}"),
             Op::Transfer(o) => write!(f, "T {o}"),
             Op::LoadStatus => f.write_str("L STW"),
             Op::TransferStatus => f.write_str("T STW"),

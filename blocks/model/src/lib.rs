@@ -9,7 +9,6 @@ pub mod cells;
 mod fault;
 mod interface;
 mod layout;
-mod meaning;
 mod s5time;
 mod types;
 
@@ -18,6 +17,5 @@ pub use block::{BlockId, BlockKind};
 pub use fault::{Access, Event, Fault, FaultKind, Site};
 pub use interface::{Interface, Param, Section};
 pub use layout::{Component, Layout, align_to};
-pub use meaning::StateChange;
 pub use s5time::{S5Time, TimerKind};
 pub use types::{DataType, Dimension, Field};

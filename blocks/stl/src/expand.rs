@@ -12,6 +12,8 @@ use std::collections::BTreeMap;
 use ob1_ir::{AddressRegister, Arg, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width, WordLogic};
 use ob1_model::{Area, BitAddr};
 
+use crate::constant::ToParam;
+
 /// The operations that one statement becomes: those before, itself, those after.
 #[derive(Debug, Default)]
 pub(crate) struct Around {
@@ -178,47 +180,29 @@ pub(crate) fn move_through(pointer: BitAddr, operand: Operand, byte: u32, out: b
     ops.push(Op::Transfer(if out { there } else { here }));
 }
 
-/// Copies the POINTER or ANY a function has as parameter `index` into the hidden local data, and gives the pointer to
-/// the copy. Nothing but the local data is changed.
-pub(crate) fn copy_param(hidden: &mut Hidden, index: u16, bytes: u8, before: &mut Vec<Op>) -> u32 {
-    let Hidden { kept, copies, .. } = hidden;
-    let copy = *copies.entry(index).or_insert_with(|| {
-        let at = KEPT + *kept;
-        *kept += u32::from(bytes);
-        at
-    });
-    let save = local(Width::DWord, hidden.take(4));
-    let ar1 = AddressRegister::Ar1;
-    before.push(Op::TransferArTo(ar1, save));
-    // The last double word overlaps the one before: 6 and 10 bytes are no multiple of 4.
-    for at in if bytes == 10 { &[0, 4, 6][..] } else { &[0, 2] } {
-        let place = Place::Param { index, at: BitAddr::byte_addr(*at) };
-        before.push(Op::LoadArFrom(ar1, Operand { width: Width::DWord, place }));
-        before.push(Op::TransferArTo(ar1, local(Width::DWord, copy + at)));
-    }
-    before.push(Op::LoadArFrom(ar1, save));
-    (u32::from(Area::Local.pointer_code()) << 24) | (copy * 8)
-}
-
 /// The pointer to a function's parameter into ACCU1, or into an address register with the accumulators kept. That to a
-/// composed one leads to its POINTER in the hidden local data.
+/// composed one leads to its POINTER in the hidden local data, that to a POINTER or ANY to a copy of it there.
 pub(crate) fn param_pointer(
     hidden: &mut Hidden,
     index: u16,
-    composed: bool,
+    kind: ToParam,
     register: Option<AddressRegister>,
     around: &mut Around,
 ) -> Op {
     let Hidden { kept, copies, .. } = hidden;
-    let at = composed.then(|| {
+    let mut place = |bytes: u8| {
         let byte = *copies.entry(index).or_insert_with(|| {
             let at = KEPT + *kept;
-            *kept += 6;
+            *kept += u32::from(bytes);
             at
         });
         BitAddr::byte_addr(byte)
-    });
-    let load = Op::LoadParamPointer { index, at };
+    };
+    let load = match kind {
+        ToParam::Actual => Op::LoadParamPointer { index, at: None },
+        ToParam::Pointer => Op::LoadParamPointer { index, at: Some(place(6)) },
+        ToParam::Copy(bytes) => Op::LoadParamCopy { index, bytes, at: place(bytes) },
+    };
     let Some(register) = register else { return load };
     let saved = hidden.take(8);
     let (accu1, accu2) = (local(Width::DWord, saved), local(Width::DWord, saved + 4));
@@ -299,6 +283,9 @@ impl Placing {
             Op::TransferArTo(r, o) => Op::TransferArTo(r, self.operand(o)),
             Op::LoadParamPointer { index, at: Some(at) } => {
                 Op::LoadParamPointer { index, at: Some(BitAddr::byte_addr(self.byte(at.byte()))) }
+            }
+            Op::LoadParamCopy { index, bytes, at } => {
+                Op::LoadParamCopy { index, bytes, at: BitAddr::byte_addr(self.byte(at.byte())) }
             }
             Op::LoadConst(v) if points => Op::LoadConst(bits(v)),
             Op::LoadArConst(r, v) if points => Op::LoadArConst(r, bits(v)),

@@ -76,6 +76,7 @@ fn loads(op: &Op) -> bool {
         Op::Load(_)
             | Op::LoadConst(_)
             | Op::LoadParamPointer { .. }
+            | Op::LoadParamCopy { .. }
             | Op::LoadStatus
             | Op::LoadTimer(_)
             | Op::LoadTimerBcd(_)

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use ob1_ir::{AddressRegister, BitTest, CodeBlock, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width};
-use ob1_model::{Area, BitAddr, BlockId, DataType};
+use ob1_ir::{AddressRegister, BitTest, CodeBlock, DbRegister, Number, NumberFormat, Op, Operand, Stmt, Width};
+use ob1_model::{BlockId, DataType};
 
 use crate::auto::Sets;
 use crate::codes;
@@ -84,13 +84,13 @@ pub(crate) fn lower(
         lints.block(id, block, info, &code, file, sink);
     }
     let mut interface = info.interface.clone();
-    let own = interface.temp_bytes.max(local_bytes(&code)).next_multiple_of(2);
+    let own = interface.temp_bytes.max(CodeBlock::local_bytes(&code)).next_multiple_of(2);
     if own + hidden.bytes() > LONGEST {
         sink.report(block.file, block.span, &codes::TOO_LONG, format!("the local data is longer than {LONGEST} bytes"));
         return None;
     }
     let code = expand::expand(code, around, &hidden, own);
-    interface.temp_bytes = interface.temp_bytes.max(local_bytes(&code));
+    interface.temp_bytes = interface.temp_bytes.max(CodeBlock::local_bytes(&code));
     let name = block.header_name.clone();
     Some(CodeBlock { id, name, interface, code, source: block.file as u32 })
 }
@@ -127,14 +127,9 @@ impl Lowerer<'_, '_> {
     fn pointing(&mut self, op: Lowered, around: &mut Around) -> Op {
         match op {
             Lowered::Op(op) => op,
-            Lowered::LoadPointer(register, index, ToParam::Copy(bytes)) => {
-                around.points = true;
-                let pointer = expand::copy_param(&mut self.hidden, index, bytes, &mut around.before);
-                register.map_or(Op::LoadConst(pointer), |r| Op::LoadArConst(r, pointer))
-            }
             Lowered::LoadPointer(register, index, kind) => {
                 around.points = true;
-                expand::param_pointer(&mut self.hidden, index, kind == ToParam::Pointer, register, around)
+                expand::param_pointer(&mut self.hidden, index, kind, register, around)
             }
         }
     }
@@ -371,21 +366,6 @@ fn takes(shape: &Shape) -> &'static str {
         Shape::CountUp | Shape::CountDown => "a counter",
         _ => "another operand",
     }
-}
-
-/// The local data that absolute operands (`L 10.0`, `LW 20`) reach into.
-fn local_bytes(code: &[Stmt]) -> u32 {
-    let mut bytes = 0;
-    for stmt in code {
-        stmt.op.places(&mut |place, width| {
-            if let Place::Fixed(Area::Local, at) = place
-                && at.byte() <= BitAddr::MAX_BYTE
-            {
-                bytes = bytes.max(at.byte() + width.bytes());
-            }
-        });
-    }
-    bytes.next_multiple_of(2)
 }
 
 /// A block's information for messages: `FC 9 (SYNCHRON_RESET)`.

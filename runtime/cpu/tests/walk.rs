@@ -133,6 +133,7 @@ const LOADS: &[Row] = &[
     ("LAR1 P#M 12.0; TAR1", [1, 2, ALL], [0x8300_0060, 1, ALL]),
     ("LAR1 P#M 12.0; LAR2 P#3.0; TAR; TAR1", [1, 2, ALL], [0x18, 1, ALL]),
     ("LAR1 P#M 12.0; +AR1 P#1.1; TAR1", [1, 2, ALL], [0x8300_0069, 1, ALL]),
+    ("LAR1 P#M 12.0; +AR1 P#8190.0; TAR1", [1, 2, ALL], [0x8300_0050, 1, ALL]),
     ("LAR2 P#M 12.0; +AR2; TAR2", [0xFFF8, 2, ALL], [0x8300_0058, 0xFFF8, ALL]),
     ("LAR1 P#M 100.0; L B [AR1,P#0.0]", [5, 6, ALL], [1, 5, ALL]),
     ("L P#100.0; T MD 104; L MB [MD 104]", [5, 6, ALL], [1, 0x320, ALL]),

@@ -122,8 +122,8 @@ const ALL: &[Ban] = &[Clock, Threads, Locks, Disk, Net, Process, Hash];
 /// Crate folders and what each is kept from.
 const FENCES: &[(&str, &[Ban])] = &[
     ("blocks/ir", ALL),
+    ("blocks/mc7", ALL),
     ("blocks/model", ALL),
-    ("blocks/project", ALL),
     ("blocks/std", ALL),
     ("blocks/stl", ALL),
     ("driver/firmware", ALL),

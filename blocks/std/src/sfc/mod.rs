@@ -1,6 +1,5 @@
 //! System functions.
 
-mod addresses;
 mod bits;
 mod clock;
 mod copying;
@@ -11,8 +10,6 @@ mod images;
 mod interrupts;
 mod messages;
 mod modules;
-mod parameters;
-mod partners;
 mod program;
 mod schedule;
 
@@ -22,9 +19,6 @@ pub(crate) const ROWS: &[&[Row]] = &[
     clock::ROWS,
     diagnosis::ROWS,
     modules::ROWS,
-    parameters::ROWS,
-    addresses::ROWS,
-    partners::ROWS,
     messages::ROWS,
     copying::ROWS,
     data_blocks::ROWS,

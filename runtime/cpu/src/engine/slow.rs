@@ -2,7 +2,7 @@
 //! form for comes here; tests run whole programs this way and compare.
 
 use ob1_ir::{AccuOp, AddressRegister, BitTest, DbRegister, Logic, NumberFormat, Op, Place, WordLogic};
-use ob1_model::{BitAddr, Fault, FaultKind};
+use ob1_model::{Area, BitAddr, Fault, FaultKind};
 
 use super::arith::{self, low_word};
 use super::convert::convert;
@@ -37,6 +37,7 @@ pub(crate) fn step(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> 
         Op::Load(_)
         | Op::LoadConst(_)
         | Op::LoadParamPointer { .. }
+        | Op::LoadParamCopy { .. }
         | Op::Transfer(_)
         | Op::LoadStatus
         | Op::TransferStatus
@@ -245,6 +246,15 @@ fn load_transfer(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
             let pointer = super::raw::pointer_to(index, at, r, m)?;
             load(r, pointer);
         }
+        Op::LoadParamCopy { index, bytes, at } => {
+            // The last double word overlaps the one before: 6 and 10 bytes are no multiple of 4.
+            let last = u32::from(bytes).saturating_sub(4);
+            for offset in [0, 4, last].into_iter().filter(|offset| *offset <= last) {
+                let value = read(Place::Param { index, at: BitAddr::byte_addr(offset) }, 32, r, m)?;
+                write(Place::Fixed(Area::Local, BitAddr(at.0 + offset * 8)), 32, value, r, m)?;
+            }
+            load(r, u32::from(Area::Local.pointer_code()) << 24 | at.0);
+        }
         Op::Transfer(operand) => {
             let value = if r.mcr_off() { 0 } else { r.a1 };
             write(operand.place, width_bits(operand.width), value, r, m)?;
@@ -424,6 +434,8 @@ fn address_registers(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault
             *register = add_ar(*register, offset);
         }
         Op::AddArConst(register, BitAddr(offset)) => {
+            // 16 bits with a sign, as machine code has them: P#8190.0 goes two bytes back.
+            let offset = i32::from(offset as u16 as i16) as u32;
             let register = ar(register, r);
             *register = add_ar(*register, offset);
         }

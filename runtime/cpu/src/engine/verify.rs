@@ -33,6 +33,10 @@ pub(crate) fn places(op: &Op, f: &mut dyn FnMut(Place, u32)) {
             }
         }
         Op::LoadParamPointer { at: Some(at), .. } => f(Place::Fixed(Area::Local, *at), 48),
+        Op::LoadParamCopy { index, bytes, at } => {
+            f(Place::Param { index: *index, at: BitAddr(0) }, 8);
+            f(Place::Fixed(Area::Local, *at), u32::from(*bytes) * 8);
+        }
         _ => {}
     }
 }
@@ -150,6 +154,12 @@ pub(crate) fn verify(block: &CodeBlock, errors: &mut Vec<LoadError>) {
             Place::Memory(_, pointer) => pointer_place(pointer, &mut complain),
             _ => {}
         });
+        if let Op::LoadParamCopy { index, bytes, .. } = &stmt.op {
+            let formal = formals.get(usize::from(*index)).filter(|_| is_fc);
+            if formal.is_none_or(|p| p.ty.is_parameter_type() || Layout::bits(&p.ty) != u32::from(*bytes) * 8) {
+                complain(format!("parameter {index} has not {bytes} bytes to be copied"));
+            }
+        }
         if let Op::LoadParamPointer { index, at } = &stmt.op {
             match formals.get(usize::from(*index)).filter(|_| is_fc) {
                 None => complain(format!("no parameter {index} by reference")),

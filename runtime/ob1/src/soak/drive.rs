@@ -192,7 +192,10 @@ impl Soak<'_> {
                 if !self.options.quiet && !self.line.is_on() {
                     let report = &measurement.report;
                     if let Some(timing) = &report.timing {
-                        err!("{}", text::live(report.wanted_ns, elapsed.as_nanos() as u64, timing, &report.telegrams));
+                        eprintln!(
+                            "{}",
+                            text::live(report.wanted_ns, elapsed.as_nanos() as u64, timing, &report.telegrams)
+                        );
                     }
                 }
             }
@@ -237,7 +240,7 @@ impl Soak<'_> {
         }
         self.write(&mut report, &self.options.budget)?;
         if !self.options.quiet {
-            err!("report: {}", self.files.path("html").display());
+            eprintln!("report: {}", self.files.path("html").display());
         }
         Ok(report)
     }

@@ -61,14 +61,14 @@ pub fn soak(options: &Options) -> SoakExit {
     match drive::drive(options) {
         Ok(report) => {
             if options.quiet {
-                say!("{}", report.verdict.line());
+                println!("{}", report.verdict.line());
             } else {
-                says!("{}", text::report(&report));
+                print!("{}", text::report(&report));
             }
             report.verdict.exit()
         }
         Err(why) => {
-            errs!("{why}");
+            eprint!("{why}");
             SoakExit::Inconclusive
         }
     }

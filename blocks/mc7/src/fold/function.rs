@@ -1,0 +1,224 @@
+//! `CALL` of a function or system function: pointers to the actuals stand behind the `UC`.
+
+use ob1_ir::{AddressRegister, Arg, Call, CallMode, DbRegister, Number, Op, Operand, Place, Target, Width};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Param, Section};
+
+use super::Caller;
+use super::values::{
+    Cursor, Given, Put, Source, Taken, bytes, fits, formal_width, given, handed_bytes, local_holds, pointed, taken_by,
+};
+use crate::decode::{Callees, declared_temps, list_order};
+use crate::parts;
+use crate::statement::{Mc7Op, Uncond};
+
+/// The call between the `BLD`.
+pub(super) fn call(kind: BlockKind, ops: &[&Mc7Op], caller: &Caller<'_, '_>, callees: &Callees<'_>) -> Option<Call> {
+    let own = declared_temps(caller.block.interface);
+    let mut cursor = Cursor::new(ops);
+    let rlo = cursor.save_rlo()?;
+    let saved = cursor.save_ar2();
+    let mut puts = inputs(&mut cursor, caller, saved)?;
+    let Mc7Op::Call(Uncond { kind: called, number: Number::Fixed(number), conditional: false, list: Some(list) }) =
+        cursor.next()?
+    else {
+        return None;
+    };
+    if let Some(saved) = saved {
+        cursor.restore_ar2(saved)?;
+    }
+    let mut taken = outputs(&mut cursor, caller)?;
+    let mut places = puts.iter().map(|p| p.at).chain(saved).chain([rlo]);
+    if *called != kind || places.any(|at| at.byte() < own) {
+        return None;
+    }
+    let id = BlockId::new(kind, *number);
+    let callee = callees(id)?;
+    let order = list_order(callee);
+    if order.len() != list.len() {
+        return None;
+    }
+    let mut args: Vec<Option<Arg>> = vec![None; order.len()];
+    let formals: Vec<&Param> = callee.formals().collect();
+    for (formal, pointer) in order.iter().zip(list) {
+        let arg = argument(formals.get(usize::from(*formal))?, *pointer, &mut puts, &mut taken, caller)?;
+        *args.get_mut(usize::from(*formal))? = Some(arg);
+    }
+    let whole = puts.iter().all(|p| p.used) && taken.iter().all(|t| t.used);
+    let args = args.into_iter().collect::<Option<Vec<Arg>>>()?;
+    whole.then_some(Call { mode: CallMode::Call, target: Target::Block(id), instance: None, args })
+}
+
+/// What a data block opened just before makes of an operand; own variables by AR2.
+fn opened(operand: Operand, db: Option<u16>, caller: &Caller<'_, '_>) -> Option<Operand> {
+    let place = match (operand.place, db) {
+        (Place::Fixed(Area::Db, at), Some(db)) => Place::InDb(db, at),
+        // DBX without a data block needs no copy; who copies means something else.
+        (Place::Fixed(Area::Db, _), None) => return None,
+        (Place::Register(Some(Area::Di), AddressRegister::Ar2, at), _) if caller.block.multi_instance => {
+            Place::Instance(at)
+        }
+        (place @ (Place::Fixed(..) | Place::Param { .. }), _) => place,
+        _ => return None,
+    };
+    Some(Operand { place, ..operand })
+}
+
+/// What is put into the local data before the call.
+fn inputs(cursor: &mut Cursor<'_>, caller: &Caller<'_, '_>, saved: Option<BitAddr>) -> Option<Vec<Put>> {
+    let mut puts = Vec::new();
+    while !matches!(cursor.peek()?, Mc7Op::Call(_)) {
+        if let Some(put) = instance_pointer(cursor, saved) {
+            puts.push(put);
+            continue;
+        }
+        let (first, db) = open(cursor)?;
+        let value = match given(first)? {
+            Given::Wide(Source::From(operand), width) => Given::Wide(Source::From(opened(operand, db, caller)?), width),
+            Given::Bit(Source::From(operand)) => Given::Bit(Source::From(opened(operand, db, caller)?)),
+            other => other,
+        };
+        let to = taken_by(cursor.next()?)?;
+        let Place::Fixed(Area::Local, at) = to.place else { return None };
+        puts.push(Put { at, width: to.width, source: fits(value, to.width)?, used: false });
+    }
+    Some(puts)
+}
+
+/// `AUF DB n` where it stands, and the statement behind it.
+fn open<'o>(cursor: &mut Cursor<'o>) -> Option<(&'o Mc7Op, Option<u16>)> {
+    let first = cursor.next()?;
+    match first {
+        Mc7Op::Plain(Op::OpenDb(DbRegister::Db, Number::Fixed(n))) if *n > 0 => Some((cursor.next()?, Some(*n))),
+        other => Some((other, None)),
+    }
+}
+
+/// `+AR2 P#x; TAR2 LD t; LAR2 LD s`, or the same by `TAR2; T LD t`: the pointer into the caller's instance.
+fn instance_pointer(cursor: &mut Cursor<'_>, saved: Option<BitAddr>) -> Option<Put> {
+    let saved = saved?;
+    let offset = match cursor.peek()? {
+        Mc7Op::Plain(Op::AddArConst(AddressRegister::Ar2, offset)) => Some(*offset),
+        Mc7Op::Plain(Op::TransferAr(AddressRegister::Ar2) | Op::TransferArTo(AddressRegister::Ar2, _)) => None,
+        _ => return None,
+    };
+    if offset.is_some() {
+        cursor.next();
+    }
+    let at = match cursor.next()? {
+        Mc7Op::Plain(Op::TransferArTo(_, Operand { place: Place::Fixed(Area::Local, at), .. })) => *at,
+        Mc7Op::Plain(Op::TransferAr(AddressRegister::Ar2)) => parts::local_transfer(cursor.next()?, Width::DWord)?,
+        _ => return None,
+    };
+    if offset.is_some() {
+        cursor.restore_ar2(saved)?;
+    }
+    let source = Source::InstancePointer(offset.unwrap_or(BitAddr(0)));
+    Some(Put { at, width: Width::DWord, source, used: false })
+}
+
+/// What is taken back after the call.
+fn outputs(cursor: &mut Cursor<'_>, caller: &Caller<'_, '_>) -> Option<Vec<Taken>> {
+    let mut taken = Vec::new();
+    while let Some(first) = cursor.next() {
+        let (Given::Wide(Source::From(Operand { width, place: Place::Fixed(Area::Local, at) }), _)
+        | Given::Bit(Source::From(Operand { width, place: Place::Fixed(Area::Local, at) }))) = given(first)?
+        else {
+            return None;
+        };
+        let (last, db) = open(cursor)?;
+        let to = taken_by(last)?;
+        if to.width != width {
+            return None;
+        }
+        taken.push(Taken { at, width, to: opened(to, db, caller)?.place, used: false });
+    }
+    Some(taken)
+}
+
+/// The actual of one formal.
+fn argument(
+    formal: &Param,
+    pointer: u32,
+    puts: &mut [Put],
+    taken: &mut [Taken],
+    caller: &Caller<'_, '_>,
+) -> Option<Arg> {
+    if formal.ty.is_parameter_type() && (formal.ty != DataType::TimerOrWord || pointer >> 31 == 0) {
+        return (pointer & 0xFFFF == 0).then_some(Arg::Number(Number::Fixed((pointer >> 16) as u16)));
+    }
+    let area = Area::from_pointer_code((pointer >> 24) as u8)?;
+    let at = BitAddr(pointer & 0x00FF_FFFF);
+    if at.byte() > BitAddr::MAX_BYTE {
+        return None;
+    }
+    let Some(width) = formal_width(formal) else {
+        return composed(formal, area, at, puts, caller);
+    };
+    if width != Width::Bit && at.bit() != 0 {
+        return None;
+    }
+    if area != Area::PreviousLocal {
+        // The list cannot name the local data of the block called.
+        let place = Place::Fixed(area, at);
+        let named = area != Area::Local && (width != Width::Bit || area != Area::Peripheral);
+        return named.then_some(Arg::Operand(Operand { width, place }));
+    }
+    let put = puts.iter_mut().find(|p| p.at == at && p.width == width && !p.used);
+    let out = taken.iter_mut().find(|t| t.at == at && t.width == width && !t.used);
+    match (formal.section, put, out) {
+        (Section::Input, Some(put), None) => {
+            put.used = true;
+            caller.value(put.source, formal)
+        }
+        (Section::Output | Section::Return, None, Some(out)) => {
+            out.used = true;
+            caller.operand(Operand { width, place: out.to }).map(Arg::Operand)
+        }
+        (Section::InOut, Some(put), Some(out)) => {
+            (put.used, out.used) = (true, true);
+            let Source::From(from) = put.source else { return None };
+            (from.place == out.to).then(|| caller.operand(from).map(Arg::Operand))?
+        }
+        // A constant is written to, and lost.
+        (Section::InOut, Some(put), None) => {
+            put.used = true;
+            matches!(put.source, Source::Const(_)).then(|| caller.value(put.source, formal))?
+        }
+        (_, None, None) => {
+            let place = Place::Fixed(Area::Local, at);
+            Some(Arg::Operand(Operand { width, place }))
+        }
+        _ => None,
+    }
+}
+
+/// The actual of a composed formal: its POINTER or ANY lies in the local data.
+fn composed(formal: &Param, area: Area, at: BitAddr, puts: &mut [Put], caller: &Caller<'_, '_>) -> Option<Arg> {
+    let own = matches!(formal.ty, DataType::Any | DataType::Pointer);
+    let count = handed_bytes(&formal.ty);
+    if area != Area::PreviousLocal || at.bit() != 0 {
+        return None;
+    }
+    let within = |p: &Put| (at.0..at.0 + count * 8).contains(&p.at.0);
+    if !puts.iter().any(within) {
+        // A temporary of the same type is handed over as it is.
+        let operand = Operand { width: Width::Byte, place: Place::Fixed(Area::Local, at) };
+        return (own && local_holds(&formal.ty, at)).then_some(Arg::Operand(operand));
+    }
+    let number = puts.iter().position(|p| p.at == at && p.source == Source::InstanceNumber);
+    if let Some(number) = number {
+        let instance = |p: &Put| matches!(p.source, Source::InstancePointer(_)).then_some(p.at.0);
+        let pointer = puts.iter().position(|p| instance(p) == Some(at.0 + 16))?;
+        let Source::InstancePointer(offset) = puts.get(pointer)?.source else { return None };
+        let (param, into) = parts::in_instance(caller.block.interface, offset)?;
+        // Where an ANY or POINTER is wanted the source may have had any of several things.
+        if own || into != 0 || param.ty != formal.ty || !caller.block.multi_instance {
+            return None;
+        }
+        puts.get_mut(number)?.used = true;
+        puts.get_mut(pointer)?.used = true;
+        return Some(Arg::Operand(Operand { width: Width::Byte, place: Place::Instance(offset) }));
+    }
+    let bytes = bytes(puts, at, count)?;
+    if own { Some(Arg::Bytes(bytes.into())) } else { pointed(&bytes).map(Arg::Operand) }
+}
