@@ -81,7 +81,7 @@ fn a_line_that_breaks_is_told_and_can_be_read_afterwards() {
     assert_eq!(after[after.len() - entries.len()..], entries);
 
     let said = site.ob1(&["diag", "diag.toml", "256", "-n", "1"]).fine();
-    assert!(said.starts_with("cp (cp341 at 256)") && said.matches(" s     ").count() == 1, "{said}");
+    assert!(said.starts_with("cp (cp341 at 256)") && said.matches(" s  ").count() == 1, "{said}");
     let said = site.ob1(&["diag", "diag.toml", "press"]);
     assert!(said.code == Some(1) && said.err.contains("this station has: cp at 256"), "{said:?}");
     assert_eq!(station.interrupt().code(), Some(0));

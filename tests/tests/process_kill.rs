@@ -4,7 +4,9 @@
 
 mod common;
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::process::Stdio;
 
 use common::Guard;
 use common::ledger::{self, Ledger};
@@ -12,6 +14,7 @@ use common::processes::Memory;
 use common::site::Site;
 use common::station::Running;
 use ob1_line::sim::SplitMix64;
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::process::Signal;
 
 /// Scans that must go by after each kill, at 1 ms.
@@ -133,6 +136,41 @@ fn a_driver_that_hangs_is_killed_and_started_again() {
     for ended in [a.interrupt(), b.interrupt()] {
         assert_eq!(ended.code(), Some(0), "{ended:?}");
     }
+}
+
+/// Supervision does not hang on who reads its log: a full disk, a reader that is gone, one that reads nothing.
+#[test]
+fn drivers_come_back_when_nobody_gets_the_log() {
+    let full_disk = File::options().write(true).open("/dev/full").expect("there");
+    let (reader, nobody) = io::pipe().expect("descriptors");
+    drop(reader);
+    let (unread, mut full) = io::pipe().expect("descriptors");
+    let flags = fcntl_getfl(&full).expect("a descriptor");
+    fcntl_setfl(&full, flags | OFlags::NONBLOCK).expect("a pipe");
+    while full.write(&[b'.'; 4096]).is_ok() || full.write(b".").is_ok() {}
+    fcntl_setfl(&full, flags).expect("a pipe");
+    for (what, log) in [
+        ("a full disk", Stdio::from(full_disk)),
+        ("a reader that is gone", nobody.into()),
+        ("one that reads nothing", full.into()),
+    ] {
+        let site = Site::two_stations_on_a_cable();
+        let a = site.run_logging_to("station-a.toml", log).until_run();
+        for _ in 0..2 {
+            let driver = a.driver_process();
+            let (_, starts, losses) = a.driver();
+            driver.signal(Signal::KILL);
+            driver.wait(what);
+            a.until("the driver is started again", |s| {
+                let (pid, now, lost) = s.driver();
+                (pid != 0 && lost > losses && now > starts).then_some(())
+            });
+        }
+        assert!(a.entries(DRIVER_LOST) >= 2, "{what}: {:#?}", a.diagnostics());
+        assert_eq!(a.interrupt().code(), Some(0), "{what}");
+        site.wait_until_empty();
+    }
+    drop(unread);
 }
 
 #[test]

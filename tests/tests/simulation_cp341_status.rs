@@ -603,6 +603,7 @@ fn what_the_partner_does_wrong() {
         (vec![b"\0\0AD\x1F\0\0\x01\x06\x08ab".to_vec()], 0x0C, 0x0609),
         (vec![b"\0\0AD\x1F\0\0\x01\x06\x54ab".to_vec()], 0x0C, 0x060A),
         (vec![b"\0\0AD\x1F\0\0\x01\xFF\xFFabc".to_vec()], 0x34, 0x060B),
+        (vec![b"\0\0AD\x1F\x04\0\x04\xFF\xFFab".to_vec()], 0x34, 0x060B),
         (vec![b"\0\0ED\x1F\0\0\x01\xFF\xFFab".to_vec()], 0x34, 0x060C),
         (vec![with(b"\xFF\0AD", 2)], 0x36, 0x060E),
         (vec![b"\0\0A".to_vec()], 0x34, 0x0610),
@@ -623,6 +624,40 @@ fn what_the_partner_does_wrong() {
         site.partner_sends([block(b"\0\0AD\x1F\0\0\x01\xFF\xFFab")]);
         site.pass(SECOND);
         assert_eq!(site.bench.device.telegrams[last + 1], b"\0\0\0\0", "and it works again");
+    }
+}
+
+/// A job of the partner that is broken off ends with what happened, once, in the block and in the buffer; that the CPU
+/// took nothing for 10 s (0409h) is another matter. [reference 3.6, 3.8]
+#[test]
+fn a_job_that_the_partner_breaks_off() {
+    let fetch = b"\0\0ED\x1F\0\0\x42\xFF\xFF".to_vec();
+    let other = b"\0\0AD\x1F\0\0\x01\xFF\xFFab".to_vec();
+    let begin = [b"\0\0AD\x1F\0\0\x42\xFF\xFF".to_vec(), vec![b'a'; 128]].concat();
+    for (first, second, status) in [
+        // It has half of the data of its FETCH and begins something else.
+        (&fetch, Some(&other), 0x060E),
+        (&fetch, Some(&b"\xFF\0EM".to_vec()), 0x0605),
+        // It does not come back.
+        (&fetch, None, 0x060E),
+        // A SEND whose rest never comes: what has come was acknowledged and is nowhere.
+        (&begin, None, 0x060E),
+        (&begin, Some(&other), 0x060E),
+    ] {
+        let mut site = Site::new("3964r-rk512", "");
+        site.partner_sends([block(first)]);
+        site.pass(SECOND);
+        assert_eq!(site.reports, [], "{first:02X?}");
+        site.partner_sends(second.map(|telegram| block(telegram)));
+        site.pass(21 * SECOND);
+        assert_eq!(
+            (&site.reports, site.entries()),
+            (&vec![Error(status)], hex(&[status])),
+            "{first:02X?} {second:02X?}"
+        );
+        site.partner_sends([block(&other)]);
+        site.pass(SECOND);
+        assert_eq!(site.reports[1..], [Ndr(2)], "and it works again");
     }
 }
 

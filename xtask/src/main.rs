@@ -13,6 +13,7 @@ mod faults;
 mod figures;
 mod fuzz;
 mod loom_miri;
+mod needs;
 mod pick;
 mod python;
 mod shell;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::failure::{Outcome, step};
-use crate::{cargo, shell};
+use crate::{cargo, needs, shell};
 
 /// What the partners need, one pinned package a line; comments and empty lines do not count.
 const REQUIREMENTS: &str = "tests/peers/requirements.txt";
@@ -24,14 +24,11 @@ pub(crate) fn interpreter() -> Outcome<PathBuf> {
     if fs::read_to_string(venv.join(STAMP)).is_ok_and(|made_for| made_for == wanted) && runs(&python) {
         return Ok(python);
     }
-    if !runs(Path::new("python3")) {
-        return Err(step("no `python3` here: the partners in tests/peers need one (apt install python3 python3-venv)"));
-    }
+    needs::satisfy(&[needs::PYTHON])?;
     let needs_pip = packages(&wanted).next().is_some();
     let mut make = Command::new("python3");
     make.args(["-m", "venv", "--clear"]).args((!needs_pip).then_some("--without-pip")).arg(&venv);
-    shell::run(&mut make)
-        .map_err(|why| step(format!("{why}: is the venv module there (apt install python3-venv)?")))?;
+    shell::run(&mut make)?;
     if needs_pip {
         let mut install = Command::new(&python);
         install

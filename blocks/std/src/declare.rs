@@ -129,6 +129,22 @@ pub(crate) mod types {
         fields(&[("LENTHDR", DataType::Word), ("N_DR", DataType::Word)])
     }
 
+    /// Gain and integration time (PI_CON of FB 58).
+    pub(crate) fn PI_PARAMETERS() -> DataType {
+        fields(&[("GAIN", DataType::Real), ("TI", DataType::Real)])
+    }
+
+    /// The same and the derivative time (PID_CON of FB 58).
+    pub(crate) fn PID_PARAMETERS() -> DataType {
+        fields(&[("GAIN", DataType::Real), ("TI", DataType::Real), ("TD", DataType::Real)])
+    }
+
+    /// What FB 58 saves (PAR_SAVE).
+    pub(crate) fn SAVED_PARAMETERS() -> DataType {
+        let reals = ["PFAC_SP", "GAIN", "TI", "TD", "D_F", "CON_ZONE"].map(|name| (name, DataType::Real));
+        fields(&[&reals[..], &[("CONZ_ON", DataType::Bool)]].concat())
+    }
+
     /// 16 words, from 1.
     pub(crate) fn WORDS16() -> DataType {
         DataType::Array(vec![Dimension { low: 1, high: 16 }], Box::new(DataType::Word))

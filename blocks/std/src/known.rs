@@ -182,7 +182,8 @@ mod tests {
         for block in standard_blocks().iter().filter(|b| b.origin == Origin::System) {
             assert_eq!(known_system_function(block.id), Some(block.name), "{}", block.id);
         }
-        assert_eq!(known_system_function(BlockId::new(BlockKind::Sfc, 5)), Some("GADR_LGC"));
+        assert_eq!(known_system_function(BlockId::new(BlockKind::Sfc, 5)), Some("GADR_LGC"), "there is one");
+        assert_eq!(known_system_function(BlockId::new(BlockKind::Sfc, 25)), Some("COMPRESS"), "there is none");
         assert_eq!(known_system_function(BlockId::new(BlockKind::Fc, 5)), None);
         assert_eq!(known_system_function(BlockId::new(BlockKind::Sfc, 16)), None);
     }

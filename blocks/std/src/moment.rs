@@ -1,5 +1,7 @@
 //! DATE_AND_TIME: eight BCD bytes, and milliseconds since 1990-01-01 to calculate with.
 
+use std::fmt;
+
 /// Milliseconds of a day.
 pub const DAY_MS: u64 = 86_400_000;
 
@@ -153,6 +155,23 @@ impl Moment {
     }
 }
 
+impl fmt::Display for Moment {
+    /// `2026-01-31 06:00:00.000`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let date = Date::from_days(self.days()).unwrap_or(Date { year: 2089, month: 12, day: 31 });
+        let ms = self.time_of_day();
+        let (hours, minutes, seconds) = (ms / 3_600_000, ms / 60_000 % 60, ms / 1000 % 60);
+        write!(
+            f,
+            "{}-{:02}-{:02} {hours:02}:{minutes:02}:{seconds:02}.{:03}",
+            date.year,
+            date.month,
+            date.day,
+            ms % 1000
+        )
+    }
+}
+
 /// What is wrong with a DATE_AND_TIME.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MomentError {
@@ -175,6 +194,8 @@ mod tests {
             assert_eq!(Moment::from_bytes(moment.to_bytes()), Ok(moment));
         }
         assert_eq!(Date::from_days(36_525), None);
+        assert_eq!(Moment::MIN.to_string(), "1990-01-01 00:00:00.000");
+        assert_eq!(Moment::MAX.to_string(), "2089-12-31 23:59:59.999");
     }
 
     #[test]

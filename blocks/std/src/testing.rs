@@ -7,8 +7,8 @@ use ob1_model::{Area, Layout, Section};
 use crate::moment::{DAY_MS, Date, Moment};
 use crate::services::{
     Alarm, AlarmError, AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError,
-    ErrorFilter, ImageError, Images, InterruptLocks, LoadError, MessageError, Messages, Meters, RunTimeMeter, RunTimes,
-    Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, Waiting, WallClock,
+    ErrorFilter, ImageError, Images, InUse, InterruptLocks, LoadError, MessageError, Messages, Meters, Placed, Rack,
+    RunTimeMeter, RunTimes, Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, Waiting, WallClock,
 };
 use crate::{Context, Done, Interrupted, ModuleSize, Refused, StandardBlock, standard_block};
 
@@ -50,7 +50,9 @@ pub(crate) struct Station {
     pub(crate) image_error: Option<ImageError>,
     pub(crate) messages: Vec<(u16, Vec<u8>, Vec<u8>, bool)>,
     pub(crate) message_error: Option<MessageError>,
-    pub(crate) alarms: Vec<(u32, bool, bool, Vec<u8>)>,
+    pub(crate) alarms: Vec<(u16, u32, bool, bool, Vec<u8>)>,
+    pub(crate) in_use: Vec<InUse>,
+    pub(crate) placed: Vec<Placed>,
     pub(crate) alarm_error: Option<AlarmError>,
     pub(crate) alarm: Option<AlarmInfo>,
     pub(crate) status: Vec<Vec<u8>>,
@@ -396,6 +398,10 @@ impl Context for Fake {
         Some(&mut self.station)
     }
 
+    fn rack(&mut self) -> Option<&mut dyn Rack> {
+        Some(&mut self.station)
+    }
+
     fn start_info(&mut self) -> Option<&mut dyn StartInfo> {
         Some(&mut self.station)
     }
@@ -518,8 +524,30 @@ impl Messages for Station {
         self.message_error.map_or(Ok(()), Err)
     }
     fn alarm(&mut self, alarm: Alarm<'_>) -> Result<(), AlarmError> {
-        self.alarms.push((alarm.id, alarm.signal, alarm.acknowledge, alarm.value.to_vec()));
+        self.alarms.push((alarm.sfc, alarm.id, alarm.signal, alarm.acknowledge, alarm.value.to_vec()));
         self.alarm_error.map_or(Ok(()), Err)
+    }
+    fn in_use(&mut self, each: &mut dyn FnMut(InUse)) {
+        self.in_use.iter().copied().for_each(each);
+    }
+    fn release(&mut self, which: &dyn Fn(InUse) -> bool) {
+        self.in_use.retain(|number| !which(*number));
+    }
+}
+
+impl Rack for Station {
+    fn area(&mut self) -> u8 {
+        1
+    }
+    fn module_with(&mut self, address: u16, output: bool) -> Option<Placed> {
+        let has = |placed: &&Placed| {
+            let (first, bytes) = if output { placed.outputs } else { placed.inputs };
+            (first..first + bytes).contains(&address)
+        };
+        self.placed.iter().find(has).copied()
+    }
+    fn module_in(&mut self, rack: u16, slot: u16) -> Option<Placed> {
+        self.placed.iter().find(|placed| (placed.rack, placed.slot) == (rack, slot)).copied()
     }
 }
 

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use ob1_backplane::{CpSide, DriverState};
+use ob1_backplane::{Counter, CpSide, DriverState};
 use ob1_cp::HEARTBEAT;
 use ob1_line::Nanos;
 use ob1_line::hub::{Hub, Partner};
@@ -104,10 +104,12 @@ pub(crate) fn run(config: &HubConfig, mut segment: CpSide, terminate: &Arc<Atomi
     let clock = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(Nanos::MAX);
     let mut hub = None;
     let mut lock = None;
-    let mut told = (0, 0);
+    let (mut told, mut log_lost) = ((0, 0), 0);
     segment.set_state(DriverState::Starting);
     loop {
         segment.beat();
+        let lost = ob1_log::lost();
+        segment.count(Counter::LogLost, lost - std::mem::replace(&mut log_lost, lost));
         if hub.is_none()
             && let Some(held) = own(&config.path)?
         {

@@ -1,13 +1,15 @@
 //! `ob1-cp`: one process is one CP 240. It attaches to a segment, takes parameters and line from it, and ends with its
 //! standard input.
 
+// Everything goes through one place that neither panics nor waits for ever.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 mod config;
 mod hub;
 mod port;
 mod process;
 mod tap;
 
-use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -21,6 +23,9 @@ use tracing::{error, info};
 use tracing_subscriber::EnvFilter;
 
 use process::{End, Process};
+
+/// How long what is still to be logged may hold up the end.
+const LAST_WORDS: Duration = Duration::from_millis(200);
 
 const HELP: &str = "\
 The line and the module type come with the parameters through the segment; the runtime writes them.
@@ -58,12 +63,20 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let exit = run(&Arguments::parse());
+    ob1_log::flush(LAST_WORDS);
+    exit
+}
+
+fn run(arguments: &Arguments) -> ExitCode {
+    // Without the thread the log is written at once: a driver with a log that can make it wait is better than none.
+    let _ = ob1_log::start();
+    ob1_log::tell_panics();
     let filter = EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
+        .with_writer(|| ob1_log::Log)
+        .with_ansi(ob1_log::is_terminal())
         .with_target(false)
         .init();
     let _span = tracing::info_span!("cp", name = arguments.name).entered();

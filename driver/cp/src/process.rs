@@ -52,6 +52,8 @@ pub(crate) struct Process {
     told_gone: bool,
     modem: Option<ModemLines>,
     modem_at: Nanos,
+    /// Lost log lines that are counted in the segment.
+    log_lost: u64,
 }
 
 impl Process {
@@ -65,6 +67,7 @@ impl Process {
             told_gone: false,
             modem: None,
             modem_at: 0,
+            log_lost: 0,
         }
     }
 
@@ -81,6 +84,8 @@ impl Process {
             changed |= self.pump.has_changes();
             self.pump.poll(now, &mut self.port);
             self.line_events(now);
+            let lost = ob1_log::lost();
+            self.pump.count_lost_log(lost - std::mem::replace(&mut self.log_lost, lost));
             // Line events may have moved the deadline, and the pump's own work the registers.
             let deadline = self.pump.poll(now, &mut self.port);
             let line = self.port.line_ref().and_then(Line::deadline).unwrap_or(Nanos::MAX);

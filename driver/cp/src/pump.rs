@@ -1,7 +1,7 @@
 //! The pump: moves registers, parameters and times between a segment and the firmware, line events into it, and its
 //! output to the line. It decides when the heart beats and when there is nothing to do; it waits for nothing itself.
 
-use ob1_backplane::{ChangeMark, Channel as SegmentChannel, CpSide, CpuState, Freshness};
+use ob1_backplane::{ChangeMark, Channel as SegmentChannel, Counter, CpSide, CpuState, Freshness};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
 use ob1_firmware::{CpInput, IO_BYTES, LineFault, LineInput, Nanos};
 
@@ -57,6 +57,13 @@ impl CpPump {
     /// Whether the module works: its parameters are valid, and the CPU has acknowledged its start-up where it has one.
     pub fn is_working(&self) -> bool {
         self.module.is_working()
+    }
+
+    /// Counts log lines of this driver that nobody got.
+    pub fn count_lost_log(&mut self, lines: u64) {
+        if lines > 0 {
+            self.end.segment.count(Counter::LogLost, lines);
+        }
     }
 
     /// Looks at the segment and the time; the result is when to call again at the latest.

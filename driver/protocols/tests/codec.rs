@@ -1,5 +1,6 @@
 //! The block codec of 3964(R): check values, and that it undoes itself.
 
+use ob1_protocols::rk512::codec::is_whole;
 use ob1_protocols::s3964::codec::{Decoder, Step, block, block_len, check_of};
 use proptest::prelude::*;
 
@@ -69,4 +70,35 @@ proptest! {
             }
         }
     }
+}
+
+/// However a partner splits an order, and whichever telegram loses its end on the way: the order never becomes
+/// complete, and the partner never gets an acknowledgement for its last telegram. (A telegram cut to the very length of
+/// a whole one is the exception: then the rest is missed, and told as given up.)
+#[test]
+fn no_order_with_a_hole_is_ever_done() {
+    let mut holes = 0;
+    for bytes in (2..=600).step_by(2) {
+        for (first, next) in [(128, 128), (118, 124)] {
+            let mut pieces = vec![if bytes <= 128 { bytes } else { first }];
+            while pieces.iter().sum::<usize>() < bytes {
+                pieces.push((bytes - pieces.iter().sum::<usize>()).min(next));
+            }
+            for cut in 0..pieces.len() {
+                for left in (0..pieces[cut]).filter(|left| ![118, 124].contains(left)) {
+                    let (mut at, mut first) = (0, None);
+                    let lens = pieces.iter().enumerate().map(|(n, len)| if n == cut { left } else { *len });
+                    let taken = lens.take_while(|len| {
+                        let whole = is_whole(*len, bytes - at, first);
+                        first.get_or_insert(*len);
+                        at += len;
+                        whole
+                    });
+                    assert!(taken.count() < pieces.len(), "{bytes} by {next}: telegram {cut} with {left} bytes");
+                    holes += 1;
+                }
+            }
+        }
+    }
+    assert!(holes > 100_000);
 }

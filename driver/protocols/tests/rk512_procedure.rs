@@ -110,14 +110,16 @@ fn send_with_follow_on_telegrams() {
          60 answer taken => tx STX
          70 takes FF 00 00 00 => answered ok",
     );
-    // Exactly 128 bytes are one telegram, and a smaller split is taken. [reference 4.4]
+    // Exactly 128 bytes are one telegram, and the split of the tables read by their word is taken. [reference 4.4]
     check(
         "10 order 00 00 41 44 0A 00 00 40 FF FF | 128*61 => tx STX
          20 takes 00 00 41 44 0A 00 00 40 FF FF 128*61
          30 partner 00 00 00 00 => ended ok
-         40 partner 00 00 41 44 0A 00 00 02 FF FF 61 => tx STX
+         40 partner 00 00 41 44 0A 00 00 80 FF FF 118*61 => tx STX
          50 takes 00 00 00 00
-         60 partner FF 00 41 44 62 63 64 => asked 00 00 41 44 0A 00 00 02 FF FF | 61 62 63 64",
+         60 partner FF 00 41 44 124*62 => tx STX
+         70 takes FF 00 00 00
+         80 partner FF 00 41 44 14*63 => asked 00 00 41 44 0A 00 00 80 FF FF | 118*61 124*62 14*63",
     );
 }
 
@@ -424,6 +426,8 @@ fn orders_that_are_refused() {
         ("00 00 41 44 05 01 00 01 06 54 61 62", 0x060A, 0x0C), // CPU 5
         ("00 00 41 44 05 01 00 01 FF FF", 0x060B, 0x34),
         ("00 00 41 44 05 01 00 01 FF FF 61 62 63", 0x060B, 0x34),
+        ("00 00 41 44 15 04 00 04 FF FF AA BB", 0x060B, 0x34), // lost its end: nothing more would come
+        ("00 00 41 44 05 01 00 40 FF FF 127*61", 0x060B, 0x34),
         ("00 00 41 44 05 01 00 50 FF FF 129*61", 0x060B, 0x34), // more than 128 in one telegram
         ("00 00 45 44 05 01 00 01 FF FF 61 62", 0x060C, 0x34),
         ("FF 00 41 44 61 62", 0x060E, 0x36),
@@ -454,6 +458,7 @@ fn follow_on_telegrams_that_are_refused() {
         ("FF 00 4F 44 128*61", 0x0605, "FF 00 00 10"), // a DX, not the DB
         ("FF 00 41 44", 0x0611, "FF 00 00 34"),
         ("FF 00 41 44 129*61", 0x0611, "FF 00 00 34"),
+        ("FF 00 41 44 127*61", 0x0611, "FF 00 00 34"),
         ("00 00 41 44 0B 00 00 01 FF FF 61 62", 0x060E, "00 00 00 36"),
         ("00 00 41 44 0A 00 00 82 FF FF 128*61", 0x060E, "00 00 00 36"), // our reaction had arrived: out of order
         ("FF 01 41 44 61", 0x0601, "FF 00 00 10"),
@@ -473,6 +478,13 @@ fn follow_on_telegrams_that_are_refused() {
          30 partner FF 00 41 44 61 62 63 => !0611; tx STX
          40 takes FF 00 00 34",
     );
+    // The last one has lost its end: the partner would take the acknowledgement for "all is stored".
+    check(
+        "10 partner 00 00 41 44 0A 00 00 42 FF FF 128*61 => tx STX
+         20 takes 00 00 00 00
+         30 partner FF 00 41 44 61 62 => !0611; tx STX
+         40 takes FF 00 00 34",
+    );
     // FETCH: data, and the wrong area.
     for (telegram, event, reaction) in
         [("FF 00 45 44 61", 0x060C, "FF 00 00 34"), ("FF 00 45 4D", 0x0605, "FF 00 00 10")]
@@ -481,7 +493,7 @@ fn follow_on_telegrams_that_are_refused() {
             "10 partner 00 00 45 44 0A 00 00 42 FF FF => asked 00 00 45 44 0A 00 00 42 FF FF
              20 answer data 132*61 => tx STX
              30 takes 00 00 00 00 128*61
-             40 partner {telegram} => !{event:04X}; answered Withdrawn; tx STX
+             40 partner {telegram} => !{event:04X}; answered Withdrawn {event:04X}; tx STX
              50 takes {reaction}"
         ));
     }
@@ -530,11 +542,11 @@ fn nobody_serves() {
          30 takes 00 00 00 2A
          40 serve on
          50 partner {SEND_8} 01..10 => asked {SEND_8} | 01..10
-         60 serve off => !060D; answered Withdrawn; tx STX
+         60 serve off => !060D; answered Withdrawn 060D; tx STX
          70 takes 00 00 00 2A
          80 serve on
          90 partner {SEND_8} 01..10 => asked {SEND_8} | 01..10
-         4090 timeout => !060D; answered Withdrawn; tx STX
+         4090 timeout => !060D; answered Withdrawn 060D; tx STX
          4100 takes 00 00 00 2A
          4200 answer taken"
     ));
@@ -615,7 +627,7 @@ fn repetitions_are_recognised() {
     // Another order before our reaction: out of order, and the old one is over.
     check(&format!(
         "10 partner {SEND_8} 01..10 => asked {SEND_8} | 01..10
-         20 partner 00 00 45 44 05 01 00 02 FF FF => !060E; answered Withdrawn; tx STX
+         20 partner 00 00 45 44 05 01 00 02 FF FF => !060E; answered Withdrawn 060E; tx STX
          30 takes 00 00 00 36
          40 answer taken"
     ));

@@ -60,6 +60,8 @@ counters! {
     LineRestarts = "line_restarts",
     /// Times a driver has attached.
     DriverStarts = "driver_starts",
+    /// Log lines of the driver that nobody got.
+    LogLost = "log_lost",
 }
 
 const _: () = assert!(Counter::ALL.len() <= COUNTER_WORDS);

@@ -22,10 +22,10 @@ pub const IO_BYTES_MAX: usize = 64;
 pub const PARAMETER_BYTES: usize = 16;
 
 /// Room for the driver's configuration as JSON text, in bytes.
-pub const JSON_BYTES: usize = if cfg!(loom) { 16 } else { 4096 };
+pub const JSON_BYTES: usize = if cfg!(loom) { 17 } else { 4096 };
 
 /// Room of a data record, in bytes: the longest record an S7 module has.
-pub const RECORD_BYTES: usize = if cfg!(loom) { 16 } else { 240 };
+pub const RECORD_BYTES: usize = if cfg!(loom) { 17 } else { 240 };
 
 /// Version of the channels' layout (`docs/cp341-channels.md`).
 pub const CHANNELS_VERSION: u64 = 1;
@@ -46,7 +46,7 @@ pub const BUFFER_ENTRIES: usize = if cfg!(loom) { 2 } else { 64 };
 pub const BUFFER_SLOTS: usize = BUFFER_ENTRIES + 1;
 
 /// Words for counters; those without a name are reserved.
-pub const COUNTER_WORDS: usize = if cfg!(loom) { 16 } else { 32 };
+pub const COUNTER_WORDS: usize = if cfg!(loom) { 17 } else { 32 };
 
 /// Who may write a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

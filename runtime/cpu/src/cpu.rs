@@ -84,6 +84,13 @@ impl Cpu {
         self.machine.interrupt.clone()
     }
 
+    /// Bytes of stack that a thread needs to call [`Cpu::cycle`]: for the deepest nesting of organization blocks and
+    /// native blocks that can come of what is loaded.
+    #[must_use]
+    pub fn stack_bytes(&self) -> usize {
+        self.machine.stack
+    }
+
     /// Asks for a change of state; the next [`Cpu::cycle`] makes it.
     pub fn request(&mut self, command: Command) {
         self.wanted = Some(command);
@@ -104,6 +111,12 @@ impl Cpu {
     /// The diagnostic buffer, newest first.
     pub fn diagnostics(&self) -> impl Iterator<Item = &DiagEntry> {
         self.machine.diag.iter()
+    }
+
+    /// The diagnostic entry so many entries back, 0 the newest.
+    #[must_use]
+    pub fn diagnostic(&self, back: usize) -> Option<&DiagEntry> {
+        self.machine.diag.get(back)
     }
 
     /// Enters an event from outside the program: a driver's supervisor, the command.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use ob1_model::{Event, Site};
+use ob1_model::{Event, FaultKind, Site};
 
 use crate::Nanos;
 
@@ -82,7 +82,13 @@ impl fmt::Display for DiagEntry {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:04X}h {}", self.event.0, self.event.text())?;
         if let Some(site) = self.site {
-            write!(f, " ({site}, ACCU1 {:08X}, ACCU2 {:08X}, number {})", self.accus[0], self.accus[1], self.data)?;
+            write!(f, " ({site}, ACCU1 {:08X}, ACCU2 {:08X}", self.accus[0], self.accus[1])?;
+            match FaultKind::from_number(self.event.0).map(FaultKind::counts) {
+                Some("") => {}
+                Some(what) => write!(f, ", {what} {}", self.data)?,
+                None => write!(f, ", number {}", self.data)?,
+            }
+            write!(f, ")")?;
         }
         if !self.text.as_str().is_empty() {
             write!(f, ": {}", self.text.as_str())?;

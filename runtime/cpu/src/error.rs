@@ -83,6 +83,15 @@ pub enum LoadError {
     DbNumber(u16),
     /// L012: a data block that is to be retentive is not loaded.
     Retentive(u16),
+    /// L013: all organization blocks and native blocks that can be nested need more than the largest stack.
+    Stack {
+        /// Bytes needed.
+        bytes: usize,
+        /// Organization blocks that can run at one time.
+        obs: usize,
+        /// Blocks nested in each.
+        nesting: u8,
+    },
 }
 
 impl LoadError {
@@ -102,6 +111,7 @@ impl LoadError {
             LoadError::Memory { .. } => 10,
             LoadError::DbNumber(_) => 11,
             LoadError::Retentive(_) => 12,
+            LoadError::Stack { .. } => 13,
         }
     }
 }
@@ -134,6 +144,14 @@ impl fmt::Display for LoadError {
             LoadError::Code { site, reason } => write!(f, "{site}: {reason}"),
             LoadError::Memory { bytes } => write!(f, "the program needs {bytes} bytes of memory; at most 256 MiB"),
             LoadError::Retentive(number) => write!(f, "DB {number} is to be retentive, but is not loaded"),
+            LoadError::Stack { bytes, obs, nesting } => write!(
+                f,
+                "{obs} organization blocks can run at one time, each with {nesting} plugin blocks nested in it: that \
+                 needs {} MiB of stack, at most {} can be had; make nesting_depth smaller or leave organization \
+                 blocks out",
+                bytes.div_ceil(1 << 20),
+                crate::MOST_STACK_BYTES >> 20
+            ),
             LoadError::DbNumber(number) => write!(f, "there can be no DB {number}; numbers begin at 1"),
         }
     }

@@ -3,13 +3,19 @@
 
 use ob1_model::{Access, BlockId, BlockKind, Event, Fault, Site};
 
-use crate::engine::Interrupted;
+use crate::engine::{Callee, Interrupted};
 use crate::interrupts::{ob_of, priority_of};
 use crate::szl::block_code;
-use crate::{Abort, Context, DiagEntry, ModuleError, ObInfo, ShortText};
+use crate::{Abort, Context, DiagEntry, Family, ModuleError, ObInfo, ShortText};
 
 /// Priority class of the OBs for asynchronous errors in RUN.
 const ASYNCHRONOUS: u8 = 26;
+/// That of OB 88.
+const ABORTED: u8 = 28;
+/// The OBs of these two classes that this CPU calls.
+const ERROR_OBS: [u16; 5] = [80, 82, 85, 86, 88];
+/// Diagnostic interrupts that can wait.
+const DIAGNOSES: usize = 16;
 
 /// Why a hardware interrupt was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +37,32 @@ pub(crate) enum Late {
     Waiting,
 }
 
+/// Diagnostic interrupts that wait: an OB of their class runs, and one of its blocks reports another.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Diagnoses {
+    list: [(u32, [u8; 4]); DIAGNOSES],
+    len: usize,
+    /// Those that have waited are being served.
+    serving: bool,
+}
+
+impl Diagnoses {
+    /// False when no more can wait.
+    fn put(&mut self, address: u32, data: [u8; 4]) -> bool {
+        let Some(place) = self.list.get_mut(self.len) else { return false };
+        *place = (address, data);
+        self.len += 1;
+        true
+    }
+
+    fn take(&mut self) -> Option<(u32, [u8; 4])> {
+        let first = *self.list[..self.len].first()?;
+        self.list.copy_within(1..self.len, 0);
+        self.len -= 1;
+        Some(first)
+    }
+}
+
 impl Context<'_> {
     /// The watchdog has expired: OB 80 the first time, STOP without it or the second time in one cycle.
     pub(crate) fn cycle_exceeded(&mut self) -> Result<(), Abort> {
@@ -38,7 +70,8 @@ impl Context<'_> {
         machine.trace.accounts.watchdogs.add(1);
         let limit_ms = (machine.config.watchdog / 1_000_000) as u32;
         let ran_ms = ((machine.now - machine.cycle_start) / 1_000_000).min(0xFFFF) as u16;
-        let second = std::mem::replace(&mut machine.watchdog.excess, true);
+        // SFC 43 begins the cycle anew, but not OB 80.
+        let second = std::mem::replace(&mut machine.watchdog.excess, true) || machine.is_active(&[80]);
         machine.watchdog.expires = Some(machine.now.saturating_add(machine.config.watchdog));
         self.entry(Event::CYCLE_TIME_EXCEEDED, limit_ms, "");
         if second {
@@ -57,7 +90,7 @@ impl Context<'_> {
             Late::Waiting => (0x07, Event::OB_QUEUE_OVERFLOW),
         };
         self.about_ob(event, ob);
-        if self.machine.ob.number == 80 {
+        if self.machine.is_active(&[80]) {
             // OB 80 handles one already.
             return Ok(());
         }
@@ -99,7 +132,20 @@ impl Context<'_> {
         start[6..8].copy_from_slice(&info.to_be_bytes());
         start[8..10].copy_from_slice(&event);
         start[10..12].copy_from_slice(&ob);
-        self.run_ob(callee, ObInfo { number: 80, priority: ASYNCHRONOUS, start })
+        self.asynchronous(callee, 80, start)
+    }
+
+    /// Runs the OB of an asynchronous error; behind the outermost of them the diagnostic interrupts that wait.
+    fn asynchronous(&mut self, callee: Callee, number: u16, start: [u8; 20]) -> Result<(), Abort> {
+        self.run_ob(callee, ObInfo { number, priority: ASYNCHRONOUS, start })?;
+        if self.machine.is_active(&ERROR_OBS) || std::mem::replace(&mut self.machine.diagnoses.serving, true) {
+            return Ok(());
+        }
+        while let Some((address, data)) = self.machine.diagnoses.take() {
+            self.diagnostic_interrupt(address, data)?;
+        }
+        self.machine.diagnoses.serving = false;
+        Ok(())
     }
 
     /// A programming or access error: its OB, or STOP. `Ok`: the program goes on with the next statement, with what SFC
@@ -117,7 +163,8 @@ impl Context<'_> {
         let [a1, a2, ..] = interrupted.accus;
         let number = fault.kind.ob();
         let callee = self.blocks.ob(number);
-        let nested = self.machine.ob.number == number;
+        // Both handle errors of the class they interrupt. A higher class has its own.
+        let nested = matches!(self.machine.ob.number, 121 | 122);
         self.machine.diag.push(DiagEntry {
             number: 0,
             time: self.machine.now,
@@ -127,9 +174,12 @@ impl Context<'_> {
             data: fault.number,
             text: ShortText::default(),
         });
+        if nested && self.machine.config.family == Family::S7_400 {
+            return self.aborted(site);
+        }
         let (Some(callee), false) = (callee, nested) else {
             let event = if number == 121 { Event::STOP_PROGRAMMING_ERROR } else { Event::STOP_ACCESS_ERROR };
-            self.stop(event, u32::from(fault.kind.number()), if nested { "fault in the OB for faults" } else { "" });
+            self.stop(event, u32::from(fault.kind.number()), if nested { "an error in the OB for errors" } else { "" });
             return Err(Abort);
         };
         let [class, id] = fault.kind.number().to_be_bytes();
@@ -146,7 +196,47 @@ impl Context<'_> {
         let ran = self.run_ob(callee, ObInfo { number, priority: self.machine.ob.priority, start });
         self.machine.interrupted = None;
         let substitute = std::mem::replace(&mut self.machine.substitute, outer);
-        ran.map(|()| substitute)
+        match ran {
+            Err(Abort) if std::mem::take(&mut self.machine.aborted) => Ok(None),
+            ran => ran.map(|()| substitute),
+        }
+    }
+
+    /// An S7-400 aborts an OB for a synchronous error that makes an error itself, and calls OB 88: the block that was
+    /// interrupted goes on then. STOP without OB 88, or when it is OB 88 whose error was handled. ["Processing
+    /// Interrupt OB (OB 88)" of the system software reference]
+    fn aborted(&mut self, site: Option<Site>) -> Result<Option<u32>, Abort> {
+        let event = Event::SYNCHRONOUS_NESTING;
+        let machine = &mut *self.machine;
+        let entry = DiagEntry {
+            number: 0,
+            time: machine.now,
+            event,
+            site,
+            accus: [0; 2],
+            data: u32::from(machine.ob.number),
+            text: ShortText::default(),
+        };
+        machine.diag.push(entry);
+        if !self.disabled(88) {
+            let running = self.machine.is_active(&[88]);
+            let (Some(callee), false) = (self.blocks.ob(88), running) else {
+                let text = if running { "an error while OB 88 runs" } else { "no OB 88" };
+                self.stop(Event::STOP_ABORTED, u32::from(event.0), text);
+                return Err(Abort);
+            };
+            let [class, id] = event.0.to_be_bytes();
+            let mut start = self.start_info(class, id, ABORTED, 88);
+            (start[4], start[6], start[7]) = (0, self.machine.ob.priority, self.machine.ob.number as u8);
+            if let Some(site) = site {
+                start[4] = block_code(site.block.kind);
+                start[8..10].copy_from_slice(&site.block.number.to_be_bytes());
+                start[10..12].copy_from_slice(&(site.line as u16).to_be_bytes());
+            }
+            self.run_ob(callee, ObInfo { number: 88, priority: ABORTED, start })?;
+        }
+        self.machine.aborted = true;
+        Err(Abort)
     }
 
     /// OB 82 for the module at `address` with the first four bytes of its diagnostic data; without OB 82 STOP: "if no
@@ -159,13 +249,19 @@ impl Context<'_> {
             self.stop(Event::STOP_DIAGNOSIS, address, "no OB 82");
             return Err(Abort);
         };
+        if self.machine.is_active(&ERROR_OBS) {
+            if !self.machine.diagnoses.put(address, data) {
+                self.about_ob(Event::OB_QUEUE_OVERFLOW, 82);
+            }
+            return Ok(());
+        }
         // Bit 0 of the first byte says that something is wrong with the module: the event comes; else it goes.
         let class = if data[0] & 1 == 1 { 0x39 } else { 0x38 };
         let mut start = self.start_info(class, 0x42, ASYNCHRONOUS, 82);
         start[5] = 0x54;
         start[6..8].copy_from_slice(&(address as u16).to_be_bytes());
         start[8..12].copy_from_slice(&data);
-        self.run_ob(callee, ObInfo { number: 82, priority: ASYNCHRONOUS, start })
+        self.asynchronous(callee, 82, start)
     }
 
     /// OB 86, when it is loaded: the station behind the module at `address` is lost or back. `index` counts the modules
@@ -180,7 +276,7 @@ impl Context<'_> {
         // OB86_Z23 of error C4h: the logical base address, then master system and station number.
         start[8..10].copy_from_slice(&(address as u16).to_be_bytes());
         start[11] = (index + 1).min(0xFF) as u8;
-        self.run_ob(callee, ObInfo { number: 86, priority: ASYNCHRONOUS, start })
+        self.asynchronous(callee, 86, start)
     }
 
     /// A module does not answer while the system transfers the process image: OB 85 at each transfer, STOP without it.
@@ -238,7 +334,7 @@ impl Context<'_> {
             self.stop(Event::STOP_SEQUENCE_ERROR, u32::from(start[1]), stop);
             return Err(Abort);
         };
-        self.run_ob(callee, ObInfo { number: 85, priority: ASYNCHRONOUS, start })
+        self.asynchronous(callee, 85, start)
     }
 }
 

@@ -9,10 +9,12 @@ use crate::accounts::{Accounts, Trace, plugin_blocks};
 use crate::engine::{
     Callee, Constants, Lowering, Reference, Signature, Signatures, collect, lower, verify, writes_param,
 };
+use crate::events::Diagnoses;
 use crate::interrupts::Interrupts;
 use crate::log::LogWriter;
 use crate::machine::{Blocks, Interrupt, Machine, Watchdog};
 use crate::native::Native;
+use crate::nesting::Nesting;
 use crate::obs::ObRecords;
 use crate::port::AccessPort;
 use crate::retentive::Keep;
@@ -97,6 +99,9 @@ impl Cpu {
             return Err(errors);
         }
 
+        let loaded = |id| signatures.find(id).is_some();
+        let plugins = natives.iter().any(|native| native.is_plugin());
+        let nesting = Nesting::new(&config, &loaded, plugins).map_err(|error| vec![error])?;
         let interrupt = Interrupt::default();
         let obs: Vec<u16> = signatures
             .0
@@ -134,12 +139,16 @@ impl Cpu {
             stopping: false,
             refs: vec![0; REFERENCES].into_boxed_slice(),
             refs_top: 0,
-            frames: Vec::with_capacity(usize::from(config.nesting_depth) * 8),
+            stack: nesting.stack,
+            frames: Vec::with_capacity(usize::from(config.nesting_depth) * nesting.obs),
             scratch_top: 0,
             local_top: 0,
             depth: 0,
             ob: ObInfo::default(),
             class_ob: 0,
+            active: 0,
+            aborted: false,
+            diagnoses: Diagnoses::default(),
             started: 0,
             inside: 0,
             interrupts: Interrupts::new(&config.cyclic, |ob| blocks.ob(ob).is_some()),

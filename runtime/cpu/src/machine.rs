@@ -8,6 +8,7 @@ use ob1_std::services::ErrorFilter;
 
 use crate::accounts::Trace;
 use crate::engine::{Callee, Engine, Entry, Frame, Interrupted, Signatures};
+use crate::events::Diagnoses;
 use crate::interrupts::Interrupts;
 use crate::log::{LogLine, LogWriter};
 use crate::obs::ObRecords;
@@ -99,6 +100,8 @@ pub(crate) struct Machine {
     /// References to actual parameters, a stack.
     pub(crate) refs: Box<[u32]>,
     pub(crate) refs_top: u32,
+    /// Bytes of stack the thread needs that runs the CPU.
+    pub(crate) stack: usize,
     /// Callers of the running block, the outermost first. Never grows beyond its capacity.
     pub(crate) frames: Vec<Frame>,
     pub(crate) scratch_top: u32,
@@ -112,6 +115,12 @@ pub(crate) struct Machine {
     pub(crate) wall: Wall,
     /// When the last start-up began.
     pub(crate) started: Nanos,
+    /// Bit n: OB n has begun and not ended.
+    pub(crate) active: u128,
+    /// The OB for a synchronous error that runs is aborted, and the block it was called for goes on.
+    pub(crate) aborted: bool,
+    /// Diagnostic interrupts that wait for the end of the OB that runs in their class.
+    pub(crate) diagnoses: Diagnoses,
     /// Time the running organization block was interrupted by others.
     pub(crate) inside: Nanos,
     pub(crate) interrupts: Interrupts,
@@ -261,6 +270,8 @@ impl Context<'_> {
             }
         }
         let outer = std::mem::replace(&mut machine.ob, info);
+        let active = machine.active;
+        machine.active |= 1 << (info.number & 127);
         let caller = machine.native_caller.take();
         let depth = std::mem::take(&mut machine.depth);
         let tops = (machine.local_top, machine.refs_top, machine.scratch_top, machine.frames.len());
@@ -285,7 +296,7 @@ impl Context<'_> {
                 machine.services.locks.end_delays();
             }
         }
-        machine.ob = outer;
+        (machine.ob, machine.active) = (outer, active);
         machine.native_caller = caller;
         machine.depth = depth;
         (machine.local_top, machine.refs_top, machine.scratch_top) = (tops.0, tops.1, tops.2);
@@ -322,6 +333,11 @@ impl Context<'_> {
 }
 
 impl Machine {
+    /// One of these organization blocks has begun and not ended.
+    pub(crate) fn is_active(&self, obs: &[u16]) -> bool {
+        obs.iter().any(|ob| self.active >> ob & 1 == 1)
+    }
+
     /// Reads peripheral bytes.
     pub(crate) fn io_read(&mut self, address: u32, into: &mut [u8]) -> Result<(), IoError> {
         if self.config.peripheral_from_image {

@@ -1,10 +1,11 @@
-//! Messages of the program: user entries of the diagnostic buffer (SFC 52) and block-related messages (SFC 17, SFC 18).
+//! Messages of the program: user entries of the diagnostic buffer (SFC 52) and block-related messages (SFC 17 to
+//! 19, 105 to 108).
 //!
-//! There are no display devices that could log on: a block-related message goes to the log, and SFC 17's are
+//! There are no display devices that could log on: a block-related message goes to the log, and SFC 17's and 107's are
 //! acknowledged at once.
 
 use ob1_model::Event;
-use ob1_std::services::{Alarm, AlarmError, MessageError, Messages};
+use ob1_std::services::{Alarm, AlarmError, InUse, MessageError, Messages};
 
 use crate::machine::Machine;
 use crate::{DiagEntry, LOG_TEXT, ShortText};
@@ -12,29 +13,35 @@ use crate::{DiagEntry, LOG_TEXT, ShortText};
 /// Message numbers that can be in use at one time.
 const NUMBERS: usize = 64;
 
-/// The signals of the message numbers seen.
+/// The message numbers seen, with their signals.
 #[derive(Debug)]
 pub(crate) struct Signals {
-    list: [(u32, bool); NUMBERS],
+    list: [InUse; NUMBERS],
     used: usize,
 }
 
 impl Default for Signals {
     fn default() -> Self {
-        Self { list: [(0, false); NUMBERS], used: 0 }
+        Self { list: [InUse::default(); NUMBERS], used: 0 }
     }
 }
 
 impl Signals {
     /// Notes the signal of a number. A number whose signal has gone makes room when another needs it.
-    fn change(&mut self, id: u32, signal: bool) -> Result<(), AlarmError> {
-        if let Some((_, last)) = self.list[..self.used].iter_mut().find(|(known, _)| *known == id) {
-            return if std::mem::replace(last, signal) == signal { Err(AlarmError::NoChange) } else { Ok(()) };
+    fn change(&mut self, alarm: Alarm<'_>) -> Result<(), AlarmError> {
+        // With nobody logged on, a message that waits for an acknowledgement has it at once.
+        let Alarm { sfc, id, component, signal, acknowledge: acknowledged, .. } = alarm;
+        if let Some(known) = self.list[..self.used].iter_mut().find(|known| known.id == id) {
+            if known.signal == signal {
+                return Err(AlarmError::NoChange);
+            }
+            (known.signal, known.acknowledged) = (signal, acknowledged);
+            return Ok(());
         }
         if !signal {
             return Err(AlarmError::FirstIsZero);
         }
-        let place = match self.list[..self.used].iter().position(|(_, signal)| !signal) {
+        let place = match self.list[..self.used].iter().position(|number| !number.signal) {
             _ if self.used < NUMBERS => {
                 self.used += 1;
                 self.used - 1
@@ -42,8 +49,21 @@ impl Signals {
             Some(gone) => gone,
             None => return Err(AlarmError::NoResources),
         };
-        self.list[place] = (id, signal);
+        self.list[place] = InUse { sfc, id, component, signal, acknowledged };
         Ok(())
+    }
+
+    /// Sets numbers free.
+    fn release(&mut self, which: &dyn Fn(InUse) -> bool) {
+        let mut at = 0;
+        while at < self.used {
+            if which(self.list[at]) {
+                self.used -= 1;
+                self.list[at] = self.list[self.used];
+            } else {
+                at += 1;
+            }
+        }
     }
 }
 
@@ -97,7 +117,7 @@ impl Messages for Machine {
     }
 
     fn alarm(&mut self, alarm: Alarm<'_>) -> Result<(), AlarmError> {
-        self.services.signals.change(alarm.id, alarm.signal)?;
+        self.services.signals.change(alarm)?;
         let mut text = Line::new();
         text.text("message ").hex(&alarm.id.to_be_bytes()).text(if alarm.signal { " came" } else { " went" });
         if !alarm.value.is_empty() {
@@ -105,6 +125,15 @@ impl Messages for Machine {
         }
         self.log(if alarm.acknowledge { 2 } else { 3 }, text.as_str());
         Ok(())
+    }
+
+    fn in_use(&mut self, each: &mut dyn FnMut(InUse)) {
+        let signals = &self.services.signals;
+        signals.list[..signals.used].iter().copied().for_each(each);
+    }
+
+    fn release(&mut self, which: &dyn Fn(InUse) -> bool) {
+        self.services.signals.release(which);
     }
 }
 
@@ -115,15 +144,20 @@ mod tests {
     #[test]
     fn signals_change_and_make_room() {
         let mut signals = Signals::default();
-        assert_eq!(signals.change(1, false), Err(AlarmError::FirstIsZero));
+        let alarm = |id, signal| Alarm { sfc: 108, id, component: id % 2, signal, acknowledge: false, value: &[] };
+        assert_eq!(signals.change(alarm(1, false)), Err(AlarmError::FirstIsZero));
         for id in 1..=NUMBERS as u32 {
-            assert_eq!(signals.change(id, true), Ok(()));
+            assert_eq!(signals.change(alarm(id, true)), Ok(()));
         }
-        assert_eq!(signals.change(1, true), Err(AlarmError::NoChange));
-        assert_eq!(signals.change(1000, true), Err(AlarmError::NoResources));
-        assert_eq!(signals.change(7, false), Ok(()));
-        assert_eq!(signals.change(1000, true), Ok(()));
-        assert_eq!(signals.change(7, false), Err(AlarmError::FirstIsZero), "its place is another's");
+        assert_eq!(signals.change(alarm(1, true)), Err(AlarmError::NoChange));
+        assert_eq!(signals.change(alarm(1000, true)), Err(AlarmError::NoResources));
+        assert_eq!(signals.change(alarm(7, false)), Ok(()));
+        assert_eq!(signals.change(alarm(1000, true)), Ok(()));
+        assert_eq!(signals.change(alarm(7, false)), Err(AlarmError::FirstIsZero), "its place is another's");
+        signals.release(&|number| number.component == 0);
+        assert_eq!(signals.used, NUMBERS / 2 - 1);
+        assert!(signals.list[..signals.used].iter().all(|number| number.id % 2 == 1));
+        assert_eq!(signals.change(alarm(2, true)), Ok(()), "set free, so it is a new one");
     }
 
     #[test]

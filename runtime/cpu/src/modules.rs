@@ -1,6 +1,9 @@
 //! The modules and the peripheral area: who answers at which byte.
 
-use crate::{LoadError, Memory, Module, ModuleError, ModuleSlot, ModuleStatus, Nanos};
+use ob1_std::services::{Placed, Rack};
+
+use crate::machine::Machine;
+use crate::{Family, LoadError, Memory, Module, ModuleError, ModuleSlot, ModuleStatus, Nanos};
 
 /// Bytes of the peripheral area.
 const PERIPHERAL_BYTES: u32 = 65_536;
@@ -166,6 +169,39 @@ impl Modules {
                 at += len;
             }
         }
+    }
+}
+
+impl Modules {
+    /// The module at this place of [`Modules::list`], as the blocks that ask for addresses see it.
+    fn placed(&self, index: usize) -> Option<Placed> {
+        let plugged = self.list.get(index)?;
+        // Modules lie inside the peripheral area of 64 KiB ([`Modules::new`]); one without bytes has no address.
+        let range = |outputs| {
+            let (first, bytes) = plugged.range(outputs);
+            (first as u16, bytes as u16)
+        };
+        Some(Placed { rack: 0, slot: index as u16 + SLOT, inputs: range(false), outputs: range(true) })
+    }
+}
+
+impl Rack for Machine {
+    fn area(&mut self) -> u8 {
+        u8::from(self.config.family == Family::S7_300)
+    }
+
+    fn module_with(&mut self, address: u16, output: bool) -> Option<Placed> {
+        let address = u32::from(address);
+        let has = |plugged: &Plugged| {
+            let (first, bytes) = plugged.range(output);
+            (first..first + bytes).contains(&address)
+        };
+        self.modules.placed(self.modules.list.iter().position(has)?)
+    }
+
+    fn module_in(&mut self, rack: u16, slot: u16) -> Option<Placed> {
+        let index = slot.checked_sub(SLOT)?;
+        if rack == 0 { self.modules.placed(usize::from(index)) } else { None }
     }
 }
 

@@ -73,7 +73,8 @@ pub(crate) fn call(index: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bo
     if cx.machine.services.touched {
         cx.machine.reschedule();
     }
-    if cx.machine.stopping { Err(Abort) } else { Ok(br) }
+    // Also when the block has overlooked it.
+    if cx.machine.stopping || cx.machine.aborted { Err(Abort) } else { Ok(br) }
 }
 
 #[inline]

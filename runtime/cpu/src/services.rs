@@ -8,7 +8,7 @@ use ob1_std::Service;
 use ob1_std::moment::Moment;
 use ob1_std::services::{
     AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError, ErrorFilter,
-    ImageError, Images, InterruptLocks, LoadError, Messages, Meters, Period, RunTimeMeter, Schedule, StartInfo,
+    ImageError, Images, InterruptLocks, LoadError, Messages, Meters, Period, Rack, RunTimeMeter, Schedule, StartInfo,
     SystemStatus, TimeOfDayInterrupt, WallClock,
 };
 
@@ -26,6 +26,7 @@ pub const SERVICES: &[Service] = &[
     Service::ErrorFilter,
     Service::InterruptLocks,
     Service::DataBlocks,
+    Service::Rack,
     Service::StartInfo,
     Service::ReplaceValue,
     Service::Images,
@@ -40,7 +41,7 @@ const LONGEST_DB: u16 = 65_534;
 
 /// The CPU's services, by the traits of `ob1-std`.
 pub trait Services:
-    WallClock + Meters + Schedule + DataBlocks + StartInfo + Images + SystemStatus + Messages + AlarmSource
+    WallClock + Meters + Schedule + DataBlocks + StartInfo + Images + Rack + SystemStatus + Messages + AlarmSource
 {
     /// The filter of synchronous errors of the running priority class.
     fn error_filter(&mut self) -> &mut ErrorFilter;

@@ -2,6 +2,7 @@
 
 use ob1_model::Event;
 
+use crate::events::Diagnoses;
 use crate::machine::Watchdog;
 use crate::timers::{Counter, Timer};
 use crate::{Clock, Command, Cpu, Family, ObInfo, OperatingState};
@@ -111,6 +112,7 @@ impl Cpu {
         (m.ob, m.class_ob) = (ObInfo::default(), 0);
         m.native_caller = None;
         (m.interrupted, m.substitute) = (None, None);
+        (m.active, m.aborted, m.diagnoses) = (0, false, Diagnoses::default());
         m.at = None;
         m.trace.start_up();
         m.interrupts.clear();

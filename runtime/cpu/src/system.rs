@@ -2,8 +2,8 @@
 
 use ob1_model::{Area, BlockId, Event, FaultKind, Interface};
 use ob1_std::services::{
-    AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Schedule, StartInfo, SystemStatus,
-    Waiting, WallClock,
+    AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Rack, Schedule, StartInfo,
+    SystemStatus, Waiting, WallClock,
 };
 use ob1_std::{Context, Interrupted, ModuleSize, Refused, StandardBlock};
 
@@ -224,6 +224,10 @@ impl Context for Bridge<'_> {
     }
 
     fn data_blocks(&mut self) -> Option<&mut dyn DataBlocks> {
+        Some(self.cx.services()?)
+    }
+
+    fn rack(&mut self) -> Option<&mut dyn Rack> {
         Some(self.cx.services()?)
     }
 

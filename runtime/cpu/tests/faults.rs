@@ -135,6 +135,79 @@ fn an_error_in_the_handler_is_stop() {
     assert_eq!(bench.cycle().state, OperatingState::Stop, "and can be tried again");
 }
 
+/// An error in OB 121 or OB 122, of either kind, in the block itself or in one it calls.
+#[test]
+fn an_error_in_the_other_handler_is_stop_on_an_s7_300() {
+    let programming = || Op::OpenDb(DbRegister::Db, Number::Fixed(997));
+    let access = || load(Operand { width: Width::Word, place: place(Area::Peripheral, 6000, 0) });
+    for (first, second, handler, events) in [
+        (programming(), access(), 121, [0x4563, 0x2942, 0x253A]),
+        (access(), programming(), 122, [0x4562, 0x253A, 0x2942]),
+        (programming(), programming(), 121, [0x4562, 0x253A, 0x253A]),
+        (access(), access(), 122, [0x4563, 0x2942, 0x2942]),
+    ] {
+        let other = if handler == 121 { 122 } else { 121 };
+        let endless = |number| block(ob(number), Interface::default(), vec![uc(CallMode::Unconditional, fc(1))]);
+        let called = block(fc(1), Interface::default(), vec![second.clone()]);
+        let third = block(ob(other), Interface::default(), vec![first.clone()]);
+        let mut bench = Bench::new(&program(vec![ob1(vec![first.clone()]), endless(handler), third, called], vec![]));
+        assert_eq!(bench.cycle().state, OperatingState::Stop, "{first:?}, {second:?}");
+        assert_eq!(bench.events()[..3], events, "{first:?}, {second:?}");
+        let why = bench.cpu.diagnostics().next().expect("an entry");
+        assert_eq!(why.text.as_str(), "an error in the OB for errors");
+    }
+}
+
+/// Each class has its errors handled, also while a lower one is at it.
+#[test]
+fn an_interrupt_in_the_handler_has_a_handler_of_its_own() {
+    let wrong = || Op::OpenDb(DbRegister::Db, Number::Fixed(997));
+    let count =
+        |byte| [load(mb(byte)), Op::AddConst { format: ob1_ir::NumberFormat::Int, value: 1 }, transfer(mb(byte))];
+    let mut handler = count(0).to_vec();
+    // Long enough for OB 35 to come inside.
+    handler.extend([c(500), transfer(mw(10)), load(mw(10)), Op::Loop(4)]);
+    let handler = block(ob(121), Interface::default(), handler);
+    let cyclic = block(ob(35), Interface::default(), [vec![wrong()], count(1).to_vec()].concat());
+    let mut bench = Bench::new(&program(vec![ob1(vec![wrong()]), handler, cyclic], vec![]));
+    bench.run();
+    bench.clock.now = 100 * MS - 10_000;
+    bench.run();
+    assert_eq!((bench.mb(0), bench.mb(1)), (3, 1), "{:04X?}", bench.events());
+}
+
+#[test]
+fn an_s7_400_aborts_the_handler_and_calls_ob_88() {
+    let wrong = || Op::OpenDb(DbRegister::Db, Number::Fixed(997));
+    let load_info = |i: u32| {
+        let long = |place| Operand { width: Width::DWord, place };
+        [load(long(l(4 * i, 0))), transfer(long(m(100 + 4 * i, 0)))]
+    };
+    let main = || ob1(vec![wrong(), c(7), transfer(mb(0))]);
+    let handler = || block(ob(121), Interface::default(), vec![Op::Nop, wrong(), c(8), transfer(mb(1))]);
+    let run = |blocks, rest: &[u16]| {
+        let config = ob1_cpu::CpuConfig::of(ob1_cpu::Family::S7_400);
+        let cpu = ob1_cpu::Cpu::new(config, &program(blocks, vec![]), vec![], vec![]).expect("it loads");
+        let mut bench = Bench::with(cpu);
+        let state = bench.cycle().state;
+        assert_eq!(bench.events()[..rest.len()], *rest);
+        (bench, state)
+    };
+    let aborted = block(ob(88), Interface::default(), (0..3).flat_map(load_info).collect());
+    let (mut bench, state) = run(vec![main(), handler(), aborted], &[0x3573, 0x253A, 0x253A]);
+    assert_eq!(state, OperatingState::Run);
+    assert_eq!((bench.mb(0), bench.mb(1)), (7, 0), "OB 1 goes on, OB 121 does not");
+    assert_eq!((bench.md(100), bench.md(104), bench.md(108)), (0x3573_1C58, 0x8800_0179, 121 << 16 | 2));
+    bench.run();
+
+    let (_, state) = run(vec![main(), handler()], &[0x4570, 0x3573]);
+    assert_eq!(state, OperatingState::Stop);
+    // Aborted in the class of OB 88.
+    let wrong_too = block(ob(88), Interface::default(), vec![wrong()]);
+    let (_, state) = run(vec![main(), handler(), wrong_too], &[0x4570, 0x3573, 0x253A, 0x253A, 0x3573]);
+    assert_eq!(state, OperatingState::Stop);
+}
+
 #[test]
 fn register_indirect_access_reaches_the_last_byte_and_no_further() {
     let word = |place| Operand { width: Width::Word, place };

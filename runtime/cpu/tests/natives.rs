@@ -426,3 +426,41 @@ fn sfc_43_restarts_the_watchdog() {
     let mut without = Bench::with(Cpu::new(config, &nested(false), system_blocks(), vec![]).expect("loads"));
     assert_eq!(without.cycle().state, OperatingState::Stop);
 }
+
+/// A plugin block that reports a diagnosis from within OB 82, and OB 80 that never ends but begins the cycle monitoring
+/// anew: neither nests for ever.
+#[test]
+fn error_obs_do_not_nest_in_themselves() {
+    let count = Arc::new(Mutex::new(0));
+    let counted = Arc::clone(&count);
+    let report = native(fc(20), &[], move |cx| {
+        let mut count = counted.lock().expect("one thread");
+        *count += 1;
+        // OB 82 asks for two more of itself, a few times.
+        let times = if *count < 5 { 2 } else { 0 };
+        drop(count);
+        for _ in 0..times {
+            cx.diagnostic_interrupt(256, &[1]).expect("it waits or runs");
+        }
+        Ok(())
+    });
+    let calls = || vec![call(fc(20), vec![])];
+    let blocks = vec![ob1(calls()), block(ob(82), Interface::default(), calls())];
+    let slots: Vec<(ModuleSlot, Box<dyn Module>)> = vec![(ModuleSlot::new("io", 256), Box::new(TestModule::new(4)))];
+    let cpu = Cpu::new(CpuConfig::default(), &program(blocks, vec![]), vec![report], slots).expect("loads");
+    let mut bench = Bench::with(cpu);
+    bench.run();
+    // OB 1, its two, and two for each of the three that asked.
+    assert_eq!(*count.lock().expect("one thread"), 9);
+
+    let retrigger = uc(CallMode::Unconditional, BlockId::new(BlockKind::Sfc, 43));
+    let endless = block(ob(80), Interface::default(), vec![retrigger.clone(), Op::Jump(Jump::Always, 1)]);
+    let main = ob1(vec![Op::Jump(Jump::Always, 0)]);
+    let mut bench = bench_of(&program(vec![main, endless], vec![]));
+    assert_eq!(bench.cycle().state, OperatingState::Stop);
+    assert_eq!(bench.events()[..3], [0x4568, 0x3501, 0x3501]);
+}
+
+fn bench_of(program: &Program) -> Bench {
+    bench(program, system_blocks())
+}

@@ -1,6 +1,7 @@
 //! Whatever a program hands to a standard block, the scan goes on or the CPU is in STOP: nothing panics. Every block of
 //! the CPU and of its libraries with random parameters, random instances and a clock that jumps; the wall clock at
 //! every date.
+#![allow(clippy::disallowed_methods, reason = "a thread with a stack of a given size")]
 
 mod common;
 
@@ -116,8 +117,15 @@ fn write(bench: &mut Bench, db: u16, bytes: &[u8]) {
     }
 }
 
+/// The stack of a CPU with one organization block is enough for each of them.
 #[test]
 fn random_parameters_of_every_block() {
+    let one = Cpu::new(CpuConfig::default(), &program(vec![ob1(vec![])], vec![]), vec![], vec![]).expect("it loads");
+    let thread = std::thread::Builder::new().stack_size(one.stack_bytes()).spawn(call_every_block);
+    thread.expect("a thread").join().expect("no panic");
+}
+
+fn call_every_block() {
     let mut random = Random(0x0B1_5EED);
     for of in all() {
         let (program, bytes) = caller(&of);

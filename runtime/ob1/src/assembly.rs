@@ -24,7 +24,7 @@ use crate::program::{LoadFailure, Loaded};
 use crate::simulated;
 use crate::station::{AbdUnit, Absent, Line, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
 use crate::timing::Timings;
-use crate::view::{ModuleView, StationView};
+use crate::view::{ModuleView, Places, StationView};
 use crate::watched::{Running, watch_all};
 
 /// A station, ready to run in this process.
@@ -202,6 +202,7 @@ pub fn assemble(
         name: station.name.clone(),
         family: station.cpu.family,
         names: Arc::new(Names::new(&loaded.program)),
+        places: Arc::new(Places::new(&loaded.program)),
         modules: building.views,
         panel: building.io.as_ref().and_then(|io| Panel::new(io, &station.modules)),
         posture: Arc::new(OnceLock::new()),
@@ -298,10 +299,19 @@ impl Building<'_> {
 
 /// Nanoseconds from 1990-01-01 to now, UTC: what start information calls the date.
 pub(crate) fn date_now() -> u64 {
-    /// From 1970-01-01 to 1990-01-01.
-    const TO_1990: u64 = 7305 * 86_400;
+    date_of(unix_now())
+}
+
+/// Nanoseconds from 1970-01-01 to now, UTC.
+pub(crate) fn unix_now() -> u64 {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
-    (now.as_nanos() as u64).saturating_sub(TO_1990 * 1_000_000_000)
+    now.as_nanos() as u64
+}
+
+/// Nanoseconds from 1990-01-01, out of those from 1970-01-01.
+pub(crate) fn date_of(unix: u64) -> u64 {
+    const TO_1990: u64 = 7305 * 86_400;
+    unix.saturating_sub(TO_1990 * 1_000_000_000)
 }
 
 /// `ob1-cp`: named by `OB1_CP`, beside this executable, or in `PATH`.

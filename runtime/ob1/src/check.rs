@@ -51,13 +51,13 @@ struct Checked {
 #[must_use]
 pub fn posture(files: &[PathBuf], json: bool) -> Exit {
     let [file] = files else {
-        eprintln!("ob1: --posture is asked for one station file");
+        err!("ob1: --posture is asked for one station file");
         return Exit::Usage;
     };
     match station::load(file) {
         Ok(station) => posture::check(&station, json),
         Err(findings) => {
-            findings.iter().for_each(|finding| eprintln!("{finding}"));
+            findings.iter().for_each(|finding| err!("{finding}"));
             Exit::Usage
         }
     }
@@ -73,15 +73,15 @@ pub fn check(options: &Options) -> Exit {
     let errors = checked.findings.iter().filter(|f| f.level == Level::Error).count();
     if options.json {
         match serde_json::to_string_pretty(&checked.findings) {
-            Ok(text) => println!("{text}"),
-            Err(error) => eprintln!("ob1: {error}"),
+            Ok(text) => say!("{text}"),
+            Err(error) => err!("ob1: {error}"),
         }
     } else {
         for finding in &checked.findings {
-            eprintln!("{finding}");
+            err!("{finding}");
         }
-        print!("{}", checked.text);
-        println!("{}", verdict(errors, checked.findings.len() - errors));
+        says!("{}", checked.text);
+        say!("{}", verdict(errors, checked.findings.len() - errors));
     }
     if errors == 0 { Exit::Ok } else { Exit::Usage }
 }

@@ -1,5 +1,6 @@
 //! The command line: words, help, and what they lead to.
 
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -12,7 +13,7 @@ use crate::exit::{self, Exit};
 use crate::library::Chosen;
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
-use crate::{check, diag, janitor, remote, run, soak, station, top, trace};
+use crate::{check, diag, janitor, out, remote, run, soak, station, top, trace};
 
 const AFTER: &str = "\
 Examples:
@@ -399,15 +400,24 @@ enum Action {
 /// Parses the command line of this process and does what it says.
 #[must_use]
 pub fn main() -> ExitCode {
-    match Cli::try_parse() {
+    ob1_log::tell_panics();
+    out::finish(match Cli::try_parse() {
         Ok(cli) => cli.command.run(),
-        Err(error) => {
-            // Help and version are no errors.
-            let exit = if error.use_stderr() { Exit::Usage } else { Exit::Ok };
-            let _ = error.print();
-            exit.into()
+        // Help and version are no errors.
+        Err(error) if !error.use_stderr() => {
+            let text = error.render();
+            if std::io::stdout().is_terminal() {
+                says!("{}", text.ansi());
+            } else {
+                says!("{text}");
+            }
+            Exit::Ok.into()
         }
-    }
+        Err(error) => {
+            let _ = error.print();
+            Exit::Usage.into()
+        }
+    })
 }
 
 impl Command {

@@ -3,9 +3,11 @@
 
 use ob1_backplane::BufferEntry;
 use ob1_protocols::cp341_events;
+use ob1_std::moment::Moment;
 use serde::Serialize;
 
 use crate::access::protocol::{CpBuffer, CpEntry, Diagnostic, Op};
+use crate::assembly;
 use crate::exit::Exit;
 use crate::remote::{ask, print_json};
 
@@ -43,7 +45,7 @@ pub fn diag(options: &Options) -> Exit {
         cps.retain(|cp| cp.name == *wanted || wanted.parse() == Ok(cp.address));
         if cps.is_empty() {
             let there = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-            eprintln!("ob1: \"{wanted}\" is no CP with a diagnostic buffer of its own\n  = this station has: {there}");
+            err!("ob1: \"{wanted}\" is no CP with a diagnostic buffer of its own\n  = this station has: {there}");
             return Exit::Usage;
         }
     }
@@ -51,8 +53,14 @@ pub fn diag(options: &Options) -> Exit {
     if options.json {
         return print_json(&Buffers { cpu, cps: &cps });
     }
-    print!("{}", text(cpu, &cps));
+    says!("{}", text(cpu, &cps));
     Exit::Ok
+}
+
+/// A moment by the wall clock, UTC.
+fn date(unix_ns: u64) -> String {
+    let moment = Moment::from_ms(assembly::date_of(unix_ns) / 1_000_000);
+    moment.map_or_else(|| "?".to_owned(), |moment| moment.to_string())
 }
 
 /// The buffers as text.
@@ -64,7 +72,11 @@ pub(crate) fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
         if index == 0 {
             out.push_str("CPU\n");
         }
-        let _ = writeln!(out, "{:>6}  {:>12.6} s  {}", entry.number, entry.time_ns as f64 / 1e9, entry.text);
+        let (date, seconds) = (date(entry.unix_ns), entry.time_ns as f64 / 1e9);
+        let _ = writeln!(out, "{:>6}  {date} {seconds:>13.6} s  {}", entry.number, entry.told());
+        if !entry.remedy.is_empty() {
+            let _ = writeln!(out, "{:>51} {}", "=", entry.remedy);
+        }
     }
     for cp in cps {
         let gap = if out.is_empty() { "" } else { "\n" };
@@ -74,9 +86,10 @@ pub(crate) fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
         }
         for entry in &cp.entries {
             let gone = if entry.incoming { "" } else { "gone: " };
-            let _ = writeln!(out, "{:>17.3} s     {} {gone}{}", entry.time_ms as f64 / 1e3, entry.number, entry.text);
+            let (date, seconds) = (date(entry.unix_ns), entry.time_ms as f64 / 1e3);
+            let _ = writeln!(out, "        {date} {seconds:>13.3} s  {} {gone}{}", entry.number, entry.text);
             if entry.incoming && !entry.remedy.is_empty() {
-                let _ = writeln!(out, "{:>30} {}", "=", entry.remedy);
+                let _ = writeln!(out, "{:>51} {}", "=", entry.remedy);
             }
         }
     }
@@ -89,6 +102,7 @@ impl From<BufferEntry> for CpEntry {
         let row = cp341_events::row(entry.number);
         Self {
             time_ms: entry.time_ms,
+            unix_ns: 0,
             number: format!("{:04X}h", entry.number),
             incoming: entry.incoming,
             text: row.map_or("an event nobody knows", |row| row.text).to_owned(),
@@ -114,18 +128,30 @@ mod tests {
 
     #[test]
     fn each_entry_has_its_text_and_its_remedy() {
-        let cpu = [Diagnostic { number: 2, time_ns: 1_500_000, event: "4302h".into(), text: "4302h RUN".into() }];
+        let stop = Diagnostic {
+            number: 3,
+            time_ns: 2_000_000,
+            unix_ns: 1_800_000_000_123_456_789,
+            event: "253Ah".into(),
+            text: "253Ah data block not loaded (OB 1, line 7, DB 99)".into(),
+            place: "press.awl:7".into(),
+            remedy: "Load it.".into(),
+        };
+        let run = Diagnostic { number: 2, text: "4302h RUN".into(), remedy: String::new(), ..stop.clone() };
+        let cpu = [stop, Diagnostic { place: String::new(), ..run }];
         let cp = buffer(&[(0x080D, false, 62_500), (0x080D, true, 61_000), (0x0003, true, 12), (0xFFFF, true, 0)]);
         let expected = "\
 CPU
-     2      0.001500 s  4302h RUN
+     3  2027-01-15 08:00:00.123      0.002000 s  253Ah data block not loaded (OB 1, line 7, DB 99), press.awl:7
+                                                  = Load it.
+     2  2027-01-15 08:00:00.123      0.002000 s  4302h RUN
 
 cp (cp341 at 272), driver: ready
-           62.500 s     080Dh gone: BREAK: the receiving line is interrupted
-           61.000 s     080Dh BREAK: the receiving line is interrupted
-                             = Connect the devices, switch the partner on; with RS 422/485 check the wires R(A), R(B).
-            0.012 s     0003h The parameters were accepted
-            0.000 s     FFFFh an event nobody knows
+        1990-01-01 00:00:00.000        62.500 s  080Dh gone: BREAK: the receiving line is interrupted
+        1990-01-01 00:00:00.000        61.000 s  080Dh BREAK: the receiving line is interrupted
+                                                  = Connect the devices, switch the partner on; with RS 422/485 check the wires R(A), R(B).
+        1990-01-01 00:00:00.000         0.012 s  0003h The parameters were accepted
+        1990-01-01 00:00:00.000         0.000 s  FFFFh an event nobody knows
 ";
         assert_eq!(text(Some(&cpu), &[cp]), expected);
     }

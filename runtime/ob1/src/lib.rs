@@ -1,6 +1,12 @@
 //! The `ob1` command as a library: the station file, the build of a station, and what the subcommands do. The binary is
 //! thin, and the whole-station simulation reads the same station files through this crate.
 
+// Everything goes through one place that neither panics nor waits for ever.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+#[macro_use]
+mod out;
+
 pub mod access;
 pub mod assembly;
 pub mod check;

@@ -77,11 +77,11 @@ pub fn check(station: &Station, json: bool) -> Exit {
     if json {
         let told: Vec<GrantStatus> = grants.iter().map(GrantStatus::from).collect();
         match serde_json::to_string_pretty(&told) {
-            Ok(text) => println!("{text}"),
+            Ok(text) => say!("{text}"),
             Err(_) => return Exit::System,
         }
     } else {
-        print!("{}", text(&grants));
+        says!("{}", text(&grants));
     }
     if refused { Exit::Usage } else { Exit::Ok }
 }

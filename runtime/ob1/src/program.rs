@@ -7,7 +7,7 @@ use std::sync::Arc;
 use ob1_cpu::NativeBlock;
 use ob1_host::plugin::{Plugin, PluginError, PluginModule};
 use ob1_ir::Program;
-use ob1_model::BlockId;
+use ob1_model::{BlockId, BlockKind};
 use ob1_stl::{Library, Options, Severity, Source};
 
 use crate::finding::{Finding, Level};
@@ -66,8 +66,27 @@ pub fn plugin_folders() -> Vec<PathBuf> {
 pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
     let plugins = load_plugins(&station.plugins).map_err(LoadFailure::Plugin)?;
     let library = library(&plugins, &station.program.library).map_err(LoadFailure::Rejected)?;
-    let (program, findings) = compile(&station.program, &library).map_err(LoadFailure::Rejected)?;
+    let (program, mut findings) = compile(&station.program, &library).map_err(LoadFailure::Rejected)?;
+    let of_plugins = plugins.iter().flat_map(|(plugin, renumber)| {
+        plugin.info().blocks.iter().map(|block| renumber.get(&block.id).copied().unwrap_or(block.id))
+    });
+    findings.extend(without_ob1(&program, of_plugins));
     Ok(Loaded { program, plugins, standard: station.program.library.clone(), findings })
+}
+
+/// Number of the finding of [`without_ob1`].
+pub(crate) const NO_OB1: &str = "L021";
+
+/// A program without OB 1 can be run, but nearly never is meant to be.
+pub(crate) fn without_ob1(program: &Program, natives: impl IntoIterator<Item = BlockId>) -> Option<Finding> {
+    let ob1 = BlockId::new(BlockKind::Ob, 1);
+    if program.blocks.iter().any(|block| block.id == ob1) || natives.into_iter().any(|id| id == ob1) {
+        return None;
+    }
+    let file = program.sources.first().map_or("program", String::as_str);
+    let message = "the program has no OB 1: in RUN nothing is executed cyclically";
+    let remedy = "add ORGANIZATION_BLOCK OB 1, or name the source that has it";
+    Some(Finding::whole(Level::Warning, NO_OB1, file, message, remedy))
 }
 
 impl Loaded {

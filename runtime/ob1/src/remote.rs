@@ -11,10 +11,10 @@ use crate::timing::text;
 
 pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
     Client::to_station(station).and_then(|mut client| client.ask(op)).map_err(|error| {
-        eprintln!("ob1: {error}");
+        err!("ob1: {error}");
         match error {
             AccessError::NotRunning { .. } => {
-                eprintln!("  = start it with `ob1 run`, and name it by its station file or its name");
+                err!("  = start it with `ob1 run`, and name it by its station file or its name");
                 Exit::Running
             }
             AccessError::Io(_) | AccessError::Refused(_) => Exit::Refused,
@@ -39,7 +39,7 @@ pub fn get(station: &str, items: Vec<String>, json: bool) -> Exit {
             Value::Bool(bit) => u8::from(*bit).to_string(),
             other => other.to_string(),
         };
-        println!("{:<width$}  {shown:>12}{hex}", value.item);
+        say!("{:<width$}  {shown:>12}{hex}", value.item);
     }
     Exit::Ok
 }
@@ -50,7 +50,7 @@ pub fn set(station: &str, assignments: &[String]) -> Exit {
     let mut items = BTreeMap::new();
     for assignment in assignments {
         let Some((name, value)) = assignment.split_once('=') else {
-            eprintln!("ob1: \"{assignment}\" is no assignment\n  = write NAME=VALUE, such as M1.0=1");
+            err!("ob1: \"{assignment}\" is no assignment\n  = write NAME=VALUE, such as M1.0=1");
             return Exit::Usage;
         };
         items.insert(name.trim().to_owned(), Value::from(value.trim()));
@@ -84,7 +84,7 @@ pub fn timing(station: &str, json: bool) -> Exit {
     match ask(station, Op::Timing { histograms: json }).map(|response| response.timing) {
         Ok(Some(timing)) if json => print_json(&timing),
         Ok(Some(timing)) => {
-            print!("{}", text::timing(&timing));
+            says!("{}", text::timing(&timing));
             Exit::Ok
         }
         Ok(None) => Exit::Refused,
@@ -98,7 +98,7 @@ pub fn recorder(station: &str, json: bool) -> Exit {
     match ask(station, Op::Recorder).map(|response| response.recorder) {
         Ok(Some(recorder)) if json => print_json(&recorder),
         Ok(Some(recorder)) => {
-            print!("{}", text::recorder(&recorder));
+            says!("{}", text::recorder(&recorder));
             Exit::Ok
         }
         Ok(None) => Exit::Refused,
@@ -107,20 +107,18 @@ pub fn recorder(station: &str, json: bool) -> Exit {
 }
 
 fn print_status(status: &Status) {
-    println!(
-        "{} is in {}, process {}, {:.1} s",
-        status.station,
-        status.state,
-        status.pid,
-        status.runtime_ns as f64 / 1e9
-    );
-    println!(
+    say!("{} is in {}, process {}, {:.1} s", status.station, status.state, status.pid, status.runtime_ns as f64 / 1e9);
+    say!(
         "scans {}   overruns {}   missed deadlines {}   late {}   watchdog {}",
-        status.scans, status.overruns, status.missed, status.late, status.watchdogs
+        status.scans,
+        status.overruns,
+        status.missed,
+        status.late,
+        status.watchdogs
     );
     let line = |name: &str, t: &Times| {
         let us = |ns: f64| ns / 1000.0;
-        println!(
+        say!(
             "{name:<10} min {:.1}   mean {:.1}   p50 {:.1}   p99 {:.1}   max {:.1} µs",
             us(t.min_ns as f64),
             us(t.mean_ns),
@@ -132,28 +130,31 @@ fn print_status(status: &Status) {
     line("cycle", &status.cycle);
     line("wake-up", &status.wake);
     line("execution", &status.execution);
+    if status.log_lost > 0 {
+        say!("log lines lost {}: standard error of the runtime is full, slow or gone", status.log_lost);
+    }
     for grant in &status.posture {
-        println!("{}: {} {}", grant.what, grant.outcome, grant.detail);
+        say!("{}: {} {}", grant.what, grant.outcome, grant.detail);
     }
     for module in &status.modules {
         let present = if module.present { "present" } else { "absent" };
-        print!("{} ({} at {}): {present}", module.name, module.type_name, module.address);
+        says!("{} ({} at {}): {present}", module.name, module.type_name, module.address);
         if let Some(driver) = &module.driver {
             let (pid, state, losses) = (driver.pid, &driver.state, driver.losses);
-            print!(", driver {pid} {state}, lost {losses}, LEDs {}", module.leds.join(" "));
+            says!(", driver {pid} {state}, lost {losses}, LEDs {}", module.leds.join(" "));
         }
-        println!();
+        say!();
     }
 }
 
 pub(crate) fn print_json(value: &impl serde::Serialize) -> Exit {
     match serde_json::to_string_pretty(value) {
         Ok(text) => {
-            println!("{text}");
+            say!("{text}");
             Exit::Ok
         }
         Err(error) => {
-            eprintln!("ob1: {error}");
+            err!("ob1: {error}");
             Exit::System
         }
     }

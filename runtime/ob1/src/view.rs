@@ -1,17 +1,55 @@
 //! What may be looked at from outside the scan: names, monitors of the CPs, drivers, the posture.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
-use ob1_backplane::{Counter, DriverState, Monitor};
-use ob1_cpu::{Distribution, Family, OperatingState};
+use ob1_backplane::{BufferEntry, Counter, DriverState, Monitor};
+use ob1_cpu::{DiagEntry, Distribution, Family, OperatingState};
 use ob1_host::driver;
+use ob1_ir::{CodeBlock, Program};
+use ob1_model::BlockId;
 use ob1_rt::{Grant, MonotonicClock};
 
 use crate::access::item::Names;
-use crate::access::protocol::{CpBuffer, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times};
+use crate::access::protocol::{
+    CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times,
+};
 use crate::io::Panel;
 use crate::station::{ModuleConfig, ModuleKind};
 use crate::timing::Timings;
+
+/// Where the blocks of a program stand.
+#[derive(Debug, Default)]
+pub struct Places(BTreeMap<BlockId, String>);
+
+impl Places {
+    /// Of a program.
+    #[must_use]
+    pub fn new(program: &Program) -> Self {
+        let file = |block: &CodeBlock| Some((block.id, program.sources.get(block.source as usize)?.clone()));
+        Self(program.blocks.iter().filter_map(file).collect())
+    }
+
+    /// The file of a block.
+    #[must_use]
+    pub fn file(&self, block: BlockId) -> Option<&str> {
+        self.0.get(&block).map(String::as_str)
+    }
+
+    /// `press.awl:14`, where an entry is about a statement.
+    #[must_use]
+    pub fn of(&self, entry: &DiagEntry) -> Option<String> {
+        let site = entry.site.filter(|site| site.line > 0)?;
+        Some(format!("{}:{}", self.file(site.block)?, site.line))
+    }
+
+    /// An entry in words, with its file.
+    #[must_use]
+    pub fn told(&self, entry: &DiagEntry) -> String {
+        let place = self.of(entry).map_or_else(String::new, |place| format!(", {place}"));
+        format!("{entry}{place}")
+    }
+}
 
 /// A running station, as seen from other threads than the scan.
 #[derive(Clone, Debug)]
@@ -22,6 +60,8 @@ pub struct StationView {
     pub family: Family,
     /// The names of its cells.
     pub names: Arc<Names>,
+    /// Where its blocks stand.
+    pub places: Arc<Places>,
     /// Its modules, in the order of the CPU.
     pub modules: Vec<ModuleView>,
     /// The inputs of its process I/O modules.
@@ -120,10 +160,34 @@ impl StationView {
                 type_name: module.type_name.to_owned(),
                 address: module.address,
                 driver: driver_state(monitor),
-                entries: monitor.buffer().take(count as usize).map(Into::into).collect(),
+                entries: monitor.buffer().take(count as usize).map(|entry| self.cp_entry(entry)).collect(),
             })
         };
         with_buffer.filter_map(buffer).collect()
+    }
+
+    /// An entry of the CPU's diagnostic buffer as others see it.
+    #[must_use]
+    pub fn diagnostic(&self, entry: &DiagEntry) -> Diagnostic {
+        Diagnostic {
+            number: entry.number,
+            time_ns: entry.time,
+            unix_ns: self.unix_at(entry.time),
+            event: format!("{:04X}h", entry.event.0),
+            text: entry.to_string(),
+            place: self.places.of(entry).unwrap_or_default(),
+            remedy: entry.event.remedy().to_owned(),
+        }
+    }
+
+    /// Nanoseconds since 1970 at a time of this runtime, by the clock as it is set now.
+    fn unix_at(&self, time: u64) -> u64 {
+        crate::assembly::unix_now().saturating_sub(self.clock.time().saturating_sub(time))
+    }
+
+    fn cp_entry(&self, entry: BufferEntry) -> CpEntry {
+        let unix_ns = self.unix_at(entry.time_ms.saturating_mul(1_000_000));
+        CpEntry { unix_ns, ..entry.into() }
     }
 
     /// The station as others see it. `present` has one entry a module.
@@ -155,6 +219,7 @@ impl StationView {
                 locked_kib: memory.locked_kib,
                 threads: memory.threads,
             },
+            log_lost: ob1_log::lost(),
         }
     }
 }

@@ -49,7 +49,7 @@ pub fn xref(args: &XrefArgs) -> Exit {
     let mut references = match references(args) {
         Ok(references) => references,
         Err(findings) => {
-            findings.iter().filter(|f| f.level == Level::Error).for_each(|f| eprintln!("{f}"));
+            findings.iter().filter(|f| f.level == Level::Error).for_each(|f| err!("{f}"));
             return Exit::Usage;
         }
     };
@@ -61,11 +61,11 @@ pub fn xref(args: &XrefArgs) -> Exit {
     if args.json {
         let list: Vec<Value> = references.iter().map(to_json).collect();
         match serde_json::to_string_pretty(&list) {
-            Ok(text) => println!("{text}"),
-            Err(error) => eprintln!("ob1: {error}"),
+            Ok(text) => say!("{text}"),
+            Err(error) => err!("ob1: {error}"),
         }
     } else {
-        print!("{}", ob1_stl::render_xref(&references));
+        says!("{}", ob1_stl::render_xref(&references));
     }
     Exit::Ok
 }

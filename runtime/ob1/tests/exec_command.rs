@@ -255,7 +255,7 @@ fn standard_blocks_by_number() {
 fn blocks_that_are_not_there_are_named() {
     for (code, args, parts) in [
         // A block of STEP 7 that nobody has written here, and a number STEP 7 does not use.
-        ("CALL SFC 5;", &[][..], &["S0602", "SFC 5 GADR_LGC is a block of STEP 7 that this CPU does not have"][..]),
+        ("CALL SFC 25;", &[][..], &["S0602", "SFC 25 COMPRESS is a block of STEP 7 that this CPU does not have"][..]),
         ("CALL SFC 16;", &[], &["S0602", "SFC 16 is neither"]),
         ("CALL SFB 12, DB 5;", &[], &["S0602", "SFB 12 BSEND"]),
         // Numbers of libraries: all blocks that have it by default.

@@ -1,143 +1,10 @@
 //! The command with real processes, without drivers: exit codes, report, cells, one owner at a time, nothing left
 //! behind.
 
-use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
+mod bench;
 
+use bench::{Bench, PROGRAM, STATION, until};
 use serde_json::Value;
-
-const PROGRAM: &str = "\
-ORGANIZATION_BLOCK OB 1
-VAR_TEMP
-  START_INFO : ARRAY [1..20] OF BYTE;
-END_VAR
-BEGIN
-NETWORK
-      L     EW     0;
-      T     AW     4;
-      L     MW     0;
-      L     1;
-      +I    ;
-      T     MW     0;
-      U     M      2.0;
-      SPBN  ok;
-      AUF   DB    77;
-ok:   NOP   0;
-END_ORGANIZATION_BLOCK
-
-DATA_BLOCK DB 5
-STRUCT
-  SETPOINT : REAL := 1.5;
-  COUNT : INT := -3;
-END_STRUCT;
-BEGIN
-END_DATA_BLOCK
-";
-
-const STATION: &str = "\
-[station]
-name = \"bench\"
-
-[program]
-sources = [\"bench.awl\"]
-
-[[module]]
-type = \"di\"
-name = \"panel\"
-address = 0
-bytes = 2
-
-[[module]]
-type = \"do\"
-name = \"lamps\"
-address = 4
-bytes = 2
-
-[process_io]
-stimulus = \"panel.toml\"
-";
-
-const STIMULUS: &str = "[[at]]\ntime = \"0ms\"\nset = { \"EW 0\" = \"16#1234\" }\n";
-
-/// A folder with a station in it, and a runtime directory of its own.
-struct Bench {
-    folder: tempfile::TempDir,
-}
-
-impl Bench {
-    fn new() -> Self {
-        let bench = Self { folder: tempfile::tempdir().expect("a directory") };
-        bench.write("bench.toml", STATION);
-        bench.write("bench.awl", PROGRAM);
-        bench.write("panel.toml", STIMULUS);
-        bench
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        std::fs::write(self.folder.path().join(name), text).expect("writable");
-    }
-
-    fn rundir(&self) -> PathBuf {
-        self.folder.path().join("ob1/bench")
-    }
-
-    fn command(&self, args: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_ob1"));
-        command.args(args).current_dir(self.folder.path()).env("XDG_RUNTIME_DIR", self.folder.path());
-        command.env_remove("OB1_LOG").stdin(Stdio::null());
-        command
-    }
-
-    fn ob1(&self, args: &[&str]) -> Output {
-        self.command(args).output().expect("ob1 starts")
-    }
-
-    fn code(&self, args: &[&str]) -> Option<i32> {
-        self.ob1(args).status.code()
-    }
-
-    /// Starts a run and waits until it answers in RUN.
-    fn start(&self, args: &[&str]) -> Station {
-        let mut command = self.command(&["run", "bench.toml", "--quiet"]);
-        let station = Station { child: command.args(args).stdout(Stdio::null()).spawn().expect("ob1 starts") };
-        until(|| self.json(&["ctl", "bench", "status", "--json"])["state"] == "RUN");
-        station
-    }
-
-    fn json(&self, args: &[&str]) -> Value {
-        serde_json::from_slice(&self.ob1(args).stdout).unwrap_or(Value::Null)
-    }
-
-    fn value(&self, cell: &str) -> Value {
-        self.json(&["get", "bench", cell, "--json"])[0]["value"].clone()
-    }
-}
-
-/// A running station, killed when the test is over.
-struct Station {
-    child: Child,
-}
-
-impl Station {
-    fn signal(&self, name: &str) {
-        let status = Command::new("kill").args([name, &self.child.id().to_string()]).status();
-        assert!(status.expect("kill is there").success());
-    }
-}
-
-impl Drop for Station {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-/// Looks until it holds. The test runner's own limit ends a test that waits for ever.
-fn until(mut holds: impl FnMut() -> bool) {
-    while !holds() {
-        std::thread::yield_now();
-    }
-}
 
 #[test]
 fn a_run_of_so_many_scans_leaves_a_report_and_nothing_else() {
@@ -334,4 +201,121 @@ fn text_of(bench: &Bench, cell: &str) -> String {
 fn file_with(bench: &Bench, bytes: &[u8]) -> bool {
     let read = |slot: &str| std::fs::read(bench.folder.path().join(format!(".bench.retentive.{slot}")));
     ["a", "b"].iter().filter_map(|slot| read(slot).ok()).any(|file| file.windows(bytes.len()).any(|w| w == bytes))
+}
+
+fn said(output: &std::process::Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Every change of state is told once, with the place of the error and what helps; the end has its exit code.
+#[test]
+fn each_change_of_state_is_told_once() {
+    let bench = Bench::new();
+    let output = bench.ob1(&["run", "bench.toml", "--scans", "5"]);
+    let text = said(&output);
+    for part in ["STARTUP: 4301h", "RUN: 4302h", "STOP: 4304h STOP by operator"] {
+        assert_eq!(text.matches(part).count(), 1, "{part}: {text}");
+    }
+    assert_eq!(output.status.code(), Some(0), "{text}");
+
+    bench.write("bench.awl", &PROGRAM.replace("U     M      2.0", "UN    M      2.0"));
+    let output = bench.ob1(&["run", "bench.toml", "--for", "1h"]);
+    let text = said(&output);
+    assert_eq!(output.status.code(), Some(3), "{text}");
+    for part in [
+        "STOP: 4562h STOP by programming error, OB 121 not loaded",
+        "because of 253Ah data block not loaded (OB 1, network 1, line 15, ",
+        "DB 77), bench.awl:15",
+        "= Load the data block",
+    ] {
+        assert_eq!(text.matches(part).count(), 1, "{part}: {text}");
+    }
+}
+
+/// STOP in start-up never was RUN, and is not told as if.
+#[test]
+fn a_stop_in_start_up_is_not_told_as_running() {
+    let bench = Bench::new();
+    let start_up = "ORGANIZATION_BLOCK OB 100\nBEGIN\nNETWORK\n      CALL SFC 46;\nEND_ORGANIZATION_BLOCK\n";
+    bench.write("bench.awl", &format!("{PROGRAM}\n{start_up}"));
+    for quiet in [&[][..], &["--quiet"]] {
+        let args = [&["run", "bench.toml", "--for", "1h"], quiet].concat();
+        let output = bench.ob1(&args);
+        let text = said(&output);
+        assert_eq!(output.status.code(), Some(3), "{text}");
+        assert_eq!(text.matches("STOP: 4543h STOP by the program (SFC 46)").count(), 1, "{text}");
+        assert!(!text.contains("RUN: ") && !text.contains("running"), "{text}");
+    }
+}
+
+#[test]
+fn a_program_without_ob_1_is_told() {
+    let bench = Bench::new();
+    bench.write(
+        "bench.awl",
+        &PROGRAM
+            .replace("ORGANIZATION_BLOCK OB 1\n", "FUNCTION FC 1 : VOID\n")
+            .replace("END_ORGANIZATION_BLOCK", "END_FUNCTION"),
+    );
+    for args in [
+        &["check", "bench.toml"][..],
+        &["run", "bench.toml", "--scans", "3"],
+        &["run", "bench.toml", "--scans", "3", "--quiet"],
+    ] {
+        let output = bench.ob1(args);
+        assert!(said(&output).contains("L021: the program has no OB 1"), "{args:?}: {output:?}");
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {output:?}");
+    }
+    let output = bench.ob1(&["exec", "bench.awl", "--limit", "10ms", "--quiet"]);
+    assert!(said(&output).contains("L021: the program has no OB 1"), "{output:?}");
+}
+
+#[test]
+fn exec_says_how_it_ended() {
+    let bench = Bench::new();
+    let output = bench.ob1(&["exec", "bench.awl", "--limit", "10ms"]);
+    assert_eq!(said(&output), "ob1: the limit was reached in RUN after 10 scans, 0.010 s; exit code 3\n");
+    bench.write("bench.awl", &PROGRAM.replace("U     M      2.0", "UN    M      2.0"));
+    let output = bench.ob1(&["exec", "bench.awl", "--limit", "10ms"]);
+    let text = said(&output);
+    assert!(text.contains("253Ah data block not loaded") && text.contains(", bench.awl:15\n"), "{text}");
+    assert!(text.ends_with("ob1: a fault stopped the CPU after 0 scans, 0.000 s; exit code 11\n"), "{text}");
+}
+
+/// Clients that say nothing keep nobody out: neither others nor the run itself.
+#[test]
+fn idle_clients_lock_nobody_out() {
+    use std::io::{BufRead as _, BufReader, Write as _};
+    use std::os::unix::net::UnixStream;
+
+    let bench = Bench::new();
+    let socket = bench.rundir().join("control.sock");
+    // With few descriptors too: the shell's limit is the run's.
+    for limit in ["", "ulimit -n 40; "] {
+        let mut command = std::process::Command::new("sh");
+        let ob1 = env!("CARGO_BIN_EXE_ob1");
+        command.args(["-c", &format!("{limit}exec {ob1} run bench.toml --quiet")]).current_dir(bench.folder.path());
+        command.env("XDG_RUNTIME_DIR", bench.folder.path()).stdin(std::process::Stdio::null());
+        let mut station =
+            bench::Station { child: command.stdout(std::process::Stdio::null()).spawn().expect("a shell") };
+        bench.until_state("RUN");
+        let idle: Vec<_> = (0..64).filter_map(|_| UnixStream::connect(&socket).ok()).collect();
+        assert!(idle.len() > 32);
+        assert_eq!(bench.code(&["ctl", "bench", "stop"]), Some(0), "{limit}");
+        bench.until_state("STOP");
+        // One that asks much and reads nothing.
+        let mut slow = UnixStream::connect(&socket).expect("it listens");
+        for _ in 0..200 {
+            slow.write_all(b"{\"op\":\"timing\",\"histograms\":true}\n").expect("room in the socket");
+        }
+        for _ in 0..20 {
+            assert_eq!(bench.code(&["ctl", "bench", "status"]), Some(0), "{limit}");
+        }
+        let mut first = String::new();
+        BufReader::new(slow).read_line(&mut first).expect("an answer");
+        assert!(first.contains("\"ok\":true"), "{first}");
+        station.signal("-INT");
+        assert_eq!(station.child.wait().expect("it ends").code(), Some(0), "{limit}");
+        drop(idle);
+    }
 }

@@ -21,6 +21,8 @@ pub use clock::{MonotonicClock, sleep_until};
 pub use continued::Continued;
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use posture::{Grant, Outcome, Posture, lock_memory, pin_to, raise_priority, set_timer_slack};
-pub use stack::{PREFAULT_BYTES, THREAD_STACK_BYTES, block_signals, prefault_stack, spawn, warm_heap};
+pub use stack::{
+    PREFAULT_BYTES, THREAD_STACK_BYTES, block_signals, prefault_stack, spawn, spawn_with_stack, warm_heap, with_stack,
+};
 pub use system::{isolated_cores, keep_awake, system_facts};
 pub use usage::{Memory, ProcessState, ThreadUsage, memory, process_state, thread_id, thread_usage};

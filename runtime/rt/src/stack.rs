@@ -8,6 +8,9 @@ use std::thread::{Builder, JoinHandle};
 /// Stack of every thread of the runtime, in bytes.
 pub const THREAD_STACK_BYTES: usize = 256 * 1024;
 
+/// Stack that a main thread has in every usual setting, and half of what a test's thread has.
+const MAIN_STACK_BYTES: usize = 1024 * 1024;
+
 /// How much of the stack [`prefault_stack`] touches below its caller, in bytes.
 pub const PREFAULT_BYTES: usize = 160 * 1024;
 
@@ -19,7 +22,35 @@ const PAGE: usize = 4096;
 /// # Errors
 /// What the system says when it has no room for another thread.
 pub fn spawn<T: Send + 'static>(name: &str, body: impl FnOnce() -> T + Send + 'static) -> io::Result<JoinHandle<T>> {
-    Builder::new().name(name.to_owned()).stack_size(THREAD_STACK_BYTES).spawn(body)
+    spawn_with_stack(name, THREAD_STACK_BYTES, body)
+}
+
+/// The same with a stack of at least `bytes`: the scan thread's, as the CPU says ([`ob1_cpu::Cpu::stack_bytes`]). Only
+/// what is used of it takes memory.
+///
+/// # Errors
+/// What the system says when it has no room for another thread.
+pub fn spawn_with_stack<T: Send + 'static>(
+    name: &str,
+    bytes: usize,
+    body: impl FnOnce() -> T + Send + 'static,
+) -> io::Result<JoinHandle<T>> {
+    Builder::new().name(name.to_owned()).stack_size(bytes.max(THREAD_STACK_BYTES)).spawn(body)
+}
+
+/// Runs `body` on a stack of at least `bytes`: here, or on a thread of its own when that is more than a main thread
+/// surely has.
+///
+/// # Errors
+/// What the system says when it has no room for another thread.
+pub fn with_stack<T: Send>(bytes: usize, body: impl FnOnce() -> T + Send) -> io::Result<T> {
+    if bytes <= MAIN_STACK_BYTES {
+        return Ok(body());
+    }
+    std::thread::scope(|scope| {
+        let thread = Builder::new().name("ob1-cpu".to_owned()).stack_size(bytes).spawn_scoped(scope, body)?;
+        thread.join().or_else(|panic| std::panic::resume_unwind(panic))
+    })
 }
 
 /// Touches [`PREFAULT_BYTES`] of stack, so that no scan pays for its first use.

@@ -131,6 +131,13 @@ impl Site {
         self.run_with(file, &[], &[])
     }
 
+    /// The same with its log, and those of its drivers, going there.
+    pub(crate) fn run_logging_to(&self, file: &str, log: impl Into<Stdio>) -> Running {
+        let mut command = self.command(program("ob1"));
+        command.args(["run", file]);
+        Running::start_with(self, file, command, Some(log.into()))
+    }
+
     /// The same with more arguments and environment.
     pub(crate) fn run_with(&self, file: &str, args: &[&str], environment: &[(&str, &OsStr)]) -> Running {
         let mut command = self.command(program("ob1"));

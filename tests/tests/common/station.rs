@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
 use ob1_command::access::client::{AccessError, Client};
@@ -52,11 +52,18 @@ impl Ended {
 }
 
 impl Running {
-    pub(super) fn start(site: &Site, file: &str, mut command: Command) -> Self {
+    pub(super) fn start(site: &Site, file: &str, command: Command) -> Self {
+        Self::start_with(site, file, command, None)
+    }
+
+    /// The same with another log than a file.
+    pub(super) fn start_with(site: &Site, file: &str, mut command: Command, log: Option<Stdio>) -> Self {
         let name = name_in(&site.path(file));
         let (out, err) = (site.path(format!("{name}.out")), site.path(format!("{name}.err")));
         let create = |path: &Path| File::create(path).expect("room for a file");
-        let child = command.stdout(create(&out)).stderr(create(&err)).spawn().expect("ob1 starts");
+        let said = create(&err);
+        let log = log.unwrap_or_else(|| said.into());
+        let child = command.stdout(create(&out)).stderr(log).spawn().expect("ob1 starts");
         let process = Watched::find(child.id()).expect("a child, living or dead, is there until it is waited for");
         let rundir = site.rundir(&name);
         Self { name, file: file.to_owned(), rundir, process, child, out, err }

@@ -24,8 +24,10 @@ const TABLE: &[Row] = &[
     // Text and machine code meet in the instruction set, nowhere else.
     row("ob1-mc7", "invariant 3", &["ob1-model", "ob1-ir"]),
     row("ob1-std", "invariant 2", &["ob1-model"]),
+    row("ob1-project", "invariant 3", &["ob1-model", "encoding_rs", "zip"]),
     // It runs the system blocks, which are pure functions, as native blocks.
     row("ob1-cpu", "invariant 2", &["ob1-model", "ob1-ir", "ob1-std", "hdrhistogram", "rtrb"]),
+    row("ob1-log", "invariant 4", &["rustix"]),
     row("ob1-rt", "invariant 4", &["ob1-cpu", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"]),
     row(
         "ob1-host",
@@ -55,6 +57,7 @@ const TABLE: &[Row] = &[
             "ob1-std",
             "ob1-cpu",
             "ob1-rt",
+            "ob1-log",
             "ob1-host",
             "ob1-backplane",
             "ob1-params",
@@ -104,6 +107,7 @@ const TABLE: &[Row] = &[
             "ob1-firmware",
             "ob1-line",
             "ob1-backplane",
+            "ob1-log",
             "ob1-rt",
             "clap",
             "rustix",

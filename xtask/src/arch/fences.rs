@@ -124,6 +124,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("blocks/ir", ALL),
     ("blocks/mc7", ALL),
     ("blocks/model", ALL),
+    ("blocks/project", ALL),
     ("blocks/std", ALL),
     ("blocks/stl", ALL),
     ("driver/firmware", ALL),

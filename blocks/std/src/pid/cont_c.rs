@@ -26,7 +26,8 @@ params!(ContC {
     }
 });
 
-pub(super) const ROWS: &[Row] = &[Row::new::<ContC>(Origin::Pid, Fb, 41, "CONT_C", cont_c)];
+pub(super) const ROWS: &[Row] =
+    &[Row::new::<ContC>(Origin::Pid, Fb, 41, "CONT_C", cont_c), Row::sfb::<ContC>(41, "CONT_C", cont_c)];
 
 fn cont_c(call: &mut Call<'_>) -> Done {
     if call.bool(ContC::COM_RST) {

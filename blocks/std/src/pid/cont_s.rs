@@ -1,13 +1,9 @@
 //! FB 42 CONT_S: PI controller for an actuator that integrates, with pulses up and down.
 //! ["Step Control with SFB 42/FB 42 CONT_S"]
-//!
-//! One integrator holds how far the actuator still has to go, in percent of its travel: the integral of the error
-//! signal, less what the pulses have moved it (100 % in MTR_TM). A pulse begins when that and the proportional part
-//! make up the travel of a shortest pulse, and ends when less than the travel of half a cycle is left; this choice of
-//! thresholds is ours.
 
 use ob1_model::BlockKind::Fb;
 
+use super::actuator::{Actuator, THRESHOLDS, Travel};
 use super::{TRUE, dead_band, process_variable, real, seconds};
 use crate::Done;
 use crate::call::Call;
@@ -25,8 +21,10 @@ params!(ContS {
     Static { sInvAlt: REAL, sRest: REAL, sPulseTm: TIME, sBreakTm: TIME }
 });
 
-pub(super) const ROWS: &[Row] = &[Row::new::<ContS>(Origin::Pid, Fb, 42, "CONT_S", cont_s)
-    .note("thresholds of the three-step element are ours: the travel of a shortest pulse, and of half a cycle")];
+pub(super) const ROWS: &[Row] = &[
+    Row::new::<ContS>(Origin::Pid, Fb, 42, "CONT_S", cont_s).note(THRESHOLDS),
+    Row::sfb::<ContS>(42, "CONT_S", cont_s).note(THRESHOLDS),
+];
 
 fn cont_s(call: &mut Call<'_>) -> Done {
     if call.bool(ContS::COM_RST) {
@@ -36,74 +34,39 @@ fn cont_s(call: &mut Call<'_>) -> Done {
         }
         return Ok(());
     }
-    let cycle = call.dint(ContS::CYCLE).max(1);
     let (analog, word) = (call.bool(ContS::PVPER_ON), call.word(ContS::PV_PER));
     let input = [call.real(ContS::PV_IN), call.real(ContS::PV_FAC), call.real(ContS::PV_OFF)];
     let pv = process_variable(analog, word, input);
     let error = dead_band(call.real(ContS::SP_INT) - pv, call.real(ContS::DEADB_W));
     let signal = call.real(ContS::GAIN) * error + call.real(ContS::DISV);
-    let travel = 100.0 * cycle as f32 / call.dint(ContS::MTR_TM).max(cycle) as f32;
-
-    let direction = i8::from(call.bool(ContS::QLMNUP)) - i8::from(call.bool(ContS::QLMNDN));
-    let direction = if call.bool(ContS::LMNS_ON) {
-        // By hand: nothing is left to do for the controller.
-        call.set_real(ContS::sRest, -signal);
-        call.set(ContS::sPulseTm, 0);
-        call.set(ContS::sBreakTm, 0);
-        i8::from(call.bool(ContS::LMNUP)) - i8::from(call.bool(ContS::LMNDN))
-    } else {
-        let ti = call.dint(ContS::TI);
-        // TI 0 switches the integral part off.
-        let step = if ti <= 0 { 0.0 } else { cycle as f32 / ti.max(cycle / 2) as f32 };
-        let integral = step * (signal + call.real(ContS::sInvAlt)) / 2.0;
-        // The last output has moved the actuator for a cycle, unless it stands at its end.
-        let moved = f32::from(stopped(call, direction)) * travel;
-        let rest = call.real(ContS::sRest) + integral - moved;
-        call.set_real(ContS::sRest, rest);
-        automatic(call, direction, rest + signal, travel, cycle)
+    let travel = Travel {
+        cycle: call.dint(ContS::CYCLE).max(1),
+        motor: call.dint(ContS::MTR_TM),
+        integration: call.dint(ContS::TI),
+        pulse: call.dint(ContS::PULSE_TM),
+        pause: call.dint(ContS::BREAK_TM),
     };
-    let direction = stopped(call, direction);
-    call.set_bool(ContS::QLMNUP, direction > 0);
-    call.set_bool(ContS::QLMNDN, direction < 0);
-    call.set_real(ContS::PV, pv);
-    call.set_real(ContS::ER, error);
-    call.set_real(ContS::sInvAlt, signal);
+    let mut actuator = Actuator {
+        direction: i8::from(call.bool(ContS::QLMNUP)) - i8::from(call.bool(ContS::QLMNDN)),
+        at_stop: [call.bool(ContS::LMNR_HS), call.bool(ContS::LMNR_LS)],
+        by_hand: call.bool(ContS::LMNS_ON).then(|| {
+            // By hand nothing is left to do for the controller.
+            (i8::from(call.bool(ContS::LMNUP)) - i8::from(call.bool(ContS::LMNDN)), -signal)
+        }),
+        rest: call.real(ContS::sRest),
+        last: call.real(ContS::sInvAlt),
+        pulse_left: call.dint(ContS::sPulseTm),
+        break_left: call.dint(ContS::sBreakTm),
+    };
+    actuator.step(signal, &travel);
+    call.set_bool(ContS::QLMNUP, actuator.direction > 0);
+    call.set_bool(ContS::QLMNDN, actuator.direction < 0);
+    for (p, value) in [(ContS::PV, pv), (ContS::ER, error), (ContS::sInvAlt, signal), (ContS::sRest, actuator.rest)] {
+        call.set_real(p, value);
+    }
+    call.set_dint(ContS::sPulseTm, actuator.pulse_left);
+    call.set_dint(ContS::sBreakTm, actuator.break_left);
     Ok(())
-}
-
-/// No pulse against the limit stop that is reported.
-fn stopped(call: &mut Call<'_>, direction: i8) -> i8 {
-    let at_stop = direction > 0 && call.bool(ContS::LMNR_HS) || direction < 0 && call.bool(ContS::LMNR_LS);
-    if at_stop { 0 } else { direction }
-}
-
-/// The pulse: at least PULSE_TM long, at least BREAK_TM after the last.
-fn automatic(call: &mut Call<'_>, direction: i8, open: f32, travel: f32, cycle: i32) -> i8 {
-    let pulse = call.dint(ContS::PULSE_TM).max(cycle);
-    let wanted = if open > 0.0 { 1 } else { -1 };
-    if direction != 0 {
-        let left = call.dint(ContS::sPulseTm).saturating_sub(cycle);
-        call.set_dint(ContS::sPulseTm, left.max(0));
-        if left > 0 || wanted == direction && open.abs() >= travel / 2.0 {
-            return direction;
-        }
-        let pause = call.dint(ContS::BREAK_TM).max(0);
-        call.set_dint(ContS::sBreakTm, pause);
-        if pause > 0 {
-            return 0;
-        }
-    } else {
-        let left = call.dint(ContS::sBreakTm).saturating_sub(cycle).max(0);
-        call.set_dint(ContS::sBreakTm, left);
-        if left > 0 {
-            return 0;
-        }
-    }
-    if open.abs() < travel * pulse as f32 / cycle as f32 {
-        return 0;
-    }
-    call.set_dint(ContS::sPulseTm, pulse);
-    wanted
 }
 
 #[cfg(test)]

@@ -18,7 +18,8 @@ params!(PulseGen {
     Static { sInv: REAL, sElapsed: TIME, sPos: TIME, sNeg: TIME }
 });
 
-pub(super) const ROWS: &[Row] = &[Row::new::<PulseGen>(Origin::Pid, Fb, 43, "PULSEGEN", pulsegen)];
+pub(super) const ROWS: &[Row] =
+    &[Row::new::<PulseGen>(Origin::Pid, Fb, 43, "PULSEGEN", pulsegen), Row::sfb::<PulseGen>(43, "PULSEGEN", pulsegen)];
 
 fn pulsegen(call: &mut Call<'_>) -> Done {
     let three_step = call.bool(PulseGen::STEP3_ON);

@@ -1,28 +1,32 @@
-//! A run-time meter (SFC 2 to 4): counts hours.
+//! A run-time meter (SFC 2 to 4, SFC 101): counts hours.
 
 const HOUR_NS: u64 = 3_600_000_000_000;
 
 /// A run-time meter. The CPU keeps it over a warm restart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RunTimeMeter {
-    /// Nanoseconds counted up to `since`.
+    /// Hours it was set to.
+    preset: u32,
+    /// Nanoseconds counted on top of them, up to `since`.
     counted: u64,
     /// Running since then.
     since: Option<u64>,
 }
 
 impl RunTimeMeter {
-    /// The highest count, in hours.
+    /// The highest count SFC 2 to 4 show, in hours: they see a meter as an INT.
     pub const MAX_HOURS: u16 = 32_767;
+    /// The highest count there is, in hours: SFC 101 sees a meter as a DINT.
+    pub const MAX_LONG_HOURS: u32 = i32::MAX as u32;
 
     /// Sets the count and stops the meter.
-    pub const fn set(&mut self, hours: u16) {
-        *self = Self { counted: hours as u64 * HOUR_NS, since: None };
+    pub const fn set(&mut self, hours: u32) {
+        *self = Self { preset: hours, counted: 0, since: None };
     }
 
     /// Starts or stops it.
     pub const fn control(&mut self, run: bool, now: u64) {
-        self.counted = self.total(now);
+        self.counted = self.counted_at(now);
         self.since = if run { Some(now) } else { None };
     }
 
@@ -35,11 +39,22 @@ impl RunTimeMeter {
     /// Whole hours; `None` when there are more than [`Self::MAX_HOURS`].
     #[must_use]
     pub const fn hours(&self, now: u64) -> Option<u16> {
-        let hours = self.total(now) / HOUR_NS;
+        let hours = self.total(now);
         if hours > Self::MAX_HOURS as u64 { None } else { Some(hours as u16) }
     }
 
+    /// Whole hours; `None` when there are more than [`Self::MAX_LONG_HOURS`].
+    #[must_use]
+    pub const fn long_hours(&self, now: u64) -> Option<u32> {
+        let hours = self.total(now);
+        if hours > Self::MAX_LONG_HOURS as u64 { None } else { Some(hours as u32) }
+    }
+
     const fn total(&self, now: u64) -> u64 {
+        self.preset as u64 + self.counted_at(now) / HOUR_NS
+    }
+
+    const fn counted_at(&self, now: u64) -> u64 {
         match self.since {
             Some(since) => self.counted.saturating_add(now.saturating_sub(since)),
             None => self.counted,

@@ -16,8 +16,8 @@ pub use meter::RunTimeMeter;
 pub use schedule::{DelayInterrupt, Period, TimeOfDayInterrupt};
 pub use traits::{
     Alarm, AlarmError, AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DeleteError, ImageError,
-    Images, LoadError, MessageError, Messages, Meters, RunTimes, Schedule, StartInfo, StatusError, SystemStatus,
-    Waiting, WallClock,
+    Images, InUse, LoadError, MessageError, Messages, Meters, Placed, Rack, RunTimes, Schedule, StartInfo, StatusError,
+    SystemStatus, Waiting, WallClock,
 };
 
 /// What a block needs of the CPU beside parameters, memory and modules.
@@ -43,6 +43,8 @@ pub enum Service {
     SystemStatus,
     /// [`Messages`].
     Messages,
+    /// [`Rack`].
+    Rack,
     /// [`StartInfo`].
     StartInfo,
     /// [`AlarmSource`].

@@ -194,17 +194,59 @@ pub trait SystemStatus {
     fn run_times(&mut self, ob: u16) -> Option<RunTimes>;
 }
 
-/// An alarm message of SFC 17 or 18.
+/// A module in its place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Placed {
+    /// The rack, from 0.
+    pub rack: u16,
+    /// The slot in it.
+    pub slot: u16,
+    /// Logical address of the first input byte, and how many there are.
+    pub inputs: (u16, u16),
+    /// Logical address of the first output byte, and how many there are.
+    pub outputs: (u16, u16),
+}
+
+/// Where the modules are plugged.
+pub trait Rack {
+    /// How SFC 49 and 71 call the area of this CPU's central modules: 0 for an S7-400, 1 for an S7-300.
+    fn area(&mut self) -> u8;
+    /// The module one of whose input (or output) bytes has this logical address.
+    fn module_with(&mut self, address: u16, output: bool) -> Option<Placed>;
+    /// The module in this rack and slot.
+    fn module_in(&mut self, rack: u16, slot: u16) -> Option<Placed>;
+}
+
+/// An alarm message of SFC 17, 18, 107 or 108.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Alarm<'a> {
+    /// The function that sends it.
+    pub sfc: u16,
     /// The message number.
     pub id: u32,
+    /// The part of the plant it belongs to (CMP_ID of SFC 107 and 108); 0 with SFC 17 and 18.
+    pub component: u32,
     /// The signal: came or went.
     pub signal: bool,
-    /// SFC 17: it wants an acknowledgement.
+    /// SFC 17 and 107: it wants an acknowledgement.
     pub acknowledge: bool,
     /// The associated value.
     pub value: &'a [u8],
+}
+
+/// A message number in use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct InUse {
+    /// The function that took it.
+    pub sfc: u16,
+    /// The number.
+    pub id: u32,
+    /// The part of the plant.
+    pub component: u32,
+    /// The signal of the last message: it came (true) or went.
+    pub signal: bool,
+    /// The last message is acknowledged.
+    pub acknowledged: bool,
 }
 
 /// Why an alarm message was not sent.
@@ -244,6 +286,10 @@ pub trait Messages {
     /// # Errors
     /// Why not.
     fn alarm(&mut self, alarm: Alarm<'_>) -> Result<(), AlarmError>;
+    /// Gives every message number in use to `each`.
+    fn in_use(&mut self, each: &mut dyn FnMut(InUse));
+    /// Sets message numbers free: those for which `which` is true.
+    fn release(&mut self, which: &dyn Fn(InUse) -> bool);
 }
 
 /// Start information as it stands in the local data of an OB: 12 bytes without the time stamp.

@@ -1,4 +1,4 @@
-//! SFC 0 SET_CLK, SFC 1 READ_CLK, SFC 2 to 4: run-time meters, SFC 64 TIME_TCK.
+//! SFC 0 SET_CLK, SFC 1 READ_CLK, SFC 100 SET_CLKS, SFC 2 to 4 and SFC 101: run-time meters, SFC 64 TIME_TCK.
 //! ["Handling the System Clock", "Handling Run-Time Meters"]
 
 use crate::call::Call;
@@ -14,6 +14,8 @@ params!(ReadClk { Return { RET_VAL: INT } Output { CDT: DT } });
 params!(SetRtm { Input { NR: BYTE, PV: INT } Return { RET_VAL: INT } });
 params!(CtrlRtm { Input { NR: BYTE, S: BOOL } Return { RET_VAL: INT } });
 params!(ReadRtm { Input { NR: BYTE } Return { RET_VAL: INT } Output { CQ: BOOL, CV: INT } });
+params!(SetClkS { Input { MODE: BYTE, PDT: DT, CORR: INT, SUMMER: BOOL, ANN_1: BOOL } Return { RET_VAL: INT } });
+params!(Rtm { Input { NR: BYTE, MODE: BYTE, PV: DINT } Return { RET_VAL: INT } Output { CQ: BOOL, CV: DINT } });
 params!(TimeTick { Return { RET_VAL: TIME } });
 
 pub(super) const ROWS: &[Row] = &[
@@ -22,6 +24,10 @@ pub(super) const ROWS: &[Row] = &[
     Row::sfc::<SetRtm>(2, "SET_RTM", set_rtm).needs(Service::Meters),
     Row::sfc::<CtrlRtm>(3, "CTRL_RTM", ctrl_rtm).needs(Service::Meters),
     Row::sfc::<ReadRtm>(4, "READ_RTM", read_rtm).needs(Service::Meters),
+    Row::sfc::<SetClkS>(100, "SET_CLKS", set_clks)
+        .needs(Service::WallClock)
+        .note("CORR, SUMMER and ANN_1 are checked and not kept"),
+    Row::sfc::<Rtm>(101, "RTM", rtm).needs(Service::Meters),
     Row::sfc::<TimeTick>(64, "TIME_TCK", |call| {
         let now = time_tick(call.cx.now());
         call.set(TimeTick::RET_VAL, now);
@@ -60,7 +66,7 @@ fn set_rtm(call: &mut Call<'_>) -> Done {
         (None, _) => NO_METER,
         (Some(_), Err(_)) => 0x8081,
         (Some(meter), Ok(hours)) => {
-            meter.set(hours);
+            meter.set(u32::from(hours));
             0
         }
     };
@@ -88,6 +94,56 @@ fn read_rtm(call: &mut Call<'_>) -> Done {
     call.set_bool(ReadRtm::CQ, meter.is_running());
     call.set_int(ReadRtm::CV, hours.unwrap_or(RunTimeMeter::MAX_HOURS) as i16);
     call.end(ReadRtm::RET_VAL, if hours.is_some() { 0 } else { 0x8081 })
+}
+
+/// Clock and status of the clock. MODE: bit 0 sets the clock, bit 1 the status.
+fn set_clks(call: &mut Call<'_>) -> Done {
+    let (mode, corr) = (call.byte(SetClkS::MODE), call.int(SetClkS::CORR));
+    let moment = Moment::from_bytes(call.dt(SetClkS::PDT));
+    let Some(clock) = call.cx.wall_clock() else { return Err(Interrupted::NoService) };
+    let (sets_clock, sets_status) = (mode & 1 != 0, mode & 2 != 0);
+    let code = if !(1..=3).contains(&mode) {
+        0x8080
+    } else if sets_status && !(-24..=26).contains(&corr) {
+        // Half hours.
+        0x8081
+    } else {
+        match moment {
+            Ok(moment) if sets_clock => {
+                clock.set_moment(moment);
+                0
+            }
+            Err(_) if sets_clock => 0x8082,
+            _ => 0,
+        }
+    };
+    call.end(SetClkS::RET_VAL, code)
+}
+
+/// MODE: 0 only reads, 1 starts, 2 stops, 4 sets, 5 sets and starts, 6 sets and stops, 7 saves all meters (which are
+/// retentive here). The outputs show the meter after the job.
+fn rtm(call: &mut Call<'_>) -> Done {
+    let (number, mode, now) = (call.byte(Rtm::NR), call.byte(Rtm::MODE), call.cx.now());
+    let preset = u32::try_from(call.dint(Rtm::PV));
+    let Some(meters) = call.cx.meters() else { return Err(Interrupted::NoService) };
+    let Some(meter) = meters.meter(number) else { return call.end(Rtm::RET_VAL, NO_METER) };
+    let mut code = 0;
+    match (mode, preset) {
+        (0 | 7, _) => {}
+        (1 | 2, _) => meter.control(mode == 1, now),
+        (4..=6, Ok(hours)) => {
+            // Setting alone leaves it running or standing as it was.
+            let runs = if mode == 4 { meter.is_running() } else { mode == 5 };
+            meter.set(hours);
+            meter.control(runs, now);
+        }
+        (4..=6, Err(_)) => code = 0x8081,
+        _ => code = 0x8091,
+    }
+    let (running, hours) = (meter.is_running(), meter.long_hours(now));
+    call.set_bool(Rtm::CQ, running);
+    call.set_dint(Rtm::CV, hours.unwrap_or(RunTimeMeter::MAX_LONG_HOURS) as i32);
+    call.end(Rtm::RET_VAL, if code == 0 && hours.is_none() { 0x8082 } else { code })
 }
 
 #[cfg(test)]
@@ -143,6 +199,58 @@ mod tests {
             fake.run();
             assert_eq!((fake.value("RET_VAL"), fake.br), (0x8080, false));
         }
+    }
+
+    #[test]
+    fn the_clock_with_its_status() {
+        let text = "2024-02-29-12:34:56.789";
+        let bad = [0x24, 0x02, 0x30, 0, 0, 0, 0, 0];
+        for (mode, bytes, corr, code, set) in [
+            (1u8, dt(text), 99i16, 0, true),
+            (2, bad, 26, 0, false),
+            (3, dt(text), -24, 0, true),
+            (3, dt(text), 27, 0x8081, false),
+            (2, bad, -25, 0x8081, false),
+            (1, bad, 0, 0x8082, false),
+            (0, dt(text), 0, 0x8080, false),
+            (4, dt(text), 0, 0x8080, false),
+        ] {
+            let mut fake = Fake::new("SYSTEM:SFC100").with("MODE", [mode]).with("PDT", bytes);
+            fake = fake.with("CORR", corr.to_be_bytes()).with("SUMMER", [1]).with("ANN_1", [0]).with("RET_VAL", [9; 2]);
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.br), (code, code == 0), "{mode} {corr}");
+            assert_eq!(fake.station.moment == moment(text), set, "{mode} {corr}");
+        }
+    }
+
+    #[test]
+    fn long_meters() {
+        const HOUR: u64 = 3_600_000_000_000;
+        let mut fake = Fake::new("SYSTEM:SFC101").with("NR", [1]).with("MODE", [0]).with("PV", [0; 4]);
+        fake = fake.with("RET_VAL", [9; 2]).with("CQ", [9]).with("CV", [9; 4]);
+        for (now, mode, pv, code, running, hours) in [
+            (0, 5u8, 40_000i32, 0, 1, 40_000),
+            (2 * HOUR, 0, 0, 0, 1, 40_002),
+            (2 * HOUR, 2, 0, 0, 0, 40_002),
+            (9 * HOUR, 7, 0, 0, 0, 40_002),
+            (9 * HOUR, 4, -1, 0x8081, 0, 40_002),
+            (9 * HOUR, 3, 0, 0x8091, 0, 40_002),
+            (9 * HOUR, 4, 7, 0, 0, 7),
+            (9 * HOUR, 1, 0, 0, 1, 7),
+            (10 * HOUR, 4, i32::MAX, 0, 1, i32::MAX),
+            (11 * HOUR, 0, 0, 0x8082, 1, i32::MAX),
+            (11 * HOUR, 6, 1, 0, 0, 1),
+        ] {
+            fake.now = now;
+            fake.set("MODE", &[mode]);
+            fake.set("PV", &pv.to_be_bytes());
+            fake.run();
+            let result = (fake.value("RET_VAL"), fake.value("CQ"), fake.dint("CV"));
+            assert_eq!(result, (code, running, hours), "{mode} {pv}");
+        }
+        fake.set("NR", &[9]);
+        fake.run();
+        assert_eq!((fake.value("RET_VAL"), fake.br), (0x8080, false));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! System functions.
 
+mod addresses;
 mod bits;
 mod clock;
 mod copying;
@@ -10,6 +11,8 @@ mod images;
 mod interrupts;
 mod messages;
 mod modules;
+mod parameters;
+mod partners;
 mod program;
 mod schedule;
 
@@ -19,6 +22,9 @@ pub(crate) const ROWS: &[&[Row]] = &[
     clock::ROWS,
     diagnosis::ROWS,
     modules::ROWS,
+    parameters::ROWS,
+    addresses::ROWS,
+    partners::ROWS,
     messages::ROWS,
     copying::ROWS,
     data_blocks::ROWS,

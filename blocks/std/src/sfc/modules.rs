@@ -2,7 +2,7 @@
 //! Modules answer in the same call, so that BUSY stays 0. ["Transferring Data Records", "Distributed I/Os"]
 
 use crate::call::{Call, read_error, write_error};
-use crate::declare::params;
+use crate::declare::{Params, params};
 use crate::table::Row;
 use crate::{Done, Refused};
 
@@ -29,9 +29,9 @@ pub(super) const ROWS: &[Row] = &[
 ];
 
 /// REQ is 0 and no job is under way.
-const NO_JOB: u16 = 0x7000;
+pub(super) const NO_JOB: u16 = 0x7000;
 /// No such module.
-const NO_MODULE: u16 = 0x8090;
+pub(super) const NO_MODULE: u16 = 0x8090;
 
 fn dpnrm_dg(call: &mut Call<'_>) -> Done {
     let asked = call.bool(DpNrmDg::REQ);
@@ -93,30 +93,37 @@ const fn refusal(refused: Refused, access: u16) -> u16 {
 }
 
 /// IOID: 54h for inputs, 55h for outputs.
-const fn is_io(id: u8) -> bool {
+pub(super) const fn is_io(id: u8) -> bool {
     matches!(id, 0x54 | 0x55)
 }
 
 fn wr_rec(call: &mut Call<'_>) -> Done {
-    let code = if call.bool(WrRec::REQ) { write_record(call).err().unwrap_or(0) } else { NO_JOB };
+    let code = if call.bool(WrRec::REQ) {
+        let to = (call.byte(WrRec::IOID), call.word(WrRec::LADDR), call.byte(WrRec::RECNUM));
+        send_record(call, to, WrRec::RECORD).err().unwrap_or(0)
+    } else {
+        NO_JOB
+    };
     call.set_bool(WrRec::BUSY, false);
     call.end(WrRec::RET_VAL, code)
 }
 
-fn write_record(call: &mut Call<'_>) -> Result<(), u16> {
-    let (address, number) = (u32::from(call.word(WrRec::LADDR)), call.byte(WrRec::RECNUM));
-    if !is_io(call.byte(WrRec::IOID)) {
+/// Sends what RECORD names to a module as the record (IOID, LADDR, RECNUM). SFC 58 and SFC 55 do the same here: a
+/// module has no parameters that are static.
+pub(super) fn send_record(call: &mut Call<'_>, to: (u8, u16, u8), record: impl Params) -> Result<(), u16> {
+    let (area, address, number) = to;
+    if !is_io(area) {
         return Err(NO_MODULE);
     }
     // Records 0 and 1 are the system's own.
     if !(2..=240).contains(&number) {
         return Err(0x80B0);
     }
-    let (source, bytes) = call.record(WrRec::RECORD)?;
+    let (source, bytes) = call.record(record)?;
     let mut buffer = [0; 256];
     let buffer = &mut buffer[..bytes];
-    call.read_at(&source, 0, buffer).map_err(|e| read_error(5, e))?;
-    call.cx.record_write(address, number, buffer).map_err(|e| refusal(e, 0x80A1))
+    call.read_at(&source, 0, buffer).map_err(|e| read_error(record.index() + 1, e))?;
+    call.cx.record_write(u32::from(address), number, buffer).map_err(|e| refusal(e, 0x80A1))
 }
 
 /// RET_VAL: 0 when the record fills RECORD, else the record's length.

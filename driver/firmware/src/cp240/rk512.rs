@@ -128,6 +128,11 @@ impl rk512::Owner for Outlet<'_> {
     fn report(&mut self, event: rk512::Event) {
         match event {
             rk512::Event::Line(event) => Sink::report(self, event),
+            // A part of an order that was acknowledged and has no rest is a telegram that is lost.
+            other @ (rk512::Event::Refused(_) | rk512::Event::Abandoned) => {
+                self.port.count(CpCounter::ReceiveErrors, 1);
+                self.port.event(self.now, CpEvent::Rk512(other));
+            }
             other => self.port.event(self.now, CpEvent::Rk512(other)),
         }
     }

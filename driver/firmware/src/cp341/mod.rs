@@ -19,7 +19,7 @@ pub use channel::{Channel, ChannelBlock, Job};
 
 use ob1_params::{Cp341 as Parameters, ParamError, Protocol341};
 use ob1_protocols::modbus_master_32;
-use ob1_protocols::rk512::{self, Answer, AnswerError, code};
+use ob1_protocols::rk512::{self, Answer, AnswerError, Refusal, code};
 use ob1_protocols::{Input, LineFault, MS, Nanos, Order};
 
 use crate::leds::Leds;
@@ -435,9 +435,7 @@ impl Cp341 {
         let is_rk512 = self.protocol.rk512().is_some();
         let waits = self.cpu_running
             && (is_rk512 || self.protocol.is_plain())
-            && (self.receive.offered().is_some()
-                || self.parts.asked.open().is_some()
-                || self.parts.ring.oldest().is_some());
+            && (self.receive.awaits_cpu() || self.parts.asked.open().is_some() || self.parts.ring.oldest().is_some());
         if let Some(number) = self.patience.look(now, waits.then(|| self.receive.moves()), is_rk512) {
             self.enter(now, number, port);
         }
@@ -565,15 +563,24 @@ impl Cp341 {
             }
             Err(error) => {
                 port.count(CpCounter::ReceiveAborted, 1);
+                let offered = self.receive.offered().is_some();
                 let status = match error {
                     AnswerError::Line(_) => 0x0612,
-                    // "receive impossible: given up after 10 s" [reference 3.6]
-                    AnswerError::Withdrawn => 0x0409,
-                    AnswerError::Abandoned => 0x060E,
+                    // "receive impossible: given up after 10 s" [reference 3.6]; in STOP nobody was waited for.
+                    AnswerError::Withdrawn(Refusal::Mode) if self.cpu_running => {
+                        self.enter(now, 0x0409, port);
+                        0x0409
+                    }
+                    AnswerError::Withdrawn(refusal) => refusal.number(),
+                    AnswerError::Abandoned => Refusal::Sequence.number(),
                     AnswerError::Aborted => 0x0501,
                 };
-                if waited || self.receive.offered().is_some() && error == AnswerError::Withdrawn {
+                if waited && error == AnswerError::Aborted {
                     self.enter(now, status, port);
+                }
+                if offered {
+                    // The block's own job ends with it: it is not told a second time.
+                    self.parts.untold.forget(status);
                 }
                 self.receive.ended(Err(status));
             }

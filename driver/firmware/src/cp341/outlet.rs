@@ -120,6 +120,13 @@ impl Untold {
         }
     }
 
+    /// The number told last is told another way.
+    pub(crate) fn forget(&mut self, number: u16) {
+        if self.count > 0 && self.numbers[self.count - 1] == number {
+            self.count -= 1;
+        }
+    }
+
     pub(crate) fn take(&mut self) -> Option<u16> {
         let first = (self.count > 0).then_some(self.numbers[0])?;
         self.numbers.rotate_left(1);
@@ -313,8 +320,10 @@ impl rk512::Owner for Outlet<'_> {
                 if let Some(number) = other.number() {
                     self.enter(number);
                 }
-                if let rk512::Event::Refused(refusal) = other {
-                    self.tell(refusal.number());
+                // A part of an order that was acknowledged and has no rest is a telegram that is lost.
+                if let (rk512::Event::Refused(_) | rk512::Event::Abandoned, Some(number)) = (other, other.number()) {
+                    self.port.count(CpCounter::ReceiveErrors, 1);
+                    self.tell(number);
                 }
             }
         }

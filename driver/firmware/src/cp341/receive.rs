@@ -125,6 +125,12 @@ impl ReceiveChannel {
         }
     }
 
+    /// It is the CPU's turn to do something with what is on show; not so when it has done its part and the partner
+    /// takes its time.
+    pub(crate) fn awaits_cpu(&self) -> bool {
+        matches!(self.phase, Phase::Offered | Phase::Giving { .. } | Phase::Collecting { .. })
+    }
+
     /// Data the CPU has given.
     pub(crate) fn given(&self) -> &[u8] {
         &self.data[..self.offer.len]

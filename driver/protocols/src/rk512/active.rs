@@ -193,7 +193,7 @@ impl<const N: usize> Rk512<N> {
             // [reference 4.5]: the order ends, without data, without further telegrams.
             _ if number != 0 => return self.end_own(now, Err(OrderError::Rejected(number)), out),
             Command::Send => own.piece(),
-            // Less than 128 bytes is tolerated in a telegram. [reference 4.4]
+            // Less than 128 bytes is tolerated in a reaction [reference 4.4]: what is missing is fetched.
             Command::Fetch => match self.own_data[..bytes].get_mut(own.at..own.at + data.len()) {
                 Some(place) if !data.is_empty() && data.len() <= PIECE => {
                     place.copy_from_slice(data);

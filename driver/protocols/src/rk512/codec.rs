@@ -10,6 +10,22 @@ pub const SHORT: usize = 4;
 /// 128Byte". [S0 "Structure of additional messages"], [reference 4.4]
 pub const PIECE: usize = 128;
 
+/// Whether a telegram of a SEND has as many data as it must, when `rest` are still to come; `first`: data of the
+/// order's first telegram, `None` if this is it.
+///
+/// Up to 128 bytes are one telegram [S0 L1713], more are split by 128. What is shorter has lost its end, and the
+/// partner would take the acknowledgement of its last telegram for "all is stored". The one other split that is taken
+/// is that of the tables read by their word, where a telegram has 128 bytes with its header. (decision 20)
+pub const fn is_whole(len: usize, rest: usize, first: Option<usize>) -> bool {
+    if len == (if rest < PIECE { rest } else { PIECE }) {
+        return len > 0;
+    }
+    match first {
+        None => rest > PIECE && len == PIECE - HEADER,
+        Some(first) => first == PIECE - HEADER && len == PIECE - SHORT && rest > len,
+    }
+}
+
 /// First byte of an order or reaction.
 const FIRST: u8 = 0x00;
 /// First byte of a follow-on telegram and of the reaction to one.
@@ -314,6 +330,33 @@ mod tests {
         }
         for bad in [[6, 8], [6, 0xFF], [0xFF, 4], [200, 0]] {
             assert_eq!(Coordination(bad).flag(199), Err(BadFlag), "{bad:02X?}");
+        }
+    }
+
+    #[test]
+    fn what_has_lost_its_end_is_not_whole() {
+        for (len, rest, first, whole) in [
+            (4, 4, None, true),
+            (2, 8, None, false),
+            (0, 8, None, false),
+            (0, 0, None, false),
+            (10, 8, None, false),
+            (128, 128, None, true),
+            (127, 128, None, false),
+            (118, 128, None, false),
+            (129, 130, None, false),
+            (128, 130, None, true),
+            (2, 130, None, false),
+            (1, 2, Some(128), false),
+            (128, 300, Some(128), true),
+            (124, 300, Some(128), false),
+            // The tables by their word.
+            (118, 130, None, true),
+            (124, 200, Some(118), true),
+            (118, 120, Some(118), false),
+            (120, 120, Some(118), true),
+        ] {
+            assert_eq!(is_whole(len, rest, first), whole, "{len} of {rest} after {first:?}");
         }
     }
 

@@ -50,10 +50,11 @@ pub enum Refusal {
     Flag,
     /// CPU number not allowed.
     Cpu,
-    /// First telegram of a SEND with more data than announced, with none, or longer than 128 bytes.
+    /// First telegram of a SEND whose data are not as many as the header announces: fewer, more, none, or more than
+    /// 128 bytes.
     SendLength,
-    /// Follow-on telegram of a SEND whose data do not go with the announced length: more than are missing, none, or
-    /// more than 128 bytes.
+    /// Follow-on telegram of a SEND whose data do not go with the announced length: fewer or more than are missing,
+    /// none, or more than 128 bytes.
     FollowLength,
     /// FETCH with data.
     FetchData,
@@ -225,8 +226,9 @@ const fn rejected(number: u8) -> u16 {
 /// Why an answer to the partner was not wanted any more, or did not arrive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AnswerError {
-    /// It came too late, or the partner has begun anew.
-    Withdrawn,
+    /// The order was refused in the meantime: the CPU has not answered in time ([`Refusal::Mode`]), or the partner did
+    /// something else before it had all of the answer.
+    Withdrawn(Refusal),
     /// The partner did not fetch the rest, or broke the order of telegrams.
     Abandoned,
     /// The reaction could not be sent.

@@ -13,6 +13,8 @@ pub(super) struct Partner {
     at: usize,
     /// Of those: with the last telegram.
     piece: usize,
+    /// SEND: with the first telegram.
+    first: usize,
     /// Its last telegram was a follow-on telegram.
     follow: bool,
     /// The CPU was asked.
@@ -88,11 +90,11 @@ impl<const N: usize> Rk512<N> {
         }
         self.forget_reply();
         let stage = Stage::Replying;
-        let mut partner = Partner { request, at: 0, piece: 0, follow: false, asked: false, stage };
+        let mut partner = Partner { request, at: 0, piece: 0, first: 0, follow: false, asked: false, stage };
         match request.command {
             Command::Send => {
                 self.partner_data[..data.len()].copy_from_slice(data);
-                (partner.at, partner.piece) = (data.len(), data.len());
+                (partner.at, partner.piece, partner.first) = (data.len(), data.len(), data.len());
                 self.partner = Some(partner);
                 self.go_on_taking(now, out);
             }
@@ -120,7 +122,8 @@ impl<const N: usize> Rk512<N> {
             return Err(Refusal::Mode);
         }
         match request.command {
-            Command::Send if data.is_empty() || data.len() > PIECE || data.len() > bytes => Err(Refusal::SendLength),
+            // [reference 3.8, 060Bh]
+            Command::Send if !codec::is_whole(data.len(), bytes, None) => Err(Refusal::SendLength),
             Command::Fetch if !data.is_empty() => Err(Refusal::FetchData),
             _ => Ok(()),
         }
@@ -163,9 +166,11 @@ impl<const N: usize> Rk512<N> {
         partner.follow = true;
         match command {
             Command::Send => {
-                let room = self.partner_data[..partner.request.bytes()].get_mut(partner.at..partner.at + data.len());
-                match room {
-                    Some(place) if !data.is_empty() && data.len() <= PIECE => place.copy_from_slice(data),
+                let bytes = partner.request.bytes();
+                let is_whole = codec::is_whole(data.len(), bytes - partner.at, Some(partner.first));
+                match self.partner_data[..bytes].get_mut(partner.at..partner.at + data.len()) {
+                    Some(place) if is_whole => place.copy_from_slice(data),
+                    // [reference 3.8, 0611h]
                     _ => return self.refuse(true, Refusal::FollowLength, out),
                 }
                 partner.at += data.len();
@@ -246,7 +251,7 @@ impl<const N: usize> Rk512<N> {
     /// Refuses a telegram; an order that was open is dropped. [reference 4.10]
     pub(super) fn refuse(&mut self, follow: bool, refusal: Refusal, out: &mut dyn Owner) {
         out.report(Event::Refused(refusal));
-        self.drop_partner(AnswerError::Withdrawn, out);
+        self.drop_partner(AnswerError::Withdrawn(refusal), out);
         self.forget_reply();
         self.reply = Some(Reply { follow, code: refusal.code(), from: 0, len: 0 });
     }

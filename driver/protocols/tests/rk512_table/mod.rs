@@ -19,7 +19,7 @@
 //! | `tx 02`, `back` | characters for the line, taken back |
 //! | `asked 00 00 45 .. \| 01` | an order of the partner is put before the CPU |
 //! | `ended ok 01 02`, `ended Rejected(32)` | the own order |
-//! | `answered ok`, `answered Withdrawn` | the partner's order |
+//! | `answered ok`, `answered Withdrawn 060E` (why) | the partner's order |
 //! | `!060E`, `!Repeated` | a report: its number, or its name where it has none |
 //!
 //! Between two lines the machine must stay silent: each deadline that passes is ticked, and must bring nothing.
@@ -69,6 +69,7 @@ impl Owner for Recorder {
     fn answered(&mut self, outcome: Result<(), AnswerError>) {
         self.log.push(match outcome {
             Ok(()) => "answered ok".into(),
+            Err(AnswerError::Withdrawn(refusal)) => format!("answered Withdrawn {:04X}", refusal.number()),
             Err(error) => format!("answered {error:?}"),
         });
     }

@@ -2,6 +2,7 @@
 //! `get`, `set`, `ctl`. The protocol is documented in `docs/access.md`, so that any program can speak it.
 
 pub mod client;
+mod clients;
 pub mod item;
 pub mod protocol;
 pub mod server;

@@ -186,6 +186,9 @@ pub struct Status {
     pub posture: Vec<GrantStatus>,
     /// Memory of the process.
     pub memory: MemoryStatus,
+    /// Log lines of the runtime that nobody got: its stderr was full, slow or gone.
+    #[serde(default)]
+    pub log_lost: u64,
 }
 
 /// A distribution of times, in nanoseconds.
@@ -289,6 +292,9 @@ pub struct CpBuffer {
 pub struct CpEntry {
     /// When, in milliseconds since the runtime started.
     pub time_ms: u64,
+    /// When, in nanoseconds since 1970, UTC, by the clock as it is set now.
+    #[serde(default)]
+    pub unix_ns: u64,
     /// Event class and number, `0703h`.
     pub number: String,
     /// It has come; otherwise what had come is gone.
@@ -300,16 +306,33 @@ pub struct CpEntry {
 }
 
 /// An entry of the diagnostic buffer.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub struct Diagnostic {
     /// Counts all entries, from 1.
     pub number: u64,
     /// When, in nanoseconds since the runtime started.
     pub time_ns: u64,
+    /// When, in nanoseconds since 1970, UTC, by the clock as it is set now.
+    #[serde(default)]
+    pub unix_ns: u64,
     /// The event number, `4302h`.
     pub event: String,
     /// The entry in words.
     pub text: String,
+    /// File and line of the statement, `press.awl:14`; empty for an entry about none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub place: String,
+    /// What helps; empty for mere information.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub remedy: String,
+}
+
+impl Diagnostic {
+    /// The entry with its place, in a line.
+    #[must_use]
+    pub fn told(&self) -> String {
+        if self.place.is_empty() { self.text.clone() } else { format!("{}, {}", self.text, self.place) }
+    }
 }
 
 #[cfg(test)]

@@ -1,17 +1,17 @@
 //! The socket of a running station: a thread that is the access port's one client. It serves one request at a time; the
 //! scan sees only the bounded rings of the port.
 
-use std::io::{self, Read as _, Write as _};
+use std::io;
 use std::os::unix::fs::PermissionsExt as _;
-use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use ob1_cpu::{AccessClient, Answer, Ask, Command, Family, OperatingState, Request as PortRequest};
-use rustix::event::{PollFd, PollFlags, poll};
 use serde_json::Value;
 
+use super::clients::Clients;
 use super::item::Item;
 use super::protocol::{CellValue, CommandName, Diagnostic, LINE_BYTES, Op, Request, Response, Status};
 use super::reason;
@@ -22,10 +22,6 @@ use crate::view::StationView;
 const ANSWER_TIME: Duration = Duration::from_secs(3);
 /// Pause between two looks at the answers.
 const LOOK: Duration = Duration::from_micros(200);
-/// A client that does not take its answer for so long is dropped.
-const WRITE_TIME: Duration = Duration::from_secs(1);
-/// Clients at a time.
-const CLIENTS: usize = 16;
 /// Requests posted to the port at a time: less than its rings hold.
 const BATCH: usize = 128;
 
@@ -128,58 +124,13 @@ struct Serving {
     view: StationView,
 }
 
-struct Client {
-    stream: UnixStream,
-    buffer: Vec<u8>,
-}
-
 impl Serving {
     fn run(&mut self, listener: &UnixListener, stopped: &io::PipeReader) {
-        let mut clients: Vec<Client> = Vec::new();
-        loop {
-            let mut fds = vec![PollFd::new(stopped, PollFlags::IN), PollFd::new(listener, PollFlags::IN)];
-            fds.extend(clients.iter().map(|client| PollFd::new(&client.stream, PollFlags::IN)));
-            if poll(&mut fds, None).is_err() {
-                continue;
-            }
-            let ready: Vec<bool> = fds.iter().map(|fd| !fd.revents().is_empty()).collect();
-            if ready.first() == Some(&true) {
-                return;
-            }
-            let mut of_clients = ready.iter().skip(2);
-            clients.retain_mut(|client| !of_clients.next().is_some_and(|ready| *ready) || self.attend(client));
-            if ready.get(1) == Some(&true)
-                && let Ok((stream, _)) = listener.accept()
-                && clients.len() < CLIENTS
-                && stream.set_nonblocking(false).is_ok()
-                && stream.set_write_timeout(Some(WRITE_TIME)).is_ok()
-            {
-                clients.push(Client { stream, buffer: Vec::new() });
-            }
+        let mut clients = Clients::new();
+        let too_long = || line(&Response::refused(Value::Null, format!("a line has at most {LINE_BYTES} bytes")));
+        while clients.wait(listener, stopped) {
+            clients.answer_each(|request| line(&self.answer(request)), too_long);
         }
-    }
-
-    /// Reads what a client has sent and answers each whole line; false when the client is done.
-    fn attend(&mut self, client: &mut Client) -> bool {
-        let mut chunk = [0; 4096];
-        match client.stream.read(&mut chunk) {
-            Ok(0) => return false,
-            Ok(count) => client.buffer.extend_from_slice(chunk.get(..count).unwrap_or_default()),
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => return true,
-            Err(_) => return false,
-        }
-        while let Some(end) = client.buffer.iter().position(|byte| *byte == b'\n') {
-            let line: Vec<u8> = client.buffer.drain(..=end).collect();
-            if !write_line(&mut client.stream, &self.answer(&line)) {
-                return false;
-            }
-        }
-        if client.buffer.len() > LINE_BYTES {
-            let refused = Response::refused(Value::Null, format!("a line has at most {LINE_BYTES} bytes"));
-            write_line(&mut client.stream, &refused);
-            return false;
-        }
-        true
     }
 
     fn answer(&mut self, line: &[u8]) -> Response {
@@ -265,12 +216,7 @@ impl Serving {
     fn diagnostics(&mut self, count: u32) -> Result<Vec<Diagnostic>, String> {
         let asks: Vec<Ask> = (0..count.min(ob1_cpu::DIAG_ENTRIES as u32)).map(Ask::Diag).collect();
         let entries = self.port.ask(&asks)?.into_iter().map_while(|answer| match answer {
-            Answer::Diag(entry) => Some(Diagnostic {
-                number: entry.number,
-                time_ns: entry.time,
-                event: format!("{:04X}h", entry.event.0),
-                text: entry.to_string(),
-            }),
+            Answer::Diag(entry) => Some(self.view.diagnostic(&entry)),
             _ => None,
         });
         Ok(entries.collect())
@@ -290,8 +236,10 @@ fn cell_value(item: &Item, answer: Answer) -> Result<CellValue, String> {
     }
 }
 
-fn write_line(stream: &mut UnixStream, response: &Response) -> bool {
-    let Ok(mut line) = serde_json::to_vec(response) else { return false };
+/// An answer as it goes out.
+fn line(response: &Response) -> Vec<u8> {
+    // What we answer can be serialized.
+    let mut line = serde_json::to_vec(response).unwrap_or_default();
     line.push(b'\n');
-    stream.write_all(&line).is_ok()
+    line
 }

@@ -21,7 +21,7 @@ enum Time {
 }
 
 /// The real time a run has taken. A value of its own so that a test can say when the limit is over.
-pub(super) struct WallTime(Box<dyn FnMut() -> Duration>);
+pub(super) struct WallTime(Box<dyn FnMut() -> Duration + Send>);
 
 impl WallTime {
     pub(super) fn start() -> Self {
@@ -136,8 +136,8 @@ impl Clock for ExecClock {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
-    use std::rc::Rc;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU64, Ordering};
 
     use super::super::{compile, load, run};
     use super::*;
@@ -152,15 +152,12 @@ mod tests {
         let args = ExecArgs::of_words([&[path.to_str().expect("UTF-8")], words].concat());
         let program = compile(&args, &[]).expect("it compiles");
         let mut cpu = load(&args, &[], &program).expect("it loads");
-        let seconds = Rc::new(Cell::new(0));
+        let seconds = Arc::new(AtomicU64::new(0));
         let count = seconds.clone();
-        let wall = WallTime(Box::new(move || {
-            count.set(count.get() + 1);
-            Duration::from_secs(count.get())
-        }));
+        let wall = WallTime(Box::new(move || Duration::from_secs(count.fetch_add(1, Ordering::Relaxed) + 1)));
         let mut clock = ExecClock::new(&args, cpu.interrupt(), wall);
         let exit = run(&mut cpu, &mut clock, args.start);
-        (exit, clock.wall_is_over(), seconds.get())
+        (exit, clock.wall_is_over(), seconds.load(Ordering::Relaxed))
     }
 
     #[test]

@@ -9,7 +9,7 @@ mod clock;
 mod dump;
 mod stats;
 
-use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, Family, OperatingState};
+use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, DiagEntry, Family, OperatingState};
 use ob1_ir::Program;
 use ob1_model::Event;
 
@@ -22,6 +22,7 @@ use crate::finding::Finding;
 use crate::library::Choice;
 use crate::offer::Unserved;
 use crate::program::{self, Sources};
+use crate::view::Places;
 use clock::{ExecClock, WallTime};
 use stats::Meter;
 
@@ -34,7 +35,7 @@ pub fn exec(args: &ExecArgs) -> ExecExit {
     match try_exec(args) {
         Ok(exit) => exit,
         Err((exit, text)) => {
-            eprint!("{text}");
+            errs!("{text}");
             exit
         }
     }
@@ -58,17 +59,21 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     }
     let mut clock = ExecClock::new(args, cpu.interrupt(), WallTime::start());
     let meter = Meter::start();
-    let exit = run(&mut cpu, &mut clock, args.start);
+    let exit = ob1_rt::with_stack(cpu.stack_bytes(), || run(&mut cpu, &mut clock, args.start));
+    let exit = exit.map_err(|e| (ExecExit::Other(Exit::System), format!("ob1: a thread for the program: {e}\n")))?;
     let stats = meter.stop(&cpu, clock.now(), exit, args);
     match exit {
-        ExecExit::Fault => eprint!("{}", fault_text(&cpu)),
+        ExecExit::Fault => errs!("{}", fault_text(&cpu, &Places::new(&program))),
         ExecExit::Limit if clock.wall_is_over() => {
-            eprintln!(
+            err!(
                 "ob1: the wall limit of {} s was reached before the limit of virtual time",
                 clock::WALL_LIMIT.as_secs()
             );
         }
         _ => {}
+    }
+    if !args.quiet {
+        err!("{}", ended_text(exit, stats.scans, clock.now()));
     }
     for dump in &args.dump {
         dump.write(&cpu).map_err(|text| (ExecExit::Other(Exit::System), format!("ob1: {text}\n")))?;
@@ -89,11 +94,10 @@ fn compile(args: &ExecArgs, standard: &[Choice]) -> Result<Program, Failure> {
         library: standard.to_vec(),
         lints: false,
     };
-    let (program, findings) = program::compile(&sources, &library).map_err(|findings| rejected(&findings))?;
-    if !args.quiet {
-        for finding in &findings {
-            eprintln!("{finding}");
-        }
+    let (program, mut findings) = program::compile(&sources, &library).map_err(|findings| rejected(&findings))?;
+    findings.extend(program::without_ob1(&program, []));
+    for finding in findings.iter().filter(|finding| !args.quiet || finding.code == program::NO_OB1) {
+        err!("{finding}");
     }
     Ok(program)
 }
@@ -155,9 +159,21 @@ fn ending(cpu: &Cpu, clock: &ExecClock) -> ExecExit {
     }
 }
 
+/// How it ended, in a line.
+fn ended_text(exit: ExecExit, scans: u64, now: u64) -> String {
+    let how = match exit {
+        ExecExit::Stopped => "the program stopped the CPU (SFC 46)",
+        ExecExit::Limit => "the limit was reached in RUN",
+        _ => "a fault stopped the CPU",
+    };
+    let scans = if scans == 1 { "1 scan".to_owned() } else { format!("{scans} scans") };
+    format!("ob1: {how} after {scans}, {:.3} s; exit code {}", now as f64 / 1e9, exit.code())
+}
+
 /// The entries that led to STOP, newest first: the reason for STOP and what it came from.
-fn fault_text(cpu: &Cpu) -> String {
+fn fault_text(cpu: &Cpu, places: &Places) -> String {
     let beginning = [Event::STARTUP, Event::RUN];
     let entries = cpu.diagnostics().take_while(|entry| !beginning.contains(&entry.event)).take(SHOWN);
-    entries.map(|entry| format!("ob1: {:.6} s  {entry}\n", entry.time as f64 / 1e9)).collect()
+    let line = |entry: &DiagEntry| format!("ob1: {:.6} s  {}\n", entry.time as f64 / 1e9, places.told(entry));
+    entries.map(line).collect()
 }

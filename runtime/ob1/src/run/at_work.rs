@@ -9,13 +9,12 @@ use ob1_host::driver::RunningFleet;
 use ob1_rt::MonotonicClock;
 
 use super::console::LiveLine;
+use super::journal::{self, Journal};
 use super::monitor::Monitor;
 use super::report::{Ended, Report};
 use super::scan::{Scan, ScanState};
 use super::signals::Signals;
 use super::{Failure, Options};
-use crate::access::client::Client;
-use crate::access::protocol::{Diagnostic, Op, Status};
 use crate::access::server::Server;
 use crate::assembly::Assembly;
 use crate::exit::Exit;
@@ -43,6 +42,7 @@ pub(super) struct AtWork {
     scan: Arc<ScanState>,
     interrupt: Interrupt,
     log: Option<LogReader>,
+    journal: Journal,
     block: Arc<Running>,
     io: Option<ProcessIo>,
     min_cycle: u64,
@@ -52,7 +52,7 @@ pub(super) struct AtWork {
     keeper: Option<Keeper>,
     server: Option<Server>,
     fleet: Option<RunningFleet>,
-    rundir: RunDir,
+    _rundir: RunDir,
     _janitor: Janitor,
     clock: MonotonicClock,
     fence: bool,
@@ -83,7 +83,8 @@ impl AtWork {
         let (keeper, retentive) = keep(station, &mut cpu)?;
         let (observer, late) =
             Observer::start(view.timings.clone(), station.realtime.affinity.clone()).map_err(system("the observer"))?;
-        let scan = Arc::new(ScanState::default());
+        let scan = Arc::new(ScanState::new(cpu.module_count()));
+        let (feed, journal) = journal::journal();
         let (interrupt, log) = (cpu.interrupt(), cpu.log_reader());
         let thread = Scan {
             cpu,
@@ -96,6 +97,7 @@ impl AtWork {
             fence: options.fence,
             retentive,
             late,
+            feed,
         }
         .start()
         .map_err(system("the scan thread"))?;
@@ -106,6 +108,7 @@ impl AtWork {
             scan,
             interrupt,
             log,
+            journal,
             block: running,
             io,
             min_cycle: station.cpu.min_cycle,
@@ -115,7 +118,7 @@ impl AtWork {
             keeper,
             server: Some(server),
             fleet: Some(fleet),
-            rundir,
+            _rundir: rundir,
             _janitor: janitor,
             clock,
             fence: options.fence,
@@ -131,6 +134,7 @@ impl AtWork {
         let mut tick = 0;
         let ended = loop {
             self.drain_log();
+            self.journal.take(&self.view);
             if signals.wait(TICK) {
                 break Ended::Signal;
             }
@@ -144,7 +148,7 @@ impl AtWork {
                 break Ended::Time;
             }
             let stopped = self.scan.has_started() && self.scan.state() == OperatingState::Stop;
-            if bounded && stopped && self.fault().is_some() {
+            if bounded && stopped && self.journal.fault().is_some() {
                 break Ended::Fault;
             }
             tick += 1;
@@ -188,19 +192,6 @@ impl AtWork {
         text
     }
 
-    fn client(&self) -> Option<Client> {
-        Client::to_socket(&self.rundir.socket()).ok()
-    }
-
-    fn diagnostics(&self) -> Vec<Diagnostic> {
-        let answer = self.client().and_then(|mut client| client.ask(Op::Diag { count: 100 }).ok());
-        answer.and_then(|response| response.diagnostics).unwrap_or_default()
-    }
-
-    fn fault(&self) -> Option<String> {
-        fault_in(&self.diagnostics())
-    }
-
     /// STOP, last figures, then everything goes, in order.
     pub(super) fn stop(mut self, ended: Ended) -> Result<Report, Failure> {
         let died = self.thread.take_if(|thread| thread.is_finished()).map(JoinHandle::join);
@@ -210,12 +201,13 @@ impl AtWork {
         });
         if let Some(failure) = died.or_else(|| self.halt().err()) {
             self.outputs_off();
+            self.journal.take(&self.view);
             return Err(failure);
         }
-        let diagnostics = self.diagnostics();
-        let fault = fault_in(&diagnostics);
+        self.read_journal();
+        let (diagnostics, fault) = (self.journal.diagnostics(&self.view), self.journal.fault());
         let exit = if fault.is_some() { Exit::Fault } else { Exit::Ok };
-        let status = self.status();
+        let status = self.view.status(self.scan.state(), &self.scan.present());
         // Its last look explains what is not explained yet.
         drop(self.observer.take());
         let timing = self.view.timings.snapshot(true);
@@ -234,7 +226,6 @@ impl AtWork {
         if let Some(fleet) = self.fleet.take() {
             fleet.stop();
         }
-        let status = status.ok_or_else(|| Failure(Exit::System, "ob1: the CPU does not answer at its end\n".into()))?;
         Ok(Report::new(ended, exit, fault, status, diagnostics, timing))
     }
 
@@ -260,8 +251,17 @@ impl AtWork {
         }
     }
 
-    fn status(&self) -> Option<Status> {
-        self.client()?.ask(Op::Status).ok()?.status
+    /// Takes all entries up to the last cycle, which was in STOP.
+    fn read_journal(&mut self) {
+        let give_up = self.clock.time().saturating_add(STOP_TIME);
+        let wanted = self.scan.entries();
+        loop {
+            self.journal.take(&self.view);
+            if self.journal.newest() >= wanted || self.clock.time() >= give_up {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
     }
 }
 
@@ -277,41 +277,4 @@ fn keep(station: &Station, cpu: &mut Cpu) -> Result<(Option<Keeper>, Option<Scan
     let started = Keeper::start(store, file.every, cpu.retentive_len());
     let (keeper, scan) = started.map_err(|e| Failure::system("retentive memory", &e))?;
     Ok((Some(keeper), Some(scan)))
-}
-
-/// The fault that led to STOP, if the newest reason for one is a fault and no operator.
-fn fault_in(newest_first: &[Diagnostic]) -> Option<String> {
-    use ob1_model::Event;
-    let number = |event: Event| format!("{:04X}h", event.0);
-    let operator = [Event::STOP_OPERATOR, Event::MEMORY_RESET, Event::RUN].map(number);
-    let faults = [
-        Event::STOP_PROGRAM,
-        Event::STOP_PROGRAMMING_ERROR,
-        Event::STOP_ACCESS_ERROR,
-        Event::STOP_TIME_ERROR,
-        Event::PLUGIN_PANIC,
-        Event::PLUGIN_STOP,
-    ]
-    .map(number);
-    let decisive = newest_first.iter().find(|e| operator.contains(&e.event) || faults.contains(&e.event))?;
-    faults.contains(&decisive.event).then(|| decisive.text.clone())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn entries(events: &[&str]) -> Vec<Diagnostic> {
-        let entry = |event: &&str| Diagnostic { number: 0, time_ns: 0, event: (*event).into(), text: (*event).into() };
-        events.iter().map(entry).collect()
-    }
-
-    #[test]
-    fn the_newest_reason_decides() {
-        assert_eq!(fault_in(&entries(&[])), None);
-        assert_eq!(fault_in(&entries(&["4302h", "4301h"])), None);
-        assert_eq!(fault_in(&entries(&["F201h", "4562h", "2522h", "4302h"])), Some("4562h".into()));
-        assert_eq!(fault_in(&entries(&["4304h", "F202h", "4302h"])), None);
-        assert_eq!(fault_in(&entries(&["4302h", "4301h", "4562h"])), None, "started again since");
-    }
 }

@@ -1,41 +1,20 @@
 //! What a run writes on stderr while it runs: log lines, and below them one live line when stderr is a terminal.
 
-use std::io::{self, IsTerminal as _, Write as _};
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use tracing_subscriber::EnvFilter;
 
-/// A live line stands on the terminal and has to be wiped before anything else is written.
-static LIVE: AtomicBool = AtomicBool::new(false);
-const WIPE: &[u8] = b"\r\x1b[K";
-
-/// stderr, wiping the live line first.
-struct Stderr;
-
-impl io::Write for Stderr {
-    fn write(&mut self, text: &[u8]) -> io::Result<usize> {
-        let mut stderr = io::stderr().lock();
-        if LIVE.swap(false, Ordering::Relaxed) {
-            stderr.write_all(WIPE)?;
-        }
-        stderr.write(text)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        io::stderr().flush()
-    }
-}
-
-/// Sends log lines to stderr: warnings with `quiet`, else information too, or what `OB1_LOG` says.
+/// Sends log lines to stderr: warnings with `quiet`, else information too, or what `OB1_LOG` says. From here on nothing
+/// waits for who reads them.
 pub(super) fn start_log(quiet: bool) {
+    // Without the thread the log is written at once.
+    let _ = ob1_log::start();
     let level = if quiet { "warn" } else { "info" };
     let filter = EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new(level));
     // Fails when a log is there already, as in a test.
     let _ = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(|| Stderr)
+        .with_writer(|| ob1_log::Log)
         .with_target(false)
-        .with_ansi(io::stderr().is_terminal())
+        .with_ansi(ob1_log::is_terminal())
         .try_init();
 }
 
@@ -47,7 +26,11 @@ pub(crate) struct LiveLine {
 
 impl LiveLine {
     pub(crate) fn new(quiet: bool) -> Self {
-        Self { on: !quiet && io::stderr().is_terminal() }
+        let on = !quiet && ob1_log::is_terminal();
+        if on {
+            let _ = ob1_log::start();
+        }
+        Self { on }
     }
 
     pub(crate) fn is_on(&self) -> bool {
@@ -56,16 +39,13 @@ impl LiveLine {
 
     pub(crate) fn show(&self, text: &str) {
         if self.on {
-            let mut stderr = io::stderr().lock();
-            LIVE.store(true, Ordering::Relaxed);
-            let _ =
-                stderr.write_all(WIPE).and_then(|()| stderr.write_all(text.as_bytes())).and_then(|()| stderr.flush());
+            ob1_log::live(text);
         }
     }
 
     pub(crate) fn wipe(&self) {
-        if self.on && LIVE.swap(false, Ordering::Relaxed) {
-            let _ = io::stderr().lock().write_all(WIPE);
+        if self.on {
+            ob1_log::live("");
         }
     }
 }

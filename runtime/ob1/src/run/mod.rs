@@ -2,6 +2,7 @@
 
 mod at_work;
 pub(crate) mod console;
+mod journal;
 mod monitor;
 mod report;
 mod scan;
@@ -16,6 +17,7 @@ use crate::assembly::{self, AssemblyError, DriverSettings};
 use crate::exit::Exit;
 use crate::finding::{Finding, Level};
 use crate::janitor::Janitor;
+use crate::out;
 use crate::posture;
 use crate::program::{self, LoadFailure};
 use crate::rundir::{RunDir, RunDirError};
@@ -76,7 +78,7 @@ pub fn run(options: &Options) -> Exit {
     match try_run(options) {
         Ok(exit) => exit,
         Err(Failure(exit, text)) => {
-            eprint!("{text}");
+            errs!("{text}");
             exit
         }
     }
@@ -100,9 +102,10 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
         return Err(Failure::of_findings(Exit::Rejected, &[finding]));
     }
     let loaded = program::load(&station).map_err(|f| Failure::of_load(&f))?;
-    // Lints are for `check`.
-    for finding in loaded.findings.iter().chain(&devices).filter(|f| f.level != Level::Lint && !options.quiet) {
-        eprintln!("{finding}");
+    // Lints are for `check`. That nothing will be executed is said in any case.
+    let told = |f: &&Finding| f.level != Level::Lint && (!options.quiet || f.code == program::NO_OB1);
+    for finding in loaded.findings.iter().chain(&devices).filter(told) {
+        err!("{finding}");
     }
     let rundir = RunDir::claim(&station.name).map_err(|error| {
         let exit = if matches!(error, RunDirError::Running { .. }) { Exit::Running } else { Exit::System };
@@ -117,15 +120,15 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
     })?;
     let janitor = Janitor::start(rundir.path(), &assembly::published(&station));
     let janitor = janitor.map_err(|e| Failure::system("the janitor", &e))?;
+    tracing::info!("station {}, process {}", station.name, std::process::id());
     let mut station_at_work = AtWork::start(&station, assembly, rundir, janitor, clock, options)?;
-    tracing::info!(station = station.name, pid = std::process::id(), "running");
     let ended = station_at_work.watch(&signals, options);
     let report = station_at_work.stop(ended)?;
     if let Some(path) = &options.report {
         report.write(path).map_err(|e| Failure::system(&format!("the report {}", path.display()), &e))?;
     }
     if !options.quiet {
-        print!("{}", report.summary());
+        out::print_at_the_end(report.summary());
     }
     Ok(exit_of(&report))
 }

@@ -23,6 +23,9 @@ const LOOKS: u32 = 20;
 /// The same for a CPU without a watchdog.
 const LOOKS_WITHOUT_WATCHDOG: u32 = 600;
 
+/// How long the message may hold up the end.
+const LAST_WORDS: Duration = Duration::from_millis(200);
+
 /// Decides, look by look, whether a native block hangs. Pure.
 #[derive(Debug)]
 struct Suspicion {
@@ -93,8 +96,9 @@ fn give_up(block: BlockId, io: Option<&ProcessIo>) -> ! {
     if let Some(io) = io {
         io.switch_off();
     }
-    eprintln!("\nob1: native block {block} does not return; outputs are off, the station ends");
-    eprintln!("  = a block must return; one that waits keeps its state and returns, or calls `attend` in its loop");
+    err!("\nob1: native block {block} does not return; outputs are off, the station ends");
+    err!("  = a block must return; one that waits keeps its state and returns, or calls `attend` in its loop");
+    ob1_log::flush(LAST_WORDS);
     std::process::exit(i32::from(Exit::Hung as u8))
 }
 

@@ -124,7 +124,7 @@ impl Report {
         }
         let _ = writeln!(out, "diagnostic buffer, newest first:");
         for entry in self.diagnostics.iter().take(10) {
-            let _ = writeln!(out, "  {:>12.6} s  {}", entry.time_ns as f64 / 1e9, entry.text);
+            let _ = writeln!(out, "  {:>12.6} s  {}", entry.time_ns as f64 / 1e9, entry.told());
         }
         out
     }

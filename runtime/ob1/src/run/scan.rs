@@ -12,15 +12,20 @@ use std::thread::JoinHandle;
 use ob1_cpu::{Command, Cpu, OperatingState};
 use ob1_rt::{Grant, MonotonicClock};
 
+use super::journal::Feed;
 use crate::posture;
 use crate::retentive::keeper::ScanEnd;
 use crate::station::Realtime;
 use crate::timing::LateSender;
 
 /// What other threads see of the scan.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct ScanState {
     state: AtomicU8,
+    /// The number of the newest diagnostic entry.
+    entries: AtomicU64,
+    /// Which modules answer; looked at in STOP.
+    present: Box<[AtomicBool]>,
     cycles: AtomicU64,
     scans: AtomicU64,
     in_cycle: AtomicBool,
@@ -30,6 +35,31 @@ pub(super) struct ScanState {
 }
 
 impl ScanState {
+    /// Of a CPU with so many modules.
+    pub(super) fn new(modules: usize) -> Self {
+        Self {
+            state: AtomicU8::new(0),
+            entries: AtomicU64::new(0),
+            present: (0..modules).map(|_| AtomicBool::new(false)).collect(),
+            cycles: AtomicU64::new(0),
+            scans: AtomicU64::new(0),
+            in_cycle: AtomicBool::new(false),
+            started: AtomicBool::new(false),
+            limit_reached: AtomicBool::new(false),
+            finish: AtomicBool::new(false),
+        }
+    }
+
+    /// The number of the newest diagnostic entry after the last cycle.
+    pub(super) fn entries(&self) -> u64 {
+        self.entries.load(Ordering::Relaxed)
+    }
+
+    /// Which modules answered in the last cycle in STOP.
+    pub(super) fn present(&self) -> Vec<bool> {
+        self.present.iter().map(|present| present.load(Ordering::Relaxed)).collect()
+    }
+
     /// The operating state after the last cycle.
     pub(super) fn state(&self) -> OperatingState {
         match self.state.load(Ordering::Acquire) {
@@ -85,12 +115,14 @@ pub(super) struct Scan {
     pub(super) retentive: Option<ScanEnd>,
     /// Hands late scans over to be explained.
     pub(super) late: LateSender,
+    /// Hands diagnostic entries over to be told.
+    pub(super) feed: Feed,
 }
 
 impl Scan {
     /// Starts the thread. With a fence that cannot be raised it ends at once with the reason.
     pub(super) fn start(self) -> std::io::Result<JoinHandle<Result<(), String>>> {
-        ob1_rt::spawn("ob1-scan", move || self.run())
+        ob1_rt::spawn_with_stack("ob1-scan", self.cpu.stack_bytes(), move || self.run())
     }
 
     fn run(mut self) -> Result<(), String> {
@@ -145,6 +177,13 @@ impl Scan {
             }
             if let Some(retentive) = &mut self.retentive {
                 retentive.after_cycle(&self.cpu);
+            }
+            shared.entries.store(self.feed.follow(&self.cpu), Ordering::Relaxed);
+            if end.state == OperatingState::Stop {
+                for (index, present) in shared.present.iter().enumerate() {
+                    let answers = self.cpu.module(index).is_some_and(|(_, status)| status.present);
+                    present.store(answers, Ordering::Relaxed);
+                }
             }
             shared.state.store(state, Ordering::Release);
             shared.started.store(true, Ordering::Release);

@@ -49,12 +49,12 @@ pub fn compare(a: &Path, b: &Path, margin: f64) -> SoakExit {
     let (a, b) = match (Report::read(a), Report::read(b)) {
         (Ok(a), Ok(b)) => (a, b),
         (Err(why), _) | (_, Err(why)) => {
-            eprintln!("ob1: {why}");
+            err!("ob1: {why}");
             return SoakExit::Inconclusive;
         }
     };
     let (text, judged) = told(&a, &b, margin);
-    print!("{text}");
+    says!("{text}");
     match judged {
         Judged::NotWorse => SoakExit::Pass,
         Judged::Inconclusive => SoakExit::Inconclusive,

@@ -192,10 +192,7 @@ impl Soak<'_> {
                 if !self.options.quiet && !self.line.is_on() {
                     let report = &measurement.report;
                     if let Some(timing) = &report.timing {
-                        eprintln!(
-                            "{}",
-                            text::live(report.wanted_ns, elapsed.as_nanos() as u64, timing, &report.telegrams)
-                        );
+                        err!("{}", text::live(report.wanted_ns, elapsed.as_nanos() as u64, timing, &report.telegrams));
                     }
                 }
             }
@@ -240,7 +237,7 @@ impl Soak<'_> {
         }
         self.write(&mut report, &self.options.budget)?;
         if !self.options.quiet {
-            eprintln!("report: {}", self.files.path("html").display());
+            err!("report: {}", self.files.path("html").display());
         }
         Ok(report)
     }

@@ -6,6 +6,7 @@ use super::statistics::Percentile;
 use super::statistics::{BEYOND, INTERVALS, beyond, needed, percentile, quantile, slope};
 use super::text::{amount, time};
 use super::verdict::{Ended, Finding, Verdict};
+use crate::access::protocol::Diagnostic;
 use crate::timing::Class;
 
 /// Judges a report against its budget, and by how the soak ended.
@@ -40,7 +41,7 @@ fn stays_in_run(report: &Report) -> Finding {
             format!("{:.1} s of {:.1} s have been seen", seconds, report.wanted_ns as f64 / 1e9),
         ),
         Ended::CpuStopped | Ended::ProcessGone => {
-            let newest = report.diagnostics.first().map_or_else(String::new, |entry| entry.text.clone());
+            let newest = report.diagnostics.first().map_or_else(String::new, Diagnostic::told);
             (Verdict::Broken, if report.end.is_empty() { newest } else { report.end.clone() })
         }
     };

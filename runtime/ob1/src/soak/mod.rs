@@ -61,14 +61,14 @@ pub fn soak(options: &Options) -> SoakExit {
     match drive::drive(options) {
         Ok(report) => {
             if options.quiet {
-                println!("{}", report.verdict.line());
+                say!("{}", report.verdict.line());
             } else {
-                print!("{}", text::report(&report));
+                says!("{}", text::report(&report));
             }
             report.verdict.exit()
         }
         Err(why) => {
-            eprint!("{why}");
+            errs!("{why}");
             SoakExit::Inconclusive
         }
     }

@@ -50,23 +50,33 @@ pub fn test(args: &TestArgs) -> TestExit {
     let files = match find_tests(&paths) {
         Ok(files) => files,
         Err(text) => {
-            eprintln!("ob1: {text}");
+            err!("ob1: {text}");
             return TestExit::Unusable;
         }
     };
     let filter = args.filter.as_deref().unwrap_or_default();
-    let reports: Vec<FileReport> = files.iter().map(|file| run_file(file, filter)).collect();
+    // Plugin blocks nested as deep as any program may nest them.
+    let reports = ob1_rt::with_stack(ob1_cpu::MOST_STACK_BYTES, || {
+        files.iter().map(|file| run_file(file, filter)).collect::<Vec<FileReport>>()
+    });
+    let reports = match reports {
+        Ok(reports) => reports,
+        Err(error) => {
+            errs!("ob1: a thread for the tests: {error}\n");
+            return TestExit::Unusable;
+        }
+    };
     for report in reports.iter().filter(|r| !args.quiet || r.failed() > 0 || !r.refused.is_empty()) {
-        print!("{}", report.text());
+        says!("{}", report.text());
     }
     let run: usize = reports.iter().map(|r| r.outcomes.len()).sum();
     let failed: usize = reports.iter().map(FileReport::failed).sum();
     let refused = reports.iter().filter(|r| !r.refused.is_empty()).count();
-    println!("{}", verdict(run, failed, refused));
+    say!("{}", verdict(run, failed, refused));
     if let Some(path) = &args.junit
         && let Err(error) = write_junit(path, &reports)
     {
-        eprintln!("ob1: {}: {error}", path.display());
+        err!("ob1: {}: {error}", path.display());
         return TestExit::Unusable;
     }
     match (refused, run, failed) {

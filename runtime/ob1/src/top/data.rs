@@ -192,6 +192,7 @@ pub(super) mod tests {
                 time_ns: 5_000_000,
                 event: "4302h".into(),
                 text: "4302h: RUN".into(),
+                ..Diagnostic::default()
             }],
             cp_buffers: vec![CpBuffer {
                 name: "cp".into(),

@@ -1,6 +1,5 @@
 //! The loops: a look, what it shows, the keys in between.
 
-use std::io::{self, Write as _};
 use std::time::{Duration, Instant};
 
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
@@ -11,6 +10,7 @@ use super::source::Source;
 use super::watch::Watched;
 use super::{Options, TopError, plain, screen};
 use crate::access::client::AccessError;
+use crate::out;
 
 /// Between two looks at the lines.
 const LINES: Duration = Duration::from_millis(200);
@@ -26,13 +26,10 @@ pub(super) fn plain(options: &Options) -> Result<(), TopError> {
     let mut data = Data::new(source.look(&watch)?);
     let mut looks = 0;
     loop {
-        let mut out = io::stdout().lock();
-        out.write_all(plain::text(&data).as_bytes())?;
-        out.write_all(b"\n")?;
-        out.flush()?;
-        drop(out);
+        say!("{}", plain::text(&data));
+        out::flush();
         looks += 1;
-        if options.count.is_some_and(|count| looks >= count) {
+        if out::is_over() || options.count.is_some_and(|count| looks >= count) {
             return Ok(());
         }
         std::thread::sleep(options.every);

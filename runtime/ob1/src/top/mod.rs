@@ -49,10 +49,8 @@ pub fn top(options: &Options) -> Exit {
     let done = if plain { live::plain(options) } else { live::screen(options) };
     match done {
         Ok(()) => Exit::Ok,
-        // `| head` has seen enough.
-        Err(TopError::Terminal(error)) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Ok,
         Err(error) => {
-            eprintln!("ob1: {error}");
+            err!("ob1: {error}");
             match error {
                 TopError::Access(AccessError::NotRunning { .. }) => Exit::Running,
                 TopError::Access(_) => Exit::Refused,

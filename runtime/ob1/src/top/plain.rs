@@ -93,7 +93,7 @@ pub(super) fn values(data: &Data) -> Vec<String> {
 
 /// An entry of the diagnostic buffer.
 pub(super) fn diagnostic(entry: &crate::access::protocol::Diagnostic) -> String {
-    format!("{:>6} {:>14.6} s  {}", entry.number, entry.time_ns as f64 / 1e9, entry.text)
+    format!("{:>6} {:>14.6} s  {}", entry.number, entry.time_ns as f64 / 1e9, entry.told())
 }
 
 /// The whole look.
@@ -133,7 +133,7 @@ mod tests {
             "MW10                     WORD     16#0102",
             "DB99.DBW0                there is no DB 99",
             "4302h: RUN",
-            "0.010 s     0003h The parameters were accepted",
+            "0.010 s  0003h The parameters were accepted",
             "unexplained (host suspected): 50.0 %",
         ] {
             assert!(text.contains(part), "{part}\n{text}");

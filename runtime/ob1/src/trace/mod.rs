@@ -6,13 +6,14 @@ mod recording;
 mod source;
 
 use std::fs::File;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use ob1_protocols::trace::record::Record;
 
 use crate::exit::Exit;
+use crate::out;
 
 pub use pcapng::Pcapng;
 pub use print::Printer;
@@ -67,10 +68,8 @@ pub enum TraceError {
 pub fn trace(options: &Options) -> Exit {
     match run(options) {
         Ok(()) => Exit::Ok,
-        // `| head` has seen enough.
-        Err(TraceError::Io(error)) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Ok,
         Err(error) => {
-            eprintln!("ob1: {error}");
+            err!("ob1: {error}");
             match error {
                 TraceError::Nobody(_) => Exit::Running,
                 TraceError::Recording(_) => Exit::Rejected,
@@ -102,6 +101,11 @@ impl Sinks {
         })
     }
 
+    /// Nobody gets anything of this trace.
+    fn is_over(&self) -> bool {
+        out::is_over() && self.recorder.is_none() && self.pcapng.is_none()
+    }
+
     fn take(&mut self, cp: u8, record: &Record<'_>) -> io::Result<()> {
         if let Some(recorder) = &mut self.recorder {
             recorder.write(cp, record)?;
@@ -110,17 +114,16 @@ impl Sinks {
             pcapng.take(cp, record)?;
         }
         self.printer.take(cp, record);
-        self.show()
+        self.show();
+        Ok(())
     }
 
-    fn show(&mut self) -> io::Result<()> {
+    fn show(&mut self) {
         let text = self.printer.text();
-        if self.quiet || text.is_empty() {
-            return Ok(());
+        if !self.quiet && !text.is_empty() {
+            says!("{text}");
+            out::flush();
         }
-        let mut out = io::stdout().lock();
-        out.write_all(text.as_bytes())?;
-        out.flush()
     }
 
     fn finish(&mut self) -> io::Result<()> {
@@ -128,7 +131,8 @@ impl Sinks {
             pcapng.finish()?;
         }
         self.printer.finish();
-        self.show()
+        self.show();
+        Ok(())
     }
 }
 
@@ -140,6 +144,9 @@ fn run(options: &Options) -> Result<(), TraceError> {
             for entry in read(&bytes)? {
                 let (cp, record) = entry?;
                 sinks.take(cp, &record)?;
+                if sinks.is_over() {
+                    return Ok(());
+                }
             }
         }
         (None, Some(station)) => source::live(station, options, &mut sinks)?,
@@ -149,7 +156,7 @@ fn run(options: &Options) -> Result<(), TraceError> {
     if let Some(pcapng) = &sinks.pcapng
         && pcapng.frames() == 0
     {
-        eprintln!("ob1: no frame of Modbus RTU: nothing in this trace that Wireshark has a dissector for");
+        err!("ob1: no frame of Modbus RTU: nothing in this trace that Wireshark has a dissector for");
     }
     Ok(())
 }

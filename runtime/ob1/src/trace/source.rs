@@ -90,7 +90,7 @@ impl Taps {
 pub(super) fn live(station: &str, options: &Options, sinks: &mut Sinks) -> Result<(), TraceError> {
     let end = options.time.map(|time| Instant::now() + time);
     let mut taps = Taps::open(station, options.cp.as_deref())?;
-    while !taps.is_over() {
+    while !taps.is_over() && !sinks.is_over() {
         let left = end.map_or(QUIET, |end| end.saturating_duration_since(Instant::now()));
         if left.is_zero() {
             return Ok(());
@@ -100,7 +100,8 @@ pub(super) fn live(station: &str, options: &Options, sinks: &mut Sinks) -> Resul
             News::Record(cp, record) => sinks.take(cp, &record),
             News::Silence(..) => {
                 sinks.printer.hear(&news);
-                sinks.show()
+                sinks.show();
+                Ok(())
             }
         })?;
     }

@@ -254,9 +254,10 @@ fn diagnostics(out: &mut String, r: &Report) {
         return;
     }
     *out += "<h2>Diagnostic buffer, newest first</h2>\n";
-    let rows = r.diagnostics.iter().map(|entry| {
-        vec![entry.number.to_string(), format!("{:.6} s", entry.time_ns as f64 / 1e9), entry.text.clone()]
-    });
+    let rows = r
+        .diagnostics
+        .iter()
+        .map(|entry| vec![entry.number.to_string(), format!("{:.6} s", entry.time_ns as f64 / 1e9), entry.told()]);
     table(out, &["number", "at", "entry"], rows);
 }
 

@@ -1,0 +1,189 @@
+//! What an event means for the operating state, and what helps against it.
+
+use crate::{Event, FaultKind};
+
+/// How an entry of the diagnostic buffer changes the operating state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StateChange {
+    /// To STARTUP.
+    Startup,
+    /// To RUN.
+    Run,
+    /// To STOP, because somebody wanted it.
+    Stop,
+    /// To STOP, because of a fault.
+    Fault,
+}
+
+impl Event {
+    /// How the operating state changes with this event, if it does: the one table of what counts as a fault.
+    #[must_use]
+    pub const fn state_change(self) -> Option<StateChange> {
+        Some(match self {
+            Event::STARTUP => StateChange::Startup,
+            Event::RUN => StateChange::Run,
+            Event::STOP_OPERATOR | Event::MEMORY_RESET => StateChange::Stop,
+            Event::STOP_PROGRAM
+            | Event::STOP_PROGRAMMING_ERROR
+            | Event::STOP_ACCESS_ERROR
+            | Event::STOP_TIME_ERROR
+            | Event::STOP_DIAGNOSIS
+            | Event::STOP_SEQUENCE_ERROR
+            | Event::PLUGIN_PANIC
+            | Event::PLUGIN_STOP => StateChange::Fault,
+            _ => return None,
+        })
+    }
+
+    /// What helps; empty where nothing has to be done.
+    #[must_use]
+    pub fn remedy(self) -> &'static str {
+        if let Some(kind) = FaultKind::from_number(self.0) {
+            return kind.remedy();
+        }
+        match self {
+            Event::STOP_PROGRAM => "The program calls SFC 46 (STP): look at the condition in front of the call.",
+            Event::STOP_PROGRAMMING_ERROR => {
+                "Mend the statement the entry before names, or load OB 121 to go on in spite of such errors."
+            }
+            Event::STOP_ACCESS_ERROR => {
+                "Check the module behind the address the entry before names, or load OB 122 to go on without it."
+            }
+            Event::STOP_TIME_ERROR => {
+                "Shorten the cycle or raise `watchdog` in [cpu]; with OB 80 the first excess of a cycle is borne."
+            }
+            Event::STOP_DIAGNOSIS => {
+                "Mend what the module reports (`ob1 diag`), load OB 82, or set `diagnostics = false` for the module."
+            }
+            Event::STOP_SEQUENCE_ERROR => "Load the OB the entry before names, or OB 85 to go on without it.",
+            Event::CYCLE_TIME_EXCEEDED => {
+                "Look where the time goes (`ob1 ctl recorder`), shorten the program, or raise `watchdog` in [cpu]."
+            }
+            Event::OB_STILL_RUNS => "Give the OB a longer period, or make it shorter.",
+            Event::OB_QUEUE_OVERFLOW => "Its requests come faster than it runs: make it shorter, or ask more seldom.",
+            Event::OB_NOT_LOADED => "Load the OB, or take away what asks for it.",
+            Event::INPUT_IMAGE_ERROR | Event::OUTPUT_IMAGE_ERROR => {
+                "Check the module that feeds this byte; for a CP, its driver and its line (`ob1 diag`)."
+            }
+            Event::PLUGIN_PANIC => {
+                "An error in the plugin: tell its author the text of this entry; a warm restart goes on."
+            }
+            Event::PLUGIN_STOP => "The plugin's block says why in the text of this entry.",
+            Event::DRIVER_LOST => {
+                "It is started again by itself. If this repeats: see the log of the driver, and its device."
+            }
+            Event::SEGMENT_GARBAGE => {
+                "The driver does not fit this runtime, or is damaged: install `ob1` and `ob1-cp` together."
+            }
+            Event::CP_ERROR => "The CP names it: check its parameters, its cable and its partner (`ob1 trace`).",
+            Event::DRIVER_HELD_UP => {
+                "The machine is too busy: give the drivers cores of their own (`affinity`), or take load away."
+            }
+            // A change somebody wanted, the end of a fault, a program's own entry.
+            _ => "",
+        }
+    }
+}
+
+impl FaultKind {
+    /// What the number of such a fault counts: `DB 77`, `byte 260`; empty: nothing.
+    #[must_use]
+    pub const fn counts(self) -> &'static str {
+        match self {
+            FaultKind::BcdConversion | FaultKind::NestingDepth => "",
+            FaultKind::AreaLengthRead
+            | FaultKind::AreaLengthWrite
+            | FaultKind::AlignmentRead
+            | FaultKind::AlignmentWrite => "byte",
+            FaultKind::AreaRead | FaultKind::AreaWrite => "area code",
+            FaultKind::PeripheralRead | FaultKind::PeripheralWrite => "peripheral byte",
+            FaultKind::TimerNumber => "T",
+            FaultKind::CounterNumber => "C",
+            FaultKind::WriteProtectedDb
+            | FaultKind::WriteProtectedDi
+            | FaultKind::DbNumber
+            | FaultKind::DiNumber
+            | FaultKind::DbNotLoaded => "DB",
+            FaultKind::FcNumber | FaultKind::FcNotLoaded => "FC",
+            FaultKind::FbNumber | FaultKind::FbNotLoaded => "FB",
+            FaultKind::SfcNotLoaded => "SFC",
+            FaultKind::SfbNotLoaded => "SFB",
+        }
+    }
+
+    /// What helps.
+    #[must_use]
+    pub const fn remedy(self) -> &'static str {
+        match self {
+            FaultKind::BcdConversion => "Check the value before BTI, BTD or ITB: each digit must be 0 to 9.",
+            FaultKind::AreaLengthRead | FaultKind::AreaLengthWrite => {
+                "The address lies behind the end of its area: check the pointer, the length of the DB, or [cpu] in the station file."
+            }
+            FaultKind::AreaRead | FaultKind::AreaWrite => {
+                "The pointer has an area code that does not exist, or one that is not allowed here: check how it is built."
+            }
+            FaultKind::TimerNumber => "Use a timer the CPU has, or raise `timers` in [cpu].",
+            FaultKind::CounterNumber => "Use a counter the CPU has, or raise `counters` in [cpu].",
+            FaultKind::AlignmentRead | FaultKind::AlignmentWrite => {
+                "Bits 0 to 2 of the pointer must be 0 for bytes, words and double words."
+            }
+            FaultKind::WriteProtectedDb | FaultKind::WriteProtectedDi => {
+                "The data block is READ_ONLY: write to another, or take the attribute away."
+            }
+            FaultKind::DbNumber | FaultKind::DiNumber => {
+                "A data block has a number from 1 to 65535: check the word it comes from."
+            }
+            FaultKind::FcNumber | FaultKind::FbNumber => "Check the word the number of the block comes from.",
+            FaultKind::DbNotLoaded => "Load the data block, or make it with SFC 22 before it is used.",
+            FaultKind::FcNotLoaded | FaultKind::FbNotLoaded => {
+                "Load the block: name its source, its library or its plugin in the station file."
+            }
+            FaultKind::SfcNotLoaded | FaultKind::SfbNotLoaded => {
+                "This system block does not exist here: docs/standard-blocks.md lists those there are."
+            }
+            FaultKind::PeripheralRead | FaultKind::PeripheralWrite => {
+                "No module has this address, or it does not answer: check [[module]] in the station file, and the module's driver."
+            }
+            FaultKind::NestingDepth => {
+                "Blocks call one another too deeply, or need too much local data: raise `nesting_depth` or `local_bytes` in [cpu], or look for a block that calls itself."
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Those that tell something good, or what somebody wanted.
+    const NOTHING_TO_DO: [Event; 7] = [
+        Event::STARTUP,
+        Event::RUN,
+        Event::STOP_OPERATOR,
+        Event::MEMORY_RESET,
+        Event::PLUGIN_ENTRY,
+        Event::DRIVER_UP,
+        Event::CP_ERROR_GONE,
+    ];
+
+    #[test]
+    fn every_event_has_a_text_and_a_remedy() {
+        let faults = FaultKind::ALL.map(Event::from);
+        for event in faults.into_iter().chain(Event::ALL) {
+            assert_ne!(event.text(), "event", "{event:?}");
+            assert_eq!(event.remedy().is_empty(), NOTHING_TO_DO.contains(&event), "{:04X}h {}", event.0, event.text());
+        }
+    }
+
+    #[test]
+    fn what_says_stop_is_a_stop() {
+        for event in Event::ALL {
+            let change = event.state_change();
+            let stops = matches!(change, Some(StateChange::Stop | StateChange::Fault));
+            let says = event.text().starts_with("STOP") || event == Event::MEMORY_RESET;
+            assert_eq!(stops, says, "{:04X}h {}", event.0, event.text());
+        }
+        assert_eq!(Event::STOP_DIAGNOSIS.state_change(), Some(StateChange::Fault));
+        assert_eq!(Event::STOP_SEQUENCE_ERROR.state_change(), Some(StateChange::Fault));
+    }
+}

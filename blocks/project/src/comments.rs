@@ -1,0 +1,186 @@
+//! Titles, comments and labels of a block.
+
+use crate::text::CodePage;
+
+/// Titles, comments and labels of a block.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Comments {
+    /// TITLE of the block.
+    pub title: String,
+    /// The comment of the block; lines end with LF.
+    pub comment: String,
+    /// One entry a network.
+    pub networks: Vec<Network>,
+    /// Names of jump targets: entry k belongs to entry k of the segment table's list of jumps.
+    pub labels: Vec<String>,
+    /// True when the stream of comments could not be walked to its end.
+    pub damaged: bool,
+}
+
+/// Title and comments of a network.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Network {
+    /// TITLE.
+    pub title: String,
+    /// The network's comment.
+    pub comment: String,
+    /// Comments of lines: the number of statements of the network they stand behind or at, and the text.
+    pub lines: Vec<Line>,
+}
+
+/// The comment of a line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Line {
+    /// Statements of the network up to here, the commented one included.
+    pub statement: u32,
+    /// True when it stands behind a statement, false for a line of its own.
+    pub behind: bool,
+    /// The text.
+    pub text: String,
+}
+
+impl Comments {
+    /// Reads the three memos of a comment part. What cannot be read is left out.
+    #[must_use]
+    pub fn read(heading: &[u8], stream: &[u8], info: &[u8], page: CodePage) -> Self {
+        let mut comments = Comments::default();
+        if let [_, low, high, rest @ ..] = heading {
+            let offset = usize::from(u16::from_le_bytes([*low, *high]));
+            comments.title = page.text(upto_nul(rest));
+            comments.comment = page.text(upto_nul(heading.get(offset..).unwrap_or_default()));
+        }
+        let mut rest = stream;
+        while !rest.is_empty() {
+            match comments.record(rest, page) {
+                Some(length) => rest = &rest[length..],
+                None => {
+                    comments.damaged = true;
+                    break;
+                }
+            }
+        }
+        comments.labels = labels(info, page);
+        comments
+    }
+
+    /// The three memos: heading, stream and labels. What is longer than its field is cut.
+    pub(crate) fn write(&self, page: CodePage) -> (Vec<u8>, Vec<u8>, Vec<u8>) {
+        let title = nul(page.bytes(&self.title));
+        let mut heading = vec![3];
+        heading.extend(word(3 + title.len()));
+        heading.extend(title);
+        heading.extend(nul(page.bytes(&self.comment)));
+        let (mut stream, mut info) = (Vec::new(), word(self.networks.len()).to_vec());
+        for network in &self.networks {
+            let before = stream.len();
+            let (title, comment) = (nul(page.bytes(&network.title)), nul(page.bytes(&network.comment)));
+            stream.push(6);
+            stream.extend(word(6 + title.len()));
+            stream.extend(word(6 + title.len() + comment.len()));
+            stream.push(6);
+            stream.extend(title.into_iter().chain(comment));
+            let mut at = 0;
+            for line in &network.lines {
+                let mut text = page.bytes(&line.text);
+                text.truncate(255);
+                stream.extend([text.len() as u8, 0]);
+                stream.extend(word(line.statement.saturating_sub(at) as usize));
+                stream.extend([if line.behind { 0x80 } else { 0 }, COLUMN]);
+                stream.extend(text);
+                at = line.statement;
+            }
+            info.extend(word(stream.len() - before));
+        }
+        info.extend(word(self.labels.len()));
+        for label in &self.labels {
+            let mut name = page.bytes(label);
+            name.resize(4, 0);
+            info.extend(name);
+            info.push(0);
+        }
+        (heading, stream, info)
+    }
+
+    /// Takes one record of the stream; its length, or `None` when it is none.
+    fn record(&mut self, rest: &[u8], page: CodePage) -> Option<usize> {
+        let word = |at: usize| Some(usize::from(u16::from_le_bytes(rest.get(at..at + 2)?.try_into().ok()?)));
+        if rest.len() >= 6 && rest[0] == 6 && rest[5] == 6 {
+            let (comment, length) = (word(1)?, word(3)?);
+            let record = rest.get(..length).filter(|_| length >= 6)?;
+            let title = page.text(upto_nul(record.get(6..)?));
+            let comment = page.text(upto_nul(record.get(comment..).unwrap_or_default()));
+            self.networks.push(Network { title, comment, lines: Vec::new() });
+            return Some(length);
+        }
+        let length = usize::from(*rest.first()?);
+        let statements = word(2)? as u32;
+        let flags = *rest.get(4)?;
+        let text = rest.get(6..6 + length)?;
+        if self.networks.is_empty() {
+            self.networks.push(Network::default());
+        }
+        let network = self.networks.last_mut()?;
+        let before = network.lines.last().map_or(0, |line| line.statement);
+        network.lines.push(Line {
+            statement: before.saturating_add(statements),
+            behind: flags & 0x80 != 0,
+            text: page.text(upto_nul(text)),
+        });
+        Some(6 + length)
+    }
+}
+
+/// The column comments stand in where STEP 7 prints a block.
+const COLUMN: u8 = 28;
+
+fn word(value: usize) -> [u8; 2] {
+    u16::try_from(value).unwrap_or(u16::MAX).to_le_bytes()
+}
+
+fn nul(mut bytes: Vec<u8>) -> Vec<u8> {
+    bytes.push(0);
+    bytes
+}
+
+fn upto_nul(bytes: &[u8]) -> &[u8] {
+    let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
+    &bytes[..end]
+}
+
+fn labels(info: &[u8], page: CodePage) -> Vec<String> {
+    let word = |at: usize| {
+        let bytes = info.get(at..at + 2).and_then(|b| b.try_into().ok());
+        bytes.map_or(0, |b| usize::from(u16::from_le_bytes(b)))
+    };
+    let start = 2 + 2 * word(0);
+    let count = word(start);
+    let list = info.get(start + 2..).unwrap_or_default();
+    list.chunks_exact(5).take(count).map(|label| page.text(upto_nul(&label[..4]))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heads_lines_and_labels() {
+        let mut stream = vec![6, 9, 0, 12, 0, 6];
+        stream.extend(b"T1\0hi\0");
+        stream.extend([3, 0, 2, 0, 0x80, 28]);
+        stream.extend(b"abc");
+        stream.extend([0, 0, 1, 0, 0, 0]);
+        let mut info = vec![1, 0];
+        info.extend((stream.len() as u16).to_le_bytes());
+        info.extend([2, 0]);
+        info.extend(b"M001\0go\0\0\0");
+        let comments = Comments::read(b"\x03\x06\0Go\0Why\nnot\0", &stream, &info, CodePage::default());
+        assert_eq!((comments.title.as_str(), comments.comment.as_str()), ("Go", "Why\nnot"));
+        assert_eq!(comments.labels, ["M001", "go"]);
+        let network = &comments.networks[0];
+        assert_eq!((network.title.as_str(), network.comment.as_str()), ("T1", "hi"));
+        let lines: Vec<_> = network.lines.iter().map(|l| (l.statement, l.behind, l.text.as_str())).collect();
+        assert_eq!(lines, [(2, true, "abc"), (3, false, "")]);
+        assert!(!comments.damaged);
+        assert!(Comments::read(b"\x03", &stream[..20], &[255, 255], CodePage::default()).damaged);
+    }
+}

@@ -1,0 +1,35 @@
+//! Reads STEP 7 projects (`.s7p`), libraries (`.s7l`) and archives of them: programs, blocks, symbols, hardware.
+//!
+//! The files come through [`FileSource`]: this crate never touches the disk, and nobody vouches for what it reads.
+//! Every length is held against the file before anything is taken by it; what is damaged is left out and told.
+
+mod archive;
+mod comments;
+mod cpu_parameters;
+mod dbf;
+mod folder;
+mod hardware;
+mod links;
+mod note;
+mod project;
+mod sources;
+mod symbols;
+mod text;
+mod time;
+mod tree;
+mod write;
+
+pub use archive::Archive;
+pub use comments::{Comments, Line, Network};
+pub use cpu_parameters::{CpuParameters, Cyclic};
+pub use dbf::{Damage, Memos, Row, Table};
+pub use folder::{Block, Folder, Head, Language, Udt, Use};
+pub use hardware::{Area, Cpu, Hardware, Module};
+pub use note::{Note, Notes, Weight};
+pub use project::{BlockFolder, Choice, Program, Project};
+pub use sources::SourceText;
+pub use symbols::SymbolRow;
+pub use text::CodePage;
+pub use time::Stamp;
+pub use tree::{FileSource, Files, Root, Tree};
+pub use write::NewProject;

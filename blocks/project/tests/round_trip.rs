@@ -1,0 +1,169 @@
+//! What is written is read back; what is damaged is told and does no harm.
+
+use ob1_model::{BlockId, BlockKind};
+use ob1_project::{
+    Area, Block, CodePage, Comments, Cpu, CpuParameters, Cyclic, Files, Folder, Head, Line, Module, Network,
+    NewProject, Project, SymbolRow, Tree, Udt,
+};
+use proptest::prelude::*;
+
+fn example() -> NewProject {
+    let block = |kind, number, declarations: &str| Block {
+        id: BlockId::new(kind, number),
+        declarations: Some(declarations.to_owned()),
+        code: vec![0x65, 0x00],
+        interface: vec![1, 0, 0, 0, 0, 0, 0, 0],
+        segments: vec![1, 0, 0, 0, 0, 0],
+        ..Block::default()
+    };
+    let comments = Comments {
+        title: "Насос".into(),
+        comment: "two\nlines".into(),
+        networks: vec![Network {
+            title: "N".into(),
+            comment: String::new(),
+            lines: vec![Line { statement: 3, behind: true, text: "пуск".into() }],
+        }],
+        labels: vec!["M001".into(), "go".into()],
+        damaged: false,
+    };
+    let head = Head { author: "me".into(), family: "pumps".into(), name: "pump".into(), version: 0x11 };
+    NewProject {
+        name: "plant".into(),
+        page: CodePage::of_number(1251).expect("1251"),
+        program: "S7 Program(1)".into(),
+        blocks: vec![
+            block(BlockKind::Ob, 1, "\r\nVAR_TEMP\r\n  x : ARRAY  [0 .. 19 ] OF BYTE ;\r\nEND_VAR\r\n"),
+            Block { comments, head, know_how: true, local_bytes: 6, ..block(BlockKind::Fb, 7, "") },
+            Block { code: vec![1, 2], ..block(BlockKind::Db, 300, "\r\nSTRUCT\r\n  a : INT ;\r\nEND_STRUCT ;\r\n") },
+        ],
+        udts: vec![(
+            5,
+            Udt { declarations: "\r\nSTRUCT\r\n  b : BOOL ;\r\nEND_STRUCT ;\r\n".into(), head: Head::default() },
+        )],
+        symbols: vec![SymbolRow {
+            name: "Насос вкл".into(),
+            german: "E 1.0".into(),
+            international: "I 1.0".into(),
+            ty: "BOOL".into(),
+            comment: String::new(),
+        }],
+        cpu: Some(Cpu {
+            name: "CPU 315-2 DP".into(),
+            station: "Plant".into(),
+            program: Some(1),
+            parameters: CpuParameters {
+                monitoring_ms: Some(200),
+                clock_memory: Some(99),
+                cyclic: (30..39).map(|ob| Cyclic { ob, period_ms: u16::from(ob) * 10, phase_ms: 1 }).collect(),
+                other: Vec::new(),
+            },
+        }),
+        modules: vec![Module {
+            name: "DI16xDC24V".into(),
+            order: "6ES7 321-1BH02-0AA0".into(),
+            station: "Plant".into(),
+            place: (0, 4, 0),
+            inputs: vec![Area { first: 0, bytes: 2 }, Area { first: 300, bytes: 1 }],
+            outputs: Vec::new(),
+        }],
+    }
+}
+
+/// Reads everything there is, as the command does.
+fn read_all(files: &Files) -> Option<(Project, Vec<Folder>)> {
+    let tree = Tree::new(files);
+    let project = Project::read(&tree, tree.roots().first()?);
+    let mut folders = Vec::new();
+    for choice in project.choices() {
+        folders.extend(project.blocks(&tree, choice));
+        let _ =
+            (project.symbols(&tree, choice, &mut Vec::new()), project.sources(&tree, choice), project.title(choice));
+    }
+    Some((project, folders))
+}
+
+#[test]
+fn what_is_written_is_read() {
+    let example = example();
+    let files = example.files();
+    let (project, folders) = read_all(&files).expect("a project");
+    assert_eq!((project.name.as_str(), project.notes.as_slice()), ("plant", &[][..]));
+    assert_eq!(project.default_choice(), project.named("CPU 315-2 dp"));
+    assert_eq!(project.title(project.choices()[0]), "Plant/CPU 315-2 DP/S7 Program(1)");
+    assert_eq!(project.named("00000001"), project.choices());
+    assert_eq!(project.named("nobody"), []);
+    assert_eq!(project.hardware.cpus, example.cpu.into_iter().collect::<Vec<_>>());
+    assert_eq!(project.hardware.modules, example.modules);
+    let tree = Tree::new(&files);
+    assert_eq!(project.symbols(&tree, project.choices()[0], &mut Vec::new()), example.symbols);
+    let folder = &folders[0];
+    assert_eq!(folder.notes, []);
+    assert_eq!(folder.blocks.len(), 3);
+    for block in &example.blocks {
+        let read = &folder.blocks[&block.id];
+        assert_eq!(read.declarations, block.declarations);
+        assert_eq!((&read.code, &read.interface, &read.segments), (&block.code, &block.interface, &block.segments));
+        assert_eq!((&read.comments, &read.head), (&block.comments, &block.head));
+        assert_eq!(
+            (read.know_how, read.local_bytes, read.language),
+            (block.know_how, block.local_bytes, block.language)
+        );
+    }
+    assert_eq!(folder.udts[&5], example.udts[0].1);
+}
+
+#[test]
+fn files_that_are_missing_are_told() {
+    let whole = example().files();
+    for (missing, told) in [
+        ("ombstx/offline/00000001/SUBBLK.DBT", "memo file"),
+        ("hrs/linkhrs.lnk", "linkhrs.lnk"),
+        ("hrs/S7RESOFF.DBF", "S7RESOFF.DBF"),
+        ("Global/Language", "1252"),
+        ("ombstx/offline/BSTCNTOF.DBF", "BSTCNTOF.DBF"),
+        ("hOmSave7/s7hk32ax/HATTRME1.DBT", "addresses are lost"),
+    ] {
+        let mut files = whole.clone();
+        files.0.remove(missing).expect(missing);
+        let (project, folders) = read_all(&files).expect("a project");
+        let mut notes: Vec<String> = project.notes.iter().map(ToString::to_string).collect();
+        notes.extend(folders.iter().flat_map(|f| &f.notes).map(ToString::to_string));
+        assert!(notes.iter().any(|note| note.contains(told)), "{missing}: {notes:?}");
+        // The blocks are found all the same, those whose content is lost by name.
+        let found: usize = folders.iter().map(|f| f.blocks.len() + f.damaged.len()).sum();
+        assert!(found >= 3, "{missing}: {found}");
+    }
+}
+
+#[test]
+fn a_memo_file_that_is_cut_off_costs_its_blocks_alone() {
+    let mut files = example().files();
+    let memo = files.0.get_mut("ombstx/offline/00000001/SUBBLK.DBT").expect("a memo file");
+    memo.truncate(1024);
+    let (_, folders) = read_all(&files).expect("a project");
+    assert!(!folders[0].damaged.is_empty(), "{:?}", folders[0]);
+    assert!(folders[0].damaged.values().all(|why| why.contains(".DBT")), "{:?}", folders[0].damaged);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// Bytes are changed, files cut off and removed anywhere: nothing panics, nothing takes more than there is.
+    #[test]
+    fn damage_does_no_harm(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>(), 0u8..4, any::<u8>()), 1..12)) {
+        let mut files = example().files();
+        for (file, at, what, byte) in changes {
+            let names: Vec<String> = files.0.keys().cloned().collect();
+            let name = file.get(&names).clone();
+            let Some(bytes) = files.0.get_mut(&name).filter(|bytes| !bytes.is_empty()) else { continue };
+            let place = at.index(bytes.len());
+            match what {
+                0 => bytes.truncate(place),
+                1 => drop(files.0.remove(&name)),
+                _ => bytes[place] = byte,
+            }
+        }
+        let _ = read_all(&files);
+    }
+}

@@ -1,0 +1,140 @@
+//! SFC 55 WR_PARM, SFC 56 WR_DPARM, SFC 57 PARM_MOD: parameter records of modules; SFC 11 DPSYC_FR and SFC 12 D_ACT_DP,
+//! which need a DP master system. ["Transferring Data Records", "Distributed I/Os"]
+
+use super::modules::{NO_JOB, NO_MODULE, is_io, send_record};
+use crate::Done;
+use crate::call::Call;
+use crate::declare::{Params, params};
+use crate::table::Row;
+
+params!(WrParm {
+    Input { REQ: BOOL, IOID: BYTE, LADDR: WORD, RECNUM: BYTE, RECORD: ANY }
+    Return { RET_VAL: INT }
+    Output { BUSY: BOOL }
+});
+params!(WrDparm {
+    Input { REQ: BOOL, IOID: BYTE, LADDR: WORD, RECNUM: BYTE }
+    Return { RET_VAL: INT }
+    Output { BUSY: BOOL }
+});
+params!(ParmMod { Input { REQ: BOOL, IOID: BYTE, LADDR: WORD } Return { RET_VAL: INT } Output { BUSY: BOOL } });
+params!(DpSycFr { Input { REQ: BOOL, LADDR: WORD, GROUP: BYTE, MODE: BYTE } Return { RET_VAL: INT } Output { BUSY: BOOL } });
+params!(DActDp { Input { REQ: BOOL, MODE: BYTE, LADDR: WORD } Return { RET_VAL: INT } Output { BUSY: BOOL } });
+
+pub(super) const ROWS: &[Row] = &[
+    Row::sfc::<DpSycFr>(11, "DPSYC_FR", dpsyc_fr).note("always 8090h: there is no DP master"),
+    Row::sfc::<DActDp>(12, "D_ACT_DP", d_act_dp).note("always 8090h: there are no DP slaves"),
+    Row::sfc::<WrParm>(55, "WR_PARM", wr_parm).note("answers in the same call"),
+    Row::sfc::<WrDparm>(56, "WR_DPARM", wr_dparm).note("80D1h: a station file configures no records by number"),
+    Row::sfc::<ParmMod>(57, "PARM_MOD", parm_mod).note("80D2h: a module has its parameters from the station file"),
+];
+
+/// The record is not in the configuration.
+const NOT_CONFIGURED: u16 = 0x80D1;
+/// The module cannot be given parameters.
+const NO_PARAMETERS: u16 = 0x80D2;
+
+/// Ends a block that answers at once: BUSY is 0; without REQ there is no job.
+fn at_once(call: &mut Call<'_>, req: impl Params, busy: impl Params, ret_val: impl Params, code: u16) -> Done {
+    let asked = call.bool(req);
+    call.set_bool(busy, false);
+    call.end(ret_val, if asked { code } else { NO_JOB })
+}
+
+fn dpsyc_fr(call: &mut Call<'_>) -> Done {
+    at_once(call, DpSycFr::REQ, DpSycFr::BUSY, DpSycFr::RET_VAL, NO_MODULE)
+}
+
+fn d_act_dp(call: &mut Call<'_>) -> Done {
+    at_once(call, DActDp::REQ, DActDp::BUSY, DActDp::RET_VAL, NO_MODULE)
+}
+
+fn wr_parm(call: &mut Call<'_>) -> Done {
+    let code = if call.bool(WrParm::REQ) {
+        let to = (call.byte(WrParm::IOID), call.word(WrParm::LADDR), call.byte(WrParm::RECNUM));
+        send_record(call, to, WrParm::RECORD).err().unwrap_or(0)
+    } else {
+        NO_JOB
+    };
+    call.set_bool(WrParm::BUSY, false);
+    call.end(WrParm::RET_VAL, code)
+}
+
+/// NO_MODULE for an address that is none, else what a module that is there answers.
+fn configured(call: &mut Call<'_>, area: impl Params, address: impl Params, there: u16) -> u16 {
+    let address = u32::from(call.word(address));
+    if is_io(call.byte(area)) && call.cx.module(address).is_ok() { there } else { NO_MODULE }
+}
+
+fn wr_dparm(call: &mut Call<'_>) -> Done {
+    let code = configured(call, WrDparm::IOID, WrDparm::LADDR, NOT_CONFIGURED);
+    at_once(call, WrDparm::REQ, WrDparm::BUSY, WrDparm::RET_VAL, code)
+}
+
+fn parm_mod(call: &mut Call<'_>) -> Done {
+    let code = configured(call, ParmMod::IOID, ParmMod::LADDR, NO_PARAMETERS);
+    at_once(call, ParmMod::REQ, ParmMod::BUSY, ParmMod::RET_VAL, code)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::ModuleSize;
+    use crate::testing::{Fake, any};
+
+    fn fake(key: &str, req: u8, address: u16) -> Fake {
+        let mut fake = Fake::new(key).with("REQ", [req]).with("LADDR", address.to_be_bytes());
+        fake.modules.insert(256, ModuleSize { inputs: 4, outputs: 2 });
+        fake.records.insert((256, 2), vec![]);
+        fake.memory(10, &[5, 6]);
+        fake.with("RET_VAL", [9; 2]).with("BUSY", [1])
+    }
+
+    #[test]
+    fn a_record_of_the_program_reaches_the_module() {
+        for (req, area, address, number, code) in [
+            (1, 0x54, 256, 2, 0),
+            (0, 0x54, 256, 2, 0x7000),
+            (1, 0x53, 256, 2, 0x8090),
+            (1, 0x54, 300, 2, 0x8090),
+            (1, 0x54, 256, 1, 0x80B0),
+            (1, 0x54, 256, 3, 0x80B0),
+        ] {
+            let mut fake = fake("SYSTEM:SFC55", req, address).with("IOID", [area]).with("RECNUM", [number]);
+            fake = fake.with("RECORD", any(2, 2, 10));
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.value("BUSY")), (code, 0), "{area:X} {address} {number}");
+            assert_eq!(fake.records[&(256, 2)] == [5, 6], code == 0);
+        }
+    }
+
+    #[test]
+    fn what_is_not_configured() {
+        for (key, req, area, address, code) in [
+            ("SYSTEM:SFC56", 1, 0x54, 256, 0x80D1),
+            ("SYSTEM:SFC56", 1, 0x54, 257, 0x8090),
+            ("SYSTEM:SFC56", 0, 0x54, 256, 0x7000),
+            ("SYSTEM:SFC57", 1, 0x55, 256, 0x80D2),
+            ("SYSTEM:SFC57", 1, 0x50, 256, 0x8090),
+        ] {
+            let mut fake = fake(key, req, address).with("IOID", [area]);
+            if key == "SYSTEM:SFC56" {
+                fake = fake.with("RECNUM", [2]);
+            }
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.value("BUSY"), fake.br), (code, 0, code < 0x8000), "{key}");
+        }
+        for (key, req, code) in [
+            ("SYSTEM:SFC11", 1, 0x8090),
+            ("SYSTEM:SFC11", 0, 0x7000),
+            ("SYSTEM:SFC12", 1, 0x8090),
+            ("SYSTEM:SFC12", 0, 0x7000),
+        ] {
+            let mut fake = fake(key, req, 256).with("MODE", [0]);
+            if key == "SYSTEM:SFC11" {
+                fake = fake.with("GROUP", [0]);
+            }
+            fake.run();
+            assert_eq!((fake.value("RET_VAL"), fake.value("BUSY")), (code, 0), "{key}");
+        }
+    }
+}

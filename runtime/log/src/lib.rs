@@ -1,0 +1,193 @@
+//! Standard error for a process that must not wait for it.
+//!
+//! Whoever reads a log may be slow, stop reading, end, or be a full disk. So nobody writes to standard error but a
+//! thread of its own behind a bounded queue: [`write`] neither waits nor fails nor panics, and what could not be
+//! written is counted in [`lost`]. Before [`start`] everything is written at once, without the thread.
+
+use std::fs::File;
+use std::io::{self, IsTerminal as _, Write as _};
+use std::os::fd::AsFd as _;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::Builder;
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, poll};
+
+/// Texts that wait to be written.
+const QUEUE: usize = 1024;
+/// Of the thread, in bytes: it may be locked into memory.
+const STACK: usize = 64 * 1024;
+/// Wipes the line the cursor stands in.
+const WIPE: &[u8] = b"\r\x1b[K";
+/// Between two looks at what still waits.
+const LOOK: Duration = Duration::from_millis(1);
+
+enum Message {
+    /// Whole lines.
+    Text(Vec<u8>),
+    /// The line that stands below them, in place of the one before; empty: none.
+    Live(Vec<u8>),
+}
+
+static SENDER: OnceLock<SyncSender<Message>> = OnceLock::new();
+/// Texts that nobody got.
+static LOST: AtomicU64 = AtomicU64::new(0);
+/// Texts that are on their way.
+static WAITING: AtomicU64 = AtomicU64::new(0);
+
+/// Starts the thread that writes. A second call changes nothing.
+///
+/// # Errors
+/// No thread or no descriptor can be had; then everything is written at once, as before.
+pub fn start() -> io::Result<()> {
+    if SENDER.get().is_some() {
+        return Ok(());
+    }
+    // A descriptor of its own, so that the lock of `std::io::stderr` is not held while the reader is waited for.
+    let file = File::from(io::stderr().as_fd().try_clone_to_owned()?);
+    let (sender, messages) = sync_channel(QUEUE);
+    if SENDER.set(sender).is_ok() {
+        Builder::new().name("ob1-log".into()).stack_size(STACK).spawn(move || write_all(file, &messages))?;
+    }
+    Ok(())
+}
+
+/// Writes a text of whole lines, or counts it as lost. Never waits once [`start`] has been called.
+pub fn write(text: &[u8]) {
+    if let Some(sender) = SENDER.get() {
+        hand_over(sender, Message::Text(text.to_vec()));
+    } else if io::stderr().lock().write_all(text).is_err() {
+        LOST.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// Shows a line below the log, in place of the one before; empty: wipes it. For terminals; left out while texts wait.
+pub fn live(line: &str) {
+    if let Some(sender) = SENDER.get()
+        && (line.is_empty() || WAITING.load(Ordering::Relaxed) == 0)
+    {
+        hand_over(sender, Message::Live(line.as_bytes().to_vec()));
+    }
+}
+
+fn hand_over(sender: &SyncSender<Message>, message: Message) {
+    let counts = matches!(message, Message::Text(_));
+    WAITING.fetch_add(1, Ordering::Relaxed);
+    if sender.try_send(message).is_err() {
+        WAITING.fetch_sub(1, Ordering::Relaxed);
+        LOST.fetch_add(u64::from(counts), Ordering::Relaxed);
+    }
+}
+
+/// Texts that could not be written so far: the reader is gone or too slow, or the disk is full.
+#[must_use]
+pub fn lost() -> u64 {
+    LOST.load(Ordering::Relaxed)
+}
+
+/// Waits until everything is written, but not longer than `patience`; for the end of a process.
+pub fn flush(patience: Duration) {
+    let end = Instant::now() + patience;
+    while WAITING.load(Ordering::Relaxed) > 0 && Instant::now() < end {
+        std::thread::sleep(LOOK);
+    }
+}
+
+/// A writer of log lines, for who wants one.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Log;
+
+impl io::Write for Log {
+    fn write(&mut self, text: &[u8]) -> io::Result<usize> {
+        write(text);
+        Ok(text.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Whether somebody looks at it on a terminal.
+#[must_use]
+pub fn is_terminal() -> bool {
+    io::stderr().is_terminal()
+}
+
+/// Sends the message of a panic there too: the one of the standard library waits for the reader.
+pub fn tell_panics() {
+    std::panic::set_hook(Box::new(|panic| {
+        let thread = std::thread::current();
+        let name = thread.name().unwrap_or("a thread");
+        write(format!("ob1: internal error: {name}: {panic}\n").as_bytes());
+    }));
+}
+
+/// The thread: it alone waits for whoever reads.
+fn write_all(mut file: File, messages: &Receiver<Message>) {
+    let mut live = false;
+    for message in messages {
+        let bytes = match &message {
+            Message::Text(text) | Message::Live(text) => text,
+        };
+        let done = if std::mem::take(&mut live) { put(&mut file, WIPE) } else { Ok(()) };
+        let done = done.and_then(|()| put(&mut file, bytes));
+        match message {
+            Message::Live(line) => live = !line.is_empty(),
+            Message::Text(_) if done.is_err() => drop(LOST.fetch_add(1, Ordering::Relaxed)),
+            Message::Text(_) => {}
+        }
+        WAITING.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+fn put(file: &mut File, mut bytes: &[u8]) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match file.write(bytes) {
+            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+            Ok(count) => bytes = bytes.get(count..).unwrap_or_default(),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            // Whoever started this process has made it so.
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                poll(&mut [PollFd::new(&*file, PollFlags::OUT)], None)?;
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Read as _;
+
+    use super::*;
+
+    #[test]
+    fn what_the_disk_does_not_take_is_counted() {
+        let (sender, messages) = sync_channel(4);
+        for text in ["a\n", "b\n"] {
+            hand_over(&sender, Message::Text(text.into()));
+        }
+        drop(sender);
+        let before = lost();
+        write_all(File::options().write(true).open("/dev/full").expect("there"), &messages);
+        assert_eq!(lost() - before, 2);
+    }
+
+    #[test]
+    fn a_live_line_is_wiped_before_the_next_text() {
+        let (sender, messages) = sync_channel(4);
+        for message in [Message::Live("50 %".into()), Message::Text("a\n".into()), Message::Text("b\n".into())] {
+            hand_over(&sender, message);
+        }
+        drop(sender);
+        let (mut reader, writer) = io::pipe().expect("descriptors");
+        write_all(File::from(std::os::fd::OwnedFd::from(writer)), &messages);
+        let mut text = String::new();
+        reader.read_to_string(&mut text).expect("text");
+        assert_eq!(text, "50 %\r\x1b[Ka\nb\n");
+    }
+}

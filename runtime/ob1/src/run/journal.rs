@@ -1,0 +1,110 @@
+//! The diagnostic buffer as a run itself sees it: the scan hands each entry over, the run tells the changes of the
+//! operating state and knows at the end what led to STOP. No socket and no text lies in between.
+
+use std::collections::VecDeque;
+
+use ob1_cpu::{Cpu, DIAG_ENTRIES, DiagEntry};
+use ob1_model::StateChange;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use crate::access::protocol::Diagnostic;
+use crate::view::StationView;
+
+/// Entries under way. The run looks every few milliseconds; what does not fit stays in the CPU's buffer until then.
+const RING: usize = 4 * DIAG_ENTRIES;
+
+/// The scan's end.
+pub(super) struct Feed {
+    entries: Producer<DiagEntry>,
+    sent: u64,
+}
+
+impl Feed {
+    /// After each cycle: hands over what is new. The number of the newest entry.
+    pub(super) fn follow(&mut self, cpu: &Cpu) -> u64 {
+        let newest = cpu.diagnostic(0).map_or(0, |entry| entry.number);
+        // Older ones are gone.
+        self.sent = self.sent.max(newest.saturating_sub(DIAG_ENTRIES as u64));
+        while self.sent < newest {
+            let back = newest - self.sent - 1;
+            let Some(entry) = cpu.diagnostic(back as usize) else { break };
+            if self.entries.push(*entry).is_err() {
+                break;
+            }
+            self.sent += 1;
+        }
+        newest
+    }
+}
+
+/// The run's end.
+pub(super) struct Journal {
+    entries: Consumer<DiagEntry>,
+    /// Oldest first.
+    kept: VecDeque<DiagEntry>,
+    /// The last change of the operating state.
+    change: Option<DiagEntry>,
+}
+
+/// Both ends.
+pub(super) fn journal() -> (Feed, Journal) {
+    let (to_run, entries) = RingBuffer::new(RING);
+    (Feed { entries: to_run, sent: 0 }, Journal { entries, kept: VecDeque::with_capacity(DIAG_ENTRIES), change: None })
+}
+
+impl Journal {
+    /// Takes what has come, and tells each change of the operating state once.
+    pub(super) fn take(&mut self, view: &StationView) {
+        while let Ok(entry) = self.entries.pop() {
+            if let Some(change) = entry.event.state_change() {
+                tell(change, &entry, self.cause(&entry), view);
+                self.change = Some(entry);
+            }
+            if self.kept.len() == DIAG_ENTRIES {
+                self.kept.pop_front();
+            }
+            self.kept.push_back(entry);
+        }
+    }
+
+    /// What led to this STOP: the entry before it, unless that is a change of state itself.
+    fn cause(&self, stop: &DiagEntry) -> Option<&DiagEntry> {
+        let before = self.kept.back().filter(|entry| entry.number + 1 == stop.number);
+        before.filter(|entry| entry.event.state_change().is_none())
+    }
+
+    /// The number of the newest entry that has come.
+    pub(super) fn newest(&self) -> u64 {
+        self.kept.back().map_or(0, |entry| entry.number)
+    }
+
+    /// The fault that led to STOP, if the last change of state was one.
+    pub(super) fn fault(&self) -> Option<String> {
+        let change = self.change.filter(|entry| entry.event.state_change() == Some(StateChange::Fault));
+        change.map(|entry| entry.to_string())
+    }
+
+    /// Newest first.
+    pub(super) fn diagnostics(&self, view: &StationView) -> Vec<Diagnostic> {
+        self.kept.iter().rev().map(|entry| view.diagnostic(entry)).collect()
+    }
+}
+
+/// RUN and the like are information; STOP because of a fault is an error, with what it came from below it.
+fn tell(change: StateChange, entry: &DiagEntry, cause: Option<&DiagEntry>, view: &StationView) {
+    let text = view.places.told(entry);
+    match change {
+        StateChange::Startup => tracing::info!("STARTUP: {text}"),
+        StateChange::Run => tracing::info!("RUN: {text}"),
+        StateChange::Stop => tracing::info!("STOP: {text}"),
+        StateChange::Fault => {
+            tracing::error!("STOP: {text}");
+            if let Some(cause) = cause {
+                tracing::error!("  because of {}", view.places.told(cause));
+            }
+            let remedy = cause.map_or("", |cause| cause.event.remedy());
+            let remedy = if remedy.is_empty() { entry.event.remedy() } else { remedy };
+            tracing::error!("  = {remedy}");
+        }
+    }
+}

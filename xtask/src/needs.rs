@@ -1,0 +1,113 @@
+//! What a verb needs beyond the Rust toolchain and a C compiler: Debian packages, installed by the verb that needs them
+//! when it runs as root, else named in one command before anything is built.
+
+use std::process::Command;
+
+use crate::failure::{Outcome, step};
+use crate::shell;
+
+/// One thing that has to be on the machine.
+pub(crate) struct Need {
+    /// What it is for, as the message says it.
+    what: &'static str,
+    /// The Debian packages that bring it.
+    packages: &'static [&'static str],
+    here: fn() -> bool,
+}
+
+/// The interpreter of the partners, with the module that makes their environment.
+pub(crate) const PYTHON: Need =
+    Need { what: "Python 3.8 with venv", packages: &["python3", "python3-venv"], here: python_with_venv };
+
+/// libmodbus as a master.
+pub(crate) const MBPOLL: Need =
+    Need { what: "mbpoll, a Modbus master", packages: &["mbpoll"], here: || on_path("mbpoll") };
+
+/// libmodbus itself, which `tests/peers/modbus.py` loads as a slave.
+pub(crate) const LIBMODBUS: Need = Need {
+    what: "libmodbus, a Modbus slave",
+    packages: &["libmodbus5"],
+    here: || python("import ctypes; ctypes.CDLL('libmodbus.so.5')"),
+};
+
+/// Makes sure that all of `needs` are here.
+///
+/// # Errors
+/// When something is missing and cannot be installed: the message names the one command that installs it.
+pub(crate) fn satisfy(needs: &[Need]) -> Outcome {
+    let packages = packages(needs, |need| (need.here)());
+    if packages.is_empty() {
+        return Ok(());
+    }
+    if may_install() && on_path("apt-get") {
+        let apt = |args: &[&str]| {
+            let mut command = Command::new("apt-get");
+            command.env("DEBIAN_FRONTEND", "noninteractive").args(args);
+            command
+        };
+        shell::run(&mut apt(&["update", "-qq"]))?;
+        shell::run(apt(&["install", "-y", "-qq"]).args(&packages))?;
+    }
+    let missing: Vec<&Need> = needs.iter().filter(|need| !(need.here)()).collect();
+    if missing.is_empty() { Ok(()) } else { Err(step(refusal(&missing))) }
+}
+
+/// What is not here, and the one command that installs it.
+fn refusal(missing: &[&Need]) -> String {
+    let what: Vec<&str> = missing.iter().map(|need| need.what).collect();
+    let packages = packages(missing.iter().copied(), |_| false).join(" ");
+    format!(
+        "not here: {}. Install it, then call this again (names of Debian's packages):\n  sudo apt-get install -y {packages}",
+        what.join("; "),
+    )
+}
+
+/// The packages of what is not here, each once.
+fn packages<'a>(needs: impl IntoIterator<Item = &'a Need>, here: impl Fn(&Need) -> bool) -> Vec<&'static str> {
+    let mut packages = Vec::new();
+    for package in needs.into_iter().filter(|need| !here(need)).flat_map(|need| need.packages) {
+        if !packages.contains(package) {
+            packages.push(*package);
+        }
+    }
+    packages
+}
+
+/// Whether packages may be installed: by root alone.
+fn may_install() -> bool {
+    shell::works(Command::new("sh").args(["-c", "[ \"$(id -u)\" = 0 ]"]))
+}
+
+fn on_path(program: &str) -> bool {
+    std::env::var_os("PATH")
+        .is_some_and(|path| std::env::split_paths(&path).any(|folder| folder.join(program).is_file()))
+}
+
+fn python_with_venv() -> bool {
+    python("import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 8))")
+}
+
+fn python(program: &str) -> bool {
+    shell::works(Command::new("python3").args(["-c", program]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{LIBMODBUS, MBPOLL, PYTHON, packages, refusal, satisfy};
+
+    #[test]
+    fn only_what_is_missing_is_asked_for_and_once() {
+        let needs = [PYTHON, MBPOLL, LIBMODBUS, MBPOLL];
+        assert_eq!(packages(&needs, |_| true), [""; 0]);
+        assert_eq!(packages(&needs, |need| need.packages == PYTHON.packages), ["mbpoll", "libmodbus5"]);
+        assert_eq!(packages(&needs, |_| false), ["python3", "python3-venv", "mbpoll", "libmodbus5"]);
+    }
+
+    #[test]
+    fn what_cannot_be_installed_is_named_with_its_command() {
+        let said = refusal(&[&PYTHON, &MBPOLL]);
+        assert!(said.contains("Python 3.8 with venv; mbpoll, a Modbus master"), "{said}");
+        assert!(said.ends_with("  sudo apt-get install -y python3 python3-venv mbpoll"), "{said}");
+        assert!(satisfy(&[]).is_ok());
+    }
+}
