@@ -279,6 +279,10 @@ impl Event {
     pub const CP_ERROR_GONE: Event = Event(0xF205);
     /// A driver process got no core, or the kernel held it, for longer than a hang is borne (ours).
     pub const DRIVER_HELD_UP: Event = Event(0xF206);
+    /// Retentive memory cannot be written to its file (ours).
+    pub const RETENTIVE_LOST: Event = Event(0xF301);
+    /// Retentive memory is written again (ours).
+    pub const RETENTIVE_KEPT: Event = Event(0xF302);
 
     /// Every event with a name that is no fault.
     pub const ALL: [Event; 27] = [
@@ -309,6 +313,8 @@ impl Event {
         Event::CP_ERROR,
         Event::CP_ERROR_GONE,
         Event::DRIVER_HELD_UP,
+        Event::RETENTIVE_LOST,
+        Event::RETENTIVE_KEPT,
     ];
 
     /// The event's text.
@@ -365,6 +371,8 @@ impl Event {
             0xF204 => "a CP reports an error",
             0xF205 => "a CP's error is gone",
             0xF206 => "driver process was held up by the system",
+            0xF301 => "retentive memory cannot be written",
+            0xF302 => "retentive memory is written again",
             // Entries of the program itself (SFC 52): classes 8 and 9 are for its messages, A and B for the user's own.
             _ if matches!(self.0 >> 12, 8..=0xB) => "entry of the program",
             _ => "event",

@@ -79,6 +79,9 @@ impl Event {
             Event::DRIVER_HELD_UP => {
                 "The machine is too busy: give the drivers cores of their own (`affinity`), or take load away."
             }
+            Event::RETENTIVE_LOST => {
+                "Make room on the disk, or make the folder writable ([station] state); until then a power cycle loses what is new."
+            }
             // A change somebody wanted, the end of a fault, a program's own entry.
             _ => "",
         }
@@ -156,7 +159,7 @@ mod tests {
     use super::*;
 
     /// Those that tell something good, or what somebody wanted.
-    const NOTHING_TO_DO: [Event; 7] = [
+    const NOTHING_TO_DO: [Event; 8] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -164,6 +167,7 @@ mod tests {
         Event::PLUGIN_ENTRY,
         Event::DRIVER_UP,
         Event::CP_ERROR_GONE,
+        Event::RETENTIVE_KEPT,
     ];
 
     #[test]

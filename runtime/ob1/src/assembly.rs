@@ -21,6 +21,7 @@ use crate::finding::{Finding, Level};
 use crate::io::{Panel, ProcessIo, Stimulus};
 use crate::offer::Unserved;
 use crate::program::{LoadFailure, Loaded};
+use crate::retentive::health::Health;
 use crate::simulated;
 use crate::station::{AbdUnit, Absent, Line, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
 use crate::timing::Timings;
@@ -206,6 +207,7 @@ pub fn assemble(
         modules: building.views,
         panel: building.io.as_ref().and_then(|io| Panel::new(io, &station.modules)),
         posture: Arc::new(OnceLock::new()),
+        retentive: station.retentive.as_ref().map(|_| Health::default()),
         clock,
         timings: Timings::new(cpu.accounts(), &rules, clock),
     };

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use crate::access::client::{AccessError, Client};
-use crate::access::protocol::{CommandName, Op, Response, Status, Times};
+use crate::access::protocol::{CommandName, Op, Response, RetentiveStatus, Status, Times};
 use crate::exit::Exit;
 use crate::timing::text;
 
@@ -130,6 +130,9 @@ fn print_status(status: &Status) {
     line("cycle", &status.cycle);
     line("wake-up", &status.wake);
     line("execution", &status.execution);
+    if let Some(retentive) = &status.retentive {
+        say!("{}", retentive_text(retentive));
+    }
     if status.log_lost > 0 {
         say!("log lines lost {}: standard error of the runtime is full, slow or gone", status.log_lost);
     }
@@ -144,6 +147,18 @@ fn print_status(status: &Status) {
             says!(", driver {pid} {state}, lost {losses}, LEDs {}", module.leds.join(" "));
         }
         say!();
+    }
+}
+
+fn retentive_text(retentive: &RetentiveStatus) -> String {
+    let age = retentive.age_ns.map_or_else(
+        || "never written by this runtime".to_owned(),
+        |age| format!("as in memory {:.1} s ago", age as f64 / 1e9),
+    );
+    let generation = retentive.generation.map_or_else(String::new, |number| format!(", generation {number}"));
+    match &retentive.error {
+        Some(error) => format!("retentive memory cannot be written: {error}; {age}{generation}"),
+        None => format!("retentive memory {age}{generation}"),
     }
 }
 

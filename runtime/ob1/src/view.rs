@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
+use std::time::Instant;
 
 use ob1_backplane::{BufferEntry, Counter, DriverState, Monitor};
 use ob1_cpu::{DiagEntry, Distribution, Family, OperatingState};
@@ -15,6 +16,7 @@ use crate::access::protocol::{
     CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times,
 };
 use crate::io::Panel;
+use crate::retentive::health::Health;
 use crate::station::{ModuleConfig, ModuleKind};
 use crate::timing::Timings;
 
@@ -68,6 +70,8 @@ pub struct StationView {
     pub panel: Option<Panel>,
     /// What the operating system granted; set by the scan thread when it has asked.
     pub posture: Arc<OnceLock<Vec<Grant>>>,
+    /// How the writing of retentive memory stands, where the station file wants it.
+    pub retentive: Option<Health>,
     /// The clock of this runtime.
     pub clock: MonotonicClock,
     /// The accounts of every scan.
@@ -213,6 +217,7 @@ impl StationView {
             execution: times(&statistics.execution),
             modules: self.modules.iter().enumerate().map(module).collect(),
             posture: self.posture.get().into_iter().flatten().map(GrantStatus::from).collect(),
+            retentive: self.retentive.as_ref().map(|health| health.status(Instant::now())),
             memory: MemoryStatus {
                 resident_kib: memory.resident_kib,
                 peak_kib: memory.peak_kib,

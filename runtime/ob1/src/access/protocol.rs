@@ -184,6 +184,9 @@ pub struct Status {
     pub modules: Vec<ModuleStatus>,
     /// What was asked of the operating system.
     pub posture: Vec<GrantStatus>,
+    /// How the writing of retentive memory stands, where it is wanted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub retentive: Option<RetentiveStatus>,
     /// Memory of the process.
     pub memory: MemoryStatus,
     /// Log lines of the runtime that nobody got: its stderr was full, slow or gone.
@@ -256,6 +259,20 @@ pub struct GrantStatus {
     /// What would grant it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
+}
+
+/// How the writing of retentive memory stands.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+pub struct RetentiveStatus {
+    /// The newest generation written by this runtime.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub generation: Option<u64>,
+    /// Nanoseconds since the disk last held what memory held.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub age_ns: Option<u64>,
+    /// Why it cannot be written, while it cannot.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
 }
 
 /// Memory of the process, in KiB.

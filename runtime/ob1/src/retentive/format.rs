@@ -8,8 +8,8 @@ use bincode::config::{Configuration, standard};
 const MAGIC: [u8; 8] = *b"ob1 file";
 const VERSION: u32 = 1;
 const HEAD: usize = 8 + 4 + 8 + 8;
-/// More than any CPU keeps: a length beyond is damage.
-const LONGEST: u64 = 1 << 30;
+/// More than any CPU keeps, in bytes: a longer file is not read.
+pub(super) const LONGEST: u64 = 1 << 28;
 
 /// What a file holds.
 #[derive(Clone, Debug, PartialEq, Eq, bincode::Encode, bincode::Decode)]

@@ -9,13 +9,17 @@ use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use ob1_cpu::{Cpu, OperatingState};
+use ob1_cpu::{Cpu, OperatingState, ShortText};
+use ob1_model::Event;
 use rtrb::{Consumer, Producer, RingBuffer};
 
+use super::health::{Change, Health};
 use super::store::Store;
 
 /// Buffers under way.
 const BUFFERS: usize = 3;
+/// Changes under way to the diagnostic buffer.
+const NOTES: usize = 16;
 /// Time between two looks at the ring.
 const LOOK: Duration = Duration::from_millis(20);
 /// How long the last image is waited for.
@@ -28,8 +32,15 @@ enum Handed {
     TooSmall(Vec<u8>, usize),
 }
 
+/// An entry for the diagnostic buffer.
+struct Note {
+    event: Event,
+    text: ShortText,
+}
+
 /// The scan's end.
 pub struct ScanEnd {
+    notes: Consumer<Note>,
     empty: Consumer<Vec<u8>>,
     full: Producer<Handed>,
     wanted: Arc<AtomicBool>,
@@ -38,8 +49,12 @@ pub struct ScanEnd {
 }
 
 impl ScanEnd {
-    /// After each cycle: hands an image over when one is wanted, and when RUN has ended.
-    pub fn after_cycle(&mut self, cpu: &Cpu) {
+    /// After each cycle: hands an image over when one is wanted, and when RUN has ended; enters what the writer has to
+    /// say.
+    pub fn after_cycle(&mut self, cpu: &mut Cpu) {
+        while let Ok(note) = self.notes.pop() {
+            cpu.diagnose(note.event, 0, note.text.as_str());
+        }
         let runs = cpu.state() == OperatingState::Run;
         self.owed |= self.ran && !runs;
         self.ran = runs;
@@ -74,16 +89,17 @@ impl Keeper {
     ///
     /// # Errors
     /// No thread can be had.
-    pub fn start(store: Store, every: Duration, len: usize) -> std::io::Result<(Self, ScanEnd)> {
+    pub fn start(store: Store, every: Duration, len: usize, health: Health) -> std::io::Result<(Self, ScanEnd)> {
         let (mut to_scan, empty) = RingBuffer::new(BUFFERS);
         let (full, from_scan) = RingBuffer::new(BUFFERS);
         for _ in 0..BUFFERS {
             let _ = to_scan.push(Vec::with_capacity(len));
         }
         let wanted = Arc::new(AtomicBool::new(false));
-        let scan = ScanEnd { empty, full, wanted: Arc::clone(&wanted), ran: false, owed: false };
+        let (to_buffer, notes) = RingBuffer::new(NOTES);
+        let scan = ScanEnd { notes, empty, full, wanted: Arc::clone(&wanted), ran: false, owed: false };
         let (finish, finished) = mpsc::channel();
-        let mut writer = Writer { store, from_scan, to_scan, written: Vec::new(), complained: false };
+        let mut writer = Writer { store, from_scan, to_scan, written: Vec::new(), health, to_buffer };
         let thread = ob1_rt::spawn("ob1-retentive", move || {
             let mut next = Instant::now() + every;
             while finished.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
@@ -96,7 +112,7 @@ impl Keeper {
             // The CPU is in STOP and goes on cycling: one image more, of what was written since.
             wanted.store(true, Ordering::Relaxed);
             let end = Instant::now() + LAST;
-            while wanted.load(Ordering::Relaxed) && Instant::now() < end {
+            while wanted.load(Ordering::Relaxed) && !writer.from_scan.is_abandoned() && Instant::now() < end {
                 writer.drain();
                 std::thread::sleep(Duration::from_millis(1));
             }
@@ -122,7 +138,8 @@ struct Writer {
     to_scan: Producer<Vec<u8>>,
     /// The image on the disk.
     written: Vec<u8>,
-    complained: bool,
+    health: Health,
+    to_buffer: Producer<Note>,
 }
 
 impl Writer {
@@ -145,20 +162,32 @@ impl Writer {
     }
 
     fn write(&mut self, image: &[u8]) {
-        if self.written == image {
-            return;
-        }
-        match self.store.write(image) {
-            Ok(_) => {
-                self.written.clear();
-                self.written.extend_from_slice(image);
-                self.complained = false;
+        let change = if self.written == image {
+            self.health.good(None, Instant::now())
+        } else {
+            match self.store.write(image) {
+                Ok(generation) => {
+                    self.written.clear();
+                    self.written.extend_from_slice(image);
+                    self.health.good(Some(generation), Instant::now())
+                }
+                Err(error) => self.health.bad(&error, Instant::now()),
             }
-            Err(error) if !self.complained => {
-                self.complained = true;
-                tracing::warn!("retentive memory cannot be written: {error}; it is tried again");
-            }
-            Err(_) => {}
+        };
+        if let Some(change) = change {
+            self.tell(&change);
         }
+    }
+
+    /// Each change once, to the log and to the diagnostic buffer.
+    fn tell(&mut self, Change { event, text }: &Change) {
+        if *event == Event::RETENTIVE_LOST {
+            tracing::error!("{}: {text}; it is tried again", event.text());
+            tracing::error!("  = {}", event.remedy());
+        } else {
+            tracing::info!("{}: {text}", event.text());
+        }
+        // The scan takes them after each cycle, in STOP too.
+        let _ = self.to_buffer.push(Note { event: *event, text: ShortText::new(text) });
     }
 }

@@ -2,6 +2,7 @@
 //! docs/station-file.md
 
 pub mod format;
+pub mod health;
 pub mod keeper;
 pub mod store;
 
@@ -10,7 +11,7 @@ use std::time::Duration;
 
 use ob1_cpu::Cpu;
 
-use store::Store;
+use store::{Store, StoreError};
 
 /// Where and how often retentive memory is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,8 +25,8 @@ pub struct RetentiveFile {
 /// Puts the newest generation back that fits, and tells what was refused.
 ///
 /// # Errors
-/// The folder cannot be used.
-pub fn restore(file: &RetentiveFile, station: &str, cpu: &mut Cpu) -> std::io::Result<(Store, Vec<String>)> {
+/// [`StoreError`].
+pub fn restore(file: &RetentiveFile, station: &str, cpu: &mut Cpu) -> Result<(Store, Vec<String>), StoreError> {
     let (store, found) = Store::open(&file.folder, station)?;
     let mut told = found.refused;
     for generation in &found.generations {

@@ -1,15 +1,45 @@
 //! Two generations of a retentive file on the disk.
 //!
 //! `.NAME.retentive.a` and `.b` take turns. A file is written under another name, synced, renamed over the older
-//! generation, and the folder synced: at every moment at least one whole generation is there under its name.
+//! generation, and the folder synced: at every moment at least one whole generation is there under its name. Who holds
+//! the lock on `.NAME.retentive.lock` owns them, whichever runtime directory he has.
 
-use std::fs::{self, File};
-use std::io::{self, Write as _};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
+
+use rustix::fs::{FlockOperation, OFlags, flock};
+use rustix::io::Errno;
 
 use super::format::{self, Content};
 
 const SLOTS: [&str; 2] = ["a", "b"];
+/// Files that were refused and are kept, at most.
+const KEPT: u32 = 10;
+
+/// Why retentive files cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// Another runtime uses them.
+    #[error("the retentive files of station \"{station}\" in {} are in use by process {pid}", .folder.display())]
+    InUse {
+        /// The station.
+        station: String,
+        /// The folder.
+        folder: PathBuf,
+        /// The other runtime, as it says itself.
+        pid: String,
+    },
+    /// The folder cannot be made, read or written.
+    #[error("retentive memory cannot be kept in {}: {source}", .folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+}
 
 /// The retentive files of one station.
 #[derive(Debug)]
@@ -19,6 +49,10 @@ pub struct Store {
     sequence: u64,
     /// The slot that is written next.
     next: usize,
+    /// Slots in whose place something stands that cannot be moved.
+    blocked: [bool; 2],
+    /// Held as long as the files are ours.
+    _lock: File,
 }
 
 /// What was found on the disk.
@@ -31,46 +65,81 @@ pub struct Found {
 }
 
 impl Store {
-    /// Looks at what is there. A file that is refused is renamed to `….refused` and stays for inspection; a leftover
-    /// of an interrupted writing goes.
+    /// Locks the files and looks at what is there. What is refused is renamed to `….refused` and stays for inspection;
+    /// a leftover of an interrupted writing goes.
     ///
     /// # Errors
-    /// The folder cannot be made or read.
-    pub fn open(folder: &Path, station: &str) -> io::Result<(Self, Found)> {
-        fs::create_dir_all(folder)?;
-        let mut store = Self { folder: folder.to_owned(), station: station.to_owned(), sequence: 0, next: 0 };
+    /// [`StoreError`].
+    pub fn open(folder: &Path, station: &str) -> Result<(Self, Found), StoreError> {
+        // `ob1 run station.toml` in the station's own folder.
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        let failed = |source| StoreError::Folder { folder: folder.to_owned(), source };
+        fs::create_dir_all(folder).map_err(failed)?;
+        let lock = lock(folder, station)?;
+        let mut store = Self {
+            folder: folder.to_owned(),
+            station: station.to_owned(),
+            sequence: 0,
+            next: 0,
+            blocked: [false; 2],
+            _lock: lock,
+        };
+        store.try_folder().map_err(failed)?;
+        let found = store.look();
+        if store.blocked == [true; 2] {
+            return Err(failed(io::Error::other(found.refused.join("; "))));
+        }
+        Ok((store, found))
+    }
+
+    /// Makes and removes a file. A full disk is no reason to refuse: it may have room when it counts.
+    fn try_folder(&self) -> io::Result<()> {
+        let temporary = self.temporary();
+        let made = self.create(&temporary);
+        let _ = fs::remove_file(&temporary);
+        match made {
+            Err(error) if !is_full(&error) => Err(error),
+            _ => Ok(()),
+        }
+    }
+
+    fn look(&mut self) -> Found {
         let mut found = Found::default();
         let mut newest = None;
         for (slot, _) in SLOTS.iter().enumerate() {
-            let path = store.path(slot);
-            let bytes = match fs::read(&path) {
-                Ok(bytes) => bytes,
-                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
-                Err(error) => return Err(error),
+            let path = self.path(slot);
+            let content = match read(&path) {
+                Ok(None) => continue,
+                Ok(Some(bytes)) => format::decode(&bytes, &self.station).map_err(|error| error.to_string()),
+                Err(why) => Err(why),
             };
-            match format::decode(&bytes, station) {
+            match content {
                 Ok(content) => {
                     if newest.is_none_or(|(sequence, _)| content.sequence > sequence) {
                         newest = Some((content.sequence, slot));
                     }
                     found.generations.push(content);
                 }
-                Err(error) => {
-                    let aside = path.with_extension(format!("{}.refused", SLOTS[slot]));
-                    let kept = match fs::rename(&path, &aside) {
-                        Ok(()) => format!("it is kept as {}", aside.display()),
-                        Err(error) => format!("it cannot be kept: {error}"),
+                Err(why) => {
+                    let kept = match set_aside(&path) {
+                        Ok(aside) => format!("it is kept as {}", aside.display()),
+                        Err(error) => {
+                            self.blocked[slot] = true;
+                            format!("it cannot be moved: {error}")
+                        }
                     };
-                    found.refused.push(format!("{}: {error}; {kept}", path.display()));
+                    found.refused.push(format!("{}: {why}; {kept}", path.display()));
                 }
             }
         }
         found.generations.sort_by_key(|content| std::cmp::Reverse(content.sequence));
         if let Some((sequence, slot)) = newest {
-            (store.sequence, store.next) = (sequence, 1 - slot);
+            (self.sequence, self.next) = (sequence, 1 - slot);
         }
-        let _ = fs::remove_file(store.temporary());
-        Ok((store, found))
+        if self.blocked[self.next] {
+            self.next = 1 - self.next;
+        }
+        found
     }
 
     fn path(&self, slot: usize) -> PathBuf {
@@ -81,6 +150,12 @@ impl Store {
         self.folder.join(format!(".{}.retentive.new", self.station))
     }
 
+    /// A new file; what stands in its place, whatever it is, is removed and never written into.
+    fn create(&self, path: &Path) -> io::Result<File> {
+        let _ = fs::remove_file(path).or_else(|_| fs::remove_dir(path));
+        OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)
+    }
+
     /// Writes a generation; it is on the disk when this returns. Gives its sequence number.
     ///
     /// # Errors
@@ -89,15 +164,105 @@ impl Store {
         let content = Content { station: self.station.clone(), sequence: self.sequence + 1, image: image.to_vec() };
         let bytes = format::encode(&content).map_err(io::Error::other)?;
         let temporary = self.temporary();
-        let mut file = File::create(&temporary)?;
-        file.write_all(&bytes)?;
-        file.sync_all()?;
-        drop(file);
-        fs::rename(&temporary, self.path(self.next))?;
+        let written = self.create(&temporary).and_then(|mut file| {
+            file.write_all(&bytes)?;
+            file.sync_all()?;
+            fs::rename(&temporary, self.path(self.next))
+        });
+        if let Err(error) = written {
+            // Half a file takes the room the next one needs.
+            let _ = fs::remove_file(&temporary);
+            return Err(error);
+        }
         File::open(&self.folder)?.sync_all()?;
-        (self.sequence, self.next) = (content.sequence, 1 - self.next);
+        self.sequence = content.sequence;
+        if !self.blocked[1 - self.next] {
+            self.next = 1 - self.next;
+        }
         Ok(content.sequence)
     }
+}
+
+/// The disk, or what this user may have of it, is full.
+fn is_full(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
+}
+
+/// The lock of a station's files. It stays on the disk: a file that is removed and made again could be locked twice.
+fn lock(folder: &Path, station: &str) -> Result<File, StoreError> {
+    let path = folder.join(format!(".{station}.retentive.lock"));
+    let failed = |source| StoreError::Folder { folder: folder.to_owned(), source };
+    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
+    let mut file = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .mode(0o600)
+        .custom_flags(flags)
+        .open(&path)
+        .map_err(failed)?;
+    match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => {
+            // For people; whoever holds the lock is the owner, whatever stands there.
+            let _ = file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id()));
+            Ok(file)
+        }
+        Err(Errno::WOULDBLOCK) => {
+            let mut pid = String::new();
+            let _ = file.take(32).read_to_string(&mut pid);
+            let pid = pid.trim().to_owned();
+            Err(StoreError::InUse { station: station.to_owned(), folder: folder.to_owned(), pid })
+        }
+        Err(errno) => Err(failed(errno.into())),
+    }
+}
+
+/// The bytes of a file, if there is one; why it is refused, if it is none that could be ours. Never waits.
+fn read(path: &Path) -> Result<Option<Vec<u8>>, String> {
+    let there = match fs::symlink_metadata(path) {
+        Ok(there) => there,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error.to_string()),
+    };
+    // A FIFO would be waited for until somebody writes to it.
+    let file = OpenOptions::new().read(true).custom_flags(OFlags::NONBLOCK.bits() as i32).open(path);
+    let file = match file {
+        Err(_) if there.is_symlink() && !path.exists() => return Err("a link that leads nowhere".into()),
+        Err(error) => return Err(error.to_string()),
+        Ok(file) => file,
+    };
+    let opened = file.metadata().map_err(|error| error.to_string())?;
+    if !opened.is_file() {
+        return Err("not a regular file".into());
+    }
+    if opened.len() > format::LONGEST {
+        return Err(format!("{} bytes: longer than any retentive file", opened.len()));
+    }
+    let mut bytes = Vec::new();
+    file.take(format::LONGEST).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    Ok(Some(bytes))
+}
+
+/// Renames what was refused; the new name.
+fn set_aside(path: &Path) -> io::Result<PathBuf> {
+    let mut last = io::Error::other("too many refused files are kept");
+    for number in 0..KEPT {
+        let mut aside = path.as_os_str().to_owned();
+        aside.push(".refused");
+        if number > 0 {
+            aside.push(format!(".{number}"));
+        }
+        let aside = PathBuf::from(aside);
+        if number + 1 < KEPT && fs::symlink_metadata(&aside).is_ok() {
+            continue;
+        }
+        match fs::rename(path, &aside) {
+            Ok(()) => return Ok(aside),
+            Err(error) => last = error,
+        }
+    }
+    Err(last)
 }
 
 #[cfg(test)]
@@ -108,28 +273,37 @@ mod tests {
         found.generations.iter().map(|g| g.image.as_slice()).collect()
     }
 
-    #[test]
-    fn two_generations_take_turns() {
-        let folder = tempfile::tempdir().expect("a directory");
-        let (mut store, found) = Store::open(&folder.path().join("deep/er"), "s").expect("writable");
-        assert!(found.generations.is_empty() && found.refused.is_empty());
-        for image in [b"1", b"2", b"3"] {
-            store.write(image).expect("writable");
-        }
-        let (mut store, found) = Store::open(&folder.path().join("deep/er"), "s").expect("readable");
-        assert_eq!(images(&found), [b"3", b"2"]);
-        assert_eq!(store.write(b"4").expect("writable"), 4);
-        let (_, found) = Store::open(&folder.path().join("deep/er"), "s").expect("readable");
-        assert_eq!(images(&found), [b"4", b"3"]);
-    }
-
-    #[test]
-    fn a_torn_newest_falls_back_to_the_older() {
+    /// A folder with the generations 1, 2 (the newest, in slot b).
+    fn two() -> tempfile::TempDir {
         let folder = tempfile::tempdir().expect("a directory");
         let (mut store, _) = Store::open(folder.path(), "s").expect("writable");
         for image in [b"1", b"2"] {
             store.write(image).expect("writable");
         }
+        folder
+    }
+
+    #[test]
+    fn two_generations_take_turns() {
+        let folder = tempfile::tempdir().expect("a directory");
+        let deep = folder.path().join("deep/er");
+        let (mut store, found) = Store::open(&deep, "s").expect("writable");
+        assert!(found.generations.is_empty() && found.refused.is_empty());
+        for image in [b"1", b"2", b"3"] {
+            store.write(image).expect("writable");
+        }
+        drop(store);
+        let (mut store, found) = Store::open(&deep, "s").expect("readable");
+        assert_eq!(images(&found), [b"3", b"2"]);
+        assert_eq!(store.write(b"4").expect("writable"), 4);
+        drop(store);
+        let (_, found) = Store::open(&deep, "s").expect("readable");
+        assert_eq!(images(&found), [b"4", b"3"]);
+    }
+
+    #[test]
+    fn a_torn_newest_falls_back_to_the_older() {
+        let folder = two();
         let newest = folder.path().join(".s.retentive.b");
         let bytes = fs::read(&newest).expect("there");
         fs::write(&newest, &bytes[..bytes.len() - 1]).expect("writable");
@@ -142,6 +316,7 @@ mod tests {
         );
         // The whole one is not what is overwritten.
         store.write(b"3").expect("writable");
+        drop(store);
         assert_eq!(images(&Store::open(folder.path(), "s").expect("readable").1), [b"3", b"1"]);
     }
 
@@ -157,5 +332,63 @@ mod tests {
         assert!(found.refused[0].contains("belongs to the station \"other\""), "{:?}", found.refused);
         assert!(found.refused[1].contains("no retentive file"), "{:?}", found.refused);
         assert_eq!(fs::read(folder.path().join(".s.retentive.b.refused")).ok(), Some(b"my diary".to_vec()));
+    }
+
+    /// Whatever stands in the place of the newest is told, nothing waits for it, the older one is taken, and the next
+    /// generation gets its place.
+    #[test]
+    fn what_is_no_file_is_refused_and_waited_for_by_nobody() {
+        type Put = fn(&Path);
+        let kinds: [(&str, Put); 5] = [
+            ("not a regular file", |path| {
+                let made = std::process::Command::new("mkfifo").arg(path).status().expect("mkfifo is there");
+                assert!(made.success());
+            }),
+            ("8589934592 bytes", |path| File::create(path).and_then(|f| f.set_len(8 << 30)).expect("a sparse file")),
+            ("a link that leads nowhere", |path| std::os::unix::fs::symlink("/nowhere/x", path).expect("a link")),
+            ("not a regular file", |path| {
+                fs::create_dir(path).and_then(|()| fs::write(path.join("x"), "x")).expect("a directory");
+            }),
+            ("not a regular file", |path| std::os::unix::fs::symlink("/dev/zero", path).expect("a link")),
+        ];
+        let folder = two();
+        let (newest, whole) = (folder.path().join(".s.retentive.b"), folder.path().join(".s.retentive.a"));
+        for (number, (why, put)) in kinds.into_iter().enumerate() {
+            fs::remove_file(&newest).expect("there");
+            put(&newest);
+            let older = fs::read(&whole).expect("there");
+            let (mut store, found) = Store::open(folder.path(), "s").expect("usable");
+            assert_eq!((images(&found), found.refused.len()), (vec![&b"1"[..]], 1), "{why}");
+            assert!(found.refused[0].contains(why), "{why}: {:?}", found.refused);
+            assert!(found.refused[0].contains(".b.refused"), "{:?}", found.refused);
+            store.write(b"2").expect("its place is free");
+            drop(store);
+            assert_eq!(images(&Store::open(folder.path(), "s").expect("usable").1), [b"2", b"1"], "{why}");
+            assert_eq!(fs::read(&whole).expect("there"), older, "{number}: the older one is untouched");
+        }
+    }
+
+    #[test]
+    fn the_files_have_one_owner() {
+        let folder = two();
+        let held = Store::open(folder.path(), "s").expect("free");
+        match Store::open(folder.path(), "s") {
+            Err(StoreError::InUse { pid, .. }) => assert_eq!(pid, std::process::id().to_string()),
+            other => panic!("{other:?}"),
+        }
+        Store::open(folder.path(), "another station").expect("its own files");
+        drop(held);
+        Store::open(folder.path(), "s").expect("free again");
+    }
+
+    #[test]
+    fn an_unusable_folder_is_refused_at_once() {
+        let folder = tempfile::tempdir().expect("a directory");
+        let file = folder.path().join("file");
+        fs::write(&file, "").expect("writable");
+        for unusable in [file.as_path(), &file.join("below"), Path::new("/proc/nothing"), Path::new("/dev/null/x")] {
+            let error = Store::open(unusable, "s").expect_err("unusable");
+            assert!(error.to_string().contains(&unusable.display().to_string()), "{error}");
+        }
     }
 }

@@ -23,6 +23,7 @@ use crate::janitor::Janitor;
 use crate::posture;
 use crate::retentive;
 use crate::retentive::keeper::{Keeper, ScanEnd};
+use crate::retentive::store::StoreError;
 use crate::rundir::RunDir;
 use crate::station::Station;
 use crate::timing::Observer;
@@ -71,6 +72,8 @@ impl AtWork {
         options: &Options,
     ) -> Result<Self, Failure> {
         let Assembly { mut cpu, view, fleet, io, links, running } = assembly;
+        // First: a folder that cannot be used is told before anything has been started.
+        let (keeper, retentive) = keep(station, &mut cpu, &view)?;
         for (name, target) in links {
             rundir.link(name, &target).map_err(|e| Failure(Exit::System, format!("ob1: {e}\n")))?;
         }
@@ -80,7 +83,6 @@ impl AtWork {
         let server = Server::start(&rundir.socket(), port, view.clone(), station.cpu.min_cycle)
             .map_err(system("the control socket"))?;
         let fleet = fleet.start(clock).map_err(system("the drivers"))?;
-        let (keeper, retentive) = keep(station, &mut cpu)?;
         let (observer, late) =
             Observer::start(view.timings.clone(), station.realtime.affinity.clone()).map_err(system("the observer"))?;
         let scan = Arc::new(ScanState::new(cpu.module_count()));
@@ -266,15 +268,19 @@ impl AtWork {
 }
 
 /// Reads retentive memory, and starts writing it, where the station file wants that.
-fn keep(station: &Station, cpu: &mut Cpu) -> Result<(Option<Keeper>, Option<ScanEnd>), Failure> {
-    let Some(file) = &station.retentive else { return Ok((None, None)) };
-    let restored = retentive::restore(file, &station.name, cpu);
-    let (store, told) = restored
-        .map_err(|e| Failure(Exit::System, format!("ob1: retentive memory in {}: {e}\n", file.folder.display())))?;
+fn keep(station: &Station, cpu: &mut Cpu, view: &StationView) -> Result<(Option<Keeper>, Option<ScanEnd>), Failure> {
+    let (Some(file), Some(health)) = (&station.retentive, &view.retentive) else { return Ok((None, None)) };
+    let (store, told) = retentive::restore(file, &station.name, cpu).map_err(|error| {
+        let (exit, remedy) = match error {
+            StoreError::InUse { .. } => (Exit::Running, "end the other one, or give this one another `state` folder"),
+            StoreError::Folder { .. } => (Exit::System, "name a folder this user can write to: `state` in [station]"),
+        };
+        Failure(exit, format!("ob1: {error}\n  = {remedy}\n"))
+    })?;
     for text in told {
         tracing::warn!("retentive memory: {text}");
     }
-    let started = Keeper::start(store, file.every, cpu.retentive_len());
+    let started = Keeper::start(store, file.every, cpu.retentive_len(), health.clone());
     let (keeper, scan) = started.map_err(|e| Failure::system("retentive memory", &e))?;
     Ok((Some(keeper), Some(scan)))
 }

@@ -176,7 +176,7 @@ impl Scan {
                 self.late.send(self.cpu.last_scan());
             }
             if let Some(retentive) = &mut self.retentive {
-                retentive.after_cycle(&self.cpu);
+                retentive.after_cycle(&mut self.cpu);
             }
             shared.entries.store(self.feed.follow(&self.cpu), Ordering::Relaxed);
             if end.state == OperatingState::Stop {
