@@ -23,13 +23,15 @@ pub(crate) enum Offer {
     Result,
     /// An order of the partner.
     Partner,
+    /// An order of the partner that the CP has refused by itself, and that the program is to hear of.
+    Notice,
 }
 
 impl Offer {
     const fn framing(self) -> u16 {
         match self {
             Self::Result => OWN_ORDER,
-            Self::Partner => PARTNER_ORDER,
+            Self::Partner | Self::Notice => PARTNER_ORDER,
         }
     }
 }
@@ -89,6 +91,7 @@ pub(crate) struct Rk512Side {
     block: [u8; BLOCK_BYTES],
     result: Record<{ RESULT_BYTES + BUFFER_BYTES }>,
     partner: Record<{ HEADER_BYTES + BUFFER_BYTES }>,
+    notice: Record<HEADER_BYTES>,
     /// The CPU's mark on the order that is running, or was the last; comes back in its result.
     token: u8,
     /// Number of the last order of the partner, 1 to 255.
@@ -104,6 +107,7 @@ impl Rk512Side {
             block: [0; BLOCK_BYTES],
             result: Record::new(),
             partner: Record::new(),
+            notice: Record::new(),
             token: 0,
             job: 0,
             asked: None,
@@ -114,6 +118,7 @@ impl Rk512Side {
     pub(crate) fn clear(&mut self) -> bool {
         let dropped = self.partner.len > 0;
         (self.state, self.result.len, self.partner.len, self.asked) = (State::Idle, 0, 0, None);
+        self.notice.len = 0;
         dropped
     }
 
@@ -175,6 +180,14 @@ impl Rk512Side {
         self.partner.set(&header, data);
     }
 
+    /// The CP has refused an order of the partner that the CPU has not seen; `code` is for its indicator word. Number 0:
+    /// nobody awaits an answer. Of several the last is told.
+    pub(crate) fn refused(&mut self, code: u8) {
+        if !matches!(self.state, State::Offered { what: Offer::Notice, .. }) {
+            self.notice.set(&[code, 0, 0, 0, 0, 0, 0, 0, 0, 0], &[]);
+        }
+    }
+
     /// The order of the partner is over. True if the CPU had not fetched it completely: it is taken out of the
     /// registers.
     pub(crate) fn answered(&mut self) -> bool {
@@ -219,6 +232,8 @@ impl Rk512Side {
                     self.offer(Offer::Result, self.result.len);
                 } else if self.partner.len > 0 && framing == PARTNER_ORDER {
                     self.offer(Offer::Partner, self.partner.len);
+                } else if self.notice.len > 0 && framing == PARTNER_ORDER {
+                    self.offer(Offer::Notice, self.notice.len);
                 }
                 None
             }
@@ -231,6 +246,7 @@ impl Rk512Side {
                 let len = match what {
                     Offer::Result => &mut self.result.len,
                     Offer::Partner => &mut self.partner.len,
+                    Offer::Notice => &mut self.notice.len,
                 };
                 Some((what, core::mem::take(len)))
             }
@@ -242,6 +258,7 @@ impl Rk512Side {
         let record = match what {
             Offer::Result => self.result.get(),
             Offer::Partner => self.partner.get(),
+            Offer::Notice => self.notice.get(),
         };
         let from = record.len() - rest;
         let block = &record[from..record.len().min(from + BLOCK_BYTES)];

@@ -143,8 +143,12 @@ fn an_order_of_the_partner_and_the_answer() {
     cp.partner_sends(&[0, 0, b'E', b'M', 0, 16, 0, 3, 0xFF, 0xFF]);
     assert_eq!(cp.fetch_framed(PARTNER, PARTNER)[..2], [0, 2]);
     cp.line(LineInput::TxDone);
-    cp.hand_over_framed(PARTNER, &[0, 1, 0, 0, 9, 9, 9]);
+    cp.put_tx(PARTNER | 7, &[0, 1, 0, 0, 9, 9, 9]);
+    cp.put_tx(0, &[]);
     assert!(cp.log.tx.is_empty(), "the answer to an order that is over goes nowhere");
+    assert_eq!(cp.tx_echo(), 0x200C, "and the CPU is not told that it was taken");
+    cp.put_tx(0x2000, &[]);
+    cp.put_tx(0, &[]);
     cp.hand_over_framed(PARTNER, &[0, 2, 0, 0, 7, 8, 9]);
     cp.partner_takes(&[0, 0, 0, 0, 7, 8, 9]);
     // Refused by the CPU.

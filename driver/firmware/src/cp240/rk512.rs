@@ -26,10 +26,14 @@ impl Cp240 {
                 return;
             }
         }
+        let mut is_stale = false;
         let order = match self.rk512.handed(framing, self.send.telegram()) {
             Handed::Order(request, data) => Some(rk512::Order::Start(request, data)),
             Handed::Answer(answer) => Some(rk512::Order::Answer(answer)),
-            Handed::Stale => None,
+            Handed::Stale => {
+                is_stale = true;
+                None
+            }
             Handed::BadOrder => {
                 self.rk512.ended(Err(OrderError::Invalid));
                 port.count(CpCounter::SendErrors, 1);
@@ -41,7 +45,9 @@ impl Cp240 {
             let mut out = outlet!(self, now, port);
             self.protocol_due = machine.step(now, rk512::Input::Order(order), &mut out);
         }
-        self.send.ended(Ok(()));
+        // "Taken" would tell FC 4 that the partner has its answer; it has been told something else.
+        let taken = if is_stale { Err(OrderError::Invalid.code()) } else { Ok(()) };
+        self.send.ended(taken);
         // The end is shown before a count that was left waiting is looked at.
         self.publish(port);
         self.look_registers(now, port);
@@ -131,6 +137,10 @@ impl rk512::Owner for Outlet<'_> {
             // A part of an order that was acknowledged and has no rest is a telegram that is lost.
             other @ (rk512::Event::Refused(_) | rk512::Event::Abandoned) => {
                 self.port.count(CpCounter::ReceiveErrors, 1);
+                if other == rk512::Event::Refused(rk512::Refusal::TooLong) {
+                    // "Maximally 1024byte user data may be transferred." [S0 L1298]
+                    self.rk512.refused(OrderError::TooLong.code());
+                }
                 self.port.event(self.now, CpEvent::Rk512(other));
             }
             other => self.port.event(self.now, CpEvent::Rk512(other)),

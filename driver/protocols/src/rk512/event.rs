@@ -44,8 +44,10 @@ pub enum Refusal {
     FollowArea,
     /// DB number not allowed.
     DbNumber,
-    /// Length not allowed.
+    /// Length 0.
     Length,
+    /// Longer than the CP's buffer.
+    TooLong,
     /// Coordination flag not allowed.
     Flag,
     /// CPU number not allowed.
@@ -68,7 +70,7 @@ pub enum Refusal {
 
 impl Refusal {
     /// All of them.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::FirstByte,
         Self::Command,
         Self::FollowCommand,
@@ -76,6 +78,7 @@ impl Refusal {
         Self::FollowArea,
         Self::DbNumber,
         Self::Length,
+        Self::TooLong,
         Self::Flag,
         Self::Cpu,
         Self::SendLength,
@@ -95,7 +98,7 @@ impl Refusal {
             Self::Area => (0x0604, code::AREA),
             Self::FollowArea => (0x0605, code::AREA),
             Self::DbNumber => (0x0606, code::RANGE),
-            Self::Length => (0x0608, code::RANGE),
+            Self::Length | Self::TooLong => (0x0608, code::RANGE),
             Self::Flag => (0x0609, code::FLAG),
             Self::Cpu => (0x060A, code::FLAG),
             Self::SendLength => (0x060B, code::LENGTH),

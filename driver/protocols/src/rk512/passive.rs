@@ -111,8 +111,11 @@ impl<const N: usize> Rk512<N> {
         if matches!(request.area, Area::Db | Area::Dx) && request.db == 0 {
             return Err(Refusal::DbNumber);
         }
-        if bytes == 0 || bytes > self.config.data_max || bytes > N {
+        if bytes == 0 {
             return Err(Refusal::Length);
+        }
+        if bytes > self.config.data_max || bytes > N {
+            return Err(Refusal::TooLong);
         }
         request.coordination.flag(self.config.flag_byte_max).map_err(|_| Refusal::Flag)?;
         if request.coordination.cpu().is_some_and(|cpu| cpu > self.config.cpu_max) {

@@ -7,7 +7,8 @@
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
 use super::{
-    COUNT, DONE, HEADER_BYTES, KIND, PARTNER, RESULT_BYTES, RUNNING, Rx, Tx, failed, last_count, write_echo, write_tx,
+    COUNT, DONE, FRAME_ERROR, HEADER_BYTES, KIND, PARTNER, RESULT_BYTES, RUNNING, Rx, Tx, failed, last_count,
+    write_echo, write_tx,
 };
 use crate::registers::{BLOCK_BYTES, Module, Pafe, REGISTER_BYTES, Words};
 use crate::state::CpState;
@@ -55,6 +56,8 @@ const FLAG: u8 = 0x0C;
 const AREA: u8 = 0x10;
 const RANGE: u8 = 0x14;
 const LOCKED: u8 = 0x32;
+/// In the place of the number of an order: nobody awaits an answer.
+const NOTICE: u8 = 0;
 /// Highest byte of a coordination flag.
 const FLAG_BYTE_MAX: u8 = 199;
 
@@ -179,7 +182,7 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     let job = load(cx)?;
     if job.receives || job.sends {
         if words.not_ready() || !module.state.rk512.partner.holds(&module.info) {
-            return broken_off(cx, &module).map(|()| Pafe::Ok);
+            return broken_off(cx, &module, super::INITIALISED).map(|()| Pafe::Ok);
         }
         if job.receives {
             return receive(cx, &module, job, words, &block).map(|()| Pafe::Ok);
@@ -190,9 +193,10 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
         return Ok(Pafe::Ok);
     }
     match (words.rx & KIND, words.rx & COUNT) {
-        (PARTNER, count) if count >= HEADER_BYTES && module.state.rk512.echo.get() == PARTNER => {
-            begin(cx, &module, count, &block)
-        }
+        (PARTNER, count) if count >= HEADER_BYTES && module.state.rk512.echo.get() == PARTNER => match block {
+            [code, NOTICE, ..] => refused_by_cp(cx, &module, words.rx, code).map(|()| Pafe::Ok),
+            _ => begin(cx, &module, count, &block),
+        },
         // Nothing there: say that somebody is here. While a result is on show the echo is that block's.
         (0, 0) if module.state.rk512.echo.get() != PARTNER => write_echo(cx, &module, PARTNER).map(|_| Pafe::Ok),
         _ => Ok(Pafe::Ok),
@@ -313,7 +317,7 @@ fn receive(
             store(cx, job)
         }
         // The CP has refused it in the meantime.
-        Rx::Broken => broken_off(cx, module),
+        Rx::Broken => broken_off(cx, module, FRAME_ERROR),
     }
 }
 
@@ -361,12 +365,16 @@ fn answer(cx: &mut Cx<'_, CpState>, module: &Module<'_>, mut job: Job, words: Wo
             store(cx, Job { failed: code != OK, ..Job::default() })?;
             cx.set(all::ANZW, if code == OK { DONE } else { failed(code) })
         }
+        // The order was over before the answer came.
         Tx::Refused(_) | Tx::Broken => {
-            let word = if matches!(tx, Tx::Broken) { 0 } else { crate::registers::FAILED };
+            let (word, code) = match tx {
+                Tx::Refused(code) => (crate::registers::FAILED, code),
+                _ => (0, FRAME_ERROR),
+            };
             if !write_tx(cx, module, word, &[])? {
                 return Ok(());
             }
-            broken_off(cx, module)
+            broken_off(cx, module, code)
         }
     }
 }
@@ -412,12 +420,21 @@ fn bcd(value: u16) -> u16 {
     (digit(100) << 8) | (digit(10) << 4) | digit(1)
 }
 
-/// The CP is another, or has taken the order back.
-fn broken_off(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), Abort> {
+/// The CP is another (00h), or has taken the order back (0Ch): it has told the partner something else.
+fn broken_off(cx: &mut Cx<'_, CpState>, module: &Module<'_>, code: u8) -> Result<(), Abort> {
     module.state.rk512.partner.release();
     module.state.rk512.release_tx(PARTNER);
     store(cx, Job { failed: true, ..Job::default() })?;
-    cx.set(all::ANZW, failed(super::INITIALISED))
+    cx.set(all::ANZW, failed(code))
+}
+
+/// The CP has refused an order of the partner by itself: there is nothing to answer. [S0 L1298]
+fn refused_by_cp(cx: &mut Cx<'_, CpState>, module: &Module<'_>, word: u16, code: u8) -> Result<(), Abort> {
+    if !write_echo(cx, module, word)? {
+        return Ok(());
+    }
+    store(cx, Job { failed: true, ..Job::default() })?;
+    cx.set(all::ANZW, failed(code))
 }
 
 fn load(cx: &mut Cx<'_, CpState>) -> Result<Job, Abort> {

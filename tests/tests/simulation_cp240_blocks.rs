@@ -1,0 +1,199 @@
+//! The handling blocks of the CP 240 in a whole station, in virtual time, with a partner that does what a test tells it:
+//! what a program learns when things do not go as they should.
+
+mod common;
+
+use std::collections::VecDeque;
+use std::fs;
+
+use ob1_cpu::{Cell, CellWidth};
+use ob1_model::Area;
+use ob1_tests::sim::device::{Bench, Device};
+use ob1_tests::sim::{MS, SECOND};
+
+const STX: u8 = 0x02;
+const ETX: u8 = 0x03;
+const DLE: u8 = 0x10;
+
+/// A partner on the line: with 3964R it acknowledges what comes and sends its blocks; with other protocols it only
+/// listens.
+#[derive(Default)]
+struct Partner {
+    is_3964r: bool,
+    /// Everything that came.
+    heard: Vec<u8>,
+    /// 3964R: where the telegram that is coming begins.
+    from: Option<usize>,
+    telegrams: Vec<Vec<u8>>,
+    blocks: VecDeque<Vec<u8>>,
+    connects: bool,
+}
+
+/// A telegram as it goes over the line.
+fn block(telegram: &[u8]) -> Vec<u8> {
+    ob1_protocols::s3964::codec::block(telegram, true).collect()
+}
+
+impl Device for Partner {
+    fn hear(&mut self, _now: u64, bytes: &[u8], out: &mut Vec<u8>) -> Option<u64> {
+        for byte in bytes {
+            self.heard.push(*byte);
+            match self.from {
+                _ if !self.is_3964r => {}
+                None if *byte == STX => {
+                    self.from = Some(self.heard.len());
+                    out.push(DLE);
+                }
+                None if *byte == DLE && self.connects => {
+                    self.connects = false;
+                    out.extend(self.blocks.pop_front().unwrap_or_default());
+                }
+                None => {}
+                Some(from) => {
+                    let coming = &self.heard[from..];
+                    if coming.len() > 2 && coming[coming.len() - 3..coming.len() - 1] == [DLE, ETX] {
+                        let undoubled = coming[..coming.len() - 3].chunk_by(|a, b| *a == DLE && *b == DLE);
+                        self.telegrams.push(
+                            undoubled.flat_map(|run| if run.len() > 1 { &run[1..] } else { run }.to_vec()).collect(),
+                        );
+                        self.from = None;
+                        out.push(DLE);
+                    }
+                }
+            }
+        }
+        None
+    }
+}
+
+struct Site {
+    bench: Bench<Partner>,
+}
+
+impl Site {
+    /// A station whose one CP 240 has these parameters, with this in its cycle.
+    fn new(params: &str, cycle: &str, blocks: &str) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let program = format!(
+            "{blocks}\nORGANIZATION_BLOCK OB 100\nBEGIN\nSET;\n=M 1.0;\nEND_ORGANIZATION_BLOCK\n\
+             ORGANIZATION_BLOCK OB 1\nBEGIN\n{cycle}\nEND_ORGANIZATION_BLOCK\n"
+        );
+        fs::write(folder.path().join("program.awl"), program).expect("the program");
+        let file = format!(
+            "[station]\nname = \"blocks\"\n[cpu]\nmin_cycle = \"2ms\"\nwatchdog = \"500ms\"\n\
+             [program]\nsources = [\"program.awl\"]\nmnemonics = \"de\"\n[[plugin]]\npath = \"ob1_cp240\"\n\
+             [[module]]\ntype = \"cp240\"\nname = \"cp\"\naddress = 256\nline = \"pty:partner\"\nparams = {params}\n"
+        );
+        let path = folder.path().join("station.toml");
+        fs::write(&path, file).expect("the station file");
+        let partner = Partner { is_3964r: params.contains("3964r"), ..Partner::default() };
+        let bench = Bench::build(&path, partner, 1).unwrap_or_else(|message| {
+            panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
+        });
+        Self { bench }
+    }
+
+    fn bit(&mut self, byte: u32, bit: u32, on: bool) {
+        let cell = Cell::Area(Area::Memory, 8 * byte + bit);
+        self.bench.station.cpu.write(cell, CellWidth::Bit, u32::from(on)).expect("bit memory");
+    }
+
+    fn is_set(&self, byte: usize, bit: u32) -> bool {
+        self.bench.station.cpu.bit_memory()[byte] >> bit & 1 == 1
+    }
+
+    fn word(&self, at: usize) -> u16 {
+        let memory = self.bench.station.cpu.bit_memory();
+        u16::from_be_bytes([memory[at], memory[at + 1]])
+    }
+
+    fn until(&mut self, what: impl Fn(&Self) -> bool) {
+        for _ in 0..20_000 {
+            if what(self) {
+                return;
+            }
+            self.bench.pass(MS);
+        }
+        panic!("it does not come\n{}", self.bench.log());
+    }
+
+    /// The partner sends a telegram of 3964R.
+    fn partner_sends(&mut self, telegram: &[u8]) {
+        let block = block(telegram);
+        self.bench.meanwhile(|partner, _, out| {
+            partner.blocks.push_back(block);
+            partner.connects = true;
+            out.push(STX);
+            None
+        });
+    }
+}
+
+const SYNCHRON: &str = "CALL FC 9 (ADR := 256, TIMER_NR := T 2, ANL := M 1.0, NULL := M 1.1, RESET := M 1.2, \
+     STEUERB_S := MB 2, STEUERB_R := MB 3);\n";
+
+/// FC 4 as long as M 4.0 is 0; `ANZW` MW 40.
+const SERVES: &str = "U M 1.0;\nBEB;\nU M 4.0;\nBEB;\nCALL FC 4 (ADR := 256, ANZW := MW 40, PAFE := MB 42, \
+     GESE := MW 44, ANZ := MW 46, DB_KOPF := MW 48, ABF_KOPF := MW 50, KOPF_AUSGEW := M 52.0, \
+     LETZTER_BLOCK := M 52.1, SENDE_LAEUFT := M 52.2, EMPF_LAEUFT := M 52.3, ENDE_KOM := M 52.4, SEND_ALL := M 52.5, \
+     RECEIV_ALL := M 52.6, FEHLER := M 52.7);\n";
+const DB_10: &str = "DATA_BLOCK DB 10\nSTRUCT\nD : ARRAY [1..1100] OF BYTE;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n";
+const SENDE_LAEUFT: u32 = 2;
+const EMPF_LAEUFT: u32 = 3;
+const FEHLER: u32 = 7;
+const RK512: &str = "{ protocol = \"3964r-rk512\", baud = 115200, priority = \"high\" }";
+
+fn serving() -> Site {
+    let mut site = Site::new(RK512, &[SYNCHRON, SERVES].concat(), DB_10);
+    site.until(|site| !site.is_set(1, 0));
+    site.bench.pass(100 * MS);
+    site
+}
+
+/// [S0 "Error message CP Byte 0"], 17h: "Maximally 1024byte user data may be transferred." The limit is told to the
+/// program that serves by its own number, not as a data block that is too short.
+#[test]
+fn an_order_of_the_partner_above_512_words() {
+    let mut site = serving();
+    for (command, data) in [(b'E', 0), (b'A', 128)] {
+        let header = [0, 0, command, b'D', 10, 0, 2, 1, 0xFF, 0xFF];
+        site.partner_sends(&[&header[..], &vec![7; data]].concat());
+        site.until(|site| site.word(40) == 0x1708);
+        assert!(site.is_set(52, FEHLER));
+        site.until(|site| !site.bench.device.telegrams.is_empty());
+        assert_eq!(site.bench.device.telegrams, [[0, 0, 0, 0x14]]);
+        // 512 words are served, and the indicator word is that order's.
+        site.bench.device.telegrams.clear();
+        site.partner_sends(&[0, 0, b'E', b'D', 10, 0, 2, 0, 0xFF, 0xFF]);
+        site.until(|site| site.word(40) == 0x0004);
+        site.until(|site| !site.bench.device.telegrams.is_empty());
+        assert_eq!(site.bench.device.telegrams[0].len(), 4 + 128);
+        assert!(!site.is_set(52, FEHLER));
+        site.bench.pass(10 * SECOND);
+        site.bench.device.telegrams.clear();
+    }
+}
+
+/// The program was slower than the CP waits: the partner has been told 2Ah, so the program is not told "done".
+#[test]
+fn an_answer_that_comes_too_late() {
+    for stage in [EMPF_LAEUFT, SENDE_LAEUFT] {
+        let mut site = serving();
+        site.partner_sends(&[
+            0, 0, b'A', b'D', 10, 0, 0, 10, 0xFF, 0xFF, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18,
+            19, 20,
+        ]);
+        site.until(|site| site.is_set(52, stage));
+        site.bit(4, 0, true);
+        site.bench.pass(5 * SECOND);
+        assert_eq!(site.bench.device.telegrams, [[0, 0, 0, 0x2A]]);
+        site.bit(4, 0, false);
+        site.until(|site| !site.is_set(52, EMPF_LAEUFT) && !site.is_set(52, SENDE_LAEUFT));
+        assert_eq!((site.word(40), site.is_set(52, FEHLER)), (0x0C08, true), "bit {stage}");
+        // And it serves the next one.
+        site.partner_sends(&[0, 0, b'A', b'D', 10, 0, 0, 1, 0xFF, 0xFF, 1, 2]);
+        site.until(|site| site.word(40) == 0x0004);
+        site.until(|site| site.bench.device.telegrams.len() == 2);
+        assert_eq!(site.bench.device.telegrams[1], [0, 0, 0, 0]);
+    }
+}
