@@ -1,5 +1,5 @@
-//! The handling blocks of the CP 240 in a whole station, in virtual time, with a partner that does what a test tells it:
-//! what a program learns when things do not go as they should.
+//! The handling blocks of the CP 240 in a whole station, in virtual time, with a partner that does what a test tells
+//! it: what a program learns when things do not go as they should.
 
 mod common;
 
@@ -7,6 +7,7 @@ use std::collections::VecDeque;
 use std::fs;
 
 use ob1_cpu::{Cell, CellWidth};
+use ob1_firmware::LineFault;
 use ob1_model::Area;
 use ob1_tests::sim::device::{Bench, Device};
 use ob1_tests::sim::{MS, SECOND};
@@ -196,4 +197,64 @@ fn an_answer_that_comes_too_late() {
         site.until(|site| site.bench.device.telegrams.len() == 2);
         assert_eq!(site.bench.device.telegrams[1], [0, 0, 0, 0]);
     }
+}
+
+/// FC 11; `EMFR` M 3.0, `ANZ` MW 40. It counts telegrams in MW 54, and errors in MW 56.
+const FRAGMENTS: &str = "U M 1.0;\nBEB;\nCALL FC 11 (ADR := 256, _DB := DB 10, ABD := W#16#0, ANZ := MW 40, \
+     EMFR := M 5.0, GEEM := MW 44, ANZ_INT := MW 46, EMPF_LAEUFT := M 3.0, LETZTER_BLOCK := M 3.1, \
+     FEHLER_EMPF := M 3.2, PAFE := MB 42);\n";
+
+/// [S0 L1099], [S0 "ASCII-fragmented"]: the blocks stand in the data block as they come, EMFR tells that the telegram
+/// is complete, ANZ is its length. 24 bytes have an end, too.
+#[test]
+fn fragments_of_a_telegram_and_its_end() {
+    let params = "{ protocol = \"ascii-fragmented\", baud = 9600, zvz_ms = 100 }";
+    let mut site = Site::new(params, &[SYNCHRON, FRAGMENTS].concat(), DB_10);
+    site.until(|site| !site.is_set(1, 0));
+    site.bench.pass(100 * MS);
+    for len in [30, 24, 12, 5, 1, 1080] {
+        let telegram: Vec<u8> = (0..len).map(|at| (at % 251) as u8).collect();
+        let sent = telegram.clone();
+        site.bench.meanwhile(|_, _, out| {
+            out.extend(sent);
+            None
+        });
+        if len > 12 {
+            // The first blocks are there long before the end.
+            site.until(|site| site.word(44) == 12);
+            assert!(!site.is_set(5, 0));
+        }
+        site.until(|site| site.is_set(5, 0));
+        assert_eq!((site.word(40), site.word(44), site.is_set(3, 1)), (len, len, true));
+        let data = site.bench.station.cpu.data_block(10).expect("it is there");
+        assert!(data[..usize::from(len)] == telegram, "{len} bytes");
+        // Nothing further is taken until the program has set EMFR back.
+        site.bench.meanwhile(|_, _, out| {
+            out.extend(b"next");
+            None
+        });
+        site.bench.pass(500 * MS);
+        assert_eq!(site.word(40), len);
+        site.bit(5, 0, false);
+        site.until(|site| site.is_set(5, 0));
+        assert_eq!(site.word(40), 4);
+        site.bit(5, 0, false);
+        site.bench.pass(50 * MS);
+    }
+    // A character that cannot be read, behind the first block: no telegram, and the program is told.
+    site.bench.meanwhile(|_, _, out| {
+        out.extend(b"twelve bytes, ");
+        None
+    });
+    site.until(|site| site.word(44) == 12);
+    site.bench.fault(LineFault::Parity);
+    site.until(|site| site.is_set(3, 2));
+    site.bench.pass(500 * MS);
+    assert_eq!((site.is_set(5, 0), site.is_set(3, 0)), (false, false));
+    site.bench.meanwhile(|_, _, out| {
+        out.extend(b"well again");
+        None
+    });
+    site.until(|site| site.is_set(5, 0));
+    assert_eq!((site.word(40), site.is_set(3, 2)), (10, false));
 }

@@ -6,6 +6,7 @@ macro_rules! outlet {
         $crate::cp240::Outlet {
             now: $now,
             ring: &mut $cp.receive.ring,
+            is_fragmented: $cp.setup.as_ref().is_some_and($crate::protocol::Setup::is_fragmented),
             rk512: &mut $cp.rk512,
             leds: &mut $cp.leds,
             modem: &mut $cp.modem,
@@ -21,7 +22,7 @@ mod rk512;
 
 use ob1_params::{Cp240 as Parameters, LineSettings};
 use ob1_protocols::rk512::Order as Rk512Order;
-use ob1_protocols::{Event, Input, LineFault, Nanos, Order, SendError, Sink, What};
+use ob1_protocols::{Event, Input, LineFault, Nanos, Order, Part, SendError, Sink, What};
 
 use crate::diagnosis::{Diagnosis, Kind};
 use crate::leds::{LedDriver, Leds};
@@ -364,6 +365,7 @@ impl Cp240 {
     fn look_receive(&mut self, now: Nanos, port: &mut dyn CpPort) {
         match self.receive.look(rx_word(&self.outputs)) {
             receive::Step::Wait | receive::Step::Offered => {}
+            receive::Step::PartTaken => self.drive(now, Input::Tick, port),
             receive::Step::Delivered(length) => {
                 port.count(CpCounter::Delivered, 1);
                 port.event(now, CpEvent::Delivered(length));
@@ -474,7 +476,7 @@ impl Cp240 {
             return self.after_rk512(now, port);
         }
         // A telegram may have come: offer it if nothing else is on show.
-        if self.receive.rest() == 0 {
+        if !self.receive.is_offering() {
             self.receive.look(rx_word(&self.outputs));
         }
     }
@@ -521,6 +523,8 @@ const fn next_number(number: u8) -> u8 {
 struct Outlet<'a> {
     now: Nanos,
     ring: &'a mut Ring,
+    /// Telegrams come in parts.
+    is_fragmented: bool,
     rk512: &'a mut Rk512Side,
     leds: &'a mut LedDriver,
     modem: &'a mut Modem,
@@ -542,7 +546,7 @@ impl Sink for Outlet<'_> {
     }
 
     fn room(&self) -> usize {
-        self.ring.room()
+        if self.is_fragmented { self.ring.room_for_part() } else { self.ring.room() }
     }
 
     fn deliver(&mut self, telegram: &[u8]) {
@@ -552,6 +556,17 @@ impl Sink for Outlet<'_> {
         } else {
             // A protocol that does not ask for room first.
             self.port.count(CpCounter::Rejected, 1);
+        }
+    }
+
+    fn part(&mut self, bytes: &[u8], part: Part) {
+        // There is room for it: asked for before, or kept for the end.
+        self.ring.push_part(bytes, part);
+        if part == Part::Last {
+            self.port.count(CpCounter::Received, 1);
+        }
+        if !bytes.is_empty() {
+            self.port.event(self.now, CpEvent::Received(bytes));
         }
     }
 

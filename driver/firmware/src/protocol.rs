@@ -40,9 +40,9 @@ impl Setup {
         }
     }
 
-    /// The same for a CP 040 that occupies `io_bytes` each way: where the CP 240 takes double the character time for 0,
-    /// it takes "triple character time" [S3 L303], and the areas of its slave "short" are as long as its process image
-    /// [S3 L385].
+    /// The same for a CP 040 that occupies `io_bytes` each way: where the CP 240 takes double the character time for
+    /// 0, it takes "triple character time" [S3 L303], and the areas of its slave "short" are as long as its process
+    /// image [S3 L385].
     pub(crate) fn of_040(parameters: &Cp040, io_bytes: usize, late: Nanos) -> Option<Self> {
         let mut setup = Self::of(&parameters.common, late)?;
         let triple = 3 * parameters.common.char_time_ns();
@@ -53,6 +53,11 @@ impl Setup {
             _ => {}
         }
         Some(setup)
+    }
+
+    /// ASCII-fragmented: telegrams come in parts.
+    pub(crate) fn is_fragmented(&self) -> bool {
+        matches!(self, Self::Ascii(config) if config.criterion == ascii::Criterion::Fragments)
     }
 
     /// One of the Modbus modes.
@@ -131,8 +136,8 @@ fn s3964_config(p: &S3964Params, char_time: Nanos) -> s3964::Config {
     }
 }
 
-/// The protocol at work. The variants differ in size by little and there is one of it: no box but for what has areas or
-/// a send buffer.
+/// The protocol at work. The variants differ in size by little and there is one of it: no box but for what has areas
+/// or a send buffer.
 #[derive(Debug)]
 pub(crate) enum Protocol {
     /// The CP does not work.

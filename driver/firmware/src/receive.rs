@@ -1,6 +1,8 @@
 //! CP -> CPU: the oldest received telegram handed over block by block [S0 "Example RECEIVE data"].
 
-use crate::registers::{AREA, BLOCK_BYTES, OUTSIDE, count};
+use ob1_protocols::Part;
+
+use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, MORE, OUTSIDE, count};
 use crate::ring::{Capacity, Ring};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -9,6 +11,8 @@ enum State {
     Idle,
     /// `RX` = `rest`, and the block that goes with it.
     Offered { rest: usize },
+    /// `RX` tells of the end of a telegram whose parts have been fetched.
+    Marked { word: u16 },
     /// The last block has been fetched, `RX` is 0; `RX echo` has to follow.
     Closing,
 }
@@ -22,6 +26,8 @@ pub(crate) enum Step {
     Offered,
     /// A telegram of this length was handed over completely and has left the buffer.
     Delivered(usize),
+    /// A part of one has left the buffer, or the word that its rest is lost.
+    PartTaken,
     /// The CPU refuses the changed area; it has left the buffer.
     Refused,
 }
@@ -34,17 +40,22 @@ pub(crate) struct ReceiveSide {
     block: [u8; BLOCK_BYTES],
     /// Bit of all counts: the telegrams are changed areas of the Modbus slave "long".
     area: u16,
+    /// [`MORE`] behind the block on show.
+    more: u16,
+    /// Bytes of the parts that were fetched.
+    fetched: usize,
 }
 
 impl ReceiveSide {
     pub(crate) const fn new() -> Self {
-        Self { state: State::Idle, ring: Ring::new(), block: [0; BLOCK_BYTES], area: 0 }
+        let block = [0; BLOCK_BYTES];
+        Self { state: State::Idle, ring: Ring::new(), block, area: 0, more: 0, fetched: 0 }
     }
 
     /// Back to "nothing received"; the number of telegrams dropped.
     pub(crate) fn clear(&mut self, capacity: Capacity) -> usize {
-        let dropped = self.ring.telegrams();
-        self.state = State::Idle;
+        let dropped = self.ring.complete();
+        (self.state, self.more, self.fetched) = (State::Idle, 0, 0);
         self.ring.clear(capacity);
         dropped
     }
@@ -56,18 +67,24 @@ impl ReceiveSide {
 
     /// `RX`.
     pub(crate) const fn word(&self) -> u16 {
-        match self.rest() {
-            0 => 0,
-            rest => rest | self.area,
+        match self.state {
+            State::Idle | State::Closing => 0,
+            State::Offered { rest } => rest as u16 | self.area | self.more,
+            State::Marked { word } => word,
         }
     }
 
     /// The count in `RX`.
     pub(crate) const fn rest(&self) -> u16 {
         match self.state {
-            State::Idle | State::Closing => 0,
+            State::Idle | State::Closing | State::Marked { .. } => 0,
             State::Offered { rest } => rest as u16,
         }
+    }
+
+    /// Whether something is on show.
+    pub(crate) const fn is_offering(&self) -> bool {
+        matches!(self.state, State::Offered { .. } | State::Marked { .. })
     }
 
     /// The block that goes with `RX`; empty if that is 0.
@@ -82,14 +99,21 @@ impl ReceiveSide {
             self.state = State::Closing;
             return Step::Refused;
         }
+        if let State::Marked { word } = self.state {
+            return if echo == MORE || echo == word { self.taken(0) } else { Step::Wait };
+        }
         let echo = if echo == 0 { 0 } else { echo ^ self.area };
+        let echo = if self.area == 0 { echo & !MORE } else { echo };
         match (self.state, count(echo)) {
-            (State::Idle, Some(0)) => match self.ring.oldest() {
-                Some(length) => {
+            (State::Idle, Some(0)) => match (self.ring.oldest(), self.ring.oldest_part()) {
+                (Some(_), Part::Broken) => self.mark(BROKEN_OFF),
+                (Some(0), _) => self.mark(MORE),
+                (Some(length), part) => {
+                    self.more = if part == Part::More { MORE } else { 0 };
                     self.offer(length, length);
                     Step::Offered
                 }
-                None => Step::Wait,
+                (None, _) => Step::Wait,
             },
             (State::Offered { rest }, Some(echo)) if echo == rest => {
                 let length = self.ring.oldest().unwrap_or(0);
@@ -97,9 +121,7 @@ impl ReceiveSide {
                     self.offer(length, rest - BLOCK_BYTES);
                     return Step::Offered;
                 }
-                self.ring.pop();
-                self.state = State::Closing;
-                Step::Delivered(length)
+                self.taken(length)
             }
             (State::Closing, Some(0)) => {
                 self.state = State::Idle;
@@ -107,6 +129,24 @@ impl ReceiveSide {
             }
             _ => Step::Wait,
         }
+    }
+
+    fn mark(&mut self, word: u16) -> Step {
+        self.state = State::Marked { word };
+        Step::Offered
+    }
+
+    /// What was on show has been fetched.
+    fn taken(&mut self, length: usize) -> Step {
+        let part = self.ring.oldest_part();
+        self.ring.pop();
+        self.state = State::Closing;
+        self.fetched += length;
+        if part == Part::More {
+            return Step::PartTaken;
+        }
+        let length = core::mem::take(&mut self.fetched);
+        if part == Part::Broken { Step::PartTaken } else { Step::Delivered(length) }
     }
 
     fn offer(&mut self, length: usize, rest: usize) {
@@ -136,6 +176,52 @@ mod tests {
         assert_eq!(receive.look(6), Step::Wait, "the echo has to go to 0 first");
         assert_eq!(receive.look(0), Step::Offered);
         assert_eq!(receive.rest(), 4);
+    }
+
+    #[test]
+    fn parts_say_what_comes_behind_them() {
+        let mut receive = ReceiveSide::new();
+        receive.clear(Capacity::buffers(250));
+        for (bytes, part) in [
+            (&b"abcdefghijkl"[..], Part::More),
+            (b"mno", Part::Last),
+            (b"123456789012", Part::More),
+            (b"", Part::Last),
+            (b"ABCDEFGHIJKL", Part::More),
+            (b"", Part::Broken),
+        ] {
+            assert!(receive.ring.push_part(bytes, part));
+        }
+        assert_eq!(receive.ring.complete(), 2);
+        for (word, bytes, step) in [
+            (0x200C, &b"abcdefghijkl"[..], Step::PartTaken),
+            (3, b"mno", Step::Delivered(15)),
+            (0x200C, b"123456789012", Step::PartTaken),
+            (0x2000, b"", Step::Delivered(12)),
+            (0x200C, b"ABCDEFGHIJKL", Step::PartTaken),
+            (0x27FF, b"", Step::PartTaken),
+        ] {
+            assert_eq!(receive.look(0), Step::Offered);
+            assert_eq!((receive.word(), receive.block()), (word, bytes));
+            assert_eq!(receive.look(word), step);
+        }
+        assert_eq!((receive.look(0), receive.word()), (Step::Wait, 0));
+    }
+
+    /// A CPU that knows nothing of the bit: counts, and 0.
+    #[test]
+    fn the_bit_may_be_left_out_of_the_echo() {
+        let mut receive = ReceiveSide::new();
+        receive.clear(Capacity::buffers(250));
+        receive.ring.push_part(b"abcdefghijkl", Part::More);
+        receive.ring.push_part(b"", Part::Last);
+        receive.ring.push_part(b"xy", Part::Last);
+        receive.look(0);
+        assert_eq!(receive.look(12), Step::PartTaken);
+        assert_eq!((receive.look(0), receive.word()), (Step::Offered, 0x2000));
+        assert_eq!(receive.look(0), Step::Wait);
+        assert_eq!(receive.look(0x2000), Step::Delivered(12));
+        assert_eq!((receive.look(0x2000), receive.word()), (Step::Offered, 2));
     }
 
     #[test]

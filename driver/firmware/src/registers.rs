@@ -28,14 +28,21 @@ pub const FAILED: u16 = 0x2000;
 /// Modbus slave "long" and begins with its offset.
 pub const AREA: u16 = 0x4000;
 
+/// `RX`, ASCII-fragmented: more of the telegram follows this block. Without a count: the telegram is complete; with
+/// [`BROKEN_OFF`]: its rest is lost. `RX echo` may show the bit or leave it out; alone it acknowledges the last two.
+pub const MORE: u16 = 0x2000;
+
+/// `RX`: the rest of the telegram is lost.
+pub const BROKEN_OFF: u16 = MORE | COUNT_BITS;
+
 /// `RX echo`: the CPU cannot store the changed area, its own ends before.
 pub const OUTSIDE: u16 = FAILED | 0x02;
 
 /// Framing of RK 512: an own order of the CPU (`TX`) and how it ended (`RX`).
 pub const OWN_ORDER: u16 = 0x0800;
 
-/// Framing of RK 512: an order of the partner (`RX`) and the CPU's answer (`TX`). Alone, without a count, in `RX echo`:
-/// the CPU takes orders of the partner.
+/// Framing of RK 512: an order of the partner (`RX`) and the CPU's answer (`TX`). Alone, without a count, in `RX
+/// echo`: the CPU takes orders of the partner.
 pub const PARTNER_ORDER: u16 = 0x1000;
 
 /// Framing bits of a line command in `TX` and of its answer in `TX echo`.

@@ -1,5 +1,7 @@
-//! The receive buffer: whole telegrams in a ring of 1024 or 2048 bytes [S0 "Communication via back plane bus"], at a CP
-//! 341 of 4096 [reference 6.2].
+//! The receive buffer: whole telegrams in a ring of 1024 or 2048 bytes [S0 "Communication via back plane bus"], at a
+//! CP 341 of 4096 [reference 6.2].
+
+use ob1_protocols::Part;
 
 use crate::registers::BUFFER_BYTES;
 
@@ -11,6 +13,10 @@ pub(crate) const BYTES_341: usize = 4096;
 
 /// Telegrams the buffer can hold at most. [S0 "Properties"]
 pub const TELEGRAMS_MAX: usize = 250;
+
+/// In a length: more of the telegram follows, or the rest of it is lost.
+const MORE: u16 = 0x8000;
+const BROKEN: u16 = 0x4000;
 
 /// What a buffer holds; the protocol decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,6 +66,7 @@ pub(crate) struct Ring<const BYTES: usize = BYTES_MAX> {
     head: usize,
     /// Bytes in use.
     used: usize,
+    /// Length of each telegram or part, with [`MORE`] and [`BROKEN`].
     lengths: [u16; TELEGRAMS_MAX],
     /// Place of the oldest length.
     first: usize,
@@ -127,9 +134,46 @@ impl<const BYTES: usize> Ring<BYTES> {
         true
     }
 
-    /// Length of the oldest telegram.
+    /// Bytes the next part of a telegram may have: the last place is kept for its end.
+    pub(crate) const fn room_for_part(&self) -> usize {
+        if self.telegrams + 1 < self.capacity.telegrams { self.room() } else { 0 }
+    }
+
+    /// Appends a part of a telegram, or what is told behind its parts.
+    pub(crate) fn push_part(&mut self, bytes: &[u8], part: Part) -> bool {
+        let place = (self.first + self.telegrams) % TELEGRAMS_MAX;
+        if bytes.is_empty() && self.telegrams < self.capacity.telegrams {
+            self.lengths[place] = 0;
+            self.telegrams += 1;
+        } else if !self.push(bytes) {
+            return false;
+        }
+        self.lengths[place] |= match part {
+            Part::More => MORE,
+            Part::Last => 0,
+            Part::Broken => BROKEN,
+        };
+        true
+    }
+
+    /// Telegrams that are complete.
+    pub(crate) fn complete(&self) -> usize {
+        let places = (self.first..self.first + self.telegrams).map(|place| self.lengths[place % TELEGRAMS_MAX]);
+        places.filter(|length| length & (MORE | BROKEN) == 0).count()
+    }
+
+    /// Length of the oldest telegram, or part.
     pub(crate) fn oldest(&self) -> Option<usize> {
-        (self.telegrams > 0).then(|| usize::from(self.lengths[self.first]))
+        (self.telegrams > 0).then(|| usize::from(self.lengths[self.first] & !(MORE | BROKEN)))
+    }
+
+    /// What comes behind it.
+    pub(crate) const fn oldest_part(&self) -> Part {
+        match self.lengths[self.first] & (MORE | BROKEN) {
+            0 => Part::Last,
+            MORE => Part::More,
+            _ => Part::Broken,
+        }
     }
 
     /// Copies out of the oldest telegram, from byte `at` on.

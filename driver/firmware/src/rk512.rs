@@ -124,8 +124,8 @@ impl Rk512Side {
 
     // ---- what the CPU hands over ----
 
-    /// Takes a complete telegram of the CPU apart. An order leaves its mark here, and what was left of the order before
-    /// is dropped.
+    /// Takes a complete telegram of the CPU apart. An order leaves its mark here, and what was left of the order
+    /// before is dropped.
     pub(crate) fn handed<'a>(&mut self, framing: u16, telegram: &'a [u8]) -> Handed<'a> {
         if framing == OWN_ORDER {
             self.drop_result();
@@ -180,8 +180,8 @@ impl Rk512Side {
         self.partner.set(&header, data);
     }
 
-    /// The CP has refused an order of the partner that the CPU has not seen; `code` is for its indicator word. Number 0:
-    /// nobody awaits an answer. Of several the last is told.
+    /// The CP has refused an order of the partner that the CPU has not seen; `code` is for its indicator word. Number
+    /// 0: nobody awaits an answer. Of several the last is told.
     pub(crate) fn refused(&mut self, code: u8) {
         if !matches!(self.state, State::Offered { what: Offer::Notice, .. }) {
             self.notice.set(&[code, 0, 0, 0, 0, 0, 0, 0, 0, 0], &[]);

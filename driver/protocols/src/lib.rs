@@ -37,7 +37,8 @@ pub mod trace;
 pub use ascii::Ascii;
 pub use esp2::Esp2;
 pub use machine::{
-    Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,
+    Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Part, Phase, SECOND, SendError, Sink, TELEGRAM_MAX,
+    What,
 };
 pub use mbus::MBus;
 pub use rk512::Rk512;

@@ -38,8 +38,8 @@ pub trait Machine {
 pub enum Input<'a> {
     /// Time has passed, or the receive buffer has become free; nothing else.
     Tick,
-    /// Characters came in, in this order; `now` is the end of the last one. A character that the line could not read is
-    /// not among them: a [`Input::LineFault`] stands in its place.
+    /// Characters came in, in this order; `now` is the end of the last one. A character that the line could not read
+    /// is not among them: a [`Input::LineFault`] stands in its place.
     Rx(&'a [u8]),
     /// The last bit of everything handed to [`Sink::transmit`] has left the line. A line reports it before any
     /// character that came in later. A line without a partner swallows its output and reports this all the same.
@@ -109,9 +109,18 @@ pub trait Sink {
     /// Bytes that a received telegram may have now; 0: no receive buffer is free.
     fn room(&self) -> usize;
 
-    /// A telegram is complete and, where the protocol has that, acknowledged. (ASCII-fragmented: a block of at most
-    /// 12 bytes.) Never longer than [`Sink::room`] was just before, never empty.
+    /// A telegram is complete and, where the protocol has that, acknowledged. Never longer than [`Sink::room`] was
+    /// just before, never empty.
     fn deliver(&mut self, telegram: &[u8]);
+
+    /// ASCII-fragmented: the next part of a telegram, at most 12 bytes and never longer than [`Sink::room`] was just
+    /// before. Empty only where a telegram ends or breaks off behind parts that have been handed over.
+    fn part(&mut self, bytes: &[u8], part: Part) {
+        let _ = part;
+        if !bytes.is_empty() {
+            self.deliver(bytes);
+        }
+    }
 
     /// The running order has ended, or a second one was refused as [`SendError::Busy`].
     fn sent(&mut self, outcome: Result<(), SendError>);
@@ -134,6 +143,17 @@ pub trait Sink {
     fn dtr(&mut self, on: bool) {
         let _ = on;
     }
+}
+
+/// What comes behind a part of a telegram.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Part {
+    /// More of it, or its end.
+    More,
+    /// Nothing: the telegram is complete.
+    Last,
+    /// Nothing: the rest is lost.
+    Broken,
 }
 
 /// Why an order failed.
@@ -248,8 +268,8 @@ pub enum What {
 }
 
 impl Event {
-    /// Number in the event classes 7 (send) and 8 (receive) of the 3964(R) and ASCII driver; `None` where these have no
-    /// number. [reference 3.9, 3.10]
+    /// Number in the event classes 7 (send) and 8 (receive) of the 3964(R) and ASCII driver; `None` where these have
+    /// no number. [reference 3.9, 3.10]
     pub fn number(self) -> Option<u16> {
         use Phase::{Acknowledge, Connect, Output};
         const DLE: u8 = 0x10;

@@ -66,7 +66,8 @@ fn zvz_of_zero_is_two_characters() {
     );
 }
 
-/// [S0 "Number of receive buffers"]: while it is occupied nothing can be received: nothing, not the rest of a telegram.
+/// [S0 "Number of receive buffers"]: while it is occupied nothing can be received: nothing, not the rest of a
+/// telegram.
 #[test]
 fn no_receive_buffer() {
     run(
@@ -120,20 +121,33 @@ fn line_faults() {
     );
 }
 
-/// [S0 "Communication with ASCII-fragmented"]: blocks of 12 bytes at once, the last when the line falls silent.
+/// [S0 "Communication with ASCII-fragmented"]: blocks of 12 bytes at once, the rest when the line falls silent; where
+/// nothing is left, the end alone. Who has a part is told when the rest is lost.
 #[test]
 fn fragments() {
     run(
         Config { criterion: Criterion::Fragments, ..config() },
         "0   start
          10  rx 11*41
-         11  rx 42 43 => got 11*41 42
+         11  rx 42 43 => more 11*41 42
          211 timeout => got 43
-         220 rx 12*44 => got 12*44
-         221 room 5
-         222 rx 12*45 46 => !Receive: NoBuffer
-         223 rx 47
-         423 timeout",
+         220 rx 12*44 => more 12*44
+         420 timeout => end
+         430 rx 12*44 => more 12*44
+         431 room 5
+         432 rx 12*45 46 => !Receive: NoBuffer, broken
+         433 rx 47
+         633 timeout
+         640 rx 41 42 43
+         840 timeout => got 41 42 43
+         900 rx 12*44 => !Receive: NoBuffer
+         901 room 1024
+         902 rx 12*45
+         1102 timeout
+         1110 rx 12*44 41 => more 12*44
+         1111 fault Parity => !Receive: Line(Parity), broken
+         1112 rx 12*45
+         1312 timeout",
     );
 }
 

@@ -3,8 +3,8 @@
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
 use crate::registers::{
-    BLOCK_BYTES, CHANGED_AREA, Count, Module, OFFSET_BYTES, OUTSIDE, Pafe, REGISTER_BYTES, Words, address, read,
-    rx_count,
+    BLOCK_BYTES, BROKEN_OFF, CHANGED_AREA, COUNT_BITS, Count, MORE, Module, OFFSET_BYTES, OUTSIDE, Pafe,
+    REGISTER_BYTES, Words, address, read, rx_count,
 };
 use crate::settings;
 use crate::state::CpState;
@@ -152,7 +152,14 @@ fn run(cx: &mut Cx<'_, CpState>) -> Result<Pafe, Abort> {
     // Count and bytes of one read, so that they belong together.
     let Some((module, registers)) = Module::read::<REGISTER_BYTES>(cx, adr)? else { return Ok(Pafe::Ok) };
     let [a, b, c, d, block @ ..] = registers;
-    let words = Words::from_bytes([a, b, c, d]);
+    let mut words = Words::from_bytes([a, b, c, d]);
+    if words.rx & !COUNT_BITS == MORE {
+        // ASCII-fragmented without FC 11: each block is a telegram here, and nothing comes of the word behind them.
+        if matches!(words.rx, MORE | BROKEN_OFF) {
+            return module.write(cx, 0, &MORE.to_be_bytes()).map(|_| Pafe::Ok);
+        }
+        words.rx &= COUNT_BITS;
+    }
     let (emfr, job) = (cx.get(receive::EMFR)?, load(cx)?);
     if job.empf_laeuft {
         if words.not_ready() || !module.state.receive.holds(&module.info) {

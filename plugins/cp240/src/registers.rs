@@ -21,6 +21,11 @@ pub(crate) const CHANGED_AREA: u16 = 0x4000;
 pub(crate) const OFFSET_BYTES: u16 = 2;
 /// `RX echo`: the changed area does not lie inside of the receive data block.
 pub(crate) const OUTSIDE: u16 = FAILED | 0x02;
+/// `RX`, ASCII-fragmented: more of the telegram follows this block; without a count the telegram is complete. As
+/// `RX echo` it acknowledges the latter, and [`BROKEN_OFF`].
+pub(crate) const MORE: u16 = 0x2000;
+/// `RX`, ASCII-fragmented: the rest of the telegram is lost.
+pub(crate) const BROKEN_OFF: u16 = 0x27FF;
 /// `TX echo`: the order failed, the low byte says why. `TX`: that is understood.
 pub(crate) const FAILED: u16 = 0x2000;
 /// Bit of the system words; with the number of a start-up, that start-up in `TX echo` and its acknowledgement in `TX`.
@@ -35,6 +40,9 @@ pub(crate) const NO_PARAMETERS: u16 = 0x8003;
 /// `TX echo`: the answer to a line command, STATUS in bits 0 to 5, DELTA_STATUS in bits 6 to 9.
 pub(crate) const LINE_ANSWER: u16 = 0x1C00;
 const LINE_ANSWER_MASK: u16 = 0xFC00;
+
+/// Bits 0 to 10: a count.
+pub(crate) const COUNT_BITS: u16 = 0x07FF;
 
 /// The two words the CP writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -462,35 +462,43 @@ fn fc_8_survives_the_loss_of_its_cp() {
     assert_eq!((tx(&cpu), actuals[8]), (0, 0), "nobody is there to answer");
 }
 
-/// FC 11 with its actuals: ADR _DB ABD ANZ EMFR GEEM ANZ_INT EMPF_LAEUFT LETZTER_BLOCK FEHLER_EMPF PAFE.
+/// FC 11 with its actuals: ADR _DB ABD ANZ EMFR GEEM ANZ_INT EMPF_LAEUFT LETZTER_BLOCK FEHLER_EMPF PAFE. EMFR comes
+/// with the whole telegram, ANZ is its length. [S0 L1099]
 #[test]
-fn fc_11_hands_over_each_block() {
+fn fc_11_takes_a_telegram_block_by_block() {
     let (blocks, mut cpu) = (blocks(), cpu());
     let fc11 = find(&blocks, BlockKind::Fc, 11);
     let echoed = |cpu: &Cpu| u16::from_be_bytes([cpu.module.output[0], cpu.module.output[1]]);
     let mut actuals = [ADR, 11, 4, 0, 0, 0, 0, 0, 0, 0, 0];
-    offer(&mut cpu, 30, b"twelve bytes");
+    offer(&mut cpu, 0x200C, b"twelve bytes");
     call(&mut cpu, fc11, &mut actuals);
-    assert_eq!(actuals, [ADR, 11, 4, 12, 1, 12, 30, 1, 0, 0, 0]);
-    assert_eq!((cpu.dbs[&11][3..17].to_vec(), echoed(&cpu)), (b"\xEEtwelve bytes\xEE".to_vec(), 30));
-    offer(&mut cpu, 18, b"second dozen");
+    assert_eq!(actuals, [ADR, 11, 4, 0, 0, 12, 0x200C, 1, 0, 0, 0]);
+    assert_eq!((cpu.dbs[&11][3..17].to_vec(), echoed(&cpu)), (b"\xEEtwelve bytes\xEE".to_vec(), 0x200C));
+    offer(&mut cpu, 0, &[]);
     call(&mut cpu, fc11, &mut actuals);
-    assert_eq!(echoed(&cpu), 30, "EMFR is still set");
-    actuals[4] = 0;
+    assert_eq!((echoed(&cpu), actuals[6]), (0, 0), "the next block may come");
     // A data block that is too short keeps the block in the CP.
-    actuals[2] = 89;
+    offer(&mut cpu, 6, b"and 6.");
+    actuals[2] = 86;
     call(&mut cpu, fc11, &mut actuals);
-    assert_eq!((actuals[10], actuals[4], echoed(&cpu)), (2, 0, 30));
+    assert_eq!((actuals[10], actuals[4], echoed(&cpu)), (2, 0, 0));
     actuals[2] = 4;
     call(&mut cpu, fc11, &mut actuals);
-    assert_eq!((actuals[10], actuals[4], echoed(&cpu)), (0, 1, 18));
-    assert_eq!(cpu.dbs[&11][4..16], *b"second dozen");
-    // The CP is lost in the middle.
-    cpu.module.status.generation = 2;
+    assert_eq!(actuals, [ADR, 11, 4, 18, 1, 18, 6, 1, 1, 0, 0]);
+    assert_eq!((&cpu.dbs[&11][4..22], echoed(&cpu)), (&b"twelve bytesand 6."[..], 6));
     offer(&mut cpu, 0, &[]);
+    call(&mut cpu, fc11, &mut actuals);
+    assert_eq!((actuals, echoed(&cpu)), ([ADR, 11, 4, 18, 1, 0, 0, 0, 0, 0, 0], 0));
+    // The next one waits for EMFR; then the CP is lost in the middle.
+    offer(&mut cpu, 0x200C, b"second dozen");
+    call(&mut cpu, fc11, &mut actuals);
+    assert_eq!(echoed(&cpu), 0);
     actuals[4] = 0;
     call(&mut cpu, fc11, &mut actuals);
-    assert_eq!((actuals, echoed(&cpu)), ([ADR, 11, 4, 12, 0, 0, 0, 0, 0, 1, 0], 0), "FEHLER_EMPF");
+    cpu.module.status.generation = 2;
+    offer(&mut cpu, 0, &[]);
+    call(&mut cpu, fc11, &mut actuals);
+    assert_eq!((actuals, echoed(&cpu)), ([ADR, 11, 4, 18, 0, 0, 0, 0, 0, 1, 0], 0), "FEHLER_EMPF");
     offer(&mut cpu, 5, b"after");
     call(&mut cpu, fc11, &mut actuals);
     assert_eq!(actuals, [ADR, 11, 4, 5, 1, 5, 5, 1, 1, 0, 0]);

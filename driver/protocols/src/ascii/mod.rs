@@ -1,5 +1,5 @@
-//! ASCII: bare characters; nothing is acknowledged, nothing checked. A telegram ends when the line falls silent, and at
-//! a CP 341 also with end characters or after a number of characters.
+//! ASCII: bare characters; nothing is acknowledged, nothing checked. A telegram ends when the line falls silent, and
+//! at a CP 341 also with end characters or after a number of characters.
 //!
 //! [S0 "ASCII"], [S0 "ASCII-fragmented"], [S0 "Parameter description"], [reference 6]. Sending and receiving are
 //! independent of each other (full duplex). An order is done when ZNA has run out after the last bit.
@@ -29,7 +29,7 @@ pub const FRAGMENT: usize = 12;
 pub enum Criterion {
     /// ZVZ.
     Silence,
-    /// Blocks of 12 bytes as they come, and a shorter one when the line falls silent. [S0 "ASCII-fragmented"]
+    /// ZVZ; each 12 bytes are handed on as they come, the rest with the end. [S0 "ASCII-fragmented"]
     Fragments,
     /// One or two end characters; they belong to the telegram.
     Characters {
@@ -196,7 +196,7 @@ impl<const N: usize> Machine for Ascii<N> {
             }
             Input::Order(order) => {
                 if order == Order::Abort {
-                    self.receive.clear();
+                    self.receive.clear(out);
                 }
                 self.output.order(now, order, out);
             }

@@ -3,7 +3,7 @@
 //! | end criterion | a telegram ends | ZVZ expires before |
 //! |---|---|---|
 //! | silence | when ZVZ expires | |
-//! | fragments | after 12 bytes, or when ZVZ expires | |
+//! | fragments | when ZVZ expires; each 12 bytes of it are handed on as they come | |
 //! | end characters | with them; they belong to it | 0806h, what has come is dropped |
 //! | length | after so many characters | 0806h, what has come is dropped |
 //!
@@ -11,19 +11,40 @@
 //! lost (no room, an unreadable character) is followed to its end all the same, so that the next one is whole.
 
 use super::{Criterion, FRAGMENT};
-use crate::machine::{Event, Nanos, Phase, Sink, What};
+use crate::machine::{Event, Nanos, Part, Phase, Sink, What};
 
 /// The telegram that is coming in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Coming {
-    /// Characters so far.
+    /// Characters so far; of fragments: since the last part.
     len: usize,
+    /// Fragments: parts of it have been handed on.
+    begun: bool,
     /// The one before, where it could be read.
     before: Option<u8>,
     /// It will not be delivered; that was reported.
     lost: bool,
     /// Silence until then ends it.
     until: Nanos,
+}
+
+impl Coming {
+    const fn new(now: Nanos) -> Self {
+        Self { len: 0, begun: false, before: None, lost: false, until: now }
+    }
+
+    /// It will not be delivered; who has its parts already is told that nothing comes behind them.
+    fn lose(&mut self, what: What, out: &mut dyn Sink) {
+        out.report(Event { phase: Phase::Receive, what });
+        self.break_off(out);
+    }
+
+    fn break_off(&mut self, out: &mut dyn Sink) {
+        self.lost = true;
+        if core::mem::take(&mut self.begun) {
+            out.part(&[], Part::Broken);
+        }
+    }
 }
 
 /// The receiving half, with a buffer of `N` bytes.
@@ -40,9 +61,11 @@ impl<const N: usize> Receive<N> {
         Self { criterion, zvz, coming: None, data: [0; N] }
     }
 
-    /// Nothing is coming in.
-    pub(super) fn clear(&mut self) {
-        self.coming = None;
+    /// What is coming in is forgotten.
+    pub(super) fn clear(&mut self, out: &mut dyn Sink) {
+        if let Some(mut coming) = self.coming.take() {
+            coming.break_off(out);
+        }
     }
 
     pub(super) fn deadline(&self) -> Option<Nanos> {
@@ -56,17 +79,17 @@ impl<const N: usize> Receive<N> {
 
     /// A character; true if a telegram has ended with it.
     pub(super) fn character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) -> bool {
-        let mut coming = self.coming.unwrap_or(Coming { len: 0, before: None, lost: false, until: now });
+        let mut coming = self.coming.unwrap_or(Coming::new(now));
         if self.coming.is_none() && out.room() == 0 {
             // [S0 "Number of receive buffers"]: no more data can be received while the receive buffer is occupied.
-            lose(&mut coming, What::NoBuffer, out);
+            coming.lose(What::NoBuffer, out);
         }
         if !coming.lost {
             match self.data.get_mut(coming.len) {
                 Some(place) => *place = byte,
                 // [S0 "Communication via back plane bus"]: the length of the ring buffer determines the max. length of
                 // a telegram.
-                None => lose(&mut coming, What::TooLong, out),
+                None => coming.lose(What::TooLong, out),
             }
         }
         self.take(now, coming, Some(byte), out)
@@ -74,18 +97,18 @@ impl<const N: usize> Receive<N> {
 
     /// A character that could not be read: its telegram is not passed on as if it were whole.
     pub(super) fn unreadable(&mut self, now: Nanos, what: What, out: &mut dyn Sink) -> bool {
-        let mut coming = self.coming.unwrap_or(Coming { len: 0, before: None, lost: false, until: now });
+        let mut coming = self.coming.unwrap_or(Coming::new(now));
         // The rest of a telegram that is lost already costs nothing more.
         let phase = if coming.lost { Phase::Idle } else { Phase::Receive };
         out.report(Event { phase, what });
-        coming.lost = true;
+        coming.break_off(out);
         self.take(now, coming, None, out)
     }
 
     /// What is coming in is dropped, the rest of it as well.
     pub(super) fn abandon(&mut self, what: What, out: &mut dyn Sink) {
         if let Some(coming) = self.coming.as_mut().filter(|coming| !coming.lost) {
-            lose(coming, what, out);
+            coming.lose(what, out);
         }
     }
 
@@ -94,8 +117,12 @@ impl<const N: usize> Receive<N> {
         coming.until = now + self.zvz;
         let ended = match self.criterion {
             Criterion::Silence => false,
-            // [S0 "Communication with ASCII-fragmented"]: blocks are transferred immediately.
-            Criterion::Fragments => coming.len == FRAGMENT && !coming.lost,
+            Criterion::Fragments => {
+                if coming.len == FRAGMENT && !coming.lost {
+                    self.hand_on(&mut coming, out);
+                }
+                false
+            }
             Criterion::Characters { end, .. } => match *end.as_slice() {
                 [only] => byte == Some(only),
                 [first, second] => coming.before == Some(first) && byte == Some(second),
@@ -109,6 +136,15 @@ impl<const N: usize> Receive<N> {
             self.end(coming, out);
         }
         ended
+    }
+
+    /// [S0 "Communication with ASCII-fragmented"]: blocks are transferred immediately; the telegram goes on.
+    fn hand_on(&mut self, coming: &mut Coming, out: &mut dyn Sink) {
+        if coming.len > out.room() {
+            return coming.lose(What::NoBuffer, out);
+        }
+        out.part(&self.data[..coming.len], Part::More);
+        (coming.len, coming.begun) = (0, true);
     }
 
     /// ZVZ may have expired; true if a telegram has ended with that.
@@ -133,18 +169,10 @@ impl<const N: usize> Receive<N> {
             return;
         }
         // [S0 "Communication via back plane bus"]: when the buffer is filled up, new telegrams are rejected.
-        if coming.len <= out.room() {
-            return out.deliver(&self.data[..coming.len]);
+        if coming.len > out.room() {
+            return coming.lose(What::NoBuffer, out);
         }
-        lose(&mut coming, What::NoBuffer, out);
-        if self.criterion == Criterion::Fragments {
-            // A fragment has something to follow: that goes the same way.
-            self.coming = Some(coming);
-        }
+        let data = &self.data[..coming.len];
+        if self.criterion == Criterion::Fragments { out.part(data, Part::Last) } else { out.deliver(data) }
     }
-}
-
-fn lose(coming: &mut Coming, what: What, out: &mut dyn Sink) {
-    out.report(Event { phase: Phase::Receive, what });
-    coming.lost = true;
 }

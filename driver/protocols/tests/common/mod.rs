@@ -1,7 +1,7 @@
 //! Message tables: a machine is led through a conversation in virtual time.
 //!
-//! One line a step, `TIME_MS INPUT => OUTPUT, OUTPUT`; what stands behind `#` is a remark. A step without an output may
-//! leave the arrow out. Times are absolute and may have decimals.
+//! One line a step, `TIME_MS INPUT => OUTPUT, OUTPUT`; what stands behind `#` is a remark. A step without an output
+//! may leave the arrow out. Times are absolute and may have decimals.
 //!
 //! | input | |
 //! |---|---|
@@ -21,6 +21,7 @@
 //! | `tx 02` | characters for the line; consecutive ones in one piece |
 //! | `back` | our output is taken back |
 //! | `got 41` | a telegram is delivered |
+//! | `more 41`, `end`, `broken` | a part of one, and what comes behind parts |
 //! | `sent ok`, `sent AckDelay` | the end of the order |
 //! | `!Phase: What` | a report |
 //! | `rts on`, `rts off`, `dtr on` | the modem line |
@@ -28,7 +29,7 @@
 //!
 //! Between two lines the machine must stay silent: each deadline that passes is ticked, and must bring nothing.
 
-use ob1_protocols::{Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, SendError, Sink};
+use ob1_protocols::{Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Part, SendError, Sink};
 
 /// A sink that writes down what it gets, in the words of the tables.
 #[derive(Default)]
@@ -64,6 +65,16 @@ impl Sink for Recorder {
     fn deliver(&mut self, telegram: &[u8]) {
         assert!(!telegram.is_empty() && telegram.len() <= self.room);
         self.log.push(format!("got {}", hex(telegram)));
+    }
+
+    fn part(&mut self, bytes: &[u8], part: Part) {
+        assert!(bytes.len() <= self.room);
+        self.log.push(match (bytes, part) {
+            ([], Part::Last) => "end".into(),
+            ([], Part::Broken) => "broken".into(),
+            (bytes, Part::More) => format!("more {}", hex(bytes)),
+            (bytes, _) => format!("got {}", hex(bytes)),
+        });
     }
 
     fn sent(&mut self, outcome: Result<(), SendError>) {
@@ -118,7 +129,7 @@ fn expected(text: &str) -> Vec<String> {
     for output in text.split(',').map(str::trim).filter(|o| !o.is_empty()) {
         let words: Vec<&str> = output.split_whitespace().collect();
         list.push(match words[0] {
-            "tx" | "got" => format!("{} {}", words[0], hex(&bytes(&words[1..]))),
+            "tx" | "got" | "more" => format!("{} {}", words[0], hex(&bytes(&words[1..]))),
             _ => output.to_owned(),
         });
     }

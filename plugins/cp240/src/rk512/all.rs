@@ -1,8 +1,8 @@
 //! FC 4 S/R_ALL_RK512: serves the SEND and FETCH orders of the partner [S0 "S/R\\_ALL\\_RK512 (FC 4)"].
 //!
 //! SEND goes to data blocks; FETCH reads data blocks, inputs, outputs, bit memory, timers and counters. What cannot be
-//! is refused with the error numbers of RK 512 (ours where the manual names none): 0Ch coordination flag, 10h area, 14h
-//! data block or range, 32h locked.
+//! is refused with the error numbers of RK 512 (ours where the manual names none): 0Ch coordination flag, 10h area,
+//! 14h data block or range, 32h locked.
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
@@ -20,8 +20,8 @@ interface! {
         in     ADR: Int;
         /// Indicator word of the last order of the partner. The table says "in"; it is written.
         in_out ANZW: Word;
-        /// What was wrong with the data block of the last order: 1 not present, 2 too short, 3 number outside the valid
-        /// range.
+        /// What was wrong with the data block of the last order: 1 not present, 2 too short, 3 number outside the
+        /// valid range.
         out    PAFE: Byte;
         /// Bytes of the telegram that are through.
         in_out GESE: Word;

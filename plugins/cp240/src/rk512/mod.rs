@@ -28,7 +28,7 @@ pub(crate) const OWN: u16 = 0x0800;
 /// Framing of an order of the partner and of the answer; without a count, in `RX echo`: FC 4 is at work.
 pub(crate) const PARTNER: u16 = 0x1000;
 /// Bits 0 to 10: the count.
-const COUNT: u16 = 0x07FF;
+const COUNT: u16 = crate::registers::COUNT_BITS;
 /// All bits above them: the framing, and what makes a word none of ours.
 const KIND: u16 = 0xF800;
 

@@ -1,85 +1,81 @@
 //! FC 11.
 
-use super::fake_cp::FakeCp;
 use crate::fragment::{Job, Step};
 
-/// Calls FC 11 until a block comes; the program takes it at once.
-fn block(cp: &mut FakeCp, job: &mut Job) -> Option<Vec<u8>> {
-    for _ in 0..6 {
-        let (next, step) = job.step(cp.words().rx, false);
-        *job = next;
-        let bytes = match step {
-            Step::Take { len, count } => {
-                cp.write(0, &count.to_be_bytes());
-                Some(cp.input[4..4 + usize::from(len)].to_vec())
-            }
-            Step::Finish => {
-                cp.write(0, &[0, 0]);
-                *job = Job::default();
-                None
-            }
-            Step::Failed => panic!("{job:?}"),
-            Step::Wait => None,
+/// What the CP shows, and what a call does with it.
+fn play(shown: &[(u16, Step)]) -> Job {
+    let mut job = Job::default();
+    for (rx, expected) in shown {
+        let (next, step) = job.step(*rx, false);
+        assert_eq!(step, *expected, "{rx:04X}h");
+        job = match step {
+            Step::Finish | Step::Failed | Step::Lost(_) => Job::default(),
+            _ => next,
         };
-        if bytes.is_some() {
-            return bytes;
-        }
-        cp.look();
     }
-    None
+    job
 }
 
-/// [S0 "ASCII_FRAGMENT"]: in the protocol ASCII-fragmented each block is a telegram of its own.
+const fn take(to: u16, len: u16, count: u16) -> Step {
+    Step::Take { to, len, count }
+}
+
+/// [S0 L1099]: blocks of ASCII-fragmented, one behind the other; the last one says so.
 #[test]
-fn each_block_comes_at_once() {
-    let (mut cp, mut job) = (FakeCp::working(), Job::default());
-    for part in [b"a long teleg".as_slice(), b"ram, in bloc", b"ks"] {
-        cp.receive(part);
-        assert_eq!(block(&mut cp, &mut job).as_deref(), Some(part));
-        assert!(job.letzter_block && job.empf_laeuft);
-        assert_eq!(block(&mut cp, &mut job), None, "nothing more for now");
-        assert_eq!(job, Job::default());
-    }
-    assert_eq!(cp.log, [12, 12, 2]);
+fn the_blocks_of_a_telegram_of_unknown_length() {
+    let first = [(0x200C, take(0, 12, 0x200C)), (0x200C, Step::Wait), (0, Step::Next), (0, Step::Wait)];
+    let second = [(0x200C, take(12, 12, 0x200C)), (0, Step::Next)];
+    let job = play(&[&first[..], &second, &[(6, take(24, 6, 6))]].concat());
+    assert_eq!((job.geem, job.letzter_block, job.empf_laeuft), (30, true, true));
+    assert_eq!(job.step(6, true).1, Step::Wait, "the CP has not looked yet");
+    assert_eq!(job.step(0, true).1, Step::Finish, "the end of the handshake is not kept back");
+    // 24 bytes: their end comes without another byte.
+    let job = play(&[&first[..], &second, &[(0x2000, take(24, 0, 0x2000))]].concat());
+    assert_eq!((job.geem, job.letzter_block), (24, true));
+    assert_eq!(job.step(0, true).1, Step::Finish);
+    // Up to 12 bytes: one block.
+    assert_eq!(play(&[(5, take(0, 5, 5)), (5, Step::Wait), (0, Step::Finish)]), Job::default());
 }
 
-/// With another protocol it cuts whole telegrams: counts 30, 18, 6.
+/// The rest is lost: no telegram, and the next one begins at the beginning.
+#[test]
+fn a_telegram_whose_rest_is_lost() {
+    let begun = [(0x200C, take(0, 12, 0x200C)), (0, Step::Next)];
+    let lost = [(0x27FF, Step::Lost(0x2000)), (0, Step::Wait)];
+    let next = [(0x200C, take(0, 12, 0x200C)), (0, Step::Next), (1, take(12, 1, 1)), (0, Step::Finish)];
+    assert_eq!(play(&[&begun[..], &lost, &next].concat()), Job::default());
+    // What belongs to a job that is gone.
+    play(&[(0x27FF, Step::Skip(0x2000)), (0, Step::Wait), (0x2000, Step::Skip(0x2000)), (0, Step::Wait)]);
+}
+
+/// With another protocol the length is known: counts 30, 18, 6.
 #[test]
 fn a_whole_telegram_comes_in_blocks() {
-    let (mut cp, mut job) = (FakeCp::working(), Job::default());
-    let telegram: Vec<u8> = (0..30).collect();
-    cp.receive(&telegram);
-    let mut got = Vec::new();
-    for (geem, count) in [(12, 30), (24, 18), (30, 6)] {
-        got.extend(block(&mut cp, &mut job).expect("a block"));
-        assert_eq!((job.geem, job.anz_int, job.letzter_block), (geem, count, count == 6));
-    }
-    assert_eq!(got, telegram);
-    assert_eq!(block(&mut cp, &mut job), None);
-    assert_eq!((cp.log, job), (vec![30, 18, 6], Job::default()));
+    let job = play(&[(30, take(0, 12, 30)), (18, take(12, 12, 18)), (18, Step::Wait), (6, take(24, 6, 6))]);
+    assert_eq!((job.geem, job.letzter_block), (30, true));
+    assert_eq!(job.step(0, false).1, Step::Finish);
 }
 
-/// [S0 "ASCII_FRAGMENT"]: the program has to set EMFR back, otherwise nothing further is taken over.
+/// [S0 L1099]: the program has to set EMFR back, otherwise no further telegram is taken over.
 #[test]
-fn emfr_keeps_the_next_block_back() {
-    let (first, step) = Job::default().step(30, false);
-    assert_eq!(step, Step::Take { len: 12, count: 30 });
-    assert_eq!(Job::default().step(30, true).1, Step::Wait);
-    assert_eq!(first.step(18, true), (first, Step::Wait));
-    assert_eq!(first.step(18, false).1, Step::Take { len: 12, count: 18 });
-    // The end of the handshake is not kept back: the program's buffer is not touched by it.
-    let (last, _) = Job::default().step(5, false);
-    assert_eq!(last.step(0, true).1, Step::Finish);
+fn emfr_keeps_the_next_telegram_back() {
+    for rx in [30, 5, 0x200C] {
+        assert_eq!(Job::default().step(rx, true).1, Step::Wait, "{rx:04X}h");
+    }
 }
 
 #[test]
 fn a_count_that_does_not_follow_fails_the_job() {
     let (first, _) = Job::default().step(30, false);
     assert_eq!(first.step(30, false).1, Step::Wait, "the CP has not looked yet");
-    for rx in [0, 6, 17, 19, 31, 1024] {
+    for rx in [0, 6, 17, 19, 31, 1024, 0x2000, 0x200C, 0x27FF] {
         assert_eq!(first.step(rx, false).1, Step::Failed, "{rx}");
     }
-    for nonsense in [0x2005, 0x8001, 0xFFFF, 1025] {
+    let (part, _) = Job::default().step(0x200C, false);
+    for rx in [5, 0x2000, 0x2005, 0x27FF] {
+        assert_eq!(part.step(rx, false).1, Step::Failed, "{rx:04X}h before the echo was taken back");
+    }
+    for nonsense in [0x200D, 0x8001, 0xFFFF, 1025, 0x4005] {
         assert_eq!(first.step(nonsense, false), (first, Step::Wait), "{nonsense:04X}h is absent");
         assert_eq!(Job::default().step(nonsense, false).1, Step::Wait);
     }
