@@ -29,6 +29,7 @@ impl Event {
             | Event::STOP_TIME_ERROR
             | Event::STOP_DIAGNOSIS
             | Event::STOP_SEQUENCE_ERROR
+            | Event::STOP_ABORTED
             | Event::PLUGIN_PANIC
             | Event::PLUGIN_STOP => StateChange::Fault,
             _ => return None,
@@ -56,6 +57,9 @@ impl Event {
                 "Mend what the module reports (`ob1 diag`), load OB 82, or set `diagnostics = false` for the module."
             }
             Event::STOP_SEQUENCE_ERROR => "Load the OB the entry before names, or OB 85 to go on without it.",
+            Event::STOP_ABORTED | Event::SYNCHRONOUS_NESTING => {
+                "Mend the statement in OB 121 or OB 122 that is wrong itself; with OB 88 the program goes on without it."
+            }
             Event::CYCLE_TIME_EXCEEDED => {
                 "Look where the time goes (`ob1 ctl recorder`), shorten the program, or raise `watchdog` in [cpu]."
             }
@@ -189,5 +193,6 @@ mod tests {
         }
         assert_eq!(Event::STOP_DIAGNOSIS.state_change(), Some(StateChange::Fault));
         assert_eq!(Event::STOP_SEQUENCE_ERROR.state_change(), Some(StateChange::Fault));
+        assert_eq!(Event::STOP_ABORTED.state_change(), Some(StateChange::Fault));
     }
 }

@@ -57,7 +57,7 @@ impl Cpu {
         self.machine.cycle_start = start;
         self.watch(start);
         self.machine.modules.begin_scan(start);
-        let mut outputs_from = start;
+        let mut outputs_from = None;
         let ran = self.module_events(clock).and_then(|()| {
             self.clock_memory();
             self.input_image(clock)?;
@@ -67,22 +67,25 @@ impl Cpu {
             self.ob1(start - planned, clock)?;
             // A cycle too long is noticed at its end too, when the last stretch had no safe point.
             self.context(clock).attend()?;
-            outputs_from = self.machine.now;
+            outputs_from = Some(self.machine.now);
             self.output_image(clock)
         });
         self.machine.watchdog.expires = None;
-        if ran.is_err() || self.machine.stopping {
-            self.enter_stop();
-            return self.stop_cycle(clock);
+        let stopped = ran.is_err() || self.machine.stopping;
+        if stopped {
+            // The scan counts all the same, and so does its time since the last safe point.
+            self.context(clock).look();
         }
         let m = &mut self.machine;
-        m.modules.end_scan(m.now);
-        m.now = m.now.max(clock.now());
-        let (due, overran, missed) = m.next_cycle(planned);
+        if !stopped {
+            m.modules.end_scan(m.now);
+            m.now = m.now.max(clock.now());
+        }
+        let (due, overran, missed) = m.next_cycle(planned, stopped);
         self.due = due;
         let ended = Ended {
             end: m.now,
-            outputs_from,
+            outputs_from: outputs_from.unwrap_or(m.now),
             inside: m.inside,
             statements: m.statements + u64::from(m.pending),
             overran,
@@ -91,6 +94,10 @@ impl Cpu {
         };
         let late = m.trace.end(&ended);
         m.account_interrupts();
+        if stopped {
+            self.enter_stop();
+            return CycleEnd { late, ..self.stop_cycle(clock) };
+        }
         CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: true, late }
     }
 
@@ -259,12 +266,15 @@ impl Cpu {
 
 impl Machine {
     /// When the cycle after the one planned at `planned` is due, now that this one has ended; whether it overran, and
-    /// how many deadlines no cycle will begin for.
-    fn next_cycle(&mut self, planned: Nanos) -> (Nanos, bool, u64) {
+    /// how many deadlines no cycle will begin for: none, when the CPU has `stopped`.
+    fn next_cycle(&mut self, planned: Nanos, stopped: bool) -> (Nanos, bool, u64) {
         let (min, now) = (self.config.min_cycle, self.now);
         let next = planned.saturating_add(min);
         if next >= now || min == 0 {
             return (next.max(now), false, 0);
+        }
+        if stopped {
+            return (next, true, 0);
         }
         let passed = (now - next) / min + 1;
         match self.config.missed {

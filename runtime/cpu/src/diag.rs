@@ -1,4 +1,5 @@
-//! The diagnostic buffer: the last hundred events, newest first, as a fixed ring.
+//! The diagnostic buffer: the last hundred events, newest first, as a fixed ring; behind them what led to the last
+//! STOPs, which no flood of other events washes out.
 
 use std::fmt;
 
@@ -6,8 +7,10 @@ use ob1_model::{Event, FaultKind, Site};
 
 use crate::Nanos;
 
-/// Entries the buffer holds.
+/// Entries the buffer holds, whatever they are.
 pub const DIAG_ENTRIES: usize = 100;
+/// Entries it keeps beside them: the last STOPs and what led to each.
+pub const DIAG_STOPS: usize = 10;
 /// Bytes of text an entry holds.
 pub const DIAG_TEXT: usize = 80;
 
@@ -102,6 +105,9 @@ impl fmt::Display for DiagEntry {
 pub(crate) struct DiagBuffer {
     entries: Box<[DiagEntry]>,
     written: u64,
+    /// Places of their own for STOPs, in ascending order of their numbers; `stops` of them are in use.
+    kept: Box<[DiagEntry]>,
+    stops: usize,
 }
 
 impl DiagBuffer {
@@ -115,7 +121,12 @@ impl DiagBuffer {
             data: 0,
             text: ShortText::default(),
         };
-        Self { entries: vec![blank; DIAG_ENTRIES].into_boxed_slice(), written: 0 }
+        Self {
+            entries: vec![blank; DIAG_ENTRIES].into_boxed_slice(),
+            written: 0,
+            kept: vec![blank; DIAG_STOPS].into_boxed_slice(),
+            stops: 0,
+        }
     }
 
     /// Enters `entry`; the buffer gives it its number.
@@ -126,18 +137,35 @@ impl DiagBuffer {
         self.entries[slot] = entry;
     }
 
-    /// The `back`th entry, 0 the newest.
-    pub(crate) fn get(&self, back: usize) -> Option<&DiagEntry> {
-        let number = self.written.checked_sub(back as u64)?;
-        if number == 0 || back >= DIAG_ENTRIES {
-            return None;
+    /// The CPU has gone to STOP: keeps the newest entry, and the one before it, unless that is a change of state too.
+    pub(crate) fn keep_stop(&mut self) {
+        let cause = self.get(1).filter(|entry| entry.event.state_change().is_none()).copied();
+        for entry in cause.into_iter().chain(self.get(0).copied()) {
+            if self.kept[..self.stops].iter().any(|kept| kept.number >= entry.number) {
+                continue;
+            }
+            if self.stops == DIAG_STOPS {
+                self.kept.copy_within(1.., 0);
+                self.stops -= 1;
+            }
+            self.kept[self.stops] = entry;
+            self.stops += 1;
         }
-        self.entries.get((number - 1) as usize % DIAG_ENTRIES)
+    }
+
+    /// The `back`th entry, 0 the newest: first those of the ring, then what is kept of those that are gone from it.
+    pub(crate) fn get(&self, back: usize) -> Option<&DiagEntry> {
+        if back < DIAG_ENTRIES {
+            let number = self.written.checked_sub(back as u64).filter(|number| *number > 0)?;
+            return self.entries.get((number - 1) as usize % DIAG_ENTRIES);
+        }
+        let oldest = self.written.checked_sub(DIAG_ENTRIES as u64)?;
+        self.kept[..self.stops].iter().rev().filter(|kept| kept.number <= oldest).nth(back - DIAG_ENTRIES)
     }
 
     /// Newest first.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &DiagEntry> {
-        (0..DIAG_ENTRIES).map_while(|back| self.get(back))
+        (0..DIAG_ENTRIES + DIAG_STOPS).map_while(|back| self.get(back))
     }
 }
 
@@ -165,6 +193,43 @@ mod tests {
         let times: Vec<_> = buffer.iter().map(|e| e.time).collect();
         assert_eq!(times, (150..250).rev().collect::<Vec<_>>());
         assert_eq!(buffer.get(0).map(|e| e.number), Some(250));
+    }
+
+    #[test]
+    fn a_flood_leaves_the_last_stops() {
+        let mut buffer = DiagBuffer::new();
+        let entry = |event| DiagEntry {
+            number: 0,
+            time: 0,
+            event,
+            site: None,
+            accus: [0; 2],
+            data: 0,
+            text: ShortText::default(),
+        };
+        buffer.keep_stop();
+        let mut stops = Vec::new();
+        for round in 1..=7 {
+            buffer.push(entry(Event::RUN));
+            // Every second STOP has a cause.
+            if round % 2 == 0 {
+                buffer.push(entry(Event::OB_NOT_LOADED));
+                stops.push((buffer.written, Event::OB_NOT_LOADED));
+            }
+            buffer.push(entry(Event::STOP_SEQUENCE_ERROR));
+            stops.push((buffer.written, Event::STOP_SEQUENCE_ERROR));
+            buffer.keep_stop();
+            buffer.keep_stop();
+            let seen: Vec<_> = buffer.iter().map(|e| e.number).collect();
+            assert!(seen.windows(2).all(|pair| pair[0] > pair[1]), "{seen:?}");
+            for _ in 0..250 {
+                buffer.push(entry(Event::SEGMENT_GARBAGE));
+            }
+        }
+        stops.reverse();
+        let kept: Vec<_> = buffer.iter().skip(DIAG_ENTRIES).map(|e| (e.number, e.event)).collect();
+        assert_eq!(kept, stops[..DIAG_STOPS]);
+        assert_eq!(buffer.iter().count(), DIAG_ENTRIES + DIAG_STOPS);
     }
 
     #[test]

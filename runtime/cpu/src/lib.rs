@@ -44,7 +44,7 @@ pub use accounts::{
 };
 pub use config::{Command, CpuConfig, CycleEnd, ModuleSlot, OperatingState};
 pub use cpu::Cpu;
-pub use diag::{DIAG_ENTRIES, DIAG_TEXT, DiagEntry, ShortText};
+pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagEntry, ShortText};
 pub use error::LoadError;
 pub use events::InterruptError;
 pub use item::{Item, ItemError, ItemNames, parse_item};

@@ -286,7 +286,7 @@ impl Context<'_> {
         machine.inside = outer_inside + if synchronous { inside } else { whole };
         let own = whole.saturating_sub(inside);
         machine.trace.ob_ran(info.number, own);
-        if let (Ok(()), Some(record)) = (result, machine.obs.of(info.number)) {
+        if let Some(record) = machine.obs.of(info.number) {
             record.ran(own, whole);
         }
         if !synchronous {

@@ -166,6 +166,9 @@ impl Cpu {
         }
         self.state = OperatingState::Run;
         self.has_run = true;
+        if self.blocks.ob(1).is_none() {
+            self.diagnose(Event::OB_NOT_LOADED, 1, "OB 1: no program runs in the cycle");
+        }
         self.diagnose(Event::RUN, 0, "");
         self.due = self.machine.now;
         self.machine.interrupts.start(self.machine.now);
@@ -179,6 +182,7 @@ impl Cpu {
         self.state = OperatingState::Stop;
         self.last_start = None;
         self.stop_event = self.machine.diag.get(0).map_or(0, |entry| entry.event.0);
+        self.machine.diag.keep_stop();
         let m = &mut self.machine;
         m.stopping = false;
         m.stopped_at = m.now;

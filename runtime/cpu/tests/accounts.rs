@@ -199,3 +199,37 @@ fn calls_of_plugins_are_timed_each_for_itself() {
     bench.run();
     assert_eq!((bench.cpu.accounts().figures().blocks.len(), bench.cpu.last_scan().plugins), (0, 0));
 }
+
+/// The scan that ends in STOP is in all accounts, whatever led to it.
+#[test]
+fn the_scan_that_stops_the_cpu_is_in_all_accounts() {
+    let long = |then: Vec<Op>| [busy(50_000), then].concat();
+    let stop = uc(CallMode::Unconditional, BlockId::new(BlockKind::Sfc, 46));
+    let endless = vec![Op::Jump(ob1_ir::Jump::Always, 0)];
+    // 50,000 times round at 100 ns, or the watchdog's 150 ms.
+    for (name, code, least, watchdog, event) in [
+        ("watchdog", endless, 150, true, 0x4568),
+        ("SFC 46", long(vec![stop]), 5, false, 0x4543),
+        ("an error", long(vec![load(mw(9000))]), 5, false, 0x4562),
+    ] {
+        let config = CpuConfig { watchdog: 150 * MS, ..every_ms(MissedCycle::Now) };
+        let mut bench = start(config, vec![ob1(code)], ob1_cpu::system_blocks());
+        let end = bench.cycle();
+        assert_eq!((end.state, bench.events()[0]), (ob1_cpu::OperatingState::Stop, event), "{name}");
+        let (scan, figures) = (*bench.cpu.last_scan(), bench.cpu.accounts().figures());
+        assert!((least * MS..(least + 1) * MS).contains(&scan.execution()), "{name}: {scan:?}");
+        assert_eq!((scan.scan, figures.scans, figures.execution.count(), figures.overruns), (1, 1, 1, 1), "{name}");
+        assert!(figures.execution.max() >= least * MS, "{name}");
+        assert_eq!((scan.flags.took_long, scan.flags.watchdog, end.late), (true, watchdog, true), "{name}");
+        assert_eq!(scan.outputs, 0, "{name}: there were none");
+        let organization = figures.obs[0].statistics();
+        assert_eq!((organization.ob, organization.runs), (1, 1), "{name}");
+        assert!(organization.execution.max >= least * MS, "{name}");
+        let flight = bench.cpu.accounts().take_frozen().expect("an overrun freezes it");
+        assert_eq!(flight.scans.last(), Some(&scan), "{name}: recorded");
+        // And the next RUN begins with a schedule of its own.
+        bench.cpu.request(ob1_cpu::Command::Run);
+        bench.cycle();
+        assert_eq!(bench.cpu.last_scan().lateness(), 0, "{name}");
+    }
+}

@@ -216,3 +216,30 @@ fn warm_hot_and_cold_restart() {
     assert_eq!((bench.cpu.state(), bench.mb(0), bench.mw(10)), (OperatingState::Run, 2, 3), "memory is as it was");
     assert_eq!(bench.md(20), 0x1383_1B65);
 }
+
+#[test]
+fn a_cpu_without_ob_1_says_so() {
+    let other = block(ob(35), Interface::default(), vec![]);
+    let mut bench = Bench::new(&program(vec![other], vec![]));
+    bench.run();
+    assert_eq!(bench.events(), [0x4302, 0x35A1, 0x4301]);
+    let entry = *bench.cpu.diagnostics().nth(1).expect("an entry");
+    assert_eq!((entry.data, entry.text.as_str()), (1, "OB 1: no program runs in the cycle"));
+    let mut bench = Bench::new(&program(vec![ob1(vec![])], vec![]));
+    bench.run();
+    assert_eq!(bench.events(), [0x4302, 0x4301]);
+}
+
+/// A module that floods the buffer does not wash out why the CPU went to STOP.
+#[test]
+fn what_led_to_stop_outlives_a_flood() {
+    let mut bench = Bench::new(&program(vec![ob1(vec![load(mw(9000))])], vec![]));
+    assert_eq!(bench.cycle().state, OperatingState::Stop);
+    for _ in 0..30_000 {
+        bench.cpu.diagnose(ob1_model::Event::SEGMENT_GARBAGE, 0, "flood");
+    }
+    let left: Vec<_> = bench.events().into_iter().filter(|event| *event != 0xF203).collect();
+    assert_eq!(left, [0x4562, 0x2522]);
+    let kept = *bench.cpu.diagnostics().last().expect("an entry");
+    assert_eq!((kept.number, kept.site.map(|site| site.line)), (3, Some(1)));
+}

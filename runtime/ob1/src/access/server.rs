@@ -214,7 +214,8 @@ impl Serving {
     }
 
     fn diagnostics(&mut self, count: u32) -> Result<Vec<Diagnostic>, String> {
-        let asks: Vec<Ask> = (0..count.min(ob1_cpu::DIAG_ENTRIES as u32)).map(Ask::Diag).collect();
+        let asks: Vec<Ask> =
+            (0..count.min((ob1_cpu::DIAG_ENTRIES + ob1_cpu::DIAG_STOPS) as u32)).map(Ask::Diag).collect();
         let entries = self.port.ask(&asks)?.into_iter().map_while(|answer| match answer {
             Answer::Diag(entry) => Some(self.view.diagnostic(&entry)),
             _ => None,
