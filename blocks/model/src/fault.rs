@@ -285,7 +285,7 @@ impl Event {
     pub const RETENTIVE_KEPT: Event = Event(0xF302);
 
     /// Every event with a name that is no fault.
-    pub const ALL: [Event; 27] = [
+    pub const ALL: [Event; 29] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
