@@ -37,7 +37,6 @@ mod parse_code;
 mod parse_types;
 mod parser;
 mod path;
-pub mod print;
 mod raw_list;
 mod reach;
 mod reader;

@@ -8,7 +8,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use ob1_cp::CpType;
 use ob1_firmware::trace::record::{Kind, Record, VERSION};
-use ob1_firmware::{CpEvent, Nanos};
+use ob1_firmware::{CpEvent, Nanos, ParameterFault, cp341_events};
 use ob1_line::seqpacket::{Channel, Listener, Sent};
 use serde_json::json;
 use tracing::warn;
@@ -121,10 +121,41 @@ impl Tap {
             CpEvent::Delivered(length) => format!("telegram of {length} bytes handed to the CPU"),
             CpEvent::Startup { number, .. } => format!("start-up {number}"),
             CpEvent::Working => "start-up acknowledged".to_owned(),
-            other => format!("{other:?}"),
+            CpEvent::NoParameters(ParameterFault::Value(why)) => format!("parameters refused: {why}"),
+            CpEvent::NoParameters(ParameterFault::Protocol(name)) => {
+                format!("parameters refused: the protocol {name} is not there")
+            }
+            CpEvent::OrderDiscarded { code: Some(code) } => format!("order refused, {code:02X}h"),
+            CpEvent::OrderDiscarded { code: None } => "order given up by the CPU before it was complete".to_owned(),
+            CpEvent::JobFailed(status) => format!("job ended with STATUS {status:04X}h: {}", meaning(*status)),
+            CpEvent::Entry(number) => format!("diagnostic entry {number:04X}h: {}", meaning(*number)),
+            CpEvent::EntryGone(number) => format!("diagnostic entry {number:04X}h is gone: {}", meaning(*number)),
+            CpEvent::Changed(count) => format!("the master has changed {count} bytes"),
+            CpEvent::Protocol(event) => event.to_string(),
+            CpEvent::Rk512(event) => event.to_string(),
+            CpEvent::Asked(request, data) => {
+                format!(
+                    "order of the partner for {} bytes, {} of them here, handed to the CPU",
+                    request.bytes(),
+                    data.len()
+                )
+            }
+            CpEvent::Answered(Ok(())) => "order of the partner done".to_owned(),
+            CpEvent::Answered(Err(_)) => "order of the partner came to nothing".to_owned(),
+            CpEvent::Diagnosis { incoming: true, .. } | CpEvent::Record { incoming: true, .. } => {
+                "diagnostic interrupt: an error has come".to_owned()
+            }
+            CpEvent::Diagnosis { incoming: false, .. } | CpEvent::Record { incoming: false, .. } => {
+                "diagnostic interrupt: all errors are gone".to_owned()
+            }
         };
         self.tell(now, Kind::Note, text.as_bytes());
     }
+}
+
+/// What a number of the CP 341 means.
+fn meaning(number: u16) -> &'static str {
+    cp341_events::row(number).map_or("no event of the CP 341", |row| row.text)
 }
 
 impl Ear {

@@ -29,7 +29,7 @@ pub use cp240::Cp240;
 pub use diagnosis::DiagnosticBytes;
 pub use leds::Leds;
 pub use ob1_params::LineSettings;
-pub use ob1_protocols::{LineFault, ModemLines, Nanos, trace};
+pub use ob1_protocols::{LineFault, ModemLines, Nanos, cp341_events, trace};
 pub use port::{CpCounter, CpEvent, CpInput, CpPort, LineInput, ParameterFault, StartReason};
 pub use registers::Registers;
 pub use ring::TELEGRAMS_MAX;

@@ -33,6 +33,7 @@ pub mod s3964;
 pub mod signals;
 pub mod stx_etx;
 pub mod trace;
+mod words;
 
 pub use ascii::Ascii;
 pub use esp2::Esp2;

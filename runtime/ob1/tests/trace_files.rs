@@ -59,6 +59,59 @@ fn recording(script: &str) -> Vec<u8> {
     file
 }
 
+/// Each CP has an interface of its own, also where it is introduced again; each frame names its own.
+#[test]
+fn each_cp_is_an_interface() {
+    let hello = |name: &str| {
+        let parameters = [9, 0x0B, 0x13, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        json!({ "version": 1, "station": "press", "name": name, "line": "pty:/run/x", "parameters": parameters, "unix_ns": 0 })
+            .to_string()
+            .into_bytes()
+    };
+    let frame = [1, 3, 0, 0, 0, 2, 0xC4, 0x0B];
+    let mut file = Vec::new();
+    let mut capture = Pcapng::new(&mut file).expect("memory");
+    for (cp, time, kind, data) in [
+        (3, 0, Kind::Hello, hello("scale").as_slice()),
+        (5, 0, Kind::Hello, &hello("meter")),
+        (3, 1, Kind::Hello, &hello("scale")),
+        (5, 1_000_000, Kind::Out, &frame),
+        (3, 2_000_000, Kind::Out, &frame),
+    ] {
+        capture.take(cp, &Record { time, kind, data }).expect("memory");
+    }
+    capture.finish().expect("memory");
+    let word = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().expect("4 bytes"));
+    let (mut at, mut seen) = (0, Vec::new());
+    while at < file.len() {
+        match word(at) {
+            1 => seen.push(String::from_utf8_lossy(&file[at + 20..at + 25]).into_owned()),
+            6 => seen.push(format!("frame of {}", word(at + 8))),
+            _ => {}
+        }
+        at += word(at + 4) as usize;
+    }
+    assert_eq!(seen, ["scale", "meter", "frame of 1", "frame of 0"]);
+}
+
+/// What happens while a telegram comes in stands behind its beginning.
+#[test]
+fn the_times_of_a_cp_are_in_order() {
+    for path in scripts() {
+        let text = printed(&recording(&std::fs::read_to_string(&path).expect("readable")), false);
+        let times: Vec<f64> = text.lines().filter_map(|line| line.get(..13)?.trim().parse().ok()).collect();
+        assert!(times.len() > 2 && times.is_sorted(), "{}: {times:?}\n{text}", path.display());
+    }
+    let text = printed(
+        &recording(
+            "0 hello 09 01 13 00 00 0A 01 00 00 00 00 00 00 00 00 00\n1000 < 31\n1500 note \"order done\"\n2000 < 32\n9000000 < 33",
+        ),
+        false,
+    );
+    let order: Vec<&str> = text.lines().filter(|line| line.contains(" cp ")).map(|line| line.trim_start()).collect();
+    assert!(order[1].starts_with("0.001000  cp <") && order[2].starts_with("0.001500  cp - order done"), "{text}");
+}
+
 fn printed(recording: &[u8], raw: bool) -> String {
     let mut printer = Printer::new(raw);
     for entry in read(recording).expect("a recording") {

@@ -143,6 +143,12 @@ impl Reader {
         &self.dialect
     }
 
+    /// When the oldest telegram that is not finished yet has begun.
+    #[must_use]
+    pub fn open_since(&self) -> Option<Nanos> {
+        self.sides.iter().filter(|side| side.len > 0).map(|side| side.begin).min()
+    }
+
     /// Takes characters that were seen at `now`.
     pub fn characters(&mut self, now: Nanos, way: Way, bytes: &[u8], out: &mut Out<'_>) {
         self.silence(now, out);

@@ -3,7 +3,7 @@
 use super::budget::{Budget, Counted, SERIES, What};
 use super::report::{CpLedger, NamedSlope, Report, Role};
 use super::statistics::Percentile;
-use super::statistics::{BEYOND, INTERVALS, beyond, needed, percentile, quantile, slope};
+use super::statistics::{BEYOND, SLOPE_NEEDS, beyond, hourly, needed, percentile, quantile};
 use super::text::{amount, time};
 use super::verdict::{Ended, Finding, Verdict};
 use crate::access::protocol::Diagnostic;
@@ -16,7 +16,7 @@ pub(super) fn judge(report: &mut Report, budget: &[Budget]) {
         .map(|(name, is_time)| NamedSlope {
             series: (*name).to_owned(),
             is_time: *is_time,
-            slope: slope(&report.series(name)),
+            slope: hourly(&report.series(name)),
         })
         .collect();
     let mut findings: Vec<Finding> = vec![stays_in_run(report)];
@@ -159,8 +159,9 @@ fn of_share(report: &Report, limit: f64) -> Judged {
 fn of_slope(report: &Report, series: &str, limit: f64) -> Judged {
     let found = report.slopes.iter().find(|known| known.series == series);
     let Some((known, slope)) = found.and_then(|known| Some((known, known.slope?))) else {
-        let why = format!("{} intervals have been seen", report.intervals.len());
-        return (format!("needs {INTERVALS} intervals"), Verdict::Inconclusive, why);
+        let seen = report.intervals.last().map_or(0, |interval| interval.end_ns);
+        let why = format!("{} intervals in {} have been seen", report.intervals.len(), time(seen as f64));
+        return (SLOPE_NEEDS.into(), Verdict::Inconclusive, why);
     };
     let show = |value: f64| amount(&known.series, known.is_time, value);
     let measured = format!("{}/h [{} .. {}]", show(slope.per_unit), show(slope.low), show(slope.high));

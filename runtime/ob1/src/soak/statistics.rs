@@ -82,6 +82,20 @@ pub fn since(now: &[(Nanos, u64)], before: &[(Nanos, u64)]) -> Vec<(Nanos, u64)>
     new
 }
 
+/// A growth an hour is told from so many hours on: what a process does in its first minute says nothing about an hour.
+pub const SLOPE_HOURS: f64 = 1.0 / 6.0;
+/// What a slope needs, in words.
+pub const SLOPE_NEEDS: &str = "needs 8 intervals in 10 min";
+
+/// The slope through points (hours, value), where they are enough and far enough apart for a growth an hour.
+#[must_use]
+pub fn hourly(points: &[(f64, f64)]) -> Option<Slope> {
+    let (first, last) = (points.first()?.0, points.last()?.0);
+    // Intervals are named by their ends: the first one has begun before its time.
+    let each = (last - first) / (points.len().max(2) - 1) as f64;
+    if last - first + each < SLOPE_HOURS { None } else { slope(points) }
+}
+
 /// A slope with its 95 % confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Slope {

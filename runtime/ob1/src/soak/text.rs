@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::report::{CpLedger, Report, Role};
-use super::statistics::Percentile;
+use super::statistics::{Percentile, SLOPE_NEEDS};
 use crate::timing::{self, Timing};
 
 /// A time with the unit that suits it: `183 µs`, `2.41 ms`.
@@ -112,7 +112,7 @@ fn slopes(out: &mut String, r: &Report) {
         writeln!(out, "\ngrowth an hour, from {count} intervals of {length} (Theil-Sen slope, 95 % interval of Sen)");
     for s in &r.slopes {
         let Some(slope) = s.slope else {
-            let _ = writeln!(out, "  {:<14} needs 8 intervals", s.series);
+            let _ = writeln!(out, "  {:<14} {SLOPE_NEEDS}", s.series);
             continue;
         };
         let show = |value| amount(&s.series, s.is_time, value);

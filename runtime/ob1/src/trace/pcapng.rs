@@ -20,11 +20,13 @@ const RECEIVED: u8 = 0x04;
 pub struct Pcapng<W> {
     file: W,
     cps: BTreeMap<u8, Cp>,
+    /// The interface of each CP: their order in the file.
+    interfaces: BTreeMap<u8, u32>,
     frames: u64,
 }
 
 impl<W: Write> Pcapng<W> {
-    /// Begins one: section header, and one interface with times in nanoseconds.
+    /// Begins one with a section header.
     ///
     /// # Errors
     /// Of the file.
@@ -34,13 +36,28 @@ impl<W: Write> Pcapng<W> {
         section.extend([1, 0, 0, 0]);
         section.extend(u64::MAX.to_le_bytes());
         block(&mut file, 0x0A0D_0D0A, &section)?;
+        Ok(Self { file, cps: BTreeMap::new(), interfaces: BTreeMap::new(), frames: 0 })
+    }
+
+    /// An interface of its own for a CP, with its name and times in nanoseconds.
+    fn introduce(&mut self, number: u8, name: &str) -> io::Result<()> {
+        let next = self.interfaces.len() as u32;
+        if self.interfaces.contains_key(&number) {
+            return Ok(());
+        }
+        self.interfaces.insert(number, next);
         let mut interface = Vec::new();
         interface.extend(LINK_TYPE.to_le_bytes());
         interface.extend([0, 0, 0, 0, 0, 0]);
+        // if_name; a longer one is no name of a module.
+        let name = name.as_bytes().get(..name.len().min(255)).unwrap_or_default();
+        interface.extend([2, 0]);
+        interface.extend((name.len() as u16).to_le_bytes());
+        interface.extend(name);
+        interface.resize(interface.len().next_multiple_of(4), 0);
         // if_tsresol: 10^-9 s; end of options.
         interface.extend([9, 0, 1, 0, 9, 0, 0, 0, 0, 0, 0, 0]);
-        block(&mut file, 1, &interface)?;
-        Ok(Self { file, cps: BTreeMap::new(), frames: 0 })
+        block(&mut self.file, 1, &interface)
     }
 
     /// Frames written so far.
@@ -56,6 +73,7 @@ impl<W: Write> Pcapng<W> {
         if record.kind == Kind::Hello {
             self.finish_one(number)?;
             if let Some((cp, _)) = Cp::of_hello(record.data) {
+                self.introduce(number, &cp.name)?;
                 self.cps.insert(number, cp);
             }
             return Ok(());
@@ -79,7 +97,8 @@ impl<W: Write> Pcapng<W> {
     }
 
     fn with(&mut self, number: u8, work: impl FnOnce(&mut Cp, &mut dyn FnMut(Unit<'_>))) -> io::Result<()> {
-        let Self { file, cps, frames } = self;
+        let interface = self.interfaces.get(&number).copied().unwrap_or(0);
+        let Self { file, cps, frames, .. } = self;
         let Some(cp) = cps.get_mut(&number).filter(|cp| matches!(cp.reader.dialect(), Dialect::ModbusRtu { .. }))
         else {
             return Ok(());
@@ -90,18 +109,18 @@ impl<W: Write> Pcapng<W> {
             // Characters that make no frame are of use too: Wireshark says what is wrong with them.
             if result.is_ok() && matches!(unit.meaning, Meaning::Modbus(_) | Meaning::Broken(_)) {
                 *frames += 1;
-                result = packet(file, unix, &unit);
+                result = packet(file, interface, unix, &unit);
             }
         });
         result
     }
 }
 
-fn packet(file: &mut impl Write, unix: u64, unit: &Unit<'_>) -> io::Result<()> {
+fn packet(file: &mut impl Write, interface: u32, unix: u64, unit: &Unit<'_>) -> io::Result<()> {
     let time = unix.saturating_add(unit.end);
     let length = u32::try_from(12 + unit.raw.len()).map_err(|_| io::ErrorKind::InvalidInput)?;
     let mut body = Vec::new();
-    body.extend(0u32.to_le_bytes());
+    body.extend(interface.to_le_bytes());
     body.extend(((time >> 32) as u32).to_le_bytes());
     body.extend((time as u32).to_le_bytes());
     body.extend(length.to_le_bytes());

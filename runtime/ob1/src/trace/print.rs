@@ -132,11 +132,16 @@ fn dialect(parameters: &Cp240) -> Dialect {
     }
 }
 
-/// Turns records into text.
+/// Lines with their times that wait for a telegram that has begun before them.
+type Held = Vec<(Nanos, String)>;
+
+/// Turns records into text. A telegram is known when it has ended, and stands at the time it has begun: what has
+/// happened meanwhile waits, so that the times of a CP are in order.
 #[derive(Debug)]
 pub struct Printer {
     raw: bool,
     cps: BTreeMap<u8, Cp>,
+    held: BTreeMap<u8, Held>,
     text: String,
 }
 
@@ -144,28 +149,36 @@ impl Printer {
     /// Nothing printed yet. `raw`: characters as on the line, instead of user data.
     #[must_use]
     pub fn new(raw: bool) -> Self {
-        Self { raw, cps: BTreeMap::new(), text: String::new() }
+        Self { raw, cps: BTreeMap::new(), held: BTreeMap::new(), text: String::new() }
     }
 
     /// Takes a record.
     pub fn take(&mut self, number: u8, record: &Record<'_>) {
+        self.tell(number, record);
+        self.release(number);
+    }
+
+    fn tell(&mut self, number: u8, record: &Record<'_>) {
         if record.kind == Kind::Hello {
             match Cp::of_hello(record.data) {
                 Some((cp, about)) => {
                     // What is open ends with the parameters it was sent with.
                     self.finish_one(number);
-                    line(&mut self.text, record.time, &cp.name, ' ', &about);
+                    line(self.held.entry(number).or_default(), record.time, &cp.name, ' ', &about);
                     self.cps.insert(number, cp);
                 }
-                None => line(&mut self.text, record.time, "?", ' ', "a CP with parameters that cannot be"),
+                None => {
+                    let held = self.held.entry(number).or_default();
+                    line(held, record.time, "?", ' ', "a CP with parameters that cannot be");
+                }
             }
             return;
         }
-        let Self { raw, cps, text } = self;
-        let Some(cp) = cps.get_mut(&number) else { return };
+        let Self { raw, cps, held, .. } = self;
+        let (Some(cp), text) = (cps.get_mut(&number), held.entry(number).or_default()) else { return };
         let name = cp.name.clone();
         cp.read(record, &mut |unit| put(text, &name, *raw, &unit));
-        let say = |text: &mut String, what: &str| line(text, record.time, &name, '-', what);
+        let say = |text: &mut Held, what: &str| line(text, record.time, &name, '-', what);
         let words = String::from_utf8_lossy(record.data);
         match record.kind {
             Kind::Gone => say(text, &format!("the line is gone: {words}")),
@@ -202,11 +215,12 @@ impl Printer {
 
     /// So much time has passed at all CPs without a record.
     pub fn silence(&mut self, number: u8, now: Nanos) {
-        let Self { raw, cps, text } = self;
+        let Self { raw, cps, held, .. } = self;
         if let Some(cp) = cps.get_mut(&number) {
-            let name = cp.name.clone();
+            let (name, text) = (cp.name.clone(), held.entry(number).or_default());
             cp.reader.silence(now, &mut |unit| put(text, &name, *raw, &unit));
         }
+        self.release(number);
     }
 
     /// Prints what is still open.
@@ -217,11 +231,21 @@ impl Printer {
     }
 
     fn finish_one(&mut self, number: u8) {
-        let Self { raw, cps, text } = self;
+        let Self { raw, cps, held, .. } = self;
         if let Some(cp) = cps.get_mut(&number) {
-            let name = cp.name.clone();
+            let (name, text) = (cp.name.clone(), held.entry(number).or_default());
             cp.reader.finish(&mut |unit| put(text, &name, *raw, &unit));
         }
+        self.release(number);
+    }
+
+    /// Lets go, in the order of their times, of the lines no open telegram has begun before.
+    fn release(&mut self, number: u8) {
+        let Some(held) = self.held.get_mut(&number) else { return };
+        let open = self.cps.get(&number).and_then(|cp| cp.reader.open_since()).unwrap_or(Nanos::MAX);
+        held.sort_by_key(|(time, _)| *time);
+        let ready = held.iter().take_while(|(time, _)| *time <= open).count();
+        self.text.extend(held.drain(..ready).map(|(_, text)| text));
     }
 
     /// What there is to print; then there is nothing.
@@ -230,14 +254,15 @@ impl Printer {
     }
 }
 
-fn line(text: &mut String, time: Nanos, name: &str, arrow: char, what: &str) {
-    // Writing into a String cannot fail.
-    let _ = writeln!(text, "{:>6}.{:06}  {name} {arrow} {what}", time / 1_000_000_000, time / 1000 % 1_000_000);
+fn line(held: &mut Held, time: Nanos, name: &str, arrow: char, what: &str) {
+    let text = format!("{:>6}.{:06}  {name} {arrow} {what}\n", time / 1_000_000_000, time / 1000 % 1_000_000);
+    held.push((time, text));
 }
 
-fn put(text: &mut String, name: &str, raw: bool, unit: &Unit<'_>) {
+fn put(held: &mut Held, name: &str, raw: bool, unit: &Unit<'_>) {
     let arrow = if unit.way == Way::Out { '>' } else { '<' };
-    line(text, unit.begin, name, arrow, &unit.meaning.to_string());
+    line(held, unit.begin, name, arrow, &unit.meaning.to_string());
+    let Some((_, text)) = held.last_mut() else { return };
     match (&unit.meaning, unit.meaning.payload()) {
         (Meaning::Control(..) | Meaning::Fault(_), _) => {}
         (_, Some(payload)) if !raw => dump(text, payload),

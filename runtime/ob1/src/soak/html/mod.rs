@@ -6,7 +6,7 @@ mod charts;
 use std::fmt::Write as _;
 
 use super::report::{Report, Role};
-use super::statistics::Percentile;
+use super::statistics::{Percentile, SLOPE_NEEDS};
 use super::text::{amount, time};
 use super::verdict::Verdict;
 
@@ -129,7 +129,7 @@ fn slopes(out: &mut String, r: &Report) {
     let rows = r.slopes.iter().map(|s| {
         let show = |value| amount(&s.series, s.is_time, value);
         let (slope, interval) = s.slope.map_or_else(
-            || ("needs 8 intervals".to_owned(), String::new()),
+            || (SLOPE_NEEDS.to_owned(), String::new()),
             |slope| (show(slope.per_unit), format!("{} to {}", show(slope.low), show(slope.high))),
         );
         vec![s.series.clone(), slope, interval]

@@ -87,6 +87,13 @@ fn leaks_are_found_through_outliers_and_constants_are_no_leaks() {
     let mut short = report(&[(1, 1)], 65_536);
     short.intervals.truncate(7);
     assert_eq!(verdicts(short, "rss.slope=1MiB/h").0, Inconclusive);
+    // A minute says nothing about an hour, however many intervals it has.
+    let mut minute = report(&[(1, 1)], 65_536);
+    minute.intervals.iter_mut().for_each(|interval| interval.end_ns /= 20);
+    let (verdict, findings) = verdicts(minute.clone(), "rss.slope=1MiB/h");
+    assert_eq!((verdict, findings[0].1.as_str()), (Inconclusive, "needs 8 intervals in 10 min"));
+    judge(&mut minute, &[]);
+    assert!(minute.slopes.iter().all(|named| named.slope.is_none()));
     // Noise around a constant: a limit within the interval is not judged.
     assert_eq!(verdicts(report(&[(1, 1)], 0), "wake.p99.slope=1us/h").0, Pass);
 }
