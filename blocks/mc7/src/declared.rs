@@ -20,21 +20,32 @@ const fn prefix(section: Section) -> &'static str {
     }
 }
 
+/// Counts the declarations of each section.
+#[derive(Default)]
+struct Names(BTreeMap<&'static str, u32>);
+
+impl Names {
+    fn next(&mut self, section: Section) -> String {
+        let prefix = prefix(section);
+        let count = self.0.entry(prefix).or_default();
+        let name =
+            if section == Section::Return && *count == 0 { prefix.to_owned() } else { format!("{prefix}{count}") };
+        *count += 1;
+        name
+    }
+}
+
 impl CompiledInterface {
     /// The declarations of a code block, laid out, with the names `IN0`, `OUT0`, ... that count in each section.
     /// `has_instance`: the block is an FB or SFB.
     #[must_use]
     pub fn interface(&self, has_instance: bool) -> Interface {
         let mut start = Start { bytes: Some(&self.start) };
-        let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
+        let mut names = Names::default();
         let mut params = Vec::new();
         for entry in &self.entries {
             let Some(section) = entry.section() else { continue };
-            let prefix = prefix(section);
-            let count = counts.entry(prefix).or_default();
-            let name =
-                if section == Section::Return && *count == 0 { prefix.to_owned() } else { format!("{prefix}{count}") };
-            *count += 1;
+            let name = names.next(section);
             let mut param = Param::new(&name, section, data_type(&entry.ty, &mut start));
             param.initial = start.take(entry, &param.ty);
             params.push(param);
@@ -175,8 +186,8 @@ fn data_type(ty: &EntryType, start: &mut Start<'_>) -> DataType {
 fn fields(children: &[Entry], instance: bool, start: &mut Start<'_>) -> Vec<Field> {
     let mut out: Vec<Field> = Vec::new();
     let mut last = None;
-    let mut named = 0;
-    for child in children {
+    let mut names = Names::default();
+    for (named, child) in children.iter().enumerate() {
         let section = child.section();
         if instance && section == Some(Section::Temp) {
             continue;
@@ -192,8 +203,12 @@ fn fields(children: &[Entry], instance: bool, start: &mut Start<'_>) -> Vec<Fiel
         if instance && pointer {
             ty = DataType::Pointer;
         }
-        out.push(Field { name: format!("X{named}"), ty, initial });
-        named += 1;
+        // The components of an instance are named as the function block's own interface names them.
+        let name = match section.filter(|_| instance) {
+            Some(section) => names.next(section),
+            None => format!("X{named}"),
+        };
+        out.push(Field { name, ty, initial });
     }
     out
 }

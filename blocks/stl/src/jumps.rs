@@ -12,7 +12,7 @@ use crate::syntax::Block;
 use crate::token::{File, Span};
 
 /// Letters and digits of a label in STEP 7.
-const LABEL_LENGTH: usize = 4;
+pub(crate) const LABEL_LENGTH: usize = 4;
 
 /// Targets of one jump list.
 const LIST_LENGTH: usize = 255;

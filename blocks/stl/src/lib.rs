@@ -37,6 +37,7 @@ mod parse_code;
 mod parse_types;
 mod parser;
 mod path;
+pub mod print;
 mod raw_list;
 mod reach;
 mod reader;

@@ -235,8 +235,25 @@ impl<'w> Resolver<'w> {
         digits: &str,
         span: Span,
     ) -> Option<Value<'w>> {
-        let number = self.number(reader, digits, span)?;
         let data = matches!(word, BlockWord::Db | BlockWord::Di);
+        if data
+            && digits.is_empty()
+            && let Some(local) = reader.eat(Kind::Local)
+        {
+            // `AUF DI #db`: a parameter says which data block, the word before it the register.
+            return match self.local(reader, unquote(reader.text(local)), local.span)? {
+                Value::Block(BlockWord::Db, number) => Some(Value::Block(word, number)),
+                other => {
+                    reader.report(
+                        span,
+                        &codes::WRONG_OPERAND,
+                        format!("a data block is meant, this is {}", other.describe()),
+                    );
+                    None
+                }
+            };
+        }
+        let number = self.number(reader, digits, span)?;
         if data && number == Number::Fixed(0) {
             reader.report(span, &codes::NUMBER, "data blocks are numbered from 1");
             return None;

@@ -113,6 +113,39 @@ pub(crate) fn date_and_time(text: &str) -> Option<[u8; 8]> {
     ])
 }
 
+/// A date as [`date`] reads it: `1994-3-15`.
+pub(crate) fn written_date(days: u16) -> Option<String> {
+    let mut left = u32::from(days);
+    let mut year = 1990;
+    let long = |year| if leap(year) { 366 } else { 365 };
+    while left >= long(year) {
+        left -= long(year);
+        year += 1;
+    }
+    let mut month = 1;
+    while left >= month_days(year, month) {
+        left -= month_days(year, month);
+        month += 1;
+    }
+    (year <= 2168).then(|| format!("{year}-{month}-{}", left + 1))
+}
+
+/// A time of day as [`time_of_day`] reads it: `12:30:10.500`.
+pub(crate) fn written_time_of_day(ms: u32) -> Option<String> {
+    let (hours, minutes, seconds) = (ms / 3_600_000, ms / 60_000 % 60, ms / 1_000 % 60);
+    (hours < 24).then(|| format!("{hours}:{minutes}:{seconds}.{:03}", ms % 1_000))
+}
+
+/// A date and time as [`date_and_time`] reads it. The caller sees whether it means the very same bytes.
+pub(crate) fn written_date_and_time(bytes: &[u8]) -> Option<String> {
+    let [year, month, day, hour, minute, second, hundredths, last] = *<&[u8; 8]>::try_from(bytes).ok()?;
+    let digits = |byte: u8| u32::from(byte >> 4) * 10 + u32::from(byte & 15);
+    let year = digits(year) + if digits(year) >= 90 { 1900 } else { 2000 };
+    let ms = digits(hundredths) * 10 + u32::from(last >> 4);
+    let (month, day, hour) = (digits(month), digits(day), digits(hour));
+    Some(format!("{year}-{month}-{day}-{hour}:{}:{}.{ms:03}", digits(minute), digits(second)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -99,7 +99,6 @@ impl fmt::Display for rk512::Event {
 mod tests {
     extern crate std;
 
-    use std::format;
     use std::string::ToString as _;
 
     use super::*;
@@ -121,6 +120,6 @@ mod tests {
             assert_eq!(event.to_string(), words);
         }
         let refused = rk512::Event::RefusedByCpu(0x10).to_string();
-        assert!(refused.starts_with("RK 512: ") && !format!("{refused}").contains("RefusedByCpu"), "{refused}");
+        assert!(refused.starts_with("RK 512: ") && !refused.contains("RefusedByCpu"), "{refused}");
     }
 }
