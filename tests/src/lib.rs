@@ -6,5 +6,6 @@ pub mod compare;
 pub mod fuzz;
 pub mod meters;
 pub mod modbus_slave;
+pub mod siege;
 pub mod sim;
 pub mod tcm120;

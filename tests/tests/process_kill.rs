@@ -9,109 +9,21 @@ use std::io::{self, Write as _};
 use std::process::Stdio;
 
 use common::Guard;
+use common::kills::{Blow, DRIVER_LOST, assert_accounted, assert_survived, kill_drivers, start};
 use common::ledger::{self, Ledger};
 use common::processes::Memory;
 use common::site::Site;
-use common::station::Running;
-use ob1_line::sim::SplitMix64;
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::process::Signal;
 
-/// Scans that must go by after each kill, at 1 ms.
-const ACROSS: u64 = 1000;
-/// Event of an expired cycle watchdog.
-const WATCHDOG: &str = "3501h";
-const DRIVER_LOST: &str = "F201h";
-
-fn start(site: &Site) -> (Running, Running) {
-    let (a, b) = (site.run("station-a.toml"), site.run("station-b.toml"));
-    let stations = (a.until_run(), b.until_run());
-    ledger::flow(&stations.0, 5);
-    stations
-}
-
-/// The scan has gone on, in RUN and in time, and the driver is back.
-fn assert_survived(station: &Running, lost_before: u32, what: &str) {
-    station.scans(ACROSS);
-    let status = station.status();
-    assert_eq!((status.state.as_str(), status.watchdogs), ("RUN", 0), "{what}");
-    assert_eq!(station.entries(WATCHDOG), 0, "{what}: {:#?}", station.diagnostics());
-    assert!(station.entries(DRIVER_LOST) > 0, "{what}: {:#?}", station.diagnostics());
-    station.until("the driver is started again", |s| {
-        let (pid, _, losses) = s.driver();
-        (pid != 0 && losses > lost_before).then_some(())
-    });
-}
-
-/// What no kill may bring about, with both at rest. A telegram that a killed CP held is lost; nothing else is.
-fn assert_accounted(a: &Ledger, b: &Ledger, kills_of_a: i64, kills_of_b: i64, what: &str) {
-    let all = format!("{what}\n{a:?}\n{b:?}");
-    for (ledger, column) in
-        [(a, "WRONG"), (a, "PAFE_SEND"), (a, "PAFE_RECEIVE"), (b, "TOO_LONG"), (b, "PAFE_SEND"), (b, "PAFE_RECEIVE")]
-    {
-        assert_eq!(ledger[column], 0, "{column}: {all}");
-    }
-    for ledger in [a, b] {
-        assert_eq!(ledger["STARTED"], ledger["DONE"] + ledger["ERROR"] + ledger["ABORTED"], "{all}");
-    }
-    // Done means: the partner's CP has it. Its program has it too, unless that CP was killed with it.
-    assert!(a["DONE"] <= b["RECEIVED"] + kills_of_b, "done without an acknowledgement: {all}");
-    assert!(b["DONE"] <= a.echoes() + kills_of_a, "done without an acknowledgement: {all}");
-    // Nobody receives what was not sent; an order that was cut off may have arrived all the same.
-    assert!(b["RECEIVED"] <= a["STARTED"] && a.echoes() <= b["STARTED"], "{all}");
-    assert!(a["DOUBLED"] <= kills_of_a + kills_of_b, "{all}");
-}
-
-/// Kills drivers, A's and B's in turn, at moments of this seed.
-fn kill_drivers(seed: u64, kills: u32) {
-    let site = Site::two_stations_on_a_cable();
-    let (a, b) = start(&site);
-    let mut random = SplitMix64::new(seed);
-    let (mut kills_of_a, mut kills_of_b) = (0, 0);
-    for kill in 0..kills {
-        let of_a = kill % 2 == 0;
-        let what = format!("seed {seed}, kill {kill} ({})", if of_a { "A" } else { "B" });
-        let victim = if of_a { &a } else { &b };
-        // Somewhere within a telegram or its echo: some telegrams from here, and some scans from there.
-        ledger::flow(&a, random.below(12) as i64 + 1);
-        let driver = victim.driver_process();
-        let (_, _, losses) = victim.driver();
-        victim.scans(random.below(40));
-        driver.signal(Signal::KILL);
-        driver.wait(&what);
-        *(if of_a { &mut kills_of_a } else { &mut kills_of_b }) += 1;
-
-        assert_survived(victim, losses, &what);
-        ledger::flow(&a, 5);
-        let (of_a, of_b) = ledger::rest(&a, &b);
-        assert_accounted(&of_a, &of_b, kills_of_a, kills_of_b, &what);
-        // FC 9 of the manual's program has synchronised with each new CP.
-        assert_eq!(
-            (of_a["SYNCS"], of_b["SYNCS"]),
-            (1 + kills_of_a, 1 + kills_of_b),
-            "{what}\n{:#?}\n{:#?}",
-            a.diagnostics(),
-            b.diagnostics()
-        );
-        ledger::pause(&a, false);
-    }
-    for station in [&a, &b] {
-        assert_eq!(station.status().watchdogs, 0);
-    }
-    for ended in [a.interrupt(), b.interrupt()] {
-        assert_eq!(ended.code(), Some(0), "{ended:?}");
-    }
-    site.wait_until_empty();
-}
-
 #[test]
 fn drivers_are_killed_while_telegrams_flow() {
-    kill_drivers(1, 6);
+    kill_drivers(1, 6, &[Blow::Kill]);
 }
 
 #[test]
 fn drivers_are_killed_at_other_moments() {
-    kill_drivers(20_061_214, 6);
+    kill_drivers(20_061_214, 6, &[Blow::Kill]);
 }
 
 #[test]

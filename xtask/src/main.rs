@@ -17,6 +17,7 @@ mod needs;
 mod pick;
 mod python;
 mod shell;
+mod siege;
 mod test;
 
 use std::process::ExitCode;
@@ -36,6 +37,7 @@ usage: cargo xtask VERB [...]
   fuzz [TARGET] [--each 10m]      the fuzz targets (all: one after the other); cargo-fuzz is installed into .tools
   faults [PROTOCOL] [--telegrams 100000]
                                   the protocol machines on bad lines, in virtual time, from seeds
+  siege [WHAT] [--rounds N]       attacks, long: kill socket segment input cut writer (all: one after the other)
   arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files and the conformance table
   book [--check]                  docs/ as a book: pages, links, snippets and command lines checked, then made by mdBook into target/book
   ci                              what .ci/run does
@@ -55,6 +57,7 @@ fn main() -> ExitCode {
         "compare" => figures::compare(&rest),
         "fuzz" => fuzz::run(&rest),
         "faults" => faults::run(&rest),
+        "siege" => siege::run(&rest),
         "arch" => arch::run(&rest),
         "book" => book::run(&rest, USAGE),
         "ci" => ci::ci(&rest),

@@ -1,0 +1,117 @@
+//! What the sieges share: how long one is, and damage done to bytes from a seed.
+//!
+//! `cargo xtask siege` runs the tests of `tests/tests/siege.rs`, `tests/tests/process_siege.rs` and
+//! `runtime/ob1/tests/process_retentive.rs` with many rounds; the test suite runs them with a few.
+
+use ob1_line::sim::SplitMix64;
+
+/// Rounds of a siege: what the verb asks for, else these.
+///
+/// # Panics
+/// When the environment holds something that is not a number.
+#[must_use]
+pub fn rounds(in_the_suite: u64) -> u64 {
+    match std::env::var("OB1_SIEGE_ROUNDS") {
+        Ok(text) => text.parse().unwrap_or_else(|_| panic!("OB1_SIEGE_ROUNDS={text} is not a number")),
+        Err(_) => in_the_suite,
+    }
+}
+
+/// Longest input a mutation may grow to.
+const LONGEST: usize = 64 * 1024;
+
+/// One to four changes: a bit, a byte, a number in the text, a line lost, doubled or moved, a piece of another input,
+/// an end that is missing.
+#[must_use]
+pub fn mutate(random: &mut SplitMix64, input: &[u8], other: &[u8]) -> Vec<u8> {
+    let mut bytes = input.to_vec();
+    for _ in 0..=random.below(3) {
+        change(random, &mut bytes, other);
+    }
+    bytes.truncate(LONGEST);
+    bytes
+}
+
+fn change(random: &mut SplitMix64, bytes: &mut Vec<u8>, other: &[u8]) {
+    let at = random.below(bytes.len() as u64 + 1) as usize;
+    match random.below(9) {
+        0 => {
+            if let Some(byte) = bytes.get_mut(at) {
+                *byte ^= 1 << random.below(8);
+            }
+        }
+        1 => {
+            if let Some(byte) = bytes.get_mut(at) {
+                *byte = random.next_u64() as u8;
+            }
+        }
+        2 => bytes.truncate(at),
+        3 => {
+            let line = line_at(bytes, at);
+            bytes.drain(line);
+        }
+        4 => {
+            let line = bytes[line_at(bytes, at)].to_vec();
+            bytes.splice(at..at, line);
+        }
+        5 => {
+            let from = line_at(bytes, at);
+            let line: Vec<u8> = bytes.drain(from).collect();
+            let to = random.below(bytes.len() as u64 + 1) as usize;
+            let to = line_at(bytes, to).start;
+            bytes.splice(to..to, line);
+        }
+        6 => {
+            let from = random.below(other.len() as u64 + 1) as usize;
+            let len = random.below(200) as usize;
+            let piece = &other[from..other.len().min(from + len)];
+            bytes.splice(at..at, piece.iter().copied());
+        }
+        7 => {
+            // The number here becomes one at a limit.
+            let digits = bytes[at..].iter().take_while(|byte| byte.is_ascii_digit()).count();
+            let numbers: [&[u8]; 7] = [b"0", b"-1", b"65535", b"65536", b"2147483648", b"99999999999999999999", b""];
+            let number = numbers[random.below(numbers.len() as u64) as usize];
+            bytes.splice(at..at + digits, number.iter().copied());
+        }
+        _ => {
+            let byte = b"\"'{}[]();:,.#%\0\xFF\n"[random.below(17) as usize];
+            bytes.insert(at, byte);
+        }
+    }
+}
+
+/// The line around a position, its end included.
+fn line_at(bytes: &[u8], at: usize) -> std::ops::Range<usize> {
+    let start = bytes[..at].iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+    let end = bytes[at..].iter().position(|byte| *byte == b'\n').map_or(bytes.len(), |end| at + end + 1);
+    start..end
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_follow_from_the_seed_and_stay_in_bounds() {
+        let (input, other) = (b"U M 1.0\nL 17\nT MW 20\n", b"name = \"x\"\n");
+        let all = |seed| {
+            let mut random = SplitMix64::new(seed);
+            (0..2000).map(|_| mutate(&mut random, input, other)).collect::<Vec<_>>()
+        };
+        assert_eq!(all(1), all(1));
+        let changed = all(1).iter().filter(|bytes| bytes.as_slice() != input).count();
+        assert!(changed > 1800, "{changed}");
+        assert!(all(2).iter().any(|bytes| bytes.is_empty() || bytes.len() < input.len()));
+        let mut random = SplitMix64::new(3);
+        let long = vec![b'x'; LONGEST];
+        assert!((0..200).all(|_| mutate(&mut random, &long, &long).len() <= LONGEST));
+        assert!((0..200).all(|_| mutate(&mut random, b"", b"").len() <= LONGEST));
+    }
+
+    #[test]
+    fn lines() {
+        let text = b"one\ntwo\n";
+        assert_eq!((line_at(text, 1), line_at(text, 4), line_at(text, 8)), (0..4, 4..8, 8..8));
+    }
+}

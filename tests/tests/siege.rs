@@ -1,0 +1,176 @@
+//! Sieges without processes: what comes from outside, damaged in every way a seed can think of. Short here;
+//! `cargo xtask siege segment input cut` makes them long.
+
+use std::fs::{self, File};
+use std::os::unix::fs::FileExt as _;
+use std::path::{Path, PathBuf};
+
+use ob1_backplane::{CpuSide, Segment, layout};
+use ob1_command::retentive::store::Store;
+use ob1_cpu::Module as _;
+use ob1_host::module::{AlwaysThere, CpModule, CpSettings};
+use ob1_line::sim::SplitMix64;
+use ob1_tests::fuzz::TARGETS;
+use ob1_tests::siege::{mutate, rounds};
+
+/// A driver that writes anything anywhere into the segment: the CPU's side goes on, each call of it ends.
+#[test]
+fn segment() {
+    let made = Segment::create_shared().expect("memory");
+    let memory = File::options().read(true).write(true).open(made.path().expect("shared")).expect("ours");
+    let side = CpuSide::create(&made, 16).expect("16 bytes are allowed");
+    let mut module = CpModule::new(side, Box::new(AlwaysThere), CpSettings::default()).expect("it fits");
+    let mut random = SplitMix64::new(0x5E6);
+    let rounds = rounds(20_000);
+    let (mut events, mut records) = (0, 0);
+    for round in 0..rounds {
+        for _ in 0..=random.below(3) {
+            let at = random.below(layout::SEGMENT_BYTES as u64 - 8);
+            // Aligned words mostly, since the fields are; small and extreme values are the ones that mean something.
+            let at = if random.below(8) == 0 { at } else { at & !3 };
+            let value = match random.below(4) {
+                0 => random.below(4),
+                1 => u64::MAX - random.below(4),
+                _ => random.next_u64(),
+            };
+            let len = [1, 2, 4, 8][random.below(4) as usize];
+            memory.write_all_at(&value.to_le_bytes()[..len], at).expect("inside");
+        }
+        module.begin_scan(round * 1_000_000);
+        let mut bytes = [0; 16];
+        let _ = module.read(random.below(20) as u16, &mut bytes[..random.below(17) as usize]);
+        let _ = module.write(random.below(20) as u16, &bytes[..random.below(17) as usize]);
+        if round % 16 == 0 {
+            module.cpu_state(random.below(2) == 0);
+            let mut record = [0; 240];
+            for number in 0..3 {
+                records += u64::from(module.record_read(number, &mut record).is_ok());
+            }
+            let mut entries = 0;
+            module.diagnostic_buffer(&mut |_| entries += 1);
+            assert!(entries <= 1000, "round {round}: a diagnostic buffer without an end");
+            module.counters(&mut |_, _| {});
+        }
+        // A bounded number of events a scan, whatever the ring says.
+        for _ in 0..64 {
+            if module.poll_event().is_none() {
+                break;
+            }
+            events += 1;
+        }
+        let _ = module.status();
+        module.end_scan(round * 1_000_000);
+    }
+    println!("{rounds} scans beside a hostile driver: {events} events, {records} records, no panic");
+}
+
+/// Sources, symbol tables, station files, whole programs and intermediate code, from the committed inputs and the
+/// examples: no input of theirs, however damaged, makes anything panic.
+#[test]
+fn input() {
+    let rounds = rounds(400);
+    for (name, run) in TARGETS {
+        let seeds = seeds(name);
+        assert!(seeds.len() > 3, "{name} has too few inputs");
+        let mut random = SplitMix64::new(0x0B1);
+        for round in 0..rounds {
+            let pick = |random: &mut SplitMix64| &seeds[random.below(seeds.len() as u64) as usize];
+            let (one, other) = (pick(&mut random), pick(&mut random));
+            let input = mutate(&mut random, one, other);
+            let _kept = Kept { name, round, input: &input };
+            run(&input);
+        }
+        println!("{name}: {rounds} mutations, no panic");
+    }
+}
+
+/// Keeps the input of a target that panics.
+struct Kept<'a> {
+    name: &'a str,
+    round: u64,
+    input: &'a [u8],
+}
+
+impl Drop for Kept<'_> {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            return;
+        }
+        let path = std::env::temp_dir().join(format!("ob1-siege-{}-{}", self.name, self.round));
+        let _ = fs::write(&path, self.input);
+        eprintln!("the input that did it: {}", path.display());
+    }
+}
+
+/// The committed inputs of a target, and those of the examples that are of its kind.
+fn seeds(name: &str) -> Vec<Vec<u8>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut files = files_below(&root.join("fuzz/corpus").join(name));
+    let ending = match name {
+        "stl" | "exec" => "awl",
+        "station" => "toml",
+        "symbols" => "sdf",
+        _ => "",
+    };
+    let examples = files_below(&root.join("examples"));
+    files.extend(examples.into_iter().filter(|path| path.extension().is_some_and(|end| end == ending)));
+    files.sort();
+    files.iter().map(|path| fs::read(path).expect("a file")).collect()
+}
+
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).unwrap_or_else(|why| panic!("{}: {why}", folder.display())) {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() { files.extend(files_below(&path)) } else { files.push(path) }
+    }
+    files
+}
+
+/// Retentive files damaged at every class of offset: head, length, checksum, content, end. What comes back is a
+/// generation that was written, the newest that is whole; the damaged one is told.
+#[test]
+fn cut() {
+    const STATION: &str = "damaged";
+    let rounds = rounds(200);
+    let mut random = SplitMix64::new(0xC07);
+    let mut older = 0;
+    for round in 0..rounds {
+        let folder = tempfile::tempdir().expect("a directory");
+        let image = |number: u64| (0..200 + number * 50).map(|i| (i * 7 + number) as u8).collect::<Vec<_>>();
+        let (mut store, _) = Store::open(folder.path(), STATION).expect("writable");
+        for number in 1..=3 {
+            store.write(&image(number)).expect("writable");
+        }
+        drop(store);
+        let files = files_below(folder.path());
+        let victim = &files[random.below(files.len() as u64) as usize];
+        let mut bytes = fs::read(victim).expect("readable");
+        let len = bytes.len() as u64;
+        let at = match round % 6 {
+            0 => random.below(8),
+            1 => 8 + random.below(12),
+            2 => 20 + random.below(8),
+            3 => 28 + random.below(len - 28),
+            4 => len - 1,
+            _ => random.below(len),
+        } as usize;
+        let before = bytes.clone();
+        match random.below(4) {
+            0 => bytes.truncate(at),
+            1 => bytes[at] ^= 1 << random.below(8),
+            2 => bytes[at..].fill(0),
+            _ => bytes.extend_from_within(at..),
+        }
+        let damaged = bytes != before;
+        fs::write(victim, &bytes).expect("writable");
+        let (_, found) = Store::open(folder.path(), STATION).expect("readable");
+        let newest = found.generations.first().unwrap_or_else(|| panic!("round {round}: nothing is left"));
+        let which = [3, 2].into_iter().find(|number| newest.image == image(*number));
+        let which = which.unwrap_or_else(|| panic!("round {round}, offset {at}: neither generation came back"));
+        older += u64::from(which == 2);
+        assert_eq!(found.refused.len(), usize::from(damaged), "round {round}, offset {at}: {:?}", found.refused);
+    }
+    assert!(older > 0 && older < rounds, "{older} of {rounds}");
+    println!("{rounds} damaged files: {older} times the older generation came back, nothing torn");
+}
