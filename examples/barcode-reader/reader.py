@@ -30,4 +30,9 @@ def main():
         print(code, read(line, code), flush=True)
 
 
-main()
+try:
+    main()
+except OSError as error:
+    sys.exit(f"reader.py: {sys.argv[1]}: {error.strerror}; does the station run, and is this its line?")
+except KeyboardInterrupt:
+    sys.exit("reader.py: ended by Ctrl-C")

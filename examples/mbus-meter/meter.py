@@ -69,6 +69,7 @@ def main():
         if sys.stdin.fileno() in ready:
             text = os.read(sys.stdin.fileno(), 256)
             if not text:
+                print("meter.py: standard input is closed: end", file=sys.stderr)
                 return
             words += text
             *lines, words = words.split(b"\n")
@@ -82,6 +83,8 @@ def main():
             print("ok", flush=True)
         if line in ready:
             heard = os.read(line, 512)
+            if not heard:
+                sys.exit("meter.py: the line is closed")
             if echo:
                 os.write(line, heard)
             came += heard
@@ -99,4 +102,9 @@ def main():
                 found, came = frame(came)
 
 
-main()
+try:
+    main()
+except OSError as error:
+    sys.exit(f"meter.py: {sys.argv[1]}: {error.strerror}; does the station run, and is this its line?")
+except KeyboardInterrupt:
+    sys.exit("meter.py: ended by Ctrl-C")

@@ -35,15 +35,24 @@ def main():
     while True:
         ready = select.select([line, sys.stdin.fileno()], [], [])[0]
         if line in ready:
-            came += os.read(line, 64)
+            heard = os.read(line, 64)
+            if not heard:
+                sys.exit("scale.py: the line is closed")
+            came += heard
             if STX + b"W" + ETX in came:
                 came = b""
                 os.write(line, STX + shows.encode("ascii") + ETX)
         if sys.stdin.fileno() in ready:
             text = os.read(sys.stdin.fileno(), 256)
             if not text:
+                print("scale.py: standard input is closed: end", file=sys.stderr)
                 return
             shows = answer(text.decode().strip())
 
 
-main()
+try:
+    main()
+except OSError as error:
+    sys.exit(f"scale.py: {sys.argv[1]}: {error.strerror}; does the station run, and is this its line?")
+except KeyboardInterrupt:
+    sys.exit("scale.py: ended by Ctrl-C")

@@ -108,3 +108,36 @@ fn the_test_files_of_the_document_are_understood() {
         }
     }
 }
+
+/// Documents quote the diagnostic buffer in the words of the program.
+#[test]
+fn quoted_events_have_the_texts_of_the_program() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let folders = std::fs::read_dir(root.join("examples")).expect("the examples are there");
+    let folders = folders.map(|folder| folder.expect("readable").path()).chain([root.join("docs"), root.clone()]);
+    let (mut quoted, mut wrong) = (0, Vec::new());
+    for folder in folders.filter(|path| path.is_dir()) {
+        for page in std::fs::read_dir(&folder).expect("readable").map(|page| page.expect("readable").path()) {
+            if page.extension().is_none_or(|end| end != "md") {
+                continue;
+            }
+            for line in std::fs::read_to_string(&page).expect("UTF-8").lines() {
+                let Some((number, text)) = line.split_once(" s  ").and_then(|(_, entry)| entry.split_once("h ")) else {
+                    continue;
+                };
+                let Ok(number) = u16::from_str_radix(number, 16) else { continue };
+                let known = match ob1_protocols::cp341_events::row(number) {
+                    Some(row) => row.text,
+                    None => ob1_model::Event(number).text(),
+                };
+                quoted += 1;
+                let rest = text.trim_start_matches("gone: ").strip_prefix(known);
+                if rest.is_none_or(|rest| !(rest.is_empty() || rest.starts_with([' ', ':', ',']))) {
+                    wrong.push(format!("{}: {line}\n  the program says: {known}", page.display()));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(quoted >= 6, "{quoted}: nothing is quoted any more");
+}
