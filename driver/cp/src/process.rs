@@ -21,6 +21,10 @@ const PASSES: u32 = 16;
 /// Who wakes up so much later than he wanted to was held up by the system.
 const HELD_UP: Nanos = 5_000_000;
 
+/// Events of the line in one pass: then the heart beats, and the CPU has its turn. Who sends as fast as it is read must
+/// not keep the driver from anything else.
+const EVENTS: u32 = 32;
+
 /// Received bytes handed over at a time.
 const BUFFER: usize = 256;
 
@@ -83,7 +87,7 @@ impl Process {
             let now = self.now();
             changed |= self.pump.has_changes();
             self.pump.poll(now, &mut self.port);
-            self.line_events(now);
+            let more = self.line_events(now);
             let lost = ob1_log::lost();
             self.pump.count_lost_log(lost - std::mem::replace(&mut self.log_lost, lost));
             // Line events may have moved the deadline, and the pump's own work the registers.
@@ -98,7 +102,7 @@ impl Process {
                 self.pump.awake();
             }
             let due = deadline.min(line);
-            let timeout = if passes >= PASSES { 0 } else { due.saturating_sub(self.now()) };
+            let timeout = if passes >= PASSES || more { 0 } else { due.saturating_sub(self.now()) };
             (passes, changed) = (0, false);
             let ready = self.wait(Duration::from_nanos(timeout))?;
             self.pump.awake();
@@ -173,9 +177,15 @@ impl Process {
         }
     }
 
-    fn line_events(&mut self, now: Nanos) {
+    /// Takes what the line has to tell; true if that may not have been everything.
+    fn line_events(&mut self, now: Nanos) -> bool {
         let mut buffer = [0; BUFFER];
-        while let Some(event) = self.port.line().and_then(|line| line.next_event(now, &mut buffer)) {
+        let mut more = true;
+        for _ in 0..EVENTS {
+            let Some(event) = self.port.line().and_then(|line| line.next_event(now, &mut buffer)) else {
+                more = false;
+                break;
+            };
             let input = match event {
                 LineEvent::Rx(n) => {
                     tracing::trace!(rx = ?&buffer[..n]);
@@ -221,6 +231,7 @@ impl Process {
             self.line_is_gone(now);
         }
         self.sample_modem(now);
+        more
     }
 
     fn line_is_gone(&mut self, now: Nanos) {

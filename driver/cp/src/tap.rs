@@ -17,6 +17,8 @@ use crate::config::Config;
 
 /// Listeners at the same time.
 const MOST: usize = 4;
+/// Callers looked at in one pass; the others wait.
+const CALLERS: usize = 4;
 /// Characters in one record.
 const CHUNK: usize = 4096;
 
@@ -75,7 +77,8 @@ impl Tap {
     /// Lets in who has called.
     pub(crate) fn admit(&mut self, now: Nanos) {
         let Some(socket) = &self.socket else { return };
-        while let Ok(Some(channel)) = socket.accept() {
+        for _ in 0..CALLERS {
+            let Ok(Some(channel)) = socket.accept() else { return };
             if self.listeners.len() < MOST {
                 let mut ear = Ear { channel, lost: 0 };
                 ear.tell(now, &self.hello);

@@ -73,11 +73,17 @@ impl Station {
     }
 
     fn synchronise(&mut self) -> u16 {
+        let number = self.synchronise_without_line();
+        self.until("ready", |s| (s.cpu.monitor().driver_state() == Ok(DriverState::Ready)).then_some(()));
+        number
+    }
+
+    /// Before the line is up.
+    fn synchronise_without_line(&mut self) -> u16 {
         let number = self.until("start-up", |s| Some(s.words()).filter(|w| w.0 == 0x8001)).1;
         self.put(0x8001, number, &[]);
         self.until("acknowledged", |s| (s.words() == (0, 0)).then_some(()));
         self.put(0, 0, &[]);
-        self.until("ready", |s| (s.cpu.monitor().driver_state() == Ok(DriverState::Ready)).then_some(()));
         number
     }
 
@@ -359,4 +365,29 @@ fn what_is_no_segment_is_refused() {
     }
     let status = Command::new(env!("CARGO_BIN_EXE_ob1-cp")).stderr(Stdio::null()).status().unwrap();
     assert_eq!(status.code(), Some(2), "no arguments");
+}
+
+#[test]
+fn a_partner_that_floods_the_line_does_not_keep_the_driver_from_its_heartbeat_or_its_end() {
+    use std::net::{TcpListener, TcpStream};
+    let _lock = lock();
+    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let dir = tempfile::tempdir().unwrap();
+    let mut station = Station::with(&ASCII, "tcp-listen", PathBuf::from(port.to_string()), dir);
+    station.synchronise_without_line();
+    let mut partner = station.until("listening", |_| TcpStream::connect(("127.0.0.1", port)).ok());
+    let flood = std::thread::spawn(move || {
+        let noise = [0x55; 1 << 16];
+        // Until nobody is there any more.
+        while partner.write_all(&noise).is_ok() {}
+    });
+    let received = |s: &Station| s.cpu.monitor().counters().get(Counter::BytesRx);
+    station.until("the flood", |s| (received(s) > 1 << 16).then_some(()));
+    let beats = station.cpu.monitor().cp_heartbeat();
+    let from = received(&station);
+    station.until("ten signs of life", |s| (s.cpu.monitor().cp_heartbeat() >= beats + 10).then_some(()));
+    assert!(received(&station) > from, "it was at work all the time");
+    station.bell = None;
+    station.until("its end", |s| s.driver.try_wait().unwrap());
+    flood.join().unwrap();
 }

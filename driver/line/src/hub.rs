@@ -34,6 +34,14 @@ pub enum Partner {
 /// CPs on two wires, at most: the unit loads of RS-485.
 const MOST: usize = 32;
 
+/// Callers, messages of one CP and events of a pty taken at a time: whoever floods the line must not keep its process
+/// from anything else.
+const CALLERS: usize = 16;
+const MESSAGES: usize = 64;
+/// Characters of one that may wait for the line. Who writes more waits: its messages stay in the socket, its bytes in
+/// the pty.
+const WAITING: usize = 16 * 1024;
+
 /// A CP on the line.
 struct Guest {
     channel: Channel,
@@ -103,8 +111,11 @@ impl Hub {
     /// The descriptors to wait for.
     pub fn poll_fds<'a>(&'a self, fds: &mut Vec<PollFd<'a>>) {
         fds.push(PollFd::from_borrowed_fd(self.listener.as_fd(), PollFlags::IN));
-        fds.extend(self.guests.iter().map(|guest| PollFd::from_borrowed_fd(guest.channel.as_fd(), PollFlags::IN)));
-        if let Some(AtWork::Pty(line, _)) = &self.partner {
+        let heard = self.guests.iter().filter(|guest| !self.is_full(guest.who));
+        fds.extend(heard.map(|guest| PollFd::from_borrowed_fd(guest.channel.as_fd(), PollFlags::IN)));
+        if let Some(AtWork::Pty(line, who)) = &self.partner
+            && !self.is_full(*who)
+        {
             let mut of_line = PollFds::default();
             line.poll_fds(&mut of_line);
             fds.extend(of_line.into_entries());
@@ -135,8 +146,14 @@ impl Hub {
         });
     }
 
+    /// Whether somebody has written so much that he must wait.
+    fn is_full(&self, who: Participant) -> bool {
+        self.bus.waiting(who) >= WAITING
+    }
+
     fn admit(&mut self) {
-        while let Ok(Some(channel)) = self.listener.accept() {
+        for _ in 0..CALLERS {
+            let Ok(Some(channel)) = self.listener.accept() else { return };
             if self.guests.len() >= self.most {
                 self.turned_away += 1;
                 continue;
@@ -149,7 +166,10 @@ impl Hub {
     fn listen(&mut self, now: Nanos) {
         let mut buffer = [0; MESSAGE_MAX];
         for guest in &mut self.guests {
-            while !guest.gone {
+            for _ in 0..MESSAGES {
+                if guest.gone || self.bus.waiting(guest.who) >= WAITING {
+                    break;
+                }
                 match guest.channel.receive(&mut buffer) {
                     Ok(None) => break,
                     Ok(Some([])) | Err(_) => guest.gone = true,
@@ -180,7 +200,11 @@ impl Hub {
         let Some(AtWork::Pty(line, who)) = &mut self.partner else { return };
         line.ready();
         let mut buffer = [0; 256];
-        while let Some(event) = line.next_event(now, &mut buffer) {
+        for _ in 0..MESSAGES {
+            if self.bus.waiting(*who) >= WAITING {
+                return;
+            }
+            let Some(event) = line.next_event(now, &mut buffer) else { return };
             if let LineEvent::Rx(count) = event {
                 self.bus.write(*who, now, &buffer[..count]);
             }

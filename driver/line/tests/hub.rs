@@ -219,3 +219,29 @@ fn a_program_on_the_pty_is_the_partner() {
     let heard = world.take().iter().filter(|line| line.contains(" 0 [")).count();
     assert_eq!(heard, 4, "one by one, however fast the pty is");
 }
+
+#[test]
+fn who_writes_without_end_waits_and_the_line_holds_no_more_than_it_must() {
+    use ob1_line::seqpacket::{Channel, MESSAGE_MAX, Sent};
+    let world = World::new(BusConfig::new(false), &Partner::None, &[]);
+    let mut hub = world.hub.expect("made");
+    let flooder = Channel::connect(&world.path).expect("the line listens");
+    let mut message = vec![0x55; MESSAGE_MAX];
+    message[0] = b'W';
+    let (mut taken, mut refused) = (0_usize, 0);
+    while refused < 10 {
+        match flooder.send(&message).expect("nobody hangs up") {
+            Sent::Yes => (taken, refused) = (taken + MESSAGE_MAX, 0),
+            Sent::Full => {
+                refused += 1;
+                hub.work(0);
+            }
+        }
+        assert!(taken < 2 << 20, "{taken} characters wait for a line of 9600 baud");
+    }
+    // It is no reason to hear nobody else.
+    let other = Channel::connect(&world.path).expect("the line listens");
+    hub.work(1);
+    assert_eq!((hub.guests(), hub.turned_away()), (2, 0));
+    drop(other);
+}

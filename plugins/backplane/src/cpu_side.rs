@@ -41,7 +41,7 @@ impl CpuSide {
         let io = IoBytes::new(io_bytes).ok_or(SegmentError::IoBytes(io_bytes))?;
         header::format(segment.cells(), io);
         Ok(Self {
-            monitor: Monitor::new(segment.clone()),
+            monitor: Monitor::new(segment.clone(), io),
             io,
             outputs: RegisterWriter::new(io),
             inputs: SeqReader::new(),
@@ -60,7 +60,7 @@ impl CpuSide {
     /// written where it had no business. Without such damage it changes nothing.
     pub fn restore(&mut self) {
         let cells = self.monitor.cells();
-        header::write(cells, self.io);
+        self.monitor.restore_header();
         self.outputs.rewrite(&cells.outputs.registers);
         self.events.publish(&cells.events);
         self.channels.rewrite(&cells.channels);

@@ -4,6 +4,8 @@ use crate::buffer::{self, BufferEntry};
 use crate::cells::SegmentCells;
 use crate::counters::{Counters, book_lost};
 use crate::fault::Fault;
+use crate::header;
+use crate::registers::IoBytes;
 use crate::segment::Segment;
 use crate::sync::Ordering;
 use crate::words::{DriverState, Leds, ModemInputs};
@@ -12,11 +14,12 @@ use crate::words::{DriverState, Leds, ModemInputs};
 #[derive(Clone, Debug)]
 pub struct Monitor {
     segment: Segment,
+    io: IoBytes,
 }
 
 impl Monitor {
-    pub(crate) fn new(segment: Segment) -> Self {
-        Self { segment }
+    pub(crate) fn new(segment: Segment, io: IoBytes) -> Self {
+        Self { segment, io }
     }
 
     #[inline]
@@ -87,6 +90,12 @@ impl Monitor {
     #[must_use]
     pub fn driver_sleeps(&self) -> bool {
         self.cells().doorbell.sleeping.load(Ordering::Relaxed) != 0
+    }
+
+    /// Writes the header once more: a driver attaches to nothing else. Without damage it changes nothing. Call it before
+    /// each start of a driver; what the CPU's side has put in besides is restored by [`crate::CpuSide::restore`].
+    pub fn restore_header(&self) {
+        header::write(self.cells(), self.io);
     }
 
     /// Clears what a dead driver has left: input registers, LEDs and modem lines read 0, the state is

@@ -6,7 +6,7 @@ use crate::layout::{IO_BYTES_MAX, IO_BYTES_MIN};
 use crate::seqlock::SeqCell;
 
 /// Number of register bytes each way, checked: 8 to 64.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct IoBytes(usize);
 
 impl IoBytes {

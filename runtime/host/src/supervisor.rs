@@ -180,19 +180,27 @@ pub struct Supervisor {
     /// Starts without health in between, counted after the first: decides the wait.
     failures: u32,
     starts: u32,
+    incidents: u32,
 }
 
 impl Supervisor {
     /// A supervisor whose first [`Input::Tick`] starts the driver.
     #[must_use]
     pub fn new(times: Times) -> Self {
-        Self { times, state: State::Down { start_at: 0 }, failures: 0, starts: 0 }
+        Self { times, state: State::Down { start_at: 0 }, failures: 0, starts: 0, incidents: 0 }
     }
 
     /// Processes that have shown life so far.
     #[must_use]
     pub fn starts(&self) -> u32 {
         self.starts
+    }
+
+    /// Incidents so far: the first end of a driver begins one, and it is over when one has been healthy
+    /// ([`Times::healthy`]). What goes wrong again and again in one incident is worth one report.
+    #[must_use]
+    pub fn incidents(&self) -> u32 {
+        self.incidents
     }
 
     /// Where the driver is.
@@ -314,6 +322,9 @@ impl Supervisor {
     /// The process is gone: the next start is due at once, or after the wait that the failures so far demand.
     fn lost(&mut self, now: Nanos, exit: Exit) -> (Option<Request>, Option<Report>) {
         let start_at = now.saturating_add(self.wait());
+        if self.failures == 0 {
+            self.incidents = self.incidents.saturating_add(1);
+        }
         self.failures = self.failures.saturating_add(1);
         self.state = State::Down { start_at };
         let (request, _) = self.down(now, start_at);

@@ -201,3 +201,20 @@ fn exits_fit_the_sixteen_bytes_of_an_event() {
     assert_eq!(texts, ["exit status 1", "exit status 255", "signal 9", "hung, killed", "no start, os 2"]);
     assert!(texts.iter().all(|text| text.len() <= 16));
 }
+
+#[test]
+fn an_incident_lasts_until_a_driver_is_healthy() {
+    let mut supervisor = up();
+    assert_eq!(supervisor.incidents(), 0);
+    let mut now = 10;
+    for _ in 0..20 {
+        supervisor.step(now * MS, KILLED);
+        assert_eq!(supervisor.incidents(), 1, "one crash after the other");
+        supervisor.step((now + 1000) * MS, Input::Tick);
+        supervisor.step((now + 1001) * MS, Input::Spawned);
+        supervisor.step((now + 1002) * MS, Input::Heartbeat);
+        now += 1003;
+    }
+    supervisor.step((now + 5000) * MS, KILLED);
+    assert_eq!(supervisor.incidents(), 2, "it was healthy in between");
+}

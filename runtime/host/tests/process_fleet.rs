@@ -21,12 +21,15 @@ impl Clock for Ticking {
 }
 
 fn fleet_of(program: &str) -> (Fleet, DriverPort) {
-    let segment = Segment::create_shared().expect("memory");
+    fleet_over(program, Segment::create_shared().expect("memory"), Times::default())
+}
+
+fn fleet_over(program: &str, segment: Segment, times: Times) -> (Fleet, DriverPort) {
     let cpu = CpuSide::create(&segment, 16).expect("16 bytes");
     let command =
         DriverCommand { name: "cp".into(), program: PathBuf::from(program), args: Vec::new(), env: Vec::new() };
     let mut fleet = Fleet::new();
-    let port = fleet.add(command, segment, cpu.monitor().clone(), Times::default()).expect("descriptors");
+    let port = fleet.add(command, segment, cpu.monitor().clone(), times).expect("descriptors");
     (fleet, port)
 }
 
@@ -57,4 +60,24 @@ fn a_missing_program_is_reported_with_the_systems_error() {
     assert!(port.reports.pop().is_err(), "reported once");
     // The bell is hung up, and ringing it still does no harm.
     port.doorbell.ring();
+}
+
+#[test]
+fn whatever_was_written_into_the_header_each_driver_finds_it_whole() {
+    let segment = Segment::create_shared().expect("memory");
+    let times = Times { first_wait: 2_000_000, longest_wait: 2_000_000, ..Times::default() };
+    let (fleet, mut port) = fleet_over("/bin/false", segment.clone(), times);
+    let version = ob1_backplane::layout::FIELDS.iter().find(|f| f.name == "header.version").expect("there").offset;
+    let running = fleet.start(Ticking(0)).expect("a thread");
+    next_report(&mut port);
+    for _ in 0..3 {
+        let before = port.status.attempts();
+        segment.poke(version, 0xDEAD);
+        while port.status.attempts() < before + 2 {
+            std::thread::yield_now();
+        }
+        assert_eq!(segment.peek(version), Some(ob1_backplane::layout::LAYOUT_VERSION));
+    }
+    running.stop();
+    assert_eq!(port.status.incidents(), 1, "it never was healthy");
 }

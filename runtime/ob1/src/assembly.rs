@@ -126,6 +126,7 @@ pub fn cp_settings(
         json: json.to_string().into_bytes(),
         absent_is_fault: config.absent == Absent::Fault,
         channels: matches!(config.kind, ModuleKind::Cp341 { .. }),
+        diagnostics: *diagnostics,
     })
 }
 

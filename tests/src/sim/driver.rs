@@ -2,12 +2,12 @@
 //! only their life and death are virtual.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use ob1_backplane::{CpSide, CpuSide, Segment};
 use ob1_cp::CpPump;
 use ob1_cpu::Nanos;
-use ob1_host::module::DriverLink;
+use ob1_host::module::{DriverLink, Life};
 use ob1_host::supervisor::{Exit, Input, Report, Request, Supervisor, Times};
 use ob1_line::sim::{End, SplitMix64};
 
@@ -32,6 +32,8 @@ pub struct Link {
 struct Shared {
     running: AtomicBool,
     rung: AtomicBool,
+    attempts: AtomicU32,
+    incidents: AtomicU32,
 }
 
 impl DriverLink for Link {
@@ -45,6 +47,13 @@ impl DriverLink for Link {
 
     fn next_report(&mut self) -> Option<Report> {
         self.reports.pop().ok()
+    }
+
+    fn life(&self) -> Life {
+        Life {
+            attempts: self.shared.attempts.load(Ordering::Relaxed),
+            incidents: self.shared.incidents.load(Ordering::Relaxed),
+        }
     }
 }
 
@@ -212,6 +221,9 @@ impl Driver {
             }
             match step.request {
                 Some(Request::Spawn) => {
+                    self.monitor.restore_header();
+                    self.shared.incidents.store(self.supervisor.incidents(), Ordering::Relaxed);
+                    self.shared.attempts.fetch_add(1, Ordering::Relaxed);
                     self.last_beat = self.monitor.cp_heartbeat();
                     self.shared.running.store(true, Ordering::Relaxed);
                     self.starts_at = Some(now + START.0 + self.rng.below(START.1));

@@ -18,6 +18,10 @@ const LOOK: Nanos = 20_000_000;
 /// How long it may take to start before the line counts as gone.
 const START: Nanos = 3_000_000_000;
 
+/// Messages of the hub taken at a time, and characters that wait to be read: then they wait in the socket.
+const MESSAGES: usize = 64;
+const RECEIVED: usize = 64 * 1024;
+
 /// A simulated line, open or closed.
 pub(crate) struct SimLink {
     path: PathBuf,
@@ -55,7 +59,10 @@ impl Open {
     /// Takes what the hub has sent.
     fn listen(&mut self) {
         let mut buffer = [0; MESSAGE_MAX];
-        while !self.ended {
+        for _ in 0..MESSAGES {
+            if self.ended || self.received.len() >= RECEIVED {
+                return;
+            }
             match self.channel.receive(&mut buffer) {
                 Ok(None) => return,
                 Ok(Some([])) | Err(_) => self.ended = true,

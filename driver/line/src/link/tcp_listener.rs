@@ -10,6 +10,9 @@ use super::{Link, Opened, not_a_wire, tcp_common};
 use crate::line::{Nanos, PollFds};
 use crate::settings::{LineSettings, Warning};
 
+/// Callers turned away at a time; the others wait.
+const CALLERS: usize = 16;
+
 /// Listener and the client that has the line.
 pub(crate) struct ListenerLink {
     address: SocketAddr,
@@ -77,7 +80,8 @@ impl Link for ListenerLink {
     /// A serial line has one other end: whoever calls while it is taken is turned away.
     fn housekeeping(&mut self) {
         if let Some(listener) = &self.listener {
-            while let Ok((stream, _)) = listener.accept() {
+            for _ in 0..CALLERS {
+                let Ok((stream, _)) = listener.accept() else { return };
                 drop(stream);
             }
         }

@@ -273,6 +273,11 @@ impl SimBus {
         self.collisions
     }
 
+    /// Characters of a participant that have not been heard yet.
+    pub fn waiting(&self, who: Participant) -> usize {
+        self.members.get(who).map_or(0, |member| member.queue.len())
+    }
+
     /// Changes the frame of a participant, for what it writes and hears from now on.
     pub fn set_frame(&mut self, who: Participant, frame: Frame) {
         if let Some(member) = self.members.get_mut(who) {

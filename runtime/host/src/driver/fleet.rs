@@ -49,6 +49,8 @@ pub struct DriverStatus {
     pid: AtomicU32,
     starts: AtomicU32,
     losses: AtomicU32,
+    attempts: AtomicU32,
+    incidents: AtomicU32,
 }
 
 impl DriverStatus {
@@ -68,6 +70,18 @@ impl DriverStatus {
     #[must_use]
     pub fn losses(&self) -> u32 {
         self.losses.load(Ordering::Relaxed)
+    }
+
+    /// Processes that were to be started so far.
+    #[must_use]
+    pub fn attempts(&self) -> u32 {
+        self.attempts.load(Ordering::Acquire)
+    }
+
+    /// See [`Supervisor::incidents`].
+    #[must_use]
+    pub fn incidents(&self) -> u32 {
+        self.incidents.load(Ordering::Relaxed)
     }
 }
 
@@ -301,6 +315,11 @@ impl Driver {
             tracing::error!(driver = %self.command.name, "its segment is not shared memory");
             return Input::Exited(Exit::NotStarted(0));
         };
+        // Whoever holds the segment may have written into its header while no driver was there, which no driver would
+        // attach to; the rest of what the CPU's side owns follows from the scan, which sees the attempt.
+        self.monitor.restore_header();
+        self.status.incidents.store(self.supervisor.incidents(), Ordering::Relaxed);
+        self.status.attempts.fetch_add(1, Ordering::Release);
         self.last_beat = self.monitor.cp_heartbeat();
         match Process::start(&self.command, &path, &self.stdin) {
             Ok(process) => {

@@ -11,6 +11,17 @@ pub trait DriverLink: Send {
     fn is_running(&self) -> bool;
     /// What the supervisor has to tell.
     fn next_report(&mut self) -> Option<Report>;
+    /// What the supervisor counts of its starts: what the driver itself has no hand in.
+    fn life(&self) -> Life;
+}
+
+/// Which of a module's drivers this is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Life {
+    /// Drivers started so far, this one included, whether they came up or not.
+    pub attempts: u32,
+    /// Incidents so far ([`crate::supervisor::Supervisor::incidents`]).
+    pub incidents: u32,
 }
 
 impl DriverLink for DriverPort {
@@ -25,6 +36,11 @@ impl DriverLink for DriverPort {
 
     fn next_report(&mut self) -> Option<Report> {
         self.reports.pop().ok()
+    }
+
+    #[inline]
+    fn life(&self) -> Life {
+        Life { attempts: self.status.attempts(), incidents: self.status.incidents() }
     }
 }
 
@@ -41,5 +57,9 @@ impl DriverLink for AlwaysThere {
 
     fn next_report(&mut self) -> Option<Report> {
         None
+    }
+
+    fn life(&self) -> Life {
+        Life::default()
     }
 }

@@ -7,7 +7,7 @@
 use std::fmt::{self, Write};
 
 use ob1_backplane::{EventKind, Fault};
-use ob1_cpu::ModuleEvent;
+use ob1_cpu::{ModuleEvent, Nanos};
 use ob1_model::Event;
 
 use crate::supervisor::Report;
@@ -22,71 +22,187 @@ mod code {
     pub(super) const SEGMENT: u32 = 8;
 }
 
-/// Kinds of garbage, each entered once for a driver.
-const KINDS: usize = 6;
+/// Kinds of what a driver may not do, each entered once in an incident.
+const KINDS: usize = 8;
+/// The kinds that are no [`Fault`].
+const SEEN_BY_THE_CP: usize = 6;
+const INTERRUPT_OFF: usize = 7;
+
+/// Entries about line and parameters at once, and the time after which there may be one more: a line that comes and
+/// goes all the time must not wash everything else out of the buffer.
+const STATES: (u32, Nanos) = (16, 10_000_000_000);
+/// Diagnostic interrupts at once, and the time after which there may be one more.
+const INTERRUPTS: (u32, Nanos) = (64, 100_000_000);
+
+/// So many at once, and one more after each time.
+#[derive(Debug)]
+struct Allowance {
+    left: u32,
+    full: u32,
+    every: Nanos,
+    /// The time up to which it has been filled.
+    filled: Nanos,
+}
+
+impl Allowance {
+    const fn new((full, every): (u32, Nanos)) -> Self {
+        Self { left: full, full, every, filled: 0 }
+    }
+
+    fn fill(&mut self, now: Nanos) {
+        let more = now.saturating_sub(self.filled) / self.every;
+        self.filled += more * self.every;
+        self.left = u32::try_from(more).map_or(self.full, |more| self.left.saturating_add(more).min(self.full));
+        if self.left == self.full {
+            self.filled = now;
+        }
+    }
+
+    /// Takes one, if there is one left.
+    fn take(&mut self) -> bool {
+        let taken = self.left > 0;
+        self.left -= u32::from(taken);
+        taken
+    }
+}
+
+/// Why a module has no valid parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Refused {
+    Byte(u8),
+    Configuration,
+}
+
+/// Something that comes and goes: how it is, and what has been entered of it.
+#[derive(Debug)]
+struct Told<T> {
+    is: Option<T>,
+    told: Option<T>,
+    /// It has come again since it was told.
+    anew: bool,
+}
+
+impl<T: Copy + PartialEq> Told<T> {
+    const NEVER: Self = Self { is: None, told: None, anew: false };
+
+    fn comes(&mut self, what: T) {
+        self.is = Some(what);
+        self.anew = true;
+    }
+
+    fn goes(&mut self) {
+        self.is = None;
+        self.anew = false;
+    }
+
+    /// How it is, if that has not been told.
+    fn due(&mut self, allowance: &mut Allowance) -> Option<Option<T>> {
+        let due = (self.anew || self.is != self.told) && allowance.take();
+        due.then(|| {
+            self.anew = false;
+            self.told = self.is;
+            self.is
+        })
+    }
+}
 
 /// What a module has to tell, and what it has told.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Messages {
-    pending: Option<ModuleEvent>,
-    line_gone: bool,
-    refused: bool,
-    /// Kinds of garbage the driver of `generation` has been entered for.
+    /// Diagnostic interrupts are enabled.
+    diagnostics: bool,
+    /// Entries about what a driver may not do.
+    garbage: Option<ModuleEvent>,
+    /// A diagnostic interrupt; the next ones stay in the segment as long as it is here.
+    interrupt: Option<ModuleEvent>,
+    interrupts: Allowance,
+    /// The line is gone, with the system's error number.
+    line: Told<u32>,
+    refused: Told<Refused>,
+    states: Allowance,
+    /// What has been entered in this incident.
     told: [bool; KINDS],
-    generation: u64,
+    incident: u32,
 }
 
 impl Messages {
-    /// The entry that is due.
-    pub(super) fn pending(&mut self) -> Option<ModuleEvent> {
-        self.pending.take()
+    pub(super) const fn new(diagnostics: bool) -> Self {
+        Self {
+            diagnostics,
+            garbage: None,
+            interrupt: None,
+            interrupts: Allowance::new(INTERRUPTS),
+            line: Told::NEVER,
+            refused: Told::NEVER,
+            states: Allowance::new(STATES),
+            told: [false; KINDS],
+            incident: 0,
+        }
     }
 
-    /// An event out of the segment's ring.
-    pub(super) fn take(&mut self, event: &ob1_backplane::Event) {
+    /// A scan begins.
+    pub(super) fn time(&mut self, now: Nanos) {
+        self.interrupts.fill(now);
+        self.states.fill(now);
+    }
+
+    /// The entry that is due.
+    pub(super) fn due(&mut self) -> Option<ModuleEvent> {
+        if self.garbage.is_some() {
+            return self.garbage.take();
+        }
+        if self.interrupt.is_some() && self.interrupts.take() {
+            return self.interrupt.take();
+        }
+        if let Some(line) = self.line.due(&mut self.states) {
+            return Some(match line {
+                Some(errno) => text(Event::CP_ERROR, format_args!("{}", Gone(errno))),
+                None => text(Event::CP_ERROR_GONE, format_args!("line up")),
+            });
+        }
+        let refused = self.refused.due(&mut self.states)?;
+        Some(match refused {
+            Some(Refused::Byte(number)) => text(Event::CP_ERROR, format_args!("parameter byte {number}")),
+            Some(Refused::Configuration) => text(Event::CP_ERROR, format_args!("configuration")),
+            None => text(Event::CP_ERROR_GONE, format_args!("parameters")),
+        })
+    }
+
+    /// Whether an interrupt waits until it is allowed: nothing more is to be taken before that.
+    pub(super) const fn is_holding(&self) -> bool {
+        self.interrupt.is_some()
+    }
+
+    /// An event out of the segment's ring, from a driver of this incident.
+    pub(super) fn take(&mut self, event: &ob1_backplane::Event, incident: u32) {
         match event.kind {
-            EventKind::DiagnosticIncoming => self.pending = Some(interrupt(Event::CP_ERROR, event.data())),
-            EventKind::DiagnosticOutgoing => self.pending = Some(interrupt(Event::CP_ERROR_GONE, event.data())),
-            EventKind::Message => self.message(event.code, event.data()),
+            EventKind::DiagnosticIncoming | EventKind::DiagnosticOutgoing if !self.diagnostics => {
+                self.enter_once(INTERRUPT_OFF, "interrupt off", incident);
+            }
+            EventKind::DiagnosticIncoming => self.interrupt = Some(interrupt(Event::CP_ERROR, event.data())),
+            EventKind::DiagnosticOutgoing => self.interrupt = Some(interrupt(Event::CP_ERROR_GONE, event.data())),
+            EventKind::Message => self.message(event.code, event.data(), incident),
             // No CP of ours has them yet: OB 40 and OB 83 have no port on the CPU.
             EventKind::ProcessInterrupt | EventKind::Removed | EventKind::Inserted => {}
         }
     }
 
-    fn message(&mut self, number: u32, data: &[u8]) {
+    fn message(&mut self, number: u32, data: &[u8], incident: u32) {
         let first = data.first().copied().unwrap_or(0);
         match number {
-            code::LINE_GONE => {
-                self.line_gone = true;
-                let errno = data.first_chunk::<4>().map_or(0, |bytes| u32::from_be_bytes(*bytes));
-                self.pending = Some(text(Event::CP_ERROR, format_args!("{}", Gone(errno))));
-            }
-            code::LINE_UP if self.line_gone => {
-                self.line_gone = false;
-                self.pending = Some(text(Event::CP_ERROR_GONE, format_args!("line up")));
-            }
-            code::NO_PARAMETERS => {
-                self.refused = true;
-                self.pending = Some(text(Event::CP_ERROR, format_args!("parameter byte {first}")));
-            }
-            code::CONFIGURATION => {
-                self.refused = true;
-                self.pending = Some(text(Event::CP_ERROR, format_args!("configuration")));
-            }
-            code::WORKING if self.refused => {
-                self.refused = false;
-                self.pending = Some(text(Event::CP_ERROR_GONE, format_args!("parameters")));
-            }
-            code::SEGMENT => self.pending = Some(text(Event::SEGMENT_GARBAGE, format_args!("seen by the CP"))),
+            code::LINE_GONE => self.line.comes(data.first_chunk::<4>().map_or(0, |bytes| u32::from_be_bytes(*bytes))),
+            code::LINE_UP => self.line.goes(),
+            code::NO_PARAMETERS => self.refused.comes(Refused::Byte(first)),
+            code::CONFIGURATION => self.refused.comes(Refused::Configuration),
+            code::WORKING => self.refused.goes(),
+            code::SEGMENT => self.enter_once(SEEN_BY_THE_CP, "seen by the CP", incident),
             _ => {}
         }
     }
 
-    /// A fault found in the segment while the driver of `generation` was attached.
-    pub(super) fn garbage(&mut self, fault: Fault, generation: u64) {
-        if generation != self.generation {
-            (self.generation, self.told) = (generation, [false; KINDS]);
-        }
+    /// A fault found in the segment in this incident of the driver, as the supervisor counts them: what the segment
+    /// says of its driver is part of what is not trusted.
+    pub(super) fn garbage(&mut self, fault: Fault, incident: u32) {
         let (kind, name) = match fault {
             Fault::DriverState(_) => (0, "driver state"),
             Fault::CpuState(_) => (1, "CPU state"),
@@ -95,8 +211,15 @@ impl Messages {
             Fault::RecordLength(_) => (4, "record length"),
             Fault::ParameterLength(_) => (5, "parameters"),
         };
+        self.enter_once(kind, name, incident);
+    }
+
+    fn enter_once(&mut self, kind: usize, name: &str, incident: u32) {
+        if incident != self.incident {
+            (self.incident, self.told) = (incident, [false; KINDS]);
+        }
         if !std::mem::replace(&mut self.told[kind], true) {
-            self.pending = Some(text(Event::SEGMENT_GARBAGE, format_args!("{name}")));
+            self.garbage = Some(text(Event::SEGMENT_GARBAGE, format_args!("{name}")));
         }
     }
 }
@@ -161,6 +284,18 @@ fn text(event: Event, content: fmt::Arguments<'_>) -> ModuleEvent {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_allowance_fills_with_time_and_never_beyond() {
+        let mut allowance = Allowance::new((2, 100));
+        assert_eq!([allowance.take(), allowance.take(), allowance.take()], [true, true, false]);
+        allowance.fill(99);
+        assert!(!allowance.take());
+        allowance.fill(100);
+        assert_eq!([allowance.take(), allowance.take()], [true, false]);
+        allowance.fill(Nanos::MAX);
+        assert_eq!([allowance.take(), allowance.take(), allowance.take()], [true, true, false]);
+    }
 
     #[test]
     fn no_number_of_a_driver_is_too_strange_for_a_line_that_is_gone() {

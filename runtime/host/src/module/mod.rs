@@ -13,10 +13,8 @@ use ob1_backplane::layout::CHANNEL_BYTES;
 use ob1_backplane::{Channel, Counter, CpuSide, CpuState, DriverState, Fault, TooLong};
 use ob1_cpu::{Module, ModuleCounters, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus, Nanos};
 
-pub use link::{AlwaysThere, DriverLink};
+pub use link::{AlwaysThere, DriverLink, Life};
 use messages::Messages;
-
-use crate::supervisor::Report;
 
 /// Most register bytes a segment has.
 const IO_MAX: usize = ob1_backplane::layout::IO_BYTES_MAX;
@@ -35,6 +33,8 @@ pub struct CpSettings {
     /// It has channels (the CP 341): its handling blocks read and write them as data records.
     /// (`docs/cp341-channels.md`) So it has a diagnostic buffer of its own too.
     pub channels: bool,
+    /// `diagnostics = true`: it may raise diagnostic interrupts (OB 82). Whatever its driver does, it may not otherwise.
+    pub diagnostics: bool,
 }
 
 /// A CP in its place on the back plane.
@@ -45,6 +45,8 @@ pub struct CpModule {
     outputs: [u8; IO_MAX],
     messages: Messages,
     garbage: u64,
+    /// The CPU's part of the segment is whole for so many drivers.
+    whole_for: u32,
 }
 
 impl CpModule {
@@ -57,7 +59,9 @@ impl CpModule {
         if settings.json.len() > room {
             return Err(TooLong { found: settings.json.len(), room });
         }
-        Ok(Self { side, link, settings, outputs: [0; IO_MAX], messages: Messages::default(), garbage: 0 })
+        let messages = Messages::new(settings.diagnostics);
+        // The first driver finds the segment as it was made.
+        Ok(Self { side, link, settings, outputs: [0; IO_MAX], messages, garbage: 0, whole_for: 1 })
     }
 
     /// True while a driver is attached that has shown its state. A state word without a meaning is no state.
@@ -85,7 +89,7 @@ impl CpModule {
     #[cold]
     fn garbage(&mut self, fault: Fault) {
         self.garbage = self.garbage.wrapping_add(1);
-        self.messages.garbage(fault, self.side.monitor().generation());
+        self.messages.garbage(fault, self.link.life().incidents);
     }
 
     fn send_parameters(&mut self) {
@@ -108,7 +112,8 @@ impl Module for CpModule {
         self.io_bytes() as u16
     }
 
-    fn begin_scan(&mut self, _now: Nanos) {
+    fn begin_scan(&mut self, now: Nanos) {
+        self.messages.time(now);
         if let Err(fault) = self.side.monitor().driver_state() {
             self.garbage(fault);
         }
@@ -154,25 +159,31 @@ impl Module for CpModule {
     }
 
     fn poll_event(&mut self) -> Option<ModuleEvent> {
+        let life = self.link.life();
+        if life.attempts > self.whole_for {
+            // The last driver, or anybody else while there was none, may have written where he had no business, the
+            // parameters included.
+            self.whole_for = life.attempts;
+            self.side.restore();
+            self.send_parameters();
+        }
         if let Some(report) = self.link.next_report() {
-            if matches!(report, Report::Lost(_)) {
-                // The dead driver may have written where it had no business, the parameters included.
-                self.side.restore();
-                self.send_parameters();
-            }
             return Some(messages::of_report(report));
         }
         for _ in 0..LOOKS {
-            if let Some(event) = self.messages.pending() {
+            if let Some(event) = self.messages.due() {
                 return Some(event);
+            }
+            if self.messages.is_holding() {
+                return None;
             }
             match self.side.poll_event() {
                 Ok(None) => return None,
-                Ok(Some(event)) => self.messages.take(&event),
+                Ok(Some(event)) => self.messages.take(&event, life.incidents),
                 Err(fault) => self.garbage(fault),
             }
         }
-        self.messages.pending()
+        self.messages.due()
     }
 
     fn status(&self) -> ModuleStatus {

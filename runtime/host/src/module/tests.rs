@@ -4,7 +4,7 @@ use ob1_backplane::{CpSide, EventKind, Leds, Segment};
 use ob1_model::Event;
 
 use super::*;
-use crate::supervisor::Exit;
+use crate::supervisor::{Exit, Report};
 
 fn module_with(link: Box<dyn DriverLink>, settings: CpSettings) -> (CpModule, Segment) {
     let segment = Segment::heap();
@@ -118,6 +118,8 @@ fn a_configuration_that_does_not_fit_is_refused() {
 struct Recorder {
     rings: std::sync::Arc<std::sync::atomic::AtomicU32>,
     reports: Vec<Report>,
+    /// Attempts and incidents.
+    life: std::sync::Arc<[std::sync::atomic::AtomicU32; 2]>,
 }
 
 impl DriverLink for Recorder {
@@ -130,12 +132,16 @@ impl DriverLink for Recorder {
     fn next_report(&mut self) -> Option<Report> {
         self.reports.pop()
     }
+    fn life(&self) -> Life {
+        let [attempts, incidents] = [0, 1].map(|index| self.life[index].load(std::sync::atomic::Ordering::Relaxed));
+        Life { attempts, incidents }
+    }
 }
 
 #[test]
 fn the_doorbell_rings_once_for_a_driver_that_sleeps() {
     let rings = std::sync::Arc::<std::sync::atomic::AtomicU32>::default();
-    let link = Recorder { rings: std::sync::Arc::clone(&rings), reports: Vec::new() };
+    let link = Recorder { rings: std::sync::Arc::clone(&rings), reports: Vec::new(), life: std::sync::Arc::default() };
     let (mut module, segment) = module_with(Box::new(link), CpSettings::default());
     let mut cp = driver(&segment);
     let count = || rings.load(std::sync::atomic::Ordering::Relaxed);
@@ -156,8 +162,9 @@ fn the_doorbell_rings_once_for_a_driver_that_sleeps() {
 fn reports_and_messages_become_entries() {
     let rings = std::sync::Arc::default();
     let reports = vec![Report::HeldUp(4_230_000_000), Report::Up(2), Report::Lost(Exit::Signal(9))];
-    let link = Recorder { rings, reports };
-    let (mut module, segment) = module_with(Box::new(link), CpSettings::default());
+    let link = Recorder { rings, reports, life: std::sync::Arc::default() };
+    let settings = CpSettings { diagnostics: true, ..CpSettings::default() };
+    let (mut module, segment) = module_with(Box::new(link), settings);
     let mut cp = driver(&segment);
     for (code, data) in [
         (1, &[5, 0][..]),
@@ -191,15 +198,115 @@ fn reports_and_messages_become_entries() {
 }
 
 #[test]
-fn a_lost_driver_makes_the_parameters_whole_again() {
-    let link = Recorder { rings: std::sync::Arc::default(), reports: vec![Report::Lost(Exit::Hung)] };
+fn each_start_of_a_driver_finds_the_segment_whole() {
+    let life = std::sync::Arc::<[std::sync::atomic::AtomicU32; 2]>::default();
+    let link = Recorder {
+        rings: std::sync::Arc::default(),
+        reports: vec![Report::Lost(Exit::Hung)],
+        life: std::sync::Arc::clone(&life),
+    };
     let settings = CpSettings { parameters: [9; 16], ..CpSettings::default() };
     let (mut module, segment) = module_with(Box::new(link), settings);
+    life[0].store(1, std::sync::atomic::Ordering::Relaxed);
     module.cpu_state(true);
-    segment.scribble(|offset| offset as u64 ^ 0x5555_5555_5555_5555);
+    module.write(0, &[1, 2, 3]).expect("inside");
     assert_eq!(module.poll_event().map(|e| e.event), Some(Event::DRIVER_LOST));
-    let mut cp = CpSide::attach(&segment).expect("the header is whole again");
-    assert_eq!(cp.read_params().expect("the record too").bytes, [9; 16]);
+    // Long after the last one has gone, and each time again: somebody writes noise into every field.
+    for attempt in 2..5 {
+        segment.scribble(|offset| offset as u64 ^ 0x5555_5555_5555_5555);
+        assert!(CpSide::attach(&segment).is_err(), "no segment any more");
+        module.side.monitor().restore_header();
+        life[0].store(attempt, std::sync::atomic::Ordering::Relaxed);
+        while module.poll_event().is_some() {}
+        let mut cp = CpSide::attach(&segment).expect("the header is whole again");
+        assert_eq!(cp.read_params().expect("the record too").bytes, [9; 16]);
+        let mut outputs = [0; 4];
+        assert_eq!(cp.read_outputs(&mut outputs), ob1_backplane::Freshness::Fresh);
+        assert_eq!((outputs, cp.cpu_state()), ([1, 2, 3, 0], Ok(CpuState::Run)));
+    }
+}
+
+/// Everything that comes in so many scans of a millisecond.
+fn entries_of(module: &mut CpModule, scans: u64, mut each: impl FnMut(u64)) -> Vec<ModuleEvent> {
+    let mut entries = Vec::new();
+    for scan in 0..scans {
+        each(scan);
+        module.begin_scan(scan * 1_000_000);
+        entries.extend((0..8).map_while(|_| module.poll_event()));
+        module.end_scan(scan * 1_000_000);
+    }
+    entries
+}
+
+#[test]
+fn a_driver_raises_no_interrupt_that_its_parameters_do_not_allow() {
+    for (diagnostics, interrupts) in [(false, 0), (true, 2)] {
+        let settings = CpSettings { diagnostics, ..CpSettings::default() };
+        let (mut module, segment) = module_with(Box::new(AlwaysThere), settings);
+        let mut cp = driver(&segment);
+        for kind in [EventKind::DiagnosticIncoming, EventKind::DiagnosticOutgoing] {
+            cp.emit_event(ob1_backplane::Event::new(0, kind, 0, &[0x25, 0x0C, 2, 0]));
+        }
+        let entries = entries_of(&mut module, 3, |_| ());
+        assert_eq!(entries.iter().filter(|e| e.diagnostic_interrupt).count(), interrupts);
+        let garbage: Vec<_> = entries.iter().filter(|e| e.event == Event::SEGMENT_GARBAGE).collect();
+        assert_eq!(garbage.len(), usize::from(!diagnostics), "said once");
+        assert!(garbage.iter().all(|e| e.data.starts_with(b"interrupt off")), "{garbage:?}");
+    }
+}
+
+#[test]
+fn interrupts_and_a_line_that_flaps_have_their_limits_and_the_last_word_is_told() {
+    let settings = CpSettings { diagnostics: true, ..CpSettings::default() };
+    let (mut module, segment) = module_with(Box::new(AlwaysThere), settings);
+    let mut cp = driver(&segment);
+    let entries = entries_of(&mut module, 1000, |_| {
+        while cp.emit_event(ob1_backplane::Event::new(0, EventKind::DiagnosticIncoming, 0, &[1])) {}
+    });
+    assert!((64..=75).contains(&entries.len()), "64, and 10 more in a second: {}", entries.len());
+    assert!(entries.iter().all(|e| e.diagnostic_interrupt));
+
+    let (mut module, segment) = self::module();
+    let mut cp = driver(&segment);
+    let entries = entries_of(&mut module, 12_000, |scan| {
+        let code = if scan < 11_000 { 4 + (scan % 2) as u32 } else { 5 };
+        if scan <= 11_000 {
+            cp.emit_event(ob1_backplane::Event::new(0, EventKind::Message, code, &[0, 0, 0, 5]));
+        }
+    });
+    assert!((16..=18).contains(&entries.len()), "16, and one more in 10 s: {}", entries.len());
+    let late = entries_of(&mut module, 40_000, |_| ());
+    let last = late.last().or(entries.last()).map(|e| e.event);
+    assert_eq!(last, Some(Event::CP_ERROR_GONE), "the line is up, and the buffer says so");
+}
+
+#[test]
+fn garbage_is_entered_once_in_an_incident_whatever_number_the_driver_gives_itself() {
+    let life = std::sync::Arc::<[std::sync::atomic::AtomicU32; 2]>::default();
+    let link = Recorder { rings: std::sync::Arc::default(), reports: Vec::new(), life: std::sync::Arc::clone(&life) };
+    let (mut module, segment) = module_with(Box::new(link), CpSettings::default());
+    let generation = ob1_backplane::layout::FIELDS.iter().find(|f| f.name == "cp.generation").expect("there").offset;
+    let entries = |module: &mut CpModule| {
+        module.side.monitor().restore_header();
+        let mut cp = driver(&segment);
+        entries_of(module, 5000, |scan| {
+            segment.poke(generation, scan + 7);
+            for kind in [EventKind::Message, EventKind::DiagnosticIncoming] {
+                cp.emit_event(ob1_backplane::Event::new(0, kind, 8, &[]));
+            }
+            segment
+                .scribble(|offset| if offset % 64 == 16 { scan | 1 << 40 } else { segment.peek(offset).unwrap_or(0) });
+        })
+        .iter()
+        .filter(|e| e.event == Event::SEGMENT_GARBAGE)
+        .count()
+    };
+    let first = entries(&mut module);
+    assert!((2..=8).contains(&first), "{first} entries of at most 8 kinds");
+    let second = entries(&mut module);
+    assert!(first + second <= 8, "the same incident: {second} more");
+    life[1].store(1, std::sync::atomic::Ordering::Relaxed);
+    assert!((2..=8).contains(&entries(&mut module)), "another incident");
 }
 
 #[test]
@@ -226,7 +333,7 @@ fn noise_is_entered_once_and_never_a_panic() {
         }
         module.end_scan(0);
     }
-    assert!((1..=6).contains(&entries), "{entries} entries for one driver");
+    assert!((1..=8).contains(&entries), "{entries} entries for one driver");
     let mut garbage = 0;
     module.counters(&mut |name, value| garbage += if name == "garbage" { value } else { 0 });
     assert!(garbage >= 200, "{garbage} faults counted");
