@@ -32,7 +32,8 @@ usage: cargo xtask VERB [...]
   sim [--seeds N] [--seed S] [--minutes M] [-- ...]
                                   the whole station in virtual time, with line faults and driver kills
   bench [...]                     the figures of the README, next to the floor of this machine; bench stl: the engine beside awlsim;
-                                  bench disturb: the scan while it is looked at and its driver is killed
+                                  bench disturb: the scan while it is looked at and its driver is killed;
+                                  bench kill-runtime: how long the outputs of a killed runtime stay on
   compare [--seeds N] [--seed S]  random STL programs on our engine and on awlsim; what differs is written to tests/compare
   fuzz [TARGET] [--each 10m]      the fuzz targets (all: one after the other); cargo-fuzz is installed into .tools
   faults [PROTOCOL] [--telegrams 100000]

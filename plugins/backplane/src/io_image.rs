@@ -1,60 +1,36 @@
 //! The image of the `di do ai ao` modules: a shared memory that any program can map, to read what the PLC drives and to
 //! write what it senses.
 //!
-//! Inputs are written by whoever likes, at any time, and every content is legal. Outputs are written by the PLC alone.
+//! Inputs are written by whoever likes, at any time, and every content is legal. Outputs are written by the PLC alone,
+//! until its guardian takes them over ([`GuardPage`]).
 //! A value of 1, 2, 4 or 8 bytes at a multiple of its size is never torn; the outputs of one write belong together
 //! under a sequence (see `docs/backplane.md`, which has the memory map and an example).
 
 use core::ops::Range;
-use core::ptr::NonNull;
 use core::sync::atomic::{AtomicU64, Ordering, fence};
 use std::fmt;
 use std::os::fd::BorrowedFd;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use crate::bytes::{extract, merged};
 use crate::fault::SegmentError;
+use crate::io_guard::{GuardPage, Owner};
 use crate::io_layout::{
-    AT_INPUT_BYTES, AT_INPUT_OFFSET, AT_INPUTS, AT_MAGIC, AT_OUTPUT_BYTES, AT_OUTPUT_OFFSET, AT_OUTPUTS, AT_SCAN,
-    AT_SEQUENCE, AT_TOTAL_BYTES, AT_VERSION, IO_AREA_BYTES, IO_IMAGE_BYTES, IO_LAYOUT_VERSION, IO_MAGIC,
+    AT_ALIVE, AT_INPUT_BYTES, AT_INPUT_OFFSET, AT_INPUTS, AT_MAGIC, AT_OUTPUT_BYTES, AT_OUTPUT_OFFSET, AT_OUTPUTS,
+    AT_OWNER, AT_SCAN, AT_SEQUENCE, AT_TOTAL_BYTES, AT_VERSION, IO_AREA_BYTES, IO_IMAGE_BYTES, IO_LAYOUT_VERSION,
+    IO_MAGIC,
 };
+use crate::io_memory::{AREA_WORDS, ImageCells, Memory};
 use crate::memfd::SharedMemory;
-
-const IMAGE_WORDS: usize = IO_IMAGE_BYTES / 8;
-const AREA_WORDS: usize = IO_AREA_BYTES / 8;
-
-/// The words of an image. Nothing but atomics: other programs write to it at any time.
-#[repr(C, align(128))]
-struct ImageCells([AtomicU64; IMAGE_WORDS]);
-
-impl ImageCells {
-    /// `AT` is one of the constants above, checked when the program is compiled.
-    #[inline]
-    fn word<const AT: usize>(&self) -> &AtomicU64 {
-        const { assert!(AT.is_multiple_of(8) && AT < IO_IMAGE_BYTES) };
-        &self.0[AT / 8]
-    }
-
-    #[inline]
-    fn area<const AT: usize>(&self) -> &[AtomicU64; AREA_WORDS] {
-        const { assert!(AT.is_multiple_of(8) && AT + IO_AREA_BYTES <= IO_IMAGE_BYTES) };
-        let (_, area) = self.0.split_at(AT / 8);
-        area.first_chunk().expect("the area lies inside the image: asserted above")
-    }
-}
-
-#[derive(Clone)]
-enum Keep {
-    Heap(#[expect(dead_code, reason = "held only to keep the memory")] Arc<ImageCells>),
-    Shared(Arc<SharedMemory>),
-}
 
 /// The PLC's end of the image.
 pub struct IoImage {
     memory: Memory,
+    guard: GuardPage,
     /// What the output area holds: the PLC is its only writer.
     outputs: Box<[u64; AREA_WORDS]>,
+    /// What it is to hold when nobody drives it.
+    safe: Box<[u64; AREA_WORDS]>,
 }
 
 /// The field's end: what the PLC drives and senses. In another process it is mapped by its path, in any language.
@@ -63,42 +39,11 @@ pub struct IoField {
     memory: Memory,
 }
 
-#[derive(Clone)]
-struct Memory {
-    /// Points into what `keep` holds, for as long as `keep` lives.
-    cells: NonNull<ImageCells>,
-    keep: Keep,
-}
-
-// SAFETY: the pointer leads to memory that `keep` keeps in place, and there is nothing but atomics in it.
-unsafe impl Send for Memory {}
-// SAFETY: as for Send.
-unsafe impl Sync for Memory {}
-
-impl Memory {
-    fn shared(memory: SharedMemory) -> Result<Self, SegmentError> {
-        let cells: NonNull<ImageCells> = memory.start()?.cast();
-        if memory.len() < size_of::<ImageCells>() || !cells.is_aligned() {
-            return Err(SegmentError::Size { found: memory.len() as u64, expected: IO_IMAGE_BYTES as u64 });
-        }
-        Ok(Self { cells, keep: Keep::Shared(Arc::new(memory)) })
-    }
-
-    #[inline]
-    fn cells(&self) -> &ImageCells {
-        // SAFETY: `cells` points to an `ImageCells` kept alive by `keep`: an `Arc` of it, or a mapping of at least its
-        // size at a page boundary whose file is sealed against shrinking. Atomics only: any content is valid, also
-        // while others write.
-        unsafe { self.cells.as_ref() }
-    }
-}
-
 impl IoImage {
     /// An image on the heap, for tests and simulations.
     #[must_use]
     pub fn heap() -> Self {
-        let cells = Arc::new(ImageCells([const { AtomicU64::new(0) }; IMAGE_WORDS]));
-        Self::format(Memory { cells: NonNull::from(&*cells), keep: Keep::Heap(cells) })
+        Self::format(Memory::heap(), GuardPage::heap())
     }
 
     /// An image that other processes can map.
@@ -106,38 +51,52 @@ impl IoImage {
     /// # Errors
     /// What the system says when it has no memory or no descriptor left.
     pub fn create_shared() -> Result<Self, SegmentError> {
-        Ok(Self::format(Memory::shared(SharedMemory::create(c"ob1-io", IO_IMAGE_BYTES)?)?))
+        Ok(Self::format(Memory::create(c"ob1-io")?, GuardPage::create_shared()?))
     }
 
-    fn format(memory: Memory) -> Self {
-        let cells = memory.cells();
-        cells.word::<AT_MAGIC>().store(IO_MAGIC, Ordering::Relaxed);
-        cells.word::<AT_TOTAL_BYTES>().store(IO_IMAGE_BYTES as u64, Ordering::Relaxed);
-        cells.word::<AT_INPUT_OFFSET>().store(AT_INPUTS as u64, Ordering::Relaxed);
-        cells.word::<AT_INPUT_BYTES>().store(IO_AREA_BYTES as u64, Ordering::Relaxed);
-        cells.word::<AT_OUTPUT_OFFSET>().store(AT_OUTPUTS as u64, Ordering::Relaxed);
-        cells.word::<AT_OUTPUT_BYTES>().store(IO_AREA_BYTES as u64, Ordering::Relaxed);
-        cells.word::<AT_VERSION>().store(IO_LAYOUT_VERSION, Ordering::Release);
-        Self { memory, outputs: Box::new([0; AREA_WORDS]) }
+    fn format(memory: Memory, guard: GuardPage) -> Self {
+        put_header(memory.cells(), Owner::Cpu);
+        let area = || Box::new([0; AREA_WORDS]);
+        Self { memory, guard, outputs: area(), safe: area() }
+    }
+
+    /// The page that this image's guardian gets besides.
+    #[must_use]
+    pub const fn guard(&self) -> &GuardPage {
+        &self.guard
+    }
+
+    /// Output bytes from `offset` on are to be these when nobody drives them, and are so from now on.
+    pub fn set_safe(&mut self, offset: usize, data: &[u8]) {
+        for (index, first, place) in pieces(&clip(offset, data.len())) {
+            if let Some(word) = self.safe.get_mut(index) {
+                *word = merged(*word, first, data.get(place).unwrap_or_default());
+            }
+        }
+        self.write_outputs(offset, data);
+    }
+
+    /// The safe state, as bytes of the output area.
+    #[must_use]
+    pub fn safe_state(&self) -> Vec<u8> {
+        self.safe.iter().flat_map(|word| word.to_ne_bytes()).collect()
     }
 
     /// The path under which another process of the same user maps this image, as long as this process lives; `None` on
     /// the heap.
     #[must_use]
     pub fn path(&self) -> Option<PathBuf> {
-        match &self.memory.keep {
-            Keep::Heap(_) => None,
-            Keep::Shared(memory) => Some(memory.path()),
-        }
+        self.memory.path()
     }
 
     /// The descriptor of a shared image, for a runtime that passes it on.
     #[must_use]
     pub fn descriptor(&self) -> Option<BorrowedFd<'_>> {
-        match &self.memory.keep {
-            Keep::Heap(_) => None,
-            Keep::Shared(memory) => Some(memory.descriptor()),
-        }
+        self.memory.descriptor()
+    }
+
+    pub(crate) const fn memory(&self) -> &Memory {
+        &self.memory
     }
 
     /// The other end.
@@ -152,37 +111,119 @@ impl IoImage {
     }
 
     /// Writes output bytes from `offset` on, under one sequence: they belong together. What lies outside the area is
-    /// ignored. Touches nothing that does not change. Returns how many lay inside.
+    /// ignored. Touches nothing that does not change, and nothing at all once the guardian has taken over. Returns how
+    /// many lay inside.
     pub fn write_outputs(&mut self, offset: usize, data: &[u8]) -> usize {
         let inside = clip(offset, data.len());
-        let differs = pieces(&inside).any(|(index, first, place)| {
-            let (word, chunk) = (self.outputs.get(index), data.get(place).unwrap_or_default());
-            word.is_some_and(|word| merged(*word, first, chunk) != *word)
-        });
-        if !differs {
-            return inside.len();
-        }
-        let cells = self.memory.cells();
-        let sequence = cells.word::<AT_SEQUENCE>();
-        let odd = sequence.load(Ordering::Relaxed) | 1;
-        sequence.store(odd, Ordering::Relaxed);
-        // As in `seqlock`: pairs with the reader's fence between its copy and its second look at the sequence.
-        fence(Ordering::Release);
-        let area = cells.area::<AT_OUTPUTS>();
+        let mut differs = false;
         for (index, first, place) in pieces(&inside) {
-            if let (Some(word), Some(cell)) = (self.outputs.get_mut(index), area.get(index)) {
-                *word = merged(*word, first, data.get(place).unwrap_or_default());
-                cell.store(*word, Ordering::Relaxed);
+            if let Some(word) = self.outputs.get_mut(index) {
+                let new = merged(*word, first, data.get(place).unwrap_or_default());
+                differs |= new != *word;
+                *word = new;
             }
         }
-        sequence.store(odd.wrapping_add(1), Ordering::Release);
+        if differs {
+            self.put(inside.start / 8..inside.end.div_ceil(8));
+        }
         inside.len()
+    }
+
+    /// Puts words of the copy into the image, if it is ours.
+    fn put(&self, words: Range<usize>) {
+        if self.guard.is_taken() {
+            return;
+        }
+        put_outputs(self.memory.cells(), &self.outputs, words, || self.guard.is_taken());
+        // The other half is in `Guardian::take_over`: either it sees what was written here and writes over it, or this
+        // sees that it was there. A process can be stopped in the middle of anything.
+        fence(Ordering::SeqCst);
+        if self.guard.is_taken() {
+            put_outputs(self.memory.cells(), &self.safe, 0..AREA_WORDS, || false);
+        }
+    }
+
+    /// Once a cycle, in STOP too: what is ours and was changed from outside is as it was, and whoever looks sees a sign
+    /// of life.
+    pub fn refresh(&mut self) {
+        self.guard.beat();
+        if self.guard.is_taken() {
+            return;
+        }
+        let cells = self.memory.cells();
+        put_header(cells, Owner::Cpu);
+        let area = cells.area::<AT_OUTPUTS>();
+        let changed = area.iter().zip(self.outputs.iter()).any(|(cell, word)| cell.load(Ordering::Relaxed) != *word);
+        if changed {
+            self.put(0..AREA_WORDS);
+        }
+        let alive = cells.word::<AT_ALIVE>();
+        alive.store(alive.load(Ordering::Relaxed).wrapping_add(1), Ordering::Release);
+    }
+
+    /// The outputs to their safe state, for good: from here on nobody drives them.
+    pub fn let_go(&mut self) {
+        self.outputs.clone_from(&self.safe);
+        self.put(0..AREA_WORDS);
+        if !self.guard.is_taken() {
+            self.memory.cells().word::<AT_OWNER>().store(Owner::Nobody as u64, Ordering::Release);
+            self.guard.let_go();
+        }
     }
 
     /// Tells other programs that a scan has ended and its outputs are written; `scan` is its number.
     pub fn scan_done(&mut self, scan: u64) {
-        self.memory.cells().word::<AT_SCAN>().store(scan, Ordering::Release);
+        if !self.guard.is_taken() {
+            self.memory.cells().word::<AT_SCAN>().store(scan, Ordering::Release);
+        }
     }
+}
+
+/// Writes the header where it is not right: it is read by others all the time.
+fn put_header(cells: &ImageCells, owner: Owner) {
+    let words = [
+        (cells.word::<AT_MAGIC>(), IO_MAGIC),
+        (cells.word::<AT_TOTAL_BYTES>(), IO_IMAGE_BYTES as u64),
+        (cells.word::<AT_INPUT_OFFSET>(), AT_INPUTS as u64),
+        (cells.word::<AT_INPUT_BYTES>(), IO_AREA_BYTES as u64),
+        (cells.word::<AT_OUTPUT_OFFSET>(), AT_OUTPUTS as u64),
+        (cells.word::<AT_OUTPUT_BYTES>(), IO_AREA_BYTES as u64),
+        (cells.word::<AT_OWNER>(), owner as u64),
+        (cells.word::<AT_VERSION>(), IO_LAYOUT_VERSION),
+    ];
+    for (cell, word) in words {
+        if cell.load(Ordering::Relaxed) != word {
+            cell.store(word, Ordering::Release);
+        }
+    }
+}
+
+/// Writes words of the output area under one sequence; `give_up` is asked before each.
+pub(crate) fn put_outputs(
+    cells: &ImageCells,
+    from: &[u64; AREA_WORDS],
+    words: Range<usize>,
+    give_up: impl Fn() -> bool,
+) {
+    let sequence = cells.word::<AT_SEQUENCE>();
+    let odd = sequence.load(Ordering::Relaxed) | 1;
+    sequence.store(odd, Ordering::Relaxed);
+    // As in `seqlock`: pairs with the reader's fence between its copy and its second look at the sequence.
+    fence(Ordering::Release);
+    for (cell, word) in cells.area::<AT_OUTPUTS>().iter().zip(from).take(words.end).skip(words.start) {
+        if give_up() {
+            return;
+        }
+        cell.store(*word, Ordering::Relaxed);
+    }
+    sequence.store(odd.wrapping_add(1), Ordering::Release);
+}
+
+/// The guardian's grip: everything in the safe state, and told so.
+pub(crate) fn make_safe(memory: &Memory, safe: &[u64; AREA_WORDS]) {
+    let cells = memory.cells();
+    put_header(cells, Owner::Guardian);
+    put_outputs(cells, safe, 0..AREA_WORDS, || false);
 }
 
 impl IoField {
@@ -234,11 +275,32 @@ impl IoField {
         self.memory.cells().word::<AT_SCAN>().load(Ordering::Acquire)
     }
 
+    /// A number that changes with every cycle of a PLC that is alive, in STOP too.
+    #[must_use]
+    pub fn alive(&self) -> u64 {
+        self.memory.cells().word::<AT_ALIVE>().load(Ordering::Acquire)
+    }
+
+    /// Who writes the outputs, as the image says; `None` if it says nothing that has a meaning.
+    #[must_use]
+    pub fn owner(&self) -> Option<Owner> {
+        Owner::of(self.memory.cells().word::<AT_OWNER>().load(Ordering::Acquire))
+    }
+
     /// Reads one word by its offset in the memory map; `None` outside or off a word's boundary.
     #[must_use]
     pub fn peek(&self, offset: usize) -> Option<u64> {
-        let cell = offset.is_multiple_of(8).then(|| self.memory.cells().0.get(offset / 8)).flatten();
-        cell.map(|cell| cell.load(Ordering::Acquire))
+        self.memory.peek(offset)
+    }
+
+    /// Writes output bytes from `offset` on, as a program that has no business there would. For tests.
+    pub fn trespass(&self, offset: usize, data: &[u8]) {
+        let area = self.memory.cells().area::<AT_OUTPUTS>();
+        for (index, first, place) in pieces(&clip(offset, data.len())) {
+            if let (Some(cell), Some(chunk)) = (area.get(index), data.get(place)) {
+                cell.store(merged(cell.load(Ordering::Relaxed), first, chunk), Ordering::Relaxed);
+            }
+        }
     }
 
     /// Fills the whole image with noise, word by word: what a program gone mad may do. For tests.

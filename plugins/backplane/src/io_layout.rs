@@ -6,7 +6,7 @@ use crate::layout::{Field, Writer, field};
 pub const IO_MAGIC: u64 = u64::from_ne_bytes(*b"OB1IOIM\0");
 
 /// Version of the image's memory map; the last word written when it is made.
-pub const IO_LAYOUT_VERSION: u64 = 1;
+pub const IO_LAYOUT_VERSION: u64 = 2;
 
 /// Input bytes, and as many output bytes.
 pub const IO_AREA_BYTES: usize = 1024;
@@ -23,6 +23,8 @@ pub(crate) const AT_OUTPUT_OFFSET: usize = 0x028;
 pub(crate) const AT_OUTPUT_BYTES: usize = 0x030;
 pub(crate) const AT_SCAN: usize = 0x080;
 pub(crate) const AT_SEQUENCE: usize = 0x088;
+pub(crate) const AT_OWNER: usize = 0x090;
+pub(crate) const AT_ALIVE: usize = 0x098;
 pub(crate) const AT_INPUTS: usize = 0x100;
 pub(crate) const AT_OUTPUTS: usize = 0x600;
 
@@ -37,6 +39,8 @@ pub const IO_FIELDS: &[Field] = &[
     field(AT_OUTPUT_BYTES, 8, "image.output_bytes", Writer::Maker),
     field(AT_SCAN, 8, "image.scan", Writer::Cpu),
     field(AT_SEQUENCE, 8, "image.output_sequence", Writer::Cpu),
+    field(AT_OWNER, 8, "image.owner", Writer::Cpu),
+    field(AT_ALIVE, 8, "image.alive", Writer::Cpu),
     field(AT_INPUTS, IO_AREA_BYTES, "image.inputs", Writer::Anyone),
     field(AT_OUTPUTS, IO_AREA_BYTES, "image.outputs", Writer::Cpu),
 ];

@@ -20,7 +20,7 @@
 //! assert_eq!(registers[..4], [1, 0, 0, 30]);
 //! # Ok::<(), ob1_backplane::SegmentError>(())
 //! ```
-// Memory that two processes share is reached through raw pointers; all of it is in `segment`, `cells` and `io_image`.
+// Memory that two processes share is reached through raw pointers; all of it is in `segment`, `cells` and `io_memory`.
 #![allow(unsafe_code)]
 
 mod buffer;
@@ -32,11 +32,17 @@ mod cp_side;
 mod cpu_side;
 mod events;
 mod fault;
+#[cfg(not(loom))]
+pub mod handover;
 mod header;
+#[cfg(not(loom))]
+mod io_guard;
 #[cfg(not(loom))]
 mod io_image;
 #[cfg(not(loom))]
 pub mod io_layout;
+#[cfg(not(loom))]
+mod io_memory;
 pub mod layout;
 #[cfg(not(loom))]
 mod memfd;
@@ -55,6 +61,8 @@ pub use cp_side::{ChangeMark, CpSide};
 pub use cpu_side::CpuSide;
 pub use events::{Event, EventKind};
 pub use fault::{Fault, SegmentError, TooLong};
+#[cfg(not(loom))]
+pub use io_guard::{GuardPage, Guardian, Owner};
 #[cfg(not(loom))]
 pub use io_image::{IoField, IoImage};
 pub use monitor::Monitor;

@@ -34,12 +34,17 @@ impl SharedMemory {
         Self::map(file, len)
     }
 
-    /// Opens and maps a file of exactly `len` bytes. Seals first, then the size: the other way round it could still be
-    /// cut in between.
+    /// Opens and maps a file of exactly `len` bytes.
     pub(crate) fn open(path: &Path, len: usize) -> Result<Self, SegmentError> {
         let flags = OFlags::RDWR | OFlags::CLOEXEC | OFlags::NONBLOCK;
         let file = fs::open(path, flags, Mode::empty()).map_err(|source| failed("opening the segment", source))?;
-        // Files that know no seals (a disk, a device) answer EINVAL: they are not sealed.
+        Self::of(file, len)
+    }
+
+    /// Maps an open file of exactly `len` bytes that somebody else has made.
+    pub(crate) fn of(file: OwnedFd, len: usize) -> Result<Self, SegmentError> {
+        // Seals first, then the size: the other way round it could still be cut in between. Files that know no seals (a
+        // disk, a device) answer EINVAL: they are not sealed.
         let seals = fs::fcntl_get_seals(&file).map_err(|_| SegmentError::NotSealed)?;
         if !seals.contains(NEEDED_SEALS) {
             return Err(SegmentError::NotSealed);

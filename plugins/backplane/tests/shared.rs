@@ -222,3 +222,25 @@ fn whole_diagnosis(cpu: &mut CpuSide) -> Record {
     }
     record
 }
+
+#[test]
+fn descriptors_are_handed_over_with_a_message() {
+    use ob1_backplane::{Guardian, Owner, handover};
+    let mut image = IoImage::create_shared().unwrap();
+    image.write_outputs(0, &[1]);
+    let (ours, theirs) = handover::pair().unwrap();
+    let mut buffer = [0; 2048];
+    assert!(handover::receive(&theirs, &mut buffer).unwrap().is_none(), "nothing yet");
+    let fds = [image.descriptor().unwrap(), image.guard().descriptor().unwrap()];
+    handover::send(&ours, &image.safe_state(), &fds).unwrap();
+    let (length, received) = handover::receive(&theirs, &mut buffer).unwrap().unwrap();
+    let [first, second] = <[_; 2]>::try_from(received).unwrap();
+    let guardian = Guardian::received(first, second, &buffer[..length]).unwrap();
+    guardian.take_over();
+    assert!(image.guard().is_taken());
+    assert_eq!(image.field().owner(), Some(Owner::Guardian));
+    drop(ours);
+    assert_eq!(handover::receive(&theirs, &mut buffer).unwrap().unwrap().0, 0, "the end");
+    let file = File::open("/dev/null").unwrap();
+    assert!(handover::receive(&file, &mut buffer).is_err(), "no socket");
+}

@@ -39,16 +39,21 @@ pub struct Times {
     pub healthy: Nanos,
 }
 
+impl Times {
+    /// Those named above.
+    pub const DEFAULT: Self = Self {
+        hang: 1000 * MS,
+        start: 5000 * MS,
+        starved: 30_000 * MS,
+        first_wait: 50 * MS,
+        longest_wait: 1000 * MS,
+        healthy: 5000 * MS,
+    };
+}
+
 impl Default for Times {
     fn default() -> Self {
-        Self {
-            hang: 1000 * MS,
-            start: 5000 * MS,
-            starved: 30_000 * MS,
-            first_wait: 50 * MS,
-            longest_wait: 1000 * MS,
-            healthy: 5000 * MS,
-        }
+        Self::DEFAULT
     }
 }
 

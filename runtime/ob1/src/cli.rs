@@ -13,7 +13,7 @@ use crate::exit::{self, Exit};
 use crate::library::Chosen;
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
-use crate::{check, diag, janitor, out, remote, run, soak, station, top, trace};
+use crate::{check, diag, guardian, janitor, out, remote, run, soak, station, top, trace};
 
 const AFTER: &str = "\
 Examples:
@@ -65,9 +65,15 @@ enum Command {
     Trace(TraceArgs),
     Top(TopArgs),
     Soak(Box<SoakArgs>),
-    /// Cleans up after a killed runtime; started by `run`.
+    /// Sets the outputs of a runtime that dies to their safe state, and cleans up after it; started by `run`.
     #[command(hide = true)]
     Janitor {
+        /// A runtime that is stopped counts as dead after this long.
+        #[arg(long, default_value_t = 1000)]
+        stopped_ms: u64,
+        /// A runtime that is silent counts as dead after this long.
+        #[arg(long, default_value_t = 60_000)]
+        silent_ms: u64,
         /// The runtime directory.
         rundir: PathBuf,
         /// Links that drivers publish.
@@ -402,7 +408,10 @@ enum Action {
 pub fn main() -> ExitCode {
     ob1_log::tell_panics();
     out::finish(match Cli::try_parse() {
-        Ok(cli) => cli.command.run(),
+        Ok(cli) => {
+            let _exit = ob1_rt::ExitGuard::raise(exit_is_a_fault);
+            cli.command.run()
+        }
         // Help and version are no errors.
         Err(error) if !error.use_stderr() => {
             let text = error.render();
@@ -418,6 +427,13 @@ pub fn main() -> ExitCode {
             Exit::Usage.into()
         }
     })
+}
+
+/// Only a plugin calls `exit()` while a command is at work; `run` has more to say.
+fn exit_is_a_fault() -> u8 {
+    err!("ob1: a plugin has called exit(); a block returns, it never ends the process");
+    ob1_log::flush(Duration::from_millis(200));
+    Exit::EndedByPlugin as u8
 }
 
 impl Command {
@@ -487,8 +503,9 @@ impl Command {
                 watch: args.watch,
             }),
             Command::Soak(args) => return args.soak().into(),
-            Command::Janitor { rundir, published } => {
-                janitor::run(&rundir, &published);
+            Command::Janitor { stopped_ms, silent_ms, rundir, published } => {
+                let (stopped, silent) = (Duration::from_millis(stopped_ms), Duration::from_millis(silent_ms));
+                janitor::run(&rundir, &published, guardian::Patience { stopped, silent });
                 Exit::Ok
             }
         };

@@ -22,6 +22,10 @@ pub enum Exit {
     Hung = 7,
     /// A running station has refused a request of `get`, `set`, `ctl` or `diag`.
     Refused = 8,
+    /// The station stood still; its guardian has set the outputs to their safe state.
+    StoodStill = 12,
+    /// A plugin has ended the process by `exit()`; outputs were switched off.
+    EndedByPlugin = 13,
 }
 
 /// The table as `ob1 --help` prints it.
@@ -36,6 +40,8 @@ Exit codes:
   6  the operating system refused what the station needs
   7  a native block did not return; outputs are off
   8  the running station refused a request of get, set, ctl or diag
+  12  the station stood still for too long; its guardian has set the outputs to their safe state
+  13  a plugin has called exit(); outputs are off
   exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault.
   test: 0 passed, 1 a test failed, 2 a test file or program cannot be used.
   soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.
@@ -146,9 +152,11 @@ mod tests {
             Exit::System,
             Exit::Hung,
             Exit::Refused,
+            Exit::StoodStill,
+            Exit::EndedByPlugin,
         ];
-        for (number, exit) in all.into_iter().enumerate() {
-            assert_eq!(exit as usize, number);
+        for exit in all {
+            let number = exit as usize;
             assert!(TABLE.contains(&format!("\n  {number}  ")), "code {number} is not in the table");
         }
     }

@@ -1,63 +1,157 @@
-//! The janitor: a child process that removes what a station has published, should the runtime be killed.
+//! The janitor, which is the guardian: a child process that outlives the runtime.
 //!
-//! It holds the read end of a pipe whose write end only the runtime has, and waits for its end of file. It does nothing
-//! else, so nothing can keep it from doing that. (docs/decisions/0003-janitor.md)
+//! As long as the runtime lives it holds its pidfd and the image of its process I/O, and looks at its signs of life.
+//! When it dies, or stands still for too long, the outputs go to their safe state; when it is dead, what it has published
+//! is removed. It does nothing else, so little can keep it from doing that. (docs/process-io.md)
 
-use std::io::{self, PipeWriter, Read as _};
-use std::os::unix::process::CommandExt as _;
+use std::io;
+use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use ob1_backplane::{GuardPage, Guardian, handover, io_layout::IO_AREA_BYTES};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::time::Timespec;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+use crate::guardian::Patience;
 use crate::rundir;
 
 /// How long the drivers get to remove what they have published themselves.
 const GRACE: Duration = Duration::from_secs(3);
 const STEP: Duration = Duration::from_millis(20);
+/// Between two looks at the runtime. Looks are counted, not time: when the whole machine stood still nobody is dead.
+const LOOK: Duration = Duration::from_millis(50);
 
-/// The janitor of this runtime. Dropping it lets it finish and waits for it.
+/// Decides, look by look, whether the runtime counts as dead. Pure.
 #[derive(Debug)]
-pub struct Janitor {
-    lifeline: Option<PipeWriter>,
-    child: Child,
+struct Vigil {
+    stopped: u32,
+    silent: u32,
+    beats: Option<u64>,
+    looks: u32,
+    looks_stopped: u32,
 }
 
-impl Janitor {
-    /// Starts the janitor for a runtime directory and for links that drivers publish (ptys).
-    ///
-    /// # Errors
-    /// What the system says.
-    pub fn start(rundir: &Path, published: &[PathBuf]) -> io::Result<Self> {
-        let (stdin, lifeline) = io::pipe()?;
-        let child = Command::new(std::env::current_exe()?)
-            .arg("janitor")
-            .arg(rundir)
-            .args(published)
-            .stdin(stdin)
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            // Out of reach of Ctrl-C and of a kill of the runtime's group.
-            .process_group(0)
-            .current_dir("/")
-            .spawn()?;
-        Ok(Self { lifeline: Some(lifeline), child })
+impl Vigil {
+    fn new(patience: Patience) -> Self {
+        let looks = |time: Duration| u32::try_from(time.as_millis().div_ceil(LOOK.as_millis())).unwrap_or(u32::MAX);
+        Self {
+            stopped: looks(patience.stopped),
+            silent: looks(patience.silent),
+            beats: None,
+            looks: 0,
+            looks_stopped: 0,
+        }
+    }
+
+    /// One look: the signs of life so far, and whether the kernel says that the process is stopped. True: dead.
+    fn look(&mut self, beats: u64, stopped: bool) -> bool {
+        if self.beats != Some(beats) {
+            (self.beats, self.looks, self.looks_stopped) = (Some(beats), 0, 0);
+            return false;
+        }
+        self.looks = self.looks.saturating_add(1);
+        self.looks_stopped = if stopped { self.looks_stopped.saturating_add(1) } else { 0 };
+        self.looks >= self.silent || self.looks_stopped >= self.stopped
     }
 }
 
-impl Drop for Janitor {
-    fn drop(&mut self) {
-        drop(self.lifeline.take());
-        let _ = self.child.wait();
-    }
+/// What the runtime has handed over.
+enum Ward {
+    /// Its pidfd, the page and its image.
+    Outputs(OwnedFd, Guardian),
+    /// The same without an image: it has no process I/O.
+    NoOutputs(OwnedFd, GuardPage),
 }
 
-/// The janitor's whole life: waits for end of file on stdin, then cleans up.
-pub fn run(rundir: &Path, published: &[PathBuf]) {
+/// The janitor's whole life.
+pub fn run(rundir: &Path, published: &[PathBuf], patience: Patience) {
+    // It goes when the runtime has gone, not before: a shutdown sends SIGTERM to all.
+    for signal in [SIGTERM, SIGINT, SIGHUP] {
+        let _ = signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false)));
+    }
     let runtime = rundir::owner(rundir);
-    let mut ignored = [0; 64];
-    let mut stdin = io::stdin().lock();
-    while stdin.read(&mut ignored).is_ok_and(|read| read > 0) {}
+    let ward = receive();
+    watch(&runtime, ward.as_ref(), patience);
     rundir::bury(rundir, &runtime, || remove_published(published));
+}
+
+/// What came with the first message; `None`: nothing that can be used, but the connection still says when it ends.
+fn receive() -> Option<Ward> {
+    let stdin = rustix::stdio::stdin();
+    let mut safe = [0; IO_AREA_BYTES];
+    let (length, descriptors) = loop {
+        match handover::receive(stdin, &mut safe) {
+            Ok(Some(message)) => break message,
+            Ok(None) => {
+                let _ = poll(&mut [PollFd::new(&stdin, PollFlags::IN)], None);
+            }
+            Err(_) => return None,
+        }
+    };
+    let mut descriptors = descriptors.into_iter();
+    let (pidfd, page, image) = (descriptors.next()?, descriptors.next()?, descriptors.next());
+    Some(match image {
+        Some(image) => Ward::Outputs(pidfd, Guardian::received(image, page, safe.get(..length)?).ok()?),
+        None => Ward::NoOutputs(pidfd, GuardPage::received(page).ok()?),
+    })
+}
+
+/// Until the runtime is dead.
+fn watch(runtime: &str, ward: Option<&Ward>, patience: Patience) {
+    let mut vigil = Vigil::new(patience);
+    let pid = runtime.parse().ok();
+    let mut taken = false;
+    loop {
+        let gone = has_gone(ward);
+        let (page, guardian) = match ward {
+            Some(Ward::Outputs(_, guardian)) => (Some(guardian.page()), Some(guardian)),
+            Some(Ward::NoOutputs(_, page)) => (Some(page), None),
+            None => (None, None),
+        };
+        if let Some(page) = page {
+            page.guardian_beat();
+            let stopped = || pid.and_then(ob1_rt::process_state).is_some_and(|state| matches!(state.state, 'T' | 't'));
+            taken |= gone || vigil.look(page.beats(), stopped());
+        }
+        if let Some(guardian) = guardian.filter(|guardian| !guardian.page().has_let_go())
+            && taken
+        {
+            guardian.take_over();
+        }
+        if gone {
+            return;
+        }
+    }
+}
+
+/// Waits a look long, or until the runtime has gone: true.
+fn has_gone(ward: Option<&Ward>) -> bool {
+    let stdin = rustix::stdio::stdin();
+    let mut fds = vec![PollFd::new(&stdin, PollFlags::IN)];
+    if let Some(Ward::Outputs(pidfd, _) | Ward::NoOutputs(pidfd, _)) = ward {
+        fds.push(PollFd::new(pidfd, PollFlags::IN));
+    }
+    match poll(&mut fds, Timespec::try_from(LOOK).ok().as_ref()) {
+        Ok(_) => {}
+        Err(_) => return false,
+    }
+    if fds.get(1).is_some_and(|pidfd| !pidfd.revents().is_empty()) {
+        return true;
+    }
+    if fds.first().is_none_or(|stdin| stdin.revents().is_empty()) {
+        return false;
+    }
+    // The end of the connection, or something nobody sends.
+    let mut ignored = [0; 64];
+    match handover::receive(stdin, &mut ignored) {
+        Ok(Some((length, _))) => length == 0,
+        Ok(None) => false,
+        Err(error) => error.kind() != io::ErrorKind::Interrupted,
+    }
 }
 
 /// Removes links the drivers have left. A living driver ends by the same end of file and removes its own.
@@ -89,6 +183,24 @@ fn removed(path: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const PATIENCE: Patience = Patience { stopped: Duration::from_secs(1), silent: Duration::from_secs(3) };
+
+    #[test]
+    fn silence_is_death_and_sooner_so_when_the_process_is_stopped() {
+        let mut vigil = Vigil::new(PATIENCE);
+        let died = (0..).find(|_| vigil.look(7, false));
+        assert_eq!(died, Some(60), "3 s of 50 ms each, and the first look");
+        let mut vigil = Vigil::new(PATIENCE);
+        assert_eq!((0..).find(|_| vigil.look(7, true)), Some(20));
+        // It was continued in time, again and again.
+        let mut vigil = Vigil::new(PATIENCE);
+        for beats in 0..100 {
+            assert!((0..20).all(|_| !vigil.look(beats, true)), "{beats}");
+        }
+        let mut vigil = Vigil::new(PATIENCE);
+        assert!((0..40).all(|look| !vigil.look(1, look % 19 != 0)), "continued for a moment, without a scan");
+    }
 
     #[test]
     fn only_dead_links_to_ptys_go() {

@@ -15,6 +15,7 @@ pub mod diag;
 pub mod exec;
 pub mod exit;
 pub mod finding;
+pub mod guardian;
 pub mod io;
 pub mod janitor;
 pub mod library;

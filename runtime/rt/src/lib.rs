@@ -11,6 +11,7 @@
 
 mod clock;
 mod continued;
+mod exit;
 mod fence;
 mod posture;
 mod stack;
@@ -19,6 +20,7 @@ mod usage;
 
 pub use clock::{MonotonicClock, sleep_until};
 pub use continued::Continued;
+pub use exit::{ExitGuard, lower_exit_guard};
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use posture::{Grant, Outcome, Posture, lock_memory, pin_to, raise_priority, set_timer_slack};
 pub use stack::{

@@ -7,6 +7,7 @@ pub mod backplane;
 pub mod compile;
 pub mod disturb;
 pub mod driver;
+pub mod kill_runtime;
 pub mod line;
 pub mod memory;
 pub mod peer;

@@ -136,3 +136,60 @@ fn outputs_of_one_write_belong_together_under_the_sequence() {
         assert!(reader.join().unwrap() > 0);
     });
 }
+
+#[test]
+fn a_guardian_takes_the_outputs_over_once_and_for_good() {
+    use crate::{Guardian, Owner};
+    let mut image = IoImage::heap();
+    let field = image.field();
+    image.set_safe(2, &[0xA5]);
+    let outputs = || {
+        let mut bytes = [0; 6];
+        field.read_outputs(0, &mut bytes);
+        bytes
+    };
+    assert_eq!((outputs(), field.owner()), ([0, 0, 0xA5, 0, 0, 0], Some(Owner::Cpu)));
+    image.write_outputs(0, &[1, 2, 3, 4]);
+    let guardian = Guardian::beside(&image);
+    image.refresh();
+    assert_eq!(outputs(), [1, 2, 3, 4, 0, 0]);
+    guardian.take_over();
+    assert_eq!((outputs(), field.owner()), ([0, 0, 0xA5, 0, 0, 0], Some(Owner::Guardian)));
+    let (alive, scan) = (field.alive(), field.scan());
+    // The PLC comes to life again.
+    image.write_outputs(0, &[9; 6]);
+    image.refresh();
+    image.scan_done(77);
+    image.let_go();
+    assert_eq!((outputs(), field.owner()), ([0, 0, 0xA5, 0, 0, 0], Some(Owner::Guardian)));
+    assert_eq!((field.alive(), field.scan()), (alive, scan), "a dead image looks dead");
+    // What others write there is undone by its owner, too.
+    field.trespass(0, &[7; 6]);
+    guardian.take_over();
+    assert_eq!(outputs(), [0, 0, 0xA5, 0, 0, 0]);
+}
+
+#[test]
+fn what_is_written_over_the_outputs_or_the_header_is_undone_in_the_next_cycle() {
+    use crate::Owner;
+    let mut image = IoImage::heap();
+    let field = image.field();
+    image.write_outputs(1020, &[1, 2, 3, 4]);
+    let (alive, beats) = (field.alive(), image.guard().beats());
+    field.scribble(|offset| offset as u64 | 1 << 60);
+    image.refresh();
+    let mut outputs = [0xEE; 1024];
+    field.read_outputs(0, &mut outputs);
+    assert_eq!((outputs[..1020].iter().all(|byte| *byte == 0), &outputs[1020..]), (true, &[1, 2, 3, 4][..]));
+    assert_eq!(field.owner(), Some(Owner::Cpu));
+    for name in ["image.magic", "image.version", "image.output_offset"] {
+        let fresh = IoImage::heap().field();
+        let at = crate::io_layout::IO_FIELDS.iter().find(|field| field.name == name).expect("a field").offset;
+        assert_eq!(field.peek(at), fresh.peek(at), "{name}");
+    }
+    assert_ne!((field.alive(), image.guard().beats()), (alive, beats));
+    image.let_go();
+    field.read_outputs(0, &mut outputs);
+    assert!(outputs.iter().all(|byte| *byte == 0));
+    assert_eq!(field.owner(), Some(Owner::Nobody));
+}

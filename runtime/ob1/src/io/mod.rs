@@ -7,10 +7,11 @@
 mod panel;
 mod stimulus;
 
+use std::os::fd::OwnedFd;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
-use ob1_backplane::{IoField, IoImage};
+use ob1_backplane::{GuardPage, IoField, IoImage};
 use ob1_cpu::{Module, ModuleError, ModuleEvent, ModuleStatus, Nanos};
 
 use crate::station::{ModuleConfig, ModuleKind};
@@ -22,6 +23,18 @@ pub use stimulus::Stimulus;
 #[derive(Clone)]
 pub struct ProcessIo {
     shared: Arc<Mutex<Shared>>,
+    guard: GuardPage,
+}
+
+/// What the guardian of a station holds of its process I/O.
+#[derive(Debug)]
+pub struct Held {
+    /// The image.
+    pub image: OwnedFd,
+    /// The page beside it.
+    pub page: OwnedFd,
+    /// The outputs' safe state.
+    pub safe: Vec<u8>,
 }
 
 /// What the modules share. All of them live on the scan thread, so the lock is never contended there; the only other
@@ -46,13 +59,29 @@ impl ProcessIo {
     #[must_use]
     pub fn new(image: IoImage, stimulus: Stimulus) -> Self {
         let field = image.field();
-        Self { shared: Arc::new(Mutex::new(Shared { image, field, stimulus, scans: 0, off: false })) }
+        let guard = image.guard().clone();
+        Self { guard, shared: Arc::new(Mutex::new(Shared { image, field, stimulus, scans: 0, off: false })) }
     }
 
     /// Where other programs map the image; `None` on the heap.
     #[must_use]
     pub fn path(&self) -> Option<PathBuf> {
         self.shared.lock().ok()?.image.path()
+    }
+
+    /// The page that says whether the outputs are still this process's.
+    #[must_use]
+    pub const fn guard(&self) -> &GuardPage {
+        &self.guard
+    }
+
+    /// What a guardian is handed; `None` on the heap, or when no descriptor is left.
+    #[must_use]
+    pub fn held(&self) -> Option<Held> {
+        let shared = self.shared.lock().ok()?;
+        let image = shared.image.descriptor()?.try_clone_to_owned().ok()?;
+        let page = self.guard.descriptor()?.try_clone_to_owned().ok()?;
+        Some(Held { image, page, safe: shared.image.safe_state() })
     }
 
     /// The other end of the image.
@@ -70,14 +99,22 @@ impl ProcessIo {
             ModuleKind::Outputs { bytes } => (config.output_address, 0, bytes),
             ModuleKind::Cp240 { .. } | ModuleKind::Cp040 { .. } | ModuleKind::Cp341 { .. } => return None,
         };
-        Some(Box::new(IoModule { shared: Arc::clone(&self.shared), at: at as usize, inputs, outputs, leads }))
+        let at = at as usize;
+        if outputs > 0
+            && let Ok(mut shared) = self.shared.lock()
+        {
+            shared.image.set_safe(at, &config.substitute);
+        }
+        let (shared, substitute) = (Arc::clone(&self.shared), config.substitute.clone());
+        Some(Box::new(IoModule { shared, at, inputs, outputs, leads, substitute, run: false }))
     }
 
-    /// Switches all outputs off for good. For the monitor, when the scan has hung: it does not wait for the scan.
+    /// Sets all outputs to their safe state for good. For the monitor, when the scan has hung: it does not wait for the
+    /// scan.
     pub fn switch_off(&self) {
         if let Ok(mut shared) = self.shared.try_lock() {
             shared.off = true;
-            shared.image.write_outputs(0, &[0; ob1_backplane::io_layout::IO_AREA_BYTES]);
+            shared.image.let_go();
         }
     }
 }
@@ -89,6 +126,9 @@ struct IoModule {
     inputs: u16,
     outputs: u16,
     leads: bool,
+    /// What its outputs are while the CPU does not drive them; nothing: 0.
+    substitute: Vec<u8>,
+    run: bool,
 }
 
 impl IoModule {
@@ -123,6 +163,10 @@ impl Module for IoModule {
 
     fn write(&mut self, at: u16, from: &[u8]) -> Result<(), ModuleError> {
         Self::inside(self.outputs, at, from.len())?;
+        // In STOP the CPU writes zeros; the module knows better.
+        if !self.run && !self.substitute.is_empty() {
+            return Ok(());
+        }
         if let Ok(mut shared) = self.shared.try_lock()
             && !shared.off
         {
@@ -136,10 +180,20 @@ impl Module for IoModule {
             shared.scans += 1;
             let scans = shared.scans;
             shared.image.scan_done(scans);
+            if !shared.off {
+                shared.image.refresh();
+            }
         }
     }
 
-    fn cpu_state(&mut self, _run: bool) {}
+    fn cpu_state(&mut self, run: bool) {
+        self.run = run;
+        if let (false, Ok(mut shared)) = (run, self.shared.try_lock())
+            && !shared.off
+        {
+            shared.image.write_outputs(self.at, &self.substitute);
+        }
+    }
 
     fn poll_event(&mut self) -> Option<ModuleEvent> {
         None
@@ -165,7 +219,14 @@ mod tests {
 
     fn config(name: &str, address: u32, kind: ModuleKind) -> ModuleConfig {
         let name = name.to_owned();
-        ModuleConfig { name, input_address: address, output_address: address, absent: Absent::Zero, kind }
+        ModuleConfig {
+            name,
+            input_address: address,
+            output_address: address,
+            absent: Absent::Zero,
+            kind,
+            substitute: Vec::new(),
+        }
     }
 
     #[test]
@@ -186,6 +247,40 @@ mod tests {
         let mut outputs = [0; 12];
         field.read_outputs(0, &mut outputs);
         assert_eq!((outputs[9], field.scan()), (9, 1));
+    }
+
+    #[test]
+    fn a_substitute_is_what_stands_there_while_nobody_drives_the_outputs() {
+        let io = ProcessIo::new(IoImage::heap(), Stimulus::default());
+        let mut valve = config("valve", 4, ModuleKind::Outputs { bytes: 2 });
+        valve.substitute = vec![0x80, 1];
+        let mut lamp = io.module(&config("lamp", 0, ModuleKind::Outputs { bytes: 1 }), true).expect("process I/O");
+        let mut valve = io.module(&valve, false).expect("process I/O");
+        let field = io.field().expect("not poisoned");
+        let outputs = || {
+            let mut bytes = [0; 6];
+            field.read_outputs(0, &mut bytes);
+            bytes
+        };
+        assert_eq!(outputs(), [0, 0, 0, 0, 0x80, 1], "before the first start");
+        for module in [&mut lamp, &mut valve] {
+            module.cpu_state(true);
+            let bytes = vec![7; usize::from(module.output_bytes())];
+            module.write(0, &bytes).expect("its own bytes");
+        }
+        assert_eq!(outputs(), [7, 0, 0, 0, 7, 7]);
+        for module in [&mut lamp, &mut valve] {
+            let zeros = vec![0; usize::from(module.output_bytes())];
+            module.write(0, &zeros).expect("its own bytes");
+            module.cpu_state(false);
+            module.write(0, &zeros).expect("its own bytes");
+        }
+        assert_eq!(outputs(), [0, 0, 0, 0, 0x80, 1], "in STOP");
+        valve.cpu_state(true);
+        valve.write(0, &[7, 7]).expect("its own bytes");
+        ob1_backplane::Guardian::beside(&io.shared.lock().expect("not poisoned").image).take_over();
+        assert_eq!(outputs(), [0, 0, 0, 0, 0x80, 1], "taken over");
+        assert!(io.guard().is_taken());
     }
 
     #[test]

@@ -76,6 +76,7 @@ mod tests {
             input_address: address,
             output_address: address,
             absent: Absent::Zero,
+            substitute: Vec::new(),
             kind,
         };
         let modules = [

@@ -18,8 +18,8 @@ use super::{Failure, Options};
 use crate::access::server::Server;
 use crate::assembly::Assembly;
 use crate::exit::Exit;
+use crate::guardian::Guardian;
 use crate::io::ProcessIo;
-use crate::janitor::Janitor;
 use crate::posture;
 use crate::retentive;
 use crate::retentive::keeper::{Keeper, ScanEnd};
@@ -54,7 +54,7 @@ pub(super) struct AtWork {
     server: Option<Server>,
     fleet: Option<RunningFleet>,
     _rundir: RunDir,
-    _janitor: Janitor,
+    _guardian: Guardian,
     clock: MonotonicClock,
     fence: bool,
     /// Keeps idle cores awake as long as it is held.
@@ -67,7 +67,7 @@ impl AtWork {
         station: &Station,
         assembly: Assembly,
         rundir: RunDir,
-        janitor: Janitor,
+        guardian: Guardian,
         clock: MonotonicClock,
         options: &Options,
     ) -> Result<Self, Failure> {
@@ -100,6 +100,7 @@ impl AtWork {
             retentive,
             late,
             feed,
+            guard: io.as_ref().map(|io| io.guard().clone()),
         }
         .start()
         .map_err(system("the scan thread"))?;
@@ -121,7 +122,7 @@ impl AtWork {
             server: Some(server),
             fleet: Some(fleet),
             _rundir: rundir,
-            _janitor: janitor,
+            _guardian: guardian,
             clock,
             fence: options.fence,
             _awake: awake,
@@ -139,6 +140,10 @@ impl AtWork {
             self.journal.take(&self.view);
             if signals.wait(TICK) {
                 break Ended::Signal;
+            }
+            if self.io.as_ref().is_some_and(|io| io.guard().is_taken()) {
+                tracing::error!("the station stood still; its guardian has set the outputs to their safe state");
+                break Ended::StoodStill;
             }
             if self.thread.as_ref().is_some_and(JoinHandle::is_finished) {
                 break Ended::Fault;
@@ -208,7 +213,11 @@ impl AtWork {
         }
         self.read_journal();
         let (diagnostics, fault) = (self.journal.diagnostics(&self.view), self.journal.fault());
-        let exit = if fault.is_some() { Exit::Fault } else { Exit::Ok };
+        let exit = match ended {
+            Ended::StoodStill => Exit::StoodStill,
+            _ if fault.is_some() => Exit::Fault,
+            _ => Exit::Ok,
+        };
         let status = self.view.status(self.scan.state(), &self.scan.present());
         // Its last look explains what is not explained yet.
         drop(self.observer.take());

@@ -9,6 +9,7 @@ mod scan;
 pub(crate) mod signals;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use ob1_rt::MonotonicClock;
@@ -16,7 +17,7 @@ use ob1_rt::MonotonicClock;
 use crate::assembly::{self, AssemblyError, DriverSettings};
 use crate::exit::Exit;
 use crate::finding::{Finding, Level};
-use crate::janitor::Janitor;
+use crate::guardian::{Guardian, Patience, Ward};
 use crate::out;
 use crate::posture;
 use crate::program::{self, LoadFailure};
@@ -24,6 +25,7 @@ use crate::rundir::{RunDir, RunDirError};
 use crate::station::{self, Station};
 
 use at_work::AtWork;
+pub(crate) use monitor::time as monitor_time;
 pub use report::{Ended, REPORT_SCHEMA, Report};
 use signals::Signals;
 
@@ -118,10 +120,13 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
         AssemblyError::Load(failure) => Failure::of_load(&failure),
         AssemblyError::System(text) => Failure(Exit::System, format!("ob1: {text}\n")),
     })?;
-    let janitor = Janitor::start(rundir.path(), &assembly::published(&station));
-    let janitor = janitor.map_err(|e| Failure::system("the janitor", &e))?;
+    let _exit = exit_is_a_fault(&assembly);
+    let patience = Patience::of(station.cpu.watchdog, station.cpu.min_cycle);
+    let (path, published) = (rundir.path().to_owned(), assembly::published(&station));
+    let guardian = Ward::of_this_process(path, published, patience, assembly.io.as_ref()).and_then(Guardian::start);
+    let guardian = guardian.map_err(|e| Failure::system("the guardian", &e))?;
     tracing::info!("station {}, process {}", station.name, std::process::id());
-    let mut station_at_work = AtWork::start(&station, assembly, rundir, janitor, clock, options)?;
+    let mut station_at_work = AtWork::start(&station, assembly, rundir, guardian, clock, options)?;
     let ended = station_at_work.watch(&signals, options);
     let report = station_at_work.stop(ended)?;
     if let Some(path) = &options.report {
@@ -134,7 +139,26 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
 }
 
 fn exit_of(report: &Report) -> Exit {
-    if report.fault.is_some() { Exit::Fault } else { Exit::Ok }
+    match report.ended {
+        Ended::StoodStill => Exit::StoodStill,
+        _ if report.fault.is_some() => Exit::Fault,
+        _ => Exit::Ok,
+    }
+}
+
+/// Until this is dropped, who calls `exit()` is a plugin.
+fn exit_is_a_fault(assembly: &assembly::Assembly) -> ob1_rt::ExitGuard {
+    let (running, io) = (Arc::clone(&assembly.running), assembly.io.clone());
+    ob1_rt::ExitGuard::raise(move || {
+        if let Some(io) = &io {
+            io.switch_off();
+        }
+        let who = running.block().map_or_else(|| "a plugin".to_owned(), |block| format!("native block {block}"));
+        err!("\nob1: {who} has called exit(); outputs are off, the station ends");
+        err!("  = a block returns, or logs an error and lets the CPU stop; it never ends the process");
+        ob1_log::flush(monitor::LAST_WORDS);
+        Exit::EndedByPlugin as u8
+    })
 }
 
 fn driver_settings(station: &Station, quiet: bool) -> Result<DriverSettings, Failure> {

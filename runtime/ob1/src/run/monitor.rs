@@ -24,7 +24,12 @@ const LOOKS: u32 = 20;
 const LOOKS_WITHOUT_WATCHDOG: u32 = 600;
 
 /// How long the message may hold up the end.
-const LAST_WORDS: Duration = Duration::from_millis(200);
+pub(super) const LAST_WORDS: Duration = Duration::from_millis(200);
+
+/// How long a native block may stay in one cycle before it is given up, with this watchdog in nanoseconds.
+pub(crate) fn time(watchdog: u64) -> Duration {
+    LOOK * Suspicion::new(watchdog).needed
+}
 
 /// Decides, look by look, whether a native block hangs. Pure.
 #[derive(Debug)]
@@ -99,6 +104,7 @@ fn give_up(block: BlockId, io: Option<&ProcessIo>) -> ! {
     err!("\nob1: native block {block} does not return; outputs are off, the station ends");
     err!("  = a block must return; one that waits keeps its state and returns, or calls `attend` in its loop");
     ob1_log::flush(LAST_WORDS);
+    ob1_rt::lower_exit_guard();
     std::process::exit(i32::from(Exit::Hung as u8))
 }
 

@@ -25,6 +25,8 @@ pub enum Ended {
     Scans,
     /// The CPU went to STOP because of a fault.
     Fault,
+    /// It stood still, and its guardian has taken the outputs over.
+    StoodStill,
 }
 
 impl Ended {
@@ -34,6 +36,7 @@ impl Ended {
             Ended::Time => "after the wanted time",
             Ended::Scans => "after the wanted number of scans",
             Ended::Fault => "because the CPU went to STOP",
+            Ended::StoodStill => "because it had stood still and its guardian has set the outputs to their safe state",
         }
     }
 }

@@ -9,7 +9,8 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
-use ob1_cpu::{Command, Cpu, OperatingState};
+use ob1_backplane::GuardPage;
+use ob1_cpu::{Clock, Command, Cpu, Nanos, OperatingState};
 use ob1_rt::{Grant, MonotonicClock};
 
 use super::journal::Feed;
@@ -100,6 +101,27 @@ impl ScanState {
     }
 }
 
+/// The clock of the scan. Each look at it is a sign of life: it is looked at between statements, so a long cycle, or one
+/// whose monitoring is triggered again and again (SFC 43), is alive, and a native block that never returns is not.
+struct LivingClock {
+    clock: MonotonicClock,
+    guard: Option<GuardPage>,
+}
+
+impl Clock for LivingClock {
+    #[inline]
+    fn now(&mut self) -> Nanos {
+        if let Some(guard) = &self.guard {
+            guard.beat();
+        }
+        self.clock.now()
+    }
+
+    fn executed(&mut self, statements: u64) {
+        self.clock.executed(statements);
+    }
+}
+
 /// What the scan thread is started with.
 pub(super) struct Scan {
     pub(super) cpu: Cpu,
@@ -117,6 +139,8 @@ pub(super) struct Scan {
     pub(super) late: LateSender,
     /// Hands diagnostic entries over to be told.
     pub(super) feed: Feed,
+    /// Where the guardian looks for signs of life.
+    pub(super) guard: Option<GuardPage>,
 }
 
 impl Scan {
@@ -154,9 +178,10 @@ impl Scan {
     fn cycle(&mut self) {
         let shared = Arc::clone(&self.shared);
         let mut scans = 0;
+        let mut clock = LivingClock { clock: self.clock, guard: self.guard.take() };
         loop {
             shared.in_cycle.store(true, Ordering::Relaxed);
-            let end = self.cpu.cycle(&mut self.clock);
+            let end = self.cpu.cycle(&mut clock);
             shared.in_cycle.store(false, Ordering::Relaxed);
             shared.cycles.fetch_add(1, Ordering::Relaxed);
             if end.state == OperatingState::Run && end.whole {

@@ -1,4 +1,5 @@
-//! Ctrl-C and SIGTERM: the first ends the run in order, the second at once.
+//! Ctrl-C, SIGTERM and SIGHUP: the first ends the run in order; a second Ctrl-C or SIGTERM at once. A terminal that is
+//! closed may say so more than once, and who starts a run with `nohup` wants it to go on.
 
 use std::io::{self, Read as _, Write as _};
 use std::os::unix::net::UnixStream;
@@ -6,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 /// The exit code of a run that was ended by a second signal, as shells show SIGINT.
 const SECOND_SIGNAL: i32 = 130;
@@ -29,6 +30,9 @@ impl Signals {
             signal_hook::flag::register(signal, armed)?;
             signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
         }
+        if !ignored(SIGHUP) {
+            signal_hook::low_level::pipe::register(SIGHUP, sender.try_clone()?)?;
+        }
         Ok(Self { caught, sender })
     }
 
@@ -48,4 +52,11 @@ impl Signals {
         let mut byte = [0];
         self.caught.set_read_timeout(Some(time)).is_ok() && (&self.caught).read(&mut byte).is_ok_and(|n| n > 0)
     }
+}
+
+/// Whether this process was started with a signal ignored.
+fn ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }

@@ -190,6 +190,7 @@ pub(super) struct ModuleTable {
     pub(super) absent: Option<Placed<String>>,
     pub(super) abd: Option<Placed<String>>,
     pub(super) diagnostics: Option<Placed<bool>>,
+    pub(super) substitute: Option<Placed<Vec<Placed<i64>>>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

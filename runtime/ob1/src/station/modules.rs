@@ -71,7 +71,34 @@ fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mo
     let words = [("zero", Absent::Zero), ("fault", Absent::Fault)];
     let absent = choice(f, "absent", table.absent.as_ref(), &words).unwrap_or_default();
     let name = name(f, "module", &table.name);
-    Some(ModuleConfig { name, input_address, output_address, absent, kind })
+    let substitute = substitute(f, table, ty, &kind);
+    Some(ModuleConfig { name, input_address, output_address, absent, substitute, kind })
+}
+
+/// What process outputs are while nobody drives them: a byte each of `do`, a word each of `ao`.
+fn substitute(f: &mut Findings<'_>, table: &ModuleTable, ty: Type, kind: &ModuleKind) -> Vec<u8> {
+    let Some(given) = &table.substitute else { return Vec::new() };
+    let (ModuleKind::Outputs { bytes }, true) = (kind, matches!(ty, Type::DigitalOut | Type::AnalogOut)) else {
+        f.error(CONTRADICTION, given.span(), "`substitute` is for `do` and `ao`", "leave it out");
+        return Vec::new();
+    };
+    let width = if ty == Type::AnalogOut { 2 } else { 1 };
+    let values = given.get_ref();
+    if values.len() * width != usize::from(*bytes) {
+        let wanted = usize::from(*bytes) / width;
+        let message = format!("`substitute` has {} values for {wanted}", values.len());
+        f.error(VALUE, given.span(), message, "one for each byte of `do`, one for each channel of `ao`");
+        return Vec::new();
+    }
+    let mut all = Vec::new();
+    for value in values {
+        if width == 2 {
+            all.extend(number::<i16>(f, "substitute", Some(value), -32_768..=32_767, 0).to_be_bytes());
+        } else {
+            all.push(number::<u8>(f, "substitute", Some(value), 0..=255, 0));
+        }
+    }
+    all
 }
 
 /// Where the inputs and the outputs begin.

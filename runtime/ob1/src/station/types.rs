@@ -188,6 +188,8 @@ pub struct ModuleConfig {
     pub output_address: u32,
     /// How it reads while its driver is down.
     pub absent: Absent,
+    /// What its outputs are while the CPU does not drive them; nothing: 0. Of process outputs alone.
+    pub substitute: Vec<u8>,
     /// What it is.
     pub kind: ModuleKind,
 }

@@ -30,6 +30,7 @@ pub(super) fn bare_modules() -> Vec<ModuleConfig> {
         input_address: 0,
         output_address: 0,
         absent: Absent::Zero,
+        substitute: Vec::new(),
         kind,
     };
     vec![module("inputs", ModuleKind::Inputs { bytes }), module("outputs", ModuleKind::Outputs { bytes })]

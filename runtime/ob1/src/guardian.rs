@@ -1,0 +1,286 @@
+//! The runtime's end of its guardian: starts the process that outlives it, hands it what it has to hold, and starts it
+//! again when it is gone.
+//!
+//! The guardian is the janitor ([`crate::janitor`]): a child that sets the outputs of the process I/O to their safe state
+//! should the runtime die or stand still, and removes what the runtime has published.
+
+use std::ffi::OsString;
+use std::io;
+use std::os::fd::{AsFd as _, OwnedFd};
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use ob1_backplane::{GuardPage, handover};
+use ob1_host::supervisor::{Exit, Input, Phase, Report, Request, Supervisor, Times};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::process::{Pid, PidfdFlags, getpid, pidfd_open};
+use rustix::time::Timespec;
+
+use crate::io::{Held, ProcessIo};
+
+/// The longest wait between two looks at the guardian.
+const LOOK: Duration = Duration::from_millis(500);
+/// The same while it is starting.
+const LOOK_STARTING: Duration = Duration::from_millis(20);
+/// How long it gets to clean up at the end: it waits for drivers and for the lock of the runtime directory itself.
+const END: Duration = Duration::from_secs(15);
+/// Its times: it beats every 50 ms.
+const TIMES: Times = Times { hang: 3_000_000_000, start: 10_000_000_000, ..Times::DEFAULT };
+
+/// After how long without a sign of life a station counts as dead. (docs/process-io.md)
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Patience {
+    /// Of a process that the kernel says is stopped (SIGSTOP, a debugger).
+    pub stopped: Duration,
+    /// Of one that runs, or waits for a core.
+    pub silent: Duration,
+}
+
+impl Patience {
+    /// For a CPU with this cycle monitoring (0: none) and minimum cycle time, in nanoseconds.
+    #[must_use]
+    pub fn of(watchdog: u64, min_cycle: u64) -> Self {
+        let cycle = Duration::from_nanos(min_cycle.saturating_mul(2));
+        let stopped = Duration::from_nanos(watchdog.saturating_mul(2)).saturating_add(cycle);
+        // Behind the monitor inside the runtime, which can name the block that hangs.
+        let silent = crate::run::monitor_time(watchdog) + Duration::from_secs(1) + cycle;
+        Self { stopped: stopped.max(Duration::from_secs(1)), silent }
+    }
+}
+
+/// What the guardian is for.
+#[derive(Debug)]
+pub struct Ward {
+    /// The runtime directory, to be removed.
+    pub rundir: PathBuf,
+    /// Links that drivers publish (ptys), to be removed.
+    pub published: Vec<PathBuf>,
+    /// When the runtime counts as dead.
+    pub patience: Patience,
+    page: GuardPage,
+    page_fd: OwnedFd,
+    image: Option<OwnedFd>,
+    safe: Vec<u8>,
+    runtime: OwnedFd,
+}
+
+impl Ward {
+    /// This process, with its process I/O if it has any.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn of_this_process(
+        rundir: PathBuf,
+        published: Vec<PathBuf>,
+        patience: Patience,
+        io: Option<&ProcessIo>,
+    ) -> io::Result<Self> {
+        let runtime = pidfd_open(getpid(), PidfdFlags::empty())?;
+        let held = io.and_then(|io| Some((io.guard().clone(), io.held()?)));
+        let (page, page_fd, image, safe) = match held {
+            Some((guard, Held { image, page, safe })) => (guard, page, Some(image), safe),
+            // Only for the guardian's own signs of life.
+            None => {
+                let page = GuardPage::create_shared().map_err(io::Error::other)?;
+                let fd = page.descriptor().ok_or(io::ErrorKind::Unsupported)?.try_clone_to_owned()?;
+                (page, fd, None, Vec::new())
+            }
+        };
+        Ok(Self { rundir, published, patience, page, page_fd, image, safe, runtime })
+    }
+}
+
+/// The guardian of this runtime. Dropping it lets it clean up and waits for it.
+#[derive(Debug)]
+pub struct Guardian {
+    /// Closed to end the thread.
+    stop: Option<OwnedFd>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Guardian {
+    /// Starts it, and the thread that watches it.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn start(ward: Ward) -> io::Result<Self> {
+        let (stopped, stop) = io::pipe()?;
+        let first = Process::start(&ward)?;
+        let thread = ob1_rt::spawn("ob1-guardian", move || Watch::new(ward, first, stopped.into()).run())?;
+        Ok(Self { stop: Some(stop.into()), thread: Some(thread) })
+    }
+}
+
+impl Drop for Guardian {
+    fn drop(&mut self) {
+        drop(self.stop.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What of our environment a child gets: whose it is, and how much it logs.
+pub(crate) fn kept_environment() -> impl Iterator<Item = (&'static str, OsString)> {
+    ["XDG_RUNTIME_DIR", "OB1_LOG"].into_iter().filter_map(|name| Some((name, std::env::var_os(name)?)))
+}
+
+/// The child. It sees the end of the runtime by the runtime's pidfd, and by the end of this connection.
+struct Process {
+    child: Child,
+    pidfd: OwnedFd,
+    lifeline: OwnedFd,
+}
+
+impl Process {
+    fn start(ward: &Ward) -> io::Result<Self> {
+        let (lifeline, stdin) = handover::pair()?;
+        let mut descriptors = vec![ward.runtime.as_fd(), ward.page_fd.as_fd()];
+        descriptors.extend(ward.image.as_ref().map(|image| image.as_fd()));
+        handover::send(&lifeline, &ward.safe, &descriptors)?;
+        let mut child = Command::new(std::env::current_exe()?)
+            .arg("janitor")
+            .arg("--stopped-ms")
+            .arg(ward.patience.stopped.as_millis().to_string())
+            .arg("--silent-ms")
+            .arg(ward.patience.silent.as_millis().to_string())
+            .arg(&ward.rundir)
+            .args(&ward.published)
+            .env_clear()
+            .envs(kept_environment())
+            .stdin(Stdio::from(stdin))
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            // Out of reach of Ctrl-C and of a kill of the runtime's group.
+            .process_group(0)
+            .current_dir("/")
+            .spawn()?;
+        match pidfd_open(Pid::from_child(&child), PidfdFlags::empty()) {
+            Ok(pidfd) => Ok(Self { child, pidfd, lifeline }),
+            Err(error) => {
+                let _ = child.kill();
+                let _ = child.wait();
+                Err(error.into())
+            }
+        }
+    }
+}
+
+/// The thread's work.
+struct Watch {
+    ward: Ward,
+    process: Option<Process>,
+    supervisor: Supervisor,
+    beats: u64,
+    stopped: OwnedFd,
+    began: Instant,
+}
+
+impl Watch {
+    fn new(ward: Ward, first: Process, stopped: OwnedFd) -> Self {
+        let mut supervisor = Supervisor::new(TIMES);
+        supervisor.step(0, Input::Tick);
+        supervisor.step(0, Input::Spawned);
+        let beats = ward.page.guardian_beats();
+        Self { ward, process: Some(first), supervisor, beats, stopped, began: Instant::now() }
+    }
+
+    fn now(&self) -> u64 {
+        self.began.elapsed().as_nanos() as u64
+    }
+
+    fn run(mut self) {
+        loop {
+            let until = self.attend();
+            let look = if self.supervisor.phase() == Phase::Starting { LOOK_STARTING } else { LOOK };
+            let wait = Duration::from_nanos(until.saturating_sub(self.now())).min(look);
+            let mut fds = vec![PollFd::new(&self.stopped, PollFlags::IN)];
+            fds.extend(self.process.as_ref().map(|process| PollFd::new(&process.pidfd, PollFlags::IN)));
+            // An interrupted wait is a short one.
+            let _ = poll(&mut fds, Timespec::try_from(wait).ok().as_ref());
+            if fds.first().is_some_and(|stop| !stop.revents().is_empty()) {
+                break;
+            }
+        }
+        self.end();
+    }
+
+    /// Feeds the supervisor and does what it asks; when it wants to be called again.
+    fn attend(&mut self) -> u64 {
+        let now = self.now();
+        let mut input = self.observe();
+        loop {
+            let step = self.supervisor.step(now, input);
+            match step.report {
+                Some(Report::Lost(exit)) => tracing::warn!("the guardian is gone ({exit}); another is started"),
+                Some(Report::Up(starts)) if starts > 1 => tracing::info!("the guardian is up, start {starts}"),
+                _ => {}
+            }
+            input = match step.request {
+                Some(Request::Spawn) => match Process::start(&self.ward) {
+                    Ok(process) => {
+                        self.beats = self.ward.page.guardian_beats();
+                        self.process = Some(process);
+                        Input::Spawned
+                    }
+                    Err(error) => Input::Exited(Exit::NotStarted(error.raw_os_error().unwrap_or(0))),
+                },
+                Some(Request::Kill) => {
+                    if let Some(process) = &mut self.process {
+                        let _ = process.child.kill();
+                    }
+                    Input::Tick
+                }
+                None => return step.deadline.unwrap_or(u64::MAX),
+            };
+        }
+    }
+
+    fn observe(&mut self) -> Input {
+        let Some(process) = &mut self.process else { return Input::Tick };
+        if let Ok(Some(status)) = process.child.try_wait() {
+            self.process = None;
+            let by_signal = status.signal().map(Exit::Signal);
+            return Input::Exited(by_signal.unwrap_or(Exit::Code(status.code().unwrap_or(-1))));
+        }
+        let beats = self.ward.page.guardian_beats();
+        if beats != self.beats {
+            self.beats = beats;
+            return Input::Heartbeat;
+        }
+        let state = ob1_rt::process_state(process.child.id()).map(|state| state.state);
+        if matches!(state, Some('R' | 'D')) { Input::Starved } else { Input::Tick }
+    }
+
+    /// The end of the connection sends it to its work.
+    fn end(&mut self) {
+        let Some(Process { mut child, pidfd, lifeline }) = self.process.take() else { return };
+        drop(lifeline);
+        let _ = poll(&mut [PollFd::new(&pidfd, PollFlags::IN)], Timespec::try_from(END).ok().as_ref());
+        // Without effect on one that has ended.
+        let _ = child.kill();
+        let _ = child.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patience_follows_from_cycle_and_watchdog() {
+        let (ms, s) = (Duration::from_millis, Duration::from_secs);
+        for (watchdog, min_cycle, stopped, silent) in [
+            (150, 10, s(1), ms(3020)),
+            (6000, 10, ms(12_020), ms(13_020)),
+            (150, 2000, ms(4300), s(7)),
+            (0, 10, s(1), ms(61_020)),
+        ] {
+            let patience = Patience::of(watchdog * 1_000_000, min_cycle * 1_000_000);
+            assert_eq!(patience, Patience { stopped, silent }, "{watchdog} {min_cycle}");
+        }
+    }
+}
