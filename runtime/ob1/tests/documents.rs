@@ -21,7 +21,7 @@ fn the_station_file_of_the_document_is_good() {
     assert_eq!(blocks.len(), 1);
     let station = ob1_command::station::parse(&blocks[0], "station-file.md", Path::new("/s"));
     let station = station.unwrap_or_else(|findings| panic!("{findings:?}"));
-    assert_eq!((station.modules.len(), station.plugins.len()), (5, 1));
+    assert_eq!((station.modules.len(), station.plugins.len()), (6, 1));
 }
 
 #[test]
@@ -48,6 +48,8 @@ fn the_process_io_document_is_right() {
         ("image.inputs", format!("| {} + n |", offset("image.inputs"))),
         ("image.outputs", format!("| {} + n |", offset("image.outputs"))),
         ("image.scan", format!("| {} |", offset("image.scan"))),
+        ("image.owner", format!("| {} |", offset("image.owner"))),
+        ("image.alive", format!("| {} |", offset("image.alive"))),
         ("image.output_sequence", format!("offset {}", offset("image.output_sequence"))),
     ] {
         assert!(text.contains(&part), "docs/process-io.md does not give {name} as {part}");
