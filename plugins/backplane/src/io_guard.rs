@@ -1,7 +1,8 @@
 //! What a PLC and its guardian share besides the image, and the guardian's end of both.
 //!
 //! The image is open to any program, so nothing in it decides who drives the outputs. That stands in a page of its own,
-//! which only the two map: a sign of life of each, and whether the guardian has taken over. It does so once and for good.
+//! which only the two map: a sign of life of each, and whether the guardian has taken over. It does so once and for
+//! good.
 
 use core::sync::atomic::{AtomicU64, Ordering, fence};
 use std::fmt;

@@ -92,8 +92,9 @@ impl Monitor {
         self.cells().doorbell.sleeping.load(Ordering::Relaxed) != 0
     }
 
-    /// Writes the header once more: a driver attaches to nothing else. Without damage it changes nothing. Call it before
-    /// each start of a driver; what the CPU's side has put in besides is restored by [`crate::CpuSide::restore`].
+    /// Writes the header once more: a driver attaches to nothing else. Without damage it changes nothing. Call it
+    /// before each start of a driver; what the CPU's side has put in besides is restored by
+    /// [`crate::CpuSide::restore`].
     pub fn restore_header(&self) {
         header::write(self.cells(), self.io);
     }

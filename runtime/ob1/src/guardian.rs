@@ -1,8 +1,8 @@
 //! The runtime's end of its guardian: starts the process that outlives it, hands it what it has to hold, and starts it
 //! again when it is gone.
 //!
-//! The guardian is the janitor ([`crate::janitor`]): a child that sets the outputs of the process I/O to their safe state
-//! should the runtime die or stand still, and removes what the runtime has published.
+//! The guardian is the janitor ([`crate::janitor`]): a child that sets the outputs of the process I/O to their safe
+//! state should the runtime die or stand still, and removes what the runtime has published.
 
 use std::ffi::OsString;
 use std::io;

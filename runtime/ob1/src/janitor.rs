@@ -1,8 +1,8 @@
 //! The janitor, which is the guardian: a child process that outlives the runtime.
 //!
 //! As long as the runtime lives it holds its pidfd and the image of its process I/O, and looks at its signs of life.
-//! When it dies, or stands still for too long, the outputs go to their safe state; when it is dead, what it has published
-//! is removed. It does nothing else, so little can keep it from doing that. (docs/process-io.md)
+//! When it dies, or stands still for too long, the outputs go to their safe state; when it is dead, what it has
+//! published is removed. It does nothing else, so little can keep it from doing that. (docs/process-io.md)
 
 use std::io;
 use std::os::fd::OwnedFd;

@@ -117,11 +117,11 @@ fn one(ob1: &Path, folder: &Path, run: &Path) -> Result<u64, Failure> {
     Ok(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX))
 }
 
-/// A short pause, until it has taken too long.
+/// Lets others go first, until it has taken too long.
 fn patience(begun: Instant, what: &str) -> Result<(), Failure> {
     if begun.elapsed() > GUARD {
         return Err(what.into());
     }
-    std::thread::sleep(Duration::from_micros(200));
+    std::thread::yield_now();
     Ok(())
 }

@@ -33,7 +33,8 @@ pub struct CpSettings {
     /// It has channels (the CP 341): its handling blocks read and write them as data records.
     /// (`docs/cp341-channels.md`) So it has a diagnostic buffer of its own too.
     pub channels: bool,
-    /// `diagnostics = true`: it may raise diagnostic interrupts (OB 82). Whatever its driver does, it may not otherwise.
+    /// `diagnostics = true`: it may raise diagnostic interrupts (OB 82). Whatever its driver does, it may not
+    /// otherwise.
     pub diagnostics: bool,
 }
 

@@ -101,8 +101,9 @@ impl ScanState {
     }
 }
 
-/// The clock of the scan. Each look at it is a sign of life: it is looked at between statements, so a long cycle, or one
-/// whose monitoring is triggered again and again (SFC 43), is alive, and a native block that never returns is not.
+/// The clock of the scan. Each look at it is a sign of life: it is looked at between statements, so a long cycle, or
+/// one whose monitoring is triggered again and again (SFC 43), is alive, and a native block that never returns is
+/// not.
 struct LivingClock {
     clock: MonotonicClock,
     guard: Option<GuardPage>,
