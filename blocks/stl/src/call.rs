@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use ob1_ir::{Arg, Call, CallMode, Number, Op, Operand, Place, Target};
-use ob1_model::{Area, BlockId, BlockKind, Param, Section};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, Param, Section};
 
 use crate::codes;
 use crate::constant::Constant;
@@ -11,7 +11,7 @@ use crate::expand::Callee;
 use crate::fit::{Misfit, fit};
 use crate::lower::{Lowerer, called, fixed};
 use crate::mnemonics::BlockWord;
-use crate::operand::{Value, with_article};
+use crate::operand::{Resolver, Value, with_article};
 use crate::parser::unquote;
 use crate::reach::Reached;
 use crate::reader::Reader;
@@ -26,9 +26,23 @@ impl<'l> Lowerer<'l, '_> {
         let mut reader = self.reader(statement.operand.clone(), statement.span);
         let span = reader.rest();
         let value = resolver.operand(&mut reader)?;
-        let target = target(&mut reader, value, mode, span)?;
-        let instance =
-            if reader.eat(Kind::Comma).is_some() { Some(instance_number(&resolver, &mut reader)?) } else { None };
+        let of_data = called_data(&resolver, &value, mode);
+        let (mut target, mut instance) = match of_data {
+            Some((fb, db)) => (Target::Block(fb), Some(Number::Fixed(db))),
+            None => (target(&mut reader, value, mode, span)?, None),
+        };
+        if of_data.is_none() && reader.eat(Kind::Comma).is_some() {
+            match (instance_of(&resolver, &mut reader)?, target) {
+                (Instance::Data(number), _) => instance = Some(number),
+                (Instance::Own(fb, at), Target::Block(id)) if fb == id || same_instance(&resolver, fb, id) => {
+                    target = Target::Local(id, at);
+                }
+                (Instance::Own(fb, _), _) => {
+                    reader.report(span, &codes::INSTANCE, format!("this is an instance of {fb}"));
+                    return None;
+                }
+            }
+        }
         if !reader.finish(&codes::TOO_MUCH) {
             return None;
         }
@@ -38,7 +52,7 @@ impl<'l> Lowerer<'l, '_> {
             return Some(call_op(mode, target, None, list));
         };
         let Some(info) = resolver.world.blocks.get(&id) else {
-            self.unknown_block(id, span);
+            resolver.world.report_missing(id, self.index, span, self.sink);
             return None;
         };
         self.check_instance(mode, target, id, instance, span)?;
@@ -67,11 +81,6 @@ impl<'l> Lowerer<'l, '_> {
         let Some(token) = statement.args.first().and_then(|a| self.file.tokens.get(a.name)).copied() else { return };
         let message = format!("{what} take no parameters");
         self.sink.report(self.index, token.span, &codes::ACTUAL_SYNTAX, message);
-    }
-
-    fn unknown_block(&mut self, id: BlockId, span: Span) {
-        let missing = self.resolver.world.unknown_block(id);
-        self.sink.report_with(self.index, span, &codes::NO_BLOCK, missing.message, missing.remedy);
     }
 
     /// Holds the instance data block against the FB called; asks for it when no source declares it.
@@ -110,7 +119,7 @@ impl<'l> Lowerer<'l, '_> {
                 Some(other) if *other == id => None,
                 Some(other) => Some(format!("DB {db} is already an instance of {other}")),
             },
-            Some(ob1_ir::DataKind::Instance(other)) if other == id => None,
+            Some(ob1_ir::DataKind::Instance(other)) if other == id || same_instance(&self.resolver, other, id) => None,
             Some(ob1_ir::DataKind::Instance(other)) => Some(format!("DB {db} is an instance of {other}, not of {id}")),
             Some(ob1_ir::DataKind::Global) => Some(format!("DB {db} is a global data block, not an instance of {id}")),
         };
@@ -240,11 +249,34 @@ fn target(reader: &mut Reader<'_, '_>, value: Value<'_>, mode: CallMode, span: S
     None
 }
 
-/// The instance data block after the comma.
-fn instance_number(resolver: &crate::operand::Resolver<'_>, reader: &mut Reader<'_, '_>) -> Option<Number> {
+/// True for two blocks with instances of the same declarations, as the timers of IEC have them.
+fn same_instance(resolver: &Resolver<'_>, one: BlockId, other: BlockId) -> bool {
+    let params = |id| resolver.world.blocks.get(&id).map(|info| &info.interface.params);
+    one.kind == BlockKind::Sfb && params(one) == params(other)
+}
+
+/// `CALL "data"`: the function block that a data block is an instance of, as TIA Portal calls it.
+fn called_data(resolver: &Resolver<'_>, value: &Value<'_>, mode: CallMode) -> Option<(BlockId, u16)> {
+    let Value::Block(BlockWord::Db, Number::Fixed(db)) = value else { return None };
+    match resolver.world.data.get(db)?.kind {
+        ob1_ir::DataKind::Instance(fb) if mode == CallMode::Call => Some((fb, *db)),
+        _ => None,
+    }
+}
+
+/// What stands after the comma.
+enum Instance {
+    Data(Number),
+    /// A multi-instance of this block: `CALL TON, #timer` of TIA Portal.
+    Own(BlockId, BitAddr),
+}
+
+/// The instance after the comma.
+fn instance_of(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>) -> Option<Instance> {
     let span = reader.here();
     match resolver.operand(reader)? {
-        Value::Block(BlockWord::Db, number @ Number::Fixed(_)) => Some(number),
+        Value::Block(BlockWord::Db, number @ Number::Fixed(_)) => Some(Instance::Data(number)),
+        Value::Instance(fb, at) => Some(Instance::Own(fb, at)),
         _ => {
             reader.report(span, &codes::INSTANCE, "after the comma stands the instance data block: DB 50");
             None

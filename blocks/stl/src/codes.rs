@@ -51,6 +51,12 @@ codes! {
         "Organization blocks have VAR_TEMP only, functions no VAR, data blocks a STRUCT.";
     MISPLACED = "S0109", Error, "A word or statement stands where it cannot.",
         "Remove it or move it.";
+    HEAD = "S0110", Error, "A word or line of a block's head that is none.",
+        "Between the block's name and its declarations stand TITLE, VERSION, AUTHOR, FAMILY, NAME, KNOW_HOW_PROTECT and their like.";
+    OTHER_LANGUAGE = "S0111", Error, "A file that is not STL.",
+        "Translate the file into STL, or export it as such.";
+    OB_NAME = "S0112", Error, "The name of an organization block tells no number.",
+        "Write [program] numbers = { \"name\" = \"OB 35\" } in the station file.";
     // Declarations
     DECLARATION = "S0201", Error, "A declaration is not well formed.",
         "Write name : TYPE; or name : TYPE := start value;";
@@ -84,6 +90,8 @@ codes! {
         "Write a constant, for arrays a list: 1, 2, 3(0). Functions, in/outs of composed types and temps have none.";
     ASSIGNMENT = "S0216", Error, "An assignment in a data block is not well formed.",
         "Write name := constant;";
+    TYPE_WITHOUT_STL = "S0217", Error, "A type of TIA Portal that STL cannot work on.",
+        "STL has no statement for types of 64 bits, WSTRING, VARIANT, and counters but those of INT.";
     // Statements and operands
     UNKNOWN_MNEMONIC = "S0301", Error, "A word that is no mnemonic.",
         "See the list of mnemonics; a call's parameters follow CALL directly.";
@@ -119,6 +127,8 @@ codes! {
         "Copy the value into a temp or the instance and use that.";
     AMBIGUOUS_SET = "S0317", Error, "A word means different things in the two sets of mnemonics, and no other word tells which set is meant.",
         "Say it: --mnemonics de or --mnemonics en (in the station file: mnemonics = ...). SE is on-delay in German, extended pulse in international mnemonics.";
+    OPTIMIZED = "S0318", Error, "An address into an optimised block.",
+        "Use the names of its components, or clear the block's attribute S7_Optimized_Access.";
     // Constants
     CONSTANT = "S0401", Error, "A constant is not well formed or out of range.",
         "Constants: 5, L#5, W#16#FF, 2#0101, 1.5, S5T#2S, T#2S, C#7, 'A', D#1994-3-15, TOD#12:30:0, P#M 3.0.";
@@ -138,8 +148,8 @@ codes! {
     // Calls
     CALL_TARGET = "S0601", Error, "What is called is no block.",
         "Call FC, FB, SFC, SFB by number or symbol, or a multi-instance by #name.";
-    NO_BLOCK = "S0602", Error, "A block that is called is neither in the program nor in the library.",
-        "Add its source, or load the plugin that has it, e.g. --plugin libob1_cp240.so";
+    NO_BLOCK = "S0602", Error, "A block that is used is neither in the program nor in the library.",
+        "Load its source, or import the project.";
     INSTANCE = "S0603", Error, "The instance data block of a call is missing or wrong.",
         "Write CALL FB 8, DB 50, where DB 50 is an instance of FB 8.";
     ACTUAL_SYNTAX = "S0604", Error, "An actual parameter is not well formed or cannot stand here.",
@@ -187,6 +197,10 @@ codes! {
         "Copy the input into a temp and change that, or declare an in/out.";
     UNUSED_LABEL = "S0908", Lint, "Nothing jumps to a label.",
         "Remove the label, or look for the jump that is missing.";
+    LOCAL_IS_SHARED = "S0909", Lint, "A name with # is not declared in the block and is taken as the shared symbol.",
+        "Write the symbol in quotes, or declare the name.";
+    DB_NOT_THERE = "S0910", Lint, "A data block is opened that is in no source.",
+        "Load its source, unless the program makes the data block itself (SFC 22).";
 }
 
 /// The page `docs/stl-errors.md`.

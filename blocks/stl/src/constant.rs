@@ -61,6 +61,8 @@ pub(crate) struct PointerConstant {
     pub(crate) db: u16,
     /// Type code and number of elements of an ANY.
     pub(crate) any: Option<(u8, u16)>,
+    /// The same of the component it points to, where it names one.
+    pub(crate) own: Option<(u8, u16)>,
 }
 
 impl PointerConstant {
@@ -76,7 +78,7 @@ impl PointerConstant {
 
     /// The 10 bytes of an ANY: 10h, type, count, data block, pointer. One BYTE when no type is written.
     pub(crate) fn any_bytes(self) -> Vec<u8> {
-        let (code, count) = self.any.unwrap_or((2, 1));
+        let (code, count) = self.any.or(self.own).unwrap_or((2, 1));
         if code == 0 {
             // The null pointer, P#P 0.0 VOID 0, has nothing but its first byte.
             return [&[0x10][..], &[0; 9]].concat();
@@ -121,6 +123,13 @@ pub(crate) fn parse(text: &str, negative: bool) -> Result<Constant, String> {
     let Some((prefix, body)) = text.split_once('#') else { return number(text, negative) };
     let wrong = |what: &str| Err(format!("{} is no {what}", clip(text)));
     match prefix.to_ascii_uppercase().as_str() {
+        "BOOL" => match body.to_ascii_uppercase().as_str() {
+            "TRUE" | "1" => Ok(Constant::Bool(true)),
+            "FALSE" | "0" => Ok(Constant::Bool(false)),
+            _ => wrong("truth value, BOOL#TRUE or BOOL#FALSE"),
+        },
+        "REAL" => number(body, false).map(|c| if let Constant::Integer(v) = c { Constant::Real(v as f32) } else { c }),
+        "SINT" | "USINT" | "UINT" | "UDINT" => unsigned(prefix, body),
         "2" | "16" | "8" if !negative => match radix(prefix, body) {
             Some(value) => Ok(Constant::Radix(value)),
             None => wrong("number of at most 32 bits"),
@@ -150,6 +159,24 @@ pub(crate) fn parse(text: &str, negative: bool) -> Result<Constant, String> {
         "DT" | "DATE_AND_TIME" => time::date_and_time(body)
             .map_or_else(|| wrong("date and time, DT#90-1-1-0:0:0.0"), |bytes| Ok(Constant::DateTime(bytes))),
         _ => wrong("constant"),
+    }
+}
+
+/// A whole number with the name of a type of TIA Portal, in its own range.
+fn unsigned(prefix: &str, body: &str) -> Result<Constant, String> {
+    let (low, high, bits) = match prefix.to_ascii_uppercase().as_str() {
+        "SINT" => (-128, 127, 8),
+        "USINT" => (0, 0xFF, 8),
+        "UINT" => (0, 0xFFFF, 16),
+        _ => (0, 0xFFFF_FFFF, 32),
+    };
+    let value = match body.split_once('#') {
+        Some((base @ ("2" | "8" | "16"), digits)) => radix(base, digits).map(i64::from),
+        _ => body.replace('_', "").parse().ok(),
+    };
+    match value.filter(|v| (low..=high).contains(v)) {
+        Some(value) => Ok(Constant::Bits(value as u32 & (u32::MAX >> (32 - bits)), bits)),
+        None => Err(format!("{prefix}#{} is not from {low} to {high}", clip(body))),
     }
 }
 
@@ -260,13 +287,20 @@ impl Constant {
         let encoded = match ty {
             DataType::Bool => match self {
                 Constant::Bool(v) => Some(u32::from(*v)),
+                Constant::Integer(v @ (0 | 1)) => Some(*v as u32),
+                Constant::Radix(v @ (0 | 1)) | Constant::Bits(v @ (0 | 1), _) => Some(*v),
                 _ => None,
             },
             DataType::Byte | DataType::Char => self.byte(),
             DataType::Word | DataType::Int | DataType::S5Time | DataType::Date | DataType::TimerOrWord => {
+                if let (Constant::Integer(v), DataType::Word) = (self, ty)
+                    && let Ok(v) = u16::try_from(*v)
+                {
+                    return Ok(Encoded::Bits(u32::from(v)));
+                }
                 return self.word(ty).map(Encoded::Bits);
             }
-            DataType::DWord | DataType::DInt | DataType::Time | DataType::TimeOfDay => self.double_word(),
+            DataType::DWord | DataType::DInt | DataType::Time | DataType::TimeOfDay => self.double_word(ty),
             DataType::Real => match self {
                 Constant::Real(v) => Some(v.to_bits()),
                 _ => None,
@@ -280,7 +314,9 @@ impl Constant {
         match self {
             Constant::Bits(v, 8) => Some(*v),
             Constant::Radix(v) if *v <= 0xFF => Some(*v),
-            Constant::Integer(v) => u8::try_from(*v).ok().map(u32::from),
+            Constant::Integer(v) => {
+                i16::try_from(*v).ok().filter(|v| (-128..=255).contains(v)).map(|v| u32::from(v as u8))
+            }
             Constant::Text(bytes) if bytes.len() == 1 => bytes.first().map(|b| u32::from(*b)),
             _ => None,
         }
@@ -296,8 +332,9 @@ impl Constant {
         })
     }
 
-    fn double_word(&self) -> Option<u32> {
+    fn double_word(&self, ty: &DataType) -> Option<u32> {
         match self {
+            Constant::Integer(v) if *ty == DataType::DWord && *v >= 0 => u32::try_from(*v).ok(),
             Constant::Integer(v) => i32::try_from(*v).ok().map(|v| v as u32),
             Constant::DInt(v) | Constant::Time(v) => Some(*v as u32),
             Constant::Bits(v, _) | Constant::Radix(v) | Constant::TimeOfDay(v) => Some(*v),
@@ -408,11 +445,13 @@ mod tests {
 
     #[test]
     fn pointers() {
-        let p = PointerConstant { area: Some(Area::Memory), at: BitAddr::new(3, 0), db: 0, any: None };
+        let p = PointerConstant { area: Some(Area::Memory), at: BitAddr::new(3, 0), db: 0, any: None, own: None };
         assert_eq!(p.bits(), 0x8300_0018);
-        let any = PointerConstant { area: Some(Area::Db), at: BitAddr::new(0, 0), db: 10, any: Some((2, 12)) };
+        let any =
+            PointerConstant { area: Some(Area::Db), at: BitAddr::new(0, 0), db: 10, any: Some((2, 12)), own: None };
         assert_eq!(any.any_bytes(), [0x10, 2, 0, 12, 0, 10, 0x84, 0, 0, 0]);
-        let null = PointerConstant { area: Some(Area::Peripheral), at: BitAddr(0), db: 0, any: Some((0, 0)) };
+        let null =
+            PointerConstant { area: Some(Area::Peripheral), at: BitAddr(0), db: 0, any: Some((0, 0)), own: None };
         assert_eq!(null.any_bytes(), [0x10, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
         assert_eq!(any_of_number(0x1D, 300), [0x10, 0x1D, 0, 1, 0, 0, 0x1D, 0, 1, 44]);
     }

@@ -10,9 +10,9 @@ use crate::operand::Resolver;
 use crate::parser::unquote;
 use crate::path;
 use crate::reader::Reader;
-use crate::syntax::Assignment;
+use crate::syntax::{Assignment, NameRef, TypeKind};
 use crate::token::Kind;
-use crate::world::{Data, World};
+use crate::world::{Data, Symbolic, World};
 
 impl Elaborator<'_> {
     /// Makes a data block; nothing when its structure has a mistake.
@@ -24,7 +24,12 @@ impl Elaborator<'_> {
             self.sink.report(block.file, block.span, &codes::NO_STRUCTURE, message);
             return;
         };
-        let Some(resolved) = self.ty(block.file, shape, 0) else { return };
+        let Some(resolved) = self.ty(block.file, shape, 0) else {
+            if let Some(of) = self.instance_of(&shape.kind) {
+                self.world.unmade.insert(number, of);
+            }
+            return;
+        };
         let data = match (resolved.fb, &resolved.ty) {
             (Some(fb), DataType::Struct(_)) => instance_data(&self.world, fb),
             (_, ty) => global_data(ty),
@@ -45,8 +50,10 @@ impl Elaborator<'_> {
         if !self.spend(block.file, block.span, data.image.len() as u64) {
             return;
         }
-        data.name.clone_from(&block.header_name);
+        data.name = block.shown_name();
         data.read_only = block.read_only;
+        let of_fb = resolved.fb.and_then(|fb| self.world.blocks.get(&fb));
+        data.optimized = block.optimized || of_fb.is_some_and(|info| info.optimized);
         let fields = path::FieldIndex::default();
         let mut image = std::mem::take(&mut data.image);
         for assignment in &block.assignments {
@@ -54,6 +61,20 @@ impl Elaborator<'_> {
         }
         data.image = image;
         self.world.data.insert(number, data);
+    }
+
+    /// The function block that a data block is made from, when it is named and not there.
+    fn instance_of(&self, shape: &TypeKind) -> Option<BlockId> {
+        let TypeKind::Named(name) = shape else { return None };
+        let (word, number) = match name {
+            NameRef::Absolute(word, number) => (*word, *number),
+            NameRef::Symbol(name) | NameRef::Bare(name) => match self.world.symbol(name)? {
+                Symbolic::Block(word, number) => (*word, *number),
+                _ => return None,
+            },
+        };
+        let id = BlockId::new(word.kind()?, number);
+        (!self.world.own.contains(&id)).then_some(id)
     }
 
     /// `name := value;`

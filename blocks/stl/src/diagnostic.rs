@@ -1,8 +1,9 @@
 //! Diagnostics: what is wrong, where, under which number, and what to do about it.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use crate::codes::Code;
+use crate::codes::{self, Code};
 use crate::source::Source;
 use crate::token::Span;
 
@@ -113,12 +114,55 @@ struct Raw {
     code: &'static Code,
     message: String,
     remedy: String,
+    /// It speaks of all uses of something, not of its line alone.
+    whole: bool,
+}
+
+/// What stands in the message of a [`Missing`](crate::Missing) block for the number of its uses.
+pub const USES: &str = "{uses}";
+
+/// How often something that is not there is used.
+#[derive(Debug)]
+struct Uses {
+    first: Raw,
+    count: usize,
+    files: BTreeSet<usize>,
+}
+
+/// How many findings are given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limit {
+    /// Of one source.
+    pub file: usize,
+    /// Of all.
+    pub run: usize,
+}
+
+/// The findings beyond a [`Limit`].
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Rest {
+    /// How many of them are errors.
+    pub errors: usize,
+    /// How many of each number.
+    pub by_code: BTreeMap<&'static str, usize>,
+}
+
+impl Rest {
+    /// How many there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.by_code.values().sum()
+    }
 }
 
 /// Collects findings of one run.
 #[derive(Debug)]
 pub(crate) struct Sink {
     raw: Vec<Raw>,
+    /// What is used and not there, by kind and name.
+    missing: BTreeMap<String, Uses>,
+    /// Sources that are not STL: nothing is said of them but that.
+    foreign: BTreeSet<usize>,
     /// Nearest words are looked up for so many findings only: the search is long compared with everything else.
     suggestions_left: u32,
     /// Elementary steps of work so far, see [`Output::steps`](crate::Output::steps).
@@ -127,7 +171,7 @@ pub(crate) struct Sink {
 
 impl Sink {
     pub(crate) fn new() -> Self {
-        Self { raw: Vec::new(), suggestions_left: 200, steps: 0 }
+        Self { raw: Vec::new(), missing: BTreeMap::new(), foreign: BTreeSet::new(), suggestions_left: 200, steps: 0 }
     }
 
     /// A finding with the remedy of its table row.
@@ -144,7 +188,33 @@ impl Sink {
         message: impl Into<String>,
         remedy: impl Into<String>,
     ) {
-        self.raw.push(Raw { file, span, code, message: message.into(), remedy: remedy.into() });
+        self.raw.push(Raw { file, span, code, message: message.into(), remedy: remedy.into(), whole: false });
+    }
+
+    /// A use of something that is not there. All uses under one key are one finding, at the first of them; what it
+    /// says is asked for once.
+    pub(crate) fn missing(
+        &mut self,
+        key: &str,
+        file: usize,
+        span: Span,
+        code: &'static Code,
+        says: impl FnOnce(&mut Self) -> (String, String),
+    ) {
+        if let Some(uses) = self.missing.get_mut(key) {
+            uses.count += 1;
+            uses.files.insert(file);
+            return;
+        }
+        let (message, remedy) = says(self);
+        let first = Raw { file, span, code, message, remedy, whole: true };
+        self.missing.insert(key.to_owned(), Uses { first, count: 1, files: BTreeSet::from([file]) });
+    }
+
+    /// Nothing is said of a source that is not STL but that.
+    pub(crate) fn foreign(&mut self, file: usize, message: &str, remedy: &str) {
+        self.foreign.insert(file);
+        self.report_with(file, Span::default(), &codes::OTHER_LANGUAGE, message, remedy);
     }
 
     /// A finding about an unknown word: the remedy names the nearest known one.
@@ -189,12 +259,68 @@ impl Sink {
 
     /// True when an error was found.
     pub(crate) fn has_errors(&self) -> bool {
-        self.raw.iter().any(|r| r.code.severity == Severity::Error)
+        self.raw.iter().any(|r| r.code.severity == Severity::Error) || !self.missing.is_empty()
     }
 
-    /// The findings in source order, with lines and columns. One pass over each text, whatever the number of findings.
-    pub(crate) fn finish(mut self, texts: &[&str]) -> Vec<Diagnostic> {
+    fn gather(&mut self) {
+        for (_, Uses { mut first, count, files }) in std::mem::take(&mut self.missing) {
+            let several = |n: usize, one: &str| if n == 1 { format!("1 {one}") } else { format!("{n} {one}s") };
+            let uses = format!("{} in {}", several(count, "use"), several(files.len(), "file"));
+            if first.message.contains(USES) {
+                first.message = first.message.replace(USES, &uses);
+            } else if count > 1 {
+                first.message = format!("{}: {uses}", first.message);
+            }
+            self.raw.push(first);
+        }
+        let foreign = std::mem::take(&mut self.foreign);
+        self.raw.retain(|r| !foreign.contains(&r.file) || std::ptr::eq(r.code, &raw const codes::OTHER_LANGUAGE));
         self.raw.sort_by_key(|r| (r.file, r.span.start));
+    }
+
+    /// The findings up to the limit of each file and of all, the worst first to stay; and what is left out.
+    fn within(all: Vec<Diagnostic>, limit: Limit) -> (Vec<Diagnostic>, Rest) {
+        let mut order: Vec<usize> = (0..all.len()).collect();
+        order.sort_by_key(|at| std::cmp::Reverse(all.get(*at).map(|d| d.severity)));
+        let mut keep = vec![false; all.len()];
+        let mut of_file: BTreeMap<usize, usize> = BTreeMap::new();
+        let mut kept = 0;
+        for at in order {
+            let (Some(one), Some(keep)) = (all.get(at), keep.get_mut(at)) else { continue };
+            let of_file = of_file.entry(one.source).or_default();
+            if *of_file < limit.file && kept < limit.run {
+                *keep = true;
+                *of_file += 1;
+                kept += 1;
+            }
+        }
+        let mut rest = Rest::default();
+        let mut shown = Vec::with_capacity(kept);
+        for (one, keep) in all.into_iter().zip(keep) {
+            if keep {
+                shown.push(one);
+            } else {
+                rest.errors += usize::from(one.severity == Severity::Error);
+                *rest.by_code.entry(one.code).or_default() += 1;
+            }
+        }
+        (shown, rest)
+    }
+
+    /// As [`finish`](Self::finish), up to a limit.
+    pub(crate) fn finish_within(self, texts: &[&str], limit: Option<Limit>) -> (Vec<Diagnostic>, Rest) {
+        let all = self.finish(texts);
+        match limit {
+            Some(limit) => Self::within(all, limit),
+            None => (all, Rest::default()),
+        }
+    }
+
+    /// The findings in source order, with lines and columns. A line has one error at most, the first: the others follow
+    /// from it. One pass over each text, whatever the number of findings.
+    pub(crate) fn finish(mut self, texts: &[&str]) -> Vec<Diagnostic> {
+        self.gather();
+        let mut wrong_line = (usize::MAX, 0u32);
         let mut out = Vec::with_capacity(self.raw.len());
         let mut place = (usize::MAX, 0usize, 1u32, 1u32);
         for raw in self.raw {
@@ -207,6 +333,12 @@ impl Sink {
                 (place.2, place.3) = if c == '\n' { (place.2 + 1, 1) } else { (place.2, place.3 + 1) };
             }
             place.1 = start;
+            if raw.code.severity == Severity::Error && !raw.whole {
+                if wrong_line == (raw.file, place.2) {
+                    continue;
+                }
+                wrong_line = (raw.file, place.2);
+            }
             // Marked is the rest of the first line at most, and not more than the renderer shows.
             let marked = text.get(start..raw.span.end as usize).unwrap_or("");
             let length = marked.chars().take(SHOWN).take_while(|c| !matches!(c, '\n' | '\r')).count().max(1) as u32;

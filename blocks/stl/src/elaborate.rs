@@ -6,14 +6,16 @@ use ob1_model::{BlockId, BlockKind, DataType, Interface, Layout, Param, Section}
 
 use crate::auto::Sets;
 use crate::codes;
+use crate::constant::Constant;
 use crate::diagnostic::Sink;
 use crate::initial;
 use crate::library::Library;
 use crate::mnemonics::BlockWord;
+use crate::numbering::Numbered;
 use crate::operand::{Resolver, with_article};
-use crate::parse_types::TYPE_DEPTH;
+use crate::parse_types::{TYPE_DEPTH, type_words};
 use crate::reader::Reader;
-use crate::syntax::{Block, Declaration, Frame, NameRef, Tokens};
+use crate::syntax::{Block, Declaration, Frame, NameRef, Tokens, TypeKind};
 use crate::token::{File, Span};
 use crate::world::{Info, Symbolic, World};
 
@@ -92,11 +94,17 @@ impl<'e> Elaborator<'e> {
         }
     }
 
-    /// Everything but the statements.
-    pub(crate) fn run(&mut self) {
-        self.name_blocks();
+    /// Everything but the statements. Gives the blocks called by bare name.
+    pub(crate) fn run(&mut self) -> Vec<Numbered> {
         self.world.missing = self.library.all_missing().clone();
+        self.world.names = self.library.names();
+        self.name_blocks();
+        let demanded = self.demand_blocks();
         for (id, block) in self.library.iter() {
+            // The program's own block stands for one that is only offered, whatever its mistakes.
+            if self.world.own.contains(&id) {
+                continue;
+            }
             let info = Info::new(Some(block.name.clone()), block.interface.clone(), BTreeMap::new());
             self.world.blocks.insert(id, info);
         }
@@ -118,6 +126,7 @@ impl<'e> Elaborator<'e> {
                 self.data_block(index, n);
             }
         }
+        demanded
     }
 
     fn name_blocks(&mut self) {
@@ -135,8 +144,10 @@ impl<'e> Elaborator<'e> {
             if let Some(name) = name {
                 self.by_name.insert(name, index);
                 let id = name.0.kind().map(|kind| BlockId::new(kind, name.1));
-                if let Some(known) = id.and_then(|id| self.library.get(id)) {
-                    let message = format!("{} {} is also in the library, as {}", name.0.name(), name.1, known.name);
+                self.world.own.extend(id);
+                if let Some(known) = id.and_then(|id| self.library.get(id)).filter(|known| !known.yields) {
+                    let by = if known.origin.is_empty() { "the library" } else { known.origin.as_str() };
+                    let message = format!("{} {} is this block, and {} of {by}", name.0.name(), name.1, known.name);
                     self.sink.report(block.file, block.span, &codes::ALSO_IN_LIBRARY, message);
                 }
             }
@@ -165,18 +176,25 @@ impl<'e> Elaborator<'e> {
     pub(crate) fn resolve_name(&mut self, file: usize, name: &NameRef, span: Span) -> Option<Named> {
         let symbol = match name {
             NameRef::Absolute(word, number) => return Some((*word, *number)),
-            NameRef::Symbol(symbol) => symbol,
+            NameRef::Symbol(symbol) | NameRef::Bare(symbol) => symbol,
         };
         match self.world.symbol(symbol) {
             Some(Symbolic::Block(word, number)) => Some((*word, *number)),
+            Some(Symbolic::Nameless) => None,
             Some(_) => {
                 self.sink.report(file, span, &codes::UNKNOWN_SYMBOL, format!("\"{symbol}\" is the symbol of no block"));
                 None
             }
+            None if matches!(name, NameRef::Bare(_)) => {
+                let symbols = &self.world.symbols;
+                let known = symbols.keys().map(String::as_str).chain(type_words().map(|w| -> &str { w }));
+                let shown: String = symbol.chars().take(64).collect();
+                let message = format!("{shown} is no data type");
+                self.sink.report_unknown(file, span, &codes::UNKNOWN_TYPE, message, symbol, known);
+                None
+            }
             None => {
-                let known = self.world.symbols.keys().map(String::as_str);
-                let message = format!("the symbol \"{symbol}\" is in no symbol table");
-                self.sink.report_unknown(file, span, &codes::UNKNOWN_SYMBOL, message, symbol, known);
+                self.world.report_unknown_symbol(symbol, file, span, self.sink);
                 None
             }
         }
@@ -300,7 +318,14 @@ impl<'e> Elaborator<'e> {
         if let Some(result) = &block.result {
             match self.ty(block.file, result, nesting) {
                 Some(resolved) => {
-                    params.push(Param::new("RET_VAL", Section::Return, resolved.ty));
+                    let mut param = Param::new("RET_VAL", Section::Return, resolved.ty);
+                    // TIA Portal calls it like its function.
+                    if let NameRef::Symbol(name) = &block.name
+                        && !names.contains_key(&name.to_uppercase())
+                    {
+                        param.aliases.push(name.clone());
+                    }
+                    params.push(param);
                     fbs.push(None);
                 }
                 None => good = false,
@@ -318,7 +343,39 @@ impl<'e> Elaborator<'e> {
         interface.lay_out(has_instance);
         let (instance, temp) = (u64::from(interface.instance_bytes), u64::from(interface.temp_bytes));
         self.within_limits(block, instance, temp, formals)?;
-        Some(Info::new(block.header_name.clone(), interface, instances))
+        let mut info = Info::new(block.header_name.clone(), interface, instances);
+        info.optimized = block.optimized;
+        for declaration in &block.constants {
+            if let Some(constant) = self.constant(block.file, declaration) {
+                info.constants.insert(declaration.name.to_uppercase(), constant);
+            }
+        }
+        Some(info)
+    }
+
+    /// One of `VAR CONSTANT`. `None` when it has no value, or a mistake (reported).
+    fn constant(&mut self, file: usize, declaration: &Declaration) -> Option<Constant> {
+        let Some(tokens) = declaration.initial.clone() else {
+            self.sink.report(
+                file,
+                declaration.span,
+                &codes::INITIAL_VALUE,
+                "a constant has a value: name : TYPE := 5;",
+            );
+            return None;
+        };
+        let resolver = Resolver::new(&self.world, self.sets.of(file), None);
+        let mut reader = Reader::new(file, self.files.get(file)?, self.sink, tokens, declaration.span);
+        let constant = resolver.constant(&mut reader)?;
+        reader.finish(&codes::INITIAL_VALUE);
+        Some(match (constant, &declaration.ty.kind) {
+            // The type says how wide a number is.
+            (Constant::Integer(v), TypeKind::Simple(DataType::DInt)) => {
+                i32::try_from(v).map_or(Constant::Integer(v), Constant::DInt)
+            }
+            (Constant::Integer(v), TypeKind::Simple(DataType::Real)) => Constant::Real(v as f32),
+            (constant, _) => constant,
+        })
     }
 
     /// Holds an interface against the limits; `None` when it breaks one (reported).

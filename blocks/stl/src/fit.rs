@@ -65,7 +65,7 @@ pub(crate) fn fit(formal: &Param, value: Value<'_>, instance: bool) -> Result<Ar
             _ => Err(misfit()),
         },
         Value::Block(BlockWord::Db, Number::Fixed(db)) if *ty == DataType::Pointer => {
-            let pointer = PointerConstant { area: Some(Area::Db), at: ob1_model::BitAddr(0), db, any: None };
+            let pointer = PointerConstant { area: Some(Area::Db), at: ob1_model::BitAddr(0), db, any: None, own: None };
             Ok(Arg::Bytes(pointer.pointer_bytes().into()))
         }
         _ => Err(misfit()),
@@ -114,7 +114,7 @@ fn pointer_to(ty: &DataType, operand: Operand, actual: Option<&DataType>) -> Opt
         Place::InDb(db, at) => (Area::Db, at, db),
         _ => return None,
     };
-    let pointer = PointerConstant { area: Some(area), at, db, any: Some(any_length(operand, actual)) };
+    let pointer = PointerConstant { area: Some(area), at, db, any: Some(any_length(operand, actual)), own: None };
     Some(Arg::Bytes(if *ty == DataType::Any { pointer.any_bytes() } else { pointer.pointer_bytes() }.into()))
 }
 

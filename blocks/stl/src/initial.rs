@@ -1,10 +1,12 @@
 //! Start values: the bytes a data block begins with.
 
+use ob1_ir::Number;
 use ob1_model::{BitAddr, DataType, Layout, cells};
 
 use crate::codes;
 use crate::constant::Encoded;
-use crate::operand::Resolver;
+use crate::mnemonics::BlockWord;
+use crate::operand::{Resolver, Value, with_article};
 use crate::reader::Reader;
 use crate::token::Kind;
 
@@ -79,6 +81,9 @@ pub(crate) fn read(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &Da
 
 fn constant(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType) -> Option<Vec<u8>> {
     let span = reader.rest();
+    if ty.is_parameter_type() {
+        return number(resolver, reader, ty);
+    }
     let constant = resolver.constant(reader)?;
     match constant.encode(ty) {
         Ok(Encoded::Bytes(bytes)) => Some(bytes),
@@ -93,6 +98,33 @@ fn constant(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType)
     }
 }
 
+/// The value of a TIMER, COUNTER or BLOCK parameter in an instance data block: `T 5`, `Z 3`, `FC 4`.
+fn number(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType) -> Option<Vec<u8>> {
+    let span = reader.rest();
+    let value = resolver.operand(reader)?;
+    let fits = match (&value, ty) {
+        (Value::Timer(n), DataType::Timer | DataType::TimerOrWord)
+        | (Value::Counter(n), DataType::Counter)
+        | (Value::Block(BlockWord::Db | BlockWord::Di, n), DataType::BlockDb)
+        | (Value::Block(BlockWord::Fb, n), DataType::BlockFb)
+        | (Value::Block(BlockWord::Fc, n), DataType::BlockFc)
+        | (Value::Block(_, n), DataType::BlockSdb) => match n {
+            Number::Fixed(n) => Some(*n),
+            _ => None,
+        },
+        (Value::Constant(constant), _) => match constant.encode(&DataType::Word) {
+            Ok(Encoded::Bits(bits)) => u16::try_from(bits).ok(),
+            _ => None,
+        },
+        _ => None,
+    };
+    if fits.is_none() {
+        let message = format!("{} takes the number of one, this is {}", with_article(ty.name()), value.describe());
+        reader.report(span, &codes::CONSTANT_TYPE, message);
+    }
+    fits.map(|n| n.to_be_bytes().to_vec())
+}
+
 fn array(
     resolver: &Resolver<'_>,
     reader: &mut Reader<'_, '_>,
@@ -104,6 +136,8 @@ fn array(
     let mut places = Vec::new();
     for_each_element(dims, element, |offset| places.push(BitAddr(offset)));
     let start = reader.here();
+    // TIA Portal puts the list into brackets.
+    let bracket = reader.eat(Kind::LeftBracket).is_some();
     let mut given = 0usize;
     loop {
         let repeated = reader.peek_second().is_some_and(|t| t.kind == Kind::LeftParen);
@@ -138,6 +172,10 @@ fn array(
         if reader.eat(Kind::Comma).is_none() {
             break;
         }
+    }
+    if bracket && reader.eat(Kind::RightBracket).is_none() {
+        reader.report(start, &codes::INITIAL_VALUE, "the list of values is not closed with ]");
+        return None;
     }
     let mut one = vec![0; size(element)];
     write_default(element, BitAddr(0), &mut one);

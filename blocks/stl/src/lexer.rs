@@ -2,10 +2,18 @@
 
 use crate::codes;
 use crate::diagnostic::Sink;
+use crate::parser::{HEADER_LINES, begins_block, ends_head, is_section};
 use crate::token::{Kind, Span, Token};
 
 /// Prefixes of constants, before a `#`.
-const CONSTANT_PREFIXES: [&str; 20] = [
+const CONSTANT_PREFIXES: [&str; 27] = [
+    "BOOL",
+    "CHAR",
+    "REAL",
+    "SINT",
+    "USINT",
+    "UINT",
+    "UDINT",
     "B",
     "BYTE",
     "W",
@@ -30,8 +38,17 @@ const CONSTANT_PREFIXES: [&str; 20] = [
 
 /// Splits `text`. Every token costs one step; every character is looked at a bounded number of times.
 pub(crate) fn lex(file: usize, text: &str, sink: &mut Sink) -> Vec<Token> {
-    let mut lexer =
-        Lexer { lines_within: 0, file, text, at: 0, line: 1, tokens: Vec::with_capacity(text.len() / 4), sink };
+    let mut lexer = Lexer {
+        lines_within: 0,
+        in_head: false,
+        stray_line: 0,
+        file,
+        text,
+        at: 0,
+        line: 1,
+        tokens: Vec::with_capacity(text.len() / 4),
+        sink,
+    };
     lexer.run();
     lexer.tokens
 }
@@ -55,6 +72,10 @@ fn closed_list(text: &str) -> Option<usize> {
 struct Lexer<'a> {
     /// Line ends within the token under way.
     lines_within: u32,
+    /// Between a block's first word and its first section or statement, where a line like `AUTHOR : x` has any text.
+    in_head: bool,
+    /// The line of the last stray character: a broken line costs one message.
+    stray_line: u32,
     file: usize,
     text: &'a str,
     at: usize,
@@ -106,7 +127,12 @@ impl<'a> Lexer<'a> {
         while let Some(c) = self.peek() {
             self.sink.steps += 1;
             let start = self.at;
-            if c == '\n' {
+            if self.tokens.last().is_some_and(|t| t.kind == Kind::Colon)
+                && let Some(length) = self.head_text()
+            {
+                self.at += length;
+                self.push(Kind::Title, start, spaced);
+            } else if c == '\n' {
                 self.bump();
                 self.push(Kind::Newline, start, spaced);
                 self.line = self.line.saturating_add(1);
@@ -117,6 +143,15 @@ impl<'a> Lexer<'a> {
             } else if self.rest().starts_with("//") {
                 self.skip_while(|c| c != '\n');
                 spaced = true;
+            } else if self.rest().starts_with("(*") {
+                if self.comment(start) {
+                    self.push(Kind::Newline, self.at, true);
+                }
+                spaced = true;
+            } else if c == '%' && self.peek_second().is_some_and(is_word_start) {
+                // TIA Portal marks an address: %MW10 is MW 10.
+                self.bump();
+                spaced = true;
             } else {
                 let kind = self.token(c);
                 self.push(kind, start, spaced);
@@ -124,6 +159,22 @@ impl<'a> Lexer<'a> {
             }
         }
         self.push(Kind::Newline, self.at, spaced);
+    }
+
+    /// `(* .. *)`, over any number of lines; true when it ends a line.
+    fn comment(&mut self, start: usize) -> bool {
+        let text = self.rest();
+        let length = text.get(2..).and_then(|inner| inner.find("*)")).map(|at| at + 4);
+        if length.is_none() {
+            let span = Span { start: start as u32, end: start as u32 + 2 };
+            self.sink.report(self.file, span, &codes::NOT_CLOSED, "the comment is not closed with *)");
+        }
+        let length = length.unwrap_or(text.len());
+        let lines = text.get(..length).unwrap_or("").matches('\n').count() as u32;
+        self.at += length;
+        self.line = self.line.saturating_add(lines);
+        self.sink.steps += u64::from(lines);
+        lines > 0
     }
 
     fn push(&mut self, kind: Kind, start: usize, spaced: bool) {
@@ -152,7 +203,10 @@ impl<'a> Lexer<'a> {
         let start = self.at;
         self.skip_while(is_word);
         let word = self.text.get(start..self.at).unwrap_or("");
-        if word.eq_ignore_ascii_case("TITLE") && self.starts_line() && self.title_follows() {
+        if self.starts_line() {
+            self.first_word(word);
+        }
+        if word.eq_ignore_ascii_case("TITLE") && self.title_follows() && self.title_may_stand() {
             self.skip_while(|c| c != '\n');
             return Kind::Title;
         }
@@ -164,7 +218,13 @@ impl<'a> Lexer<'a> {
             return Kind::PointerSign;
         }
         // `L#name` is the mnemonic L and a local name, `L#5` a constant: constants go on with a digit or a sign.
-        let goes_on = self.peek_second().is_some_and(|c| c.is_ascii_digit() || matches!(c, '-' | '+' | '('));
+        let second = self.peek_second();
+        if second == Some('\'') && word.eq_ignore_ascii_case("CHAR") {
+            self.bump();
+            return self.quoted('\'', Kind::Text);
+        }
+        let truth = word.eq_ignore_ascii_case("BOOL") && second.is_some_and(char::is_alphabetic);
+        let goes_on = truth || second.is_some_and(|c| c.is_ascii_digit() || matches!(c, '-' | '+' | '('));
         if !goes_on || !CONSTANT_PREFIXES.iter().any(|p| p.eq_ignore_ascii_case(word)) {
             return Kind::Word;
         }
@@ -174,11 +234,50 @@ impl<'a> Lexer<'a> {
         }
         let dated = word.len() == 1 && word.eq_ignore_ascii_case("D") || word.len() > 1 && word.contains(['t', 'T']);
         self.skip_while(|c| c.is_ascii_alphanumeric() || "_.#".contains(c) || dated && "-:".contains(c));
+        let exponent = word.eq_ignore_ascii_case("REAL") && matches!(self.peek(), Some('-' | '+'));
+        if exponent && self.text.get(start..self.at).is_some_and(|t| t.ends_with(['e', 'E'])) {
+            self.bump();
+            self.skip_while(|c| c.is_ascii_digit());
+        }
         Kind::Typed
+    }
+
+    /// What the first word of a line tells of where in a block it stands.
+    fn first_word(&mut self, word: &str) {
+        if begins_block(word) {
+            self.in_head = true;
+        } else if self.in_head && (is_section(word) || ends_head(word)) {
+            self.in_head = false;
+        }
     }
 
     fn starts_line(&self) -> bool {
         self.tokens.last().is_none_or(|t| t.kind == Kind::Newline)
+    }
+
+    /// A title begins a line, or stands behind the name of its block or network.
+    fn title_may_stand(&self) -> bool {
+        let line = self.tokens.iter().rposition(|t| t.kind == Kind::Newline).map_or(0, |at| at + 1);
+        self.tokens.get(line).is_none_or(|first| {
+            let word = self.text.get(first.span.start as usize..first.span.end as usize).unwrap_or("");
+            begins_block(word) || word.eq_ignore_ascii_case("NETWORK")
+        })
+    }
+
+    /// The rest of a line of a block's head behind its colon: any text, up to a comment.
+    fn head_text(&mut self) -> Option<usize> {
+        let tokens = self.tokens.as_slice();
+        let [.., before, word, colon] = tokens else { return None };
+        let line = before.kind == Kind::Newline && colon.kind == Kind::Colon && self.in_head;
+        let text = self.text.get(word.span.start as usize..word.span.end as usize).unwrap_or("");
+        if !line || !HEADER_LINES.iter().any(|w| w.eq_ignore_ascii_case(text)) {
+            return None;
+        }
+        let rest = self.rest();
+        let end = rest.find('\n').unwrap_or(rest.len());
+        let line = rest.get(..end).unwrap_or("");
+        let text = line.split("//").next().unwrap_or("").trim_end();
+        (!text.trim().is_empty()).then_some(text.len())
     }
 
     fn title_follows(&self) -> bool {
@@ -293,6 +392,10 @@ impl<'a> Lexer<'a> {
             '+' | '-' | '*' | '/' => Kind::Operator,
             _ => {
                 self.skip_while(|c| !c.is_whitespace() && !is_word(c) && !c.is_ascii_punctuation());
+                if self.stray_line == self.line {
+                    return Kind::Bad;
+                }
+                self.stray_line = self.line;
                 let span = Span { start: start as u32, end: self.at as u32 };
                 let shown: String = self.text.get(start..self.at).unwrap_or("").chars().take(8).collect();
                 let message = format!("{} means nothing in STL", shown.escape_debug());
@@ -344,5 +447,25 @@ mod tests {
     fn titles_are_raw() {
         assert_eq!(kinds("TITLE = it's \"so\n")[0].0, Kind::Title);
         assert_eq!(kinds("L TITLE = 1")[1].0, Kind::Word);
+        assert_eq!(kinds("NETWORK TITLE = it's\nFUNCTION FC 1 : VOID TITLE = it's\n")[1].0, Kind::Title);
+    }
+
+    #[test]
+    fn a_head_has_any_text() {
+        let text = "FUNCTION FC 1 : VOID\nAUTHOR : it's {\"me\nNAME: a-b // c\nVAR_INPUT\nNAME : INT;\n";
+        assert_eq!(words(text), "FUNCTION FC 1 : VOID AUTHOR :  it's {\"me NAME :  a-b VAR_INPUT NAME : INT ;");
+    }
+
+    #[test]
+    fn comments_go_over_lines() {
+        assert_eq!(words("L 1 (* a\n b *) T MW 2 // c\n(* d *) U M 1.0"), "L 1 T MW 2 U M 1.0");
+        let mut sink = Sink::new();
+        let tokens = lex(0, "(*\n*)\nL 1", &mut sink);
+        assert_eq!(tokens.iter().find(|t| t.kind == Kind::Word).map(|t| t.line), Some(3));
+    }
+
+    #[test]
+    fn tia_s_addresses() {
+        assert_eq!(words("= %DB1.DBX0.3; L %MW10 CHAR#'A' BOOL#TRUE"), "= DB1 . DBX0 . 3 ; L MW10 CHAR#'A' BOOL#TRUE");
     }
 }

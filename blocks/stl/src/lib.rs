@@ -32,6 +32,7 @@ mod literal;
 mod lower;
 mod mnemonics;
 mod names;
+mod numbering;
 mod operand;
 mod parse_code;
 mod parse_types;
@@ -41,26 +42,29 @@ pub mod print;
 mod raw_list;
 mod reach;
 mod reader;
+mod recognise;
 mod source;
 mod symbol_rows;
 mod symbol_table;
 mod symbols;
 mod syntax;
+mod tia;
 mod time;
 mod token;
 mod types;
 mod world;
 mod xref;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_ir::{DataBlock, Program, Symbol};
 use ob1_model::BlockId;
 
-pub use diagnostic::{Diagnostic, Severity, render, render_all};
+pub use diagnostic::{Diagnostic, Limit, Rest, Severity, USES, render, render_all};
 pub use library::{Library, LibraryBlock, Missing};
 pub use listing::listing;
 pub use mnemonics::Mnemonics;
+pub use numbering::Numbered;
 pub use source::Source;
 pub use symbol_table::{SymbolTable, TableForm, read_symbol_tables, read_symbols};
 
@@ -70,6 +74,7 @@ use auto::Sets;
 use diagnostic::Sink;
 use elaborate::{Elaborator, Named};
 use mnemonics::Words;
+use recognise::Other;
 use token::{File, Span};
 use world::{Data, World};
 
@@ -80,8 +85,14 @@ pub struct Options {
     pub mnemonics: Mnemonics,
     /// Symbols, from symbol tables.
     pub symbols: Vec<Symbol>,
-    /// Look for the classic porting traps as well (S0903 and above).
+    /// Look for the classic porting traps as well (S0903 to S0908).
     pub lints: bool,
+    /// Numbers of blocks that have a name only, as the user has fixed them.
+    pub fixed: Vec<Numbered>,
+    /// Numbers given to such blocks before.
+    pub kept: Vec<Numbered>,
+    /// The most findings that are wanted; all without.
+    pub limit: Option<Limit>,
 }
 
 /// What [`compile`] gives.
@@ -91,6 +102,12 @@ pub struct Output {
     pub program: Program,
     /// What was found, by source and place.
     pub diagnostics: Vec<Diagnostic>,
+    /// What was found beyond [`Options::limit`].
+    pub rest: Rest,
+    /// The blocks that had a name only, with the numbers they were given.
+    pub numbers: Vec<Numbered>,
+    /// The blocks of [`Library::offer`] that the program calls, with their names and numbers.
+    pub demanded: Vec<Numbered>,
     /// Elementary steps of work done (tokens looked at, declarations, bytes of start values): grows linearly with the
     /// input.
     pub steps: u64,
@@ -100,7 +117,7 @@ impl Output {
     /// True when there is no error.
     #[must_use]
     pub fn is_good(&self) -> bool {
-        self.diagnostics.iter().all(|d| d.severity != Severity::Error)
+        self.rest.errors == 0 && self.diagnostics.iter().all(|d| d.severity != Severity::Error)
     }
 }
 
@@ -112,15 +129,32 @@ const LONGEST_SOURCE: usize = 64 << 20;
 pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Output {
     let mut sink = Sink::new();
     let decoded: Vec<_> = sources.iter().map(Source::text).collect();
-    let files: Vec<File<'_>> = decoded.iter().enumerate().map(|(i, text)| file(i, text, &mut sink)).collect();
-    let sets = Sets::new(files.iter().enumerate().map(|(i, file)| set_of(i, file, options, &mut sink)).collect());
+    let words = [Mnemonics::German, Mnemonics::International].map(Words::new);
+    let words = [&words[0], &words[1]];
+    let foreign: Vec<_> =
+        sources.iter().zip(&decoded).map(|(source, text)| recognise::other(&source.name, text, words)).collect();
+    let mut files = Vec::with_capacity(sources.len());
+    for (index, (text, other)) in decoded.iter().zip(&foreign).enumerate() {
+        files.push(file(index, text, *other, &mut sink));
+    }
+    let set = |(i, file): (usize, &File<'_>)| match foreign.get(i) {
+        Some(Some(_)) => Mnemonics::German,
+        _ => set_of(i, file, options, &mut sink),
+    };
+    let sets = Sets::new(files.iter().enumerate().map(set).collect());
     let mut blocks = Vec::new();
-    for (index, file) in files.iter().enumerate() {
-        blocks.extend(parser::parse(index, file, sets.of(index), &mut sink));
+    for (index, (file, other)) in files.iter().zip(&foreign).enumerate() {
+        match other {
+            None => blocks.extend(parser::parse(index, file, sets.of(index), &mut sink)),
+            // What is wrong in another language is not ours to say.
+            Some(_) => blocks.extend(parser::parse_declarations(index, file, sets.of(index), &mut Sink::new())),
+        }
     }
     let symbols = symbols::read(&options.symbols, &Words::of_both());
     let mut elaborator = Elaborator::new(&files, &blocks, &sets, library, symbols, &mut sink);
-    elaborator.run();
+    elaborator.world.peripheral = symbols::peripheral(&options.symbols);
+    let numbers = elaborator.number_names(&options.fixed, &options.kept);
+    let demanded = elaborator.run();
     let (mut world, names) = (elaborator.world, elaborator.names);
     let mut whole = options.lints.then(lints::Whole::default);
     let code = lower_all(&files, &blocks, &names, &world, &sets, whole.as_mut(), &mut sink);
@@ -130,7 +164,7 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     let mut program = Program {
         blocks: code.0,
         data: Vec::new(),
-        symbols: options.symbols.clone(),
+        symbols: options.symbols.iter().cloned().chain(numbers.iter().map(Numbered::symbol)).collect(),
         sources: sources.iter().map(|s| s.name.clone()).collect(),
     };
     for (number, fb) in code.1 {
@@ -141,7 +175,8 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     program.data = world.data.into_iter().map(|(number, data)| data_block(number, data)).collect();
     let texts: Vec<&str> = files.iter().map(|f| f.text).collect();
     let steps = sink.steps;
-    Output { program, diagnostics: sink.finish(&texts), steps }
+    let (diagnostics, rest) = sink.finish_within(&texts, options.limit);
+    Output { program, diagnostics, rest, numbers, demanded, steps }
 }
 
 /// The set of mnemonics a file is written in.
@@ -152,7 +187,15 @@ fn set_of(index: usize, file: &File<'_>, options: &Options, sink: &mut Sink) -> 
     }
 }
 
-fn file<'t>(index: usize, text: &'t str, sink: &mut Sink) -> File<'t> {
+fn file<'t>(index: usize, text: &'t str, other: Option<Other>, sink: &mut Sink) -> File<'t> {
+    if let Some(other) = other {
+        let (message, remedy) = other.says();
+        sink.foreign(index, message, remedy);
+        if other != Other::Scl || text.len() > LONGEST_SOURCE {
+            return File { text: "", tokens: Vec::new() };
+        }
+        return File { text, tokens: lexer::lex(index, text, &mut Sink::new()) };
+    }
     if text.len() > LONGEST_SOURCE {
         let message = format!("the source has {} bytes", text.len());
         sink.report(index, Span::default(), &codes::SOURCE_TOO_LONG, message);
@@ -184,11 +227,20 @@ fn lower_all(
     }
     let names = lower::Names { world, sets, labels: &labels };
     let mut code = Vec::new();
-    let mut found = lower::Found { wanted: BTreeMap::new(), lints };
+    let mut found = lower::Found { wanted: BTreeMap::new(), opened: BTreeSet::new(), lints };
     for (block, id) in blocks.iter().zip(&ids) {
         let (Some(file), Some(id)) = (files.get(block.file), id) else { continue };
-        if id.kind != ob1_model::BlockKind::Db {
+        if id.kind != ob1_model::BlockKind::Db && !block.foreign {
             code.extend(lower::lower(*id, block, file, &names, &mut found, sink));
+        }
+    }
+    for (db, file, span) in found.opened {
+        let id = BlockId::new(ob1_model::BlockKind::Db, db);
+        if !world.data.contains_key(&db) && !found.wanted.contains_key(&db) && !world.own.contains(&id) {
+            sink.missing(&format!("AUF DB {db}"), file, span, &codes::DB_NOT_THERE, |_| {
+                let message = format!("DB {db} is opened, but is in no source: {}", diagnostic::USES);
+                (message, codes::DB_NOT_THERE.remedy.to_owned())
+            });
         }
     }
     (code, found.wanted)

@@ -11,6 +11,10 @@ pub struct LibraryBlock {
     pub name: String,
     /// Its parameters; for an FB with the layout of its instance (see [`Interface::lay_out`]).
     pub interface: Interface,
+    /// Who brings it, for messages: `plugin libob1_cp240.so`.
+    pub origin: String,
+    /// It yields to a block of the program that has its number.
+    pub yields: bool,
 }
 
 /// What to say of a block that is not in the library but is called.
@@ -27,6 +31,10 @@ pub struct Missing {
 pub struct Library {
     blocks: BTreeMap<BlockId, LibraryBlock>,
     missing: BTreeMap<BlockId, Missing>,
+    /// Names in capitals of blocks that are not here, with their usual number.
+    named: BTreeMap<String, BlockId>,
+    /// Blocks by their name in capitals that come when a program calls them by it, under their usual number.
+    on_demand: BTreeMap<String, (BlockId, LibraryBlock)>,
 }
 
 impl Library {
@@ -42,7 +50,46 @@ impl Library {
         if id.kind.has_instance() && interface.instance_bytes == 0 {
             interface.lay_out(true);
         }
-        self.blocks.insert(id, LibraryBlock { name: name.to_owned(), interface })
+        let origin = String::new();
+        self.blocks.insert(id, LibraryBlock { name: name.to_owned(), interface, origin, yields: false })
+    }
+
+    /// Says of a block who brings it, and whether it yields to one of the program with its number.
+    pub fn set_origin(&mut self, id: BlockId, origin: &str, yields: bool) {
+        if let Some(block) = self.blocks.get_mut(&id) {
+            origin.clone_into(&mut block.origin);
+            block.yields = yields;
+        }
+    }
+
+    /// A block that is not here is usually called so: a program that names it without a symbol table is told its
+    /// number.
+    pub fn name(&mut self, id: BlockId, name: &str) {
+        self.named.entry(name.to_uppercase()).or_insert(id);
+    }
+
+    /// A block that comes when a program calls it by its bare name, as TIA Portal does.
+    pub fn offer(&mut self, id: BlockId, name: &str, mut interface: Interface) {
+        if id.kind.has_instance() && interface.instance_bytes == 0 {
+            interface.lay_out(true);
+        }
+        let block = LibraryBlock { name: name.to_owned(), interface, origin: String::new(), yields: true };
+        self.on_demand.entry(name.to_uppercase()).or_insert((id, block));
+    }
+
+    pub(crate) fn offered(&self, name: &str) -> Option<&(BlockId, LibraryBlock)> {
+        self.on_demand.get(&name.to_uppercase())
+    }
+
+    /// Names in capitals with the numbers of all blocks that are here or usual.
+    pub(crate) fn names(&self) -> BTreeMap<String, BlockId> {
+        let here = self.blocks.iter().map(|(id, block)| (block.name.to_uppercase(), *id));
+        self.named.iter().map(|(name, id)| (name.clone(), *id)).chain(here).collect()
+    }
+
+    /// The numbers of all blocks that are here or usual.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = BlockId> {
+        self.blocks.keys().chain(self.missing.keys()).chain(self.named.values()).copied()
     }
 
     /// A block by kind and number.

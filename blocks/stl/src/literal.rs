@@ -6,7 +6,7 @@ use ob1_model::{Area, BitAddr, DataType};
 use crate::address::bit_address;
 use crate::codes;
 use crate::constant::{self, ANY_TYPES, Constant, PointerConstant, ToParam};
-use crate::mnemonics::Identifier;
+use crate::mnemonics::{BlockWord, Identifier};
 use crate::operand::{Resolver, Value};
 use crate::parser::{split_digits, unquote};
 use crate::reader::Reader;
@@ -93,7 +93,12 @@ impl Resolver<'_> {
             Kind::Number => {
                 reader.next();
                 let Some(at) = bit_address(reader.text(token)) else { return wrong(reader) };
-                return Some(PointerConstant { area: None, at, db, any: None });
+                return Some(PointerConstant { area: None, at, db, any: None, own: None });
+            }
+            Kind::Symbol => {
+                reader.next();
+                let value = self.symbol(reader, unquote(reader.text(token)), span)?;
+                return self.pointer_to_value(reader, &value, span);
             }
             Kind::Word => {}
             _ => return wrong(reader),
@@ -104,9 +109,17 @@ impl Resolver<'_> {
             let number =
                 if digits.is_empty() { reader.eat(Kind::Number).map_or("", |t| reader.text(t)) } else { digits };
             db = number.parse().unwrap_or(0);
-            let inner = reader.eat(Kind::Dot).and_then(|_| reader.eat(Kind::Word));
-            let Some(inner) = inner.filter(|_| db > 0) else { return wrong(reader) };
-            (word, digits) = split_digits(reader.text(inner));
+            if db == 0 || reader.eat(Kind::Dot).is_none() {
+                return wrong(reader);
+            }
+            let absolute = reader.peek().filter(|t| t.kind == Kind::Word).map(|t| split_digits(reader.text(t)));
+            let Some(inner) = absolute.filter(|(word, _)| self.words.identifier(word).is_some()) else {
+                let value = self.in_data(reader, BlockWord::Db, db, span)?;
+                return self.pointer_to_value(reader, &value, span);
+            };
+            self.refuse_optimized(reader, db, span)?;
+            reader.next();
+            (word, digits) = inner;
         }
         let area = match self.words.identifier(word) {
             Some(Identifier::Memory(area, Width::Bit)) => area,
@@ -116,7 +129,33 @@ impl Resolver<'_> {
         };
         let Some(at) = self.bit_part(reader, digits) else { return wrong(reader) };
         let any = self.any_length(reader, span)?;
-        Some(PointerConstant { area: Some(area), at, db, any })
+        Some(PointerConstant { area: Some(area), at, db, any, own: None })
+    }
+
+    /// `P#"Data".x[2].y`, `P#DB1.STR1`: the address of a component, with its length for an ANY.
+    fn pointer_to_value(&self, reader: &mut Reader<'_, '_>, value: &Value<'_>, span: Span) -> Option<PointerConstant> {
+        let Value::Memory { operand, ty } = *value else {
+            reader.report(
+                span,
+                &codes::POINTER,
+                format!("P# takes the address of a component, this is {}", value.describe()),
+            );
+            return None;
+        };
+        let (area, at, db) = match operand.place {
+            Place::Fixed(area, at) => (area, at, 0),
+            Place::InDb(db, at) => (Area::Db, at, db),
+            _ => {
+                reader.report(span, &codes::POINTER, "where this lies is known at run time only");
+                return None;
+            }
+        };
+        if db > 0 {
+            self.refuse_optimized(reader, db, span)?;
+        }
+        let any = self.any_length(reader, span)?;
+        let own = crate::fit::any_length(operand, ty);
+        Some(PointerConstant { area: Some(area), at, db, any, own: Some(own) })
     }
 
     /// `BYTE 12` after a pointer; `Some(None)` when nothing follows.
@@ -174,6 +213,6 @@ impl Resolver<'_> {
                 return None;
             }
         };
-        Some(Constant::Pointer(PointerConstant { area: Some(area), at, db: 0, any: None }))
+        Some(Constant::Pointer(PointerConstant { area: Some(area), at, db: 0, any: None, own: None }))
     }
 }

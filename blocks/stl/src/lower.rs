@@ -1,9 +1,9 @@
 //! Statements to operations.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_ir::{AddressRegister, BitTest, CodeBlock, DbRegister, Number, NumberFormat, Op, Operand, Stmt, Width};
-use ob1_model::{BlockId, DataType};
+use ob1_model::{Area, BlockId, DataType};
 
 use crate::auto::Sets;
 use crate::codes;
@@ -13,7 +13,7 @@ use crate::elaborate::LONGEST;
 use crate::expand::{self, Around, Hidden};
 use crate::jumps::Labels;
 use crate::lints::Whole;
-use crate::mnemonics::{BlockWord, Row, Shape};
+use crate::mnemonics::{BlockWord, Identifier, Row, Shape};
 use crate::operand::{Resolver, Value};
 use crate::reader::Reader;
 use crate::syntax::{Block, Statement};
@@ -32,6 +32,8 @@ pub(crate) struct Names<'n> {
 pub(crate) struct Found<'f> {
     /// Instance data blocks that calls name and no source declares, with their FB.
     pub(crate) wanted: BTreeMap<u16, BlockId>,
+    /// Data blocks that are opened, with the first place in each block.
+    pub(crate) opened: BTreeSet<(u16, usize, Span)>,
     /// Where traps are looked for, what concerns several blocks.
     pub(crate) lints: Option<&'f mut Whole>,
 }
@@ -68,6 +70,7 @@ pub(crate) fn lower(
     let mut lowerer = Lowerer { resolver, file, index: block.file, sink, wanted, hidden, around: Around::default() };
     let mut code = Vec::with_capacity(block.statements.len());
     let mut around = BTreeMap::new();
+    let mut opened = BTreeSet::new();
     for (at, statement) in (0u32..).zip(&block.statements) {
         lowerer.hidden.next_statement();
         lowerer.around = Around::default();
@@ -75,8 +78,12 @@ pub(crate) fn lower(
         if op != Op::Nop && !lowerer.around.is_empty() {
             around.insert(at, std::mem::take(&mut lowerer.around));
         }
+        if let Op::OpenDb(_, Number::Fixed(n)) = op {
+            opened.insert((n, block.file, statement.span));
+        }
         code.push(Stmt { op, network: statement.network, line: statement.line });
     }
+    found.opened.extend(opened);
     let hidden = lowerer.hidden;
     crate::jumps::jump_lists(block, &mut code, sink);
     crate::brackets::check(block, &code, sink);
@@ -91,7 +98,7 @@ pub(crate) fn lower(
     }
     let code = expand::expand(code, around, &hidden, own);
     interface.temp_bytes = interface.temp_bytes.max(CodeBlock::local_bytes(&code));
-    let name = block.header_name.clone();
+    let name = block.shown_name();
     Some(CodeBlock { id, name, interface, code, source: block.file as u32 })
 }
 
@@ -177,6 +184,7 @@ fn operation(
         _ => {}
     }
     let span = reader.rest();
+    refuse_periphery(resolver, reader, &row.shape, span)?;
     let value = match (resolver.operand(reader)?, &row.shape) {
         (Value::Constant(Constant::ToParam { index, kind }), Shape::Load) => {
             return Some(Lowered::LoadPointer(None, index, kind));
@@ -208,6 +216,43 @@ fn operation(
             None
         }
     }
+}
+
+/// Peripheral inputs are only read, peripheral outputs only written. `None`: reported.
+fn refuse_periphery(resolver: Resolver<'_>, reader: &mut Reader<'_, '_>, shape: &Shape, span: Span) -> Option<()> {
+    let write = match shape {
+        Shape::Load => false,
+        Shape::Transfer => true,
+        _ => return Some(()),
+    };
+    let Some(token) = reader.peek() else { return Some(()) };
+    let text = reader.text(token);
+    let output = match token.kind {
+        Kind::Word => {
+            let (letters, _) = crate::parser::split_digits(text);
+            match resolver.words.identifier(letters) {
+                Some(Identifier::Memory(Area::Peripheral, _)) => {
+                    letters.get(1..2).is_some_and(|l| l.eq_ignore_ascii_case("A") || l.eq_ignore_ascii_case("Q"))
+                }
+                _ => return Some(()),
+            }
+        }
+        Kind::Symbol => match resolver.world.peripheral.get(&crate::parser::unquote(text).to_uppercase()) {
+            Some(output) => *output,
+            None => return Some(()),
+        },
+        _ => return Some(()),
+    };
+    if output == write {
+        return Some(());
+    }
+    let message = if write {
+        "peripheral inputs are only read: T takes a peripheral output"
+    } else {
+        "peripheral outputs are only written: L takes a peripheral input"
+    };
+    reader.report(span, &codes::WRONG_OPERAND, message);
+    None
 }
 
 /// Mnemonics whose operand may be left out.

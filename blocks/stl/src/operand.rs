@@ -176,6 +176,14 @@ impl<'w> Resolver<'w> {
         if self.world.symbol(text).is_some() {
             return self.symbol(reader, text, token.span);
         }
+        if let Some(value) = self.dotted(reader, text, token.span) {
+            return Some(value);
+        }
+        if let Some(id) = self.world.names.get(&text.to_uppercase()).filter(|id| self.world.blocks.contains_key(id))
+            && let Some(word) = BlockWord::of(id.kind)
+        {
+            return Some(Value::Block(word, Number::Fixed(id.number)));
+        }
         let shown: String = text.chars().take(32).collect();
         if self.words.is_foreign(letters) {
             reader.report(
@@ -191,6 +199,29 @@ impl<'w> Resolver<'w> {
         None
     }
 
+    /// A symbol with points in its name, written without quotes.
+    fn dotted(&self, reader: &mut Reader<'_, '_>, first: &str, span: Span) -> Option<Value<'w>> {
+        let mut name = first.to_owned();
+        let parts: Vec<Token> = reader.ahead().take(16).collect();
+        let mut found = None;
+        for (at, pair) in parts.chunks(2).enumerate() {
+            let [dot, word] = pair else { break };
+            if dot.kind != Kind::Dot || !matches!(word.kind, Kind::Word | Kind::Number) || word.spaced {
+                break;
+            }
+            name.push('.');
+            name.push_str(reader.text(*word));
+            if self.world.symbol(&name).is_some() {
+                found = Some((name.clone(), at + 1));
+            }
+        }
+        let (name, pairs) = found?;
+        for _ in 0..pairs * 2 {
+            reader.next();
+        }
+        self.symbol(reader, &name, span)
+    }
+
     /// An operand that begins with an identifier; `digits` are those written together with it.
     fn identified(
         &self,
@@ -202,6 +233,12 @@ impl<'w> Resolver<'w> {
         match identifier {
             Identifier::Memory(area, width) => {
                 let place = self.place(reader, area, width, digits, span)?;
+                if area == Area::Di && self.block.is_some_and(|(_, info)| info.optimized) {
+                    let message = "the instance of this block is optimised, so it has no addresses";
+                    reader.report(span, &codes::OPTIMIZED, message);
+                    return None;
+                }
+                let place = self.at_periphery(reader, place, width);
                 Some(Value::Memory { operand: Operand { width, place }, ty: None })
             }
             Identifier::Crossing(width) => {
@@ -225,6 +262,19 @@ impl<'w> Resolver<'w> {
             Identifier::DbNumber(register) => Some(Value::DbNumber(register)),
             Identifier::Register(register) => Some(Value::Register(register)),
         }
+    }
+
+    /// `:P` behind an address or tag of inputs or outputs: the module itself.
+    fn at_periphery(&self, reader: &mut Reader<'_, '_>, place: Place, width: Width) -> Place {
+        let Place::Fixed(Area::Input | Area::Output, at) = place else { return place };
+        let colon = reader.peek_kind() == Some(Kind::Colon);
+        let p = reader.peek_second().is_some_and(|t| t.kind == Kind::Word && reader.text(t).eq_ignore_ascii_case("P"));
+        if !colon || !p || width == Width::Bit {
+            return place;
+        }
+        reader.next();
+        reader.next();
+        Place::Fixed(Area::Peripheral, at)
     }
 
     /// `DB10`, `FC 9`, `DB10.DBW 20`, `DB10.name`.
@@ -268,7 +318,13 @@ impl<'w> Resolver<'w> {
     }
 
     /// What follows `DB10.`: `DBW 20` or the name of a component.
-    fn in_data(&self, reader: &mut Reader<'_, '_>, word: BlockWord, db: u16, span: Span) -> Option<Value<'w>> {
+    pub(crate) fn in_data(
+        &self,
+        reader: &mut Reader<'_, '_>,
+        word: BlockWord,
+        db: u16,
+        span: Span,
+    ) -> Option<Value<'w>> {
         let place = |at| if word == BlockWord::Di { Place::InDi(db, at) } else { Place::InDb(db, at) };
         let token = reader.peek();
         if let Some(token) = token.filter(|t| t.kind == Kind::Word) {
@@ -279,6 +335,7 @@ impl<'w> Resolver<'w> {
             {
                 reader.next();
                 let at = self.fixed(reader, width, digits, token.span)?;
+                self.refuse_optimized(reader, db, span)?;
                 self.check_inside(reader, db, at, width, span);
                 return Some(Value::Memory { operand: Operand { width, place: place(at) }, ty: None });
             }
@@ -296,11 +353,7 @@ impl<'w> Resolver<'w> {
         };
         let name_span = token.map_or(span, |t| t.span);
         let Some(data) = self.world.data.get(&db) else {
-            reader.report(
-                span,
-                &codes::NO_DATA_BLOCK,
-                format!("DB {db} is not in the program, so it has no name {name}"),
-            );
+            self.world.report_missing_data(db, name, reader.index, span, reader.sink);
             return None;
         };
         let Some(component) = data.find(name) else {
@@ -314,6 +367,16 @@ impl<'w> Resolver<'w> {
         Some(Value::Memory { operand: Operand { width, place: place(at) }, ty: Some(ty) })
     }
 
+    /// An optimised data block has no addresses. `None`: reported.
+    pub(crate) fn refuse_optimized(&self, reader: &mut Reader<'_, '_>, db: u16, span: Span) -> Option<()> {
+        if self.world.data.get(&db).is_some_and(|data| data.optimized) {
+            let message = format!("DB {db} is optimised, so it has no addresses");
+            reader.report(span, &codes::OPTIMIZED, message);
+            return None;
+        }
+        Some(())
+    }
+
     /// Warns when an absolute address lies beyond the end of a data block of the program.
     fn check_inside(&self, reader: &mut Reader<'_, '_>, db: u16, at: BitAddr, width: Width, span: Span) {
         let Some(data) = self.world.data.get(&db) else { return };
@@ -324,7 +387,7 @@ impl<'w> Resolver<'w> {
     }
 
     /// `"symbol"`, with a component behind a data block's.
-    fn symbol(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
+    pub(crate) fn symbol(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
         match self.world.symbol(name) {
             Some(Symbolic::Block(BlockWord::Db, n)) if reader.peek_kind() == Some(Kind::Dot) => {
                 reader.next();
@@ -334,7 +397,8 @@ impl<'w> Resolver<'w> {
             Some(Symbolic::Memory(operand, ty)) => {
                 // A type of another width (from a careless table) does not change what the address says.
                 let ty = ty.as_ref().filter(|ty| width_of(ty) == Some(operand.width));
-                Some(Value::Memory { operand: *operand, ty })
+                let place = self.at_periphery(reader, operand.place, operand.width);
+                Some(Value::Memory { operand: Operand { place, ..*operand }, ty })
             }
             Some(Symbolic::Timer(n)) => Some(Value::Timer(Number::Fixed(*n))),
             Some(Symbolic::Counter(n)) => Some(Value::Counter(Number::Fixed(*n))),
@@ -343,10 +407,9 @@ impl<'w> Resolver<'w> {
                 reader.report(span, &codes::UNKNOWN_SYMBOL, message);
                 None
             }
+            Some(Symbolic::Nameless) => None,
             None => {
-                let known = self.world.symbols.keys().map(String::as_str);
-                let message = format!("the symbol \"{name}\" is in no symbol table");
-                reader.sink.report_unknown(reader.index, span, &codes::UNKNOWN_SYMBOL, message, name, known);
+                self.world.report_unknown_symbol(name, reader.index, span, reader.sink);
                 None
             }
         }
@@ -356,9 +419,25 @@ impl<'w> Resolver<'w> {
     pub(crate) fn local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
         let declared = self.block.and_then(|(kind, info)| Some((kind, info, info.find(name)?)));
         let Some((kind, info, index)) = declared else {
+            let constant = self.block.and_then(|(_, info)| info.constants.get(&name.to_uppercase()));
+            if let Some(constant) = constant {
+                return Some(Value::Constant(constant.clone()));
+            }
+            if self.block.is_some() && self.world.symbol(name).is_some() {
+                let shown: String = name.chars().take(32).collect();
+                let message = format!("#{shown} is not declared in this block; the symbol \"{shown}\" is taken");
+                reader.report(span, &codes::LOCAL_IS_SHARED, message);
+                return self.symbol(reader, name, span);
+            }
             let known = self.block.into_iter().flat_map(|(_, i)| &i.interface.params).map(|p| p.name.as_str());
-            let message = format!("#{name} is not declared in this block");
-            reader.sink.report_unknown(reader.index, span, &codes::UNKNOWN_LOCAL, message, name, known);
+            let shown: String = name.chars().take(64).collect();
+            let key = format!("#{} {}", reader.index, name.to_uppercase());
+            reader.sink.missing(&key, reader.index, span, &codes::UNKNOWN_LOCAL, |sink| {
+                let near = sink.nearest(name, known);
+                let remedy =
+                    near.map_or_else(|| codes::UNKNOWN_LOCAL.remedy.to_owned(), |near| format!("Did you mean {near}?"));
+                (format!("#{shown} is not declared in this block"), remedy)
+            });
             return None;
         };
         let param = info.interface.params.get(index)?;

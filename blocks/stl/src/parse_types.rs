@@ -5,8 +5,10 @@ use std::rc::Rc;
 use ob1_model::DataType;
 
 use crate::codes;
+use crate::mnemonics::BlockWord;
 use crate::parser::{Parser, is_frame_or_section, unquote};
-use crate::syntax::{Declaration, Type, TypeKind};
+use crate::syntax::{Declaration, NameRef, Type, TypeKind};
+use crate::tia;
 use crate::token::{Kind, Span, Token};
 
 /// Structures and arrays within each other.
@@ -41,6 +43,11 @@ const SIMPLE: [(&str, DataType); 23] = [
     ("TIMER", DataType::Timer),
     ("COUNTER", DataType::Counter),
 ];
+
+/// The words that are types.
+pub(crate) fn type_words() -> impl Iterator<Item = &'static str> {
+    SIMPLE.iter().map(|(name, _)| *name).chain(["STRING", "ARRAY", "STRUCT", "UDT", "FB"])
+}
 
 /// The type of one word, whatever its case.
 pub(crate) fn simple_type(word: &str) -> Option<DataType> {
@@ -209,12 +216,26 @@ impl Parser<'_, '_> {
             self.bump();
             return TypeKind::Simple(ty.clone());
         }
+        if let Some(ty) = tia::simple(word) {
+            self.bump();
+            return TypeKind::Simple(ty);
+        }
+        if let Some(id) = tia::instance(word) {
+            self.bump();
+            return TypeKind::Named(NameRef::Absolute(BlockWord::Sfb, id.number));
+        }
+        if tia::without_stl(word) {
+            let message = format!("STL has no statement for the type {word} of TIA Portal");
+            self.report(span, &codes::TYPE_WITHOUT_STL, message);
+            self.bump();
+            return TypeKind::Bad;
+        }
         let before = self.at;
         if let Some(name) = self.block_name() {
             return TypeKind::Named(name);
         }
         self.at = before;
-        let known = SIMPLE.iter().map(|(name, _)| *name).chain(["STRING", "ARRAY", "STRUCT", "UDT", "FB"]);
+        let known = type_words();
         let message = format!("{word} is no data type");
         self.sink.report_unknown(self.index, span, &codes::UNKNOWN_TYPE, message, word, known);
         self.bump();

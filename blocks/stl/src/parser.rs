@@ -7,6 +7,7 @@ use crate::codes::{self, Code};
 use crate::diagnostic::Sink;
 use crate::mnemonics::{BlockWord, Words};
 use crate::syntax::{Block, Frame, NameRef, Statement, Type, TypeKind};
+use crate::tia;
 use crate::token::{File, Kind, Span, Token};
 
 /// Words that begin a block, with the word that ends it.
@@ -28,10 +29,46 @@ const SECTIONS: [(&str, Section); 5] = [
 ];
 
 /// Header lines of the form `VERSION : 0.1`.
-const HEADER_LINES: [&str; 4] = ["VERSION", "AUTHOR", "FAMILY", "NAME"];
+pub(crate) const HEADER_LINES: [&str; 4] = ["VERSION", "AUTHOR", "FAMILY", "NAME"];
 
 /// Attributes of a block that are words alone.
-const HEADER_WORDS: [&str; 5] = ["KNOW_HOW_PROTECT", "READ_ONLY", "NON_RETAIN", "UNLINKED", "WRITE_PROTECTED"];
+const HEADER_WORDS: [&str; 16] = [
+    "KNOW_HOW_PROTECT",
+    "READ_ONLY",
+    "RETAIN",
+    "NON_RETAIN",
+    "UNLINKED",
+    "WRITE_PROTECTED",
+    "CODE_VERSION1",
+    "MULTIPLE_INSTANCE",
+    "STANDARD",
+    "SYSTEM",
+    "OPTIMIZED",
+    "OPTIMIZED_ACCESS",
+    "OPTIMIZED_CODE",
+    "NON_OPTIMIZED",
+    "NON_OPTIMIZED_ACCESS",
+    "SET_ENO_AUTOMATICALLY",
+];
+
+/// What may stand behind the word of a declaration section.
+const SECTION_WORDS: [&str; 4] = ["RETAIN", "NON_RETAIN", "DB_SPECIFIC", "CONSTANT"];
+
+/// True for the first word of a block.
+pub(crate) fn begins_block(word: &str) -> bool {
+    FRAMES.iter().any(|(begin, _, _)| begin.eq_ignore_ascii_case(word))
+}
+
+/// True for the first word of a declaration section.
+pub(crate) fn is_section(word: &str) -> bool {
+    SECTIONS.iter().any(|(begin, _)| begin.eq_ignore_ascii_case(word))
+}
+
+/// True for a word behind which no line of the head can stand.
+pub(crate) fn ends_head(word: &str) -> bool {
+    ["BEGIN", "STRUCT", "NETWORK", "ARRAY"].iter().any(|end| end.eq_ignore_ascii_case(word))
+        || word.get(..4).is_some_and(|w| w.eq_ignore_ascii_case("END_"))
+}
 
 /// Words a statement may not begin with, proposed when an unknown word is near one of them.
 pub(crate) fn keywords() -> impl Iterator<Item = &'static str> {
@@ -47,7 +84,13 @@ pub(crate) fn is_frame_or_section(word: &str) -> bool {
 
 /// Parses one file.
 pub(crate) fn parse(index: usize, file: &File<'_>, words: &Words, sink: &mut Sink) -> Vec<Block> {
-    let mut parser = Parser { index, file, words, sink, at: 0 };
+    let mut parser = Parser { index, file, words, sink, at: 0, bodies: true };
+    parser.file()
+}
+
+/// Parses the declarations of a file alone: its statements are of another language.
+pub(crate) fn parse_declarations(index: usize, file: &File<'_>, words: &Words, sink: &mut Sink) -> Vec<Block> {
+    let mut parser = Parser { index, file, words, sink, at: 0, bodies: false };
     parser.file()
 }
 
@@ -57,6 +100,8 @@ pub(crate) struct Parser<'p, 's> {
     pub(crate) words: &'p Words,
     pub(crate) sink: &'p mut Sink,
     pub(crate) at: usize,
+    /// Statements are read; else they are left out.
+    bodies: bool,
 }
 
 impl<'s> Parser<'_, 's> {
@@ -179,6 +224,9 @@ impl<'s> Parser<'_, 's> {
             span,
             header_name: None,
             result: None,
+            optimized: false,
+            constants: Vec::new(),
+            foreign: !self.bodies,
             sections: Vec::new(),
             shape: None,
             assignments: Vec::new(),
@@ -188,7 +236,10 @@ impl<'s> Parser<'_, 's> {
         if frame == Frame::Fc && name.is_some() {
             self.result_type(&mut block, span);
         }
-        self.header(&mut block);
+        self.header(&mut block, end);
+        if !self.bodies && frame != Frame::Db && frame != Frame::Udt {
+            self.foreign_body(end);
+        }
         self.body(&mut block, end, head);
         name.map(|_| block)
     }
@@ -202,8 +253,16 @@ impl<'s> Parser<'_, 's> {
                 Some(NameRef::Symbol(unquote(self.text(token)).to_owned()))
             }
             Kind::Word => {
-                let (word, digits) = split_digits(self.text(token));
-                let word = BlockWord::parse(word)?;
+                let text = self.text(token);
+                let (word, digits) = split_digits(text);
+                let Some(word) = BlockWord::parse(word) else {
+                    // A symbol without its quotes; a keyword is none.
+                    if begins_block(text) || is_section(text) || ends_head(text) {
+                        return None;
+                    }
+                    self.bump();
+                    return Some(NameRef::Bare(text.to_owned()));
+                };
                 self.bump();
                 let digits = match self.peek() {
                     _ if !digits.is_empty() => digits,
@@ -236,9 +295,13 @@ impl<'s> Parser<'_, 's> {
     }
 
     /// Everything up to and with BEGIN, or up to what can only be the body.
-    fn header(&mut self, block: &mut Block) {
+    fn header(&mut self, block: &mut Block, end: &str) {
+        let begin = self.begin(end);
         loop {
             let Some(token) = self.peek() else { return };
+            if token.kind == Kind::Attributes {
+                block.optimized |= is_optimized(self.text(token));
+            }
             if matches!(token.kind, Kind::Newline | Kind::Semicolon | Kind::Title | Kind::Attributes) {
                 self.bump();
                 continue;
@@ -248,7 +311,14 @@ impl<'s> Parser<'_, 's> {
                 block.shape = Some(self.ty(0));
                 continue;
             }
-            let Some(word) = self.keyword() else { return };
+            let Some(word) = self.keyword() else {
+                if begin.is_some_and(|begin| self.at < begin) {
+                    self.report(token.span, &codes::HEAD, "this stands in the block's head, and is none of its words");
+                    self.skip_line();
+                    continue;
+                }
+                return;
+            };
             if word == "BEGIN" {
                 self.bump();
                 return;
@@ -262,14 +332,50 @@ impl<'s> Parser<'_, 's> {
                 self.header_line(block, &word);
             } else if data && block.shape.is_none() && self.begins_shape(&word) {
                 block.shape = Some(self.ty(0));
+            } else if begin.is_some_and(|begin| self.at < begin) {
+                let text: String = self.text(token).chars().take(32).collect();
+                let known = HEADER_WORDS.into_iter().chain(HEADER_LINES).chain(SECTIONS.map(|(word, _)| word));
+                let message = format!("{text} is no word of a block's head");
+                self.sink.report_unknown(self.index, token.span, &codes::HEAD, message, &word, known);
+                self.skip_line();
             } else {
                 return;
             }
         }
     }
 
+    /// The next BEGIN of this block, by its token.
+    fn begin(&mut self, end: &str) -> Option<usize> {
+        let mut line = true;
+        for (at, token) in self.file.tokens.iter().enumerate().skip(self.at) {
+            self.sink.steps += 1;
+            if line && token.kind == Kind::Word {
+                let word = self.file.of(*token);
+                if word.eq_ignore_ascii_case("BEGIN") {
+                    return Some(at);
+                }
+                if word.eq_ignore_ascii_case(end) || begins_block(word) || word.eq_ignore_ascii_case("NETWORK") {
+                    return None;
+                }
+            }
+            line = matches!(token.kind, Kind::Newline | Kind::Semicolon);
+        }
+        None
+    }
+
+    fn skip_line(&mut self) {
+        while !matches!(self.peek_kind(), None | Some(Kind::Newline)) {
+            self.bump();
+        }
+    }
+
     fn begins_shape(&self, word: &str) -> bool {
-        if word == "STRUCT" || word == "ARRAY" {
+        if word == "STRUCT" || word == "ARRAY" || tia::instance(word).is_some() {
+            return true;
+        }
+        let alone = self.peek_at(1).is_none_or(|t| matches!(t.kind, Kind::Newline | Kind::Semicolon))
+            || self.peek_at(1).is_some_and(|t| self.text(t).eq_ignore_ascii_case("BEGIN"));
+        if alone && self.words.mnemonic(word).is_none() && !ends_head(word) && !HEADER_WORDS.contains(&word) {
             return true;
         }
         let names_type =
@@ -280,28 +386,56 @@ impl<'s> Parser<'_, 's> {
     fn header_line(&mut self, block: &mut Block, word: &str) {
         self.bump();
         self.bump();
-        let from = self.at;
-        self.skip_statement();
-        if word == "NAME" && self.at > from {
-            let tokens = &self.file.tokens;
-            let span = tokens[from].span.to(tokens[self.at - 1].span);
-            block.header_name = Some(self.file.slice(span).trim_matches('\'').to_owned());
+        let Some(text) = self.peek().filter(|t| t.kind == Kind::Title) else { return };
+        self.bump();
+        if word == "NAME" {
+            let name = self.text(text).trim().trim_end_matches(';').trim_end();
+            block.header_name = Some(name.trim_matches('\'').to_owned());
         }
     }
 
     fn section(&mut self, block: &mut Block, section: Section) {
         let head = self.here();
         self.bump();
+        let mut constant = false;
+        while let Some(word) = self.keyword().filter(|w| SECTION_WORDS.contains(&w.as_str())) {
+            // A variable may be called like that.
+            if self.peek_at(1).is_some_and(|t| matches!(t.kind, Kind::Colon | Kind::Comma)) {
+                break;
+            }
+            constant |= word == "CONSTANT";
+            self.bump();
+        }
         let allowed = match (block.frame, section) {
             (Frame::Fb, _) | (Frame::Fc | Frame::Ob, Section::Temp) => true,
             (Frame::Fc, other) => other != Section::Static,
             _ => false,
         };
         let declarations = self.declarations("END_VAR", head, 0);
-        if allowed {
+        if constant {
+            block.constants.extend(declarations);
+        } else if block.frame == Frame::Db && section == Section::Static {
+            // TIA Portal declares the retentive part of a data block apart.
+            match block.shape.as_mut().map(|shape| &mut shape.kind) {
+                Some(TypeKind::Struct(all)) => all.extend(declarations),
+                Some(_) => self.report(head, &codes::SECTION, "the data block has a structure already"),
+                None => block.shape = Some(Type { kind: TypeKind::Struct(declarations), span: head }),
+            }
+        } else if allowed {
             block.sections.push((section, declarations));
         } else {
             self.report(head, &codes::SECTION, "a block of this kind has no such declaration section");
+        }
+    }
+
+    /// Over statements of another language, up to the block's last word.
+    fn foreign_body(&mut self, end: &str) {
+        while let Some(token) = self.peek() {
+            let word = self.text(token);
+            if token.kind == Kind::Word && (word.eq_ignore_ascii_case(end) || begins_block(word)) {
+                return;
+            }
+            self.bump();
         }
     }
 
@@ -365,6 +499,12 @@ impl Type {
     pub(crate) fn bad(span: Span) -> Self {
         Self { kind: TypeKind::Bad, span }
     }
+}
+
+/// True for an attribute list that says optimised access.
+fn is_optimized(attributes: &str) -> bool {
+    let compact: String = attributes.chars().filter(|c| !c.is_whitespace()).collect();
+    compact.to_ascii_uppercase().contains("S7_OPTIMIZED_ACCESS:='TRUE'")
 }
 
 /// `"pump"` without its quotes, closed or not; also without a leading `#`.

@@ -85,7 +85,10 @@ fn component<'t>(
     found
 }
 
-/// `[1, -2]` on an array.
+/// What a STRING is made of.
+static CHARACTER: DataType = DataType::Char;
+
+/// `[1, -2]` on an array; `[3]` on a STRING.
 fn element<'t>(reader: &mut Reader<'_, '_>, ty: &'t DataType) -> Option<(&'t DataType, BitAddr)> {
     let span = reader.here();
     reader.next();
@@ -109,6 +112,15 @@ fn element<'t>(reader: &mut Reader<'_, '_>, ty: &'t DataType) -> Option<(&'t Dat
     if reader.eat(Kind::RightBracket).is_none() {
         reader.report(span, &codes::ARRAY_INDEX, "the index is not closed with ]");
         return None;
+    }
+    // A character of a STRING lies behind the two bytes of its lengths.
+    if let (DataType::String(max), [index]) = (ty, indices.as_slice()) {
+        let at = u32::try_from(*index).ok().filter(|i| (1..=u32::from(*max)).contains(i));
+        if at.is_none() {
+            let message = format!("the index lies outside the STRING, which has {max} characters from 1");
+            reader.report(span, &codes::ARRAY_INDEX, message);
+        }
+        return at.map(|i| (&CHARACTER, BitAddr::byte_addr(i + 1)));
     }
     let DataType::Array(dims, inner) = ty else {
         reader.report(span, &codes::ARRAY_INDEX, format!("{} has no elements", with_article(ty.name())));

@@ -38,6 +38,11 @@ impl<'r, 's> Reader<'r, 's> {
         self.peek().map(|t| t.kind)
     }
 
+    /// The tokens from the next on.
+    pub(crate) fn ahead(&self) -> impl Iterator<Item = Token> + use<'_, 'r, 's> {
+        self.file.tokens.get(self.at..self.end).unwrap_or_default().iter().copied()
+    }
+
     /// The token after the next.
     pub(crate) fn peek_second(&self) -> Option<Token> {
         if self.at + 1 < self.end { self.file.tokens.get(self.at + 1).copied() } else { None }

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 pub struct Source {
     /// Its name, as diagnostics print it.
     pub name: String,
-    /// Its bytes: UTF-16 behind its byte order mark, UTF-8 where they are valid UTF-8, else CP1252; lines end with LF
+    /// Its bytes: UTF-16 behind its byte order mark or found out without, UTF-8 where they are valid UTF-8, else CP1252; lines end with LF
     /// or CR LF.
     pub bytes: Vec<u8>,
 }
@@ -25,13 +25,32 @@ impl Source {
         match self.bytes.as_slice() {
             [0xFF, 0xFE, rest @ ..] => return Cow::Owned(utf16(rest, u16::from_le_bytes)),
             [0xFE, 0xFF, rest @ ..] => return Cow::Owned(utf16(rest, u16::from_be_bytes)),
-            _ => {}
+            bytes => {
+                if let Some(unit) = without_mark(bytes) {
+                    return Cow::Owned(utf16(bytes, unit));
+                }
+            }
         }
         match std::str::from_utf8(&self.bytes) {
             Ok(text) => Cow::Borrowed(text.strip_prefix('\u{feff}').unwrap_or(text)),
             Err(_) => Cow::Owned(self.bytes.iter().map(|b| cp1252(*b)).collect()),
         }
     }
+}
+
+/// The order of bytes of a text that is UTF-16 without saying so: every second byte of its begin is 0, nearly.
+fn without_mark(bytes: &[u8]) -> Option<fn([u8; 2]) -> u16> {
+    let (pairs, _) = bytes.get(..bytes.len().min(1024))?.as_chunks::<2>();
+    if pairs.len() < 4 {
+        return None;
+    }
+    let first = pairs.iter().filter(|[a, b]| *a == 0 && *b != 0).count();
+    let second = pairs.iter().filter(|[a, b]| *a != 0 && *b == 0).count();
+    let most = pairs.len() * 3 / 4;
+    if second >= most {
+        return Some(u16::from_le_bytes);
+    }
+    (first >= most).then_some(u16::from_be_bytes)
 }
 
 /// A unit that is half a pair, or an odd byte at the end, reads as the replacement character.
@@ -74,6 +93,9 @@ mod tests {
         assert_eq!(Source::new("a", *b"\xEF\xBB\xBFOK").text(), "OK");
         assert_eq!(Source::new("a", *b"\xFF\xFEZ\0\xE4\0\xAC\x20").text(), "Zä€");
         assert_eq!(Source::new("a", *b"\xFE\xFF\0Z\0\xE4\x20\xAC").text(), "Zä€");
+        // Without a mark.
+        assert_eq!(Source::new("a", *b"L\0 \x001\0;\0\r\0\n\0").text(), "L 1;\r\n");
+        assert_eq!(Source::new("a", *b"\0L\0 \x001\0;").text(), "L 1;");
         // Cut off in a character, and in a pair of units.
         assert_eq!(Source::new("a", *b"\xFF\xFEZ\0\xE4").text(), "Z\u{fffd}");
         assert_eq!(Source::new("a", *b"\xFE\xFF\xD8\0").text(), "\u{fffd}");

@@ -40,11 +40,17 @@ fn wrong(span: Span, message: &str, sink: &mut Sink) {
 pub(crate) fn sdf(text: &str, sink: &mut Sink) -> Vec<Row> {
     let mut rows = Vec::new();
     for (span, line) in lines(text, sink) {
-        match quoted(line) {
+        match quoted(line).or_else(|| loosely_quoted(line)) {
             Some(fields) if fields.len() >= 3 => {
-                let mut fields = fields.into_iter();
-                let mut next = || fields.next().unwrap_or_default();
-                rows.push(Row { name: next(), address: next(), ty: next(), span });
+                // TIA Portal's tables have more columns, in some versions the path behind the name.
+                let is_address = |at: usize| fields.get(at).is_some_and(|f| f.starts_with('%'));
+                let (address, ty) = match (1..4).find(|at| is_address(*at)) {
+                    Some(2) => (2, 1),
+                    Some(3) => (3, 2),
+                    _ => (1, 2),
+                };
+                let field = |at: usize| fields.get(at).map_or("", |f| f.trim_start_matches('%')).to_owned();
+                rows.push(Row { name: field(0), address: field(address), ty: field(ty), span });
             }
             _ => wrong(span, "a row of an SDF file is written \"name\",\"M 1.0\",\"BOOL\",\"comment\"", sink),
         }
@@ -79,6 +85,13 @@ fn quoted(line: &str) -> Option<Vec<String>> {
         }
         rest = rest.strip_prefix(',')?.trim_start();
     }
+}
+
+/// The same where quotes within a field stand as they are: a field ends where quote, comma, quote stand together.
+fn loosely_quoted(line: &str) -> Option<Vec<String>> {
+    let inner = line.trim().strip_prefix('"')?.strip_suffix('"')?;
+    let fields: Vec<String> = inner.split("\",\"").map(|f| f.replace("\"\"", "\"")).collect();
+    (fields.len() >= 3).then_some(fields)
 }
 
 /// Characters of name, address and type in a record of an ASC file; with the 80 of the comment they are the 126 each

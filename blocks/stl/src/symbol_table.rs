@@ -178,6 +178,8 @@ fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<
     if is_table || (name.is_empty() && address.is_empty()) {
         return None;
     }
+    // The quotes that TIA Portal leaves around a name are no part of it.
+    let name = name.strip_prefix('"').and_then(|n| n.strip_suffix('"')).unwrap_or(name);
     if name.is_empty() || name.contains('"') {
         sink.report(0, row.span, &codes::TABLE_ROW, format!("the address {} has no usable name", clip(&address)));
         return None;
@@ -197,7 +199,8 @@ fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<
         Symbolic::Memory(operand, _) => Some(operand.width),
         _ => None,
     };
-    let ty = simple_type(row.ty.trim()).filter(|ty| ty.elementary_bits().is_some());
+    let written = row.ty.trim().trim_matches('"').to_ascii_uppercase();
+    let ty = simple_type(&written).or_else(|| crate::tia::simple(&written)).filter(|ty| ty.elementary_bits().is_some());
     if let (Some(width), false) = (width, row.ty.trim().is_empty()) {
         if ty.as_ref().and_then(width_of) == Some(width) {
             symbol.ty = ty;

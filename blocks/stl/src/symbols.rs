@@ -17,6 +17,16 @@ pub(crate) fn read(symbols: &[Symbol], words: &Words) -> BTreeMap<String, Symbol
     symbols.iter().map(|s| (s.name.to_uppercase(), address(s, words))).collect()
 }
 
+/// The symbols of the peripheral area, in capitals: true for outputs, which are only written.
+pub(crate) fn peripheral(symbols: &[Symbol]) -> BTreeMap<String, bool> {
+    let output = |s: &Symbol| {
+        let address = s.address.to_ascii_uppercase();
+        let is = |words: [&str; 2]| words.iter().any(|w| address.starts_with(w));
+        if is(["PA", "PQ"]) { Some(true) } else { is(["PE", "PI"]).then_some(false) }
+    };
+    symbols.iter().filter_map(|s| Some((s.name.to_uppercase(), output(s)?))).collect()
+}
+
 /// What a symbol stands for.
 pub(crate) fn address(symbol: &Symbol, words: &Words) -> Symbolic {
     let empty = World::default();

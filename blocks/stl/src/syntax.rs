@@ -12,12 +12,14 @@ use crate::token::Span;
 pub(crate) type Tokens = Range<usize>;
 
 /// How a block is named.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum NameRef {
     /// `FC 9`.
     Absolute(BlockWord, u16),
     /// `"pump"`, without quotes.
     Symbol(String),
+    /// `pump`: a symbol written without its quotes.
+    Bare(String),
 }
 
 /// The kind of a block's frame.
@@ -42,6 +44,12 @@ pub(crate) struct Block {
     pub(crate) header_name: Option<String>,
     /// The function value's type; `None` for `VOID`.
     pub(crate) result: Option<Type>,
+    /// `S7_Optimized_Access := 'TRUE'`: addresses into it are refused.
+    pub(crate) optimized: bool,
+    /// `VAR CONSTANT`.
+    pub(crate) constants: Vec<Declaration>,
+    /// Its statements are of another language and left out.
+    pub(crate) foreign: bool,
     /// The declaration sections in their order.
     pub(crate) sections: Vec<(Section, Vec<Declaration>)>,
     /// The structure of a DB or UDT, or the FB or UDT a DB is made from.
@@ -50,6 +58,17 @@ pub(crate) struct Block {
     pub(crate) assignments: Vec<Assignment>,
     pub(crate) statements: Vec<Statement>,
     pub(crate) read_only: bool,
+}
+
+impl Block {
+    /// The name of its header, else its symbol.
+    pub(crate) fn shown_name(&self) -> Option<String> {
+        let symbol = match &self.name {
+            NameRef::Symbol(name) | NameRef::Bare(name) => Some(name.clone()),
+            NameRef::Absolute(..) => None,
+        };
+        self.header_name.clone().or(symbol)
+    }
 }
 
 /// A type as written.

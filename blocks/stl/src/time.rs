@@ -6,6 +6,10 @@ pub(crate) fn duration(text: &str) -> Option<u64> {
     let mut rest = text;
     let mut units = &UNITS[..];
     let mut total = 0u64;
+    if let Some((number, unit)) = fraction(text) {
+        let (_, ms) = UNITS.iter().find(|(name, _)| name.eq_ignore_ascii_case(unit))?;
+        return u64::try_from((number? * i128::from(*ms)) / 1_000_000).ok();
+    }
     while !rest.is_empty() {
         let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
         let (number, tail) = rest.split_at(digits);
@@ -18,6 +22,15 @@ pub(crate) fn duration(text: &str) -> Option<u64> {
         rest = tail.strip_prefix('_').filter(|r| !r.is_empty()).unwrap_or_else(|| if tail == "_" { "?" } else { tail });
     }
     (!text.is_empty()).then_some(total)
+}
+
+/// `0.5S`: the one unit with a fraction, in millionths, and the unit's letters.
+fn fraction(text: &str) -> Option<(Option<i128>, &str)> {
+    let letters = text.find(|c: char| c.is_ascii_alphabetic())?;
+    let (number, unit) = text.split_at(letters);
+    let (whole, part) = number.split_once('.')?;
+    let part: String = part.chars().chain("000000".chars()).take(6).collect();
+    Some((format!("{whole}{part}").parse().ok(), unit))
 }
 
 /// A TIME, perhaps negative.

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use ob1_model::{BlockId, BlockKind, DataType, Dimension, Field, Interface, Layout, Section};
 
 use crate::codes;
+use crate::diagnostic::USES;
 use crate::elaborate::{Elaborator, LONGEST, Resolved, State, declared_type};
 use crate::mnemonics::BlockWord;
 use crate::parse_types::TYPE_DEPTH;
@@ -126,12 +127,16 @@ impl Elaborator<'_> {
 
     fn unusable_type(&mut self, file: usize, span: Span, word: BlockWord, number: u16) {
         let name = format!("{} {number}", word.name());
-        let message = match self.udts.get(&number) {
-            Some(State::Busy) => format!("{name} contains itself"),
-            Some(_) => format!("{name} has mistakes of its own"),
-            None => format!("{name} is not in the program"),
-        };
-        self.sink.report(file, span, &codes::UNUSABLE_TYPE, message);
+        match self.udts.get(&number) {
+            Some(State::Busy) => {
+                self.sink.report(file, span, &codes::UNUSABLE_TYPE, format!("{name} contains itself"));
+            }
+            // Its mistake has been told.
+            Some(_) => {}
+            None => self.sink.missing(&name, file, span, &codes::UNUSABLE_TYPE, |_| {
+                (format!("{name}: {USES}, and it is not in the program"), codes::NO_BLOCK.remedy.to_owned())
+            }),
+        }
     }
 
     /// A UDT. `None` when it is missing, has a mistake, or is being made.
@@ -146,7 +151,11 @@ impl Elaborator<'_> {
         self.udts.insert(number, State::Busy);
         let resolved = match &block.shape {
             Some(shape) if nesting <= TYPE_DEPTH => self.ty(block.file, shape, nesting),
-            Some(_) => None,
+            Some(_) => {
+                let message = format!("types lie more than {TYPE_DEPTH} deep in each other");
+                self.sink.report(block.file, block.span, &codes::TYPE_DEPTH, message);
+                None
+            }
             None => {
                 self.sink.report(block.file, block.span, &codes::NO_STRUCTURE, "the TYPE has no structure");
                 None
@@ -165,16 +174,20 @@ impl Elaborator<'_> {
             && !self.function_block(number, nesting + 1)
             && self.by_name.contains_key(&(word, number))
         {
-            let message = match self.fbs.get(&number) {
-                Some(State::Busy) => format!("{id} contains itself"),
-                _ => format!("{id} has mistakes of its own, or lies too deep"),
-            };
-            self.sink.report(file, span, &codes::UNUSABLE_TYPE, message);
+            match self.fbs.get(&number) {
+                Some(State::Busy) => {
+                    self.sink.report(file, span, &codes::UNUSABLE_TYPE, format!("{id} contains itself"));
+                }
+                // Its mistake has been told.
+                Some(_) => {}
+                None => {
+                    self.sink.report(file, span, &codes::UNUSABLE_TYPE, format!("{id} lies too deep"));
+                }
+            }
             return None;
         }
         let Some(info) = self.world.blocks.get(&id) else {
-            let missing = self.world.unknown_block(id);
-            self.sink.report_with(file, span, &codes::NO_BLOCK, missing.message, missing.remedy);
+            self.world.report_missing(id, file, span, self.sink);
             return None;
         };
         let ty = instance_type(&info.interface);

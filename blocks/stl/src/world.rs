@@ -1,13 +1,17 @@
 //! What the statements of a program can name: blocks with their interfaces, data blocks with their layout, symbols.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_ir::{DataKind, Operand};
 use ob1_model::{BlockId, BlockKind, Component, DataType, Interface, Section};
 
+use crate::codes;
+use crate::constant::Constant;
+use crate::diagnostic::{Sink, USES};
 use crate::library::Missing;
 use crate::mnemonics::BlockWord;
 use crate::path::FieldIndex;
+use crate::token::Span;
 
 /// A block's interface, with its names ready to be looked up.
 #[derive(Debug)]
@@ -21,6 +25,10 @@ pub(crate) struct Info {
     formals: Vec<Option<u16>>,
     /// Declarations that are instances of an FB.
     pub(crate) instances: BTreeMap<usize, BlockId>,
+    /// `VAR CONSTANT`, by name in capitals.
+    pub(crate) constants: BTreeMap<String, Constant>,
+    /// Addresses into its instance are refused.
+    pub(crate) optimized: bool,
 }
 
 impl Info {
@@ -36,7 +44,7 @@ impl Info {
             formals.push(is_formal.then_some(next));
             next += u16::from(is_formal);
         }
-        Self { name, interface, names, formals, instances }
+        Self { name, interface, names, formals, instances, constants: BTreeMap::new(), optimized: false }
     }
 
     /// The index of a declaration by name or alias.
@@ -61,12 +69,14 @@ pub(crate) struct Data {
     /// The load values.
     pub(crate) image: Vec<u8>,
     pub(crate) read_only: bool,
+    /// Addresses into it are refused.
+    pub(crate) optimized: bool,
 }
 
 impl Data {
     pub(crate) fn new(kind: DataKind, components: Vec<Component>, image: Vec<u8>) -> Self {
         let names = components.iter().enumerate().map(|(i, c)| (c.path.to_uppercase(), i)).collect();
-        Self { name: None, kind, components, names, image, read_only: false }
+        Self { name: None, kind, components, names, image, read_only: false, optimized: false }
     }
 
     pub(crate) fn find(&self, name: &str) -> Option<&Component> {
@@ -83,6 +93,8 @@ pub(crate) enum Symbolic {
     Counter(u16),
     /// The table gives an address that is none.
     Unknown(String),
+    /// A block that could not be given a number (reported).
+    Nameless,
 }
 
 /// Everything a statement can name.
@@ -96,20 +108,74 @@ pub(crate) struct World {
     pub(crate) fields: FieldIndex,
     /// What the library says of blocks it does not have.
     pub(crate) missing: BTreeMap<BlockId, Missing>,
+    /// Names in capitals of the library's blocks, and of those that usually have one.
+    pub(crate) names: BTreeMap<String, BlockId>,
+    /// The program's own blocks, those with mistakes too.
+    pub(crate) own: BTreeSet<BlockId>,
+    /// Own data blocks that are not there because this is missing.
+    pub(crate) unmade: BTreeMap<u16, BlockId>,
+    /// Symbols of the peripheral area, in capitals: true for outputs.
+    pub(crate) peripheral: BTreeMap<String, bool>,
 }
 
 impl World {
     /// What to say of a block that neither program nor library have, and what to do.
     pub(crate) fn unknown_block(&self, id: BlockId) -> Missing {
         self.missing.get(&id).cloned().unwrap_or_else(|| Missing {
-            message: format!("{id} is neither in the program nor in the library"),
+            message: match id.kind {
+                BlockKind::Fb => {
+                    format!("{id} and its instances: {USES}, and neither the program nor the library has it")
+                }
+                _ => format!("{id}: {USES}, and neither the program nor the library has it"),
+            },
             remedy: match id.kind {
                 BlockKind::Sfc | BlockKind::Sfb => {
                     "Leave the call out, or replace it: this CPU does not have it.".to_owned()
                 }
-                _ => "Add its source, or load the plugin that has it, e.g. --plugin libob1_cp240.so".to_owned(),
+                _ => codes::NO_BLOCK.remedy.to_owned(),
             },
         })
+    }
+
+    /// Reports a use of a block that is not there, unless it is the program's own with a mistake.
+    pub(crate) fn report_missing(&self, id: BlockId, file: usize, span: Span, sink: &mut Sink) {
+        if self.own.contains(&id) {
+            return;
+        }
+        sink.missing(&id.to_string(), file, span, &codes::NO_BLOCK, |_| {
+            let missing = self.unknown_block(id);
+            (missing.message, missing.remedy)
+        });
+    }
+
+    /// Reports a use of a data block that is not there, or of what it is made from.
+    pub(crate) fn report_missing_data(&self, db: u16, name: &str, file: usize, span: Span, sink: &mut Sink) {
+        if let Some(of) = self.unmade.get(&db) {
+            return self.report_missing(*of, file, span, sink);
+        }
+        if self.own.contains(&BlockId::new(BlockKind::Db, db)) {
+            return;
+        }
+        sink.missing(&format!("DB {db}"), file, span, &codes::NO_DATA_BLOCK, |_| {
+            let message = format!("DB {db} is not in the program, so it has no name {name}");
+            (message, codes::NO_DATA_BLOCK.remedy.to_owned())
+        });
+    }
+
+    /// Reports a use of a symbol that no table has.
+    pub(crate) fn report_unknown_symbol(&self, name: &str, file: usize, span: Span, sink: &mut Sink) {
+        let shown: String = name.chars().take(64).collect();
+        sink.missing(&format!("\"{}", name.to_uppercase()), file, span, &codes::UNKNOWN_SYMBOL, |sink| {
+            let message = format!("the symbol \"{shown}\" is in no symbol table");
+            if let Some(id) = self.names.get(&name.to_uppercase()) {
+                let remedy = format!("{shown} is the usual name of {id}: write {id}, or load the symbol table.");
+                return (message, remedy);
+            }
+            let near = sink.nearest(name, self.symbols.keys().map(String::as_str));
+            let remedy =
+                near.map_or_else(|| codes::UNKNOWN_SYMBOL.remedy.to_owned(), |near| format!("Did you mean {near}?"));
+            (message, remedy)
+        });
     }
 
     pub(crate) fn symbol(&self, name: &str) -> Option<&Symbolic> {

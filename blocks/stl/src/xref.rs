@@ -108,7 +108,7 @@ fn symbol_names(symbols: &[Symbol]) -> BTreeMap<String, String> {
         Symbolic::Timer(n) => Some(format!("T {n}")),
         Symbolic::Counter(n) => Some(format!("Z {n}")),
         Symbolic::Block(word, n) => Some(format!("{} {n}", word.name())),
-        Symbolic::Unknown(_) => None,
+        Symbolic::Unknown(_) | Symbolic::Nameless => None,
     };
     symbols.iter().filter_map(|s| Some((key(s)?, s.name.clone()))).collect()
 }

@@ -188,7 +188,16 @@ fn every_number_is_seen_in_an_expectation() {
     let elsewhere = ["S0003", "S0213", "S0214"];
     let expected = |path: PathBuf| std::fs::read_to_string(path.with_extension("expected")).unwrap_or_default();
     let table = |path: PathBuf| std::fs::read_to_string(table_expectation(&path)).unwrap_or_default();
-    let all: String = sources().into_iter().map(expected).chain(tables().into_iter().map(table)).collect();
+    let constructs =
+        ["accepted", "refused"].map(|f| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/constructs").join(f));
+    let constructs = constructs.into_iter().flat_map(|f| std::fs::read_dir(f).unwrap()).map(|e| e.unwrap().path());
+    let constructs = constructs.filter(|p| p.extension().is_some_and(|e| e == "expected"));
+    let all: String = sources()
+        .into_iter()
+        .map(expected)
+        .chain(tables().into_iter().map(table))
+        .chain(constructs.map(|p| std::fs::read_to_string(p).unwrap()))
+        .collect();
     let unseen: Vec<_> = ob1_stl::codes::ALL.iter().map(|c| c.number).filter(|n| !all.contains(*n)).collect();
     assert_eq!(unseen, elsewhere);
 }

@@ -199,7 +199,7 @@ fn the_corpus_is_replayed() {
         check(&bytes);
         check_table(&bytes);
         for mnemonics in [Mnemonics::German, Mnemonics::International, Mnemonics::Auto] {
-            let options = Options { mnemonics, symbols: common::symbols(), lints: true };
+            let options = Options { mnemonics, symbols: common::symbols(), lints: true, ..Options::default() };
             let output = compile(&[Source::new("corpus", bytes.clone())], &common::library(), &options);
             assert_eq!(output.is_good(), output.diagnostics.iter().all(|d| d.severity != Severity::Error));
             assert!(output.steps <= 200 * bytes.len() as u64 + 1_000, "{}", file.display());

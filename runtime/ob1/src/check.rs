@@ -11,6 +11,7 @@ use crate::exit::Exit;
 use crate::finding::{Finding, Level};
 use crate::io::{ProcessIo, Stimulus};
 use crate::library::Chosen;
+use crate::numbers;
 use crate::posture;
 use crate::program::{self, Loaded};
 use crate::station::{self, Mnemonics, ModuleConfig, ModuleKind, Plugin, Station};
@@ -23,7 +24,11 @@ pub struct Options {
     /// Plugins, by path or bare name.
     pub plugins: Vec<String>,
     /// Sources of library blocks.
-    pub library: Vec<PathBuf>,
+    pub library_sources: Vec<PathBuf>,
+    /// Where numbers of blocks with names only are kept.
+    pub numbers: Option<PathBuf>,
+    /// Every finding.
+    pub all_messages: bool,
     /// Symbol tables of sources.
     pub symbols: Vec<PathBuf>,
     /// Mnemonics of sources.
@@ -70,7 +75,9 @@ pub fn check(options: &Options) -> Exit {
         [file] if station::is_station_file(file) => check_station(file, options),
         files => check_sources(files, options),
     };
-    let errors = checked.findings.iter().filter(|f| f.level == Level::Error).count();
+    let count = |f: &Finding| f.count;
+    let errors: usize = checked.findings.iter().filter(|f| f.level == Level::Error).map(count).sum();
+    let all: usize = checked.findings.iter().map(count).sum();
     if options.json {
         match serde_json::to_string_pretty(&checked.findings) {
             Ok(text) => say!("{text}"),
@@ -81,7 +88,7 @@ pub fn check(options: &Options) -> Exit {
             err!("{finding}");
         }
         says!("{}", checked.text);
-        say!("{}", verdict(errors, checked.findings.len() - errors));
+        say!("{}", verdict(errors, all - errors));
     }
     if errors == 0 { Exit::Ok } else { Exit::Usage }
 }
@@ -122,22 +129,26 @@ fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
         Err(findings) => return Checked { findings, text },
     };
     let sources = program::Sources {
-        files: options.library.iter().chain(files).cloned().collect(),
+        files: options.library_sources.iter().chain(files).cloned().collect(),
         symbols: options.symbols.clone(),
         mnemonics: options.mnemonics,
         library: standard,
         lints: options.lints,
+        numbers: options.numbers.clone(),
+        all_messages: options.all_messages,
+        ..program::Sources::default()
     };
     let mut findings = match program::compile(&sources, &library) {
-        Ok((program, findings)) => {
+        Ok(compiled) => {
+            text += &numbers::note(&compiled.numbers, options.numbers.as_deref());
             if options.listing {
-                text += &ob1_stl::listing(&program);
+                text += &ob1_stl::listing(&compiled.program);
             }
-            findings
+            compiled.findings
         }
         Err(findings) => findings,
     };
-    let of_library = |f: &Finding| options.library.iter().any(|path| path.display().to_string() == f.file);
+    let of_library = |f: &Finding| options.library_sources.iter().any(|path| path.display().to_string() == f.file);
     findings.retain(|f| f.level == Level::Error || !of_library(f));
     Checked { findings, text }
 }
@@ -163,6 +174,7 @@ fn check_station(path: &Path, options: &Options) -> Checked {
     let (station, mut devices) = match station::load_and_look(path) {
         Ok((mut station, devices)) => {
             station.program.lints |= options.lints;
+            station.program.all_messages |= options.all_messages;
             (station, devices)
         }
         Err(findings) => return Checked { findings, ..Checked::default() },
@@ -173,6 +185,7 @@ fn check_station(path: &Path, options: &Options) -> Checked {
     let mut text = if options.verbose { describe(&station) } else { String::new() };
     let mut findings = match check_program(&station) {
         Ok(loaded) => {
+            text += &numbers::note(&loaded.numbers, station.program.numbers.as_deref());
             if options.listing {
                 text += &ob1_stl::listing(&loaded.program);
             }

@@ -131,11 +131,11 @@ struct RunArgs {
 #[command(
     after_help = "Examples:\n  ob1 check station.toml\n  ob1 check station.toml --verbose      both forms of the CPs' parameters\n  \
     ob1 check station.toml --posture      what the system grants the scan (as root it may grant more)\n  \
-    ob1 check main.awl lib.awl --plugin ob1_cp240 --json\n  ob1 check --plugin ./libmine.so         what a plugin brings\n\n\
+    ob1 check main.awl lib.awl --plugin ob1_cp240 --json\n  ob1 check plant/ --library TI-S7        a folder of sources and symbol tables\n  ob1 check --plugin ./libmine.so         what a plugin brings\n\n\
     Exit codes: 0 no error, 1 an error was found."
 )]
 struct CheckArgs {
-    /// Sources (.awl), or one station file (.toml)
+    /// Sources (.awl), folders of sources and symbol tables, or one station file (.toml)
     #[arg(required_unless_present = "plugin")]
     files: Vec<PathBuf>,
     /// A plugin whose blocks the sources call: a path, or a bare name like ob1_cp240
@@ -143,13 +143,19 @@ struct CheckArgs {
     plugin: Vec<String>,
     /// A source of library blocks: compiled with the others, its own warnings are not shown
     #[arg(long, value_name = "FILE")]
-    library: Vec<PathBuf>,
+    library_source: Vec<PathBuf>,
     /// A symbol table of the sources: SDF, ASC, SEQ or DIF (a station file says it itself)
     #[arg(long, value_name = "FILE")]
     symbols: Vec<PathBuf>,
     /// Standard blocks of the sources: FC4=IEC:FC4, or a whole library: IEC
-    #[arg(long, value_name = "FC4=IEC:FC4,...", value_delimiter = ',', value_parser = Chosen::parse)]
-    standard: Vec<Chosen>,
+    #[arg(long, alias = "standard", value_name = "FC4=IEC:FC4,...", value_delimiter = ',', value_parser = Chosen::parse)]
+    library: Vec<Chosen>,
+    /// Keep the numbers of blocks that have a name only in this file (a station keeps them beside its file)
+    #[arg(long, value_name = "FILE")]
+    numbers: Option<PathBuf>,
+    /// Show every message, not 20 of a file and 100 in all
+    #[arg(long)]
+    all_messages: bool,
     /// Also print the compiled program: blocks, layout of data, statements
     #[arg(long)]
     listing: bool,
@@ -456,10 +462,12 @@ impl Command {
             Command::Check(args) => check::check(&check::Options {
                 files: args.files,
                 plugins: args.plugin,
-                library: args.library,
+                library_sources: args.library_source,
+                numbers: args.numbers,
+                all_messages: args.all_messages,
                 symbols: args.symbols,
                 mnemonics: args.mnemonics.into(),
-                standard: args.standard,
+                standard: args.library,
                 lints: args.lints,
                 listing: args.listing,
                 json: args.json,

@@ -46,6 +46,9 @@ pub struct Finding {
     pub message: String,
     /// What to do about it; may be empty.
     pub remedy: String,
+    /// How many it stands for: above 1 for those that are only counted.
+    #[serde(skip)]
+    pub count: usize,
     /// Ready text with the source line and a caret.
     #[serde(skip)]
     pub text: String,
@@ -60,7 +63,7 @@ impl Finding {
         if !remedy.is_empty() {
             let _ = writeln!(text, "  = {remedy}");
         }
-        Self { level, code: code.into(), file: file.into(), line: 0, column: 0, message, remedy, text }
+        Self { level, code: code.into(), file: file.into(), line: 0, column: 0, message, remedy, count: 1, text }
     }
 }
 
@@ -101,7 +104,7 @@ impl Text<'_> {
         if !remedy.is_empty() {
             let _ = writeln!(text, "{gutter} = {remedy}");
         }
-        Finding { level, code: code.into(), file: self.file.into(), line, column, message, remedy, text }
+        Finding { level, code: code.into(), file: self.file.into(), line, column, message, remedy, count: 1, text }
     }
 }
 

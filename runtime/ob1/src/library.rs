@@ -16,6 +16,8 @@ pub struct Choice {
     pub id: BlockId,
     /// The block, as its library names it: `IEC:FC4`.
     pub key: String,
+    /// It came with a whole library: a block of the program with its number stands for it.
+    pub offered: bool,
 }
 
 impl Choice {
@@ -32,7 +34,7 @@ impl Choice {
         if block.id.kind != id.kind {
             return Err(format!("{} is an {} and cannot be {id}", block.key(), block.id.kind.name()));
         }
-        Ok(Self { id, key: block.key() })
+        Ok(Self { id, key: block.key(), offered: false })
     }
 
     /// The block itself.
@@ -64,7 +66,7 @@ impl Chosen {
 
     /// As [`Chosen::together`], for commands that report findings.
     pub(crate) fn settled(words: &[Self]) -> Result<Vec<Choice>, Vec<Finding>> {
-        Self::together(words).map_err(|text| vec![Finding::whole(Level::Error, "C006", "--standard", text, "")])
+        Self::together(words).map_err(|text| vec![Finding::whole(Level::Error, "C006", "--library", text, "")])
     }
 
     /// All words of a command line together; see [`merge`].
@@ -97,7 +99,7 @@ pub fn whole(library: &str) -> Result<Vec<Choice>, String> {
     let chosen: Vec<Choice> = standard_blocks()
         .iter()
         .filter(|block| of_library(block))
-        .map(|block| Choice { id: block.id, key: block.key() })
+        .map(|block| Choice { id: block.id, key: block.key(), offered: true })
         .collect();
     if chosen.is_empty() {
         return Err(format!(
@@ -160,7 +162,7 @@ mod tests {
 
     #[test]
     fn blocks_are_chosen_by_key_or_name_or_as_a_library() {
-        let fc4 = Choice { id: BlockId::new(BlockKind::Fc, 104), key: "IEC:FC4".into() };
+        let fc4 = Choice { id: BlockId::new(BlockKind::Fc, 104), key: "IEC:FC4".into(), offered: false };
         assert_eq!(Chosen::parse("FC104=IEC:FC4"), Ok(Chosen::Single(fc4.clone())));
         assert_eq!(Chosen::parse("fc 104=iec:delete"), Ok(Chosen::Single(fc4)));
         let iec = whole("iec").expect("a library");

@@ -8,7 +8,7 @@ use ob1_host::plugin::Plugin;
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
 use ob1_std::{Origin, StandardBlock, known_system_function, standard_blocks, system_functions};
-use ob1_stl::{Library, Missing};
+use ob1_stl::{Library, Missing, USES};
 
 use crate::finding::{Finding, Level};
 use crate::library::Choice;
@@ -23,13 +23,19 @@ pub(crate) fn explain_missing(library: &mut Library) {
     let offered: Vec<BlockId> = system_functions(ob1_cpu::SERVICES).iter().map(|block| block.id).collect();
     for kind in [BlockKind::Sfc, BlockKind::Sfb] {
         for id in (0..=u16::from(u8::MAX)).map(|number| BlockId::new(kind, number)) {
-            if let Some(name) = known_system_function(id).filter(|_| !offered.contains(&id)) {
+            let Some(name) = known_system_function(id) else { continue };
+            library.name(id, name);
+            if !offered.contains(&id) {
                 library.explain(id, lacking(id, name, &blocks));
             }
         }
     }
     let mut by_number: BTreeMap<BlockId, Vec<&StandardBlock>> = BTreeMap::new();
     for block in blocks.iter().filter(|block| block.origin != Origin::System) {
+        library.name(block.id, block.name);
+        if !block.origin.is_declared_only() {
+            library.offer(block.id, block.name, block.interface.clone());
+        }
         by_number.entry(block.id).or_default().push(block);
     }
     for (id, candidates) in by_number {
@@ -40,8 +46,8 @@ pub(crate) fn explain_missing(library: &mut Library) {
 fn lacking(id: BlockId, name: &str, blocks: &[StandardBlock]) -> Missing {
     let needs = blocks.iter().find(|block| block.id == id).and_then(|block| block.needs);
     let message = match needs {
-        Some(service) => format!("{id} {name} needs the service {service:?}, which this CPU does not have"),
-        None => format!("{id} {name} is a block of STEP 7 that this CPU does not have"),
+        Some(service) => format!("{id} {name} needs the service {service:?}, which this CPU does not have: {USES}"),
+        None => format!("{id} {name} is a block of STEP 7 that this CPU does not have: {USES}"),
     };
     Missing { message, remedy: format!("leave the call out or replace it; {MANUAL} lists the blocks there are") }
 }
@@ -49,13 +55,15 @@ fn lacking(id: BlockId, name: &str, blocks: &[StandardBlock]) -> Missing {
 fn to_be_chosen(id: BlockId, candidates: &[&StandardBlock]) -> Missing {
     let list: Vec<String> = candidates.iter().map(|block| format!("{} {}", block.key(), block.name)).collect();
     let key = candidates.first().map(|block| block.key()).unwrap_or_default();
+    let subject = if id.kind == BlockKind::Fb { format!("{id} and its instances") } else { id.to_string() };
+    // Only the handling blocks of the CPs come with plugins.
+    let plugin = if candidates.iter().any(|block| block.origin.is_declared_only()) { ", its plugin" } else { "" };
     Missing {
-        message: format!("{id} is neither in the program nor in the library"),
+        message: format!("{subject}: {}, and neither the program nor the library has it", USES),
         remedy: format!(
-            "add its source or its plugin, or choose a standard block of this number ({}): [library] \"{id}\" = \"{key}\" in the \
-             station file; bare sources: ob1 check --standard {}={key}, ob1 exec --library {}={key}",
+            "load its source{plugin}, import the project, or choose a standard block of this number ({}): \
+             [library] \"{id}\" = \"{key}\" in the station file; bare sources: --library {}={key}",
             list.join(", "),
-            compact(id),
             compact(id)
         ),
     }

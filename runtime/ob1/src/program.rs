@@ -8,12 +8,13 @@ use ob1_cpu::NativeBlock;
 use ob1_host::plugin::{Plugin, PluginError, PluginModule};
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
-use ob1_stl::{Library, Options, Severity, Source};
+use ob1_std::{Origin, StandardBlock, standard_blocks};
+use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 
 use crate::finding::{Finding, Level};
 use crate::library::Choice;
-use crate::offer;
 use crate::station::{self, Mnemonics, Station};
+use crate::{folder, numbers, offer};
 
 /// What a station's files give.
 #[derive(Debug)]
@@ -26,6 +27,8 @@ pub struct Loaded {
     pub standard: Vec<Choice>,
     /// Warnings and lints.
     pub findings: Vec<Finding>,
+    /// Blocks that have a name only, with the numbers they were given.
+    pub numbers: Vec<Numbered>,
 }
 
 /// Why they give nothing.
@@ -66,12 +69,12 @@ pub fn plugin_folders() -> Vec<PathBuf> {
 pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
     let plugins = load_plugins(&station.plugins).map_err(LoadFailure::Plugin)?;
     let library = library(&plugins, &station.program.library).map_err(LoadFailure::Rejected)?;
-    let (program, mut findings) = compile(&station.program, &library).map_err(LoadFailure::Rejected)?;
+    let mut compiled = compile(&station.program, &library).map_err(LoadFailure::Rejected)?;
     let of_plugins = plugins.iter().flat_map(|(plugin, renumber)| {
         plugin.info().blocks.iter().map(|block| renumber.get(&block.id).copied().unwrap_or(block.id))
     });
-    findings.extend(without_ob1(&program, of_plugins));
-    Ok(Loaded { program, plugins, standard: station.program.library.clone(), findings })
+    compiled.findings.extend(without_ob1(&compiled.program, of_plugins));
+    Ok(Loaded::new(compiled, plugins, &station.program.library))
 }
 
 /// Number of the finding of [`without_ob1`].
@@ -90,6 +93,13 @@ pub(crate) fn without_ob1(program: &Program, natives: impl IntoIterator<Item = B
 }
 
 impl Loaded {
+    /// A compiled program with its plugins and the standard blocks chosen for it.
+    #[must_use]
+    pub fn new(compiled: Compiled, plugins: Plugins, chosen: &[Choice]) -> Self {
+        let Compiled { program, findings, numbers, demanded } = compiled;
+        Self { standard: in_use(&program, chosen, &demanded), program, plugins, findings, numbers }
+    }
+
     /// The native blocks for one CPU: the system blocks and those of the plugins, with memory for each of the
     /// `modules`.
     ///
@@ -105,7 +115,16 @@ impl Loaded {
     }
 }
 
-type Plugins = Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>;
+/// The standard blocks of a program: those chosen, but for offered ones that it has itself, and those it calls by
+/// name.
+#[must_use]
+pub fn in_use(program: &Program, chosen: &[Choice], demanded: &[Choice]) -> Vec<Choice> {
+    let own = |choice: &Choice| choice.offered && program.blocks.iter().any(|block| block.id == choice.id);
+    chosen.iter().filter(|choice| !own(choice)).chain(demanded).cloned().collect()
+}
+
+/// Plugins, each with the renumbering of its blocks.
+pub type Plugins = Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>;
 
 /// Loads the plugins of a list.
 ///
@@ -180,6 +199,7 @@ pub fn library(
                 declared.insert(choice.id, block.name);
             }
             library.insert(choice.id, block.name, block.interface);
+            library.set_origin(choice.id, &format!("[library] \"{}\" = \"{}\"", choice.id, choice.key), choice.offered);
         }
     }
     let mut twice = Vec::new();
@@ -187,6 +207,7 @@ pub fn library(
         for block in &plugin.info().blocks {
             let id = renumber.get(&block.id).copied().unwrap_or(block.id);
             let before = library.insert(id, &block.name, block.interface.clone());
+            library.set_origin(id, &format!("the plugin {}", plugin.info().name), false);
             // A plugin that serves what is declared under this number is what the declaration is for.
             let serves = declared.remove(&id).is_some_and(|name| name.eq_ignore_ascii_case(&block.name));
             if before.is_some() && !serves {
@@ -213,16 +234,47 @@ pub struct Sources {
     pub library: Vec<Choice>,
     /// Look for the classic porting traps too.
     pub lints: bool,
+    /// Numbers of blocks that have a name only, as the user fixes them.
+    pub fixed: Vec<(String, BlockId)>,
+    /// Where the numbers given to other such blocks are kept.
+    pub numbers: Option<PathBuf>,
+    /// Show every finding, not the first of each file and of all.
+    pub all_messages: bool,
+    /// For files that may be missing: the finding at the line that names each.
+    pub places: Vec<(PathBuf, Finding)>,
 }
+
+/// A compiled program and what is to be told of it.
+#[derive(Debug)]
+pub struct Compiled {
+    /// The program.
+    pub program: Program,
+    /// Warnings and lints.
+    pub findings: Vec<Finding>,
+    /// Blocks that have a name only, with the numbers they were given.
+    pub numbers: Vec<Numbered>,
+    /// Standard blocks that are called by name.
+    pub demanded: Vec<Choice>,
+}
+
+/// Findings that are shown of one file, and of all.
+const LIMIT: Limit = Limit { file: 20, run: 100 };
 
 /// Reads and compiles sources.
 ///
 /// # Errors
 /// Everything that was found, when there is an error in it.
-pub fn compile(wanted: &Sources, library: &Library) -> Result<(Program, Vec<Finding>), Vec<Finding>> {
+pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Finding>> {
     let mut findings = Vec::new();
-    let sources = read_all(&wanted.files, &mut findings);
-    compile_texts(&sources, wanted, library, findings)
+    let (files, symbols) = folder::expand(&wanted.files, &wanted.symbols);
+    if files.is_empty() && !wanted.files.is_empty() {
+        let name = wanted.files.first().map(|f| f.display().to_string()).unwrap_or_default();
+        let remedy = "a folder is a program: sources (.awl .stl .db .udt) and symbol tables (.sdf .asc .seq .dif)";
+        return Err(vec![Finding::whole(Level::Error, "C001", &name, "no sources are in this folder", remedy)]);
+    }
+    let wanted = Sources { files, symbols, ..wanted.clone() };
+    let sources = read_all(&wanted.files, &wanted.places, &mut findings);
+    compile_texts(&sources, &wanted, library, findings)
 }
 
 /// As [`compile`], with the sources read already; `findings` is what was found so far.
@@ -231,28 +283,75 @@ pub(crate) fn compile_texts(
     wanted: &Sources,
     library: &Library,
     mut findings: Vec<Finding>,
-) -> Result<(Program, Vec<Finding>), Vec<Finding>> {
+) -> Result<Compiled, Vec<Finding>> {
     let mut symbols = Vec::new();
-    let tables = read_all(&wanted.symbols, &mut findings);
+    let tables = read_all(&wanted.symbols, &wanted.places, &mut findings);
     for (table, read) in tables.iter().zip(ob1_stl::read_symbol_tables(&tables)) {
         findings.extend(read.diagnostics.iter().map(|d| of_diagnostic(d, std::slice::from_ref(table))));
         symbols.extend(read.symbols);
     }
-    let options = Options { mnemonics: wanted.mnemonics.into(), symbols, lints: wanted.lints };
+    let kept = wanted.numbers.as_deref().map_or(Ok(Vec::new()), numbers::read)?;
+    let fixed = wanted.fixed.iter().map(|(name, id)| Numbered { name: name.clone(), id: *id }).collect();
+    let limit = (!wanted.all_messages).then_some(LIMIT);
+    let options = Options { mnemonics: wanted.mnemonics.into(), symbols, lints: wanted.lints, fixed, kept, limit };
     let output = ob1_stl::compile(sources, library, &options);
     findings.extend(output.diagnostics.iter().map(|diagnostic| of_diagnostic(diagnostic, sources)));
-    if findings.iter().any(|f| f.level == Level::Error) { Err(findings) } else { Ok((output.program, findings)) }
+    findings.extend(of_rest(&output.rest));
+    if findings.iter().any(|f| f.level == Level::Error) {
+        return Err(findings);
+    }
+    if let Some(path) = &wanted.numbers {
+        findings.extend(numbers::write(path, &options.kept, &output.numbers));
+    }
+    let demanded = output.demanded.iter().filter_map(demanded_choice).collect();
+    Ok(Compiled { program: output.program, findings, numbers: output.numbers, demanded })
+}
+
+/// A standard block that a program calls by its name.
+fn demanded_choice(called: &Numbered) -> Option<Choice> {
+    let is_it = |block: &&StandardBlock| {
+        block.origin != Origin::System
+            && !block.origin.is_declared_only()
+            && block.name.eq_ignore_ascii_case(&called.name)
+    };
+    let key = standard_blocks().iter().find(is_it)?.key();
+    Some(Choice { id: called.id, key, offered: false })
+}
+
+/// What is beyond the limit: how many, and of each number how many.
+fn of_rest(rest: &Rest) -> Option<Finding> {
+    let count = rest.count();
+    if count == 0 {
+        return None;
+    }
+    let title = |code: &str| ob1_stl::codes::ALL.iter().find(|c| c.number == code).map_or("", |c| c.title);
+    let mut kinds: Vec<(&str, usize)> = rest.by_code.iter().map(|(code, n)| (*code, *n)).collect();
+    kinds.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+    let mut text = format!("and {count} more:\n");
+    for (code, n) in &kinds {
+        text.push_str(&format!("  {n:>6} {code} {}\n", title(code)));
+    }
+    text.push_str("  = --all-messages shows every one\n");
+    let kinds: Vec<String> = kinds.iter().map(|(code, n)| format!("{n} {code}")).collect();
+    let level = if rest.errors > 0 { Level::Error } else { Level::Lint };
+    let message = format!("and {count} more: {}", kinds.join(", "));
+    let finding = Finding::whole(level, "C015", "", message, "--all-messages shows every one");
+    Some(Finding { text, count, ..finding })
 }
 
 /// Reads files; one finding for each that cannot be read.
-pub(crate) fn read_all(paths: &[PathBuf], findings: &mut Vec<Finding>) -> Vec<Source> {
+pub(crate) fn read_all(paths: &[PathBuf], places: &[(PathBuf, Finding)], findings: &mut Vec<Finding>) -> Vec<Source> {
     let mut sources = Vec::with_capacity(paths.len());
     for path in paths {
         let name = path.display().to_string();
         match std::fs::read(path) {
             Ok(bytes) => sources.push(Source::new(name, bytes)),
             Err(error) => {
-                let message = format!("the source cannot be read: {error}");
+                if let Some((_, place)) = places.iter().find(|(named, _)| named == path) {
+                    findings.push(place.clone());
+                    continue;
+                }
+                let message = format!("the file cannot be read: {error}");
                 let remedy = "paths count from the file that names them";
                 findings.push(Finding::whole(Level::Error, "C001", &name, message, remedy));
             }
@@ -276,6 +375,7 @@ fn of_diagnostic(diagnostic: &ob1_stl::Diagnostic, sources: &[Source]) -> Findin
         column: diagnostic.column,
         message: diagnostic.message.clone(),
         remedy: diagnostic.remedy.clone(),
+        count: 1,
         text: source.map_or_else(|| diagnostic.message.clone(), |s| ob1_stl::render(diagnostic, s)),
     }
 }

@@ -20,7 +20,7 @@ use crate::station::{self, Plugin};
     R reads, W writes, RW both, call, open. Exit codes: 0, or 1 when the program cannot be compiled."
 )]
 pub struct XrefArgs {
-    /// Sources (.awl), or one station file (.toml)
+    /// Sources (.awl), folders of them, or one station file (.toml)
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
     /// A symbol table of the sources (a station file says it itself)
@@ -33,8 +33,8 @@ pub struct XrefArgs {
     #[arg(long, value_name = "PATH")]
     pub plugin: Vec<String>,
     /// Standard blocks of the sources: FC4=IEC:FC4, or a whole library: IEC
-    #[arg(long, value_name = "FC4=IEC:FC4,...", value_delimiter = ',', value_parser = Chosen::parse)]
-    pub standard: Vec<Chosen>,
+    #[arg(long, alias = "standard", value_name = "FC4=IEC:FC4,...", value_delimiter = ',', value_parser = Chosen::parse)]
+    pub library: Vec<Chosen>,
     /// Only this operand, or this symbol
     #[arg(long, value_name = "NAME")]
     pub operand: Option<String>,
@@ -88,17 +88,19 @@ fn references(args: &XrefArgs) -> Result<Vec<Reference>, Vec<Finding>> {
     }
     let plugins: Vec<Plugin> = args.plugin.iter().map(|name| Plugin::of_name(name)).collect();
     let plugins = program::load_plugins(&plugins)?;
-    let standard = Chosen::settled(&args.standard)?;
+    let standard = Chosen::settled(&args.library)?;
     let library = program::library(&plugins, &standard)?;
     let sources = Sources {
         files: args.files.clone(),
         symbols: args.symbols.clone(),
         mnemonics: args.mnemonics.into(),
         library: standard,
-        lints: false,
+        ..Sources::default()
     };
-    let (program, _) = program::compile(&sources, &library)?;
-    Ok(ob1_stl::xref_with(&program, &library))
+    let compiled = program::compile(&sources, &library)?;
+    let library =
+        program::library(&plugins, &program::in_use(&compiled.program, &sources.library, &compiled.demanded))?;
+    Ok(ob1_stl::xref_with(&compiled.program, &library))
 }
 
 fn to_json(r: &Reference) -> Value {

@@ -89,7 +89,7 @@ fn wrong_with(code: &Code) -> Option<String> {
     for word in &mut words {
         match word.trim().split_once('=') {
             None if word.trim() == "statements" => statements = true,
-            Some(("standard", libraries)) => arguments.extend(["--standard".to_owned(), libraries.replace('+', ",")]),
+            Some(("standard", libraries)) => arguments.extend(["--library".to_owned(), libraries.replace('+', ",")]),
             Some(("mnemonics", set)) => arguments.extend(["--mnemonics".to_owned(), set.to_owned()]),
             Some(("refused", number)) => refused = Some(number.to_owned()),
             _ => {

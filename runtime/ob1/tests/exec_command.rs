@@ -256,7 +256,7 @@ fn blocks_that_are_not_there_are_named() {
     for (code, args, parts) in [
         // A block of STEP 7 that nobody has written here, and a number STEP 7 does not use.
         ("CALL SFC 25;", &[][..], &["S0602", "SFC 25 COMPRESS is a block of STEP 7 that this CPU does not have"][..]),
-        ("CALL SFC 16;", &[], &["S0602", "SFC 16 is neither"]),
+        ("CALL SFC 16;", &[], &["S0602", "SFC 16: 1 use in 1 file"]),
         ("CALL SFB 12, DB 5;", &[], &["S0602", "SFB 12 BSEND"]),
         // Numbers of libraries: all blocks that have it by default.
         ("CALL FC 5;", &[], &["S0602", "IEC:FC5 DI_STRNG", "CP341:FC5 V24_STAT", "--library FC5=IEC:FC5"]),

@@ -74,7 +74,7 @@ fn a_declared_block_compiles_but_does_not_run() {
     let station = declared_station(folder.path(), "libraries = [\"CP240\"]\n[library]\n\"FC 106\" = \"CP341:FC6\"");
     let source = folder.path().join("p.awl").display().to_string();
     // The sources by themselves are right.
-    let sources = ob1(&["check", &source, "--standard", "FC106=CP341:FC6"]);
+    let sources = ob1(&["check", &source, "--library", "FC106=CP341:FC6"]);
     assert_eq!((sources.status.code(), text(&sources).as_str()), (Some(0), "ok\n"));
     // The station is not: nobody serves the block.
     for (args, code) in
@@ -98,7 +98,7 @@ fn libraries_that_want_the_same_numbers_are_told_apart() {
     assert!(stderr.contains("\"FC 5\" = \"IEC:FC5\""), "{stderr}");
     let source = folder.path().join("p.awl").display().to_string();
     for command in ["check", "xref"] {
-        let output = ob1(&[command, &source, "--standard", "IEC,CP341"]);
+        let output = ob1(&[command, &source, "--library", "IEC,CP341"]);
         assert_eq!(output.status.code(), Some(1), "{output:?}");
         assert!(String::from_utf8_lossy(&output.stderr).contains("FC 6 is wanted for"), "{output:?}");
     }

@@ -34,9 +34,9 @@ fn run(program: &str, symbols: Option<&str>, stand_ins: &str, dumps: &[&str]) ->
 fn they_compile_against_the_declared_blocks() {
     let symbols = example("enocean-switch/enocean.sdf").display().to_string();
     for (file, more) in [
-        ("enocean-switch/enocean.awl", &["--standard", "CP240", "--symbols", &symbols][..]),
-        ("mbus-meter/mbus.awl", &["--standard", "CP240"]),
-        ("cp341-modbus-ascii/modbus-ascii.awl", &["--standard", "CP341"]),
+        ("enocean-switch/enocean.awl", &["--library", "CP240", "--symbols", &symbols][..]),
+        ("mbus-meter/mbus.awl", &["--library", "CP240"]),
+        ("cp341-modbus-ascii/modbus-ascii.awl", &["--library", "CP341"]),
     ] {
         let path = example(file).display().to_string();
         let output = ob1(&[&["check", &path][..], more].concat(), Path::new("."));

@@ -134,6 +134,6 @@ pub(crate) fn compile_one(name: &str, bytes: &[u8]) -> Output {
     compile(
         &[Source::new(name, bytes)],
         &library,
-        &Options { mnemonics, symbols: symbols(), lints: name.starts_with("lints_") },
+        &Options { mnemonics, symbols: symbols(), lints: name.starts_with("lints_"), ..Options::default() },
     )
 }

@@ -129,7 +129,8 @@ pub(crate) fn in_db(db: Db, register: DbRegister, at: u32, bits: u32, write: boo
         };
         return Err(outside(area, at, bits, write));
     };
-    if write && db.writable == 0 {
+    // An instance without any data has nothing to protect.
+    if write && db.writable == 0 && bits > 0 {
         return Err(Fault::new(
             match register {
                 DbRegister::Db => FaultKind::WriteProtectedDb,

@@ -22,7 +22,7 @@ use crate::station;
     rejected\n  11  a fault stopped the CPU: the diagnostic entries are on stderr, newest first\n  1   wrong command line\n  \
     6   a file cannot be written\nDumps and figures are written in the cases 0, 3 and 11. docs/exec.md")]
 pub struct ExecArgs {
-    /// Sources
+    /// Sources, or folders of sources and symbol tables
     #[arg(required = true, value_name = "PROG.awl")]
     pub files: Vec<PathBuf>,
     /// A symbol table: SDF, ASC, SEQ or DIF; may be given several times
@@ -40,6 +40,12 @@ pub struct ExecArgs {
     /// Standard blocks by number; a library's name alone (IEC) takes all its blocks with STEP 7's numbers
     #[arg(long, value_name = "FC4=IEC:FC4,...", value_delimiter = ',', value_parser = Chosen::parse)]
     pub library: Vec<Chosen>,
+    /// Keep the numbers of blocks that have a name only in this file
+    #[arg(long, value_name = "FILE")]
+    pub numbers: Option<PathBuf>,
+    /// Show every message of the sources, not 20 of a file and 100 in all
+    #[arg(long)]
+    pub all_messages: bool,
     /// Start information in the first 20 bytes of an organization block's local data
     #[arg(long, value_enum, default_value_t = Switch::On)]
     pub ob_start_info: Switch,

@@ -151,7 +151,7 @@ mod tests {
         std::fs::write(&path, text).expect("writable");
         let args = ExecArgs::of_words([&[path.to_str().expect("UTF-8")], words].concat());
         let program = compile(&args, &[]).expect("it compiles");
-        let mut cpu = load(&args, &[], &program).expect("it loads");
+        let mut cpu = load(&args, &[], &program.0).expect("it loads");
         let seconds = Arc::new(AtomicU64::new(0));
         let count = seconds.clone();
         let wall = WallTime(Box::new(move || Duration::from_secs(count.fetch_add(1, Ordering::Relaxed) + 1)));

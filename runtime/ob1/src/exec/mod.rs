@@ -51,7 +51,7 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     let usage = |text| (ExecExit::Other(Exit::Usage), format!("ob1: {text}\n"));
     args.check().map_err(usage)?;
     let standard = args.standard().map_err(usage)?;
-    let program = compile(args, &standard)?;
+    let (program, standard) = compile(args, &standard)?;
     let mut cpu = load(args, &standard, &program)?;
     for dump in &args.dump {
         // Before the run: a dump that cannot be is known at once, not after a minute.
@@ -85,21 +85,25 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     Ok(exit)
 }
 
-fn compile(args: &ExecArgs, standard: &[Choice]) -> Result<Program, Failure> {
+fn compile(args: &ExecArgs, standard: &[Choice]) -> Result<(Program, Vec<Choice>), Failure> {
     let library = program::library(&[], standard).map_err(|findings| rejected(&findings))?;
     let sources = Sources {
         files: args.files.clone(),
         symbols: args.symbols.clone(),
         mnemonics: args.mnemonics.into(),
         library: standard.to_vec(),
-        lints: false,
+        numbers: args.numbers.clone(),
+        all_messages: args.all_messages,
+        ..Sources::default()
     };
-    let (program, mut findings) = program::compile(&sources, &library).map_err(|findings| rejected(&findings))?;
-    findings.extend(program::without_ob1(&program, []));
-    for finding in findings.iter().filter(|finding| !args.quiet || finding.code == program::NO_OB1) {
+    let compiled = program::compile(&sources, &library).map_err(|findings| rejected(&findings))?;
+    let without_ob1 = program::without_ob1(&compiled.program, []);
+    let findings = compiled.findings.iter().chain(&without_ob1);
+    for finding in findings.filter(|finding| !args.quiet || finding.code == program::NO_OB1) {
         err!("{finding}");
     }
-    Ok(program)
+    let standard = program::in_use(&compiled.program, standard, &compiled.demanded);
+    Ok((compiled.program, standard))
 }
 
 fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<Cpu, Failure> {

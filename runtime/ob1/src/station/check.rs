@@ -7,7 +7,7 @@ use ob1_cpu::{AccountsConfig, CpuConfig, Family, MissedCycle};
 use ob1_model::{BlockId, BlockKind};
 
 use super::file::{CpuTable, Placed, PluginTable, StationFile, TimingTable};
-use super::findings::{CONTRADICTION, Findings, TWICE, VALUE};
+use super::findings::{CONTRADICTION, Findings, TWICE, UNREADABLE, VALUE};
 use super::types::{Mnemonics, Plugin, Realtime, Station};
 use super::{interrupts, modules, parse_duration, retentive, simulated};
 use crate::finding::{Finding, Text, nearest};
@@ -30,7 +30,10 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
             symbols: file.program.symbols.iter().map(|s| folder.join(s.get_ref())).collect(),
             mnemonics: mnemonics(f, file.program.mnemonics.as_ref()),
             library: standard(f, &file.program.libraries, &file.library),
-            lints: false,
+            fixed: fixed_numbers(f, &file.program.numbers),
+            numbers: Some(Path::new(source.file).with_extension("numbers")),
+            places: places(f, &[&file.program.sources, &file.program.symbols], folder),
+            ..Sources::default()
         },
         plugins: plugins(f, &file.plugin, folder),
         modules: modules::modules(f, &file.module, folder),
@@ -213,6 +216,32 @@ pub(crate) fn standard(
         }
         Vec::new()
     })
+}
+
+/// `[program] numbers`: numbers of blocks that have a name only.
+fn fixed_numbers(f: &mut Findings<'_>, table: &BTreeMap<Placed<String>, Placed<String>>) -> Vec<(String, BlockId)> {
+    let mut fixed = Vec::with_capacity(table.len());
+    for (name, number) in table {
+        match parse_block(number.get_ref()) {
+            Some(id) => fixed.push((name.get_ref().clone(), id)),
+            None => {
+                let message = format!("\"{}\" is no block", number.get_ref());
+                f.error(VALUE, number.span(), message, "write numbers = { \"Pump\" = \"FB 35\" }");
+            }
+        }
+    }
+    fixed
+}
+
+/// For each file of lists: what is said at its line when it cannot be read.
+pub(crate) fn places(f: &Findings<'_>, lists: &[&Vec<Placed<String>>], folder: &Path) -> Vec<(PathBuf, Finding)> {
+    let all = lists.iter().flat_map(|list| list.iter());
+    all.map(|named| {
+        let path = folder.join(named.get_ref());
+        let message = format!("the file {} cannot be read", path.display());
+        (path, f.at(UNREADABLE, named.span(), message, "paths count from the file that names them"))
+    })
+    .collect()
 }
 
 fn mnemonics(f: &mut Findings<'_>, value: Option<&Placed<String>>) -> Mnemonics {

@@ -163,6 +163,8 @@ pub(super) struct ProgramTable {
     pub(super) mnemonics: Option<Placed<String>>,
     #[serde(default)]
     pub(super) libraries: Vec<Placed<String>>,
+    #[serde(default)]
+    pub(super) numbers: BTreeMap<Placed<String>, Placed<String>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -36,6 +36,11 @@ impl<'a> Findings<'a> {
         Self { source, found: Vec::new() }
     }
 
+    /// An error at a place, for whoever may need it later.
+    pub(crate) fn at(&self, code: &str, at: Range<usize>, message: String, remedy: &str) -> Finding {
+        self.source.finding(Level::Error, code, at, message, remedy.to_owned())
+    }
+
     pub(crate) fn error(
         &mut self,
         code: &str,

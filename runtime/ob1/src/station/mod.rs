@@ -17,7 +17,8 @@ mod retentive;
 mod simulated;
 mod types;
 
-pub(crate) use check::{choice, parse_block, standard};
+pub(crate) use check::{choice, parse_block, places, standard};
+
 pub use duration::parse_duration;
 pub use line::{Line, LineError};
 pub use types::*;

@@ -222,5 +222,11 @@ pub(super) fn bare_config(min_cycle: Nanos) -> CpuConfig {
 
 /// A program with what its natives come from.
 pub(super) fn loaded(program: Program, of: &Loaded) -> Loaded {
-    Loaded { program, plugins: of.plugins.clone(), standard: of.standard.clone(), findings: Vec::new() }
+    Loaded {
+        program,
+        plugins: of.plugins.clone(),
+        standard: of.standard.clone(),
+        findings: Vec::new(),
+        numbers: Vec::new(),
+    }
 }

@@ -110,7 +110,8 @@ pub(super) fn parse(text: &str, name: &str, folder: &Path) -> Result<Plan, Vec<F
             }
             let (files, symbols) = (paths(&file.sources), paths(&file.symbols));
             let library = standard(f, &file.libraries, &file.library);
-            Tested::Sources(Sources { files, symbols, mnemonics, library, lints: false })
+            let places = crate::station::places(f, &[&file.sources, &file.symbols], folder);
+            Tested::Sources(Sources { files, symbols, mnemonics, library, places, ..Sources::default() })
         }
     };
     let cycle = file.cycle.as_ref().and_then(|cycle| time(f, cycle));

@@ -94,9 +94,11 @@ impl Subject {
         let plugins = program::load_plugins(&plugins)?;
         let library = program::library(&plugins, &wanted.library)?;
         let mut findings = Vec::new();
-        let sources = program::read_all(&wanted.files, &mut findings);
-        let (program, findings) = program::compile_texts(&sources, &wanted, &library, findings)?;
-        let loaded = Loaded { program, plugins, standard: wanted.library.clone(), findings };
+        let (files, symbols) = crate::folder::expand(&wanted.files, &wanted.symbols);
+        let wanted = Sources { files, symbols, ..wanted };
+        let sources = program::read_all(&wanted.files, &wanted.places, &mut findings);
+        let compiled = program::compile_texts(&sources, &wanted, &library, findings)?;
+        let loaded = Loaded::new(compiled, plugins, &wanted.library);
         Ok(Self { name, config, modules, wanted, sources, library, loaded })
     }
 
@@ -111,12 +113,12 @@ impl Subject {
         let mut sources = self.sources.clone();
         sources.push(Source::new(GENERATED, harness.source.clone().into_bytes()));
         let compiled = program::compile_texts(&sources, &self.wanted, &self.library, Vec::new());
-        let (mut program, _) = compiled.map_err(|found| {
+        let mut compiled = compiled.map_err(|found| {
             let errors: Vec<Finding> = found.into_iter().filter(|f| f.level == Level::Error).collect();
             of_generated(&errors, call, source)
         })?;
-        harness.install(&mut program);
-        Ok((program, harness))
+        harness.install(&mut compiled.program);
+        Ok((compiled.program, harness))
     }
 }
 

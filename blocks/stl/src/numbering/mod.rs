@@ -1,0 +1,185 @@
+//! Numbers for blocks that have none: a name at a block's own head, in no symbol table. Each gets the first number of
+//! its kind that nothing in the program, its symbol tables and its libraries mentions.
+
+mod demand;
+mod ob_names;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use ob1_ir::Symbol;
+use ob1_model::{BlockId, BlockKind};
+
+use crate::codes;
+use crate::elaborate::Elaborator;
+use crate::library::Library;
+use crate::mnemonics::{BlockWord, Shape};
+use crate::parser::{split_digits, unquote};
+use crate::syntax::{Frame, NameRef};
+use crate::token::{File, Kind, Span};
+use crate::world::Symbolic;
+
+/// Numbers begin here: below it are those that people give.
+const FIRST: u16 = 1000;
+
+/// A block's name with its number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Numbered {
+    /// The name, without quotes.
+    pub name: String,
+    /// Kind and number.
+    pub id: BlockId,
+}
+
+impl Numbered {
+    /// The name as a symbol.
+    pub(crate) fn symbol(&self) -> Symbol {
+        Symbol { name: self.name.clone(), address: self.id.to_string(), ty: None }
+    }
+}
+
+/// The numbers of a kind of block that are mentioned somewhere.
+type Mentioned = BTreeMap<BlockWord, BTreeSet<u16>>;
+
+impl Elaborator<'_> {
+    /// Makes a symbol of each name that has no number: those the user has fixed, those of before, and new ones. Gives
+    /// the ones that were given.
+    pub(crate) fn number_names(&mut self, fixed: &[Numbered], kept: &[Numbered]) -> Vec<Numbered> {
+        for one in fixed {
+            self.world.symbols.insert(one.name.to_uppercase(), Symbolic::Block(word_of(one.id.kind), one.id.number));
+        }
+        let wanted = self.wanted();
+        if wanted.is_empty() {
+            return Vec::new();
+        }
+        let mut mentioned = mentioned(self.files, self.library, self.world.symbols.values());
+        let kept: BTreeMap<String, BlockId> = kept.iter().map(|k| (k.name.to_uppercase(), k.id)).collect();
+        for id in kept.values() {
+            mentioned.entry(word_of(id.kind)).or_default().insert(id.number);
+        }
+        let mut next: BTreeMap<BlockWord, u16> = BTreeMap::new();
+        let mut given = Vec::new();
+        for (key, (name, word)) in wanted {
+            self.sink.steps += 1;
+            let before = kept.get(&key).filter(|id| word_of(id.kind) == word).map(|id| id.number);
+            let Some(number) =
+                before.or_else(|| free(mentioned.entry(word).or_default(), next.entry(word).or_insert(FIRST)))
+            else {
+                continue;
+            };
+            self.world.symbols.insert(key, Symbolic::Block(word, number));
+            if let Some(kind) = word.kind() {
+                given.push(Numbered { name, id: BlockId::new(kind, number) });
+            }
+        }
+        given
+    }
+
+    /// The names without a number, in capitals, as written, and what they name.
+    fn wanted(&mut self) -> BTreeMap<String, (String, BlockWord)> {
+        let mut wanted = BTreeMap::new();
+        for block in self.blocks {
+            let (NameRef::Symbol(name) | NameRef::Bare(name)) = &block.name else { continue };
+            let key = name.to_uppercase();
+            if name.is_empty() || self.world.symbols.contains_key(&key) {
+                continue;
+            }
+            let word = match block.frame {
+                Frame::Ob => {
+                    self.name_ob(key, name, block.file, block.span);
+                    continue;
+                }
+                Frame::Fc => BlockWord::Fc,
+                Frame::Fb => BlockWord::Fb,
+                Frame::Db => BlockWord::Db,
+                Frame::Udt => BlockWord::Udt,
+            };
+            wanted.entry(key).or_insert_with(|| (name.clone(), word));
+        }
+        // Instance data blocks that only a call names.
+        for block in self.blocks {
+            let Some(file) = self.files.get(block.file) else { continue };
+            let calls = block.statements.iter().filter(|s| s.row.is_some_and(|r| matches!(r.shape, Shape::Call(_))));
+            for statement in calls {
+                let tokens = file.tokens.get(statement.operand.clone()).unwrap_or_default();
+                let Some(comma) = tokens.iter().position(|t| t.kind == Kind::Comma) else { continue };
+                let Some(symbol) = tokens.iter().skip(comma + 1).find(|t| t.kind != Kind::Newline) else { continue };
+                if symbol.kind != Kind::Symbol {
+                    continue;
+                }
+                let name = unquote(file.of(*symbol));
+                let key = name.to_uppercase();
+                if !self.world.symbols.contains_key(&key) {
+                    wanted.entry(key).or_insert_with(|| (name.to_owned(), BlockWord::Db));
+                }
+            }
+        }
+        wanted
+    }
+
+    /// The name of an organization block tells its number.
+    fn name_ob(&mut self, key: String, name: &str, file: usize, span: Span) {
+        match ob_names::number(name) {
+            Some(number) => {
+                self.world.symbols.insert(key, Symbolic::Block(BlockWord::Ob, number));
+            }
+            None => {
+                let message = format!("\"{name}\" is no name that STEP 7 or TIA Portal gives an organization block");
+                let remedy =
+                    format!("Say its number in the station file: [program] numbers = {{ \"{name}\" = \"OB 35\" }}");
+                self.sink.report_with(file, span, &codes::OB_NAME, message, remedy);
+                self.world.symbols.insert(key, Symbolic::Nameless);
+            }
+        }
+    }
+}
+
+/// The first number from `next` on that is not taken; it is then.
+fn free(taken: &mut BTreeSet<u16>, next: &mut u16) -> Option<u16> {
+    let number = (*next..=u16::MAX).chain(1..FIRST).find(|n| !taken.contains(n))?;
+    taken.insert(number);
+    *next = number.saturating_add(1);
+    Some(number)
+}
+
+const fn word_of(kind: BlockKind) -> BlockWord {
+    match kind {
+        BlockKind::Ob => BlockWord::Ob,
+        BlockKind::Fc => BlockWord::Fc,
+        BlockKind::Fb => BlockWord::Fb,
+        BlockKind::Sfc => BlockWord::Sfc,
+        BlockKind::Sfb => BlockWord::Sfb,
+        BlockKind::Db => BlockWord::Db,
+    }
+}
+
+/// Every number that stands behind the word of a block.
+fn mentioned<'s>(files: &[File<'_>], library: &Library, symbols: impl Iterator<Item = &'s Symbolic>) -> Mentioned {
+    let mut mentioned = Mentioned::new();
+    let mut mention = |word: BlockWord, number: u16| {
+        let word = if word == BlockWord::Di { BlockWord::Db } else { word };
+        mentioned.entry(word).or_default().insert(number);
+    };
+    for file in files {
+        for (at, token) in file.tokens.iter().enumerate() {
+            // All words of blocks have two or three letters.
+            if token.kind != Kind::Word || token.span.end - token.span.start > 8 {
+                continue;
+            }
+            let (letters, digits) = split_digits(file.of(*token));
+            let Some(word) = BlockWord::parse(letters) else { continue };
+            let next = file.tokens.get(at + 1).filter(|t| digits.is_empty() && t.kind == Kind::Number);
+            if let Ok(number) = next.map_or(digits, |t| file.of(*t)).parse() {
+                mention(word, number);
+            }
+        }
+    }
+    for id in library.numbers() {
+        mention(word_of(id.kind), id.number);
+    }
+    for symbol in symbols {
+        if let Symbolic::Block(word, number) = symbol {
+            mention(*word, *number);
+        }
+    }
+    mentioned
+}

@@ -1,0 +1,183 @@
+//! Files that are not STL, recognised as what they are, so that one message is enough.
+
+use crate::mnemonics::Words;
+
+/// What a file is instead of STL.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Other {
+    /// Structured control language; its declarations are those of STL.
+    Scl,
+    /// A sequencer.
+    Graph,
+    /// STL of an S7-200.
+    S7200,
+    /// An export of TIA Portal's openness, or other XML.
+    Xml,
+    /// A template that a program fills in.
+    Template,
+    /// No text at all.
+    Binary,
+}
+
+impl Other {
+    /// What it is, and what to do.
+    pub(crate) const fn says(self) -> (&'static str, &'static str) {
+        match self {
+            Other::Scl => (
+                "this is SCL; its declarations are known, its statements are not compiled",
+                "Generate the block from it in STEP 7 and export that as STL, or write it in STL.",
+            ),
+            Other::Graph => ("this is S7-GRAPH", "Write the sequencer in STL."),
+            Other::S7200 => (
+                "this is STL of an S7-200, which has other statements and areas than that of an S7-300",
+                "Convert it into a program for an S7-300.",
+            ),
+            Other::Xml => (
+                "this is XML, not a source",
+                "Export the block from TIA Portal as a source: \"Generate source from blocks\".",
+            ),
+            Other::Template => {
+                ("this is a template with places to be filled in, not a source", "Load what is generated from it.")
+            }
+            Other::Binary => ("this is no text", "Load the source the file was made from."),
+        }
+    }
+}
+
+/// Words that begin a line of SCL and never one of STL.
+const SCL_WORDS: [&str; 14] = [
+    "IF",
+    "ELSIF",
+    "END_IF",
+    "CASE",
+    "END_CASE",
+    "FOR",
+    "END_FOR",
+    "WHILE",
+    "END_WHILE",
+    "REPEAT",
+    "UNTIL",
+    "END_REPEAT",
+    "REGION",
+    "END_REGION",
+];
+
+const GRAPH_WORDS: [&str; 5] = ["INITIAL_STEP", "END_STEP", "END_TRANSITION", "END_STEPS", "END_TRANSITIONS"];
+
+const S7200_WORDS: [&str; 12] = ["LD", "LDN", "LPS", "LPP", "LRD", "ALD", "OLD", "MOVB", "MOVW", "MOVD", "SBR", "LDI"];
+
+/// What a source is by its name and text; `None` for STL, and for what nothing is known of.
+pub(crate) fn other(name: &str, text: &str, words: [&Words; 2]) -> Option<Other> {
+    let extension = name.rsplit_once('.').map_or("", |(_, extension)| extension);
+    if extension.eq_ignore_ascii_case("scl") {
+        return Some(Other::Scl);
+    }
+    if text.get(..text.len().min(4096)).unwrap_or(text).contains('\0') {
+        return Some(Other::Binary);
+    }
+    let start = text.trim_start();
+    if start.starts_with("<?xml") || start.starts_with("<!DOCTYPE") || start.starts_with("<Document") {
+        return Some(Other::Xml);
+    }
+    if ["{{", "{%", "<%"].iter().any(|mark| text.contains(mark)) {
+        return Some(Other::Template);
+    }
+    let signs = Signs::of(text, words);
+    if signs.graph > 0 {
+        return Some(Other::Graph);
+    }
+    if signs.s7200_frame || signs.s7200 > 2 && signs.s7200 * 4 > signs.stl {
+        return Some(Other::S7200);
+    }
+    (signs.scl > signs.stl).then_some(Other::Scl)
+}
+
+/// Lines by the language their first word tells.
+#[derive(Default)]
+struct Signs {
+    stl: usize,
+    scl: usize,
+    graph: usize,
+    s7200: usize,
+    s7200_frame: bool,
+}
+
+impl Signs {
+    fn of(text: &str, words: [&Words; 2]) -> Self {
+        let mut signs = Self::default();
+        // In the statements of a code block; within the parameters of a call.
+        let (mut block, mut code, mut call) = (false, false, false);
+        for line in text.lines() {
+            let line = line.trim();
+            let end = line.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(line.len());
+            let (word, rest) = line.split_at(end);
+            let is = |words: &[&str]| words.iter().any(|w| w.eq_ignore_ascii_case(word));
+            if word.len() > 9 && is(&["SUBROUTINE_BLOCK", "INTERRUPT_BLOCK"]) {
+                signs.s7200_frame = true;
+            } else if word.len() > 7 && is(&["ORGANIZATION_BLOCK", "FUNCTION_BLOCK", "FUNCTION"]) {
+                signs.s7200_frame |= rest.split("//").next().unwrap_or("").contains(":OB");
+                (block, code) = (true, true);
+            } else if is(&["DATA_BLOCK", "TYPE", "END_DATA_BLOCK", "END_TYPE"]) {
+                (block, code) = (false, false);
+            } else if is(&["VAR", "VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT", "VAR_TEMP"]) {
+                code = false;
+            } else if is(&["END_VAR", "BEGIN"]) {
+                code = block;
+            } else if is(&["NETWORK"]) {
+                signs.stl += 4;
+                code = true;
+            } else if code && !line.is_empty() && !line.starts_with("//") {
+                signs.line(word, line, call, words);
+                let body = line.split("//").next().unwrap_or("").trim_end();
+                call = (call || is(&["CALL"]) || rest.trim_start_matches([':', ' ', '\t']).starts_with("CALL"))
+                    && !body.ends_with(';');
+            }
+        }
+        signs
+    }
+
+    fn line(&mut self, word: &str, line: &str, call: bool, words: [&Words; 2]) {
+        let is = |words: &[&str]| words.iter().any(|w| w.eq_ignore_ascii_case(word));
+        if is(&GRAPH_WORDS) {
+            self.graph += 1;
+        } else if is(&SCL_WORDS) {
+            self.scl += 1;
+        } else if is(&S7200_WORDS) {
+            self.s7200 += 1;
+        } else if line.starts_with('=') || words.iter().any(|set| set.mnemonic(word).is_some()) {
+            self.stl += 1;
+        } else if !call && line.contains(":=") && line.contains(';') {
+            self.scl += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mnemonics::Mnemonics;
+
+    #[test]
+    fn languages_are_told_apart() {
+        let stl = "FUNCTION FC 1 : VOID\nBEGIN\nNETWORK\nCALL FC 2 (\n a := 1,\n b := #x);\nL 1;\nEND_FUNCTION\n";
+        let scl = "FUNCTION FC 1 : VOID\nVAR_INPUT\n x : INT := 5;\nEND_VAR\n  #y := #x + 1;\n  IF #y > 1 THEN\n  END_IF;\nEND_FUNCTION\n";
+        let data = "DATA_BLOCK DB 1\nSTRUCT\n x : INT;\nEND_STRUCT;\nBEGIN\n x := 5;\nEND_DATA_BLOCK\n";
+        let words = [Mnemonics::German, Mnemonics::International].map(Words::new);
+        let words = [&words[0], &words[1]];
+        let s7200 = "ORGANIZATION_BLOCK MAIN:OB1\nTITLE=x\nBEGIN\nNetwork 1\nLD SM0.0\nEND_ORGANIZATION_BLOCK\n";
+        let graph = "FUNCTION_BLOCK FB 1\nSTEPS\nINITIAL_STEP Init (*1*)\nEND_STEP\nEND_FUNCTION_BLOCK\n";
+        for (text, expected) in [
+            (stl, None),
+            (scl, Some(Other::Scl)),
+            (data, None),
+            (s7200, Some(Other::S7200)),
+            (graph, Some(Other::Graph)),
+            ("<?xml version=\"1.0\"?><Document/>", Some(Other::Xml)),
+            ("FUNCTION FC {{ number }} : VOID\n", Some(Other::Template)),
+            ("PK\u{3}\0\0", Some(Other::Binary)),
+        ] {
+            assert_eq!(other("a.awl", text, words), expected, "{text}");
+        }
+        assert_eq!(other("a.SCL", stl, words), Some(Other::Scl));
+    }
+}
