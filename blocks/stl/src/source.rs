@@ -7,8 +7,8 @@ use std::borrow::Cow;
 pub struct Source {
     /// Its name, as diagnostics print it.
     pub name: String,
-    /// Its bytes: UTF-16 behind its byte order mark or found out without, UTF-8 where they are valid UTF-8, else CP1252; lines end with LF
-    /// or CR LF.
+    /// Its bytes: UTF-16 behind its byte order mark or found out without, UTF-8 where they are valid UTF-8, else
+    /// CP1252; lines end with LF or CR LF.
     pub bytes: Vec<u8>,
 }
 
