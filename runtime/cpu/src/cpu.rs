@@ -10,9 +10,9 @@ use crate::interrupts::{Hardware, slot_of};
 use crate::machine::{Blocks, Interrupt, Machine};
 use crate::port::AccessPort;
 use crate::{
-    AccessClient, Accounts, Answer, Ask, Cell, CellWidth, Command, DiagEntry, InterruptError, LogReader,
-    ModuleCounters, ModuleSlot, ModuleStatus, Nanos, ObStatistics, OperatingState, PortError, ScanRecord,
-    ScanStatistics, ShortText,
+    AccessClient, Accounts, Answer, Ask, Cell, CellError, CellWidth, Command, DiagEntry, InterruptError, LogReader,
+    ModuleCounters, ModuleSlot, ModuleStatus, Nanos, ObStatistics, OperatingState, ScanRecord, ScanStatistics,
+    ShortText,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -200,7 +200,7 @@ impl Cpu {
     ///
     /// # Errors
     /// The cell does not exist.
-    pub fn read(&mut self, cell: Cell, width: CellWidth) -> Result<u32, PortError> {
+    pub fn read(&mut self, cell: Cell, width: CellWidth) -> Result<u32, CellError> {
         cells::read(&mut self.machine, cell, width)
     }
 
@@ -208,7 +208,7 @@ impl Cpu {
     ///
     /// # Errors
     /// The cell does not exist, cannot be written, or does not hold the value.
-    pub fn write(&mut self, cell: Cell, width: CellWidth, value: u32) -> Result<(), PortError> {
+    pub fn write(&mut self, cell: Cell, width: CellWidth, value: u32) -> Result<(), CellError> {
         cells::write(&mut self.machine, cell, width, value)
     }
 
@@ -246,7 +246,7 @@ impl Cpu {
         }
     }
 
-    fn answer(&mut self, ask: Ask) -> Result<Answer, PortError> {
+    fn answer(&mut self, ask: Ask) -> Result<Answer, CellError> {
         Ok(match ask {
             Ask::Read(cell, width) => Answer::Value(cells::read(&mut self.machine, cell, width)?),
             Ask::Write(cell, width, value) => {
@@ -258,12 +258,12 @@ impl Cpu {
                 Answer::Done
             }
             Ask::State => Answer::State(self.state),
-            Ask::Diag(back) => Answer::Diag(*self.machine.diag.get(back as usize).ok_or(PortError::NoEntry)?),
+            Ask::Diag(back) => Answer::Diag(*self.machine.diag.get(back as usize).ok_or(CellError::NoEntry)?),
             Ask::HardwareInterrupt { ob, address, point } => {
                 Answer::Interrupt(self.fire_hardware_interrupt(ob, address, point))
             }
             Ask::Module(index) => {
-                Answer::Module(self.machine.modules.status(index as usize).ok_or(PortError::NoModule)?)
+                Answer::Module(self.machine.modules.status(index as usize).ok_or(CellError::NoModule)?)
             }
         })
     }

@@ -3,51 +3,12 @@
 //! Figures of the scans do not: they stand in [`crate::Accounts`], where reading them costs the scan nothing.
 //!
 //! Requests and responses are small `Copy` items. The CPU serves a bounded number of them at the cycle control point;
-//! the client side is `Send` and belongs to one thread (a socket server), which knows names and types (see
-//! [`crate::parse_item`]).
+//! the client side is `Send` and belongs to one thread (a socket server), which knows names and types.
 
-use ob1_model::Area;
+use ob1_model::{Cell, CellError, CellWidth};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::{Command, DiagEntry, InterruptError, ModuleStatus, OperatingState};
-
-/// A place the port can read and write.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cell {
-    /// Inputs, outputs or bit memory, by bit address; `Area::Input`, `Output`, `Memory`.
-    Area(Area, u32),
-    /// A data block and a bit address in it.
-    Db(u16, u32),
-    /// Peripheral byte: read from the module's inputs, written to its outputs.
-    Peripheral(u32),
-    /// A timer's remaining time as S5TIME (read only).
-    Timer(u16),
-    /// A counter, 0 to 999.
-    Counter(u16),
-}
-
-/// How much of it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the names say it")]
-pub enum CellWidth {
-    Bit,
-    Byte,
-    Word,
-    DWord,
-}
-
-impl CellWidth {
-    /// Bits.
-    #[must_use]
-    pub const fn bits(self) -> u8 {
-        match self {
-            CellWidth::Bit => 1,
-            CellWidth::Byte => 8,
-            CellWidth::Word => 16,
-            CellWidth::DWord => 32,
-        }
-    }
-}
 
 /// What a client asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,25 +36,6 @@ pub enum Ask {
     Module(u32),
 }
 
-/// Why a request was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PortError {
-    /// Outside the area.
-    Outside,
-    /// The data block is not loaded.
-    NoDb,
-    /// The data block is write-protected, or the cell cannot be written.
-    ReadOnly,
-    /// No such timer or counter.
-    NoTimer,
-    /// No module answers there.
-    NoModule,
-    /// No such diagnostic entry.
-    NoEntry,
-    /// A value that does not fit the cell.
-    Value,
-}
-
 /// What the CPU answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
@@ -110,7 +52,7 @@ pub enum Answer {
     /// A module's state.
     Module(ModuleStatus),
     /// Refused.
-    Refused(PortError),
+    Refused(CellError),
 }
 
 /// A request with the client's own number, which comes back with the answer.

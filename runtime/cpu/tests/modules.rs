@@ -125,7 +125,7 @@ fn an_absent_module_reads_as_zero_in_the_image_and_faults_when_it_says_so() {
     low.look(|s| s.absent = true);
     bench.run();
     assert_eq!(bench.mb(10), 0);
-    assert_eq!(bench.cpu.read(Cell::Peripheral(0), CellWidth::Byte), Err(ob1_cpu::PortError::NoModule));
+    assert_eq!(bench.cpu.read(Cell::Peripheral(0), CellWidth::Byte), Err(ob1_cpu::CellError::NoModule));
     assert_eq!(
         bench.cpu.module(0).map(|(slot, status)| (slot.name.clone(), status.present)),
         Some(("m0".into(), false))

@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use ob1_cpu::{Answer, Ask, Cell, CellWidth, Command, Cpu, CpuConfig, OperatingState, PortError, Request};
+use ob1_cpu::{Answer, Ask, Cell, CellError, CellWidth, Command, Cpu, CpuConfig, OperatingState, Request};
 use ob1_model::Area;
 
 fn bench(items: u32, capacity: usize) -> Bench {
@@ -79,20 +79,20 @@ fn cells_commands_and_refusals() {
         (Ask::Read(Cell::Db(7, 0), Word), Answer::Value(0x1234)),
         (Ask::Write(Cell::Db(7, 8), Byte, 0xFF), Answer::Done),
         (Ask::Read(Cell::Db(7, 9), Bit), Answer::Value(1)),
-        (Ask::Read(Cell::Db(7, 0), DWord), refused(PortError::Outside)),
-        (Ask::Read(Cell::Db(7, 1), Word), refused(PortError::Outside)),
-        (Ask::Read(Cell::Db(9, 0), Word), refused(PortError::NoDb)),
-        (Ask::Write(Cell::Db(8, 0), Byte, 0), refused(PortError::ReadOnly)),
-        (Ask::Write(Cell::Area(Area::Memory, 0), Byte, 256), refused(PortError::Value)),
-        (Ask::Read(Cell::Area(Area::Memory, 256 * 8), Bit), refused(PortError::Outside)),
+        (Ask::Read(Cell::Db(7, 0), DWord), refused(CellError::Outside)),
+        (Ask::Read(Cell::Db(7, 1), Word), refused(CellError::Outside)),
+        (Ask::Read(Cell::Db(9, 0), Word), refused(CellError::NoDb)),
+        (Ask::Write(Cell::Db(8, 0), Byte, 0), refused(CellError::ReadOnly)),
+        (Ask::Write(Cell::Area(Area::Memory, 0), Byte, 256), refused(CellError::Value)),
+        (Ask::Read(Cell::Area(Area::Memory, 256 * 8), Bit), refused(CellError::Outside)),
         (Ask::Write(Cell::Counter(3), Word, 42), Answer::Done),
         (Ask::Read(Cell::Counter(3), Word), Answer::Value(42)),
-        (Ask::Write(Cell::Counter(3), Word, 1000), refused(PortError::Value)),
-        (Ask::Read(Cell::Timer(999), Word), refused(PortError::NoTimer)),
-        (Ask::Write(Cell::Timer(1), Word, 0), refused(PortError::ReadOnly)),
-        (Ask::Read(Cell::Peripheral(0), Byte), refused(PortError::NoModule)),
-        (Ask::Module(0), refused(PortError::NoModule)),
-        (Ask::Diag(50), refused(PortError::NoEntry)),
+        (Ask::Write(Cell::Counter(3), Word, 1000), refused(CellError::Value)),
+        (Ask::Read(Cell::Timer(999), Word), refused(CellError::NoTimer)),
+        (Ask::Write(Cell::Timer(1), Word, 0), refused(CellError::ReadOnly)),
+        (Ask::Read(Cell::Peripheral(0), Byte), refused(CellError::NoModule)),
+        (Ask::Module(0), refused(CellError::NoModule)),
+        (Ask::Diag(50), refused(CellError::NoEntry)),
         (Ask::State, Answer::State(OperatingState::Run)),
         (Ask::Command(Command::Stop), Answer::Done),
         (Ask::State, Answer::State(OperatingState::Stop)),

@@ -16,7 +16,6 @@ use ob1_params::Value;
 use ob1_rt::MonotonicClock;
 use serde_json::json;
 
-use crate::access::item::Names;
 use crate::finding::{Finding, Level};
 use crate::io::{Panel, ProcessIo, Stimulus};
 use crate::offer::Unserved;
@@ -27,6 +26,7 @@ use crate::station::{AbdUnit, Absent, Line, ModuleConfig, ModuleKind, Partner, S
 use crate::timing::Timings;
 use crate::view::{ModuleView, Places, StationView};
 use crate::watched::{Running, watch_all};
+use ob1_access::Names;
 
 /// A station, ready to run in this process.
 #[derive(Debug)]

@@ -5,6 +5,8 @@ use std::ops::Range;
 
 use serde::Serialize;
 
+pub use ob1_access::nearest;
+
 /// How bad it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -116,18 +118,6 @@ fn floor(text: &str, mut at: usize) -> usize {
     at
 }
 
-/// The known word nearest to `word`, if one is near enough to be meant.
-#[must_use]
-pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
-    let allowed = (word.chars().count() / 3).clamp(1, 3);
-    known
-        .into_iter()
-        .map(|k| (strsim::damerau_levenshtein(word, k), k))
-        .filter(|(distance, _)| *distance <= allowed)
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, k)| k)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -145,11 +135,5 @@ mod tests {
         let file = Text { file: "a", text: "ü" };
         assert_eq!(file.finding(Level::Lint, "C001", 1..1, String::new(), String::new()).column, 1);
         assert_eq!(file.finding(Level::Lint, "C001", 90..99, String::new(), String::new()).column, 2);
-    }
-
-    #[test]
-    fn near_words() {
-        assert_eq!(nearest("min_cylce", ["min_cycle", "watchdog"]), Some("min_cycle"));
-        assert_eq!(nearest("colour", ["min_cycle", "watchdog"]), None);
     }
 }

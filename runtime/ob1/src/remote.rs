@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use ob1_access::Form;
 use serde_json::Value;
 
 use crate::access::client::{AccessError, Client};
@@ -35,10 +36,7 @@ pub fn get(station: &str, items: Vec<String>, json: bool) -> Exit {
     let width = values.iter().map(|v| v.item.chars().count()).max().unwrap_or(0);
     for value in &values {
         let hex = if value.type_name == "BOOL" { String::new() } else { format!("  16#{}", value.hex) };
-        let shown = match &value.value {
-            Value::Bool(bit) => u8::from(*bit).to_string(),
-            other => other.to_string(),
-        };
+        let shown = Form::Plain.show(&value.value, &value.hex);
         say!("{:<width$}  {shown:>12}{hex}", value.item);
     }
     Exit::Ok

@@ -11,7 +11,6 @@ use ob1_ir::{CodeBlock, Program};
 use ob1_model::BlockId;
 use ob1_rt::{Grant, MonotonicClock};
 
-use crate::access::item::Names;
 use crate::access::protocol::{
     CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times,
 };
@@ -19,6 +18,7 @@ use crate::io::Panel;
 use crate::retentive::health::Health;
 use crate::station::{ModuleConfig, ModuleKind};
 use crate::timing::Timings;
+use ob1_access::Names;
 
 /// Where the blocks of a program stand.
 #[derive(Debug, Default)]

@@ -28,6 +28,8 @@ const TABLE: &[Row] = &[
     // It runs the system blocks, which are pure functions, as native blocks.
     row("ob1-cpu", "invariant 2", &["ob1-model", "ob1-ir", "ob1-std", "hdrhistogram", "rtrb"]),
     row("ob1-log", "invariant 4", &["rustix"]),
+    // What every link shares; STATUS in words stands with the protocols.
+    row("ob1-access", "invariant 2", &["ob1-ir", "ob1-model", "ob1-protocols", "serde_json", "strsim"]),
     row("ob1-rt", "invariant 4", &["ob1-cpu", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"]),
     row(
         "ob1-host",
@@ -58,6 +60,7 @@ const TABLE: &[Row] = &[
             "ob1-cpu",
             "ob1-rt",
             "ob1-log",
+            "ob1-access",
             "ob1-host",
             "ob1-backplane",
             "ob1-params",
@@ -201,6 +204,8 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
             "ob1-rt",
         ],
     ),
+    // A link knows no CPU: it goes through the broker.
+    ("invariant 2", &["ob1-access"], &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-stl"]),
     // Shared memory is no serialisation format.
     ("invariant 7", &["ob1-backplane"], &["serde", "bincode", "parking_lot"]),
     // Everything a plugin does goes through the host's functions.

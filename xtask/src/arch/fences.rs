@@ -132,6 +132,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("driver/protocols", ALL),
     ("examples/rust-blocks", ALL),
     ("examples/rust-ob1", ALL),
+    ("links/access", ALL),
     ("plugins/abi", ALL),
     ("plugins/cp040", ALL),
     ("plugins/cp240", ALL),

@@ -8,14 +8,12 @@ use std::path::Path;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use ob1_access::{Item, value};
 use ob1_cpu::{AccessClient, Answer, Ask, Command, Family, OperatingState, Request as PortRequest};
 use serde_json::Value;
 
 use super::clients::Clients;
-use super::item::Item;
 use super::protocol::{CellValue, CommandName, Diagnostic, LINE_BYTES, Op, Request, Response, Status};
-use super::reason;
-use super::value;
 use crate::view::StationView;
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
@@ -162,7 +160,7 @@ impl Serving {
                     cells.into_iter().map(|(name, cell, width, bits)| (name, Ask::Write(cell, width, bits))).unzip();
                 for (name, answer) in names.iter().zip(self.port.ask(&asks)?) {
                     if let Answer::Refused(error) = answer {
-                        return Err(format!("{name}: {}", reason(error)));
+                        return Err(format!("{name}: {}", error));
                     }
                 }
             }
@@ -230,9 +228,9 @@ fn cell_value(item: &Item, answer: Answer) -> Result<CellValue, String> {
             item: item.name.clone(),
             type_name: item.type_name.to_owned(),
             value: value::to_json(item, bits),
-            hex: format!("{bits:0width$X}", width = usize::from(item.width.bits()).div_ceil(4)),
+            hex: value::to_hex(item, bits),
         }),
-        Answer::Refused(error) => Err(format!("{}: {}", item.name, reason(error))),
+        Answer::Refused(error) => Err(format!("{}: {}", item.name, error)),
         _ => Err(format!("{}: the CPU gave another answer", item.name)),
     }
 }

@@ -10,10 +10,10 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use toml::Spanned;
 
-use crate::access::item::Names;
-use crate::access::value;
 use crate::finding::{Finding, Level, Text};
 use crate::station::parse_duration;
+use ob1_access::Names;
+use ob1_access::value;
 
 /// A stimulus that cannot be.
 const STIMULUS: &str = "C011";

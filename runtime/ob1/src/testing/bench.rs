@@ -179,7 +179,7 @@ impl Bench {
             return Ok(());
         }
         let written = self.cpu.write(set.item.cell, set.item.width, set.value);
-        written.map_err(|error| format!("{}: {}", set.item.name, crate::access::reason(error)))
+        written.map_err(|error| format!("{}: {}", set.item.name, error))
     }
 
     fn set_input(&mut self, bit: u32, set: &Set) {

@@ -8,10 +8,10 @@ use ob1_model::{Area, Component, DataType};
 
 use super::file::{Cells, Placed};
 use super::harness::Harness;
-use crate::access::item::{Item, Names, Reading};
-use crate::access::value;
 use crate::station::findings::{Findings, VALUE};
 use crate::station::parse_duration;
+use ob1_access::value;
+use ob1_access::{Item, Names, Reading};
 
 /// A value to be written.
 #[derive(Clone, Debug)]
@@ -62,7 +62,7 @@ impl Expect {
             }
             Place::Cell(item) => match cpu.read(item.cell, item.width) {
                 Ok(bits) => self.judge(item, bits),
-                Err(error) => (format!("nothing: {}", crate::access::reason(error)), false),
+                Err(error) => (format!("nothing: {}", error), false),
             },
             Place::Output(item, byte) => {
                 let mut bytes = [0; 4];

@@ -12,12 +12,12 @@ use super::cells::{Expect, Resolver, Set};
 use super::harness::{Harness, of_generated};
 use super::plan::{self, Plan, Run, Step, Test, Tested};
 use super::report::{Failure, FileReport, Outcome};
-use crate::access::item::Names;
 use crate::finding::{Finding, Level, Text};
 use crate::program::{self, Loaded, Sources};
 use crate::station::findings::Findings;
 use crate::station::{self, ModuleConfig};
 use crate::view::state_name;
+use ob1_access::Names;
 
 /// Name of the generated source.
 const GENERATED: &str = "(the call under test)";
@@ -175,7 +175,7 @@ impl<'p> Ready<'p> {
         self.bench.start(self.test.start);
         if let Some(cell) = self.opening {
             let opened = self.bench.cpu.write(cell, CellWidth::Bit, 1);
-            opened.map_err(|error| unusable(&self.test.at, crate::access::reason(error).into()))?;
+            opened.map_err(|error| unusable(&self.test.at, error.to_string()))?;
         }
         let mut failures = Vec::new();
         for (number, ready) in (1..).zip(&self.steps) {

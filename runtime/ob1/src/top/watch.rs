@@ -1,25 +1,8 @@
-//! The variable table: what is watched, and how a value is shown.
+//! The variable table: what is watched, and in which form.
 
-use ob1_protocols::cp341_events;
-use serde_json::Value;
+use ob1_access::Form;
 
 use crate::access::protocol::CellValue;
-
-/// How a value is shown.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Form {
-    /// As its type says.
-    #[default]
-    Plain,
-    /// `16#1A2B`.
-    Hex,
-    /// `2#0001_1010`.
-    Bin,
-    /// The indicator word of a handling block, in words.
-    Anzw,
-    /// STATUS of P_SND_RK or P_RCV_RK, in words.
-    Status,
-}
 
 /// A line of the table.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,89 +15,12 @@ pub(super) struct Watched {
 impl Watched {
     /// `NAME`, `NAME:hex`, `NAME:bin`, `NAME:anzw`, `NAME:status`.
     pub(super) fn parse(text: &str) -> Self {
-        let forms = [(":hex", Form::Hex), (":bin", Form::Bin), (":anzw", Form::Anzw), (":status", Form::Status)];
-        let text = text.trim();
-        let of = |(ending, form): &(&str, Form)| {
-            let name = text.len().checked_sub(ending.len()).filter(|at| text.is_char_boundary(*at))?;
-            text[name..].eq_ignore_ascii_case(ending).then(|| Self { name: text[..name].to_owned(), form: *form })
-        };
-        forms.iter().find_map(of).unwrap_or_else(|| Self { name: text.to_owned(), form: Form::Plain })
+        let (name, form) = Form::split(text);
+        Self { name: name.to_owned(), form }
     }
 
     /// A value in this form.
     pub(super) fn show(&self, cell: &CellValue) -> String {
-        let bits = u32::from_str_radix(&cell.hex, 16).unwrap_or(0);
-        match self.form {
-            Form::Hex => format!("16#{}", cell.hex),
-            Form::Bin => binary(bits, cell.hex.len() * 4),
-            Form::Anzw => anzw(bits as u16),
-            Form::Status => status(bits as u16),
-            Form::Plain => match &cell.value {
-                Value::Bool(bit) => u8::from(*bit).to_string(),
-                other => other.to_string(),
-            },
-        }
-    }
-}
-
-fn binary(bits: u32, width: usize) -> String {
-    let digits = format!("{bits:0width$b}");
-    let groups: Vec<&str> =
-        (0..digits.len()).step_by(4).filter_map(|at| digits.get(at..(at + 4).min(digits.len()))).collect();
-    format!("2#{}", groups.join("_"))
-}
-
-/// The indicator word of the RK 512 blocks: byte 0 the CP's error, byte 1 the state. [S0 L1268]
-fn anzw(word: u16) -> String {
-    let bits = [(0x0002, "running"), (0x0004, "done"), (0x0008, "done with error")];
-    let mut told: Vec<String> =
-        bits.iter().filter(|(bit, _)| word & bit != 0).map(|(_, text)| (*text).to_owned()).collect();
-    if word >> 8 != 0 {
-        told.push(format!("error {:02X}h", word >> 8));
-    }
-    let words = if told.is_empty() { "idle".to_owned() } else { told.join(", ") };
-    format!("16#{word:04X} {words}")
-}
-
-/// Event class and number of a CP 341. [reference 3.1]
-fn status(word: u16) -> String {
-    let text = match (word, cp341_events::row(word)) {
-        (0, _) => "no error",
-        (_, Some(row)) => row.text,
-        (_, None) => "no event of a CP 341",
-    };
-    format!("16#{word:04X} {text}")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use serde_json::json;
-
-    #[test]
-    fn forms() {
-        let cell =
-            |value: Value, hex: &str| CellValue { item: "x".into(), type_name: "WORD".into(), value, hex: hex.into() };
-        for (text, value, hex, shown) in [
-            ("MW10", json!(258), "0102", "258"),
-            ("M1.0", json!(true), "1", "1"),
-            ("MW10:hex", json!(258), "0102", "16#0102"),
-            ("MB10:BIN", json!(26), "1A", "2#0001_1010"),
-            ("DB10.DBW20:anzw", json!(4), "0004", "16#0004 done"),
-            ("DB10.DBW20:anzw", json!(5128), "1408", "16#1408 done with error, error 14h"),
-            ("DB10.DBW20:anzw", json!(0), "0000", "16#0000 idle"),
-            ("DB20.DBW4:status", json!(0), "0000", "16#0000 no error"),
-            (
-                "DB20.DBW4:status",
-                json!(0x0706),
-                "0706",
-                "16#0706 At the end of the telegram came NAK, another character than DLE, or DLE too early",
-            ),
-            ("DB20.DBW4:Status", json!(0xFFFF), "FFFF", "16#FFFF no event of a CP 341"),
-        ] {
-            assert_eq!(Watched::parse(text).show(&cell(value, hex)), shown, "{text}");
-        }
-        assert_eq!(Watched::parse(" DB1.A ").name, "DB1.A");
-        assert_eq!(Watched::parse(":hex").name, "");
+        self.form.show(&cell.value, &cell.hex)
     }
 }

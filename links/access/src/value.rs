@@ -1,12 +1,13 @@
 //! Values as text and JSON, both ways.
 
-use ob1_cpu::CellWidth;
+use ob1_model::CellWidth;
 use serde_json::{Value, json};
 
-use super::item::{Item, Reading};
+use crate::{Item, Reading};
 
 /// The bits of a cell as JSON: a boolean, a whole number, or a real.
-pub(crate) fn to_json(item: &Item, bits: u32) -> Value {
+#[must_use]
+pub fn to_json(item: &Item, bits: u32) -> Value {
     match item.reading {
         Reading::Bool => json!(bits != 0),
         Reading::Unsigned => json!(bits),
@@ -24,7 +25,10 @@ pub(crate) fn to_json(item: &Item, bits: u32) -> Value {
 }
 
 /// The bits of a value given as JSON: a boolean, a number, or a text in the notation of STL.
-pub(crate) fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
+///
+/// # Errors
+/// What is wrong with it, in one sentence.
+pub fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
     match value {
         Value::Bool(bit) => fit(item, i64::from(*bit)),
         Value::Number(number) => match (number.as_i64(), number.as_f64()) {
@@ -38,7 +42,10 @@ pub(crate) fn from_json(item: &Item, value: &Value) -> Result<u32, String> {
 }
 
 /// The bits of a value as text: `1`, `true`, `-5`, `16#1A`, `W#16#1A`, `L#5`, `2#1010`, `1.5`.
-pub(crate) fn from_text(item: &Item, text: &str) -> Result<u32, String> {
+///
+/// # Errors
+/// What is wrong with it, in one sentence.
+pub fn from_text(item: &Item, text: &str) -> Result<u32, String> {
     let wrong =
         || format!("\"{text}\" is no value for {}, a {}; write 1, -5, 16#1A, 2#1010 or 1.5", item.name, item.type_name);
     let upper: String = text.trim().to_ascii_uppercase().chars().filter(|c| *c != '_').collect();
@@ -61,6 +68,12 @@ pub(crate) fn from_text(item: &Item, text: &str) -> Result<u32, String> {
     }
 }
 
+/// The bits of a cell in hexadecimal, as wide as it is.
+#[must_use]
+pub fn to_hex(item: &Item, bits: u32) -> String {
+    format!("{bits:0width$X}", width = usize::from(item.width.bits()).div_ceil(4))
+}
+
 /// The lowest bits of a number that the cell can hold, with or without a sign.
 fn fit(item: &Item, number: i64) -> Result<u32, String> {
     let bits = u32::from(item.width.bits());
@@ -76,7 +89,7 @@ fn fit(item: &Item, number: i64) -> Result<u32, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ob1_cpu::Cell;
+    use ob1_model::Cell;
 
     fn item(width: CellWidth, reading: Reading) -> Item {
         Item { name: "X".into(), cell: Cell::Timer(0), width, reading, type_name: "TYPE" }

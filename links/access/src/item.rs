@@ -1,10 +1,9 @@
 //! Names of cells: `M1.0`, `MW10`, `DB10.DBW20`, `PEW256`, `T2`, `Z3`, `DB20.DONE`, and symbols.
 
-use ob1_cpu::{Cell, CellWidth};
 use ob1_ir::{DataBlock, Program};
-use ob1_model::{Area, Component, DataType};
+use ob1_model::{Area, Cell, CellWidth, Component, DataType};
 
-use crate::finding::nearest;
+use crate::near::nearest;
 
 /// How a cell's bits are read as a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

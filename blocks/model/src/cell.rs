@@ -1,0 +1,84 @@
+//! A place in a CPU that the outside reads and writes, and how much of it.
+
+use std::fmt;
+
+use crate::Area;
+
+/// A place the outside can read and write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Cell {
+    /// Inputs, outputs or bit memory, by bit address; `Area::Input`, `Output`, `Memory`.
+    Area(Area, u32),
+    /// A data block and a bit address in it.
+    Db(u16, u32),
+    /// Peripheral byte, by bit address: read from the module's inputs, written to its outputs.
+    Peripheral(u32),
+    /// A timer's remaining time as S5TIME (read only).
+    Timer(u16),
+    /// A counter, 0 to 999.
+    Counter(u16),
+}
+
+/// How much of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum CellWidth {
+    Bit,
+    Byte,
+    Word,
+    DWord,
+}
+
+impl CellWidth {
+    /// Bits.
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        match self {
+            CellWidth::Bit => 1,
+            CellWidth::Byte => 8,
+            CellWidth::Word => 16,
+            CellWidth::DWord => 32,
+        }
+    }
+
+    /// Bytes that hold it.
+    #[must_use]
+    pub const fn bytes(self) -> u8 {
+        self.bits().div_ceil(8)
+    }
+}
+
+/// Why a cell cannot be read or written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CellError {
+    /// Outside the area.
+    Outside,
+    /// The data block is not loaded.
+    NoDb,
+    /// The data block is write-protected, or the cell cannot be written.
+    ReadOnly,
+    /// No such timer or counter.
+    NoTimer,
+    /// No module answers there.
+    NoModule,
+    /// No such diagnostic entry.
+    NoEntry,
+    /// A value that does not fit the cell.
+    Value,
+}
+
+impl fmt::Display for CellError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            CellError::Outside => "outside the area",
+            CellError::NoDb => "the data block is not loaded",
+            CellError::ReadOnly => "cannot be written",
+            CellError::NoTimer => "no such timer or counter",
+            CellError::NoModule => "no module answers there",
+            CellError::NoEntry => "no such entry",
+            CellError::Value => "the value does not fit",
+        })
+    }
+}
+
+impl std::error::Error for CellError {}

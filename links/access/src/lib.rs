@@ -1,0 +1,14 @@
+//! What every link that looks into a CPU from outside shares: names of cells ([`Names`]), their values as text and JSON
+//! ([`value`]), and the forms people read them in ([`Form`]).
+//!
+//! It knows the program's names and the vocabulary of an S7, no CPU: whoever reads and writes cells asks it what they
+//! mean.
+
+mod form;
+mod item;
+mod near;
+pub mod value;
+
+pub use form::Form;
+pub use item::{Item, Names, Reading};
+pub use near::nearest;
