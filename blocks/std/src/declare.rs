@@ -155,4 +155,10 @@ pub(crate) mod types {
         let dims = vec![Dimension { low: 1, high: 16 }, Dimension { low: 0, high: 15 }];
         DataType::Array(dims, Box::new(DataType::Bool))
     }
+
+    /// 16 masks of 16 bits, `[0..15, 0..15]`.
+    pub(crate) fn MASKS16() -> DataType {
+        let dims = vec![Dimension { low: 0, high: 15 }, Dimension { low: 0, high: 15 }];
+        DataType::Array(dims, Box::new(DataType::Bool))
+    }
 }

@@ -86,6 +86,12 @@ pub(crate) fn any(ty: u8, count: u16, byte: u32) -> [u8; 10] {
     [0x10, ty, high, low, 0, 0, 0x83, at[1], at[2], at[3]]
 }
 
+/// A POINTER to a byte of the bit memory.
+pub(crate) fn pointer(byte: u32) -> [u8; 6] {
+    let at = (byte * 8).to_be_bytes();
+    [0, 0, 0x83, at[1], at[2], at[3]]
+}
+
 impl Fake {
     /// A call of the block with this key, without parameters.
     pub(crate) fn new(key: &str) -> Self {

@@ -1,9 +1,12 @@
-//! SFB 32 DRUM: a sequencer of up to 16 steps. ["Implementing a Sequencer with SFB 32 DRUM"]
+//! SFB 32 DRUM: a sequencer of up to 16 steps, which the TI-S7 converting blocks have as FB 85.
+//! ["Implementing a Sequencer with SFB 32 DRUM"]
+
+use ob1_model::BlockKind;
 
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Declared, Params, params};
-use crate::table::Row;
+use crate::table::{Origin, Row};
 use crate::ticks::time_tick;
 
 params!(Drum {
@@ -24,8 +27,16 @@ params!(Drum {
     }
 });
 
-pub(super) const ROWS: &[Row] = &[Row::sfb::<Drum>(32, "DRUM", drum)
-    .note("DTBP in ms; DCC counts down in ms while the step's event is 1; PREV_TIME is ours")];
+pub(super) const ROWS: &[Row] = &[
+    Row::sfb::<Drum>(32, "DRUM", |call| drum(call, |code| code)).note(NOTE),
+    // FB 85 has the same errors as 000Bh to 000Eh.
+    Row::new::<Drum>(Origin::TiS7, BlockKind::Fb, 85, "DRUM", |call| {
+        drum(call, |code| code - WRONG_LAST_STEP + 0x000B)
+    })
+    .note(NOTE),
+];
+
+const NOTE: &str = "DTBP in ms; DCC counts down in ms while the step's event is 1; PREV_TIME is ours";
 
 /// What is wrong with the parameters, as ERR_CODE says it.
 const WRONG_LAST_STEP: u16 = 0x8081;
@@ -44,12 +55,11 @@ impl Params for Numbered {
     }
 }
 
-fn drum(call: &mut Call<'_>) -> Done {
-    let code = match step(call) {
-        Ok(()) => 0,
-        Err(code) => code,
-    };
-    call.end(Drum::ERR_CODE, code)
+/// `code` gives an error the number it has in this block.
+fn drum(call: &mut Call<'_>, code: fn(u16) -> u16) -> Done {
+    let result = step(call);
+    call.set(Drum::ERR_CODE, u32::from(result.map_or_else(code, |()| 0)));
+    call.br(result.is_ok())
 }
 
 /// Time of a step in ms, or the error of a product that is none.

@@ -137,7 +137,12 @@ fn lgc_gadr(call: &mut Call<'_>) -> Done {
 }
 
 fn rd_lgadr(call: &mut Call<'_>) -> Done {
-    let (area, address) = (call.byte(RdLgadr::IOID), call.word(RdLgadr::LADDR));
+    // With IOID 0 bit 15 of the address says which area is meant.
+    let (area, address) = match (call.byte(RdLgadr::IOID), call.word(RdLgadr::LADDR)) {
+        (0, address) if address & OUTPUT_BIT != 0 => (OUTPUTS, address & !OUTPUT_BIT),
+        (0, address) => (INPUTS, address),
+        given => given,
+    };
     let Some(placed) = with_address(call, area, address)? else { return call.end(RdLgadr::RET_VAL, NO_ADDRESS) };
     let inputs = addresses(call, RdLgadr::PEADDR, placed.inputs, [0x80A0, 0x80A2]);
     let outputs = addresses(call, RdLgadr::PAADDR, placed.outputs, [0x80A1, 0x80A3]);
@@ -324,7 +329,7 @@ mod tests {
             }
         }
         // A field for what the module does not have may be NIL.
-        let mut fake = fake("SYSTEM:SFC50").with("IOID", [0x55]).with("LADDR", 4u16.to_be_bytes());
+        let mut fake = fake("SYSTEM:SFC50").with("IOID", [0]).with("LADDR", 0x8004u16.to_be_bytes());
         fake = fake.with("PEADDR", any(0, 0, 0)).with("PAADDR", any(4, 2, 100)).with("PECOUNT", [9; 2]);
         fake = fake.with("PACOUNT", [9; 2]);
         fake.run();

@@ -1,114 +1,138 @@
-//! "TI-S7 Converting Blocks": FC 105 SCALE, FC 106 UNSCALE.
+//! "TI-S7 Converting Blocks". ["Standard Functions for S7-300/400, Part 2"]
+//!
+//! A POINTER names where a table or a row of bits begins; without a data block number it is in the block that is open
+//! in the caller. FB 85 DRUM stands with SFB 32.
 
-use ob1_model::BlockKind::Fc;
+mod alarms;
+mod bits;
+mod convert;
+mod lead_lag;
+mod masks;
+mod pack;
+mod scale;
+mod statistics;
+mod table;
 
-use crate::Done;
-use crate::call::{Call, is_invalid};
-use crate::declare::params;
-use crate::table::{Origin, Row};
+use ob1_model::{Area, BitAddr};
 
-params!(Scale {
-    Input { IN: INT, HI_LIM: REAL, LO_LIM: REAL, BIPOLAR: BOOL }
-    Return { RET_VAL: WORD }
-    Output { OUT: REAL }
-});
-params!(Unscale {
-    Input { IN: REAL, HI_LIM: REAL, LO_LIM: REAL, BIPOLAR: BOOL }
-    Return { RET_VAL: WORD }
-    Output { OUT: INT }
-});
+use crate::Refused;
+use crate::call::Call;
+use crate::declare::Params;
+use crate::table::Row;
 
-pub(crate) const ROWS: &[&[Row]] = &[&[
-    Row::new::<Scale>(Origin::TiS7, Fc, 105, "SCALE", scale).note("outside its range: the limit, RET_VAL 0008h, BR 0"),
-    Row::new::<Unscale>(Origin::TiS7, Fc, 106, "UNSCALE", unscale)
-        .note("outside its range: the limit, RET_VAL 0008h, BR 0; rounded to the nearest"),
-]];
+pub(crate) const ROWS: &[&[Row]] = &[
+    table::ROWS,
+    statistics::ROWS,
+    convert::ROWS,
+    bits::ROWS,
+    lead_lag::ROWS,
+    alarms::ROWS,
+    masks::ROWS,
+    pack::ROWS,
+    scale::ROWS,
+];
 
-/// RET_VAL when the input is out of range.
-const OUT_OF_RANGE: u32 = 0x0008;
-/// Nominal range of an analog value.
-const K2: f32 = 27_648.0;
-
-/// Lower end of the analog range.
-const fn k1(bipolar: bool) -> f32 {
-    if bipolar { -K2 } else { 0.0 }
+/// A place in memory that a POINTER names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Place {
+    area: Area,
+    db: u16,
+    at: BitAddr,
 }
 
-/// `OUT = (IN - K1) / (K2 - K1) * (HI_LIM - LO_LIM) + LO_LIM`. LO_LIM above HI_LIM is permitted: it falls then.
-fn scale(call: &mut Call<'_>) -> Done {
-    let (input, high, low) = (f32::from(call.int(Scale::IN)), call.real(Scale::HI_LIM), call.real(Scale::LO_LIM));
-    let k1 = k1(call.bool(Scale::BIPOLAR));
-    let (out, good) = if input > K2 {
-        (high, false)
-    } else if input < k1 {
-        (low, false)
-    } else {
-        ((input - k1) / (K2 - k1) * (high - low) + low, true)
-    };
-    call.set_real(Scale::OUT, out);
-    call.set(Scale::RET_VAL, if good { 0 } else { OUT_OF_RANGE });
-    call.br(good)
+impl Place {
+    /// What a parameter of type POINTER names; `None` for an area there is not.
+    fn of(call: &mut Call<'_>, p: impl Params) -> Option<Self> {
+        let mut bytes = [0; 6];
+        call.cx.read(p.index(), 0, &mut bytes).ok()?;
+        let [db_high, db_low, area, high, middle, low] = bytes;
+        Some(Self {
+            area: Area::from_pointer_code(area)?,
+            db: u16::from_be_bytes([db_high, db_low]),
+            at: BitAddr(u32::from_be_bytes([0, high, middle, low]) & 0x7_FFFF),
+        })
+    }
+
+    fn read(self, call: &mut Call<'_>, byte: u32, into: &mut [u8]) -> Result<(), Refused> {
+        call.cx.area_read(self.area, self.db, self.at.byte() + byte, into)
+    }
+
+    fn write(self, call: &mut Call<'_>, byte: u32, from: &[u8]) -> Result<(), Refused> {
+        call.cx.area_write(self.area, self.db, self.at.byte() + byte, from)
+    }
+
+    fn word(self, call: &mut Call<'_>, byte: u32) -> Result<u16, Refused> {
+        let mut bytes = [0; 2];
+        self.read(call, byte, &mut bytes)?;
+        Ok(u16::from_be_bytes(bytes))
+    }
 }
 
-/// `OUT = (IN - LO_LIM) / (HI_LIM - LO_LIM) * (K2 - K1) + K1`.
-fn unscale(call: &mut Call<'_>) -> Done {
-    let (input, high, low) = (call.real(Unscale::IN), call.real(Unscale::HI_LIM), call.real(Unscale::LO_LIM));
-    let k1 = k1(call.bool(Unscale::BIPOLAR));
-    let part = (input - low) / (high - low);
-    // Equal limits or an input that is no number have no place in the range: the lower end, with an error.
-    let inside = !is_invalid(part) && (0.0..=1.0).contains(&part);
-    let part = if is_invalid(part) { 0.0 } else { part.clamp(0.0, 1.0) };
-    let out = (part * (K2 - k1) + k1).round_ties_even();
-    call.set_int(Unscale::OUT, out as i16);
-    call.set(Unscale::RET_VAL, if inside { 0 } else { OUT_OF_RANGE });
-    call.br(inside)
+/// The type of a table's entries (E_TYPE).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Element {
+    Byte,
+    Word,
+    Int,
+    DWord,
+    DInt,
+    Real,
 }
 
-#[cfg(test)]
-mod tests {
-    use crate::testing::Fake;
+impl Element {
+    const fn of(code: u8) -> Option<Self> {
+        Some(match code {
+            2 => Element::Byte,
+            4 => Element::Word,
+            5 => Element::Int,
+            6 => Element::DWord,
+            7 => Element::DInt,
+            8 => Element::Real,
+            _ => return None,
+        })
+    }
 
-    #[test]
-    fn scales_and_limits() {
-        for (input, high, low, bipolar, out, ret_val) in [
-            (0i16, 100.0f32, 0.0f32, 0, 0.0f32, 0),
-            (13_824, 100.0, 0.0, 0, 50.0, 0),
-            (27_648, 100.0, 20.0, 0, 100.0, 0),
-            (27_649, 100.0, 20.0, 0, 100.0, 8),
-            (-1, 100.0, 20.0, 0, 20.0, 8),
-            (0, 100.0, 0.0, 1, 50.0, 0),
-            (-27_648, 100.0, 0.0, 1, 0.0, 0),
-            (-27_649, 100.0, 0.0, 1, 0.0, 8),
-            (6_912, 0.0, 100.0, 0, 75.0, 0),
-        ] {
-            let mut fake = Fake::new("TI-S7:SCALE").with("IN", input.to_be_bytes()).with("HI_LIM", high.to_be_bytes());
-            fake = fake.with("LO_LIM", low.to_be_bytes()).with("BIPOLAR", [bipolar]);
-            fake = fake.with("RET_VAL", [9; 2]).with("OUT", [9; 4]);
-            fake.run();
-            let result = (fake.real("OUT"), fake.value("RET_VAL"), fake.br);
-            assert_eq!(result, (out, ret_val, ret_val == 0), "{input} {high} {low} {bipolar}");
+    const fn bytes(self) -> u32 {
+        match self {
+            Element::Byte => 1,
+            Element::Word | Element::Int => 2,
+            Element::DWord | Element::DInt | Element::Real => 4,
         }
     }
 
-    #[test]
-    fn unscales_and_limits() {
-        for (input, high, low, bipolar, out, ret_val) in [
-            (50.0f32, 100.0f32, 0.0f32, 0, 13_824i16, 0),
-            (100.0, 100.0, 0.0, 0, 27_648, 0),
-            (101.0, 100.0, 0.0, 0, 27_648, 8),
-            (-1.0, 100.0, 0.0, 0, 0, 8),
-            (0.0, 100.0, 0.0, 1, -27_648, 0),
-            (-1.0, 100.0, 0.0, 1, -27_648, 8),
-            (75.0, 0.0, 100.0, 0, 6_912, 0),
-            (f32::NAN, 100.0, 0.0, 0, 0, 8),
-            (5.0, 5.0, 5.0, 0, 0, 8),
-        ] {
-            let mut fake = Fake::new("TI-S7:UNSCALE").with("IN", input.to_be_bytes());
-            fake = fake.with("HI_LIM", high.to_be_bytes()).with("LO_LIM", low.to_be_bytes()).with("BIPOLAR", [bipolar]);
-            fake = fake.with("RET_VAL", [9; 2]).with("OUT", [9; 2]);
-            fake.run();
-            let result = (fake.value("OUT") as i16, fake.value("RET_VAL"), fake.br);
-            assert_eq!(result, (out, ret_val, ret_val == 0), "{input} {high} {low} {bipolar}");
+    /// The bits of an element at a byte behind a place, right-aligned.
+    fn get(self, call: &mut Call<'_>, place: Place, byte: u32) -> Result<u32, Refused> {
+        let mut bytes = [0; 4];
+        place.read(call, byte, &mut bytes[4 - self.bytes() as usize..])?;
+        Ok(u32::from_be_bytes(bytes))
+    }
+
+    fn put(self, call: &mut Call<'_>, place: Place, byte: u32, value: u32) -> Result<(), Refused> {
+        place.write(call, byte, &value.to_be_bytes()[4 - self.bytes() as usize..])
+    }
+
+    /// The byte of entry `number` (from 1) of a table that begins with its length.
+    const fn entry(self, number: u32) -> u32 {
+        2 + (number - 1) * self.bytes()
+    }
+
+    /// The value of a number type.
+    fn value(self, bits: u32) -> f64 {
+        match self {
+            Element::Int => f64::from(bits as u16 as i16),
+            Element::DInt => f64::from(bits as i32),
+            Element::Real => f64::from(f32::from_bits(bits)),
+            Element::Byte | Element::Word | Element::DWord => f64::from(bits),
+        }
+    }
+
+    /// Bits of a value; what does not fit becomes the nearest that does.
+    fn bits_of(self, value: f64) -> u32 {
+        match self {
+            Element::Int => u32::from(value.round_ties_even() as i16 as u16),
+            Element::DInt => value.round_ties_even() as i32 as u32,
+            Element::Real => (value as f32).to_bits(),
+            Element::Byte | Element::Word | Element::DWord => value as u32,
         }
     }
 }
