@@ -42,6 +42,22 @@ fn seeds_of_a_simulated_minute() {
     }
 }
 
+/// Seeds that a longer run has found, each with what it was. In all of them the judge did not know what the check
+/// character cannot see.
+#[test]
+fn seeds_that_once_failed() {
+    for seed in [
+        // A 00 lost on the way to B; the acknowledgement of B's echo was spoilt, so that the wrong one came twice.
+        911, 1762,
+        // A driver was killed in the middle of a block. The next one refused each character of the rest, the sender asked
+        // anew for each NAK, and two of the requests came as data: they cancel out in the check character.
+        2007,
+    ] {
+        let outcome = run(&Scenario::demo(&folder(), seed));
+        assert!(outcome.verdict.broken.is_empty(), "seed {seed}\n{}{}", outcome.verdict, replay(seed));
+    }
+}
+
 #[test]
 fn without_a_cable_no_order_is_ever_done() {
     // Every character is lost: the guard against "done" without an acknowledgement.

@@ -22,9 +22,13 @@ pub struct Cable {
     coalesce: Nanos,
     sent: [Tap; 2],
     arrived: [Tap; 2],
-    /// Telegrams put on the line, and telegrams that came out good by the check character.
+    /// Telegrams put on the line.
     telegrams: HashSet<Vec<u8>>,
-    undetectable: u64,
+    /// Telegrams that came out of it good by the check character, and had not gone in. A station may send such a one
+    /// on: then it is both.
+    damaged: HashSet<Vec<u8>>,
+    /// How often one of these has arrived at each end: once more when the acknowledgement was lost.
+    undetectable: [u64; 2],
     /// The configuration of the driver at this end enables diagnostics.
     diagnostics: [bool; 2],
     /// What the CP at this end is.
@@ -48,7 +52,8 @@ impl Cable {
             sent: Default::default(),
             arrived: Default::default(),
             telegrams: HashSet::new(),
-            undetectable: 0,
+            damaged: HashSet::new(),
+            undetectable: [0; 2],
             diagnostics: [false; 2],
             cp_types: [CpType::Cp240, CpType::Cp240],
             entries: Default::default(),
@@ -62,10 +67,11 @@ impl Cable {
         self.line.next_event()
     }
 
-    /// Telegrams that came out of the line other than they went in, with a right check character.
+    /// How often a telegram has arrived at this end that came out of the line other than it went in, here or on the way
+    /// to the one who sent it on, with a right check character.
     #[must_use]
-    pub fn undetectable(&self) -> u64 {
-        self.undetectable
+    pub fn undetectable(&self, end: End) -> u64 {
+        self.undetectable[end as usize]
     }
 
     /// What the CP 341 at `end` has entered in its diagnostic buffer.
@@ -85,10 +91,11 @@ impl Cable {
         let input = match event {
             SimEvent::Rx(count) => {
                 for byte in &buffer[..count] {
-                    if let Some(payload) = self.arrived[end as usize].push(now, *byte)
-                        && !self.telegrams.contains(payload)
-                    {
-                        self.undetectable += 1;
+                    if let Some(payload) = self.arrived[end as usize].push(now, *byte) {
+                        if !self.telegrams.contains(payload) {
+                            self.damaged.insert(payload.to_vec());
+                        }
+                        self.undetectable[end as usize] += u64::from(self.damaged.contains(payload));
                     }
                 }
                 LineInput::Rx(&buffer[..count])
@@ -175,7 +182,11 @@ impl LinePort for CableEnd<'_> {
                 self.cable.telegrams.insert(payload.to_vec());
             }
         }
-        self.cable.arrived[self.end as usize].answers(true);
+        let arrived = &mut self.cable.arrived[self.end as usize];
+        arrived.answers(true);
+        if bytes == [tap::NAK] {
+            arrived.refuses();
+        }
         self.cable.orphaned[self.end as usize] = false;
         self.cable.line.write(self.end, now, bytes);
     }

@@ -234,7 +234,7 @@ impl World {
     }
 
     fn finish(mut self) -> Outcome {
-        let undetectable = self.cables.iter().map(Cable::undetectable).sum();
+        let undetectable = self.cables.iter().map(|cable| cable.undetectable(End::A)).sum();
         let kills = self.drivers.iter().map(Driver::kills).sum();
         let verdict = verdict::judge(&self.stations, &self.drivers, undetectable, kills, &self.watch);
         let _ = write!(self.log, "{verdict}");

@@ -11,6 +11,8 @@ use ob1_cpu::Nanos;
 pub const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
 const DLE: u8 = 0x10;
+/// A refusal.
+pub const NAK: u8 = 0x15;
 
 /// The character delay time of the demo's stations: who is silent for longer in a block has given it up.
 const ZVZ: Nanos = 200_000_000;
@@ -108,6 +110,11 @@ impl Tap {
         self.answering = is_leaving;
     }
 
+    /// The receiver refuses: it has no block open any more, and what comes is a request or means nothing.
+    pub fn refuses(&mut self) {
+        self.state = State::Idle;
+    }
+
     fn hear(&mut self, now: Nanos) {
         if now.saturating_sub(self.last) > ZVZ {
             self.state = State::Idle;
@@ -160,6 +167,22 @@ mod tests {
         tap.spoil(ZVZ + 11);
         let good = b"\x02\x31\x10\x03\x22".iter().filter(|byte| tap.push(ZVZ + 12, **byte).is_some()).count();
         assert_eq!(good, 1, "the block after one whose check character could not be read");
+    }
+
+    /// A driver that was started anew refuses the rest of a block its predecessor was at, a NAK for each character; the
+    /// sender asks anew for each of them. Two of these requests read as data leave the check character as it is.
+    #[test]
+    fn a_block_that_was_refused_is_over() {
+        let mut tap = Tap::default();
+        for byte in [STX, 0x31, 0x32] {
+            assert!(tap.push(1, byte).is_none());
+        }
+        tap.refuses();
+        let mut good = Vec::new();
+        for (at, byte) in (2..).zip(*b"\x02\x02\x02\x31\x10\x03\x22") {
+            good.extend(tap.push(at, byte).map(<[u8]>::to_vec));
+        }
+        assert_eq!(good, [b"\x02\x02\x31"]);
     }
 
     #[test]
