@@ -5,6 +5,7 @@ mod common;
 
 use std::collections::VecDeque;
 use std::fs;
+use std::path::{Path, PathBuf};
 
 use ob1_cpu::{Cell, CellWidth};
 use ob1_firmware::LineFault;
@@ -33,6 +34,13 @@ struct Partner {
 /// A telegram as it goes over the line.
 fn block(telegram: &[u8]) -> Vec<u8> {
     ob1_protocols::s3964::codec::block(telegram, true).collect()
+}
+
+/// A Modbus RTU telegram with its check.
+fn rtu(telegram: &[u8]) -> Vec<u8> {
+    let mut frame = [0; 300];
+    let len = ob1_protocols::modbus::rtu::encode(telegram, &mut frame).expect("it fits");
+    frame[..len].to_vec()
 }
 
 impl Device for Partner {
@@ -71,22 +79,27 @@ struct Site {
     bench: Bench<Partner>,
 }
 
-impl Site {
-    /// A station whose one CP 240 has these parameters, with this in its cycle.
-    fn new(params: &str, cycle: &str, blocks: &str) -> Self {
-        let folder = tempfile::tempdir().expect("a folder");
-        let program = format!(
-            "{blocks}\nORGANIZATION_BLOCK OB 100\nBEGIN\nSET;\n=M 1.0;\nEND_ORGANIZATION_BLOCK\n\
+/// A station whose one CP 240 has these parameters, with this in its cycle.
+fn station(folder: &Path, params: &str, cycle: &str, blocks: &str) -> PathBuf {
+    let program = format!(
+        "{blocks}\nORGANIZATION_BLOCK OB 100\nBEGIN\nSET;\n=M 1.0;\nEND_ORGANIZATION_BLOCK\n\
              ORGANIZATION_BLOCK OB 1\nBEGIN\n{cycle}\nEND_ORGANIZATION_BLOCK\n"
-        );
-        fs::write(folder.path().join("program.awl"), program).expect("the program");
-        let file = format!(
-            "[station]\nname = \"blocks\"\n[cpu]\nmin_cycle = \"2ms\"\nwatchdog = \"500ms\"\n\
+    );
+    fs::write(folder.join("program.awl"), program).expect("the program");
+    let file = format!(
+        "[station]\nname = \"blocks\"\n[cpu]\nmin_cycle = \"2ms\"\nwatchdog = \"500ms\"\n\
              [program]\nsources = [\"program.awl\"]\nmnemonics = \"de\"\n[[plugin]]\npath = \"ob1_cp240\"\n\
              [[module]]\ntype = \"cp240\"\nname = \"cp\"\naddress = 256\nline = \"pty:partner\"\nparams = {params}\n"
-        );
-        let path = folder.path().join("station.toml");
-        fs::write(&path, file).expect("the station file");
+    );
+    let path = folder.join("station.toml");
+    fs::write(&path, file).expect("the station file");
+    path
+}
+
+impl Site {
+    fn new(params: &str, cycle: &str, blocks: &str) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = station(folder.path(), params, cycle, blocks);
         let partner = Partner { is_3964r: params.contains("3964r"), ..Partner::default() };
         let bench = Bench::build(&path, partner, 1).unwrap_or_else(|message| {
             panic!("{message}\nThis test needs the plugins that `cargo xtask test` builds; run: cargo xtask test")
@@ -257,4 +270,83 @@ fn fragments_of_a_telegram_and_its_end() {
     });
     site.until(|site| site.is_set(5, 0));
     assert_eq!((site.word(40), site.is_set(3, 2)), (10, false));
+}
+
+/// The manual names no FC 9 for Modbus: a program that waits for ANL goes on, the registers (at a slave "short" the data
+/// that the master reads) stay as they are, and the diagnostic buffer says so.
+#[test]
+fn fc_9_with_a_modbus_protocol() {
+    for protocol in ["modbus-slave-rtu-short", "modbus-slave-rtu-long", "modbus-master-rtu"] {
+        let cycle = [SYNCHRON, "U M 1.0;\nBEB;\nL MW 40;\n+ 1;\nT MW 40;\n"].concat();
+        let mut site = Site::new(&format!("{{ protocol = \"{protocol}\", baud = 9600 }}"), &cycle, DB_10);
+        site.bench.pass(100 * MS);
+        assert!(!site.is_set(1, 0) && site.word(40) > 5, "{protocol}: past BEB");
+        site.bit(1, 2, true);
+        site.bench.pass(100 * MS);
+        assert!(!site.is_set(1, 2), "{protocol}: RESET is taken back");
+        assert_eq!(site.bench.log().matches("FC 9 was called").count(), 1, "{protocol}\n{}", site.bench.log());
+        if protocol.ends_with("short") {
+            // The master reads EW 0 to 7 of the slave: all 0.
+            let request = rtu(&[1, 4, 0, 0, 0, 8]);
+            site.bench.meanwhile(|_, _, out| {
+                out.extend(request);
+                None
+            });
+            site.bench.pass(SECOND);
+            assert_eq!(site.bench.device.heard, rtu(&[&[1, 4, 16][..], &[0; 16]].concat()));
+        }
+    }
+}
+
+/// No handling block takes the master's data for words, or writes over what the master reads.
+#[test]
+fn the_registers_of_a_slave_short_are_its_data() {
+    let program = "L 42;\nT PAW 256;\nU M 5.0;\nCALL FC 1 (ADR := 256, _DB := DB 10, ABD := W#16#0, ANZ := MW 40, \
+        EMFR := M 5.0, GEEM := MW 44, ANZ_INT := MW 46, EMPF_LAEUFT := M 3.0, LETZTER_BLOCK := M 3.1, \
+        FEHLER_EMPF := M 3.2, PAFE := MB 42);\n\
+        CALL FC 0 (ADR := 256, _DB := DB 10, ABD := W#16#0, ANZ := W#16#5, FRG := M 5.1, GESE := MW 48, \
+        ANZ_INT := MW 50, ENDE_KOMM := M 2.0, LETZTER_BLOCK := M 2.1, SENDEN_LAEUFT := M 2.2, FEHLER_KOM := M 2.3, \
+        PAFE := MB 43);\n";
+    let params = "{ protocol = \"modbus-slave-rtu-short\", baud = 9600 }";
+    let mut site = Site::new(params, program, DB_10);
+    site.bit(5, 1, true);
+    let write = rtu(&[1, 6, 0, 0, 0, 9]);
+    site.bench.pass(100 * MS);
+    site.bench.meanwhile(|_, _, out| {
+        out.extend(write);
+        None
+    });
+    site.bench.pass(SECOND);
+    assert!(!site.is_set(5, 0), "no telegram of 9 bytes");
+    assert!(site.bench.station.cpu.data_block(10).expect("it is there").iter().all(|byte| *byte == 0));
+    site.bench.device.heard.clear();
+    let read = rtu(&[1, 4, 0, 0, 0, 2]);
+    site.bench.meanwhile(|_, _, out| {
+        out.extend(read);
+        None
+    });
+    site.bench.pass(SECOND);
+    assert_eq!(site.bench.device.heard, rtu(&[1, 4, 4, 0, 42, 0, 0]));
+}
+
+/// `ob1 check` says it before the station runs.
+#[test]
+fn a_call_for_nothing_is_found_before() {
+    let warnings = |protocol: &str, cycle: &str| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = station(folder.path(), &format!("{{ protocol = \"{protocol}\" }}"), cycle, DB_10);
+        let station = ob1_command::station::load(&path).expect("a station");
+        let loaded = ob1_command::program::load(&station).expect("a program");
+        loaded.findings.iter().map(|f| (f.code.clone(), f.line)).collect::<Vec<_>>()
+    };
+    let line = 16;
+    for (protocol, cycle, expected) in [
+        ("modbus-master-rtu", SYNCHRON, vec![("L022".to_owned(), line)]),
+        ("modbus-slave-ascii-short", SYNCHRON, vec![("L022".to_owned(), line)]),
+        ("modbus-slave-ascii-short", FRAGMENTS, vec![("L022".to_owned(), line + 2)]),
+        ("modbus-master-rtu", FRAGMENTS, vec![]),
+        ("ascii", SYNCHRON, vec![]),
+    ] {
+        assert_eq!(warnings(protocol, cycle), expected, "{protocol}");
+    }
 }

@@ -2,6 +2,7 @@
 
 use ob1_sdk::{Abort, Cx, ModuleInfo, Refused, Reply};
 
+use crate::settings::{self, Service};
 use crate::state::CpState;
 
 /// Bytes of the registers each way.
@@ -127,7 +128,20 @@ pub(crate) struct Module<'a> {
 impl<'a> Module<'a> {
     /// Registers first, then what is known of the driver: what a driver that has died no longer shows (0 is also what
     /// an acknowledged telegram looks like) is never taken for the word of one that lives.
+    ///
+    /// `None` also at a Modbus slave "short": what stands there are the master's data, no block may take them for
+    /// words or write there.
     pub(crate) fn read<const N: usize>(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, [u8; N])>, Abort> {
+        let Some((module, registers)) = Self::reach(cx, adr)? else { return Ok(None) };
+        if settings::service(cx, &module)? == Service::Nothing {
+            let text = "a handling block was called, but the registers of a Modbus slave \"short\" are its data";
+            return settings::tell_no_use(cx, &module, text).map(|()| None);
+        }
+        Ok(Some((module, registers)))
+    }
+
+    /// The same, whatever the registers mean.
+    pub(crate) fn reach<const N: usize>(cx: &mut Cx<'a, CpState>, adr: i16) -> Result<Option<(Self, [u8; N])>, Abort> {
         let address = address(adr);
         let mut registers = [0; N];
         if !read(cx, address, &mut registers)? {

@@ -1,4 +1,4 @@
-//! What the station file says about the module: `abd`.
+//! What the station file says about the module: `abd`, `protocol`.
 
 use ob1_sdk::{Abort, Cx};
 
@@ -17,4 +17,46 @@ pub(crate) fn offset(cx: &mut Cx<'_, CpState>, module: &Module<'_>, abd: u16) ->
         unit.set(if is_word { 2 } else { 1 });
     }
     Ok(u32::from(abd) * u32::from(unit.get()))
+}
+
+/// What a CP's protocol has for the handling blocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Service {
+    /// The handshakes, and a start-up identifier for FC 9.
+    All,
+    /// Modbus: no start-up identifier. [S0 L1409 ff.]
+    NoSynchronisation,
+    /// Modbus slave "short": the registers are the master's data. [S0 "Modbus Slave Short"]
+    Nothing,
+}
+
+/// What the CP has for the blocks. A host that does not know the setting has a CP that has all.
+pub(crate) fn service(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<Service, Abort> {
+    let known = &module.state.service;
+    if known.get() == UNKNOWN {
+        let mut text = [0; 32];
+        let protocol = cx.setting_text(module.address, "protocol", &mut text)?.unwrap_or(b"");
+        let is_modbus = protocol.starts_with(b"modbus-");
+        known.set(match is_modbus {
+            true if protocol.ends_with(b"-short") => 3,
+            true => 2,
+            false => 1,
+        });
+    }
+    Ok(match known.get() {
+        1 => Service::All,
+        2 => Service::NoSynchronisation,
+        _ => Service::Nothing,
+    })
+}
+
+/// Number of the entry in the diagnostic buffer: a handling block has nothing to do at this CP (ours).
+const NO_USE: u16 = 1;
+
+/// Tells it once for each start of the station.
+pub(crate) fn tell_no_use(cx: &mut Cx<'_, CpState>, module: &Module<'_>, text: &str) -> Result<(), Abort> {
+    if module.state.told.replace(true) {
+        return Ok(());
+    }
+    cx.diag_entry(NO_USE, format_args!("module at {}: {text}", module.address))
 }

@@ -14,6 +14,10 @@ ob1_sdk::state! {
         pub(crate) receive: Claim,
         /// Bytes that ABD counts in; 0: not looked up yet.
         pub(crate) abd_bytes: Cell<u8>,
+        /// What the CP's protocol has for the blocks; 0: not looked up yet.
+        pub(crate) service: Cell<u8>,
+        /// That a block was called for nothing has been told.
+        pub(crate) told: Cell<bool>,
         /// FC 2, FC 3 and FC 4.
         pub(crate) rk512: Rk512State,
         /// A line command of FC 8 stands in `TX`.

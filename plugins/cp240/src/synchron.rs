@@ -4,6 +4,7 @@
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, TimerKind, interface};
 
 use crate::registers::{Module, NO_PARAMETERS, RESET, START_UP, SYSTEM, Words};
+use crate::settings::{self, Service};
 use crate::state::CpState;
 
 interface! {
@@ -104,9 +105,13 @@ impl Block for SynchronReset {
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
         let adr = cx.get(synchron::ADR)?;
-        let Some((module, words)) = Module::words(cx, adr)? else { return Ok(()) };
+        let Some((module, words)) = Module::reach(cx, adr)? else { return Ok(()) };
+        let words = Words::from_bytes(words);
         let before =
             Bits { anl: cx.get(synchron::ANL)?, null: cx.get(synchron::NULL)?, reset: cx.get(synchron::RESET)? };
+        if settings::service(cx, &module)? != Service::All {
+            return nothing_to_synchronise(cx, &module, before);
+        }
         let state = module.state;
         let (bits, step) = before.step(words, module.info.present, state);
         if bits.anl != before.anl {
@@ -133,6 +138,18 @@ impl Block for SynchronReset {
         }
         Ok(())
     }
+}
+
+/// The manual calls no FC 9 with Modbus [S0 L1409 ff.] and does not say what it would do: the module "is ready" without
+/// it [S0 "Commissioning"]. A program that waits for ANL goes on at once, and no register is touched. (decision 20)
+fn nothing_to_synchronise(cx: &mut Cx<'_, CpState>, module: &Module<'_>, bits: Bits) -> Result<(), Abort> {
+    settings::tell_no_use(cx, module, "FC 9 was called, but with Modbus there is nothing to synchronise")?;
+    if bits != Bits::default() {
+        cx.set(synchron::RESET, false)?;
+        cx.set(synchron::NULL, false)?;
+        cx.set(synchron::ANL, false)?;
+    }
+    Ok(())
 }
 
 fn end_after_delay(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), Abort> {

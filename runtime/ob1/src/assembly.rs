@@ -73,12 +73,13 @@ pub fn slot(config: &ModuleConfig) -> ModuleSlot {
 #[must_use]
 pub fn plugin_module(config: &ModuleConfig) -> PluginModule {
     let mut module = PluginModule::at(config.input_address);
-    if let ModuleKind::Cp240 { abd, .. } = &config.kind {
+    if let ModuleKind::Cp240 { abd, params, .. } = &config.kind {
         let unit = match abd {
             AbdUnit::Byte => "byte",
             AbdUnit::Word => "word",
         };
         module.settings.insert("abd".into(), Setting::Text(unit.into()));
+        module.settings.insert("protocol".into(), Setting::Text(params.protocol_name().into()));
     }
     module
 }

@@ -69,6 +69,14 @@ impl Finding {
     }
 }
 
+impl Finding {
+    /// A finding about a line of a file that is not at hand.
+    #[must_use]
+    pub fn in_line(level: Level, code: &str, file: &str, line: u32, message: String, remedy: &str) -> Self {
+        Self { line, file: file.into(), ..Self::whole(level, code, &format!("{file}:{line}"), message, remedy) }
+    }
+}
+
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)

@@ -17,6 +17,7 @@ pub mod exit;
 pub mod finding;
 mod folder;
 pub mod guardian;
+mod handling;
 pub mod io;
 pub mod janitor;
 pub mod library;

@@ -14,7 +14,7 @@ use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 use crate::finding::{Finding, Level};
 use crate::library::Choice;
 use crate::station::{self, Mnemonics, Station};
-use crate::{folder, numbers, offer};
+use crate::{folder, handling, numbers, offer};
 
 /// What a station's files give.
 #[derive(Debug)]
@@ -74,6 +74,7 @@ pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
         plugin.info().blocks.iter().map(|block| renumber.get(&block.id).copied().unwrap_or(block.id))
     });
     compiled.findings.extend(without_ob1(&compiled.program, of_plugins));
+    compiled.findings.extend(handling::without_use(&compiled.program, &plugins, &station.modules));
     Ok(Loaded::new(compiled, plugins, &station.program.library))
 }
 
