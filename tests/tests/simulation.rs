@@ -49,8 +49,8 @@ fn seeds_that_once_failed() {
     for seed in [
         // A 00 lost on the way to B; the acknowledgement of B's echo was spoilt, so that the wrong one came twice.
         911, 1762,
-        // A driver was killed in the middle of a block. The next one refused each character of the rest, the sender asked
-        // anew for each NAK, and two of the requests came as data: they cancel out in the check character.
+        // A driver was killed in the middle of a block. The next one refused each character of the rest, the sender
+        // asked anew for each NAK, and two of the requests came as data: they cancel out in the check character.
         2007,
     ] {
         let outcome = run(&Scenario::demo(&folder(), seed));

@@ -81,6 +81,7 @@ struct Site {
 
 /// A station whose one CP 240 has these parameters, with this in its cycle.
 fn station(folder: &Path, params: &str, cycle: &str, blocks: &str) -> PathBuf {
+    let parameters = if params.starts_with('"') { format!("raw = {params}") } else { format!("params = {params}") };
     let program = format!(
         "{blocks}\nORGANIZATION_BLOCK OB 100\nBEGIN\nSET;\n=M 1.0;\nEND_ORGANIZATION_BLOCK\n\
              ORGANIZATION_BLOCK OB 1\nBEGIN\n{cycle}\nEND_ORGANIZATION_BLOCK\n"
@@ -89,7 +90,7 @@ fn station(folder: &Path, params: &str, cycle: &str, blocks: &str) -> PathBuf {
     let file = format!(
         "[station]\nname = \"blocks\"\n[cpu]\nmin_cycle = \"2ms\"\nwatchdog = \"500ms\"\n\
              [program]\nsources = [\"program.awl\"]\nmnemonics = \"de\"\n[[plugin]]\npath = \"ob1_cp240\"\n\
-             [[module]]\ntype = \"cp240\"\nname = \"cp\"\naddress = 256\nline = \"pty:partner\"\nparams = {params}\n"
+             [[module]]\ntype = \"cp240\"\nname = \"cp\"\naddress = 256\nline = \"pty:partner\"\n{parameters}\n"
     );
     let path = folder.join("station.toml");
     fs::write(&path, file).expect("the station file");
@@ -272,8 +273,8 @@ fn fragments_of_a_telegram_and_its_end() {
     assert_eq!((site.word(40), site.is_set(3, 2)), (10, false));
 }
 
-/// The manual names no FC 9 for Modbus: a program that waits for ANL goes on, the registers (at a slave "short" the data
-/// that the master reads) stay as they are, and the diagnostic buffer says so.
+/// The manual names no FC 9 for Modbus: a program that waits for ANL goes on, the registers (at a slave "short" the
+/// data that the master reads) stay as they are, and the diagnostic buffer says so.
 #[test]
 fn fc_9_with_a_modbus_protocol() {
     for protocol in ["modbus-slave-rtu-short", "modbus-slave-rtu-long", "modbus-master-rtu"] {
@@ -339,7 +340,7 @@ fn a_call_for_nothing_is_found_before() {
         let loaded = ob1_command::program::load(&station).expect("a program");
         loaded.findings.iter().map(|f| (f.code.clone(), f.line)).collect::<Vec<_>>()
     };
-    let line = 16;
+    let line = 15;
     for (protocol, cycle, expected) in [
         ("modbus-master-rtu", SYNCHRON, vec![("L022".to_owned(), line)]),
         ("modbus-slave-ascii-short", SYNCHRON, vec![("L022".to_owned(), line)]),
@@ -349,4 +350,22 @@ fn a_call_for_nothing_is_found_before() {
     ] {
         assert_eq!(warnings(protocol, cycle), expected, "{protocol}");
     }
+}
+
+/// [S0 L2118]: a CP 240 without parameters works with 9600 baud, ASCII, even parity, ZVZ 200 ms.
+#[test]
+fn a_cp_without_parameters() {
+    let raw = format!("\"{}\"", ["00"; 16].join(" "));
+    let mut site = Site::new(&raw, &[SYNCHRON, FRAGMENTS].concat(), DB_10);
+    site.until(|site| !site.is_set(1, 0));
+    site.bench.pass(100 * MS);
+    site.bench.meanwhile(|_, _, out| {
+        out.extend(b"hello");
+        None
+    });
+    // Five characters of 11 bits, then the silence.
+    site.bench.pass(200 * MS);
+    assert!(!site.is_set(5, 0), "ZVZ has not run out");
+    site.until(|site| site.is_set(5, 0));
+    assert_eq!(site.word(40), 5);
 }

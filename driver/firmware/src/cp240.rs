@@ -124,7 +124,7 @@ impl Cp240 {
             line_gone: false,
             line_broke_off: false,
             modem: Modem::new(),
-            leds: LedDriver::new(),
+            leds: LedDriver::switched_on(),
             leds_shown: Leds::NONE,
             diagnosis: Diagnosis::NONE,
         }
@@ -167,7 +167,8 @@ impl Cp240 {
             self.leds_shown = leds;
             port.leds(leds);
         }
-        if let Some((incoming, data)) = self.diagnosis.tell(leds.error)
+        if self.phase != Phase::Off
+            && let Some((incoming, data)) = self.diagnosis.tell(leds.error)
             && !self.is_enocean()
         {
             port.event(now, CpEvent::Diagnosis { incoming, data });
@@ -200,8 +201,7 @@ impl Cp240 {
     fn parametrise(&mut self, now: Nanos, bytes: &[u8; 16], port: &mut dyn CpPort) {
         self.drop_all(port);
         self.leds.power();
-        let decoded =
-            if bytes.iter().all(|b| *b == 0) { Ok(Parameters::unconfigured()) } else { Parameters::decode(bytes) };
+        let decoded = Parameters::of_bytes(bytes);
         let is_modbus = MODBUS_CODES.contains(&bytes[usize::from(PROTOCOL_BYTE)]);
         self.leds.parameters(now, is_modbus, decoded.is_ok());
         let parameters = match decoded {

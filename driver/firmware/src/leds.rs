@@ -59,12 +59,21 @@ impl LedDriver {
         }
     }
 
+    /// Switched on, and no parameters yet: ER, TxD and RxD flash. The manual says it of the Modbus module; which
+    /// protocol a module has it learns with its parameters. [S0 L2086]
+    pub(crate) const fn switched_on() -> Self {
+        let mut leds = Self::new();
+        leds.leds.power = true;
+        leds.flashing = Some((false, 0));
+        leds
+    }
+
     pub(crate) fn power(&mut self) {
         self.leds.power = true;
     }
 
-    /// New parameters, for one of the Modbus modes or not, valid or not. Modbus: "After switching on the voltage supply
-    /// the LEDs ER, TxD and RxD are flashing ... with valid parameters the LEDs ER, TxD and RxD extinguish."
+    /// New parameters, for one of the Modbus modes or not, valid or not. Modbus: "After switching on the voltage
+    /// supply the LEDs ER, TxD and RxD are flashing ... with valid parameters the LEDs ER, TxD and RxD extinguish."
     /// [S0 "Commissioning"]
     pub(crate) fn parameters(&mut self, now: Nanos, modbus: bool, valid: bool) {
         if modbus {

@@ -12,7 +12,17 @@ fn without_parameters_the_registers_read_0() {
     bench.line(LineInput::Rx(b"abc"));
     bench.pass(1_000 * MS);
     assert!(bench.log.shown.is_empty() && bench.log.tx.is_empty());
-    assert!(!bench.log.leds.power);
+    // "After switching on the voltage supply the LEDs ER, TxD and RxD are flashing." [S0 L2086]
+    let mut flashes = Vec::new();
+    for _ in 0..4 {
+        let leds = bench.log.leds;
+        assert!(leds.power && leds.error == leds.transmit && leds.error == leds.receive);
+        flashes.push(leds.error);
+        bench.pass(250 * MS);
+    }
+    assert!(flashes == [true, false, true, false] || flashes == [false, true, false, true], "{flashes:?}");
+    bench.step(CpInput::Parameters(&ascii(1)));
+    assert!(!bench.log.leds.error && !bench.log.leds.transmit, "and they extinguish");
 }
 
 #[test]

@@ -90,7 +90,7 @@ pub struct S3964 {
     pub bwz_ms: u16,
     /// Repetitions of STX after the first attempt.
     pub stx_repetitions: u8,
-    /// DBL: attempts to send a block.
+    /// DBL: attempts to send a block, the first included.
     pub dbl: u8,
     /// Who gives way when both want to send.
     pub priority: Priority,
@@ -177,6 +177,14 @@ impl Cp240 {
         }
     }
 
+    /// The bytes of a module, or what it works with without them: sixteen zeros stand for "none".
+    ///
+    /// # Errors
+    /// As [`Cp240::decode`].
+    pub fn of_bytes(bytes: &[u8; 16]) -> Result<Self, ParamError> {
+        if *bytes == [0; 16] { Ok(Self::unconfigured()) } else { Self::decode(bytes) }
+    }
+
     /// M-Bus: 2400 baud until a telegram names another rate [S0 L4298], 8 data bits, even parity, 1 stop bit as EN
     /// 1434-3 has it.
     pub const fn mbus() -> Self {
@@ -223,7 +231,8 @@ impl Cp240 {
     /// Reads named keys. `protocol` must be among them; what is missing has the table's default.
     ///
     /// # Errors
-    /// An unknown key (with the nearest known one), a key of another protocol, a key given twice, a value out of range.
+    /// An unknown key (with the nearest known one), a key of another protocol, a key given twice, a value out of
+    /// range.
     pub fn from_keys<'a>(keys: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
         let keys: Vec<(&str, Value)> = keys.into_iter().collect();
         for (n, (key, value)) in keys.iter().enumerate() {

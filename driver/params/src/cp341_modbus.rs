@@ -24,7 +24,8 @@ pub(crate) const FRAME: &[Key341] = &[
     choice("stop_bits", &["1", "2"], "", "stop bits: 1 with parity, 2 without"),
 ];
 
-/// [S4 "Overview of Protocol Parameters"], [S4 "3.6.2 RS422/485 (X27) Interface"], [S4 "3.6.3 RS232 Secondary Signals"]
+/// [S4 "Overview of Protocol Parameters"], [S4 "3.6.2 RS422/485 (X27) Interface"], [S4 "3.6.3 RS232 Secondary
+/// Signals"]
 pub(crate) const DRIVER: &[Key341] = &[
     number("character_delay_ms", (1, 6500, 1), "1000", "longest pause between two characters of a reply"),
     number("response_timeout_ms", (5, 65_500, 1), "2000", "longest wait for the first character of a reply"),
@@ -45,8 +46,9 @@ pub(crate) const DRIVER: &[Key341] = &[
     choice(
         "preset",
         &["none", "break", "high"],
-        "",
-        "level of the open receiving line: break with four wires, high with two; high: BREAK cannot be recognised",
+        // [S4 L549]; for two wires the text recommends "high" [S4 L556], and the default stays what it is.
+        "break",
+        "level of the open receiving line; high is recommended with two wires: BREAK cannot be recognised",
     ),
     choice("rs232_signals", &["no", "yes"], "no", "automatic use of the RS 232C secondary signals"),
     number("rts_off_ms", (0, 655_350, 10), "1000", "with rs232_signals: from the last character to RTS OFF"),
@@ -98,8 +100,6 @@ pub(crate) fn default_of(key: &str, before: &Reader<'_>) -> Option<Value> {
         "stop_bits" => Some(Value::Int(stop_bits(before))),
         // The manual names none (ours).
         "turnaround_ms" => Some(Value::Int((before.number("response_timeout_ms") - 1).min(100))),
-        // "The setting High is recommended" for two wires. [S4 L556]
-        "preset" => Some(Value::from(if before.word("wiring") == "two-wire" { "high" } else { "break" })),
         _ => None,
     }
 }
@@ -112,8 +112,8 @@ fn stop_bits(keys: &Reader<'_>) -> i64 {
 /// What two keys say together.
 ///
 /// # Errors
-/// Stop bits that the parity does not allow; a turnaround delay that is not shorter than the response time-out; signals
-/// with two wires.
+/// Stop bits that the parity does not allow; a turnaround delay that is not shorter than the response time-out;
+/// signals with two wires.
 pub(crate) fn check(keys: &Reader<'_>) -> Result<(), ParamError> {
     let (wanted, given) = (stop_bits(keys), keys.number("stop_bits"));
     if given != wanted {
@@ -168,8 +168,8 @@ mod tests {
         assert_eq!(cp(&keys).expect("parameters").line.to_string(), "9600 7N2");
         assert_eq!(driver(&[("response_timeout_ms", Value::Int(5))]).turnaround_ms, 4);
         let two_wire = driver(&[("wiring", "two-wire".into())]);
-        assert!(two_wire.half_duplex && !two_wire.breaks);
-        assert!(driver(&[("wiring", "two-wire".into()), ("preset", "break".into())]).breaks);
+        assert!(two_wire.half_duplex && two_wire.breaks, "the default is BREAK with two wires, too");
+        assert!(!driver(&[("wiring", "two-wire".into()), ("preset", "high".into())]).breaks);
     }
 
     #[test]

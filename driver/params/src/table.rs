@@ -100,11 +100,14 @@ const BAUD: Kind = Kind::Choice(&[
     ("76800", 0x0F),
 ]);
 
+/// The parameter table leaves 7200 baud out, the technical data have it [S0 L2822]; the code is that of the other
+/// tables.
 const BAUD_MODBUS: Kind = Kind::Choice(&[
     ("9600", 0x09),
     ("9600", 0x00),
     ("2400", 0x06),
     ("4800", 0x07),
+    ("7200", 0x08),
     ("14400", 0x0A),
     ("19200", 0x0B),
     ("38400", 0x0C),
@@ -113,8 +116,9 @@ const BAUD_MODBUS: Kind = Kind::Choice(&[
 const DATA_BITS: Kind = Kind::Choice(&[("5", 0b00), ("6", 0b01), ("7", 0b10), ("8", 0b11)]);
 /// Both 10b and 11b are printed as "even".
 const PARITY: Kind = Kind::Choice(&[("none", 0b00), ("odd", 0b01), ("even", 0b10), ("even", 0b11)]);
-/// The Modbus table knows 11b alone as "even".
-const PARITY_MODBUS: Kind = Kind::Choice(&[("none", 0b00), ("odd", 0b01), ("even", 0b11)]);
+/// The Modbus table prints 11b alone as "even", the description of the byte both [S0 L2155]: 11b is written, both are
+/// read.
+const PARITY_MODBUS: Kind = Kind::Choice(&[("none", 0b00), ("odd", 0b01), ("even", 0b11), ("even", 0b10)]);
 const STOP_BITS: Kind = Kind::Choice(&[("1", 0b01), ("1.5", 0b10), ("2", 0b11)]);
 const FLOW: Kind = Kind::Choice(&[("none", 0b00), ("hardware", 0b01), ("xon-xoff", 0b10)]);
 pub(crate) const BYTE: Kind = Kind::Number { min: 0, max: 255 };
@@ -184,7 +188,7 @@ const S3964: &[Field] = &[
     whole("bwz_ms", 7, TICKS, 100, "BWZ: longest wait from the acknowledged request to the answer telegram (RK 512)"),
     // The table prints 5, the description 3. [reference 10, row 7]
     whole("stx_repetitions", 8, BYTE, 5, "repetitions of STX after the first attempt"),
-    whole("dbl", 9, BYTE, 6, "DBL: attempts to send a block"),
+    whole("dbl", 9, BYTE, 6, "DBL: attempts to send a block, the first included"),
     whole("priority", 10, Kind::Choice(&[("low", 0), ("high", 1)]), 0, "who gives way when both want to send"),
 ];
 

@@ -206,7 +206,7 @@ fn send_to_a_dx() {
 fn no_reaction() {
     let order = format!("10 order {SEND_8} | 01..10 => tx STX");
     let telegram = format!("takes {SEND_8} 01..10");
-    // BWZ 2 s: again after 2 and 4 s; 5 s after the first acknowledgement it is over.
+    // The times of the parameter table: BWZ 2 s, DBL 6. The request goes out six times, and each has its 5 s.
     check(&format!(
         "{order}
          20 {telegram}
@@ -214,9 +214,28 @@ fn no_reaction() {
          2030 {telegram}
          4030 timeout => !Repetition(2); tx STX
          4040 {telegram}
+         6040 timeout => !Repetition(3); tx STX
+         6050 {telegram}
+         8050 timeout => !Repetition(4); tx STX
+         8060 {telegram}
+         10060 timeout => !Repetition(5); tx STX
+         10070 {telegram}
+         12070 timeout => !0A05; ended BwzExceeded
+         12100 partner 00 00 00 00 => !0A01"
+    ));
+    // Without BWZ, or when something else keeps the line busy: 5 s after the acknowledgement it is over.
+    let mut config = cp240(true);
+    config.line.bwz = 0;
+    rk512_table::check::<1024>(
+        config,
+        &format!(
+            "0 start
+         {order}
+         20 {telegram}
          5020 timeout => !0A05; ended NoReaction
          5100 partner 00 00 00 00 => !0A01"
-    ));
+        ),
+    );
     // DBL is exceeded first.
     let mut config = cp240(true);
     (config.line.bwz, config.line.block_attempts) = (500 * MS, 3);

@@ -1,7 +1,9 @@
 //! FC 8 STEUERBIT: reads the modem lines, switches RTS and DTR [S0 "STUEBIT (FC 8)"].
 //!
-//! A call with START = 1 gives a line command (`docs/cp240-registers.md`); calls that follow wait for the answer,
-//! which brings STATUS and DELTA_STATUS and takes START back. With both masks 0 it only reads.
+//! "STATUS returns the actual status of the modem lines" [S0 L1043]: a call with START = 0 reads them, and so does
+//! each that follows; STATUS and DELTA_STATUS are what the last answer of the CP said. A call with START = 1 switches
+//! what the masks name; calls that follow wait for the answer, which takes START back. Both are line commands
+//! (`docs/cp240-registers.md`).
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
@@ -59,8 +61,8 @@ pub(crate) enum Step {
     Lost,
 }
 
-/// `running`: the command was given, to the CP as it is now (`held`). `sends`: FC 0 has a job, and "this block must not
-/// be called as long as a transmit command is running" [S0 L1035]: it waits instead.
+/// `running`: the command was given, to the CP as it is now (`held`). `sends`: FC 0 has a job, and "this block must
+/// not be called as long as a transmit command is running" [S0 L1035]: it waits instead.
 pub(crate) fn step(words: Words, running: bool, held: bool, sends: bool) -> Step {
     if running {
         return match tx_count(words.tx_echo) {
@@ -92,44 +94,60 @@ impl Block for Line {
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
         cx.set(line::RET_VAL, 0)?;
-        let (start, running) = (cx.get(line::START)?, cx.get(line::AUFTRAG_LAEU)?);
-        if !start && !running {
-            return Ok(());
-        }
         let adr = cx.get(line::ADR)?;
         let Some((module, words)) = Module::words(cx, adr)? else { return Ok(()) };
-        let state = module.state;
-        let sends = state.send.holds(&module.info) || state.rk512.uses_tx();
-        match step(words, running, state.line.holds(&module.info), sends) {
-            Step::Command if module.info.present => {
-                let word =
-                    command(cx.get(line::RTS)?, cx.get(line::DTR)?, cx.get(line::MASKE_RTS)?, cx.get(line::MASKE_DTR)?);
-                if module.write(cx, TX, &word.to_be_bytes())? {
-                    state.line.take(&module.info);
-                    cx.set(line::AUFTRAG_LAEU, true)?;
-                }
-                Ok(())
+        advance(cx, &module, words)?;
+        if !module.state.lines_known.get() {
+            return Ok(());
+        }
+        cx.set(line::STATUS, module.state.lines.get())?;
+        cx.set(line::DELTA_STATUS, module.state.lines_changed.get())
+    }
+}
+
+fn advance(cx: &mut Cx<'_, CpState>, module: &Module<'_>, words: Words) -> Result<(), Abort> {
+    let state = module.state;
+    let (start, switches) = (cx.get(line::START)?, cx.get(line::AUFTRAG_LAEU)?);
+    let running = switches || state.reads.get();
+    let sends = state.send.holds(&module.info) || state.rk512.uses_tx();
+    match step(words, running, state.line.holds(&module.info), sends) {
+        Step::Command if module.info.present => {
+            let word = if start {
+                command(cx.get(line::RTS)?, cx.get(line::DTR)?, cx.get(line::MASKE_RTS)?, cx.get(line::MASKE_DTR)?)
+            } else {
+                COMMAND
+            };
+            if module.write(cx, TX, &word.to_be_bytes())? {
+                state.line.take(&module.info);
+                state.reads.set(!start);
+                cx.set(line::AUFTRAG_LAEU, start)?;
             }
-            Step::Command | Step::Wait => Ok(()),
-            Step::Done { status, delta } => {
-                if module.write(cx, TX, &[0, 0])? {
-                    state.line.release();
-                    cx.set(line::STATUS, status)?;
-                    cx.set(line::DELTA_STATUS, delta)?;
-                    cx.set(line::START, false)?;
-                    cx.set(line::AUFTRAG_LAEU, false)?;
-                }
-                Ok(())
+            Ok(())
+        }
+        Step::Command | Step::Wait => Ok(()),
+        Step::Done { status, delta } => {
+            if !module.write(cx, TX, &[0, 0])? {
+                return Ok(());
             }
-            Step::Lost => {
-                state.line.release();
-                // Another life of the CP must not take the old command for a new one; a start-up waits for its
-                // acknowledgement in the same word.
-                if !words.not_ready() && !module.write(cx, TX, &[0, 0])? {
-                    return Ok(());
-                }
-                cx.set(line::AUFTRAG_LAEU, false)
+            state.line.release();
+            state.lines_known.set(true);
+            state.lines.set(status);
+            state.lines_changed.set(delta);
+            if state.reads.replace(false) {
+                return Ok(());
             }
+            cx.set(line::START, false)?;
+            cx.set(line::AUFTRAG_LAEU, false)
+        }
+        Step::Lost => {
+            state.line.release();
+            // Another life of the CP must not take the old command for a new one; a start-up waits for its
+            // acknowledgement in the same word.
+            if !words.not_ready() && !module.write(cx, TX, &[0, 0])? {
+                return Ok(());
+            }
+            state.reads.set(false);
+            cx.set(line::AUFTRAG_LAEU, false)
         }
     }
 }

@@ -161,8 +161,11 @@ impl Block for Send {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        // "When FRG = 0 at call of the block, it is left immediately!" [S0 "SEND (FC 0)"]
-        let pafe = if cx.get(send::FRG)? { run(cx)? } else { Pafe::Ok };
+        // "When FRG = 0 at call of the block, it is left immediately!" [S0 L962]: PAFE stays what it was.
+        if !cx.get(send::FRG)? {
+            return Ok(());
+        }
+        let pafe = run(cx)?;
         cx.set(send::PAFE, pafe as u8)
     }
 }

@@ -22,6 +22,12 @@ ob1_sdk::state! {
         pub(crate) rk512: Rk512State,
         /// A line command of FC 8 stands in `TX`.
         pub(crate) line: Claim,
+        /// It only reads.
+        pub(crate) reads: Cell<bool>,
+        /// STATUS and DELTA_STATUS of the last answer, once there was one.
+        pub(crate) lines_known: Cell<bool>,
+        pub(crate) lines: Cell<u8>,
+        pub(crate) lines_changed: Cell<u8>,
         /// The telegram that was being received does not fit together: wait until the CP has ended it.
         pub(crate) discard: Cell<bool>,
         /// Modbus slave "long": where the changed area that is being received begins.

@@ -140,8 +140,9 @@ impl Block for SynchronReset {
     }
 }
 
-/// The manual calls no FC 9 with Modbus [S0 L1409 ff.] and does not say what it would do: the module "is ready" without
-/// it [S0 "Commissioning"]. A program that waits for ANL goes on at once, and no register is touched. (decision 20)
+/// The manual calls no FC 9 with Modbus [S0 L1409 ff.] and does not say what it would do: the module "is ready"
+/// without it [S0 "Commissioning"]. A program that waits for ANL goes on at once, and no register is touched.
+/// (decision 20)
 fn nothing_to_synchronise(cx: &mut Cx<'_, CpState>, module: &Module<'_>, bits: Bits) -> Result<(), Abort> {
     settings::tell_no_use(cx, module, "FC 9 was called, but with Modbus there is nothing to synchronise")?;
     if bits != Bits::default() {
@@ -166,6 +167,7 @@ fn end_after_delay(cx: &mut Cx<'_, CpState>, module: &Module<'_>) -> Result<(), 
     module.state.send.release();
     module.state.receive.release();
     module.state.line.release();
+    module.state.reads.set(false);
     module.state.rk512.clear();
     cx.set(synchron::STEUERB_S, 0)?;
     cx.set(synchron::STEUERB_R, 0)?;

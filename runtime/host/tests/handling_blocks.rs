@@ -163,7 +163,7 @@ fn idle_calls_touch_next_to_nothing() {
     let mut send = Send::new(10, 0, 30);
     send.0[FRG] = 0;
     send.call(&mut cpu, &blocks);
-    assert_eq!((cpu.asked, send.pafe()), (2, 0), "FRG, PAFE");
+    assert_eq!((cpu.asked, send.pafe()), (1, 0x55), "FRG; PAFE stays what it was");
     let mut receive = Receive::new(11, 0);
     receive.call(&mut cpu, &blocks);
     assert_eq!((cpu.asked, receive.pafe()), (4, 0), "ADR, RX, EMPF_LAEUFT, PAFE");
@@ -422,19 +422,34 @@ fn fc_8_gives_a_line_command() {
     let fc8 = find(&blocks, BlockKind::Fc, 8);
     assert_eq!(fc8.interface().formal("MASK_RTS").map(|(i, _)| i), Some(3));
     assert_eq!(fc8.interface().formal("mask_dtr").map(|(i, _)| i), Some(4));
-    // START = 0: nothing happens.
+    // START = 0 reads: the state of the lines at every call [S0 L1043], as soon as the CP has said it once.
     let mut actuals = [ADR, 1, 0, 1, 0, 0xAA, 0xBB, 0, 0, 0x55];
     call(&mut cpu, fc8, &mut actuals);
-    assert_eq!((tx(&cpu), actuals), (0, [ADR, 1, 0, 1, 0, 0xAA, 0xBB, 0, 0, 0]));
+    assert_eq!((tx(&cpu), actuals), (0x1800, [ADR, 1, 0, 1, 0, 0xAA, 0xBB, 0, 0, 0]));
+    echo(&mut cpu, 0x1C00 | 0b0010 << 6 | 0b11_0010);
+    call(&mut cpu, fc8, &mut actuals);
+    assert_eq!((tx(&cpu), actuals), (0, [ADR, 1, 0, 1, 0, 0b11_0010, 0b0010, 0, 0, 0]));
+    echo(&mut cpu, 0);
+    (actuals[5], actuals[6]) = (0xAA, 0xBB);
+    call(&mut cpu, fc8, &mut actuals);
+    assert_eq!((tx(&cpu), actuals), (0x1800, [ADR, 1, 0, 1, 0, 0b11_0010, 0b0010, 0, 0, 0]), "it reads again");
+    // START = 1 waits for the reading that is under way.
     actuals[7] = 1;
     call(&mut cpu, fc8, &mut actuals);
-    assert_eq!((tx(&cpu), actuals), (0x1805, [ADR, 1, 0, 1, 0, 0xAA, 0xBB, 1, 1, 0]));
+    assert_eq!((tx(&cpu), actuals[8]), (0x1800, 0));
+    echo(&mut cpu, 0x1C00 | 0b11_0000);
+    call(&mut cpu, fc8, &mut actuals);
+    echo(&mut cpu, 0);
+    assert_eq!(actuals, [ADR, 1, 0, 1, 0, 0b11_0000, 0, 1, 0, 0]);
+    actuals[7] = 1;
+    call(&mut cpu, fc8, &mut actuals);
+    assert_eq!((tx(&cpu), actuals), (0x1805, [ADR, 1, 0, 1, 0, 0b11_0000, 0, 1, 1, 0]));
     // FC 0 waits for it.
     let mut send = Send::new(10, 0, 5);
     send.call(&mut cpu, &blocks);
     assert_eq!((tx(&cpu), send.0[SENDEN_LAEUFT]), (0x1805, 0));
     call(&mut cpu, fc8, &mut actuals);
-    assert_eq!(actuals, [ADR, 1, 0, 1, 0, 0xAA, 0xBB, 1, 1, 0], "the CP has not answered");
+    assert_eq!(actuals, [ADR, 1, 0, 1, 0, 0b11_0000, 0, 1, 1, 0], "the CP has not answered");
     echo(&mut cpu, 0x1C00 | 0b0001 << 6 | 0b10_0001);
     call(&mut cpu, fc8, &mut actuals);
     assert_eq!((tx(&cpu), actuals), (0, [ADR, 1, 0, 1, 0, 0b10_0001, 0b0001, 0, 0, 0]));

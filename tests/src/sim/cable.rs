@@ -67,8 +67,8 @@ impl Cable {
         self.line.next_event()
     }
 
-    /// How often a telegram has arrived at this end that came out of the line other than it went in, here or on the way
-    /// to the one who sent it on, with a right check character.
+    /// How often a telegram has arrived at this end that came out of the line other than it went in, here or on the
+    /// way to the one who sent it on, with a right check character.
     #[must_use]
     pub fn undetectable(&self, end: End) -> u64 {
         self.undetectable[end as usize]

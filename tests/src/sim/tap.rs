@@ -1,9 +1,9 @@
 //! A tap on the simulated line: which telegrams were sent, and which came out good by the check character alone.
 //!
 //! 3964R cannot catch everything: two bits flipped in the same column of a block, or a lost 00h, leave the check
-//! character right. So a telegram that arrives wrong is a fault of ours only when no block with a right check character
-//! came out of the line. The tap decides that with a decoder of its own, written from the manual's description of the
-//! block [S0 L1650-L1660] and independent of the machines it judges.
+//! character right. So a telegram that arrives wrong is a fault of ours only when no block with a right check
+//! character came out of the line. The tap decides that with a decoder of its own, written from the manual's
+//! description of the block [S0 L1650-L1660] and independent of the machines it judges.
 
 use ob1_cpu::Nanos;
 
@@ -169,8 +169,8 @@ mod tests {
         assert_eq!(good, 1, "the block after one whose check character could not be read");
     }
 
-    /// A driver that was started anew refuses the rest of a block its predecessor was at, a NAK for each character; the
-    /// sender asks anew for each of them. Two of these requests read as data leave the check character as it is.
+    /// A driver that was started anew refuses the rest of a block its predecessor was at, a NAK for each character;
+    /// the sender asks anew for each of them. Two of these requests read as data leave the check character as it is.
     #[test]
     fn a_block_that_was_refused_is_over() {
         let mut tap = Tap::default();

@@ -16,7 +16,7 @@ pub(super) struct Own {
     stage: Stage,
     /// How often it has been sent because BWZ ran out.
     repetitions: u16,
-    /// Reaction monitoring; begins with the first acknowledgement of the telegram under way.
+    /// Reaction monitoring; begins with each acknowledgement of the telegram under way.
     until: Option<Nanos>,
 }
 
@@ -108,7 +108,7 @@ impl<const N: usize> Rk512<N> {
         match outcome {
             Ok(()) => {
                 own.stage = Stage::Awaiting { bwz: None };
-                own.until.get_or_insert(now + self.config.reaction);
+                own.until = Some(now + self.config.reaction);
             }
             Err(error) => self.end_own(now, Err(OrderError::Line(error)), out),
         }
@@ -145,11 +145,13 @@ impl<const N: usize> Rk512<N> {
         let Some(own) = &mut self.own else { return };
         let Stage::Awaiting { bwz } = own.stage else { return };
         if own.until.is_some_and(|until| now >= until) {
-            // [S0 L1678]: "a maximum period of 5s during which a reaction must be received". It holds for all
-            // repetitions together.
+            // [S0 L1678]: "a maximum period of 5s during which a reaction must be received", each time the request has
+            // been sent: else DBL could not do what [S0 L1635] says with the times of the parameter table. (decision
+            // 20)
             self.end_own(now, Err(OrderError::NoReaction), out);
         } else if bwz.is_some_and(|bwz| now >= bwz) {
-            // [S0 L1635]: beyond BWZ the telegram is sent again; DBL counts the attempts, as for a block.
+            // [S0 L1635]: beyond BWZ the telegram is sent again; DBL counts the attempts, as for a block. (decision
+            // 20)
             own.repetitions += 1;
             if own.repetitions < self.config.line.block_attempts {
                 own.stage = Stage::ToSend;
@@ -183,8 +185,8 @@ impl<const N: usize> Rk512<N> {
         if follow != own.follow {
             return self.bad_reaction(now, BadReaction::Sequence, out);
         }
-        // Data come "only if byte 4 = 00h" [reference 4.3]: this may be the partner's own order, made a reaction by the
-        // line.
+        // Data come "only if byte 4 = 00h" [reference 4.3]: this may be the partner's own order, made a reaction by
+        // the line.
         let with_data = !data.is_empty();
         let bytes = own.request.bytes();
         let piece = match own.request.command {

@@ -13,11 +13,11 @@ pub struct Config {
     /// to STX of the reaction, after which the telegram is sent again, its `block_attempts` (DBL) times in all; 0: not
     /// at all (CP 341). [S0 L1635]
     pub line: s3964::Config,
-    /// Reaction monitoring: longest time from the first acknowledgement of an order's telegram to its reaction; it
-    /// begins anew with each follow-on telegram. [S0 L1678], [reference 4.7]
+    /// Reaction monitoring: longest time from the acknowledgement of an order's telegram to its reaction; it begins
+    /// anew with each repetition and each follow-on telegram. [S0 L1678], [reference 4.7]
     pub reaction: Nanos,
-    /// How long an order waits for the reaction that one before it has not got in time, so that it is not taken for its
-    /// own. (ours)
+    /// How long an order waits for the reaction that one before it has not got in time, so that it is not taken for
+    /// its own. (ours)
     pub late_wait: Nanos,
     /// How long the CPU has to answer an order of the partner, or to get on with it
     /// ([`Order::Working`](super::Order::Working)); after that it is refused with 2Ah. Shorter than the partner's
@@ -49,8 +49,8 @@ impl Config {
         }
     }
 
-    /// The CP 341: 20 s for the reaction [reference 4.7], 4096 bytes [reference 4.8], 10 s for the CPU to take the data
-    /// [reference 3.6, 0409h].
+    /// The CP 341: 20 s for the reaction [reference 4.7], 4096 bytes [reference 4.8], 10 s for the CPU to take the
+    /// data [reference 3.6, 0409h].
     pub fn cp341(line: s3964::Config) -> Self {
         Self {
             line,

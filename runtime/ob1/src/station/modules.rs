@@ -176,7 +176,7 @@ fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mod
             f.error(CONTRADICTION, value.span(), message, "leave it out: a CP 240 has 16 bytes each way");
         }
     }
-    let params = keys_or_bytes(f, table, "CP 240", |keys| Cp240::from_keys(keys), Cp240::decode)?;
+    let params = keys_or_bytes(f, table, "CP 240", |keys| Cp240::from_keys(keys), Cp240::of_bytes)?;
     characters_of_modbus(f, table, &params);
     let line = line_of(f, table, folder, "the CP 240")?;
     stop_bits_of(f, table, &line, params.stop_bits);

@@ -42,8 +42,7 @@ impl Cp {
         let parameters = match hello["module"].as_str() {
             Some("cp040") if bytes == [0; 16] => Cp040::defaults("ascii").ok()?.common,
             Some("cp040") => Cp040::decode(&bytes).ok()?.common,
-            _ if bytes == [0; 16] => Cp240::unconfigured(),
-            _ => Cp240::decode(&bytes).ok()?,
+            _ => Cp240::of_bytes(&bytes).ok()?,
         };
         let about = format!(
             "{name} of station \"{station}\": {}, {}, {line}",
