@@ -6,7 +6,7 @@ use ob1_model::{BlockId, BlockKind, DataType, Dimension, Section};
 use crate::error::{Mc7Error, Problem};
 
 /// How deep types may lie in each other: STEP 7 allows 8, instances in instances come on top.
-const DEPTH: u32 = 24;
+pub(crate) const DEPTH: u32 = 24;
 
 /// The first byte: what the block is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,6 +136,16 @@ impl Entry {
     #[must_use]
     pub const fn has_start(&self) -> bool {
         self.attribute & STARTS != 0
+    }
+
+    /// Takes the marks of start values away, for an instance whose values stand elsewhere.
+    pub(crate) fn clear_starts(&mut self) {
+        self.attribute &= !STARTS;
+        match &mut self.ty {
+            EntryType::Struct(children) => children.iter_mut().for_each(Entry::clear_starts),
+            EntryType::Array(_, inner) | EntryType::Instance(_, inner) => inner.clear_starts(),
+            EntryType::Simple(_) | EntryType::String(_) => {}
+        }
     }
 
     /// How many entries of its parent it counts for.

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use ob1_model::{BlockId, Component, DataType, Dimension, Field, Interface, Layout, Param, Section};
 
-use crate::compiled::{CompiledInterface, Entry, EntryType, InterfaceKind, STARTS, section_code};
-use crate::error::Mc7Error;
+use crate::compiled::{CompiledInterface, DEPTH, Entry, EntryType, InterfaceKind, STARTS, section_code};
+use crate::error::{Mc7Error, Problem};
 
 /// The names of declarations without one: section and number.
 const fn prefix(section: Section) -> &'static str {
@@ -82,31 +82,70 @@ impl CompiledInterface {
     }
 
     /// The compiled form of a code block's declarations. `instances` says which declarations are instances of a
-    /// function block, by their index in [`Interface::params`].
+    /// function block, by their index in [`Interface::params`]; `blocks` gives the same of the function blocks.
     ///
     /// # Errors
-    /// S1508 where it is longer than 65,535 bytes.
-    pub fn of(number: u16, interface: &Interface, instances: &BTreeMap<usize, BlockId>) -> Result<Self, Mc7Error> {
-        const ORDER: [Section; 6] =
-            [Section::Input, Section::Return, Section::Output, Section::InOut, Section::Static, Section::Temp];
+    /// S1508 where an instance is of a block that is not known, or lies too deep, and where the whole is longer than
+    /// 65,535 bytes.
+    pub fn of(
+        number: u16,
+        interface: &Interface,
+        instances: &BTreeMap<usize, BlockId>,
+        blocks: &Blocks<'_>,
+    ) -> Result<Self, Mc7Error> {
         let mut start = Vec::new();
-        let mut entries = Vec::new();
-        for section in ORDER {
-            for (index, param) in interface.params.iter().enumerate().filter(|(_, p)| p.section == section) {
-                let mut made = entry(&param.ty, section, &mut start);
-                if let Some(id) = instances.get(&index) {
-                    made = Entry { ty: EntryType::Instance(*id, Box::new(made)), attribute: 0, extra: 0 };
-                } else if let Some(initial) = &param.initial
-                    && packed(&param.ty, initial, &mut start)
-                {
-                    made.attribute |= STARTS;
-                }
-                entries.push(made);
-            }
-        }
+        let entries = entries(interface, instances, blocks, Some(&mut start), 0)
+            .map_err(|what| Mc7Error::at(Problem::Interface(what), 0, &[]))?;
         let compiled = Self { kind: InterfaceKind::Code, number, entries, start, rest: vec![0] };
         compiled.bytes().map(|_| compiled)
     }
+}
+
+/// The interface of a function block, and which of its declarations are instances of others.
+pub type Blocks<'b> = dyn Fn(BlockId) -> Option<(&'b Interface, &'b BTreeMap<usize, BlockId>)> + 'b;
+
+/// The entries of an interface; of an instance, without `start`, its temporaries and start values are left out.
+fn entries(
+    interface: &Interface,
+    instances: &BTreeMap<usize, BlockId>,
+    blocks: &Blocks<'_>,
+    mut start: Option<&mut Vec<u8>>,
+    depth: u32,
+) -> Result<Vec<Entry>, &'static str> {
+    const ORDER: [Section; 6] =
+        [Section::Input, Section::Return, Section::Output, Section::InOut, Section::Static, Section::Temp];
+    if depth > DEPTH / 2 {
+        return Err("instances lie too deep in each other");
+    }
+    let mut out = Vec::new();
+    for section in ORDER {
+        for (index, param) in interface.params.iter().enumerate().filter(|(_, p)| p.section == section) {
+            if section == Section::Temp && start.is_none() {
+                continue;
+            }
+            if let Some(id) = instances.get(&index) {
+                let (inner, within) = blocks(*id).ok_or("an instance is of a block that is not known")?;
+                let ty = EntryType::Struct(entries(inner, within, blocks, None, depth + 1)?);
+                let made = Entry { ty, attribute: section_code(section), extra: 0 };
+                out.push(Entry { ty: EntryType::Instance(*id, Box::new(made)), attribute: 0, extra: 0 });
+                continue;
+            }
+            let mut values = Vec::new();
+            let mut made = entry(&param.ty, section, &mut values);
+            if let Some(initial) = &param.initial
+                && start.is_some()
+                && packed(&param.ty, initial, &mut values)
+            {
+                made.attribute |= STARTS;
+            }
+            match start.as_deref_mut() {
+                Some(start) => start.extend(values),
+                None => made.clear_starts(),
+            }
+            out.push(made);
+        }
+    }
+    Ok(out)
 }
 
 /// The start values, taken from the front. Nothing more is taken once one is met whose form is unknown.

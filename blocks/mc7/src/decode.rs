@@ -106,7 +106,7 @@ pub(crate) type Callees<'c> = dyn Fn(BlockId) -> Option<&'c Interface> + 'c;
 /// Decodes a block. `callees` gives the interfaces of the blocks it calls; calls of others stay unfolded.
 ///
 /// # Errors
-/// The first problem, with its offset and bytes: S1501 to S1505.
+/// The first problem, with its offset and bytes: S1501 to S1506.
 pub fn decode<'c>(block: &MachineBlock<'_>, callees: &Callees<'c>) -> Result<Decoded, Mc7Error> {
     let wrong = |error: Mc7Error| error.of(block.id);
     let mut items = statements(block).map_err(wrong)?;
@@ -186,6 +186,9 @@ fn targets(code: &[u8], items: &[Item]) -> Result<BTreeMap<u32, Vec<u32>>, Mc7Er
     }
     Ok(all)
 }
+
+/// Stands for a place in the local data that is not known yet: beyond every address a statement can name.
+const LATER: BitAddr = BitAddr::byte_addr(0x1_0000);
 
 /// The statements on their way to operations.
 struct Lowering<'l, 'b, 'c> {
@@ -417,9 +420,9 @@ impl Lowering<'_, '_, '_> {
     /// `L P##parameter`: where the copy of a composed one goes is known when all statements are.
     fn param_pointer(&self, index: u16) -> Op {
         match self.block.interface.formals().nth(usize::from(index)).map(|p| &p.ty) {
-            Some(DataType::Any) => Op::LoadParamCopy { index, bytes: 10, at: BitAddr(0) },
-            Some(DataType::Pointer) => Op::LoadParamCopy { index, bytes: 6, at: BitAddr(0) },
-            Some(ty) if ty.is_composed() => Op::LoadParamPointer { index, at: Some(BitAddr(0)) },
+            Some(DataType::Any) => Op::LoadParamCopy { index, bytes: 10, at: LATER },
+            Some(DataType::Pointer) => Op::LoadParamCopy { index, bytes: 6, at: LATER },
+            Some(ty) if ty.is_composed() => Op::LoadParamPointer { index, at: Some(LATER) },
             _ => Op::LoadParamPointer { index, at: None },
         }
     }
@@ -462,9 +465,13 @@ impl Lowering<'_, '_, '_> {
             shown.push(made.shown);
         }
         let mut interface = self.block.interface.clone();
-        let own = interface.temp_bytes.max(CodeBlock::local_bytes(&code));
-        place_copies(&mut code, own);
-        interface.temp_bytes = interface.temp_bytes.max(CodeBlock::local_bytes(&code));
+        let declared = declared_temps(&interface).next_multiple_of(2);
+        let own = declared.max(CodeBlock::local_bytes(&code));
+        let end = place_copies(&mut code, own);
+        if end > own && end > BitAddr::MAX_BYTE {
+            return Err(Mc7Error::at(Problem::LocalData, 0, &[]));
+        }
+        interface.temp_bytes = declared.max(CodeBlock::local_bytes(&code));
         let block = CodeBlock { id: self.block.id, name: self.block.name.clone(), interface, code, source: 0 };
         Ok(Decoded { block, offsets, shown, notations: self.notations, jumps })
     }
@@ -478,8 +485,8 @@ pub(crate) fn declared_temps(interface: &Interface) -> u32 {
 }
 
 /// Gives the copies of `L P##parameter` their places: behind the block's own local data, in the order of their first
-/// use, as the compiler of the source does.
-fn place_copies(code: &mut [Stmt], own: u32) {
+/// use, as the compiler of the source does. Gives where the last one ends.
+fn place_copies(code: &mut [Stmt], own: u32) -> u32 {
     let mut places: BTreeMap<u16, u32> = BTreeMap::new();
     let mut next = own.next_multiple_of(2);
     for stmt in code {
@@ -495,4 +502,5 @@ fn place_copies(code: &mut [Stmt], own: u32) {
         });
         *at = BitAddr::byte_addr(byte);
     }
+    next
 }

@@ -17,8 +17,8 @@ pub enum Problem {
     JumpList(u16),
     /// A parameter that the interface does not have.
     Parameter(u16),
-    /// The code does not end with `BE`.
-    NoEnd,
+    /// The copies of `L P##parameter` find no room behind the local data the code uses.
+    LocalData,
     /// A count of the segment table leads beyond its bytes.
     SegmentTable,
     /// The compiled interface is cut off, nested too deep, or has an unknown type.
@@ -63,7 +63,7 @@ impl Mc7Error {
             Problem::JumpTarget(_) => "S1503",
             Problem::JumpList(_) => "S1504",
             Problem::Parameter(_) => "S1505",
-            Problem::NoEnd => "S1506",
+            Problem::LocalData => "S1506",
             Problem::SegmentTable => "S1507",
             Problem::Interface(_) => "S1508",
             Problem::Head(_) => "S1509",
@@ -96,7 +96,7 @@ impl fmt::Display for Mc7Error {
             Problem::JumpTarget(to) => write!(f, "the jump leads to {to}, where no statement begins"),
             Problem::JumpList(entries) => write!(f, "the {entries} SPA of this SPL do not follow it"),
             Problem::Parameter(index) => write!(f, "the block's interface has no parameter {}", index + 1),
-            Problem::NoEnd => f.write_str("the code does not end with BE"),
+            Problem::LocalData => f.write_str("the local data reaches beyond 65,535 bytes"),
             Problem::SegmentTable => f.write_str("the segment table is shorter than its counts say"),
             Problem::Interface(what) | Problem::Head(what) => f.write_str(what),
             Problem::NoCode(_) => Ok(()),
@@ -105,3 +105,28 @@ impl fmt::Display for Mc7Error {
 }
 
 impl std::error::Error for Mc7Error {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_documentation_has_each_number() {
+        let page = include_str!("../../../docs/mc7.md");
+        let all = [
+            Problem::UnknownStatement,
+            Problem::CutOff,
+            Problem::JumpTarget(0),
+            Problem::JumpList(0),
+            Problem::Parameter(0),
+            Problem::LocalData,
+            Problem::SegmentTable,
+            Problem::Interface(""),
+            Problem::Head(""),
+            Problem::NoCode(String::new()),
+        ];
+        let numbers: Vec<&str> = all.map(|problem| Mc7Error::at(problem, 0, &[]).code()).into();
+        let rows: Vec<&str> = page.lines().filter_map(|l| l.strip_prefix("| S15")?.get(..2)).collect();
+        assert_eq!(numbers.iter().map(|n| &n[3..]).collect::<Vec<_>>(), rows);
+    }
+}

@@ -11,6 +11,7 @@ mod bytes;
 mod compiled;
 mod declared;
 mod decode;
+mod encode;
 mod error;
 mod fold;
 mod head;
@@ -21,7 +22,9 @@ mod statement;
 mod text;
 
 pub use compiled::{CompiledInterface, Entry, EntryType, InterfaceKind};
+pub use declared::Blocks;
 pub use decode::{Decoded, MachineBlock, decode, list_order, notation};
+pub use encode::{Encoded, Written, encode};
 pub use error::{Mc7Error, Problem};
 pub use head::{BlockFoot, BlockHead, BlockImage, HEAD_BYTES, Stamp};
 pub use segments::Segments;

@@ -9,6 +9,7 @@ pub mod esp2;
 pub mod exec;
 pub mod ir;
 pub mod mbus;
+pub mod mc7;
 pub mod modbus;
 pub mod modbus32;
 pub mod rk512;
@@ -27,6 +28,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("exec", exec::run),
     ("ir", ir::run),
     ("mbus", mbus::run),
+    ("mc7", mc7::run),
     ("modbus", modbus::run),
     ("modbus32", modbus32::run),
     ("rk512", rk512::run),

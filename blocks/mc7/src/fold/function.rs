@@ -93,7 +93,7 @@ fn open<'o>(cursor: &mut Cursor<'o>) -> Option<(&'o Mc7Op, Option<u16>)> {
     }
 }
 
-/// `+AR2 P#x; TAR2 LD t; LAR2 LD s`, or the same by `TAR2; T LD t`: the pointer into the caller's instance.
+/// `+AR2 P#x; TAR2; LAR2 LD s; T LD t`, or the same by `TAR2 LD t`: the pointer into the caller's instance.
 fn instance_pointer(cursor: &mut Cursor<'_>, saved: Option<BitAddr>) -> Option<Put> {
     let saved = saved?;
     let offset = match cursor.peek()? {
@@ -104,14 +104,18 @@ fn instance_pointer(cursor: &mut Cursor<'_>, saved: Option<BitAddr>) -> Option<P
     if offset.is_some() {
         cursor.next();
     }
-    let at = match cursor.next()? {
-        Mc7Op::Plain(Op::TransferArTo(_, Operand { place: Place::Fixed(Area::Local, at), .. })) => *at,
-        Mc7Op::Plain(Op::TransferAr(AddressRegister::Ar2)) => parts::local_transfer(cursor.next()?, Width::DWord)?,
+    let direct = match cursor.next()? {
+        Mc7Op::Plain(Op::TransferArTo(_, Operand { place: Place::Fixed(Area::Local, at), .. })) => Some(*at),
+        Mc7Op::Plain(Op::TransferAr(AddressRegister::Ar2)) => None,
         _ => return None,
     };
     if offset.is_some() {
         cursor.restore_ar2(saved)?;
     }
+    let at = match direct {
+        Some(at) => at,
+        None => parts::local_transfer(cursor.next()?, Width::DWord)?,
+    };
     let source = Source::InstancePointer(offset.unwrap_or(BitAddr(0)));
     Some(Put { at, width: Width::DWord, source, used: false })
 }

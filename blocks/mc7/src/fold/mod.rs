@@ -16,6 +16,7 @@ use crate::decode::{Callees, Item, MachineBlock};
 use crate::statement::Mc7Op;
 
 pub(crate) use component::{Base, component};
+pub(crate) use instance::INSTANCE_START;
 
 /// What stands between the two `BLD` of a frame; the closing number is one more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

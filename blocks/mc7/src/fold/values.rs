@@ -216,7 +216,8 @@ pub(super) fn pointed(bytes: &[u8]) -> Option<Operand> {
         (Area::Input | Area::Output | Area::Memory, 0) => Place::Fixed(Area::from_pointer_code(area)?, at),
         _ => return None,
     };
-    (at.byte() <= BitAddr::MAX_BYTE).then_some(Operand { width: Width::Byte, place })
+    // What is composed begins at a whole byte.
+    (at.byte() <= BitAddr::MAX_BYTE && at.bit() == 0).then_some(Operand { width: Width::Byte, place })
 }
 
 /// Bytes of a composed actual as a call hands it over: of a POINTER, unless it is an ANY.
