@@ -263,6 +263,7 @@ fn an_endless_source_is_refused() {
 fn forms(n: usize) -> Vec<(&'static str, String)> {
     let ob = |body: String| format!("ORGANIZATION_BLOCK OB 1\nBEGIN\n{body}END_ORGANIZATION_BLOCK\n");
     let numbered = |f: &dyn Fn(usize) -> String| (0..n).map(f).collect::<String>();
+    let udt = |a: usize, b: usize| format!("TYPE UDT {a}\nSTRUCT a : UDT {b};\nEND_STRUCT;\nEND_TYPE\n");
     let locals = numbered(&|i| format!("v{i} : BOOL;\n"));
     let uses = numbered(&|i| format!("U #v{i};\n"));
     vec![
@@ -313,10 +314,36 @@ fn forms(n: usize) -> Vec<(&'static str, String)> {
             ),
         ),
         ("calls and BR", ob("SAVE;\nCALL FC 9 (ADR := 0);\nU BIE;\nT MW 2;\n".repeat(n))),
+        ("a chain of types", numbered(&|i| udt(i + 1, i + 2))),
+        ("a chain of types backwards", numbered(&|i| udt(i + 2, i + 1))),
+        (
+            "a chain of names",
+            numbered(&|i| format!("TYPE \"t{i}\"\nSTRUCT a : \"t{}\";\nEND_STRUCT;\nEND_TYPE\n", i + 1)),
+        ),
+        (
+            "names without numbers",
+            numbered(&|i| format!("FUNCTION \"f{i}\" : VOID\nBEGIN\nCALL \"f{}\";\nEND_FUNCTION\n", (i + 7) % n)),
+        ),
+        ("blocks that are missing", ob(numbered(&|i| format!("CALL FC {};\nAUF DB {};\n", i + 500, i + 1)))),
+        ("symbols that are missing", ob(numbered(&|i| format!("U \"s{i}\";\nU \"s\";\nU #s{i};\n")))),
+        ("heads without end", "FUNCTION FC 1 : VOID\nTITLE = x\nFOO\n".repeat(n)),
+        ("lists without end", ob("UC FC 9 { P#M 1.0\n".repeat(n))),
+        ("lists", ob("UC FC 9 { P#M 1.0, N#5 };\n".repeat(n))),
+        ("comments", ob("L 1; (* a\n b *) T MW 2;\n".repeat(n))),
+        ("comments without end", "(* \n".repeat(n)),
         ("open strings", "\"".repeat(n) + &"'\n".repeat(n)),
         ("stray", "~ ".repeat(n)),
         ("ends", "END_FUNCTION\n".repeat(n)),
     ]
+}
+
+/// Types that lie in each other much deeper than types can: the work is that of reading them.
+#[test]
+fn a_chain_of_20_000_types() {
+    for (name, text) in forms(20_000).into_iter().filter(|(name, _)| name.starts_with("a chain")) {
+        let output = check(text.as_bytes());
+        assert!(output.steps < 40 * 20_000 + 20 * text.len() as u64, "{name}: {} steps", output.steps);
+    }
 }
 
 #[test]
