@@ -30,6 +30,8 @@ pub(crate) enum Constant {
     /// Milliseconds since midnight.
     TimeOfDay(u32),
     DateTime([u8; 8]),
+    /// `DTL#`: the 12 bytes of TIA Portal's date and time.
+    Dtl([u8; 12]),
     /// Characters in CP1252.
     Text(Vec<u8>),
     Pointer(PointerConstant),
@@ -156,6 +158,8 @@ pub(crate) fn parse(text: &str, negative: bool) -> Result<Constant, String> {
         }
         "TOD" | "TIME_OF_DAY" => time::time_of_day(body)
             .map_or_else(|| wrong("time of day, TOD#0:0:0.0 to TOD#23:59:59.999"), |ms| Ok(Constant::TimeOfDay(ms))),
+        "DTL" => time::dtl(body)
+            .map_or_else(|| wrong("date and time, DTL#1970-1-1-0:0:0.0"), |bytes| Ok(Constant::Dtl(bytes))),
         "DT" | "DATE_AND_TIME" => time::date_and_time(body)
             .map_or_else(|| wrong("date and time, DT#90-1-1-0:0:0.0"), |bytes| Ok(Constant::DateTime(bytes))),
         _ => wrong("constant"),
@@ -277,6 +281,7 @@ impl Constant {
             Constant::Pointer(p) if p.any.is_none() && p.db == 0 => p.bits(),
             Constant::Pointer(_) => return Err("L takes a pointer without data block and length: P#DBX 0.0".into()),
             Constant::Bool(_) => return Err("a truth value cannot be loaded; use SET or CLR".into()),
+            Constant::Dtl(_) => return Err("a DTL has 12 bytes and cannot be loaded".into()),
             Constant::DateTime(_) => return Err("a date and time has 8 bytes and cannot be loaded".into()),
             Constant::ToParam { .. } => return Err("a pointer to a parameter is for L and LAR1 alone".into()),
         })
@@ -346,6 +351,7 @@ impl Constant {
     fn composed(&self, ty: &DataType) -> Option<Vec<u8>> {
         match (self, ty) {
             (Constant::DateTime(bytes), DataType::DateAndTime) => Some(bytes.to_vec()),
+            (Constant::Dtl(bytes), ty) if *ty == crate::tia::dtl() => Some(bytes.to_vec()),
             (Constant::Text(text), DataType::String(max)) if text.len() <= usize::from(*max) => {
                 let mut bytes = vec![*max, text.len() as u8];
                 bytes.extend_from_slice(text);

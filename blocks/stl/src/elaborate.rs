@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ob1_model::{BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
+use ob1_model::{BlockId, BlockKind, DataType, Dimension, Interface, Layout, Param, Section};
 
 use crate::auto::Sets;
 use crate::codes;
@@ -296,7 +296,16 @@ impl<'e> Elaborator<'e> {
         let mut good = true;
         // Limits are held as declarations come: names of one declaration share a type that may be large.
         let (mut instance_bits, mut temp_bits, mut formals) = (0u64, 0u64, 0usize);
+        // Inputs of an organization block are temps behind the start information, which the CPU writes.
+        let of_ob = block.frame == Frame::Ob && block.sections.iter().any(|(section, _)| *section == Section::Input);
+        if of_ob {
+            let bytes = Dimension { low: 1, high: 20 };
+            let ty = DataType::Array(vec![bytes], Box::new(DataType::Byte));
+            params.push(Param::new("OB_START_INFO", Section::Temp, ty));
+            fbs.push(None);
+        }
         for (section, declarations) in &block.sections {
+            let section = if of_ob { &Section::Temp } else { section };
             for declaration in declarations {
                 self.sink.steps += 1;
                 good &= self.not_twice(block.file, declaration, &mut names);

@@ -6,7 +6,8 @@ use crate::parser::{HEADER_LINES, begins_block, ends_head, is_section};
 use crate::token::{Kind, Span, Token};
 
 /// Prefixes of constants, before a `#`.
-const CONSTANT_PREFIXES: [&str; 27] = [
+const CONSTANT_PREFIXES: [&str; 28] = [
+    "DTL",
     "BOOL",
     "CHAR",
     "REAL",

@@ -407,7 +407,8 @@ impl<'s> Parser<'_, 's> {
             self.bump();
         }
         let allowed = match (block.frame, section) {
-            (Frame::Fb, _) | (Frame::Fc | Frame::Ob, Section::Temp) => true,
+            // TIA Portal gives an optimised organization block its start information as inputs.
+            (Frame::Fb, _) | (Frame::Fc | Frame::Ob, Section::Temp) | (Frame::Ob, Section::Input) => true,
             (Frame::Fc, other) => other != Section::Static,
             _ => false,
         };

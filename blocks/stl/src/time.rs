@@ -98,6 +98,32 @@ pub(crate) fn time_of_day(text: &str) -> Option<u32> {
     Some(((hours * 60 + minutes) * 60 + seconds) * 1_000 + ms)
 }
 
+/// `1994-3-15-12:30:10.5`: year, month, day, weekday (1 = Sunday), hour, minute, second, nanoseconds.
+pub(crate) fn dtl(text: &str) -> Option<[u8; 12]> {
+    let (day_part, clock) = text.rsplit_once('-')?;
+    let [year, month, day]: [u32; 3] = numbers(day_part, '-')?;
+    let (clock, fraction) = clock.split_once('.').unwrap_or((clock, ""));
+    let [hour, minute, second]: [u32; 3] = numbers(clock, ':')?;
+    let digits = fraction.len() <= 9 && fraction.bytes().all(|b| b.is_ascii_digit());
+    let valid =
+        (1970..=2554).contains(&year) && (1..=12).contains(&month) && day >= 1 && day <= month_days(year, month);
+    if !digits || !valid || hour > 23 || minute > 59 || second > 59 {
+        return None;
+    }
+    let years: u32 = (1970..year).map(|y| if leap(y) { 366 } else { 365 }).sum();
+    let days = years + (1..month).map(|m| month_days(year, m)).sum::<u32>() + day - 1;
+    // 1970-01-01 was a Thursday.
+    let weekday = (days + 4) % 7 + 1;
+    let nanoseconds: u32 = format!("{fraction:0<9}").parse().ok()?;
+    let mut bytes = [0; 12];
+    bytes[..2].copy_from_slice(&(year as u16).to_be_bytes());
+    for (slot, value) in bytes[2..8].iter_mut().zip([month, day, weekday, hour, minute, second]) {
+        *slot = value as u8;
+    }
+    bytes[8..].copy_from_slice(&nanoseconds.to_be_bytes());
+    Some(bytes)
+}
+
 /// `94-3-15-12:30:10.500` or with a year of four digits (1990 to 2089): the eight BCD bytes, weekday 1 = Sunday.
 pub(crate) fn date_and_time(text: &str) -> Option<[u8; 8]> {
     let (day_part, clock) = text.rsplit_once('-')?;

@@ -81,7 +81,7 @@ pub(crate) fn instance(word: &str) -> Option<BlockId> {
 }
 
 /// DTL: 12 bytes.
-fn dtl() -> DataType {
+pub(crate) fn dtl() -> DataType {
     let field = |name: &str, ty| Field { name: name.to_owned(), ty, initial: None };
     let bytes = ["MONTH", "DAY", "WEEKDAY", "HOUR", "MINUTE", "SECOND"].map(|name| field(name, DataType::Byte));
     let mut fields = vec![field("YEAR", DataType::Word)];
