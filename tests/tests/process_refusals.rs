@@ -143,6 +143,42 @@ fn a_block_that_never_returns_is_named_and_the_outputs_go_off() {
 }
 
 #[test]
+fn a_crash_is_named_and_the_outputs_go_off() {
+    let site = Site::new();
+    let plugin = native::build(&site, "tests/native/scan_blocks.c", "scan_blocks.so", &[]);
+    // Some time after it was asked for, so that who asks gets his answer.
+    station(&site, library_path(&plugin), "SET;\nL S5T#1S;\nSE T 1;\nUN T 1;\nBEB;\nCALL FC 233;");
+    let (small, image) = lit(&site, &[]);
+    small.set("M50.0", 1);
+    let ended = small.end();
+    assert_eq!(ended.code(), Some(14), "{ended:?}");
+    let said =
+        ["segmentation fault at 0x", "in native block FC 233, called by OB 1, network 1, line 16; outputs are off"];
+    assert!(said.iter().all(|text| ended.err.contains(text)), "{ended:?}");
+    assert!(!lamp(&image), "outputs are off");
+    nothing_left(&site);
+}
+
+/// Errors in OB 121 and OB 122 called each other until the stack was full.
+#[test]
+fn errors_in_error_obs_stop_the_cpu_and_not_the_runtime() {
+    let site = Site::new();
+    station(&site, "ob1_cp240", "AUF DB 999;");
+    let awl = std::fs::read_to_string(site.path("small.awl")).expect("the program");
+    let handlers = "ORGANIZATION_BLOCK OB 121\nBEGIN\nL PEW 6000;\nEND_ORGANIZATION_BLOCK\n\
+                    ORGANIZATION_BLOCK OB 122\nBEGIN\nAUF DB 997;\nEND_ORGANIZATION_BLOCK\n";
+    site.write("small.awl", &format!("{handlers}{awl}"));
+    let (small, image) = lit(&site, &[]);
+    small.set("M50.0", 1);
+    small.until("STOP", |s| (s.status().state == "STOP").then_some(()));
+    small.until("outputs off", |_| (!lamp(&image)).then_some(()));
+    assert_eq!(small.entries("4563h"), 1, "an access error in OB 121");
+    let ended = small.interrupt();
+    assert_eq!(ended.code(), Some(3), "{ended:?}");
+    nothing_left(&site);
+}
+
+#[test]
 fn a_hung_scan_takes_its_drivers_along() {
     let site = Site::two_stations();
     let plugin = native::build(&site, "tests/native/scan_blocks.c", "scan_blocks.so", &[]);

@@ -16,4 +16,4 @@ pub use notation::Notation;
 pub use op::{AccuOp, BitTest, Compare, Convert, Jump, Logic, MathFn, NumberFormat, Op, Shift, StatusBit, WordLogic};
 pub use place::{AddressRegister, DbRegister, Number, Operand, Place, Pointer, Width};
 pub use program::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Program, Stmt, Symbol, Target};
-pub use verify::{Defect, Finding, verify};
+pub use verify::{BRACKETS, Defect, Finding, LOCAL_BYTES, MCR_BRACKETS, Verified, verify};

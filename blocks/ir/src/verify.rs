@@ -1,15 +1,40 @@
 //! The verifier: what every engine may rely on without looking again.
 //!
-//! A program that passes has jump targets within their blocks, parameter indices within the interface, local data and
+//! A program that passes has jump targets within their blocks or right behind them (which ends the block), brackets
+//! that are closed and not nested too deep, parameters that exist and are of the kind they are used as, local data and
 //! instance operands within their sizes, whole-byte addresses where bytes and words are accessed, and calls with one
 //! argument for each formal of a block that exists.
+//!
+//! It is the only verifier: a CPU takes nothing but a [`Verified`] program, whoever has made it (STL, machine code that
+//! came over a network, a test).
 
-use std::collections::BTreeSet;
+use std::borrow::Borrow;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::ops::Deref;
 
-use ob1_model::{Area, BitAddr, BlockId, Interface};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, Interface, Layout, Param, Section};
 
 use crate::{Arg, Call, CallMode, CodeBlock, DataKind, Number, Op, Place, Program, Target, Width};
+
+/// Most brackets open at once.
+pub const BRACKETS: u32 = 7;
+/// Most brackets of the master control relay open at once.
+pub const MCR_BRACKETS: u32 = 8;
+/// Most bytes of local data of a block.
+pub const LOCAL_BYTES: u32 = 65_536;
+
+/// A program, owned or borrowed, that has passed [`verify`].
+#[derive(Clone, Copy, Debug)]
+pub struct Verified<T>(T);
+
+impl<T: Borrow<Program>> Deref for Verified<T> {
+    type Target = Program;
+
+    fn deref(&self) -> &Program {
+        self.0.borrow()
+    }
+}
 
 /// What is wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,7 +43,8 @@ pub enum Defect {
     DuplicateBlock(BlockId),
     /// Two data blocks have this number, or it is 0.
     DataNumber(u16),
-    /// An instance data block that is not as long as its function block's instance, or whose function block is missing.
+    /// An instance data block that is shorter than its function block's instance, or whose function block is missing. A
+    /// longer one is none: it may have been made for an older interface.
     InstanceLength(u16),
     /// The index of the source file is beyond [`Program::sources`].
     Source(BlockId),
@@ -28,6 +54,22 @@ pub enum Defect {
     ParamIndex(u16),
     /// A parameter reference in a block with an instance, or the other way round.
     ParamKind,
+    /// The number of a timer, counter or block used as a place, or the other way round.
+    ParamType(u16),
+    /// Beyond the end of a parameter.
+    ParamOverflow(u16, BitAddr),
+    /// The pointer to a composed parameter without a place for its POINTER, or the other way round.
+    ParamPointer(u16),
+    /// A copy of a parameter that is not as long as said.
+    ParamCopy(u16),
+    /// More brackets open than [`BRACKETS`], or one closed that is not open.
+    Brackets,
+    /// The same for the master control relay and [`MCR_BRACKETS`].
+    McrBrackets,
+    /// More local data than [`LOCAL_BYTES`].
+    LocalBytes(u32),
+    /// A variable that does not lie within the instance: its index among the declarations.
+    Declaration(usize),
     /// Local data beyond `temp_bytes`.
     TempOverflow(BitAddr),
     /// An instance operand beyond `instance_bytes`.
@@ -58,6 +100,16 @@ impl fmt::Display for Defect {
             Defect::JumpTarget(to) => write!(f, "jump to statement {to}, which is not there"),
             Defect::ParamIndex(index) => write!(f, "parameter {index} is not there"),
             Defect::ParamKind => f.write_str("a parameter reference in a block of the other kind"),
+            Defect::ParamType(index) => write!(f, "parameter {index} is a number where a place is needed, or a place"),
+            Defect::ParamOverflow(index, at) => write!(f, "bit {at} lies beyond parameter {index}"),
+            Defect::ParamPointer(index) => write!(f, "the pointer to parameter {index} is of the other kind"),
+            Defect::ParamCopy(index) => write!(f, "parameter {index} is not as long as its copy"),
+            Defect::Brackets => write!(f, "more than {BRACKETS} brackets open, or one closed that is not open"),
+            Defect::McrBrackets => {
+                write!(f, "more than {MCR_BRACKETS} MCR brackets open, or one closed that is not open")
+            }
+            Defect::LocalBytes(bytes) => write!(f, "{bytes} bytes of local data, at most {LOCAL_BYTES}"),
+            Defect::Declaration(index) => write!(f, "declaration {index} lies outside the instance"),
             Defect::TempOverflow(at) => write!(f, "local data {at} lies beyond the declared"),
             Defect::InstanceOverflow(at) => write!(f, "instance data {at} lies beyond the instance"),
             Defect::Alignment(at) => write!(f, "address {at} is within a byte"),
@@ -98,12 +150,16 @@ impl fmt::Display for Finding {
 ///
 /// # Errors
 /// Every defect found, in program order.
-pub fn verify<'p>(
-    program: &'p Program,
-    external: &dyn Fn(BlockId) -> Option<&'p Interface>,
-) -> Result<(), Vec<Finding>> {
-    let own: std::collections::BTreeMap<BlockId, &Interface> =
-        program.blocks.iter().map(|b| (b.id, &b.interface)).collect();
+pub fn verify<'e, T: Borrow<Program>>(
+    program: T,
+    external: &dyn Fn(BlockId) -> Option<&'e Interface>,
+) -> Result<Verified<T>, Vec<Finding>> {
+    let findings = findings(program.borrow(), external);
+    if findings.is_empty() { Ok(Verified(program)) } else { Err(findings) }
+}
+
+fn findings<'e>(program: &Program, external: &dyn Fn(BlockId) -> Option<&'e Interface>) -> Vec<Finding> {
+    let own: BTreeMap<BlockId, &Interface> = program.blocks.iter().map(|b| (b.id, &b.interface)).collect();
     let interface = |id: BlockId| own.get(&id).copied().or_else(|| external(id));
     let mut findings = Vec::new();
     let mut ids = BTreeSet::new();
@@ -115,6 +171,7 @@ pub fn verify<'p>(
         if block.source as usize >= program.sources.len() {
             at_block(Defect::Source(block.id));
         }
+        check_interface(block, &mut at_block);
         check_code(block, &interface, &mut findings);
     }
     let mut numbers = BTreeSet::new();
@@ -124,25 +181,41 @@ pub fn verify<'p>(
             at_data(Defect::DataNumber(data.number));
         }
         if let DataKind::Instance(fb) = data.kind
-            && interface(fb).is_none_or(|i| i.instance_bytes as usize != data.bytes.len())
+            && interface(fb).is_none_or(|i| i.instance_bytes as usize > data.bytes.len())
         {
             at_data(Defect::InstanceLength(data.number));
         }
     }
-    if findings.is_empty() { Ok(()) } else { Err(findings) }
+    findings
+}
+
+fn check_interface(block: &CodeBlock, report: &mut dyn FnMut(Defect)) {
+    let Interface { params, instance_bytes, temp_bytes } = &block.interface;
+    if *temp_bytes > LOCAL_BYTES {
+        report(Defect::LocalBytes(*temp_bytes));
+    }
+    if !block.id.kind.has_instance() {
+        return;
+    }
+    for (index, param) in params.iter().enumerate().filter(|(_, param)| param.section != Section::Temp) {
+        if u64::from(param.at.0) + u64::from(param.passed_bits(true)) > u64::from(*instance_bytes) * 8 {
+            report(Defect::Declaration(index));
+        }
+    }
 }
 
 fn check_code<'p>(
-    block: &'p CodeBlock,
+    block: &CodeBlock,
     interface: &dyn Fn(BlockId) -> Option<&'p Interface>,
     findings: &mut Vec<Finding>,
 ) {
     let len = block.code.len();
-    let formals = block.interface.formals().count();
+    let formals: Vec<&Param> = block.interface.formals().collect();
+    let (mut brackets, mut mcr) = (0, 0);
     for (index, stmt) in (0u32..).zip(&block.code) {
         let mut report = |defect| findings.push(Finding { block: Some(block.id), statement: Some(index), defect });
         let mut target = |to: u32| {
-            if to as usize >= len {
+            if to as usize > len {
                 report(Defect::JumpTarget(to));
             }
         };
@@ -153,22 +226,57 @@ fn check_code<'p>(
                 target(*otherwise);
             }
             Op::Call(call) => check_call(call, interface, &mut report),
+            Op::Open { .. } | Op::Close if !count(&mut brackets, stmt.op != Op::Close, BRACKETS) => {
+                report(Defect::Brackets);
+            }
+            Op::McrOpen | Op::McrClose if !count(&mut mcr, stmt.op == Op::McrOpen, MCR_BRACKETS) => {
+                report(Defect::McrBrackets);
+            }
             _ => {}
         }
+        // The called block's formal decides how much of an operand a call takes; pointers have rules of their own.
+        let whole = matches!(stmt.op, Op::Call(_) | Op::LoadParamPointer { .. } | Op::LoadParamCopy { .. });
         stmt.op.places(&mut |place, width| {
-            if let Err(defect) = check_place(block, formals, place, width) {
+            if let Err(defect) = check_place(block, &formals, place, width, whole) {
                 report(defect);
             }
         });
+        if let Err(defect) = check_pointer(&stmt.op, &formals) {
+            report(defect);
+        }
         stmt.op.numbers(&mut |number| {
-            if let Err(defect) = check_number(block, formals, *number) {
+            if let Err(defect) = check_number(block, &formals, *number) {
                 report(defect);
             }
         });
     }
 }
 
-fn check_place(block: &CodeBlock, formals: usize, place: Place, width: Width) -> Result<(), Defect> {
+/// One bracket more or less; false when there are too many, or none to close.
+fn count(open: &mut u32, opens: bool, most: u32) -> bool {
+    let (changed, fits) = if opens { (*open + 1, *open < most) } else { (open.saturating_sub(1), *open > 0) };
+    *open = changed.min(most);
+    fits
+}
+
+/// The pointer to a parameter, and its copy. That the parameter is there is seen at its place.
+fn check_pointer(op: &Op, formals: &[&Param]) -> Result<(), Defect> {
+    let (index, defect) = match op {
+        Op::LoadParamPointer { index, .. } => (*index, Defect::ParamPointer(*index)),
+        Op::LoadParamCopy { index, .. } => (*index, Defect::ParamCopy(*index)),
+        _ => return Ok(()),
+    };
+    let Some(Param { ty, .. }) = formals.get(usize::from(index)) else { return Ok(()) };
+    let fits = match op {
+        Op::LoadParamPointer { at, .. } => ty.is_composed() == at.is_some(),
+        Op::LoadParamCopy { bytes, .. } => !ty.is_parameter_type() && Layout::bits(ty) == u32::from(*bytes) * 8,
+        _ => true,
+    };
+    if fits { Ok(()) } else { Err(defect) }
+}
+
+/// `whole`: not the place says how much of a parameter is meant.
+fn check_place(block: &CodeBlock, formals: &[&Param], place: Place, width: Width, whole: bool) -> Result<(), Defect> {
     let has_instance = block.id.kind.has_instance();
     let beyond = |at: BitAddr, bytes: u32| at.byte().saturating_add(width.bytes()) > bytes;
     let at = match place {
@@ -179,8 +287,18 @@ fn check_place(block: &CodeBlock, formals: usize, place: Place, width: Width) ->
         Place::Instance(at) if beyond(at, block.interface.instance_bytes) => {
             return Err(Defect::InstanceOverflow(at));
         }
-        Place::Param { .. } if has_instance => return Err(Defect::ParamKind),
-        Place::Param { index, .. } if usize::from(index) >= formals => return Err(Defect::ParamIndex(index)),
+        Place::Param { .. } if !by_reference(block.id.kind) => return Err(Defect::ParamKind),
+        Place::Param { index, at } => {
+            let param = formals.get(usize::from(index)).ok_or(Defect::ParamIndex(index))?;
+            if param.ty.is_parameter_type() && !whole {
+                return Err(Defect::ParamType(index));
+            }
+            let bits = if width == Width::Bit { 1 } else { width.bytes() * 8 };
+            if !whole && at.0.saturating_add(bits) > Layout::bits(&param.ty).max(8) {
+                return Err(Defect::ParamOverflow(index, at));
+            }
+            at
+        }
         Place::Memory(_, pointer) => {
             if !matches!(pointer.area, Area::Memory | Area::Local | Area::Db | Area::Di) {
                 return Err(Defect::PointerArea(pointer.area));
@@ -189,28 +307,29 @@ fn check_place(block: &CodeBlock, formals: usize, place: Place, width: Width) ->
         }
         // The bit part of a register-indirect address adds to that of the register.
         Place::Register(..) => return Ok(()),
-        Place::Fixed(_, at)
-        | Place::InDb(_, at)
-        | Place::InDi(_, at)
-        | Place::Instance(at)
-        | Place::Param { at, .. } => at,
+        Place::Fixed(_, at) | Place::InDb(_, at) | Place::InDi(_, at) | Place::Instance(at) => at,
     };
     if width != Width::Bit && at.bit() != 0 { Err(Defect::Alignment(at)) } else { Ok(()) }
 }
 
-fn check_number(block: &CodeBlock, formals: usize, number: Number) -> Result<(), Defect> {
+fn check_number(block: &CodeBlock, formals: &[&Param], number: Number) -> Result<(), Defect> {
     match number {
-        Number::Param(_) | Number::Instance(_)
-            if block.id.kind.has_instance() != matches!(number, Number::Instance(_)) =>
-        {
-            Err(Defect::ParamKind)
+        Number::Param(_) if !by_reference(block.id.kind) => Err(Defect::ParamKind),
+        Number::Param(index) => {
+            let param = formals.get(usize::from(index)).ok_or(Defect::ParamIndex(index))?;
+            if param.ty.is_parameter_type() { Ok(()) } else { Err(Defect::ParamType(index)) }
         }
-        Number::Param(index) if usize::from(index) >= formals => Err(Defect::ParamIndex(index)),
+        Number::Instance(_) if !block.id.kind.has_instance() => Err(Defect::ParamKind),
         Number::Memory(pointer) if !matches!(pointer.area, Area::Memory | Area::Local | Area::Db | Area::Di) => {
             Err(Defect::PointerArea(pointer.area))
         }
         _ => Ok(()),
     }
+}
+
+/// Blocks of these kinds find references to their parameters.
+const fn by_reference(kind: BlockKind) -> bool {
+    matches!(kind, BlockKind::Fc | BlockKind::Sfc)
 }
 
 fn check_call<'p>(call: &Call, interface: &dyn Fn(BlockId) -> Option<&'p Interface>, report: &mut dyn FnMut(Defect)) {
@@ -271,7 +390,7 @@ mod tests {
 
     fn defects(blocks: Vec<CodeBlock>, data: Vec<DataBlock>) -> Vec<Defect> {
         let program = Program { blocks, data, symbols: Vec::new(), sources: vec!["a".into()] };
-        verify(&program, &|_| None).err().unwrap_or_default().into_iter().map(|f| f.defect).collect()
+        verify(program, &|_| None).err().unwrap_or_default().into_iter().map(|f| f.defect).collect()
     }
 
     fn load(place: Place, width: Width) -> Op {
@@ -307,7 +426,9 @@ mod tests {
     fn each_defect_is_found() {
         let one = |op| defects(vec![block(FC1, vec![op])], Vec::new());
         let at = BitAddr::new(1, 0);
-        assert_eq!(one(Op::Jump(Jump::IfRlo, 1)), [Defect::JumpTarget(1)]);
+        // Right behind the last statement is the block's end.
+        assert_eq!(one(Op::Jump(Jump::IfRlo, 1)), []);
+        assert_eq!(one(Op::Jump(Jump::IfRlo, 2)), [Defect::JumpTarget(2)]);
         assert_eq!(one(Op::Loop(9)), [Defect::JumpTarget(9)]);
         assert_eq!(one(Op::JumpList { targets: Box::new([0, 3]), otherwise: 0 }), [Defect::JumpTarget(3)]);
         let param = |index| Place::Param { index, at: BitAddr(0) };
@@ -316,6 +437,13 @@ mod tests {
         assert_eq!(one(load(Place::Instance(BitAddr(0)), Width::Word)), [Defect::ParamKind]);
         assert_eq!(one(load(Place::Fixed(Area::Memory, BitAddr(3)), Width::Byte)), [Defect::Alignment(BitAddr(3))]);
         assert_eq!(one(Op::ResetTimer(Number::Param(4))), [Defect::ParamIndex(4)]);
+        assert_eq!(one(Op::ResetTimer(Number::Param(0))), [Defect::ParamType(0)]);
+        assert_eq!(one(load(param(0), Width::DWord)), [Defect::ParamOverflow(0, BitAddr(0))]);
+        assert_eq!(one(Op::Close), [Defect::Brackets]);
+        assert_eq!(one(Op::McrClose), [Defect::McrBrackets]);
+        let open = Op::Open { logic: crate::Logic::And, negate: false };
+        assert_eq!(defects(vec![block(FC1, vec![open; 8])], Vec::new()), [Defect::Brackets]);
+        assert_eq!(defects(vec![block(FC1, vec![Op::McrOpen; 9])], Vec::new()), [Defect::McrBrackets]);
         assert_eq!(one(call(FB1, Vec::new(), None)), [Defect::UnknownBlock(FB1)]);
         assert_eq!(one(call(FC1, Vec::new(), None)), [Defect::ArgCount(0, 1)]);
         assert_eq!(one(call(FC1, vec![Arg::Open], None)), [Defect::OpenArg(0)]);

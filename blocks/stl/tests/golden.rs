@@ -26,7 +26,7 @@ fn report(path: &Path) -> String {
     let mut text: String = output.diagnostics.iter().map(|d| render(d, &source) + "\n").collect();
     let library = common::library();
     let verified = ob1_ir::verify(&output.program, &|id| library.get(id).map(|b| &b.interface));
-    assert_eq!(verified, Ok(()), "{name}");
+    assert_eq!(verified.err(), None, "{name}");
     if output.is_good() {
         text.push_str(&output.program.to_string());
     }

@@ -12,7 +12,7 @@ use crate::port::AccessPort;
 use crate::{
     AccessClient, Accounts, Answer, Ask, Cell, CellError, CellWidth, Command, DiagEntry, InterruptError, LogReader,
     ModuleCounters, ModuleSlot, ModuleStatus, Nanos, ObStatistics, OperatingState, ScanRecord, ScanStatistics,
-    ShortText,
+    ShortText, Whereabouts,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -89,6 +89,12 @@ impl Cpu {
     #[must_use]
     pub fn stack_bytes(&self) -> usize {
         self.machine.stack
+    }
+
+    /// Where the scan is, for other threads and for a signal handler.
+    #[must_use]
+    pub fn whereabouts(&self) -> Arc<Whereabouts> {
+        Arc::clone(&self.machine.whereabouts)
     }
 
     /// Asks for a change of state; the next [`Cpu::cycle`] makes it.

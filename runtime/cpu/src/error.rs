@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use ob1_model::{BlockId, Site};
+use ob1_ir::{DataKind, Defect, Finding, Op, Program, Target};
+use ob1_model::{BlockId, BlockKind, Site};
 
 /// A reason to refuse a program, a configuration or a set of modules. [`LoadError::number`] is stable.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -95,6 +96,42 @@ pub enum LoadError {
 }
 
 impl LoadError {
+    /// What the verifier has found, in the words of whoever loads a program.
+    pub(crate) fn of(finding: &Finding, program: &Program) -> Self {
+        let block = finding.block.and_then(|id| program.blocks.iter().find(|block| block.id == id));
+        let statement = block.zip(finding.statement).and_then(|(block, index)| block.code.get(index as usize));
+        let site = Site {
+            block: finding.block.unwrap_or(BlockId::new(BlockKind::Ob, 0)),
+            network: statement.map_or(0, |statement| statement.network),
+            line: statement.map_or(0, |statement| statement.line),
+        };
+        let called = match statement.map(|statement| &statement.op) {
+            Some(Op::Call(call)) => match call.target {
+                Target::Block(id) | Target::Local(id, _) => Some(id),
+                Target::Indirect(kind, _) => Some(BlockId::new(kind, 0)),
+            },
+            _ => None,
+        };
+        let reason = finding.defect.to_string();
+        match (&finding.defect, called) {
+            (Defect::DuplicateBlock(id), _) => LoadError::BlockTwice(*id),
+            (Defect::DataNumber(0), _) => LoadError::DbNumber(0),
+            (Defect::DataNumber(number), _) => LoadError::BlockTwice(BlockId::new(BlockKind::Db, *number)),
+            (Defect::InstanceLength(number), _) => {
+                let of = program.data.iter().find(|data| data.number == *number).map(|data| data.kind);
+                match of {
+                    Some(DataKind::Instance(block)) => LoadError::Instance { number: *number, block },
+                    _ => LoadError::Code { site, reason },
+                }
+            }
+            (Defect::UnknownBlock(id), _) => LoadError::MissingBlock { block: *id, site },
+            (Defect::ArgCount(..) | Defect::OpenArg(_) | Defect::RawArg(_) | Defect::Instance, Some(block)) => {
+                LoadError::Arguments { block, site, reason }
+            }
+            _ => LoadError::Code { site, reason },
+        }
+    }
+
     /// The number in front of the message, `L003`.
     #[must_use]
     pub const fn number(&self) -> u16 {

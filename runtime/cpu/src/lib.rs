@@ -36,6 +36,7 @@ mod system;
 mod szl;
 mod timers;
 mod wall;
+mod whereabouts;
 
 pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ObStatistics,
@@ -58,6 +59,7 @@ pub use services::{SERVICES, Services};
 pub use settings::{CyclicInterrupt, Family, Missed, MissedCycle, TimeOfDay};
 pub use system::{standard_block, system_blocks};
 pub use wall::date_and_time;
+pub use whereabouts::Whereabouts;
 
 use diag::DiagBuffer;
 use machine::Context;

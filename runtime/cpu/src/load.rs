@@ -2,13 +2,11 @@
 
 use std::sync::Arc;
 
-use ob1_ir::{DataKind, Op, Program};
-use ob1_model::{BlockId, BlockKind};
+use ob1_ir::{Op, Program, Verified};
+use ob1_model::BlockKind;
 
 use crate::accounts::{Accounts, Trace, plugin_blocks};
-use crate::engine::{
-    Callee, Constants, Lowering, Reference, Signature, Signatures, collect, lower, verify, writes_param,
-};
+use crate::engine::{Callee, Constants, Lowering, Reference, Signature, Signatures, collect, lower, writes_param};
 use crate::events::Diagnoses;
 use crate::interrupts::Interrupts;
 use crate::log::LogWriter;
@@ -68,12 +66,14 @@ impl Cpu {
         let mut errors = Vec::new();
         check_config(&config, &mut errors);
         check_data(program, &mut errors);
-        for block in &program.blocks {
-            verify(block, &mut errors);
-        }
         let modules = Modules::new(modules, &mut errors);
+        let interface = |id| natives.iter().find(|native| native.id() == id).map(|native| native.interface());
+        let verified = ob1_ir::verify(program, &interface);
+        if let Err(findings) = &verified {
+            errors.extend(findings.iter().map(|finding| LoadError::of(finding, program)));
+        }
+        let Ok(program) = verified else { return Err(errors) };
         let signatures = signatures(program, &natives, &mut errors);
-        check_instances(program, &signatures, &mut errors);
         if !errors.is_empty() {
             return Err(errors);
         }
@@ -85,7 +85,7 @@ impl Cpu {
             }
         }
         let memory = Memory::new(&config, &program.data, &constants.bytes).map_err(|error| vec![error])?;
-        let keep = Keep::new(&config, program, &memory, &mut errors);
+        let keep = Keep::new(&config, &program, &memory, &mut errors);
         let lowering = Lowering {
             config: &config,
             memory: &memory,
@@ -146,6 +146,7 @@ impl Cpu {
             depth: 0,
             ob: ObInfo::default(),
             class_ob: 0,
+            whereabouts: Arc::default(),
             active: 0,
             aborted: false,
             diagnoses: Diagnoses::default(),
@@ -220,34 +221,18 @@ fn check_config(config: &CpuConfig, errors: &mut Vec<LoadError>) {
 }
 
 fn check_data(program: &Program, errors: &mut Vec<LoadError>) {
-    let mut numbers: Vec<u16> = program.data.iter().map(|db| db.number).collect();
-    numbers.sort_unstable();
-    for pair in numbers.windows(2) {
-        if pair[0] == pair[1] {
-            errors.push(LoadError::BlockTwice(BlockId::new(BlockKind::Db, pair[0])));
-        }
-    }
     for db in &program.data {
-        if db.number == 0 {
-            errors.push(LoadError::DbNumber(0));
-        }
         if db.bytes.len() > DB_BYTES {
             errors.push(LoadError::DbTooLarge { number: db.number, bytes: db.bytes.len() });
         }
     }
 }
 
-fn check_instances(program: &Program, signatures: &Signatures, errors: &mut Vec<LoadError>) {
-    for db in &program.data {
-        let DataKind::Instance(block) = db.kind else { continue };
-        let fits = signatures.find(block).is_some_and(|s| s.instance_bytes as usize <= db.bytes.len());
-        if !fits {
-            errors.push(LoadError::Instance { number: db.number, block });
-        }
-    }
-}
-
-fn signatures(program: &Program, natives: &[Box<dyn NativeBlock>], errors: &mut Vec<LoadError>) -> Signatures {
+fn signatures(
+    program: Verified<&Program>,
+    natives: &[Box<dyn NativeBlock>],
+    errors: &mut Vec<LoadError>,
+) -> Signatures {
     let mut list = Vec::with_capacity(program.blocks.len() + natives.len());
     for (i, block) in (0u32..).zip(&program.blocks) {
         let written = |formal: usize| writes_param(block, formal);
@@ -257,10 +242,8 @@ fn signatures(program: &Program, natives: &[Box<dyn NativeBlock>], errors: &mut 
         list.push(Signature::new(native.id(), Callee::Native(i), native.interface(), &|_| false));
     }
     list.sort_by_key(|s| s.id);
-    for pair in list.windows(2) {
-        if pair[0].id == pair[1].id {
-            errors.push(LoadError::BlockTwice(pair[0].id));
-        }
+    for pair in list.windows(2).filter(|pair| pair[0].id == pair[1].id) {
+        errors.push(LoadError::BlockTwice(pair[0].id));
     }
     Signatures(list)
 }

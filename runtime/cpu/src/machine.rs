@@ -16,6 +16,7 @@ use crate::retentive::Keep;
 use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
+use crate::whereabouts::Whereabouts;
 use crate::{Abort, Clock, CpuConfig, DiagBuffer, DiagEntry, IoError, Memory, Modules, Nanos, ObInfo, ShortText};
 
 /// Statements after which the engine looks at the clock at its next safe point, at the latest.
@@ -115,6 +116,8 @@ pub(crate) struct Machine {
     pub(crate) wall: Wall,
     /// When the last start-up began.
     pub(crate) started: Nanos,
+    /// Where the scan is, for others.
+    pub(crate) whereabouts: Arc<Whereabouts>,
     /// Bit n: OB n has begun and not ended.
     pub(crate) active: u128,
     /// The OB for a synchronous error that runs is aborted, and the block it was called for goes on.
@@ -272,6 +275,7 @@ impl Context<'_> {
         let outer = std::mem::replace(&mut machine.ob, info);
         let active = machine.active;
         machine.active |= 1 << (info.number & 127);
+        machine.whereabouts.enter(info.number);
         let caller = machine.native_caller.take();
         let depth = std::mem::take(&mut machine.depth);
         let tops = (machine.local_top, machine.refs_top, machine.scratch_top, machine.frames.len());
@@ -297,6 +301,7 @@ impl Context<'_> {
             }
         }
         (machine.ob, machine.active) = (outer, active);
+        machine.whereabouts.enter(outer.number);
         machine.native_caller = caller;
         machine.depth = depth;
         (machine.local_top, machine.refs_top, machine.scratch_top) = (tops.0, tops.1, tops.2);

@@ -33,6 +33,7 @@ pub(crate) struct Native {
     formals: Box<[Formal]>,
     has_instance: bool,
     instance_bytes: u32,
+    is_plugin: bool,
     /// Its account, for a block of a plugin.
     account: Option<u32>,
 }
@@ -58,14 +59,18 @@ impl Native {
                 at: p.at.0,
             })
             .collect();
-        let (id, instance_bytes) = (block.id(), interface.instance_bytes);
-        Self { id, formals, has_instance: id.kind.has_instance(), instance_bytes, account: None, block }
+        let (id, instance_bytes, is_plugin) = (block.id(), interface.instance_bytes, block.is_plugin());
+        Self { id, formals, has_instance: id.kind.has_instance(), instance_bytes, is_plugin, account: None, block }
     }
 }
 
 /// Calls a native block; the answer is the binary result it leaves.
 pub(crate) fn call(index: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
     let Some(native) = cx.blocks.natives.get(index as usize) else { return Ok(true) };
+    if native.is_plugin {
+        let site = cx.machine.native_caller.and_then(|caller| cx.blocks.engine.site(caller));
+        cx.machine.whereabouts.call(site);
+    }
     let br = match native.account {
         None => run(native, entry, cx)?,
         Some(account) => timed(native, account, entry, cx)?,

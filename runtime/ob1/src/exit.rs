@@ -26,6 +26,8 @@ pub enum Exit {
     StoodStill = 12,
     /// A plugin has ended the process by `exit()`; outputs were switched off.
     EndedByPlugin = 13,
+    /// The process has crashed: a block in C, or a library; outputs were switched off.
+    Crashed = 14,
 }
 
 /// The table as `ob1 --help` prints it.
@@ -42,6 +44,7 @@ Exit codes:
   8  the running station refused a request of get, set, ctl or diag
   12  the station stood still for too long; its guardian has set the outputs to their safe state
   13  a plugin has called exit(); outputs are off
+  14  the runtime has crashed, in a block in C or a library; outputs are off
   exec has codes of its own: 0 stopped by SFC 46, 3 limit reached, 10 rejected, 11 CPU fault.
   test: 0 passed, 1 a test failed, 2 a test file or program cannot be used.
   soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.
@@ -154,6 +157,7 @@ mod tests {
             Exit::Refused,
             Exit::StoodStill,
             Exit::EndedByPlugin,
+            Exit::Crashed,
         ];
         for exit in all {
             let number = exit as usize;

@@ -6,19 +6,30 @@
 //! source has no vDSO.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use seccompiler::{SeccompAction, SeccompFilter};
 use thiserror::Error;
 
 /// What the fenced thread may do: name and number.
-pub const ALLOWED_SYSTEM_CALLS: [(&str, i64); 5] = [
+pub const ALLOWED_SYSTEM_CALLS: [(&str, i64); 6] = [
     ("clock_nanosleep", libc::SYS_clock_nanosleep),
     ("write", libc::SYS_write),
     ("getrusage", libc::SYS_getrusage),
     ("clock_gettime", libc::SYS_clock_gettime),
     // The kernel's own way to continue a sleep after SIGSTOP and SIGCONT.
     ("restart_syscall", libc::SYS_restart_syscall),
+    // The end of a process that has crashed (`LastWords`).
+    ("exit_group", libc::SYS_exit_group),
 ];
+
+/// A thread of this process is fenced.
+static UP: AtomicBool = AtomicBool::new(false);
+
+/// Whether a thread of this process is fenced.
+pub(crate) fn is_up() -> bool {
+    UP.load(Ordering::Relaxed)
+}
 
 /// The fence could not be built.
 #[derive(Debug, Error)]
@@ -38,5 +49,6 @@ pub fn fence_scan() -> Result<(), FenceError> {
         .map_err(|e| FenceError(e.to_string()))?;
     let program: seccompiler::BpfProgram =
         filter.try_into().map_err(|e: seccompiler::BackendError| FenceError(e.to_string()))?;
+    UP.store(true, Ordering::Relaxed);
     seccompiler::apply_filter(&program).map_err(|e| FenceError(e.to_string()))
 }

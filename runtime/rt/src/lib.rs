@@ -1,6 +1,6 @@
 //! The fenced operating-system calls of the runtime: the clock and the sleep to a deadline, locking memory, scheduling
-//! of the scan thread, its stack, what the kernel says about it, when it was continued after a stop, and the
-//! system-call fence.
+//! of the scan thread, its stack, what the kernel says about it, when it was continued after a stop, what a process
+//! that crashes still does, and the system-call fence.
 //!
 //! Everything asked of the system answers with what was granted, what was refused and what would grant it ([`Grant`]);
 //! nothing here fails a run because a privilege is missing.
@@ -11,6 +11,7 @@
 
 mod clock;
 mod continued;
+mod crash;
 mod exit;
 mod fence;
 mod posture;
@@ -20,6 +21,7 @@ mod usage;
 
 pub use clock::{MonotonicClock, sleep_until};
 pub use continued::Continued;
+pub use crash::{LastWords, Place, take_handler_stack};
 pub use exit::{ExitGuard, lower_exit_guard};
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use posture::{Grant, Outcome, Posture, lock_memory, pin_to, raise_priority, set_timer_slack};

@@ -70,13 +70,14 @@ pub fn warm_heap() {
     black_box(vec![0u8; 32 * 1024]);
 }
 
-/// Blocks all signals on the calling thread, so that those sent to the process are handled by another one. What the
-/// thread itself provokes (SIGSEGV, SIGSYS and their like) cannot be blocked in effect.
+/// Blocks all signals on the calling thread, so that those sent to the process are handled by another one; but not
+/// those a thread provokes itself (SIGSEGV and its like): blocked, they would end the process without a word.
 pub fn block_signals() {
     let mut all = MaybeUninit::<libc::sigset_t>::uninit();
     // SAFETY: sigfillset initialises the set it is given; pthread_sigmask only reads it and accepts a null old set.
     unsafe {
         libc::sigfillset(all.as_mut_ptr());
+        crate::crash::without_synchronous(&mut all);
         libc::pthread_sigmask(libc::SIG_SETMASK, all.as_ptr(), std::ptr::null_mut());
     }
 }

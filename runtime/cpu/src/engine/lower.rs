@@ -1,6 +1,6 @@
 //! From the intermediate code to the pre-decoded form, at load.
 
-use ob1_ir::{BitTest, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Program};
+use ob1_ir::{BitTest, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Program, Verified};
 use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section};
 
 use super::Callee;
@@ -96,7 +96,7 @@ impl Signatures {
 pub(crate) struct Lowering<'a> {
     pub(crate) config: &'a CpuConfig,
     pub(crate) memory: &'a Memory,
-    pub(crate) program: &'a Program,
+    pub(crate) program: Verified<&'a Program>,
     pub(crate) signatures: &'a Signatures,
     /// Constants of calls: their bytes, at `memory.constants`.
     pub(crate) constants: &'a Constants,
@@ -132,7 +132,7 @@ impl Constants {
     }
 }
 
-/// Lowers one block; the code has been verified.
+/// Lowers one block.
 pub(crate) fn lower(block: &CodeBlock, l: &Lowering<'_>, errors: &mut Vec<LoadError>) -> Block {
     let mcr = block.code.iter().any(|s| matches!(s.op, Ir::McrActivate));
     let mut calls = Vec::new();
@@ -340,19 +340,36 @@ fn based(place: Place, l: &Lowering<'_>) -> Option<(Base, u32)> {
     })
 }
 
-/// Bytes of local data: what is declared, what fixed operands reach, and the start information of an organization
-/// block.
+/// Bytes of local data: what the interface says, and the start information of an organization block.
 fn local_bytes(block: &CodeBlock) -> u32 {
-    let mut bytes = block.interface.temp_bytes;
-    if block.id.kind == BlockKind::Ob {
-        bytes = bytes.max(START_INFO);
-    }
-    for stmt in &block.code {
-        super::verify::places(&stmt.op, &mut |place, bits| {
-            if let Place::Fixed(Area::Local, at) = place {
-                bytes = bytes.max(at.byte().saturating_add(bits.div_ceil(8)));
-            }
+    let bytes = block.interface.temp_bytes;
+    let least = if block.id.kind == BlockKind::Ob { START_INFO } else { 0 };
+    bytes.max(least).next_multiple_of(2)
+}
+
+/// True when the block may write its formal `index`.
+pub(crate) fn writes_param(block: &CodeBlock, index: usize) -> bool {
+    let mut found = false;
+    for stmt in block.code.iter().filter(|stmt| may_write(&stmt.op)) {
+        stmt.op.places(&mut |place, _| {
+            found |= matches!(place, Place::Param { index: i, .. } if usize::from(i) == index);
         });
     }
-    bytes.next_multiple_of(2)
+    found
+}
+
+/// A statement that writes an operand, passes one on to a block that may write it, or gives a pointer to it away.
+const fn may_write(op: &Ir) -> bool {
+    matches!(
+        op,
+        Ir::Assign(_)
+            | Ir::Set(_)
+            | Ir::Reset(_)
+            | Ir::EdgePositive(_)
+            | Ir::EdgeNegative(_)
+            | Ir::Transfer(_)
+            | Ir::TransferArTo(..)
+            | Ir::LoadParamPointer { .. }
+            | Ir::Call(_)
+    )
 }

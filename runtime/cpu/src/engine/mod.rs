@@ -12,7 +12,6 @@ mod resolve;
 mod run;
 mod shift;
 mod slow;
-mod verify;
 
 use ob1_model::Site;
 
@@ -21,12 +20,11 @@ use crate::memory::Db;
 use crate::{Abort, Context};
 
 pub(crate) use call::Frame;
-pub(crate) use lower::{Constants, Lowering, Signature, Signatures, lower};
+pub(crate) use lower::{Constants, Lowering, Signature, Signatures, lower, writes_param};
 pub(crate) use lower_call::collect;
 pub(crate) use raw::RAW;
 pub(crate) use regs::Interrupted;
 pub(crate) use run::Reference;
-pub(crate) use verify::{verify, writes_param};
 
 /// A loaded block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

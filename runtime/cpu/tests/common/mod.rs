@@ -125,8 +125,16 @@ pub fn uc(mode: CallMode, target: BlockId) -> Op {
     Op::Call(Box::new(Call { mode, target: Target::Block(target), instance: None, args: Vec::new() }))
 }
 
-/// A block whose statement n stands in line n + 1.
-pub fn block(id: BlockId, interface: Interface, ops: Vec<Op>) -> CodeBlock {
+/// A block whose statement n stands in line n + 1. Its local data is as long as its operands reach, as the compiler has
+/// it.
+pub fn block(id: BlockId, mut interface: Interface, ops: Vec<Op>) -> CodeBlock {
+    for op in &ops {
+        op.places(&mut |place, width| {
+            if let Place::Fixed(Area::Local, at) = place {
+                interface.temp_bytes = interface.temp_bytes.max(at.byte() + width.bytes());
+            }
+        });
+    }
     let code = (1..).zip(ops).map(|(line, op)| Stmt { op, network: 1, line }).collect();
     CodeBlock { id, name: None, interface, code, source: 0 }
 }
@@ -159,7 +167,7 @@ pub fn instance_db(number: u16, of: BlockId, bytes: usize) -> DataBlock {
 }
 
 pub fn program(blocks: Vec<CodeBlock>, data: Vec<DataBlock>) -> Program {
-    Program { blocks, data, ..Program::default() }
+    Program { blocks, data, sources: vec!["test".into()], ..Program::default() }
 }
 
 /// OB 1 alone.

@@ -10,6 +10,7 @@ use ob1_rt::MonotonicClock;
 
 use super::console::LiveLine;
 use super::journal::{self, Journal};
+use super::last_words;
 use super::monitor::Monitor;
 use super::report::{Ended, Report};
 use super::scan::{Scan, ScanState};
@@ -88,6 +89,7 @@ impl AtWork {
         let scan = Arc::new(ScanState::new(cpu.module_count()));
         let (feed, journal) = journal::journal();
         let (interrupt, log) = (cpu.interrupt(), cpu.log_reader());
+        last_words::prepare(io.clone(), Arc::clone(&running), cpu.whereabouts()).map_err(system("signals"))?;
         let thread = Scan {
             cpu,
             clock,

@@ -3,6 +3,7 @@
 mod at_work;
 pub(crate) mod console;
 mod journal;
+mod last_words;
 mod monitor;
 mod report;
 mod scan;

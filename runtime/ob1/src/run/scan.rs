@@ -152,6 +152,7 @@ impl Scan {
 
     fn run(mut self) -> Result<(), String> {
         ob1_rt::block_signals();
+        ob1_rt::take_handler_stack().map_err(|e| format!("a stack for signals: {e}"))?;
         ob1_rt::prefault_stack();
         ob1_rt::warm_heap();
         self.late.this_is_the_scan();
