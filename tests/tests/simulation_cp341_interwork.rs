@@ -1,4 +1,4 @@
-//! CP 341 and CP 240 on one line, in virtual time: 3964R and RK 512, each in the active role.
+//! CP 341, CP 340 and CP 240 on one line, in virtual time: 3964R and RK 512, each in the active role.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,16 +16,28 @@ fn text(file: &str) -> String {
 
 /// Station A of an example against a station B that is written here.
 fn run(example: &str, sources: &[(&str, String)], module: &str, duration: u64, faults: FaultRates) -> Outcome {
+    let a = text(&format!("{example}/station-a.toml"));
+    run_with(example, &a, sources, ["cp341", module], duration, faults)
+}
+
+/// The same with another station file of A, and another type of CP at B.
+fn run_with(
+    example: &str,
+    station_a: &str,
+    sources: &[(&str, String)],
+    [kind, module]: [&str; 2],
+    duration: u64,
+    faults: FaultRates,
+) -> Outcome {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, text) in sources {
         fs::write(folder.path().join(name), text).expect("a source");
     }
-    for file in ["a.awl", "station-a.toml"] {
-        fs::write(folder.path().join(file), text(&format!("{example}/{file}"))).expect("station A");
-    }
+    fs::write(folder.path().join("a.awl"), text(&format!("{example}/a.awl"))).expect("station A");
+    fs::write(folder.path().join("station-a.toml"), station_a).expect("station A");
     let b = format!(
         "[station]\nname = \"b\"\n[cpu]\nmin_cycle = \"1ms\"\nwatchdog = \"150ms\"\n[program]\nsources = [\"b.awl\"]\nmnemonics = \"de\"\n\
-         [[plugin]]\npath = \"ob1_cp341\"\n[[module]]\ntype = \"cp341\"\nname = \"cp\"\n{module}\n"
+         [[plugin]]\npath = \"ob1_{kind}\"\n[[module]]\ntype = \"{kind}\"\nname = \"cp\"\n{module}\n"
     );
     fs::write(folder.path().join("station-b.toml"), b).expect("station B");
     let scenario = Scenario { faults, kill_every: 0, duration, ..Scenario::demo(folder.path(), 3) };
@@ -58,6 +70,36 @@ fn a_cp_240_and_a_cp_341_over_3964r() {
             for column in ["error", "aborted", "wrong", "doubled", "late", "lost"] {
                 assert_eq!(outcome.verdict.get(column), 0, "{column}\n{}\n{}", outcome.verdict, outcome.log);
             }
+        }
+    }
+}
+
+/// A CP 340 sends back what a CP 240 sends: over 3964R, and bare.
+#[test]
+fn a_cp_240_and_a_cp_340_over_3964r_and_ascii() {
+    let a = text("two-stations/station-a.toml");
+    let baud = a.split_once("baud = ").and_then(|(_, rest)| rest.split_once(',')).expect("the rate of A").0;
+    let a = a.replace(&format!("baud = {baud}"), "baud = 19200");
+    let echo = text("cp340-pair/b.awl").replace("ARRAY [0..121] OF WORD", "ARRAY [0..511] OF WORD");
+    let (before, rest) = a.split_once("params = {").expect("parameters of A");
+    let (_, behind) = rest.split_once('}').expect("their end");
+    let bare = "protocol = \"ascii\", baud = 19200, data_bits = 8, parity = \"none\", zvz_ms = 40";
+    let ascii = format!("{before}params = {{ {bare} }}{behind}");
+    let b = |params: &str| format!("address = 272\nline = \"serial:null-modem.pty\"\nparams = {{ {params} }}");
+    let s3964r = b("protocol = \"3964r\", baud = 19200, parity = \"none\", priority = \"low\"");
+    let bare = b(&format!("{bare}, clear_buffer = \"no\""));
+    for (a, b, faults) in [(&a, &s3964r, 0), (&a, &s3964r, 100), (&ascii, &bare, 0)] {
+        let (sources, faults) = ([("b.awl", echo.clone())], FaultRates::all(faults));
+        let outcome = run_with("two-stations", a, &sources, ["cp340", b], 30 * SECOND, faults);
+        assert_eq!(outcome.verdict.broken, Vec::<String>::new(), "{}", outcome.log);
+        assert!(outcome.verdict.get("good") > 30, "{}", outcome.verdict);
+        if faults == FaultRates::all(0) {
+            for column in ["error", "aborted", "wrong", "doubled", "late"] {
+                assert_eq!(outcome.verdict.get(column), 0, "{column}\n{}\n{}", outcome.verdict, outcome.log);
+            }
+            // Bare: what A sends before B listens is gone, and nobody knows.
+            let before_b = u64::from(a == &ascii);
+            assert_eq!(outcome.verdict.get("lost"), before_b, "{}\n{}", outcome.verdict, outcome.log);
         }
     }
 }

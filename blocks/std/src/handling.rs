@@ -2,8 +2,8 @@
 //! that call them compile. What they do is a plugin's business; a call that no plugin serves is refused when the
 //! program is loaded.
 //!
-//! Parameters: CP 240 [S0 "SEND (FC 0)"] and the sections after it; CP 341 and CP 040 from the help texts of their
-//! blocks. A spelling after `|` is one that a manual's example or table has beside the first.
+//! Parameters: CP 240 [S0 "SEND (FC 0)"] and the sections after it; CP 341, CP 340 and CP 040 from the help texts of
+//! their blocks. A spelling after `|` is one that a manual's example or table has beside the first.
 
 use ob1_model::BlockKind::{self, Fb, Fc};
 
@@ -72,6 +72,18 @@ params!(SendRk341 {
         R_TYP: CHAR, R_NO: INT, R_OFFSET: INT, R_CF_BYT: INT = [0, 255], R_CF_BIT: INT }
     Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
 });
+params!(Receive340 {
+    Input { EN_R: BOOL, R: BOOL, LADDR: INT, DB_NO: INT, DBB_NO: INT }
+    Output { NDR: BOOL, ERROR: BOOL, LEN: INT, STATUS: WORD }
+});
+params!(Send340 {
+    Input { REQ: BOOL, R: BOOL, LADDR: INT, DB_NO: INT, DBB_NO: INT, LEN: INT }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+});
+params!(Print {
+    Input { REQ: BOOL, R: BOOL, LADDR: INT, DB_NO: INT, DBB_NO: INT }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+});
 params!(Send040 {
     Input { REQ: BOOL, R: BOOL, LADDR: INT, DB_NO: INT, DBB_NO: INT, LEN: INT, IO_SIZE: WORD }
     Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
@@ -106,6 +118,14 @@ pub(crate) const ROWS: &[&[Row]] = &[
         declared::<V24Set>(Origin::Cp341, Fc, 6, "V24_SET"),
         declared::<ReceiveRk>(Origin::Cp341, Fb, 7, "P_RCV_RK"),
         declared::<SendRk341>(Origin::Cp341, Fb, 8, "P_SND_RK"),
+        declared::<Print>(Origin::Cp341, Fb, 13, "P_PRT341"),
+    ],
+    &[
+        declared::<V24Stat>(Origin::Cp340, Fc, 5, "V24_STAT"),
+        declared::<V24Set>(Origin::Cp340, Fc, 6, "V24_SET"),
+        declared::<Receive340>(Origin::Cp340, Fb, 2, "P_RCV"),
+        declared::<Send340>(Origin::Cp340, Fb, 3, "P_SEND"),
+        declared::<Print>(Origin::Cp340, Fb, 4, "P_PRINT"),
     ],
     &[
         declared::<Send040>(Origin::Cp040, Fb, 60, "SEND"),
@@ -145,7 +165,7 @@ mod tests {
     fn they_are_declarations_alone() {
         let declared: Vec<String> =
             standard_blocks().iter().filter(|b| b.origin.is_declared_only()).map(|b| b.id.to_string()).collect();
-        assert_eq!(declared.len(), 15, "{declared:?}");
+        assert_eq!(declared.len(), 21, "{declared:?}");
         assert!(!Origin::System.is_declared_only() && !Origin::Iec.is_declared_only());
     }
 

@@ -23,6 +23,8 @@ pub enum Origin {
     Cp240,
     /// The handling blocks of the CP 341: declared here, served by a plugin.
     Cp341,
+    /// The handling blocks of the CP 340: declared here, served by a plugin.
+    Cp340,
     /// The handling blocks of the CP 040: declared here, served by a plugin.
     Cp040,
 }
@@ -38,6 +40,7 @@ impl Origin {
             Origin::Pid => "PID",
             Origin::Cp240 => "CP240",
             Origin::Cp341 => "CP341",
+            Origin::Cp340 => "CP340",
             Origin::Cp040 => "CP040",
         }
     }
@@ -45,7 +48,7 @@ impl Origin {
     /// Only names and parameters of its blocks are known here: a plugin has to serve them.
     #[must_use]
     pub const fn is_declared_only(self) -> bool {
-        matches!(self, Origin::Cp240 | Origin::Cp341 | Origin::Cp040)
+        matches!(self, Origin::Cp240 | Origin::Cp341 | Origin::Cp340 | Origin::Cp040)
     }
 }
 

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use ob1_cp::{CpType, Refused};
 use ob1_line::LineSpec;
+use ob1_params::CpKind;
 use serde::Deserialize;
 
 /// Keys of the JSON text. Unknown ones are for later drivers and ignored.
@@ -40,7 +41,7 @@ impl Config {
         let keys: Keys =
             serde_json::from_slice(json).map_err(|e| Refused(format!("the driver's configuration: {e}")))?;
         let Some(cp_type) = CpType::of(&keys.module, &keys.params) else {
-            let known = CpType::NAMES.join(" or a ");
+            let known = CpKind::TABLE.map(|row| row.name).join(" or a ");
             return Err(Refused(format!("module \"{}\": this driver is a {known}", keys.module)));
         };
         let line = keys.line.parse().map_err(|e| Refused(format!("{e}")))?;
@@ -68,7 +69,7 @@ mod tests {
         for (json, says) in [
             (&b""[..], "configuration"),
             (br#"{"module":"cp240"}"#, "line"),
-            (br#"{"module":"cp999","line":"pty:/x"}"#, "this driver is a cp240 or a cp341 or a cp040"),
+            (br#"{"module":"cp999","line":"pty:/x"}"#, "this driver is a cp240 or a cp341 or a cp340 or a cp040"),
             (br#"{"module":"cp240","line":"pty:x"}"#, "absolute"),
         ] {
             let refused = Config::parse(json).unwrap_err().to_string();

@@ -11,7 +11,7 @@ mod plug;
 mod pump;
 mod translate;
 
-pub use keys::{CpType, Parameters341};
+pub use keys::{CpType, KeyedParameters};
 pub use line_port::{LinePort, Refused};
 pub use pump::{CpPump, HEARTBEAT};
 pub use translate::{EventCode, LINE_TEXT_RECORD, to_line_settings};

@@ -55,7 +55,7 @@ pub trait LinePort {
 
     /// The module's type as the configuration says; asked after [`Self::configure`].
     fn cp_type(&self) -> CpType {
-        CpType::Cp240
+        CpType::CP240
     }
 
     /// Something for the log.

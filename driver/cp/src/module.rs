@@ -3,6 +3,7 @@
 
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341, Input341};
 use ob1_firmware::{Cp040, Cp240, CpInput, CpPort, Nanos};
+use ob1_params::CpKind;
 
 use crate::keys::CpType;
 
@@ -21,23 +22,22 @@ enum Firmware {
 
 impl Module {
     /// A module without parameters, of the generation that has attached, with so many bytes each way.
-    pub(crate) fn new(kind: &CpType, generation: u64, io_bytes: usize) -> Self {
+    pub(crate) fn new(kind: CpKind, generation: u64, io_bytes: usize) -> Self {
         let firmware = match kind {
-            CpType::Cp240 => Firmware::Cp240(Box::new(Cp240::new(generation))),
-            CpType::Cp040 => Firmware::Cp040(Box::new(Cp040::new(io_bytes))),
-            CpType::Cp341(_) => Firmware::Cp341(Box::new(Cp341::new())),
+            CpKind::Cp240 => Firmware::Cp240(Box::new(Cp240::new(generation))),
+            CpKind::Cp040 => Firmware::Cp040(Box::new(Cp040::new(io_bytes))),
+            CpKind::Cp341 | CpKind::Cp340 => Firmware::Cp341(Box::new(Cp341::of(kind))),
         };
         Self { firmware, due: None }
     }
 
-    /// Whether it is of this type.
-    pub(crate) const fn is(&self, kind: &CpType) -> bool {
-        matches!(
-            (&self.firmware, kind),
-            (Firmware::Cp240(_), CpType::Cp240)
-                | (Firmware::Cp040(_), CpType::Cp040)
-                | (Firmware::Cp341(_), CpType::Cp341(_))
-        )
+    /// Which type it is.
+    pub(crate) const fn kind(&self) -> CpKind {
+        match &self.firmware {
+            Firmware::Cp240(_) => CpKind::Cp240,
+            Firmware::Cp040(_) => CpKind::Cp040,
+            Firmware::Cp341(cp) => cp.kind(),
+        }
     }
 
     /// When a [`CpInput::Tick`] is due.
@@ -55,8 +55,8 @@ impl Module {
     }
 
     /// Whether its handling blocks talk to it in channels.
-    pub(crate) const fn has_channels(&self) -> bool {
-        matches!(self.firmware, Firmware::Cp341(_))
+    pub(crate) fn has_channels(&self) -> bool {
+        self.kind().row().has_channels
     }
 
     /// Whether the place of the diagnostic record is its own: then there is none for the text of a line error.
@@ -92,15 +92,15 @@ impl Module {
 
     /// Parameters: the 16 bytes, or the keys of a type that has keys.
     pub(crate) fn parametrise(&mut self, now: Nanos, bytes: &[u8; 16], kind: &CpType, port: &mut dyn CpPort) {
-        match (&mut self.firmware, kind) {
-            (Firmware::Cp341(cp), CpType::Cp341(parameters)) => {
+        match (&mut self.firmware, &kind.keys) {
+            (Firmware::Cp341(cp), Some(parameters)) => {
                 self.due = cp.step(now, Input341::Parameters(parameters.as_ref()), port);
             }
             _ => self.step(now, CpInput::Parameters(bytes), port),
         }
     }
 
-    /// What a handling block of a CP 341 shows; nothing to the others.
+    /// What a handling block shows in a channel; nothing to the others.
     pub(crate) fn channel(&mut self, now: Nanos, channel: Channel, block: &ChannelBlock, port: &mut dyn CpPort) {
         if let Firmware::Cp341(cp) = &mut self.firmware {
             self.due = cp.step(now, Input341::Channel(channel, block), port);

@@ -61,7 +61,7 @@ impl LinePort for Port {
     }
 
     fn cp_type(&self) -> CpType {
-        self.config.as_ref().map_or(CpType::Cp240, |config| config.cp_type.clone())
+        self.config.as_ref().map_or(CpType::CP240, |config| config.cp_type.clone())
     }
 
     fn introduce(&mut self, now: Nanos, parameters: &[u8; 16]) {

@@ -5,7 +5,8 @@ use ob1_backplane::{ChangeMark, Channel as SegmentChannel, Counter, CpSide, CpuS
 use ob1_firmware::cp341::{Channel, ChannelBlock};
 use ob1_firmware::{CpInput, IO_BYTES, LineFault, LineInput, Nanos};
 
-use crate::keys::CpType;
+use ob1_params::CpKind;
+
 use crate::line_port::LinePort;
 use crate::module::Module;
 use crate::plug::{End, Parameters, Plug};
@@ -39,7 +40,7 @@ impl CpPump {
     /// A driver just attached; it beats and looks with the first [`Self::poll`].
     pub fn new(segment: CpSide) -> Self {
         Self {
-            module: Module::new(&CpType::Cp240, segment.generation(), segment.io_bytes()),
+            module: Module::new(CpKind::Cp240, segment.generation(), segment.io_bytes()),
             end: End::new(segment),
             seen: None,
             look_again: false,
@@ -147,7 +148,7 @@ impl CpPump {
         self.module.step(now, input, &mut Plug { end: &mut self.end, line, now });
     }
 
-    /// What the handling blocks of a CP 341 show.
+    /// What the handling blocks show in the channels.
     fn look_channels<L: LinePort + ?Sized>(&mut self, now: Nanos, line: &mut L) {
         for (channel, name) in [(SegmentChannel::Send, Channel::Send), (SegmentChannel::Receive, Channel::Receive)] {
             if !self.end.segment.channel_changed(channel) {
@@ -193,8 +194,8 @@ impl CpPump {
 
     /// The configuration says what the module is: if that is another than before, it is so from now on, with the world
     /// as it stands.
-    fn adopt<L: LinePort + ?Sized>(&mut self, now: Nanos, kind: &CpType, line: &mut L) {
-        if self.module.is(kind) {
+    fn adopt<L: LinePort + ?Sized>(&mut self, now: Nanos, kind: CpKind, line: &mut L) {
+        if self.module.kind() == kind {
             return;
         }
         self.module = Module::new(kind, self.end.segment.generation(), self.end.segment.io_bytes());
@@ -239,7 +240,7 @@ impl CpPump {
             line.introduce(now, &bytes);
         }
         let kind = line.cp_type();
-        self.adopt(now, &kind, line);
+        self.adopt(now, kind.kind, line);
         self.module.enable_diagnostics(line.diagnostics());
         self.end.parameters = Parameters::Valid;
         self.module.parametrise(now, &bytes, &kind, &mut Plug { end: &mut self.end, line, now });

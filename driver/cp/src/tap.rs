@@ -6,7 +6,6 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use ob1_cp::CpType;
 use ob1_firmware::trace::record::{Kind, Record, VERSION};
 use ob1_firmware::{CpEvent, Nanos, ParameterFault, cp341_events};
 use ob1_line::seqpacket::{Channel, Listener, Sent};
@@ -56,11 +55,11 @@ impl Tap {
         let at_zero = u64::try_from(since_1970.as_nanos()).unwrap_or(0).saturating_sub(now);
         let mut text = json!({
             "version": VERSION, "station": config.station, "name": config.name, "line": config.line.to_string(),
-            "parameters": parameters, "unix_ns": at_zero, "module": config.cp_type.name(),
+            "parameters": parameters, "unix_ns": at_zero, "module": config.cp_type.kind.name(),
         });
-        if let CpType::Cp341(Ok(cp341)) = &config.cp_type {
+        if let Some(Ok(keyed)) = &config.cp_type.keys {
             // Its parameters are keys: there are no bytes of it.
-            for (key, value) in cp341.to_keys() {
+            for (key, value) in keyed.to_keys() {
                 text["params"][*key] = match value {
                     ob1_params::Value::Int(number) => json!(number),
                     ob1_params::Value::Str(word) => json!(word),

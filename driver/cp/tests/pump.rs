@@ -7,6 +7,7 @@ use ob1_backplane::{Channel, Counter, CpSide, CpuSide, CpuState, DriverState, Se
 use ob1_cp::{CpPump, CpType, EventCode, HEARTBEAT, LinePort, Refused};
 use ob1_firmware::{LineFault, LineInput, LineSettings, Nanos};
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
+use ob1_params::CpKind;
 
 const MS: Nanos = 1_000_000;
 
@@ -59,7 +60,7 @@ impl Module {
         let mut cpu = CpuSide::create(&segment, 16).unwrap();
         cpu.set_cpu_state(CpuState::Run);
         let pump = CpPump::new(CpSide::attach(&segment).unwrap());
-        let port = Port { line: Rc::clone(line), end, applied: Vec::new(), refuse: false, cp_type: CpType::Cp240 };
+        let port = Port { line: Rc::clone(line), end, applied: Vec::new(), refuse: false, cp_type: CpType::CP240 };
         Self { segment, cpu, pump, port, due: 0 }
     }
 
@@ -283,16 +284,16 @@ fn noise_in_the_segment_is_survived() {
 fn the_module_is_what_the_configuration_says() {
     let keys = serde_json::json!({"protocol": "3964r", "baud": 9600, "parity": "none", "priority": "low"});
     let cp341 = CpType::of("cp341", keys.as_object().unwrap()).unwrap();
-    assert!(matches!(cp341, CpType::Cp341(Ok(_))), "{cp341:?}");
+    assert!(matches!(cp341.keys, Some(Ok(_))), "{cp341:?}");
     // Start-up coordination of P_RCV_RK: START with number 5, acknowledged with READY. (docs/cp341-channels.md)
     let mut start = [0; 64];
     (start[0], start[3]) = (1, 5);
     // First input register: start-up identifier of a CP 240, a CP 040's first answer, signals of a CP 341's interface,
     // none of them on.
     for (cp_type, register, acknowledged) in
-        [(CpType::Cp240, 0x80, [0, 0]), (CpType::Cp040, 0x88, [0, 0]), (cp341, 0, [1, 5])]
+        [(CpType::CP240, 0x80, [0, 0]), (CpType { kind: CpKind::Cp040, keys: None }, 0x88, [0, 0]), (cp341, 0, [1, 5])]
     {
-        let name = cp_type.name();
+        let name = cp_type.kind.name();
         let mut module = Module::new(&line(), End::A);
         module.port.cp_type = cp_type;
         module.cpu.write_channel(Channel::Receive, &start);

@@ -17,6 +17,7 @@ mod leds;
 mod modbus;
 mod modem;
 mod port;
+mod printer;
 mod protocol;
 mod receive;
 pub mod registers;

@@ -47,9 +47,9 @@ impl Capacity {
         Self { bytes: BYTES_MAX, ..Self::buffers(telegrams) }
     }
 
-    /// A CP 341: 4096 bytes, and so many telegrams, 1 to 250.
-    pub(crate) const fn cp341(telegrams: u8) -> Self {
-        Self { bytes: BYTES_341, ..Self::buffers(telegrams) }
+    /// A CP 341 (4096) or a CP 340 (1024): so many bytes, and so many telegrams, 1 to 250.
+    pub(crate) const fn of_bytes(bytes: usize, telegrams: u8) -> Self {
+        Self { bytes, ..Self::buffers(telegrams) }
     }
 
     /// One telegram, always the newest: "1 telegram + no overwrite protection". [reference 6.2]
@@ -221,7 +221,7 @@ mod tests {
     #[test]
     fn the_newest_telegram_takes_the_place_of_the_one_before() {
         let mut ring = Ring::<BYTES_341>::new();
-        ring.clear(Capacity::cp341(1).newest());
+        ring.clear(Capacity::of_bytes(BYTES_341, 1).newest());
         assert!(ring.push(&[1; 4096]) && ring.push(&[2; 4095]) && !ring.push(&[3; 4097]));
         assert_eq!((ring.telegrams(), ring.oldest(), ring.room()), (1, Some(4095), 4096));
         let mut out = [0; 4095];

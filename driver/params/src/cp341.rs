@@ -1,4 +1,5 @@
-//! The parameters of a CP 341: named keys, checked against a table. [reference 4.7, 5.2, 6.2]
+//! The parameters of a CP 341, and of the CP 340 beside it: named keys, checked against a table.
+//! [reference 4.7, 5.2, 6.2]
 //!
 //! On a rack they lie in a system data block whose layout Siemens does not print; here they travel as keys, in the
 //! station file and in the configuration of the driver alike.
@@ -10,6 +11,9 @@ use crate::record::{Value, nearest};
 use crate::cp240::Priority;
 use crate::cp341_ascii::{self, AsciiOf341};
 use crate::cp341_modbus::{self, ModbusMaster32};
+use crate::kind::CpKind;
+use crate::printer::Printer;
+use crate::{cp340, printer};
 
 /// How a key is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +28,11 @@ pub enum Kind341 {
         max: i64,
         /// Step.
         step: i64,
+    },
+    /// Text of at most so many bytes.
+    Text {
+        /// Bytes.
+        max: usize,
     },
 }
 
@@ -60,28 +69,46 @@ pub(crate) const fn number(
     Key341 { key, kind: Kind341::Number { min, max, step }, default, text, needs: None }
 }
 
+pub(crate) const fn text(key: &'static str, max: usize, text: &'static str) -> Key341 {
+    Key341 { key, kind: Kind341::Text { max }, default: "", text, needs: None }
+}
+
 /// The character frame, first in every protocol. [reference 5.2]
 const FRAME: &[Key341] = &[
-    choice(
-        "baud",
-        &["300", "600", "1200", "2400", "4800", "9600", "19200", "38400", "57600", "76800", "115200"],
-        "9600",
-        "baud rate, bit/s",
-    ),
+    baud(&["300", "600", "1200", "2400", "4800", "9600", "19200", "38400", "57600", "76800", "115200"]),
+    CHARACTER[0],
+    CHARACTER[1],
+    CHARACTER[2],
+];
+
+/// The baud rates of a type.
+pub(crate) const fn baud(rates: &'static [&'static str]) -> Key341 {
+    choice("baud", rates, "9600", "baud rate, bit/s")
+}
+
+/// The bits of a character.
+pub(crate) const CHARACTER: &[Key341; 3] = &[
     choice("data_bits", &["7", "8"], "8", "data bits of a character"),
     choice("parity", &["none", "odd", "even"], "even", "parity bit"),
     choice("stop_bits", &["1", "2"], "1", "stop bits"),
 ];
 
 /// [reference 5.2]
-const S3964: &[Key341] = &[
-    number("zvz_ms", (20, 65_530, 10), "220", "ZVZ: longest pause between two characters of a telegram"),
-    number(
-        "qvz_ms",
-        (20, 65_530, 10),
-        "",
-        "QVZ: longest wait for an acknowledgement; 2000 with block check, 550 without",
-    ),
+const S3964: &[Key341] = &[zvz_of_3964(20), qvz(20), ATTEMPTS[0], ATTEMPTS[1], ATTEMPTS[2]];
+
+/// ZVZ of 3964(R), at least so many milliseconds.
+pub(crate) const fn zvz_of_3964(least: i64) -> Key341 {
+    number("zvz_ms", (least, 65_530, 10), "220", "ZVZ: longest pause between two characters of a telegram")
+}
+
+/// QVZ, at least so many milliseconds.
+pub(crate) const fn qvz(least: i64) -> Key341 {
+    let text = "QVZ: longest wait for an acknowledgement; 2000 with block check, 550 without";
+    number("qvz_ms", (least, 65_530, 10), "", text)
+}
+
+/// Attempts and priority of 3964(R).
+pub(crate) const ATTEMPTS: &[Key341; 3] = &[
     number("connect_attempts", (1, 255, 1), "6", "attempts to get a connection, the first included"),
     number("block_attempts", (1, 255, 1), "6", "attempts to get a telegram through, the first included"),
     choice("priority", &["high", "low"], "high", "who goes first when both want to send"),
@@ -92,18 +119,34 @@ const RK512: &[Key341] =
     &[choice("reaction", &["20s", "baud"], "20s", "longest wait for the response: 20 s, or as the baud rate has it")];
 
 /// The protocols, by name, with the rows that belong to each besides the character frame.
-pub const PROTOCOLS_341: &[(&str, &[&[Key341]])] = &[
-    (cp341_ascii::NAME, &[FRAME, cp341_ascii::DRIVER]),
+pub const PROTOCOLS_341: Protocols = &[
+    (cp341_ascii::NAME, &[FRAME, cp341_ascii::CRITERION, cp341_ascii::LIMITS, cp341_ascii::FLOW, cp341_ascii::DRIVER]),
     ("3964", &[FRAME, S3964]),
     ("3964r", &[FRAME, S3964]),
     ("3964-rk512", &[FRAME, S3964, RK512]),
     ("3964r-rk512", &[FRAME, S3964, RK512]),
     (cp341_modbus::NAME, &[cp341_modbus::FRAME, cp341_modbus::DRIVER]),
+    (printer::NAME, &[FRAME, cp341_ascii::FLOW, printer::DRIVER]),
 ];
 
-/// The parameters of a CP 341.
+/// The protocols of a type; none for a type whose parameters are bytes.
+#[must_use]
+pub fn protocols_of(kind: CpKind) -> Protocols {
+    match kind {
+        CpKind::Cp341 => PROTOCOLS_341,
+        CpKind::Cp340 => cp340::PROTOCOLS_340,
+        CpKind::Cp240 | CpKind::Cp040 => &[],
+    }
+}
+
+/// Protocols by name, with the rows that belong to each.
+pub type Protocols = &'static [(&'static str, Tables)];
+
+/// The parameters of a CP 341 or a CP 340.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cp341 {
+    /// Which of the two it is.
+    pub kind: CpKind,
     /// How characters travel.
     pub line: LineSettings,
     /// The protocol and what belongs to it.
@@ -121,6 +164,8 @@ pub enum Protocol341 {
     S3964(S3964Of341),
     /// Loadable driver: Modbus ASCII master, 32-bit registers.
     ModbusMaster32(ModbusMaster32),
+    /// Printer driver.
+    Printer(Box<Printer>),
 }
 
 /// Parameters of 3964(R). Times in milliseconds.
@@ -142,16 +187,26 @@ pub struct S3964Of341 {
     pub priority: Priority,
     /// RK 512: the response is waited for as long as the baud rate has it, instead of 20 s.
     pub reaction_by_baud: bool,
+    /// CP 340: the receive buffer is emptied at each start-up of the CPU.
+    pub clear_buffer: bool,
 }
 
 impl Cp341 {
-    /// Reads named keys. `protocol` must be among them; what is missing has the table's default.
+    /// Reads named keys of a CP 341. `protocol` must be among them; what is missing has the table's default.
     ///
     /// # Errors
     /// An unknown key (with the nearest known one), a key given twice, a value that cannot be.
     pub fn from_keys<'a>(given: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
+        Self::of_kind(CpKind::Cp341, given)
+    }
+
+    /// The same for a type of this family.
+    ///
+    /// # Errors
+    /// As [`Cp341::from_keys`].
+    pub fn of_kind<'a>(kind: CpKind, given: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, ParamError> {
         let given: Vec<(&str, Value)> = given.into_iter().collect();
-        let (protocol, tables) = find_protocol(&given)?;
+        let (protocol, tables) = find_protocol(kind, &given)?;
         let rows = || tables.iter().flat_map(|table| table.iter());
         for (n, (key, value)) in given.iter().enumerate() {
             if given[..n].iter().any(|(other, _)| other == key) {
@@ -180,57 +235,30 @@ impl Cp341 {
             }
             let value = match value {
                 Some(value) => row.checked(value)?,
-                None => row.default_value(protocol, &Reader(&keys)),
+                None => row.default_value(kind, protocol, &Reader(&keys)),
             };
             keys.push((row.key, value));
         }
-        let checked = Self::of_checked(protocol, keys);
-        let keys = Reader(&checked.keys);
-        match protocol {
-            cp341_modbus::NAME => cp341_modbus::check(&keys)?,
-            cp341_ascii::NAME => cp341_ascii::check(&keys, checked.line.char_time_ns())?,
-            _ => {}
-        }
-        Ok(checked)
+        Self::of_checked(kind, protocol, keys)
     }
 
-    /// The typed form of keys that have been checked.
-    fn of_checked(protocol: &str, keys: Vec<(&'static str, Value)>) -> Self {
+    /// The typed form of keys that have been checked one by one.
+    fn of_checked(kind: CpKind, protocol: &str, keys: Vec<(&'static str, Value)>) -> Result<Self, ParamError> {
         let reader = Reader(&keys);
-        let line = LineSettings {
-            baud: reader.number("baud") as u32,
-            data_bits: reader.number("data_bits") as u8,
-            parity: match reader.word("parity") {
-                "none" => Parity::None,
-                "odd" => Parity::Odd,
-                _ => Parity::Even,
-            },
-            stop_bits: if reader.number("stop_bits") == 2 { StopBits::Two } else { StopBits::One },
-            flow: match reader.word("flow") {
-                "xon-xoff" => Flow::XonXoff,
-                "rts-cts" => Flow::Hardware,
-                _ => Flow::None,
-            },
+        let line = line_of(&reader);
+        let protocol = match protocol {
+            cp341_modbus::NAME => {
+                cp341_modbus::check(&reader)?;
+                Protocol341::ModbusMaster32(ModbusMaster32::of(&reader))
+            }
+            cp341_ascii::NAME => {
+                cp341_ascii::check(&reader, least_zvz_ms(kind, &line))?;
+                Protocol341::Ascii(AsciiOf341::of(&reader))
+            }
+            printer::NAME => Protocol341::Printer(Box::new(Printer::of(&reader)?)),
+            name => Protocol341::S3964(S3964Of341::of(name, &reader)),
         };
-        if protocol == cp341_modbus::NAME {
-            let protocol = Protocol341::ModbusMaster32(ModbusMaster32::of(&reader));
-            return Self { line, protocol, keys };
-        }
-        if protocol == cp341_ascii::NAME {
-            let protocol = Protocol341::Ascii(AsciiOf341::of(&reader));
-            return Self { line, protocol, keys };
-        }
-        let protocol = Protocol341::S3964(S3964Of341 {
-            bcc: protocol.starts_with("3964r"),
-            rk512: protocol.ends_with("rk512"),
-            zvz_ms: reader.number("zvz_ms") as u32,
-            qvz_ms: reader.number("qvz_ms") as u32,
-            connect_attempts: reader.number("connect_attempts") as u16,
-            block_attempts: reader.number("block_attempts") as u16,
-            priority: if reader.word("priority") == "low" { Priority::Low } else { Priority::High },
-            reaction_by_baud: reader.word("reaction") == "baud",
-        });
-        Self { line, protocol, keys }
+        Ok(Self { kind, line, protocol, keys })
     }
 
     /// All parameters as named keys, `protocol` first.
@@ -246,6 +274,49 @@ impl Cp341 {
     /// How the line is to be set.
     pub fn line_settings(&self) -> LineSettings {
         self.line
+    }
+}
+
+/// How characters travel.
+fn line_of(keys: &Reader<'_>) -> LineSettings {
+    LineSettings {
+        baud: keys.number("baud") as u32,
+        data_bits: keys.number("data_bits") as u8,
+        parity: match keys.word("parity") {
+            "none" => Parity::None,
+            "odd" => Parity::Odd,
+            _ => Parity::Even,
+        },
+        stop_bits: if keys.number("stop_bits") == 2 { StopBits::Two } else { StopBits::One },
+        flow: match keys.word("flow") {
+            "xon-xoff" => Flow::XonXoff,
+            "rts-cts" => Flow::Hardware,
+            _ => Flow::None,
+        },
+    }
+}
+
+/// Shortest ZVZ of ASCII in milliseconds: one character at a CP 341, four at a CP 340.
+fn least_zvz_ms(kind: CpKind, line: &LineSettings) -> i64 {
+    match kind {
+        CpKind::Cp340 => cp340::least_zvz_ms(line.char_time_ns()),
+        _ => line.char_time_ns().div_ceil(1_000_000) as i64,
+    }
+}
+
+impl S3964Of341 {
+    fn of(protocol: &str, reader: &Reader<'_>) -> Self {
+        Self {
+            bcc: protocol.starts_with("3964r"),
+            rk512: protocol.ends_with("rk512"),
+            zvz_ms: reader.number("zvz_ms") as u32,
+            qvz_ms: reader.number("qvz_ms") as u32,
+            connect_attempts: reader.number("connect_attempts") as u16,
+            block_attempts: reader.number("block_attempts") as u16,
+            priority: if reader.word("priority") == "low" { Priority::Low } else { Priority::High },
+            reaction_by_baud: reader.word("reaction") == "baud",
+            clear_buffer: reader.word(cp340::CLEAR) == "yes",
+        }
     }
 }
 
@@ -273,6 +344,7 @@ impl Key341 {
             Kind341::Choice(words) => words.join(", "),
             Kind341::Number { min, max, step: 1 } => format!("{min}..{max}"),
             Kind341::Number { min, max, step } => format!("{min}..{max} in steps of {step}"),
+            Kind341::Text { max } => format!("text of at most {max} bytes"),
         }
     }
 
@@ -302,12 +374,24 @@ impl Key341 {
                 }
             }
             (Kind341::Number { .. }, Value::Str(_)) => Err(refused("write a number without quotes".into())),
+            (Kind341::Text { max }, Value::Str(text)) if text.len() <= max => Ok(value.clone()),
+            (Kind341::Text { .. }, Value::Str(text)) => Err(error(
+                self.key,
+                format!("a text of {} bytes", text.len()),
+                self.allowed(),
+                "make it shorter".into(),
+            )),
+            (Kind341::Text { .. }, Value::Int(_)) => Err(refused("write a text in quotes".into())),
         }
     }
 
     /// `before`: the keys of the table before this one.
-    fn default_value(&self, protocol: &str, before: &Reader<'_>) -> Value {
+    fn default_value(&self, kind: CpKind, protocol: &str, before: &Reader<'_>) -> Value {
         match (self.key, self.default) {
+            (_, "") if matches!(self.kind, Kind341::Text { .. }) => Value::from(""),
+            ("zvz_ms", "") if kind == CpKind::Cp340 => {
+                Value::Int(cp340::default_zvz_ms(line_of(before).char_time_ns()))
+            }
             // 2 s with block check character, 550 ms without. [reference 5.2]
             ("qvz_ms", "") => Value::Int(if protocol.starts_with("3964r") { 2000 } else { 550 }),
             (key, "") => cp341_modbus::default_of(key, before)
@@ -350,10 +434,12 @@ impl<'a> Reader<'a> {
     }
 }
 
-type Tables = &'static [&'static [Key341]];
+/// The rows of a protocol, table by table.
+pub type Tables = &'static [&'static [Key341]];
 
-fn find_protocol(given: &[(&str, Value)]) -> Result<(&'static str, Tables), ParamError> {
-    let names = || PROTOCOLS_341.iter().map(|(name, _)| *name);
+fn find_protocol(kind: CpKind, given: &[(&str, Value)]) -> Result<(&'static str, Tables), ParamError> {
+    let protocols = protocols_of(kind);
+    let names = || protocols.iter().map(|(name, _)| *name);
     let refused =
         |value: String, remedy: String| error("protocol", value, names().collect::<Vec<_>>().join(", "), remedy);
     let name = match given.iter().find(|(key, _)| *key == "protocol") {
@@ -361,7 +447,7 @@ fn find_protocol(given: &[(&str, Value)]) -> Result<(&'static str, Tables), Para
         Some((_, Value::Int(number))) => number.to_string(),
         Some((_, Value::Str(text))) => text.to_ascii_lowercase(),
     };
-    PROTOCOLS_341.iter().find(|(known, _)| *known == name).copied().ok_or_else(|| {
+    protocols.iter().find(|(known, _)| *known == name).copied().ok_or_else(|| {
         let remedy = match nearest(&name, names()) {
             Some(near) => format!("did you mean \"{near}\"?"),
             None => "choose one of them".into(),
@@ -392,10 +478,13 @@ mod tests {
 
     #[test]
     fn keys_survive_the_way_to_the_driver() {
-        for (protocol, _) in PROTOCOLS_341 {
-            let cp = Cp341::from_keys([("protocol", Value::from(*protocol)), ("baud", Value::Int(38_400))]).unwrap();
-            let again = Cp341::from_keys(cp.to_keys().iter().cloned()).unwrap();
-            assert_eq!((again.protocol_name(), &again), (*protocol, &cp));
+        for (kind, baud) in [(CpKind::Cp341, 38_400), (CpKind::Cp340, 4800)] {
+            for (protocol, _) in protocols_of(kind) {
+                let given = [("protocol", Value::from(*protocol)), ("baud", Value::Int(baud))];
+                let cp = Cp341::of_kind(kind, given).unwrap();
+                let again = Cp341::of_kind(kind, cp.to_keys().iter().cloned()).unwrap();
+                assert_eq!((again.protocol_name(), &again), (*protocol, &cp));
+            }
         }
         for end in ["end-characters", "length"] {
             let given =

@@ -18,10 +18,23 @@ const ZVZ_BY_BAUD: [(i64, i64); 6] = [(300, 130), (600, 65), (1200, 32), (2400, 
 /// XON and XOFF.
 const FLOW_CHARACTERS: [i64; 2] = [0x11, 0x13];
 
-/// [reference 6.2], [reference 6.3], [reference 6.4], [reference 6.5]
-pub(crate) const DRIVER: &[Key341] = &[
-    choice(END, &["zvz", CHARACTERS, LENGTH], "zvz", "what ends a telegram that comes in"),
+/// What ends a telegram. [reference 6.1]
+pub(crate) const CRITERION: &[Key341] =
+    &[choice(END, &["zvz", CHARACTERS, LENGTH], "zvz", "what ends a telegram that comes in")];
+
+/// What a CP 341 bounds otherwise than a CP 340. [reference 6.2]
+pub(crate) const LIMITS: &[Key341] = &[
     number("zvz_ms", (2, 65_535, 1), "", "ZVZ: longest pause between two characters of a telegram; 4 at 9600 baud"),
+    length(4096),
+];
+
+/// Bytes of a telegram that comes in, at most so many.
+pub(crate) const fn length(max: i64) -> Key341 {
+    number("length", (1, max, 1), "240", "bytes of a telegram that comes in").only_with(END, LENGTH)
+}
+
+/// [reference 6.2], [reference 6.3], [reference 6.5]
+pub(crate) const DRIVER: &[Key341] = &[
     number("end_flags", (1, 2, 1), "1", "number of end characters").only_with(END, CHARACTERS),
     number("end_flag_1", (0, 255, 1), "3", "first end character").only_with(END, CHARACTERS),
     number("end_flag_2", (0, 255, 1), "0", "second end character").only_with("end_flags", "2"),
@@ -32,7 +45,6 @@ pub(crate) const DRIVER: &[Key341] = &[
         "up to and including the end characters in the data; LEN bytes; LEN bytes and the end characters behind them",
     )
     .only_with(END, CHARACTERS),
-    number("length", (1, 4096, 1), "240", "bytes of a telegram that comes in").only_with(END, LENGTH),
     choice("send_pause", &["yes", "no"], "yes", "a pause of ZVZ between two telegrams sent").only_with(END, LENGTH),
     number("receive_buffers", (1, 250, 1), "250", "telegrams that wait in the CP at most"),
     choice(
@@ -41,13 +53,17 @@ pub(crate) const DRIVER: &[Key341] = &[
         "yes",
         "no: with one receive buffer a telegram takes the place of the one that waits",
     ),
-    choice("flow", &["none", "xon-xoff", "rts-cts"], "none", "flow control"),
-    number("flow_wait_ms", (20, 655_350, 10), "20000", "longest wait for XON or CTS"),
     choice("rs232_signals", &["no", "yes"], "no", "automatic use of the RS 232C secondary signals"),
     number("rts_off_ms", (0, 655_350, 10), "1000", "from the last character to RTS OFF")
         .only_with("rs232_signals", "yes"),
     number("output_wait_ms", (0, 655_350, 10), "1000", "from RTS ON to the first character")
         .only_with("rs232_signals", "yes"),
+];
+
+/// [reference 6.4]
+pub(crate) const FLOW: &[Key341] = &[
+    choice("flow", &["none", "xon-xoff", "rts-cts"], "none", "flow control"),
+    number("flow_wait_ms", (20, 655_350, 10), "20000", "longest wait for XON or CTS"),
 ];
 
 /// Parameters of ASCII. Times in milliseconds.
@@ -67,6 +83,8 @@ pub struct AsciiOf341 {
     pub flow_wait_ms: u32,
     /// Automatic use of the RS 232C secondary signals: time to RTS OFF, data output waiting time.
     pub signals: Option<(u32, u32)>,
+    /// CP 340: the receive buffer is emptied at each start-up of the CPU.
+    pub clear_buffer: bool,
 }
 
 /// What ends a telegram of ASCII. [reference 6.1]
@@ -127,6 +145,7 @@ impl AsciiOf341 {
             overwrites: keys.word("prevent_overwriting") == "no",
             flow_wait_ms: ms("flow_wait_ms"),
             signals: (keys.word("rs232_signals") == "yes").then(|| (ms("rts_off_ms"), ms("output_wait_ms"))),
+            clear_buffer: keys.word(crate::cp340::CLEAR) == "yes",
         }
     }
 }
@@ -138,17 +157,16 @@ pub(crate) fn default_of(key: &str, before: &Reader<'_>) -> Option<Value> {
     (key == "zvz_ms").then(|| Value::Int(found.map_or(2, |(_, ms)| *ms)))
 }
 
-/// What two keys say together. `char_time`: of one character, in nanoseconds.
+/// What two keys say together. `least`: the shortest ZVZ in milliseconds.
 ///
 /// # Errors
 /// A ZVZ that ends each character's telegram; end characters that cannot come; overwriting with several receive
 /// buffers; two masters of RTS.
-pub(crate) fn check(keys: &Reader<'_>, char_time: u64) -> Result<(), ParamError> {
+pub(crate) fn check(keys: &Reader<'_>, least: i64) -> Result<(), ParamError> {
     let zvz_ms = keys.number("zvz_ms");
-    let least = char_time.div_ceil(1_000_000) as i64;
     if zvz_ms < least {
         let allowed = format!("{least} or more at {} baud", keys.number("baud"));
-        let remedy = "one character takes longer than that: each would be a telegram of its own";
+        let remedy = "the characters of a telegram take longer than that: each would be one of its own";
         return Err(error("zvz_ms", zvz_ms.to_string(), allowed, remedy.into()));
     }
     for key in ["end_flag_1", "end_flag_2"] {
@@ -200,6 +218,7 @@ mod tests {
             overwrites: false,
             flow_wait_ms: 20_000,
             signals: None,
+            clear_buffer: false,
         };
         assert_eq!(ascii(&[]), by_silence);
         let table = [(300, 130), (600, 65), (1200, 32), (2400, 16), (4800, 8), (9600, 4), (19_200, 2), (115_200, 2)];

@@ -17,19 +17,24 @@
 mod convert;
 pub mod cp040;
 mod cp240;
+mod cp340;
 mod cp341;
 mod cp341_ascii;
 mod cp341_modbus;
 mod error;
+mod kind;
 mod line;
+pub mod printer;
 mod record;
 pub mod table;
 
 pub use cp040::{Cp040, Duplex, Preset};
 pub use cp240::{Ascii, Cp240, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
-pub use cp341::{Cp341, Key341, Kind341, PROTOCOLS_341, Protocol341, S3964Of341};
+pub use cp340::PROTOCOLS_340;
+pub use cp341::{Cp341, Key341, Kind341, PROTOCOLS_341, Protocol341, Protocols, S3964Of341, Tables, protocols_of};
 pub use cp341_ascii::{AsciiOf341, EndOf341, SendingOf341};
 pub use cp341_modbus::ModbusMaster32;
 pub use error::ParamError;
+pub use kind::{CpKind, CpRow};
 pub use line::{Flow, LineSettings, Parity, StopBits};
 pub use record::Value;

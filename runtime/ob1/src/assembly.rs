@@ -94,15 +94,17 @@ pub fn cp_settings(
     config: &ModuleConfig,
     place: Option<(&Path, &[SimulatedLine])>,
 ) -> Option<CpSettings> {
-    let (module, parameters, line, diagnostics) = match &config.kind {
-        ModuleKind::Cp240 { bytes, line, diagnostics, .. } => ("cp240", *bytes, line, diagnostics),
-        ModuleKind::Cp040 { bytes, line, diagnostics, .. } => ("cp040", *bytes, line, diagnostics),
-        ModuleKind::Cp341 { line, diagnostics, .. } => ("cp341", [0; 16], line, diagnostics),
+    let row = config.kind.cp()?.row();
+    let (parameters, line, diagnostics) = match &config.kind {
+        ModuleKind::Cp240 { bytes, line, diagnostics, .. } | ModuleKind::Cp040 { bytes, line, diagnostics, .. } => {
+            (*bytes, line, diagnostics)
+        }
+        ModuleKind::Keyed { line, diagnostics, .. } => ([0; 16], line, diagnostics),
         ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } => return None,
     };
     let mut text = line.to_string();
-    let mut json = json!({ "module": module, "station": station, "name": config.name });
-    if let ModuleKind::Cp341 { params, .. } = &config.kind {
+    let mut json = json!({ "module": row.name, "station": station, "name": config.name });
+    if let ModuleKind::Keyed { params, .. } = &config.kind {
         for (key, value) in params.to_keys() {
             json["params"][*key] = match value {
                 Value::Int(number) => json!(number),
@@ -126,7 +128,7 @@ pub fn cp_settings(
         parameters,
         json: json.to_string().into_bytes(),
         absent_is_fault: config.absent == Absent::Fault,
-        channels: matches!(config.kind, ModuleKind::Cp341 { .. }),
+        channels: row.has_channels,
         diagnostics: *diagnostics,
     })
 }

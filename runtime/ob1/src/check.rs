@@ -245,10 +245,11 @@ fn describe(station: &Station) -> String {
                 let keys: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
                 let _ = writeln!(text, "  params = {{ {} }}", keys.join(", "));
             }
-            ModuleKind::Cp341 { params, line, .. } => {
-                let inputs = span(module.input_address, station::CP341_BYTES);
-                let outputs = span(module.output_address, station::CP341_BYTES);
-                let _ = writeln!(text, "{}: cp341, inputs {inputs}, outputs {outputs}, line {line}", module.name);
+            ModuleKind::Keyed { params, line, .. } => {
+                let inputs = span(module.input_address, module.input_bytes());
+                let outputs = span(module.output_address, module.output_bytes());
+                let kind = params.kind.name();
+                let _ = writeln!(text, "{}: {kind}, inputs {inputs}, outputs {outputs}, line {line}", module.name);
                 let keys: Vec<String> =
                     params.to_keys().iter().map(|(key, value)| format!("{key} = {value}")).collect();
                 let _ = writeln!(text, "  params = {{ {} }}", keys.join(", "));

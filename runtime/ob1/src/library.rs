@@ -103,7 +103,7 @@ pub fn whole(library: &str) -> Result<Vec<Choice>, String> {
         .collect();
     if chosen.is_empty() {
         return Err(format!(
-            "there is no library \"{library}\"; there are IEC, TI-S7, PID, CP240, CP341 and CP040 (docs/standard-blocks.md)"
+            "there is no library \"{library}\"; there are IEC, TI-S7, PID, CP240, CP341, CP340 and CP040 (docs/standard-blocks.md)"
         ));
     }
     Ok(chosen)
@@ -181,12 +181,12 @@ mod tests {
         // What is said twice is said once; a single choice stands for that of a library.
         assert_eq!(together(&["IEC", "IEC"]).map(|all| all.len()), Ok(40));
         let merged = together(&["CP341", "FC5=IEC:FC16"]).expect("no clash");
-        assert_eq!(merged, ["FB 7=CP341:FB7", "FB 8=CP341:FB8", "FC 5=IEC:FC16", "FC 6=CP341:FC6"]);
+        assert_eq!(merged, ["FB 7=CP341:FB7", "FB 8=CP341:FB8", "FB 13=CP341:FB13", "FC 5=IEC:FC16", "FC 6=CP341:FC6"]);
         // The libraries of two manuals want the same numbers.
         let clash = together(&["IEC", "CP341"]).expect_err("FC 5 and FC 6");
         assert!(clash.contains("FC 5 is wanted for IEC:FC5 and for CP341:FC5, FC 6 is"), "{clash}");
         let settled = together(&["IEC", "CP341", "FC5=CP341:FC5", "FC6=IEC:FC6", "FC106=CP341:FC6"]);
-        assert_eq!(settled.map(|all| all.len()), Ok(43));
+        assert_eq!(settled.map(|all| all.len()), Ok(44));
         assert!(together(&["FC4=IEC:FC4", "FC4=IEC:FC5"]).is_err());
     }
 

@@ -27,6 +27,9 @@ pub fn socket(rundir: &Path, line: &SimulatedLine) -> PathBuf {
     folder.join(format!("{}.line", line.name))
 }
 
+/// Register bytes of a segment that has no registers to show.
+const REGISTER_BYTES: usize = 16;
+
 /// Adds the process that is the line.
 ///
 /// # Errors
@@ -35,7 +38,7 @@ pub fn add(fleet: &mut Fleet, rundir: &Path, line: &SimulatedLine, drivers: &Dri
     let system = |error: &dyn std::fmt::Display| format!("simulated line {}: {error}", line.name);
     // Only to see that it lives.
     let segment = Segment::create_shared().map_err(|e| system(&e))?;
-    let side = CpuSide::create(&segment, usize::from(crate::station::CP240_BYTES)).map_err(|e| system(&e))?;
+    let side = CpuSide::create(&segment, REGISTER_BYTES).map_err(|e| system(&e))?;
     let command = DriverCommand {
         name: format!("line {}", line.name),
         program: drivers.program.clone(),

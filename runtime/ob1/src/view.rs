@@ -9,6 +9,7 @@ use ob1_cpu::{DiagEntry, Distribution, Family, OperatingState};
 use ob1_host::driver;
 use ob1_ir::{CodeBlock, Program};
 use ob1_model::BlockId;
+use ob1_params::CpKind;
 use ob1_rt::{Grant, MonotonicClock};
 
 use crate::access::protocol::{
@@ -83,6 +84,8 @@ pub struct StationView {
 pub struct ModuleView {
     /// Its name.
     pub name: String,
+    /// Which communication processor it is; none for process I/O.
+    pub cp: Option<CpKind>,
     /// Its type, as in the station file.
     pub type_name: &'static str,
     /// Its first byte.
@@ -97,14 +100,13 @@ impl ModuleView {
     /// Of a module without a driver.
     #[must_use]
     pub fn new(config: &ModuleConfig) -> Self {
-        let (type_name, address) = match config.kind {
-            ModuleKind::Cp240 { .. } => ("cp240", config.input_address),
-            ModuleKind::Cp040 { .. } => ("cp040", config.input_address),
-            ModuleKind::Cp341 { .. } => ("cp341", config.input_address),
-            ModuleKind::Inputs { .. } => ("inputs", config.input_address),
-            ModuleKind::Outputs { .. } => ("outputs", config.output_address),
+        let cp = config.kind.cp();
+        let (type_name, address) = match (cp, &config.kind) {
+            (Some(cp), _) => (cp.name(), config.input_address),
+            (None, ModuleKind::Outputs { .. }) => ("outputs", config.output_address),
+            (None, _) => ("inputs", config.input_address),
         };
-        Self { name: config.name.clone(), type_name, address, monitor: None, driver: None }
+        Self { name: config.name.clone(), cp, type_name, address, monitor: None, driver: None }
     }
 
     fn status(&self, present: bool) -> ModuleStatus {
@@ -122,22 +124,18 @@ impl ModuleView {
             type_name: self.type_name.to_owned(),
             address: self.address,
             present,
-            leds: monitor.map(|monitor| leds(self.type_name, monitor)).unwrap_or_default(),
+            leds: self.cp.zip(monitor).map(|(cp, monitor)| leds(cp, monitor)).unwrap_or_default(),
             driver,
             counters: counters.unwrap_or_default(),
         }
     }
 }
 
-/// The LEDs that are lit, by the names on the front. A CP 341 has no LED for its power.
-/// [S4 "Diagnostics via Display Elements (LEDs)"]
-fn leds(type_name: &str, monitor: &Monitor) -> Vec<String> {
+/// The LEDs that are lit, by the names on the front.
+fn leds(cp: CpKind, monitor: &Monitor) -> Vec<String> {
     let leds = monitor.leds();
-    let lit = match type_name {
-        "cp341" => [("", false), ("SF", leds.error), ("TXD", leds.transmit), ("RXD", leds.receive)],
-        _ => [("PW", leds.power), ("ER", leds.error), ("TxD", leds.transmit), ("RxD", leds.receive)],
-    };
-    lit.into_iter().filter(|(_, on)| *on).map(|(name, _)| name.to_owned()).collect()
+    let lit = cp.row().leds.into_iter().zip([leds.power, leds.error, leds.transmit, leds.receive]);
+    lit.filter(|(name, on)| *on && !name.is_empty()).map(|(name, _)| name.to_owned()).collect()
 }
 
 fn driver_state(monitor: &Monitor) -> String {
@@ -156,7 +154,7 @@ impl StationView {
     /// The diagnostic buffers of those CPs that have one: at most `count` entries of each, newest first.
     #[must_use]
     pub fn buffers(&self, count: u32) -> Vec<CpBuffer> {
-        let with_buffer = self.modules.iter().filter(|module| module.type_name == "cp341");
+        let with_buffer = self.modules.iter().filter(|module| module.cp.is_some_and(|cp| cp.row().has_channels));
         let buffer = |module: &ModuleView| {
             let monitor = module.monitor.as_ref()?;
             Some(CpBuffer {

@@ -55,7 +55,7 @@ impl Cable {
             damaged: HashSet::new(),
             undetectable: [0; 2],
             diagnostics: [false; 2],
-            cp_types: [CpType::Cp240, CpType::Cp240],
+            cp_types: [CpType::CP240, CpType::CP240],
             entries: Default::default(),
             orphaned: [false; 2],
         }

@@ -1,7 +1,7 @@
-//! The conformance table of the CP 341: every row of the manuals with the test that proves it, or the reason why there
-//! is none.
+//! The conformance tables of the CP 341 and the CP 340: every row of the manuals with the test that proves it, or the
+//! reason why there is none.
 //!
-//! `docs/conformance/cp341.rows` is written by hand, `docs/conformance/cp341.md` is made of it by
+//! `docs/conformance/*.rows` are written by hand, the pages beside them are made of them by
 //! `cargo xtask arch --bless`. The guard finds rows that have neither test nor reason, tests that are not there,
 //! sections without a row, and a page that is not the rows.
 
@@ -14,13 +14,41 @@ use crate::cargo;
 use crate::failure::{Outcome, step};
 
 const RULE: &str = "conformance";
-const ROWS: &str = "docs/conformance/cp341.rows";
-const PAGE: &str = "docs/conformance/cp341.md";
+
+/// A table with its page.
+struct Manual {
+    rows: &'static str,
+    page: &'static str,
+    /// What it has to speak of.
+    sections: &'static str,
+    /// How the page begins.
+    head: &'static str,
+    /// The event numbers are its rows too.
+    has_events: bool,
+}
+
+const MANUALS: [Manual; 2] = [
+    Manual {
+        rows: "docs/conformance/cp341.rows",
+        page: "docs/conformance/cp341.md",
+        sections: SECTIONS,
+        head: HEAD,
+        has_events: true,
+    },
+    Manual {
+        rows: "docs/conformance/cp340.rows",
+        page: "docs/conformance/cp340.md",
+        sections: SECTIONS_340,
+        head: HEAD_340,
+        has_events: false,
+    },
+];
+
 /// The table of event numbers, itself made of the code.
 const EVENTS: &str = "docs/cp341-events.md";
 
 /// Why a row has no test.
-const REASONS: [&str; 4] = ["fact only", "printer driver", "other module", "hardware fault"];
+const REASONS: [&str; 3] = ["fact only", "other module", "hardware fault"];
 
 /// What the table has to speak of: chapters 3 to 7 of the driver's manual, sections 1 to 6 of the reference. 3.2 to
 /// 3.14 of the reference are the event numbers.
@@ -34,11 +62,27 @@ const SECTIONS: &str = "
     reference 5.1; reference 5.2; reference 5.3; reference 5.4; reference 5.5; reference 5.6; reference 5.7;
     reference 6.1; reference 6.2; reference 6.3; reference 6.4; reference 6.5; reference 6.6; events";
 
+/// The pages of the manuals that public text has, and the blocks.
+const SECTIONS_340: &str = "
+    CP 340 blocks; CP 340 p. 39; CP 340 p. 54; CP 340 p. 64; CP 340 p. 67; CP 340 p. 72; CP 340 p. 85; CP 340 p. 142; CP 340 p. 143;
+    CP 341 p. 76; CP 341 p. 94; CP 341 p. 100; CP 341 p. 101; CP 341 p. 103; reference 3.7";
+
+const HEAD_340: &str = "\
+# Conformance of the CP 340 and of the printer driver
+
+What the manual of the CP 340 (04/2011), and that of the CP 341 (09/2008) about the printer driver, say as far as public text has it, with the
+test that proves it or the reason why there is none: *fact only* (nothing to be done by this program), *other module*, *hardware fault*. A row
+that says *ours* is our decision, because the text at hand is silent ([CP 340](../cp340.md), [printer driver](../cp340-printer.md)).
+
+Made of `docs/conformance/cp340.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither, when a test is not there,
+and when a section has no row.
+";
+
 const HEAD: &str = "\
 # Conformance of the CP 341
 
 Every row of chapters 3 to 7 of the loadable driver's manual (S4) and of sections 1 to 6 of the reference, with the test that proves it or the
-reason why there is none: *fact only* (nothing to be done by this program), *printer driver* (not built), *other module*, *hardware fault*.
+reason why there is none: *fact only* (nothing to be done by this program), *other module*, *hardware fault*.
 
 Made of `docs/conformance/cp341.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither, when a test is not there,
 and when a section has no row.
@@ -112,6 +156,13 @@ fn has_test(file: &File, name: &str) -> bool {
     })
 }
 
+impl Manual {
+    /// The event numbers that are its rows.
+    fn events<'t>(&self, tree: &'t Tree) -> Vec<(&'t str, &'t str, &'t str)> {
+        if self.has_events { events(tree) } else { Vec::new() }
+    }
+}
+
 /// An event number of the page: number, text, why it does not occur.
 fn events(tree: &Tree) -> Vec<(&str, &str, &str)> {
     let page = tree.files.iter().find(|file| file.path == EVENTS).map_or("", |file| &file.text);
@@ -123,27 +174,25 @@ fn events(tree: &Tree) -> Vec<(&str, &str, &str)> {
     rows.collect()
 }
 
-fn required() -> impl Iterator<Item = &'static str> {
-    SECTIONS.split(';').map(str::trim)
-}
-
 /// Whether a heading is about this section: `S4 3.6.1 Modbus ASCII Protocol` is about `S4 3.6.1`.
 fn is_about(heading: &str, section: &str) -> bool {
     heading.strip_prefix(section).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
 }
 
-/// The guard. A tree without the rows has nothing to say (the tests of the other guards have such).
+/// The guard.
 pub(super) fn check(tree: &Tree) -> Vec<Finding> {
-    check_against(tree, required())
+    let required = |manual: &Manual| manual.sections.split(';').map(str::trim);
+    MANUALS.iter().flat_map(|manual| check_against(tree, manual, required(manual))).collect()
 }
 
-fn check_against<'s>(tree: &Tree, required: impl Iterator<Item = &'s str>) -> Vec<Finding> {
+fn check_against<'s>(tree: &Tree, manual: &Manual, required: impl Iterator<Item = &'s str>) -> Vec<Finding> {
     let finding = |place: String, what: String| Finding { place, rule: RULE, what };
-    let Some(file) = tree.files.iter().find(|file| file.path == ROWS) else {
-        return vec![finding(ROWS.into(), "is not there".into())];
+    let (rows, page_path) = (manual.rows, manual.page);
+    let Some(file) = tree.files.iter().find(|file| file.path == rows) else {
+        return vec![finding(rows.into(), "is not there".into())];
     };
     let table = Table::read(&file.text);
-    let at = |line: usize| format!("{ROWS}:{line}");
+    let at = |line: usize| format!("{rows}:{line}");
     let mut findings: Vec<Finding> = table.flaws.iter().map(|(line, what)| finding(at(*line), what.clone())).collect();
     for row in table.rows().filter(|row| !REASONS.contains(&row.proof)) {
         if let Err(what) = table.prove(tree, row) {
@@ -151,23 +200,25 @@ fn check_against<'s>(tree: &Tree, required: impl Iterator<Item = &'s str>) -> Ve
         }
     }
     for section in required {
-        let rows = table.sections.iter().filter(|(heading, _)| is_about(heading, section)).map(|(_, rows)| rows.len());
-        if rows.sum::<usize>() == 0 {
-            findings.push(finding(ROWS.into(), format!("{section} has no row")));
+        let counts =
+            table.sections.iter().filter(|(heading, _)| is_about(heading, section)).map(|(_, rows)| rows.len());
+        if counts.sum::<usize>() == 0 {
+            findings.push(finding(rows.into(), format!("{section} has no row")));
         }
     }
     let listed: BTreeSet<&str> = event_rows(&table).map(|row| row.place).collect();
-    for (number, _, reason) in events(tree) {
+    for (number, _, reason) in manual.events(tree) {
         match (listed.contains(number), reason) {
-            (false, "") => findings.push(finding(ROWS.into(), format!("{number} occurs, and no row names its test"))),
+            (false, "") => findings.push(finding(rows.into(), format!("{number} occurs, and no row names its test"))),
             (true, reason) if !reason.is_empty() => {
-                findings.push(finding(ROWS.into(), format!("{number} has a test and a reason to have none")));
+                findings.push(finding(rows.into(), format!("{number} has a test and a reason to have none")));
             }
             _ => {}
         }
     }
-    if tree.files.iter().find(|file| file.path == PAGE).is_none_or(|file| file.text != page(tree, &table)) {
-        findings.push(finding(PAGE.into(), "is not made of the rows; cargo xtask arch --bless".into()));
+    if tree.files.iter().find(|file| file.path == page_path).is_none_or(|file| file.text != page(tree, manual, &table))
+    {
+        findings.push(finding(page_path.into(), "is not made of the rows; cargo xtask arch --bless".into()));
     }
     findings
 }
@@ -176,18 +227,22 @@ fn event_rows<'t>(table: &'t Table<'_>) -> impl Iterator<Item = &'t Row<'t>> {
     table.sections.iter().filter(|(heading, _)| is_about(heading, "events")).flat_map(|(_, rows)| rows)
 }
 
-/// Writes the page.
+/// Writes the pages.
 pub(super) fn bless() -> Outcome {
     let tree = Tree::read()?;
-    let rows = tree.files.iter().find(|file| file.path == ROWS).map_or("", |file| &file.text);
-    let path = cargo::root().join(PAGE);
-    std::fs::write(&path, page(&tree, &Table::read(rows))).map_err(|why| step(format!("{}: {why}", path.display())))
+    for manual in &MANUALS {
+        let rows = tree.files.iter().find(|file| file.path == manual.rows).map_or("", |file| &file.text);
+        let path = cargo::root().join(manual.page);
+        let page = page(&tree, manual, &Table::read(rows));
+        std::fs::write(&path, page).map_err(|why| step(format!("{}: {why}", path.display())))?;
+    }
+    Ok(())
 }
 
-fn page(tree: &Tree, table: &Table<'_>) -> String {
-    let mut page = HEAD.to_owned();
+fn page(tree: &Tree, manual: &Manual, table: &Table<'_>) -> String {
+    let mut page = manual.head.to_owned();
     let count = |is: &dyn Fn(&Row<'_>) -> bool| table.rows().filter(|row| is(row)).count();
-    let without = events(tree).iter().filter(|(_, _, reason)| !reason.is_empty()).count();
+    let without = manual.events(tree).iter().filter(|(_, _, reason)| !reason.is_empty()).count();
     let reasons = count(&|row| REASONS.contains(&row.proof)) + without;
     let proven = count(&|_| true) + without - reasons;
     let _ = write!(page, "\n{proven} rows have a test, {reasons} a reason why there is none.\n");
@@ -197,6 +252,9 @@ fn page(tree: &Tree, table: &Table<'_>) -> String {
         for row in rows {
             let _ = writeln!(page, "| {manual}{} | {} | {} |", row.place, row.text, proof(tree, table, row));
         }
+    }
+    if !manual.has_events {
+        return page;
     }
     page += "\n## Event numbers: S4 7.3, reference 3.2 to 3.14\n\n| number | event | proof |\n|---|---|---|\n";
     for (number, text, reason) in events(tree) {
@@ -224,16 +282,17 @@ fn proof(tree: &Tree, table: &Table<'_>, row: &Row<'_>) -> String {
 mod tests {
     use super::*;
 
+    const CP341: &Manual = &MANUALS[0];
     const CODE: &str = "#[test]\nfn good() {}\nfn helper() {}\n// fn commented()\n";
     const EVENT_PAGE: &str = "| STATUS | event |\n| 0E20 | bits | remedy | |\n| 0101 | memory | | hardware fault |\n";
     const GOOD: &str = "@m a/tests/m.rs\n== S4 3.1 Title\nL12 | said | m::good\nL13 | said | fact only\n== events\n0E20 | - | m::good\n";
 
     /// What the guard finds in these rows, the page being right.
     fn findings(rows: &str) -> Vec<String> {
-        let files = [("a/tests/m.rs", CODE), (EVENTS, EVENT_PAGE), (ROWS, rows)];
-        let page = page(&Tree::of(&files), &Table::read(rows));
-        let tree = Tree::of(&[files[0], files[1], files[2], (PAGE, &page)]);
-        check_against(&tree, ["S4 3.1", "events"].into_iter()).iter().map(ToString::to_string).collect()
+        let files = [("a/tests/m.rs", CODE), (EVENTS, EVENT_PAGE), (CP341.rows, rows)];
+        let page = page(&Tree::of(&files), CP341, &Table::read(rows));
+        let tree = Tree::of(&[files[0], files[1], files[2], (CP341.page, &page)]);
+        check_against(&tree, CP341, ["S4 3.1", "events"].into_iter()).iter().map(ToString::to_string).collect()
     }
 
     #[test]
@@ -261,8 +320,9 @@ mod tests {
 
     #[test]
     fn a_page_of_other_rows_is_found() {
-        let tree = Tree::of(&[("a/tests/m.rs", CODE), (EVENTS, EVENT_PAGE), (ROWS, GOOD), (PAGE, "# Old\n")]);
-        let found = check_against(&tree, std::iter::empty());
+        let tree =
+            Tree::of(&[("a/tests/m.rs", CODE), (EVENTS, EVENT_PAGE), (CP341.rows, GOOD), (CP341.page, "# Old\n")]);
+        let found = check_against(&tree, CP341, std::iter::empty());
         assert!(found.len() == 1 && found[0].what.contains("--bless"), "{found:?}");
     }
 }

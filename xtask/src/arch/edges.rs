@@ -91,7 +91,9 @@ const TABLE: &[Row] = &[
     row("ob1-cp240", "invariant 9", &["ob1-sdk"]),
     row("ob1-cp040", "invariant 9", &["ob1-sdk", "ob1-slio"]),
     row("ob1-slio", "invariant 9", &[]),
-    row("ob1-cp341", "invariant 9", &["ob1-sdk"]),
+    row("ob1-cp341", "invariant 9", &["ob1-ptp", "ob1-sdk"]),
+    row("ob1-cp340", "invariant 9", &["ob1-ptp", "ob1-sdk"]),
+    row("ob1-ptp", "invariant 9", &["ob1-sdk"]),
     // The tables of DIF and VIF.
     row("ob1-mbus-records", "invariant 9", &["m-bus-application-layer"]),
     row("ob1-mbus", "invariant 9", &["ob1-mbus-records", "ob1-sdk"]),
@@ -213,6 +215,7 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
         "invariant 9",
         &[
             "ob1-cp240",
+            "ob1-cp340",
             "ob1-cp341",
             "ob1-example-rust-blocks",
             "ob1-example-rust-ob1",

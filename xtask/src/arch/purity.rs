@@ -65,8 +65,16 @@ fn has_unsafe_code(line: &str) -> bool {
 }
 
 /// Crates that end up in a plugin.
-const PLUGIN_CRATES: &[&str] =
-    &["plugins/cp040", "plugins/cp240", "plugins/cp341", "plugins/slio", "plugins/sdk", "examples"];
+const PLUGIN_CRATES: &[&str] = &[
+    "plugins/cp040",
+    "plugins/cp240",
+    "plugins/cp340",
+    "plugins/cp341",
+    "plugins/ptp",
+    "plugins/slio",
+    "plugins/sdk",
+    "examples",
+];
 
 /// Mutable statics that are allowed, with the reason: file, name of the static.
 const PLUGIN_STATICS: &[(&str, &str, &str)] = &[

@@ -119,7 +119,7 @@ impl<'a> FromCpu<'a> {
 /// A job of P_SND_RK.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Job {
-    /// 'S' send, 'F' fetch.
+    /// 'S' send, 'F' fetch, 'P' print.
     pub sf: u8,
     /// Area in the partner.
     pub r_typ: u8,
@@ -138,6 +138,14 @@ pub struct Job {
 }
 
 impl Job {
+    /// SF of P_PRINT. (ours)
+    pub(crate) const PRINT: u8 = b'P';
+
+    /// Whether the CPU gives data with it.
+    pub(crate) const fn has_data(&self) -> bool {
+        matches!(self.sf, b'S' | Self::PRINT)
+    }
+
     pub(crate) fn of(block: &ChannelBlock) -> Self {
         let int = |at: usize| i16::from_be_bytes([block[at], block[at + 1]]);
         Self {

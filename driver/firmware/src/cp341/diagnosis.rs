@@ -1,6 +1,7 @@
 //! What is wrong with a CP 341 as a module: its diagnostic data, and when a diagnostic interrupt is raised.
 //! [reference 1.9]
 
+use super::model::Model;
 use crate::diagnosis::DiagnosticBytes;
 
 /// Diagnostic data record 1; the first four bytes are record 0.
@@ -25,14 +26,14 @@ pub(crate) struct Faults {
 }
 
 impl Faults {
-    /// Data record 0.
-    const fn bytes(self) -> [u8; 4] {
+    /// Data record 0 of this model.
+    const fn bytes(self, model: &Model) -> [u8; 4] {
         let mut bytes = [0, CLASS, 0, 0];
         if self.wire_break {
             (bytes[0], bytes[2]) = (bytes[0] | 0x25, 0x02);
         }
         if self.parameters {
-            bytes[0] |= 0x83;
+            bytes[0] |= model.parameters_wrong;
         }
         bytes
     }
@@ -43,8 +44,9 @@ impl Faults {
 }
 
 /// What has been found, shown and told.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Diagnosis {
+    model: &'static Model,
     /// Faults raise diagnostic interrupts.
     pub(crate) enabled: bool,
     cpu_running: bool,
@@ -54,6 +56,11 @@ pub(crate) struct Diagnosis {
 }
 
 impl Diagnosis {
+    pub(crate) fn new(model: &'static Model) -> Self {
+        let (found, told) = (Faults::default(), Faults::default());
+        Self { model, enabled: false, cpu_running: false, found, told, shown: None }
+    }
+
     /// "Events (either incoming or outgoing) that occurred when the CPU was in STOP mode are not stored. Events that
     /// are still present when the CPU switches back to RUN mode are signaled via a diagnostic interrupt."
     /// [CP 341 manual 09/2008, p. 204]
@@ -73,7 +80,7 @@ impl Diagnosis {
     /// The data record, if it has changed.
     pub(crate) fn record(&mut self) -> Option<Record> {
         let mut record = [0; 16];
-        record[..4].copy_from_slice(&self.found.bytes());
+        record[..4].copy_from_slice(&self.found.bytes(self.model));
         (self.shown.replace(record) != Some(record)).then_some(record)
     }
 
@@ -83,7 +90,7 @@ impl Diagnosis {
             return None;
         }
         let before = std::mem::replace(&mut self.told, self.found);
-        let [a, b, c, d] = self.found.bytes();
+        let [a, b, c, d] = self.found.bytes(self.model);
         let [high, low] = if self.found.parameters { PARAMETERS.to_be_bytes() } else { [0, 0] };
         Some((self.found.has_new(before), [a, b, c, d, high, low]))
     }

@@ -1,5 +1,5 @@
-//! A whole CP 341 as one sans-IO machine: two channels towards the CPU, protocol, receive buffer, LEDs, counters,
-//! diagnostic buffer.
+//! A whole CP 341, or a CP 340 (`model`), as one sans-IO machine: two channels towards the CPU, protocol, receive
+//! buffer, LEDs, counters, diagnostic buffer.
 //!
 //! As the CP 240 it is pure in its inputs and their times. The channels are described in `docs/cp341-channels.md`.
 
@@ -7,6 +7,7 @@ mod channel;
 mod diagnosis;
 mod leds;
 mod loadable;
+mod model;
 mod outlet;
 mod patience;
 mod protocol;
@@ -17,7 +18,7 @@ mod v24;
 
 pub use channel::{Channel, ChannelBlock, Job};
 
-use ob1_params::{Cp341 as Parameters, ParamError, Protocol341};
+use ob1_params::{Cp341 as Parameters, CpKind, ParamError, Protocol341};
 use ob1_protocols::modbus_master_32;
 use ob1_protocols::rk512::{self, Answer, AnswerError, Refusal, code};
 use ob1_protocols::{Input, LineFault, MS, Nanos, Order};
@@ -28,11 +29,12 @@ use crate::registers::Registers;
 use crate::ring::Capacity;
 use channel::Reason;
 use diagnosis::{Diagnosis, Faults};
+use model::{JOB_MAX, Model};
 use outlet::{Collected, Outlet, Parts};
 use patience::Patience;
 use protocol::Protocol;
 use receive::{Kind, Offer, ReceiveChannel};
-use send::{JOB_MAX, SendChannel};
+use send::SendChannel;
 use v24::V24;
 
 /// A telegram that the CPU has no place for is offered again after this. (ours; "repeated attempts" [reference 1.7])
@@ -55,12 +57,13 @@ pub enum Input341<'a> {
     Parameters(Result<&'a Parameters, &'a ParamError>),
 }
 
-/// A CP 341.
+/// A CP 341, or a CP 340.
 ///
 /// Laws for the owner: time never goes backwards; [`Input341::Tick`] at the latest when the time [`Cp341::step`]
 /// answered has come.
 #[derive(Debug)]
 pub struct Cp341 {
+    model: &'static Model,
     parameters: Option<Parameters>,
     parameters_wrong: bool,
     protocol: Protocol,
@@ -69,6 +72,8 @@ pub struct Cp341 {
     send: SendChannel,
     /// The job that is with the protocol.
     sending: Option<send::Token>,
+    /// What is wrong with a printout that is on its way: its job ends with it.
+    misprint: Option<u16>,
     receive: ReceiveChannel,
     patience: Patience,
     /// A telegram that the CPU has refused is not offered before this.
@@ -87,25 +92,38 @@ impl Default for Cp341 {
 }
 
 impl Cp341 {
-    /// A module without parameters.
+    /// A CP 341 without parameters.
     pub fn new() -> Self {
+        Self::of(CpKind::Cp341)
+    }
+
+    /// The CP of this type, without parameters.
+    pub fn of(kind: CpKind) -> Self {
+        let model = Model::of(kind);
         Self {
+            model,
             parameters: None,
             parameters_wrong: false,
             protocol: Protocol::None,
             protocol_due: None,
             cpu_running: false,
-            send: SendChannel::new(),
+            send: SendChannel::new(model),
             sending: None,
+            misprint: None,
             receive: ReceiveChannel::new(),
             patience: Patience::default(),
             again_at: 0,
             parts: Parts::new(),
             v24: V24::new(),
-            diagnosis: Diagnosis::default(),
+            diagnosis: Diagnosis::new(model),
             leds_shown: Leds::NONE,
             shown: [[0; 64]; 2],
         }
+    }
+
+    /// Which type it is.
+    pub const fn kind(&self) -> CpKind {
+        self.model.kind
     }
 
     /// Takes one input at time `now`; the result is when [`Input341::Tick`] is due.
@@ -175,9 +193,9 @@ impl Cp341 {
                 self.parts.leds.parameters(now, true);
                 self.parameters = Some(new.clone());
                 port.line_settings(&new.line_settings());
-                self.parts.ring.clear(capacity(new));
+                self.parts.ring.clear(capacity(self.model, new));
                 self.protocol = Protocol::of(new, port.lateness());
-                self.parts.heard_once = matches!(self.protocol, Protocol::Ascii(_));
+                self.parts.heard_once = !self.protocol.is_acknowledged();
                 // "When the module is switched on, all output signals are in OFF state"; a driver that uses them
                 // switches them itself. [reference 2.2], [S4 L590]
                 self.v24.off(port);
@@ -206,11 +224,7 @@ impl Cp341 {
         }
         self.protocol = Protocol::None;
         self.protocol_due = None;
-        let dropped = self.parts.ring.telegrams();
-        if dropped > 0 {
-            port.count(CpCounter::ReceiveAborted, dropped as u64);
-        }
-        self.parts.ring.clear(Capacity::cp341(u8::MAX));
+        self.clear_buffer(Capacity::of_bytes(self.model.bytes, u8::MAX), port);
         self.parts.untold.clear();
         if self.receive.offered() == Some(Kind::Telegram) {
             self.withdraw(port);
@@ -220,11 +234,23 @@ impl Cp341 {
         }
     }
 
+    /// Drops the telegrams that wait.
+    fn clear_buffer(&mut self, capacity: Capacity, port: &mut dyn CpPort) {
+        let dropped = self.parts.ring.telegrams();
+        if dropped > 0 {
+            port.count(CpCounter::ReceiveAborted, dropped as u64);
+        }
+        self.parts.ring.clear(capacity);
+    }
+
     fn cpu(&mut self, now: Nanos, run: bool, port: &mut dyn CpPort) {
         if self.cpu_running == run {
             return;
         }
         self.cpu_running = run;
+        if run && let Some(capacity) = self.parameters.as_ref().and_then(|p| cleared(self.model, p)) {
+            self.clear_buffer(capacity, port);
+        }
         self.diagnosis.cpu(run);
         self.enter(now, if run { 0x0008 } else { 0x0007 }, port);
         if !run {
@@ -275,6 +301,15 @@ impl Cp341 {
         telegram[..data.len()].copy_from_slice(data);
         let telegram = &telegram[..data.len()];
         self.parts.first_error = None;
+        self.misprint = None;
+        // "Not allowed in this mode": a printer driver prints, and the others do not. [reference 3.7]
+        let is_printer = matches!(self.protocol, Protocol::Printer(..));
+        if is_printer != (job.sf == Job::PRINT) {
+            return self.job_ended(now, Err(0x0502), port);
+        }
+        if is_printer {
+            return self.print(now, telegram, port);
+        }
         if let Protocol::Loadable(_) = self.protocol {
             if job.sf != b'S' {
                 return self.job_ended(now, Err(0x0301), port);
@@ -303,6 +338,25 @@ impl Cp341 {
                 self.order_rk512(now, rk512::Order::Start(request, data), port);
             }
         }
+    }
+
+    /// P_PRINT: what is wrong with a printout stands in it, and is told when it is out.
+    fn print(&mut self, now: Nanos, job: &[u8], port: &mut dyn CpPort) {
+        let (bytes, misprint) = match self.protocol.print(job) {
+            Ok(printout) => printout,
+            Err(status) => return self.job_ended(now, Err(status), port),
+        };
+        if bytes.is_empty() {
+            return self.job_ended(now, misprint.map_or(Ok(&[]), Err), port);
+        }
+        if let Some(number) = misprint {
+            self.enter(now, number, port);
+        }
+        self.misprint = misprint;
+        port.event(now, CpEvent::Order(&bytes));
+        self.sending = Some(self.send.token());
+        self.drive(now, Input::Order(Order::Send(&bytes)), port);
+        self.break_off(now, port);
     }
 
     /// The job of the send channel has ended before the protocol had it.
@@ -525,6 +579,7 @@ impl Cp341 {
             self.answered(now, outcome, port);
         }
         let Some(outcome) = collected.ended else { return };
+        let outcome = outcome.and_then(|len| self.misprint.take().map_or(Ok(len), Err));
         match outcome {
             Ok(_) => {
                 port.count(CpCounter::Sent, 1);
@@ -595,11 +650,20 @@ impl Cp341 {
 }
 
 /// What the receive buffer holds: ASCII has parameters for it. [reference 6.2]
-const fn capacity(parameters: &Parameters) -> Capacity {
+const fn capacity(model: &Model, parameters: &Parameters) -> Capacity {
     match &parameters.protocol {
-        Protocol341::Ascii(p) if p.overwrites => Capacity::cp341(1).newest(),
-        Protocol341::Ascii(p) => Capacity::cp341(p.receive_buffers),
-        _ => Capacity::cp341(u8::MAX),
+        Protocol341::Ascii(p) if p.overwrites => Capacity::of_bytes(model.bytes, 1).newest(),
+        Protocol341::Ascii(p) => Capacity::of_bytes(model.bytes, p.receive_buffers),
+        _ => Capacity::of_bytes(model.bytes, u8::MAX),
+    }
+}
+
+/// The same, if a start-up of the CPU empties it: CP 340. [CP 340 manual 04/2011, p. 72]
+const fn cleared(model: &Model, parameters: &Parameters) -> Option<Capacity> {
+    match &parameters.protocol {
+        Protocol341::Ascii(p) if p.clear_buffer => Some(capacity(model, parameters)),
+        Protocol341::S3964(p) if p.clear_buffer => Some(capacity(model, parameters)),
+        _ => None,
     }
 }
 

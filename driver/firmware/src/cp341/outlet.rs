@@ -7,7 +7,7 @@ use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
 use ob1_protocols::{Event, LineFault, Nanos, Phase, SendError, Sink, What};
 
 use super::leds::LedDriver;
-use super::send::JOB_MAX;
+use super::model::JOB_MAX;
 use crate::port::{CpCounter, CpEvent, CpPort};
 use crate::ring::{BYTES_341, Ring};
 

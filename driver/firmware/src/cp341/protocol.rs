@@ -1,22 +1,89 @@
 //! From the parameters to the protocol machine.
 
-use ob1_params::{AsciiOf341, Cp341 as Parameters, EndOf341, Flow, Priority, Protocol341, S3964Of341, SendingOf341};
+use std::fmt;
+
+use ob1_params::{
+    AsciiOf341, Cp341 as Parameters, CpKind, EndOf341, Flow, Priority, Protocol341, S3964Of341, SendingOf341,
+};
 use ob1_protocols::modbus_master_32::{self, Driver};
 use ob1_protocols::rk512::{self, Rk512};
-use ob1_protocols::{Ascii, MS, Machine, Nanos, Order, S3964, Sink, ascii, machine, s3964, signals};
+use ob1_protocols::{Ascii, LineFault, MS, Machine, Nanos, Order, S3964, Sink, ascii, machine, s3964, signals};
 
 use super::loadable;
-use super::send::JOB_MAX;
+use super::model::{JOB_MAX, JOB_MAX_340};
+use crate::printer::Printer;
 
 /// The protocol at work.
-#[derive(Debug)]
 pub(crate) enum Protocol {
     /// No valid parameters.
     None,
-    Ascii(Box<Ascii<JOB_MAX>>),
-    S3964(Box<S3964<JOB_MAX>>),
+    Plain(Plain),
+    /// Output alone: what comes in is XON and XOFF, or nothing.
+    Printer(Box<Printer>, Plain),
     Rk512(Box<Rk512<JOB_MAX>>),
     Loadable(Box<Driver>),
+}
+
+/// A protocol whose telegrams have no header and belong to no job: ASCII, 3964(R).
+pub(crate) struct Plain {
+    /// Boxed: its buffers are as long as the CP's telegrams.
+    machine: Box<dyn Machine>,
+    /// Whether RTS and DTR are the protocol's: flow control, automatic use.
+    driven: (bool, bool),
+    is_acknowledged: bool,
+    flow: ascii::Flow,
+}
+
+impl Plain {
+    fn ascii(config: ascii::Config, kind: CpKind) -> Self {
+        let (automatic, flow) = (config.signals.is_some(), config.flow);
+        let driven = (automatic || flow == ascii::Flow::Hardware, automatic);
+        let machine: Box<dyn Machine> = match kind {
+            CpKind::Cp340 => Box::new(Ascii::<JOB_MAX_340>::new(config)),
+            _ => Box::new(Ascii::<JOB_MAX>::new(config)),
+        };
+        Self { machine, driven, is_acknowledged: false, flow }
+    }
+
+    fn s3964(config: s3964::Config, kind: CpKind) -> Self {
+        let machine: Box<dyn Machine> = match kind {
+            CpKind::Cp340 => Box::new(S3964::<JOB_MAX_340>::new(config)),
+            _ => Box::new(S3964::<JOB_MAX>::new(config)),
+        };
+        Self { machine, driven: (false, false), is_acknowledged: true, flow: ascii::Flow::None }
+    }
+
+    /// A step of a protocol that does not listen.
+    fn step_deaf(&mut self, now: Nanos, input: machine::Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+        match input {
+            machine::Input::Rx(bytes) => {
+                let steers =
+                    |byte: &&u8| self.flow == ascii::Flow::XonXoff && [ascii::XON, ascii::XOFF].contains(*byte);
+                let heard: Vec<u8> = bytes.iter().filter(steers).copied().collect();
+                self.machine.step(
+                    now,
+                    if heard.is_empty() { machine::Input::Tick } else { machine::Input::Rx(&heard) },
+                    out,
+                )
+            }
+            machine::Input::LineFault(LineFault::Parity | LineFault::Framing | LineFault::Overrun) => {
+                self.machine.step(now, machine::Input::Tick, out)
+            }
+            other => self.machine.step(now, other, out),
+        }
+    }
+}
+
+impl fmt::Debug for Protocol {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::None => "None",
+            Self::Plain(_) => "Plain",
+            Self::Printer(..) => "Printer",
+            Self::Rk512(_) => "Rk512",
+            Self::Loadable(_) => "Loadable",
+        })
+    }
 }
 
 impl Protocol {
@@ -24,7 +91,19 @@ impl Protocol {
     pub(crate) fn of(parameters: &Parameters, late: Nanos) -> Self {
         let char_time = parameters.line_settings().char_time_ns();
         let p = match &parameters.protocol {
-            Protocol341::Ascii(p) => return Self::Ascii(Box::new(Ascii::new(ascii_config(p, parameters, late)))),
+            Protocol341::Ascii(p) => {
+                return Self::Plain(Plain::ascii(ascii_config(p, parameters, late), parameters.kind));
+            }
+            Protocol341::Printer(p) => {
+                let config = ascii::Config {
+                    criterion: ascii::Criterion::Silence,
+                    flow: flow(parameters),
+                    flow_wait: Nanos::from(p.flow_wait_ms) * MS,
+                    ..ascii::Config::cp240(char_time)
+                };
+                // What one job prints may be longer than a CP 340's telegrams.
+                return Self::Printer(Box::new(Printer::new(p)), Plain::ascii(config, CpKind::Cp341));
+            }
             Protocol341::S3964(p) => p,
             Protocol341::ModbusMaster32(p) => {
                 return Self::Loadable(Box::new(loadable::of(p, &parameters.line_settings(), late)));
@@ -38,7 +117,7 @@ impl Protocol {
             }
             Self::Rk512(Box::new(Rk512::new(config)))
         } else {
-            Self::S3964(Box::new(S3964::new(line)))
+            Self::Plain(Plain::s3964(line, parameters.kind))
         }
     }
 
@@ -51,8 +130,8 @@ impl Protocol {
     ) -> Option<Nanos> {
         match self {
             Self::None => None,
-            Self::Ascii(machine) => machine.step(now, input, out),
-            Self::S3964(machine) => machine.step(now, input, out),
+            Self::Plain(plain) => plain.machine.step(now, input, out),
+            Self::Printer(_, plain) => plain.step_deaf(now, input, out),
             // Its orders come the other way.
             Self::Rk512(machine) => machine.step(now, rk512::Input::of_line(input)?, out),
             Self::Loadable(driver) => driver.step(now, loadable::of_line(input)?, out),
@@ -63,8 +142,7 @@ impl Protocol {
     pub(crate) fn busy(&self) -> bool {
         match self {
             Self::None => false,
-            Self::Ascii(machine) => machine.busy(),
-            Self::S3964(machine) => machine.busy(),
+            Self::Plain(plain) | Self::Printer(_, plain) => plain.machine.busy(),
             Self::Rk512(machine) => machine.busy(),
             Self::Loadable(driver) => driver.busy(),
         }
@@ -80,16 +158,13 @@ impl Protocol {
 
     /// Whether telegrams have no header and belong to no job: ASCII, 3964(R).
     pub(crate) const fn is_plain(&self) -> bool {
-        matches!(self, Self::Ascii(_) | Self::S3964(_))
+        matches!(self, Self::Plain(_))
     }
 
     /// Whether RTS and DTR are the protocol's: flow control, automatic use.
     pub(crate) fn driven(&self) -> (bool, bool) {
         match self {
-            Self::Ascii(machine) => {
-                let automatic = machine.config().signals.is_some();
-                (automatic || machine.config().flow == ascii::Flow::Hardware, automatic)
-            }
+            Self::Plain(plain) | Self::Printer(_, plain) => plain.driven,
             Self::Loadable(driver) => (driver.uses_signals(), driver.uses_signals()),
             _ => (false, false),
         }
@@ -98,7 +173,17 @@ impl Protocol {
     /// Whether the partner acknowledges telegrams. Where nobody does, a job on a line that is known to be gone must not
     /// count as done because its last bit has "left".
     pub(crate) const fn is_acknowledged(&self) -> bool {
-        !matches!(self, Self::Ascii(_))
+        match self {
+            Self::Plain(plain) | Self::Printer(_, plain) => plain.is_acknowledged,
+            _ => true,
+        }
+    }
+
+    /// Prints a job: what goes to the line, and the STATUS it ends with when it is out. With another protocol there is
+    /// no printer. [reference 3.7]
+    pub(crate) fn print(&mut self, job: &[u8]) -> Result<(Vec<u8>, Option<u16>), u16> {
+        let Self::Printer(printer, _) = self else { return Err(0x0502) };
+        printer.print(job).map(|printout| (printout.bytes, printout.fault.map(|fault| fault as u16)))
     }
 
     /// Drops everything.
@@ -122,11 +207,7 @@ fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Nanos) -> ascii::
     };
     ascii::Config {
         criterion,
-        flow: match parameters.line.flow {
-            Flow::None => ascii::Flow::None,
-            Flow::Hardware => ascii::Flow::Hardware,
-            Flow::XonXoff => ascii::Flow::XonXoff,
-        },
+        flow: flow(parameters),
         // Where ZVZ only watches over a telegram, characters that the line hands over late are none that came late.
         zvz: if criterion == ascii::Criterion::Silence { zvz } else { zvz + late },
         pause: if p.send_pause { zvz } else { 0 },
@@ -136,6 +217,14 @@ fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Nanos) -> ascii::
             output_wait: Nanos::from(output_wait_ms) * MS,
         }),
         ..ascii::Config::cp240(parameters.line_settings().char_time_ns())
+    }
+}
+
+const fn flow(parameters: &Parameters) -> ascii::Flow {
+    match parameters.line.flow {
+        Flow::None => ascii::Flow::None,
+        Flow::Hardware => ascii::Flow::Hardware,
+        Flow::XonXoff => ascii::Flow::XonXoff,
     }
 }
 

@@ -1,7 +1,7 @@
 //! The receive channel: telegrams and jobs of the partner for P_RCV_RK, piece by piece. [reference 1.5]
 
 use super::channel::{ChannelBlock, Command, FromCpu, Reason, State, ToCpu, pieces, range};
-use super::send::JOB_MAX;
+use super::model::JOB_MAX;
 
 /// Where what was offered is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

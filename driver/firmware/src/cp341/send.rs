@@ -1,9 +1,7 @@
 //! The send channel: jobs of P_SND_RK, piece by piece. [reference 1.2]
 
 use super::channel::{ChannelBlock, Command, FromCpu, Job, State, ToCpu, pieces, range};
-
-/// Longest job in bytes. [reference 1.1]
-pub(crate) const JOB_MAX: usize = 4096;
+use super::model::{JOB_MAX, Model};
 
 /// Where the job is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +42,7 @@ pub(crate) enum Step {
 /// The channel and the data of its job.
 #[derive(Debug)]
 pub(crate) struct SendChannel {
+    model: &'static Model,
     phase: Phase,
     start: u16,
     number: u16,
@@ -54,9 +53,9 @@ pub(crate) struct SendChannel {
 }
 
 impl SendChannel {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(model: &'static Model) -> Self {
         let data = Box::new([0; JOB_MAX]);
-        Self { phase: Phase::Off, start: 0, number: 0, job: Job::default(), data, fetched: 0 }
+        Self { model, phase: Phase::Off, start: 0, number: 0, job: Job::default(), data, fetched: 0 }
     }
 
     /// The CPU is in STOP, or the CP begins anew: nobody waits for an answer any more.
@@ -74,14 +73,14 @@ impl SendChannel {
         (self.start, self.number)
     }
 
-    /// The job and, for SEND, its data.
+    /// The job and the data that came with it.
     pub(crate) fn job(&self) -> (Job, &[u8]) {
-        let len = if self.job.sf == b'S' { self.len() } else { 0 };
+        let len = if self.job.has_data() { self.len() } else { 0 };
         (self.job, &self.data[..len])
     }
 
     fn len(&self) -> usize {
-        usize::try_from(self.job.len).unwrap_or(0).min(JOB_MAX)
+        usize::try_from(self.job.len).unwrap_or(0).min(self.model.bytes)
     }
 
     /// Looks at what the CPU shows.
@@ -126,9 +125,9 @@ impl SendChannel {
         if len == 0 || usize::try_from(self.job.len) != Ok(len) {
             self.phase = Phase::Running;
             // "Length too large or too small"
-            return Step::Refused(0x0518);
+            return Step::Refused(self.model.length);
         }
-        if self.job.sf != b'S' {
+        if !self.job.has_data() {
             self.phase = Phase::Running;
             return Step::Complete;
         }

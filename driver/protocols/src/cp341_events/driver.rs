@@ -1,7 +1,7 @@
 //! Classes 14 and 30: loadable driver, and what the blocks find.
 //! [S4 "7.3.3 Error Codes for “General Processing Errors”"], [reference 3.14]
 
-use super::Origin::{FactOnly, HardwareFault, OtherModule, PrinterDriver};
+use super::Origin::{FactOnly, HardwareFault, OtherModule};
 use super::{Row, here, other};
 
 const SOURCE: &str = "Correct the source DB.";
@@ -90,6 +90,14 @@ pub(super) const ROWS: &[Row] = &[
     other(OtherModule, 0x1E11, "Modbus slave: fault of the driver's block"),
     other(OtherModule, 0x1E20, "Modbus slave: fault of the driver's block"),
     here(0x1E41, "LEN is not 1 to 4096", "Correct LEN."),
-    other(PrinterDriver, 0x1E42, "A variable is longer than 32 bytes, or the format string than 150"),
-    other(PrinterDriver, 0x1E43, "No pointer to a format string"),
+    here(
+        0x1E42,
+        "Printer: a variable has not 1 to 32 bytes, or the format string not 1 to 150; or the pointers changed in a job",
+        "Correct the lengths in the pointer DB, and leave it alone until DONE or ERROR.",
+    ),
+    here(
+        0x1E43,
+        "Printer: the pointer DB names no data block for the format string",
+        "Write its DB number behind those of the four variables.",
+    ),
 ];

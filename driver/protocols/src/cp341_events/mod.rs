@@ -1,5 +1,5 @@
-//! Event numbers of the CP 341, class and number as in STATUS, with text and remedy in our own words. [reference 3],
-//! [S4 "7.3 Table of Errors / Events"]
+//! Event numbers of the CP 341 and the CP 340, class and number as in STATUS, with text and remedy in our own words.
+//! [reference 3], [S4 "7.3 Table of Errors / Events"]
 //!
 //! One table for the diagnostic buffer's text, for `docs/cp341-events.md`, and for the test that asks of each number
 //! which test provokes it. "The numbers mean the same in every block." [S4 L1709]
@@ -16,9 +16,7 @@ pub enum Origin {
     Here,
     /// It names a state that cannot arise in this CP; the number is kept for the text.
     FactOnly,
-    /// The printer driver's, which is not built.
-    PrinterDriver,
-    /// Another module's (CP 340, CP 440, CP 441, Modbus slave driver).
+    /// Another module's (CP 440, CP 441, Modbus slave driver).
     OtherModule,
     /// The hardware's or the original's firmware fault.
     HardwareFault,
@@ -30,7 +28,6 @@ impl Origin {
         match self {
             Self::Here => "",
             Self::FactOnly => "fact only",
-            Self::PrinterDriver => "printer driver",
             Self::OtherModule => "other module",
             Self::HardwareFault => "hardware fault",
         }

@@ -97,7 +97,7 @@ impl ProcessIo {
         let (at, inputs, outputs) = match config.kind {
             ModuleKind::Inputs { bytes } => (config.input_address, bytes, 0),
             ModuleKind::Outputs { bytes } => (config.output_address, 0, bytes),
-            ModuleKind::Cp240 { .. } | ModuleKind::Cp040 { .. } | ModuleKind::Cp341 { .. } => return None,
+            _ => return None,
         };
         let at = at as usize;
         if outputs > 0

@@ -5,12 +5,12 @@
 
 mod check;
 mod cp040;
-mod cp341;
 mod devices;
 mod duration;
 mod file;
 pub(crate) mod findings;
 mod interrupts;
+mod keyed;
 mod line;
 mod modules;
 mod retentive;

@@ -3,23 +3,21 @@
 use std::path::Path;
 
 use ob1_backplane::io_layout::IO_AREA_BYTES;
-use ob1_params::{Cp240, ModbusKind, ParamError, Protocol, StopBits, Value};
+use ob1_params::{Cp240, CpKind, ModbusKind, ParamError, Protocol, StopBits, Value};
 
 use super::check::{choice, name, number};
 use super::file::{ModuleTable, Placed};
 use super::findings::{ADDRESS, CONTRADICTION, Findings, LINE, MISSING, PARAMETER, TWICE, VALUE};
 use super::line::{self, Line};
 use super::types::{AbdUnit, Absent, ModuleConfig, ModuleKind};
-use super::{cp040, cp341};
+use super::{cp040, keyed};
 
 /// The last byte of the peripheral area.
 const LAST_ADDRESS: i64 = 65_535;
 
 #[derive(Clone, Copy, PartialEq)]
 enum Type {
-    Cp240,
-    Cp040,
-    Cp341,
+    Cp(CpKind),
     DigitalIn,
     DigitalOut,
     AnalogIn,
@@ -28,19 +26,13 @@ enum Type {
 
 impl Type {
     const fn is_cp(self) -> bool {
-        matches!(self, Self::Cp240 | Self::Cp040 | Self::Cp341)
+        matches!(self, Self::Cp(_))
     }
 }
 
-const TYPES: [(&str, Type); 7] = [
-    ("cp240", Type::Cp240),
-    ("cp040", Type::Cp040),
-    ("cp341", Type::Cp341),
-    ("di", Type::DigitalIn),
-    ("do", Type::DigitalOut),
-    ("ai", Type::AnalogIn),
-    ("ao", Type::AnalogOut),
-];
+/// Process I/O; the communication processors are in [`CpKind::TABLE`].
+const PROCESS_IO: [(&str, Type); 4] =
+    [("di", Type::DigitalIn), ("do", Type::DigitalOut), ("ai", Type::AnalogIn), ("ao", Type::AnalogOut)];
 
 pub(super) fn modules(f: &mut Findings<'_>, tables: &[Placed<ModuleTable>], folder: &Path) -> Vec<ModuleConfig> {
     let mut modules: Vec<ModuleConfig> = Vec::with_capacity(tables.len());
@@ -58,11 +50,13 @@ pub(super) fn modules(f: &mut Findings<'_>, tables: &[Placed<ModuleTable>], fold
 }
 
 fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<ModuleConfig> {
-    let ty = choice(f, "type", Some(&table.kind), &TYPES)?;
+    let cps = CpKind::TABLE.iter().map(|row| (row.name, Type::Cp(row.kind)));
+    let types: Vec<(&str, Type)> = cps.chain(PROCESS_IO).collect();
+    let ty = choice(f, "type", Some(&table.kind), &types)?;
     let kind = match ty {
-        Type::Cp240 => cp240(f, table, folder)?,
-        Type::Cp040 => cp040::module(f, table, folder)?,
-        Type::Cp341 => cp341::module(f, table, folder)?,
+        Type::Cp(CpKind::Cp240) => cp240(f, table, folder)?,
+        Type::Cp(CpKind::Cp040) => cp040::module(f, table, folder)?,
+        Type::Cp(kind @ (CpKind::Cp341 | CpKind::Cp340)) => keyed::module(f, table, folder, kind)?,
         Type::DigitalIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
         Type::AnalogIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
         Type::DigitalOut | Type::AnalogOut => ModuleKind::Outputs { bytes: io_bytes(f, table, ty) },
@@ -115,7 +109,8 @@ fn addresses(f: &mut Findings<'_>, table: &ModuleTable, ty: Type) -> Option<(u32
         return Some((address, address));
     }
     match ty {
-        Type::Cp240 | Type::Cp341 if inputs.is_some() && outputs.is_some() => {
+        // The blocks of a CP 040 have one address.
+        Type::Cp(kind) if kind != CpKind::Cp040 && inputs.is_some() && outputs.is_some() => {
             Some((number(f, "input_address", inputs, 0..=last, 0), number(f, "output_address", outputs, 0..=last, 0)))
         }
         Type::DigitalIn | Type::AnalogIn if inputs.is_some() && outputs.is_none() => {
@@ -344,10 +339,7 @@ fn overlaps(f: &mut Findings<'_>, table: &ModuleTable, module: &ModuleConfig, ea
         let word = if outputs { "output" } else { "input" };
         let at = if outputs { &table.output_address } else { &table.input_address };
         let at = table.address.as_ref().or(at.as_ref()).map_or_else(|| table.kind.span(), Placed::span);
-        let area = match module.kind {
-            ModuleKind::Cp240 { .. } | ModuleKind::Cp040 { .. } | ModuleKind::Cp341 { .. } => LAST_ADDRESS as u32 + 1,
-            ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } => IO_AREA_BYTES as u32,
-        };
+        let area = if module.kind.cp().is_some() { LAST_ADDRESS as u32 + 1 } else { IO_AREA_BYTES as u32 };
         if len > 0 && first + len > area {
             let message = format!("{} reaches from byte {first} to {}", module.name, first + len - 1);
             f.error(ADDRESS, at, message, format!("the last {word} byte such a module can have is {}", area - 1));

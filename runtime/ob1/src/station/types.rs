@@ -4,17 +4,11 @@ use std::path::{Path, PathBuf};
 
 use ob1_cpu::CpuConfig;
 use ob1_model::BlockId;
-use ob1_params::{Cp040, Cp240, Cp341};
+use ob1_params::{Cp040, Cp240, Cp341, CpKind};
 
 use super::Line;
 use crate::program::Sources;
 use crate::retentive::RetentiveFile;
-
-/// Register bytes of a CP 240, each way.
-pub const CP240_BYTES: u16 = 16;
-
-/// Register bytes of a CP 341, each way.
-pub const CP341_BYTES: u16 = 16;
 
 /// A station file after all checks. Paths are relative to the current directory or absolute, no longer to the file.
 #[derive(Clone, Debug, PartialEq)]
@@ -243,8 +237,8 @@ pub enum ModuleKind {
         /// A wire break and wrong parameters raise diagnostic interrupts (OB 82).
         diagnostics: bool,
     },
-    /// A CP 341 with its driver process.
-    Cp341 {
+    /// A CP whose parameters are keys with its driver process: a CP 341 or a CP 340, as they say.
+    Keyed {
         /// Its parameters.
         params: Box<Cp341>,
         /// Where its serial line leads to.
@@ -265,11 +259,30 @@ pub enum ModuleKind {
 }
 
 impl ModuleKind {
+    /// Which communication processor it is; `None` for process I/O.
+    #[must_use]
+    pub fn cp(&self) -> Option<CpKind> {
+        match self {
+            Self::Cp240 { .. } => Some(CpKind::Cp240),
+            Self::Cp040 { .. } => Some(CpKind::Cp040),
+            Self::Keyed { params, .. } => Some(params.kind),
+            Self::Inputs { .. } | Self::Outputs { .. } => None,
+        }
+    }
+
+    /// Register bytes of a communication processor, each way; 0 for process I/O.
+    fn io_bytes(&self) -> u16 {
+        match (self, self.cp()) {
+            (Self::Cp040 { io_size, .. }, _) => *io_size,
+            (_, cp) => cp.and_then(|cp| cp.row().io_bytes).unwrap_or(0),
+        }
+    }
+
     /// Where the serial line of a communication processor leads to; `None` for process I/O.
     #[must_use]
     pub fn line(&self) -> Option<&Line> {
         match self {
-            Self::Cp240 { line, .. } | Self::Cp040 { line, .. } | Self::Cp341 { line, .. } => Some(line),
+            Self::Cp240 { line, .. } | Self::Cp040 { line, .. } | Self::Keyed { line, .. } => Some(line),
             Self::Inputs { .. } | Self::Outputs { .. } => None,
         }
     }
@@ -280,11 +293,8 @@ impl ModuleConfig {
     #[must_use]
     pub fn input_bytes(&self) -> u16 {
         match self.kind {
-            ModuleKind::Cp240 { .. } => CP240_BYTES,
-            ModuleKind::Cp040 { io_size, .. } => io_size,
-            ModuleKind::Cp341 { .. } => CP341_BYTES,
             ModuleKind::Inputs { bytes } => bytes,
-            ModuleKind::Outputs { .. } => 0,
+            _ => self.kind.io_bytes(),
         }
     }
 
@@ -292,11 +302,8 @@ impl ModuleConfig {
     #[must_use]
     pub fn output_bytes(&self) -> u16 {
         match self.kind {
-            ModuleKind::Cp240 { .. } => CP240_BYTES,
-            ModuleKind::Cp040 { io_size, .. } => io_size,
-            ModuleKind::Cp341 { .. } => CP341_BYTES,
-            ModuleKind::Inputs { .. } => 0,
             ModuleKind::Outputs { bytes } => bytes,
+            _ => self.kind.io_bytes(),
         }
     }
 }

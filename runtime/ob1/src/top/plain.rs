@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use ob1_params::CpKind;
+
 use super::data::{Data, counter, rows};
 use crate::access::protocol::ModuleStatus;
 use crate::diag;
@@ -55,8 +57,8 @@ pub(super) fn module(data: &Data, number: usize, m: &ModuleStatus) -> String {
         return out;
     };
     // The names on the front of the module.
-    let names: &[&str] = if m.type_name == "cp341" { &["SF", "TXD", "RXD"] } else { &["PW", "ER", "TxD", "RxD"] };
-    for led in names {
+    let names = CpKind::of_name(&m.type_name).map_or([""; 4], |cp| cp.row().leds);
+    for led in names.into_iter().filter(|led| !led.is_empty()) {
         let lit = m.leds.iter().any(|name| name == led);
         let _ = write!(out, "{}{led} ", if lit { '*' } else { '.' });
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use ob1_params::{Cp040, Cp240, Cp341, Protocol, Protocol341};
+use ob1_params::{Cp040, Cp240, Cp341, CpKind, Protocol, Protocol341};
 use ob1_protocols::trace::record::{Kind, Record};
 use ob1_protocols::trace::{Dialect, Meaning, Reader, Unit, Way};
 use ob1_protocols::{LineFault, MS, Nanos, stx_etx};
@@ -33,15 +33,16 @@ impl Cp {
         let bytes: [u8; 16] = numbers.try_into().ok()?;
         let (station, line) = (hello["station"].as_str().unwrap_or(""), hello["line"].as_str().unwrap_or(""));
         let unix = hello["unix_ns"].as_u64().unwrap_or(0);
-        if hello["module"] == "cp341" {
-            let cp = cp341(&hello["params"])?;
+        let kind = hello["module"].as_str().and_then(CpKind::of_name);
+        if let Some(kind) = kind.filter(|kind| kind.row().has_channels) {
+            let cp = keyed(kind, &hello["params"])?;
             let about =
                 format!("{name} of station \"{station}\": {}, {}, {line}", cp.protocol_name(), cp.line_settings());
-            return Some((Self { name, reader: Box::new(Reader::new(dialect_341(&cp))), unix }, about));
+            return Some((Self { name, reader: Box::new(Reader::new(dialect_of_keyed(&cp))), unix }, about));
         }
-        let parameters = match hello["module"].as_str() {
-            Some("cp040") if bytes == [0; 16] => Cp040::defaults("ascii").ok()?.common,
-            Some("cp040") => Cp040::decode(&bytes).ok()?.common,
+        let parameters = match kind {
+            Some(CpKind::Cp040) if bytes == [0; 16] => Cp040::defaults("ascii").ok()?.common,
+            Some(CpKind::Cp040) => Cp040::decode(&bytes).ok()?.common,
             _ => Cp240::of_bytes(&bytes).ok()?,
         };
         let about = format!(
@@ -75,8 +76,8 @@ impl Cp {
     }
 }
 
-/// The parameters of a CP 341 out of its keys.
-fn cp341(keys: &Value) -> Option<Cp341> {
+/// The parameters of a CP 341 or CP 340 out of its keys.
+fn keyed(kind: CpKind, keys: &Value) -> Option<Cp341> {
     let value = |(key, value): (&String, &Value)| {
         let value = match value {
             Value::String(word) => ob1_params::Value::Str(word.clone()),
@@ -85,17 +86,19 @@ fn cp341(keys: &Value) -> Option<Cp341> {
         Some((key.clone(), value))
     };
     let keys: Vec<(String, ob1_params::Value)> = keys.as_object()?.iter().map(value).collect::<Option<_>>()?;
-    Cp341::from_keys(keys.iter().map(|(key, value)| (key.as_str(), value.clone()))).ok()
+    Cp341::of_kind(kind, keys.iter().map(|(key, value)| (key.as_str(), value.clone()))).ok()
 }
 
-/// What the CP 341 with these parameters speaks.
-fn dialect_341(cp: &Cp341) -> Dialect {
+/// What the CP with these parameters speaks.
+fn dialect_of_keyed(cp: &Cp341) -> Dialect {
     match &cp.protocol {
         Protocol341::Ascii(p) => Dialect::Ascii { pause: Nanos::from(p.zvz_ms) * MS },
         Protocol341::S3964(p) => {
             let pause = (Nanos::from(p.zvz_ms) * MS).max(20 * MS);
             Dialect::S3964 { bcc: p.bcc, rk512: p.rk512, pause }
         }
+        // Lines of text: a pause ends what is shown as one.
+        Protocol341::Printer(_) => Dialect::Ascii { pause: 20 * MS },
         Protocol341::ModbusMaster32(p) => {
             // Characters come late from a pty; a telegram that goes on is not cut.
             Dialect::ModbusAscii { master: true, pause: Nanos::from(p.character_delay_ms).max(20) * MS }

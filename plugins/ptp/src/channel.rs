@@ -8,6 +8,9 @@ use crate::state::CpState;
 pub(crate) const PIECE: u16 = 32;
 
 const BYTES: usize = 64;
+
+/// Longest job of any of them, bytes. [reference 1.1]
+pub const LEN_MAX: u16 = 4096;
 const DATA: usize = 32;
 
 /// Records of the channels.
@@ -82,7 +85,7 @@ impl FromCp {
 
     /// Bytes, at most what a job can have.
     pub(crate) fn len(&self) -> u16 {
-        self.word(10).min(crate::send::LEN_MAX)
+        self.word(10).min(LEN_MAX)
     }
 
     pub(crate) fn data(&self) -> &[u8] {
@@ -92,7 +95,7 @@ impl FromCp {
 
 /// A block of the CPU, in the making.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct ToCp(pub(crate) [u8; BYTES]);
+pub struct ToCp(pub [u8; BYTES]);
 
 impl ToCp {
     pub(crate) fn new(command: u8, start: u16, job: u16) -> Self {
@@ -102,7 +105,8 @@ impl ToCp {
         block
     }
 
-    pub(crate) fn set(&mut self, at: usize, word: u16) -> &mut Self {
+    /// Sets a word.
+    pub fn set(&mut self, at: usize, word: u16) -> &mut Self {
         self.0[at..at + 2].copy_from_slice(&word.to_be_bytes());
         self
     }

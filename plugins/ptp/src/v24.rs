@@ -10,7 +10,7 @@ use crate::state::CpState;
 
 interface! {
     /// The parameters, in the manual's order.
-    pub(crate) mod stat {
+    pub mod stat {
         /// Logical base address of the CP.
         in     LADDR: Int;
         /// State of the output DTR.
@@ -30,7 +30,7 @@ interface! {
 
 interface! {
     /// The parameters, in the manual's order.
-    pub(crate) mod set {
+    pub mod set {
         /// Logical base address of the CP.
         in     LADDR: Int;
         /// State for RTS.
@@ -51,7 +51,7 @@ const RI: u8 = 1 << 5;
 const DRIVES: u8 = 1 << 7;
 
 /// FC 5.
-pub(crate) struct Stat;
+pub struct Stat;
 
 impl Block for Stat {
     const KIND: Kind = Kind::Fc;
@@ -76,7 +76,7 @@ impl Block for Stat {
 }
 
 /// FC 6.
-pub(crate) struct Set;
+pub struct Set;
 
 impl Block for Set {
     const KIND: Kind = Kind::Fc;

@@ -1,0 +1,111 @@
+//! The table of module types: one row for each communication processor, for whoever has to tell them apart.
+
+/// A communication processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum CpKind {
+    /// VIPA CP 240.
+    Cp240,
+    /// VIPA CP 040.
+    Cp040,
+    /// Siemens CP 341.
+    Cp341,
+    /// Siemens CP 340.
+    Cp340,
+}
+
+/// What tells a type from the others.
+#[derive(Clone, Copy, Debug)]
+pub struct CpRow {
+    /// The type.
+    pub kind: CpKind,
+    /// Its name in the station file: `type = "cp240"`.
+    pub name: &'static str,
+    /// Its name for people.
+    pub text: &'static str,
+    /// Register bytes each way; `None`: the station file chooses them.
+    pub io_bytes: Option<u16>,
+    /// Names of the LEDs on its front, in the order power, error, transmit, receive; empty: it has none there.
+    pub leds: [&'static str; 4],
+    /// Its handling blocks talk to it in channels (`docs/cp341-channels.md`), its parameters are keys without another
+    /// form, and it has a diagnostic buffer of its own.
+    pub has_channels: bool,
+}
+
+/// On the front of a CP 240 and a CP 040.
+const VIPA_LEDS: [&str; 4] = ["PW", "ER", "TxD", "RxD"];
+/// A CP 340 and a CP 341 have no LED for their power. [S4 "Diagnostics via Display Elements (LEDs)"]
+const SIEMENS_LEDS: [&str; 4] = ["", "SF", "TXD", "RXD"];
+
+impl CpKind {
+    /// All rows, each type once.
+    pub const TABLE: [CpRow; 4] = [
+        CpRow {
+            kind: Self::Cp240,
+            name: "cp240",
+            text: "CP 240",
+            io_bytes: Some(16),
+            leds: VIPA_LEDS,
+            has_channels: false,
+        },
+        CpRow {
+            kind: Self::Cp341,
+            name: "cp341",
+            text: "CP 341",
+            io_bytes: Some(16),
+            leds: SIEMENS_LEDS,
+            has_channels: true,
+        },
+        CpRow {
+            kind: Self::Cp340,
+            name: "cp340",
+            text: "CP 340",
+            io_bytes: Some(16),
+            leds: SIEMENS_LEDS,
+            has_channels: true,
+        },
+        CpRow {
+            kind: Self::Cp040,
+            name: "cp040",
+            text: "CP 040",
+            io_bytes: None,
+            leds: VIPA_LEDS,
+            has_channels: false,
+        },
+    ];
+
+    /// Its row.
+    #[must_use]
+    pub fn row(self) -> &'static CpRow {
+        const TABLE: &[CpRow] = &CpKind::TABLE;
+        match TABLE.iter().find(|row| row.kind == self) {
+            Some(row) => row,
+            // A test asks for the row of each type.
+            None => &TABLE[0],
+        }
+    }
+
+    /// The type of this name in the station file.
+    #[must_use]
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::TABLE.iter().find(|row| row.name == name).map(|row| row.kind)
+    }
+
+    /// Its name in the station file.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        self.row().name
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_type_has_its_row() {
+        for kind in [CpKind::Cp240, CpKind::Cp040, CpKind::Cp341, CpKind::Cp340] {
+            assert_eq!((kind.row().kind, CpKind::of_name(kind.name())), (kind, Some(kind)));
+        }
+        assert_eq!(CpKind::of_name("cp999"), None);
+    }
+}

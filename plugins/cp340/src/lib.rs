@@ -1,0 +1,159 @@
+//! The handling blocks of the CP 340: FB 2 P_RCV, FB 3 P_SEND, FB 4 P_PRINT, FC 5 V24_STAT, FC 6 V24_SET.
+//!
+//! What they share with those of the CP 341 is in `ob1-ptp`. A CP 340 has no header and no areas: P_RCV puts each
+//! telegram where DB_NO and DBB_NO say, P_SEND sends from there.
+
+use ob1_ptp::channel::ToCp;
+use ob1_ptp::print::{Name, Print};
+use ob1_ptp::send::{self, Data, Job};
+use ob1_ptp::{CpState, receive};
+use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+
+interface! {
+    /// The parameters of P_RCV, in the manual's order.
+    pub(crate) mod rcv {
+        /// 1: telegrams of the partner are taken.
+        in     EN_R: Bool;
+        /// 1 aborts the job and blocks the block.
+        in     R: Bool;
+        /// Logical base address of the CP.
+        in     LADDR: Int;
+        /// Data block for the data.
+        in     DB_NO: Int;
+        /// First byte in it.
+        in     DBB_NO: Int;
+        /// A telegram has come without error: for one call.
+        out    NDR: Bool;
+        /// The job has ended with an error: for one call.
+        out    ERROR: Bool;
+        /// Bytes of the telegram, while NDR is 1.
+        out    LEN: Int;
+        /// Event class and number while ERROR is 1.
+        out    STATUS: Word;
+        /// RET_VAL of the record transfer after 1E0Eh.
+        static SFCERR: Word;
+        /// Between two calls.
+        static MEMORY: Bytes<34>;
+    }
+}
+
+interface! {
+    /// The parameters of P_SEND, in the manual's order.
+    pub(crate) mod snd {
+        /// A rising edge starts a job.
+        in     REQ: Bool;
+        /// 1 aborts the job and blocks the block.
+        in     R: Bool;
+        /// Logical base address of the CP.
+        in     LADDR: Int;
+        /// Data block of the data.
+        in     DB_NO: Int;
+        /// First byte in it.
+        in     DBB_NO: Int;
+        /// Bytes, 1 to 1024.
+        in     LEN: Int;
+        /// The job has ended without error: for one call.
+        out    DONE: Bool;
+        /// It has ended with an error: for one call.
+        out    ERROR: Bool;
+        /// Event class and number while ERROR is 1.
+        out    STATUS: Word;
+        /// RET_VAL of the record transfer after 1E0Fh.
+        static SFCERR: Word;
+        /// Between two calls.
+        static MEMORY: Bytes<34>;
+    }
+}
+
+const RECEIVE: receive::Params = receive::Params {
+    en_r: rcv::EN_R,
+    r: rcv::R,
+    laddr: rcv::LADDR,
+    db_no: rcv::DB_NO,
+    dbb_no: rcv::DBB_NO,
+    sfcerr: rcv::SFCERR,
+    memory: rcv::MEMORY,
+};
+
+/// FB 2.
+struct Receive;
+
+impl Block for Receive {
+    const KIND: Kind = Kind::Fb;
+    const NUMBER: u16 = 2;
+    const NAME: &'static str = "P_RCV";
+    const PARAMS: &'static [Param] = rcv::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let end = receive::call(cx, &RECEIVE)?;
+        let status = end.and_then(Result::err).unwrap_or(0);
+        let received = end.and_then(Result::ok);
+        cx.set(rcv::LEN, received.map_or(0, |received| received.len as i16))?;
+        cx.set(rcv::NDR, received.is_some())?;
+        cx.set(rcv::ERROR, status != 0)?;
+        cx.set(rcv::STATUS, status)?;
+        cx.set_br(status == 0)
+    }
+}
+
+/// FB 3.
+struct Send;
+
+impl Job for Send {
+    const PARAMS: send::Params =
+        send::Params { req: snd::REQ, r: snd::R, laddr: snd::LADDR, sfcerr: snd::SFCERR, memory: snd::MEMORY };
+
+    /// The CP says what is wrong with LEN: 0517h. [reference 3.7]
+    fn check(_: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
+        Ok(Ok(()))
+    }
+
+    fn begin(cx: &mut Cx<'_, CpState>) -> Result<Result<Data, u16>, Abort> {
+        let (db, byte) = (cx.get(snd::DB_NO)? as u16, cx.get(snd::DBB_NO)? as u16);
+        Ok(Ok(Data { db, byte, len: cx.get(snd::LEN)? as u16 }))
+    }
+
+    fn header(_: &mut Cx<'_, CpState>, block: &mut ToCp) -> Result<(), Abort> {
+        block.0[8] = b'S';
+        Ok(())
+    }
+
+    fn has_data(_: &ToCp) -> bool {
+        true
+    }
+}
+
+impl Block for Send {
+    const KIND: Kind = Kind::Fb;
+    const NUMBER: u16 = 3;
+    const NAME: &'static str = "P_SEND";
+    const PARAMS: &'static [Param] = snd::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let end = send::call::<Self>(cx)?;
+        cx.set(snd::DONE, end == Some(Ok(())))?;
+        let status = end.and_then(Result::err).unwrap_or(0);
+        cx.set(snd::ERROR, status != 0)?;
+        cx.set(snd::STATUS, status)?;
+        cx.set_br(status == 0)
+    }
+}
+
+/// FB 4.
+struct Print340;
+
+impl Name for Print340 {
+    const NUMBER: u16 = 4;
+    const NAME: &'static str = "P_PRINT";
+}
+
+ob1_sdk::export_plugin! {
+    name: "cp340",
+    version: env!("CARGO_PKG_VERSION"),
+    module_state: CpState,
+    blocks: [ob1_ptp::v24::Stat, ob1_ptp::v24::Set, Receive, Send, Print<Print340>],
+}

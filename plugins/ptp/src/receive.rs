@@ -1,0 +1,459 @@
+//! A block that takes what the CP has, P_RCV and P_RCV_RK: telegrams of the partner, with RK 512 its SEND and FETCH.
+//! [reference 1.4, 1.5]
+//!
+//! A job of LEN bytes takes one call to accept it, LEN/32 calls, rounded up, for its data, and one that tells the end:
+//! at least three. A FETCH gives its first piece with the acceptance. The start-up coordination takes one call before.
+//! [reference 1.0]
+
+use ob1_sdk::types::{Bool, Bytes, Int, Word};
+use ob1_sdk::{Abort, Area, Cx, Formal, In, Static};
+
+use crate::channel::{
+    self, FromCp, JOB, PIECE, RECEIVE, REFUSE, REST, START, State, ToCp, Unreachable, WAIT, next_start, pieces,
+};
+use crate::send::{ABORTED, CP_RESTARTED, fault_of};
+use crate::state::CpState;
+use crate::target::{Refusal, Target};
+
+/// STATUS: RD_REC failed; RET_VAL is in SFCERR. [reference 3.14]
+const READ_FAILED: u16 = 0x1E0E;
+
+/// No coordination flag. [reference 1.4]
+const NO_FLAG: u16 = 255;
+
+/// Where the job is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub(crate) enum Phase {
+    /// The CP does not know the block yet.
+    #[default]
+    Off,
+    /// It has been asked for the start-up coordination.
+    Starting,
+    /// EN_R = 0.
+    Rest,
+    /// For something to take.
+    Waiting,
+    /// Data come.
+    Taking,
+    /// Data go to the partner.
+    Giving,
+    /// The block has done its part.
+    Finishing,
+}
+
+impl Phase {
+    fn of(number: u8) -> Self {
+        match number {
+            1 => Self::Starting,
+            2 => Self::Rest,
+            3 => Self::Waiting,
+            4 => Self::Taking,
+            5 => Self::Giving,
+            6 => Self::Finishing,
+            _ => Self::Off,
+        }
+    }
+
+    fn has_job(self) -> bool {
+        matches!(self, Self::Taking | Self::Giving | Self::Finishing)
+    }
+}
+
+/// What the block remembers between two calls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub(crate) struct Memory {
+    pub(crate) phase: Phase,
+    /// The channel could not be read at the last call: it is told once.
+    unreachable: bool,
+    pub(crate) start: u16,
+    pub(crate) job: u16,
+    /// Next piece.
+    pub(crate) piece: u16,
+    pub(crate) len: u16,
+    /// Area letter of the header; 0: a telegram without one.
+    letter: u8,
+    /// Where the data are: data block, first byte (timer, counter).
+    number: u16,
+    offset: u16,
+    /// Coordination flag, byte and bit.
+    flag: (u16, u16),
+}
+
+impl Memory {
+    fn of(bytes: &[u8; 34]) -> Self {
+        let word = |at: usize| u16::from_be_bytes([bytes[at], bytes[at + 1]]);
+        Self {
+            phase: Phase::of(bytes[0]),
+            unreachable: bytes[1] != 0,
+            start: word(2),
+            job: word(4),
+            piece: word(6),
+            len: word(8),
+            letter: bytes[10],
+            number: word(12),
+            offset: word(14),
+            flag: (word(16), word(18)),
+        }
+    }
+
+    fn bytes(&self) -> [u8; 34] {
+        let mut bytes = [0; 34];
+        (bytes[0], bytes[1]) = (self.phase as u8, u8::from(self.unreachable));
+        let letter = u16::from(self.letter) << 8;
+        let words = [self.start, self.job, self.piece, self.len, letter, self.number, self.offset];
+        let words = words.into_iter().chain([self.flag.0, self.flag.1]);
+        for (place, word) in bytes[2..].chunks_exact_mut(2).zip(words) {
+            place.copy_from_slice(&word.to_be_bytes());
+        }
+        bytes
+    }
+
+    /// Where the data are.
+    fn target(&self) -> Option<Target> {
+        match self.letter {
+            // Without a header, and for a DX: DB_NO and DBB_NO.
+            0 | b'X' => Some(Target::Bytes(Area::Db(self.number), u32::from(self.offset))),
+            letter => Target::of(letter, self.number, self.offset),
+        }
+    }
+}
+
+/// How a call ends: NDR, or a STATUS.
+type End = Option<Result<(), u16>>;
+
+/// The parameters every such block has.
+#[derive(Clone, Copy, Debug)]
+pub struct Params {
+    /// 1: data and jobs of the partner are taken.
+    pub en_r: Formal<Bool, In>,
+    /// 1 aborts the job and blocks the block.
+    pub r: Formal<Bool, In>,
+    /// Logical base address of the CP.
+    pub laddr: Formal<Int, In>,
+    /// Data block for the data; with RK 512 for those to a DX.
+    pub db_no: Formal<Int, In>,
+    /// First byte in it.
+    pub dbb_no: Formal<Int, In>,
+    /// RET_VAL of the record transfer.
+    pub sfcerr: Static<Word>,
+    /// Between two calls.
+    pub memory: Static<Bytes<34>>,
+}
+
+/// What has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Received {
+    /// Bytes.
+    pub len: u16,
+    /// Area letter of the header; 0: a telegram without one.
+    pub letter: u8,
+    /// Where the data are: data block, first byte (timer, counter).
+    pub number: u16,
+    /// First byte, timer or counter.
+    pub offset: u16,
+    /// Coordination flag, byte and bit; byte 255: none.
+    pub flag: (u16, u16),
+}
+
+/// A call of the block: what has come, or ERROR with a STATUS, or neither.
+///
+/// # Errors
+/// The call ends.
+pub fn call(cx: &mut Cx<'_, CpState>, params: &Params) -> Result<Option<Result<Received, u16>>, Abort> {
+    let mut bytes = [0; 34];
+    if cx.load_bytes(params.memory, 0, &mut bytes)?.is_err() {
+        // An instance that is too short: as a statement that reads it.
+        cx.raise_fault(0x2522, 0)?;
+        return Ok(None);
+    }
+    let before = Memory::of(&bytes);
+    let mut memory = before;
+    let end = run(cx, params, &mut memory)?;
+    if memory != before {
+        let _same_bytes_as_above = cx.store_bytes(params.memory, 0, &memory.bytes())?;
+    }
+    let Memory { len, letter, number, offset, flag, .. } = memory;
+    Ok(end.map(|outcome| outcome.map(|()| Received { len, letter, number, offset, flag })))
+}
+
+fn run(cx: &mut Cx<'_, CpState>, params: &Params, memory: &mut Memory) -> Result<End, Abort> {
+    let (enabled, reset, laddr) = (cx.get(params.en_r)?, cx.get(params.r)?, cx.get(params.laddr)?);
+    let takes = enabled && !reset;
+    let Ok(state) = cx.module_state(channel::address(laddr))? else {
+        return unreachable(cx, params, memory, takes, Unreachable(0x8090));
+    };
+    if memory.start != state.receive.start.get() {
+        // The first call since the start-up of the CPU: what was under way before is cancelled. [reference 1.6]
+        let cancelled = memory.phase.has_job();
+        *memory = Memory::default();
+        if cancelled {
+            return Ok(Some(Err(ABORTED)));
+        }
+    }
+    let cp = match channel::read(cx, laddr, RECEIVE)? {
+        Ok(cp) => cp,
+        Err(why) => {
+            let had_job = memory.phase.has_job();
+            memory.phase = Phase::Off;
+            if had_job {
+                return Ok(Some(Err(CP_RESTARTED)));
+            }
+            // A CP that is starting is no error.
+            return if why == Unreachable(0x80A0) { Ok(None) } else { unreachable(cx, params, memory, takes, why) };
+        }
+    };
+    memory.unreachable = false;
+    let mut block = Call { cx, params, memory, laddr, state, cp };
+    block.step(takes, reset)
+}
+
+/// The static error of RD_REC: told once, while the block is to take something.
+fn unreachable(
+    cx: &mut Cx<'_, CpState>,
+    params: &Params,
+    memory: &mut Memory,
+    takes: bool,
+    why: Unreachable,
+) -> Result<End, Abort> {
+    if !takes || memory.unreachable {
+        return Ok(None);
+    }
+    memory.unreachable = true;
+    cx.store(params.sfcerr, why.0)?;
+    Ok(Some(Err(READ_FAILED)))
+}
+
+/// A call with its channel.
+struct Call<'a, 'c> {
+    cx: &'a mut Cx<'c, CpState>,
+    params: &'a Params,
+    memory: &'a mut Memory,
+    laddr: i16,
+    state: &'a CpState,
+    cp: FromCp,
+}
+
+impl Call<'_, '_> {
+    fn step(&mut self, takes: bool, reset: bool) -> Result<End, Abort> {
+        let known = self.memory.start != 0 && self.cp.start() == self.memory.start;
+        let had_job = self.memory.phase.has_job();
+        match self.memory.phase {
+            Phase::Off => {
+                self.begin(takes)?;
+                return Ok(None);
+            }
+            Phase::Starting if !known => return Ok(None),
+            Phase::Starting => {
+                self.memory.phase = Phase::Waiting;
+                self.show(WAIT)?;
+            }
+            // The CP has started again: everything it had is gone.
+            _ if !known => {
+                self.memory.phase = Phase::Off;
+                self.begin(takes)?;
+                return Ok(had_job.then_some(Err(CP_RESTARTED)));
+            }
+            _ => {}
+        }
+        if !takes {
+            // "The aborted job ends with an error"; R goes back to the initial state. [reference 1.5]
+            if had_job && reset {
+                self.begin(false)?;
+            } else if self.memory.phase != Phase::Rest {
+                self.memory.phase = Phase::Rest;
+                self.show(REST)?;
+            }
+            return Ok(had_job.then_some(Err(ABORTED)));
+        }
+        match self.memory.phase {
+            Phase::Rest => {
+                self.memory.phase = Phase::Waiting;
+                self.show(WAIT)?;
+                Ok(None)
+            }
+            Phase::Waiting => self.wait(),
+            _ if self.cp.job() != self.memory.job => Ok(None),
+            Phase::Taking => self.take(),
+            Phase::Giving => self.give_more(),
+            _ => self.finish(),
+        }
+    }
+
+    /// Asks for the start-up coordination with a new number.
+    fn begin(&mut self, takes: bool) -> Result<(), Abort> {
+        let start = next_start(self.cp.start(), self.memory.start);
+        *self.memory = Memory { phase: Phase::Starting, start, ..Memory::default() };
+        self.state.receive.start.set(start);
+        let mut block = ToCp::new(START, start, 0);
+        block.0[1] = u8::from(takes);
+        self.write(&block)
+    }
+
+    fn show(&mut self, command: u8) -> Result<(), Abort> {
+        let mut block = ToCp::new(command, self.memory.start, self.memory.job);
+        block.piece(self.memory.piece);
+        self.write(&block)
+    }
+
+    fn write(&mut self, block: &ToCp) -> Result<(), Abort> {
+        // A CP that has gone since it was read: the next call finds that.
+        let _told = channel::write(self.cx, self.laddr, RECEIVE, block)?;
+        Ok(())
+    }
+
+    /// Something to take?
+    fn wait(&mut self) -> Result<End, Abort> {
+        if self.cp.job() == self.memory.job {
+            return Ok(None);
+        }
+        match self.cp.state() {
+            State::Failed => {
+                self.memory.job = self.cp.job();
+                self.show(WAIT)?;
+                Ok(Some(Err(self.cp.status())))
+            }
+            State::Offered => self.accept(),
+            _ => Ok(None),
+        }
+    }
+
+    /// Looks at the header, and takes the job or refuses it.
+    fn accept(&mut self) -> Result<End, Abort> {
+        let header = &self.cp;
+        let (is_fetch, letter) = (header.0[12] == 2, header.0[13]);
+        *self.memory = Memory {
+            phase: Phase::Taking,
+            unreachable: false,
+            start: self.memory.start,
+            job: header.job(),
+            piece: 0,
+            len: header.len(),
+            letter,
+            number: header.word(14),
+            offset: header.word(16),
+            flag: (header.word(18), header.word(20)),
+        };
+        if letter == 0 {
+            self.memory.flag = (NO_FLAG, 0);
+        }
+        if letter == 0 || letter == b'X' && !is_fetch {
+            self.memory.number = self.cx.get(self.params.db_no)? as u16;
+            self.memory.offset = self.cx.get(self.params.dbb_no)? as u16;
+        }
+        if self.locked()? {
+            return self.refuse(Refusal::Locked);
+        }
+        let target = if is_fetch && letter == b'X' { None } else { self.memory.target() };
+        let Some(target) = target else { return self.refuse(Refusal::Area) };
+        match target.check(self.cx, self.memory.len)? {
+            Ok(()) => {}
+            // The program has named the data block: "wrong parameters can drive the CPU into STOP". [reference 1.0]
+            Err(refusal) if letter == 0 || letter == b'X' => {
+                let (db, at) = (self.memory.number, u32::from(self.memory.offset));
+                let refused = if refusal == Refusal::Db { ob1_sdk::Refused::NoDb } else { ob1_sdk::Refused::Outside };
+                let (event, about) = fault_of(refused, db, at, true);
+                self.cx.raise_fault(event, about)?;
+                return self.refuse(Refusal::Reset);
+            }
+            Err(refusal) => return self.refuse(refusal),
+        }
+        if is_fetch {
+            self.memory.phase = Phase::Giving;
+            return self.give();
+        }
+        self.show(JOB)?;
+        Ok(None)
+    }
+
+    /// The coordination flag is looked at before any data are moved. [reference 1.5]
+    fn locked(&mut self) -> Result<bool, Abort> {
+        let (byte, bit) = self.memory.flag;
+        if byte == NO_FLAG {
+            return Ok(false);
+        }
+        // A bit memory without this byte has no flag that could be set.
+        Ok(self.cx.bit(Area::Memory, u32::from(byte), bit as u8)?.unwrap_or(false))
+    }
+
+    fn refuse(&mut self, refusal: Refusal) -> Result<End, Abort> {
+        let mut block = ToCp::new(REFUSE, self.memory.start, self.memory.job);
+        block.0[8] = refusal as u8;
+        // The CP ends the job with the STATUS that goes with the reason.
+        self.memory.phase = Phase::Finishing;
+        self.write(&block)?;
+        Ok(None)
+    }
+
+    /// The next piece of data of the partner.
+    fn take(&mut self) -> Result<End, Abort> {
+        match self.cp.state() {
+            State::Failed => return self.end(Err(self.cp.status())),
+            State::Giving if self.cp.piece() == self.memory.piece => {}
+            _ => return Ok(None),
+        }
+        let from = self.memory.piece * PIECE;
+        let len = usize::from(self.memory.len.saturating_sub(from).min(PIECE));
+        let data = self.cp;
+        let Some(target) = self.memory.target() else { return self.refuse(Refusal::Area) };
+        if target.write(self.cx, from, &data.data()[..len])?.is_err() {
+            // Gone, shortened or write-protected since the header was looked at.
+            return self.refuse(Refusal::Range);
+        }
+        self.memory.piece += 1;
+        if self.memory.piece >= pieces(self.memory.len) {
+            self.memory.phase = Phase::Finishing;
+        }
+        self.show(JOB)?;
+        Ok(None)
+    }
+
+    /// The next piece of data for the partner.
+    fn give_more(&mut self) -> Result<End, Abort> {
+        match self.cp.state() {
+            State::Failed => self.end(Err(self.cp.status())),
+            State::Collecting if self.cp.piece() == self.memory.piece => self.give(),
+            // It has all.
+            State::Running | State::Done => {
+                self.memory.phase = Phase::Finishing;
+                Ok(None)
+            }
+            _ => Ok(None),
+        }
+    }
+
+    fn give(&mut self) -> Result<End, Abort> {
+        let from = self.memory.piece * PIECE;
+        let len = usize::from(self.memory.len.saturating_sub(from).min(PIECE));
+        let mut block = ToCp::new(JOB, self.memory.start, self.memory.job);
+        block.piece(self.memory.piece);
+        let Some(target) = self.memory.target() else { return self.refuse(Refusal::Area) };
+        if let Err(refusal) = target.read(self.cx, from, block.data(len))? {
+            return self.refuse(refusal);
+        }
+        self.write(&block)?;
+        self.memory.piece += 1;
+        Ok(None)
+    }
+
+    fn finish(&mut self) -> Result<End, Abort> {
+        match self.cp.state() {
+            State::Failed => self.end(Err(self.cp.status())),
+            State::Done => {
+                let (byte, bit) = self.memory.flag;
+                if byte != NO_FLAG {
+                    // The program resets it when it has used the data. [reference 1.5]
+                    let _without_such_a_byte = self.cx.set_bit(Area::Memory, u32::from(byte), bit as u8, true)?;
+                }
+                self.end(Ok(()))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// The job is over, the block waits for the next.
+    fn end(&mut self, outcome: Result<(), u16>) -> Result<End, Abort> {
+        self.memory.phase = Phase::Waiting;
+        self.show(WAIT)?;
+        Ok(Some(outcome))
+    }
+}

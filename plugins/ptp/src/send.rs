@@ -1,0 +1,447 @@
+//! A block that gives a job to the CP: P_SEND and P_SND_RK send data of a DB, P_SND_RK also fetches data of the partner
+//! into a DB (RK 512), P_PRINT prints. [reference 1.1, 1.2]
+//!
+//! A job of LEN bytes takes LEN/32 calls, rounded up, to hand over its data, one more to see that the CP has them, and
+//! one that tells the end: at least three. The start-up coordination takes one call before. [reference 1.0]
+
+use ob1_sdk::types::{Bool, Bytes, Int, Word};
+use ob1_sdk::{Abort, Area, Cx, Formal, In, Refused, Static};
+
+use crate::channel::{self, FromCp, JOB, PIECE, REST, SEND, START, State, ToCp, Unreachable, next_start, pieces};
+use crate::state::CpState;
+
+/// STATUS: job aborted by restart or reset. [reference 3.14]
+pub(crate) const ABORTED: u16 = 0x1E0D;
+/// STATUS: WR_REC failed; RET_VAL is in SFCERR. [reference 3.14]
+const WRITE_FAILED: u16 = 0x1E0F;
+/// STATUS: the CP has started again. [reference 3.7]
+pub(crate) const CP_RESTARTED: u16 = 0x0501;
+/// STATUS: the DB is missing or too short. [reference 3.5]
+pub const DB_WRONG: u16 = 0x0301;
+
+/// How long a job waits for a CP that does not answer: it may be starting. (ours)
+const ABSENCE_MS: u32 = 10_000;
+
+/// Where the job is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub(crate) enum Phase {
+    /// The CP does not know the block yet.
+    #[default]
+    Off,
+    /// It has been asked for the start-up coordination.
+    Starting,
+    Idle,
+    /// Data go to the CP.
+    Giving,
+    /// The CP has the job.
+    Running,
+    /// Fetched data come.
+    Taking,
+}
+
+impl Phase {
+    fn of(number: u8) -> Self {
+        match number {
+            1 => Self::Starting,
+            2 => Self::Idle,
+            3 => Self::Giving,
+            4 => Self::Running,
+            5 => Self::Taking,
+            _ => Self::Off,
+        }
+    }
+
+    fn has_job(self) -> bool {
+        matches!(self, Self::Giving | Self::Running | Self::Taking)
+    }
+}
+
+/// What the block remembers between two calls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub(crate) struct Memory {
+    pub(crate) phase: Phase,
+    /// REQ at the last call.
+    pub(crate) req: bool,
+    /// A job waits for the start-up coordination: it "is not lost".
+    pub(crate) latched: bool,
+    /// A job waits for a CP that does not answer, since this time (ms).
+    absent_since: Option<u32>,
+    pub(crate) start: u16,
+    pub(crate) job: u16,
+    /// Next piece.
+    pub(crate) piece: u16,
+    data: Data,
+}
+
+/// What a call does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Act {
+    Wait,
+    /// Ask for the start-up coordination with this number.
+    Start,
+    /// Begin the job with its first piece.
+    Begin,
+    /// Give the next piece.
+    Give,
+    /// Take the piece the CP shows.
+    Take,
+    Done,
+    Failed(u16),
+}
+
+impl Memory {
+    fn of(bytes: &[u8; 34]) -> Self {
+        let word = |at: usize| u16::from_be_bytes([bytes[at], bytes[at + 1]]);
+        let since = u32::from(word(14)) << 16 | u32::from(word(16));
+        Self {
+            phase: Phase::of(bytes[0]),
+            req: bytes[1] & 1 != 0,
+            latched: bytes[1] & 2 != 0,
+            absent_since: (bytes[1] & 4 != 0).then_some(since),
+            start: word(2),
+            job: word(4),
+            piece: word(6),
+            data: Data { db: word(8), byte: word(10), len: word(12) },
+        }
+    }
+
+    fn bytes(&self) -> [u8; 34] {
+        let mut bytes = [0; 34];
+        bytes[0] = self.phase as u8;
+        bytes[1] = u8::from(self.req) | u8::from(self.latched) << 1 | u8::from(self.absent_since.is_some()) << 2;
+        let since = self.absent_since.unwrap_or(0);
+        let Data { db, byte, len } = self.data;
+        let words = [self.start, self.job, self.piece, db, byte, len, (since >> 16) as u16, since as u16];
+        for (place, word) in bytes[2..].chunks_exact_mut(2).zip(words) {
+            place.copy_from_slice(&word.to_be_bytes());
+        }
+        bytes
+    }
+
+    /// A call while R is 0; `cp`: what the CP shows.
+    pub(crate) fn step(&mut self, cp: &FromCp) -> Act {
+        let known = self.start != 0 && cp.start() == self.start;
+        match self.phase {
+            Phase::Off => Act::Start,
+            Phase::Starting if known => {
+                self.phase = Phase::Idle;
+                self.step(cp)
+            }
+            Phase::Starting => Act::Wait,
+            // The CP has started again: everything it had is gone.
+            _ if !known => {
+                let had_job = self.phase.has_job();
+                self.phase = Phase::Off;
+                if had_job { Act::Failed(CP_RESTARTED) } else { Act::Start }
+            }
+            Phase::Idle if self.latched => Act::Begin,
+            Phase::Idle => Act::Wait,
+            _ if cp.job() != self.job => Act::Wait,
+            Phase::Giving => match cp.state() {
+                State::Collecting if cp.piece() == self.piece => Act::Give,
+                // It has all, or does not want it: how the job ends is told by the next call.
+                State::Running | State::Giving | State::Done | State::Failed => {
+                    (self.phase, self.piece) = (Phase::Running, 0);
+                    Act::Wait
+                }
+                _ => Act::Wait,
+            },
+            Phase::Running | Phase::Taking => match cp.state() {
+                State::Done => Act::Done,
+                State::Failed => Act::Failed(cp.status()),
+                State::Giving if cp.piece() == self.piece => Act::Take,
+                _ => Act::Wait,
+            },
+        }
+    }
+}
+
+/// The parameters every such block has.
+#[derive(Clone, Copy, Debug)]
+pub struct Params {
+    /// A rising edge starts a job.
+    pub req: Formal<Bool, In>,
+    /// 1 aborts the job and blocks the block.
+    pub r: Formal<Bool, In>,
+    /// Logical base address of the CP.
+    pub laddr: Formal<Int, In>,
+    /// RET_VAL of the record transfer.
+    pub sfcerr: Static<Word>,
+    /// Between two calls.
+    pub memory: Static<Bytes<34>>,
+}
+
+/// What a job is about: the part in which the blocks differ.
+pub trait Job {
+    /// The parameters.
+    const PARAMS: Params;
+
+    /// Looks at the parameters at the edge of REQ; the result is a STATUS with which the job ends at once.
+    ///
+    /// # Errors
+    /// The call ends.
+    fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort>;
+
+    /// The job begins: where its data are, and how many bytes.
+    ///
+    /// # Errors
+    /// The call ends.
+    fn begin(cx: &mut Cx<'_, CpState>) -> Result<Result<Data, u16>, Abort>;
+
+    /// Writes the header of the job, from byte 8 on; LEN is written already.
+    ///
+    /// # Errors
+    /// The call ends.
+    fn header(cx: &mut Cx<'_, CpState>, block: &mut ToCp) -> Result<(), Abort>;
+
+    /// Whether the CPU gives data with the job.
+    fn has_data(block: &ToCp) -> bool;
+
+    /// Reads a piece of the data that begins `from` bytes behind the first.
+    ///
+    /// # Errors
+    /// The call ends.
+    fn read(cx: &mut Cx<'_, CpState>, data: Data, from: u16, into: &mut [u8]) -> Result<Result<(), u16>, Abort> {
+        let at = u32::from(data.byte) + u32::from(from);
+        match cx.read(Area::Db(data.db), at, into)? {
+            Ok(()) => Ok(Ok(())),
+            Err(refused) => wrong_db(cx, refused, data.db, at, false).map(Err),
+        }
+    }
+}
+
+/// Where the data of a job are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Data {
+    /// Data block.
+    pub db: u16,
+    /// First byte in it.
+    pub byte: u16,
+    /// Bytes.
+    pub len: u16,
+}
+
+/// A call of the block: DONE, or ERROR with a STATUS, or neither. SFCERR and what lies between two calls are in the
+/// instance.
+///
+/// # Errors
+/// The call ends.
+pub fn call<J: Job>(cx: &mut Cx<'_, CpState>) -> Result<Option<Result<(), u16>>, Abort> {
+    let mut bytes = [0; 34];
+    if cx.load_bytes(J::PARAMS.memory, 0, &mut bytes)?.is_err() {
+        // An instance that is too short: as a statement that reads it.
+        cx.raise_fault(0x2522, 0)?;
+        return Ok(None);
+    }
+    let before = Memory::of(&bytes);
+    let mut memory = before;
+    let end = run::<J>(cx, &mut memory)?;
+    if memory != before {
+        let _same_bytes_as_above = cx.store_bytes(J::PARAMS.memory, 0, &memory.bytes())?;
+    }
+    Ok(end)
+}
+
+/// How a job has ended in this call: with a STATUS, or without error.
+type End = Option<Result<(), u16>>;
+
+fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abort> {
+    let (req, reset, laddr) = (cx.get(J::PARAMS.req)?, cx.get(J::PARAMS.r)?, cx.get(J::PARAMS.laddr)?);
+    let edge = req && !memory.req;
+    memory.req = req;
+    let state = match cx.module_state(channel::address(laddr))? {
+        Ok(state) => state,
+        Err(_) if edge && !reset => return unreachable::<J>(cx, Unreachable(0x8090)).map(Some),
+        Err(_) => return Ok(None),
+    };
+    if memory.start != state.send.start.get() {
+        // The first call since the start-up of the CPU: what was under way before is cancelled. [reference 1.6]
+        let cancelled = memory.phase.has_job();
+        *memory = Memory { req, ..Memory::default() };
+        if cancelled {
+            memory.latched = edge && !reset;
+            return Ok(Some(Err(ABORTED)));
+        }
+    }
+    if reset {
+        return reset_block(cx, memory, laddr, state);
+    }
+    if edge && !memory.phase.has_job() && !memory.latched {
+        if let Err(status) = J::check(cx)? {
+            return Ok(Some(Err(status)));
+        }
+        memory.latched = true;
+    }
+    let cp = match channel::read(cx, laddr, SEND)? {
+        Ok(cp) => cp,
+        Err(why) => return absent::<J>(cx, memory, why),
+    };
+    memory.absent_since = None;
+    let done = match memory.step(&cp) {
+        Act::Wait => Ok(Ok(())),
+        Act::Start => ask(cx, memory, laddr, state, &cp)?,
+        Act::Begin => {
+            memory.latched = false;
+            memory.job = if memory.job == u16::MAX { 1 } else { memory.job + 1 };
+            match J::begin(cx)? {
+                Err(status) => return Ok(Some(Err(status))),
+                Ok(data) => memory.data = data,
+            }
+            (memory.phase, memory.piece) = (Phase::Giving, 0);
+            give::<J>(cx, memory, laddr)?
+        }
+        Act::Give => give::<J>(cx, memory, laddr)?,
+        Act::Take => take(cx, memory, laddr, &cp)?,
+        Act::Done => return rest(cx, memory, laddr).map(|()| Some(Ok(()))),
+        Act::Failed(status) => {
+            if memory.phase.has_job() {
+                rest(cx, memory, laddr)?;
+            }
+            return Ok(Some(Err(status)));
+        }
+    };
+    match done {
+        Ok(Ok(())) => Ok(None),
+        Ok(Err(why)) => {
+            memory.phase = Phase::Off;
+            unreachable::<J>(cx, why).map(Some)
+        }
+        Err(Wrong(status)) => {
+            // The CP is in the middle of the job: it is told to forget it.
+            let reset = ask(cx, memory, laddr, state, &cp)?;
+            if !matches!(reset, Ok(Ok(()))) {
+                memory.phase = Phase::Off;
+            }
+            Ok(Some(Err(status)))
+        }
+    }
+}
+
+/// The job cannot have its data: the data block is missing or too short, and OB 121 has let the program go on.
+struct Wrong(u16);
+
+type Done = Result<Result<(), Unreachable>, Wrong>;
+
+/// R = 1: the block goes back to its initial state; what has reached the CP completely is still transmitted.
+/// [reference 1.2]
+fn reset_block(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state: &CpState) -> Result<End, Abort> {
+    let aborted = memory.phase.has_job() || memory.latched;
+    (memory.latched, memory.absent_since) = (false, None);
+    if let Ok(cp) = channel::read(cx, laddr, SEND)? {
+        match memory.phase {
+            Phase::Starting if memory.start != 0 && cp.start() == memory.start => memory.phase = Phase::Idle,
+            Phase::Off | Phase::Giving | Phase::Running | Phase::Taking => {
+                if !matches!(ask(cx, memory, laddr, state, &cp)?, Ok(Ok(()))) {
+                    memory.phase = Phase::Off;
+                }
+            }
+            Phase::Starting | Phase::Idle => {}
+        }
+    } else {
+        memory.phase = Phase::Off;
+    }
+    Ok(aborted.then_some(Err(ABORTED)))
+}
+
+/// The CP does not answer: a job under way is lost, one that waits does so for a while.
+fn absent<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory, why: Unreachable) -> Result<End, Abort> {
+    let had_job = memory.phase.has_job();
+    memory.phase = Phase::Off;
+    if had_job {
+        return Ok(Some(Err(CP_RESTARTED)));
+    }
+    if !memory.latched {
+        memory.absent_since = None;
+        return Ok(None);
+    }
+    let now = (cx.now() / 1_000_000) as u32;
+    let since = *memory.absent_since.get_or_insert(now);
+    // A module that is not there at all will not come.
+    let hopeless = why == Unreachable(0x8090) || why == Unreachable(0x80B0);
+    if !hopeless && now.wrapping_sub(since) < ABSENCE_MS {
+        return Ok(None);
+    }
+    (memory.latched, memory.absent_since) = (false, None);
+    unreachable::<J>(cx, why).map(Some)
+}
+
+fn unreachable<J: Job>(cx: &mut Cx<'_, CpState>, why: Unreachable) -> Result<Result<(), u16>, Abort> {
+    cx.store(J::PARAMS.sfcerr, why.0)?;
+    Ok(Err(WRITE_FAILED))
+}
+
+/// Asks for the start-up coordination with a new number.
+fn ask(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state: &CpState, cp: &FromCp) -> Result<Done, Abort> {
+    memory.start = next_start(cp.start(), memory.start);
+    state.send.start.set(memory.start);
+    (memory.phase, memory.job) = (Phase::Starting, 0);
+    Ok(Ok(channel::write(cx, laddr, SEND, &ToCp::new(START, memory.start, 0))?))
+}
+
+/// The job has ended: the CP may forget it.
+fn rest(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16) -> Result<(), Abort> {
+    memory.phase = Phase::Idle;
+    // A CP that is gone by now has forgotten it anyway.
+    let _told = channel::write(cx, laddr, SEND, &ToCp::new(REST, memory.start, memory.job))?;
+    Ok(())
+}
+
+/// Gives the next piece; a FETCH has none.
+fn give<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16) -> Result<Done, Abort> {
+    let mut block = ToCp::new(JOB, memory.start, memory.job);
+    block.set(10, memory.data.len);
+    J::header(cx, &mut block)?;
+    block.piece(memory.piece);
+    let from = memory.piece * PIECE;
+    let len = usize::from(memory.data.len.saturating_sub(from).min(PIECE));
+    // SF counts when the job begins: only a SEND is asked for more.
+    if (J::has_data(&block) || memory.piece > 0)
+        && let Err(status) = J::read(cx, memory.data, from, block.data(len))?
+    {
+        return Ok(Err(Wrong(status)));
+    }
+    if memory.piece < pieces(memory.data.len) {
+        memory.piece += 1;
+    }
+    Ok(Ok(channel::write(cx, laddr, SEND, &block)?))
+}
+
+/// Takes a piece of fetched data.
+fn take(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, cp: &FromCp) -> Result<Done, Abort> {
+    memory.phase = Phase::Taking;
+    let from = memory.piece * PIECE;
+    let Data { db, byte, len } = memory.data;
+    let len = usize::from(cp.len().min(len).saturating_sub(from).min(PIECE));
+    let at = u32::from(byte) + u32::from(from);
+    if let Err(refused) = cx.write(Area::Db(db), at, &cp.data()[..len])? {
+        return wrong_db(cx, refused, db, at, true).map(|status| Err(Wrong(status)));
+    }
+    memory.piece += 1;
+    let mut block = ToCp::new(JOB, memory.start, memory.job);
+    block.piece(memory.piece);
+    Ok(Ok(channel::write(cx, laddr, SEND, &block)?))
+}
+
+/// "Wrong parameters can drive the CPU into STOP": the same events as for a statement with that operand.
+/// [reference 1.0] If OB 121 lets the program go on, the job ends with this STATUS.
+pub(crate) fn wrong_db(
+    cx: &mut Cx<'_, CpState>,
+    refused: Refused,
+    db: u16,
+    at: u32,
+    writing: bool,
+) -> Result<u16, Abort> {
+    let (event, number) = fault_of(refused, db, at, writing);
+    cx.raise_fault(event, number)?;
+    Ok(DB_WRONG)
+}
+
+/// The event of a statement that cannot have its operand, and what it is about.
+pub(crate) fn fault_of(refused: Refused, db: u16, at: u32, writing: bool) -> (u16, u32) {
+    match refused {
+        Refused::NoDb | Refused::DbNumber => (0x253A, u32::from(db)),
+        Refused::ReadOnly => (0x2531, u32::from(db)),
+        _ if writing => (0x2523, at),
+        _ => (0x2522, at),
+    }
+}
