@@ -76,7 +76,7 @@ fn status(word: u16) -> String {
     let text = match (word, cp341_events::row(word)) {
         (0, _) => "no error",
         (_, Some(row)) => row.text,
-        (_, None) => "no event of a CP 341",
+        (_, None) => "no event of a CP 341 or CP 340",
     };
     format!("16#{word:04X} {text}")
 }
@@ -103,7 +103,7 @@ mod tests {
                 "0706",
                 "16#0706 At the end of the telegram came NAK, another character than DLE, or DLE too early",
             ),
-            ("DB20.DBW4:Status", json!(0xFFFF), "FFFF", "16#FFFF no event of a CP 341"),
+            ("DB20.DBW4:Status", json!(0xFFFF), "FFFF", "16#FFFF no event of a CP 341 or CP 340"),
         ] {
             assert_eq!(Form::split(text).1.show(&value, hex), shown, "{text}");
         }
