@@ -50,7 +50,7 @@ const struct Ob1PluginTable *ob1_plugin(void);
 // Instance data of an FB that is no parameter.
 #define OB1_SECTION_STATIC 3
 
-// The function value `RET_VAL`.
+// The function value `RET_VAL` of an FC. Its index is its place among the parameters, as that of the others.
 #define OB1_SECTION_RETURN 4
 
 // Areas of `HostTable::area_read`: inputs (process image).
@@ -387,8 +387,9 @@ struct Ob1BlockDesc {
   uint16_t number;
   // The manual's name, `SEND`.
   struct Ob1Text name;
-  // Parameters in the manual's order, then instance variables of an FB. The order of inputs, outputs and in/outs is
-  // the parameter index in the host's functions; instance variables have no index.
+  // Parameters in the manual's order, then instance variables of an FB. The place in this table, from 0, is the
+  // parameter index in the host's functions, for inputs, outputs, in/outs and the function value `RET_VAL` alike,
+  // whichever order they stand in; instance variables have no index.
   const struct Ob1ParamDesc *params;
   // Number of entries of `params`.
   uint32_t param_count;

@@ -123,7 +123,7 @@ pub enum CpCounter {
     ReceiveAborted,
     /// Attempts to receive that failed: parity, frame, check character, time.
     ReceiveErrors,
-    /// Telegrams rejected because the buffer was full.
+    /// Attempts of the partner rejected because the buffer was full.
     Rejected,
     /// Characters transmitted.
     BytesTx,

@@ -191,6 +191,29 @@ fn a_3964r_partner_is_refused_while_the_buffer_is_full() {
     assert_eq!(bench.log.tx, [0x10, 0x10, 0x15, 0x10]);
 }
 
+/// A partner that repeats at once into a full buffer: each attempt gets its NAK, is counted, and lights ER. When there
+/// is room again the CP takes the next one.
+#[test]
+fn repetitions_at_once_into_a_full_buffer_are_counted() {
+    let mut bench = Bench::working(&s3964r(false));
+    let block: Vec<u8> = [&[0x55; 1024][..], &[0x10, 0x03, 0x13]].concat();
+    bench.line(LineInput::Rx(&[0x02]));
+    bench.line(LineInput::TxDone);
+    bench.line(LineInput::Rx(&block));
+    bench.line(LineInput::TxDone);
+    assert!(!bench.log.leds.error);
+    for attempt in 1..=6 {
+        bench.line(LineInput::Rx(&[0x02]));
+        bench.line(LineInput::TxDone);
+        assert_eq!(bench.log.tx.last(), Some(&0x15), "attempt {attempt}");
+        assert_eq!(bench.count(CpCounter::Rejected), attempt);
+    }
+    assert!(bench.log.leds.error, "overflow");
+    assert_eq!(bench.fetch(), [0x55; 1024]);
+    bench.line(LineInput::Rx(&[0x02]));
+    assert_eq!(bench.log.tx.last(), Some(&0x10));
+}
+
 #[test]
 fn fragmented_ascii_hands_over_blocks_as_they_come() {
     let mut parameters = ascii(250);

@@ -59,7 +59,7 @@ pub const SECTION_OUT: u8 = 1;
 pub const SECTION_IN_OUT: u8 = 2;
 /// Instance data of an FB that is no parameter.
 pub const SECTION_STATIC: u8 = 3;
-/// The function value `RET_VAL`.
+/// The function value `RET_VAL` of an FC. Its index is its place among the parameters, as that of the others.
 pub const SECTION_RETURN: u8 = 4;
 
 /// Types, [`crate::ParamDesc::ty`].

@@ -48,7 +48,8 @@ counters! {
     ReceiveLost = "receive_lost",
     /// Attempts of the partner that failed: parity, frame, check sum, time.
     ReceiveErrors = "receive_errors",
-    /// Telegrams rejected because a buffer was full.
+    /// Attempts of the partner that were rejected because a buffer was full. A warning: a partner that repeats at once
+    /// has used its attempts up before the program has made room, and gives the telegram up.
     RejectedFull = "rejected_full",
     /// Bytes sent on the line.
     BytesTx = "bytes_tx",
@@ -77,8 +78,8 @@ impl Counters {
         self.0.get(counter as usize).copied().unwrap_or(0)
     }
 
-    /// Orders the CP has accepted and not finished yet: in its buffers or on the line. If the driver dies now, they are
-    /// lost in the CP.
+    /// Orders the CP has accepted and not finished yet: in its buffers or on the line. If the driver dies now, they
+    /// are lost in the CP.
     #[must_use]
     pub fn open_orders(&self) -> u64 {
         use Counter::{OrdersAborted, OrdersAccepted, OrdersLost, SendErrors, TelegramsSent};

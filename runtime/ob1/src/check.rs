@@ -162,7 +162,8 @@ fn describe_plugin(text: &mut String, info: &ob1_host::plugin::PluginInfo) {
                 Section::Input => "in",
                 Section::Output => "out",
                 Section::InOut => "in_out",
-                _ => continue,
+                Section::Return => "ret",
+                Section::Static | Section::Temp => continue,
             };
             let _ = writeln!(text, "    {section:<7} {:<16} {}", param.name, param.ty.name());
         }
@@ -257,4 +258,26 @@ fn describe(station: &Station) -> String {
         }
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use ob1_host::plugin::{BlockInfo, PluginInfo};
+    use ob1_model::{BlockId, BlockKind, DataType, Interface, Param};
+
+    use super::*;
+
+    #[test]
+    fn a_plugin_is_described_with_its_function_values() {
+        let param = |(name, section)| Param::new(name, section, DataType::Int);
+        let params =
+            [("A", Section::Input), ("RET_VAL", Section::Return), ("B", Section::Output), ("C", Section::InOut)];
+        let interface = Interface { params: params.map(param).to_vec(), ..Interface::default() };
+        let block = BlockInfo { id: BlockId::new(BlockKind::Fc, 7), name: "SEVEN".into(), interface };
+        let info = PluginInfo { name: "p".into(), version: "1".into(), abi: (1, 0), blocks: vec![block] };
+        let mut text = String::new();
+        describe_plugin(&mut text, &info);
+        let rows: Vec<Vec<&str>> = text.lines().skip(2).map(|line| line.split_whitespace().collect()).collect();
+        assert_eq!(rows, [["in", "A", "INT"], ["ret", "RET_VAL", "INT"], ["out", "B", "INT"], ["in_out", "C", "INT"]]);
+    }
 }
