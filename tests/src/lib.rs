@@ -8,4 +8,5 @@ pub mod meters;
 pub mod modbus_slave;
 pub mod siege;
 pub mod sim;
+pub mod step7;
 pub mod tcm120;

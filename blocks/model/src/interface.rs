@@ -1,6 +1,6 @@
 //! What a block takes and gives.
 
-use crate::{BitAddr, DataType, Layout};
+use crate::{BitAddr, DataType, Field, Layout};
 
 /// The declaration section of a parameter or variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -122,6 +122,23 @@ impl Interface {
         }
         self.instance_bytes = if has_instance { instance.bytes() } else { 0 };
         self.temp_bytes = temps.bytes();
+    }
+
+    /// An instance as a structure. Each section begins on an even byte: an empty structure between them, which takes no
+    /// room of its own, makes the layout do that.
+    #[must_use]
+    pub fn instance_type(&self) -> DataType {
+        let mut fields: Vec<Field> = Vec::new();
+        let mut last = None;
+        for param in self.params.iter().filter(|p| p.section != Section::Temp) {
+            if last.is_some_and(|section| section != param.section) {
+                fields.push(Field { name: String::new(), ty: DataType::Struct(Vec::new()), initial: None });
+            }
+            last = Some(param.section);
+            let ty = if param.is_pointer() { DataType::Pointer } else { param.ty.clone() };
+            fields.push(Field { name: param.name.clone(), ty, initial: param.initial.clone() });
+        }
+        DataType::Struct(fields)
     }
 
     /// A formal parameter by any of its names, with its index.

@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use ob1_mc7::Stamp;
 use ob1_model::{BlockId, BlockKind};
 
 use crate::comments::Comments;
 use crate::dbf::{Damage, Memos, Table};
 use crate::note::{Note, Notes};
 use crate::text::CodePage;
-use crate::time::Stamp;
 use crate::tree::Tree;
 
 /// The language a block was made in. What runs is MC7 in every case.
@@ -278,6 +278,11 @@ impl Folder {
 /// PASSWORD of a block with KNOW_HOW_PROTECT.
 pub(crate) const KNOW_HOW: i64 = 3;
 
+/// A time of a record; what is not 6 bytes is unset.
+fn stamp(bytes: &[u8]) -> Stamp {
+    bytes.first_chunk().map_or_else(Stamp::default, |bytes| Stamp::read(*bytes))
+}
+
 fn text_of(bytes: &[u8], page: CodePage) -> String {
     let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
     page.text(&bytes[..end])
@@ -304,8 +309,8 @@ fn read_parts(table: &Table, memos: Option<&Memos>, page: CodePage, parts: &mut 
                 name: page.text(row.trimmed("BLOCKNAME")),
                 version: u8::try_from(row.number("VERSION")).unwrap_or(0),
             },
-            changed: Stamp::of_bytes(row.bytes("TIMESTAMP1")),
-            interface_changed: Stamp::of_bytes(row.bytes("TIMESTAMP2")),
+            changed: stamp(row.bytes("TIMESTAMP1")),
+            interface_changed: stamp(row.bytes("TIMESTAMP2")),
             ..Part::default()
         };
         for (field, length, into) in [
@@ -349,7 +354,7 @@ fn read_uses(bytes: &[u8]) -> Vec<Use> {
         if name.is_empty() || !name.bytes().all(|b| b.is_ascii_alphanumeric()) {
             break;
         }
-        uses.push(Use { name: name.to_owned(), interface: Stamp::of_bytes(stamp) });
+        uses.push(Use { name: name.to_owned(), interface: self::stamp(stamp) });
         rest = tail.get(14..).unwrap_or_default();
     }
     uses

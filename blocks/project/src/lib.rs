@@ -5,18 +5,24 @@
 
 mod archive;
 mod comments;
+mod compiled;
 mod cpu_parameters;
 mod dbf;
 mod folder;
 mod hardware;
 mod links;
+mod listing;
 mod note;
+mod overlay;
 mod project;
+mod source;
 mod sources;
+mod stand_in;
 mod symbols;
 mod text;
-mod time;
+mod translate;
 mod tree;
+mod values;
 mod write;
 
 pub use archive::Archive;
@@ -26,10 +32,11 @@ pub use dbf::{Damage, Memos, Row, Table};
 pub use folder::{Block, Folder, Head, Language, Udt, Use};
 pub use hardware::{Area, Cpu, Hardware, Module};
 pub use note::{Note, Notes, Weight};
+pub use overlay::{Image, Refused, announce, overlay};
 pub use project::{BlockFolder, Choice, Program, Project};
 pub use sources::SourceText;
 pub use symbols::SymbolRow;
 pub use text::CodePage;
-pub use time::Stamp;
+pub use translate::{ProgramFile, Translation, Wanted, image_of, translate};
 pub use tree::{FileSource, Files, Root, Tree};
 pub use write::NewProject;

@@ -10,7 +10,9 @@ pub(crate) struct Links {
 
 /// Length of a record.
 const RECORD: usize = 512;
-/// Length of its head and of an entry.
+/// Length of its head (own offset, a flag, number of entries, 0) and of an entry: unit type, unit ID, object type,
+/// object ID, relation, kind.
+const HEAD: usize = 16;
 const ENTRY: usize = 24;
 
 /// Object type and relation of the three.
@@ -24,8 +26,9 @@ pub(crate) fn read(bytes: &[u8], offset: i64) -> Links {
     let Some(start) = usize::try_from(offset).ok().filter(|start| *start < bytes.len()) else { return links };
     let record = &bytes[start..bytes.len().min(start + RECORD)];
     let word = |at: usize| Some(u32::from_le_bytes(record.get(at..at + 4)?.try_into().ok()?));
-    let count = word(4).map_or(0, |n| n as usize).min((RECORD - ENTRY) / ENTRY);
-    for at in (0..count).map(|i| ENTRY + i * ENTRY) {
+    let count = word(8).map_or(0, |n| n as usize).min((RECORD - HEAD) / ENTRY);
+    // Behind the unit.
+    for at in (0..count).map(|i| HEAD + i * ENTRY + 8) {
         let (Some(ty), Some(id), Some(relation)) = (word(at), word(at + 4), word(at + 8)) else { break };
         match (ty, relation) {
             FOLDER => links.folder = links.folder.or(Some(id)),
@@ -44,10 +47,11 @@ pub(crate) fn write(offset: u32, links: Links) -> Vec<u8> {
     let entries: Vec<((u32, u32), u32)> = entries.into_iter().filter_map(|(kind, id)| Some((kind, id?))).collect();
     let mut record = Vec::with_capacity(RECORD);
     record.extend(offset.to_le_bytes());
+    record.extend(0u32.to_le_bytes());
     record.extend((entries.len() as u32).to_le_bytes());
-    record.resize(ENTRY, 0);
+    record.resize(HEAD, 0);
     for ((ty, relation), id) in entries {
-        for word in [ty, id, relation, 1, 0, 0] {
+        for word in [0, 0, ty, id, relation, 2] {
             record.extend(word.to_le_bytes());
         }
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ob1_model::{BlockId, BlockKind, DataType, Dimension, Field, Interface, Layout, Section};
+use ob1_model::{BlockId, BlockKind, DataType, Dimension, Field, Layout};
 
 use crate::codes;
 use crate::diagnostic::USES;
@@ -190,26 +190,10 @@ impl Elaborator<'_> {
             self.world.report_missing(id, file, span, self.sink);
             return None;
         };
-        let ty = instance_type(&info.interface);
+        let ty = info.interface.instance_type();
         let depth = depth_of(&ty);
         Some(Resolved { ty, fb: Some(id), depth })
     }
-}
-
-/// An FB's instance as a structure. Each section begins on an even byte: an empty structure between them, which takes
-/// no room of its own, makes the layout do that.
-fn instance_type(interface: &Interface) -> DataType {
-    let mut fields: Vec<Field> = Vec::new();
-    let mut last = None;
-    for param in interface.params.iter().filter(|p| p.section != Section::Temp) {
-        if last.is_some_and(|section| section != param.section) {
-            fields.push(Field { name: String::new(), ty: DataType::Struct(Vec::new()), initial: None });
-        }
-        last = Some(param.section);
-        let ty = if param.is_pointer() { DataType::Pointer } else { param.ty.clone() };
-        fields.push(Field { name: param.name.clone(), ty, initial: param.initial.clone() });
-    }
-    DataType::Struct(fields)
 }
 
 fn depth_of(ty: &DataType) -> u32 {

@@ -10,6 +10,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::access::protocol::CommandName;
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
+use crate::import::{self, ImportArgs};
 use crate::library::Chosen;
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
@@ -21,6 +22,7 @@ Examples:
   ob1 run press.toml --for 10s --report run.json   ten seconds, figures as JSON
   ob1 check press.toml                             everything that is wrong with a station
   ob1 exec press.awl --limit 10s                   bare sources in virtual time
+  ob1 import plant.zip --out plant                 a station of a STEP 7 project, without its sources
   ob1 test                                         the tests of this folder and below
   ob1 get press.toml M1.0 DB10.DBW20               values from the running station
   ob1 set press.toml M1.0=1 DB10.DBW20=16#1234     new values
@@ -58,6 +60,7 @@ enum Command {
     Exec(Box<ExecArgs>),
     Test(TestArgs),
     Xref(XrefArgs),
+    Import(ImportArgs),
     Get(GetArgs),
     Set(SetArgs),
     Ctl(CtlArgs),
@@ -447,6 +450,7 @@ impl Command {
         let exit = match self {
             Command::Exec(args) => return exec::exec(&args).into(),
             Command::Test(args) => return testing::test(&args).into(),
+            Command::Import(args) => return import::import(&args).into(),
             Command::Run(args) => run::run(&run::Options {
                 station: args.station,
                 time: args.time,

@@ -18,6 +18,7 @@ pub mod finding;
 mod folder;
 pub mod guardian;
 mod handling;
+pub mod import;
 pub mod io;
 pub mod janitor;
 pub mod library;

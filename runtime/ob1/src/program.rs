@@ -1,13 +1,16 @@
 //! From a station's files to a program: plugins are loaded, their blocks told to the compiler, sources compiled.
 
-use std::collections::BTreeMap;
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ob1_cpu::NativeBlock;
 use ob1_host::plugin::{Plugin, PluginError, PluginModule};
 use ob1_ir::Program;
+use ob1_mc7::BlockImage;
 use ob1_model::{BlockId, BlockKind};
+use ob1_project::Image;
 use ob1_std::{Origin, StandardBlock, standard_blocks};
 use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 
@@ -229,6 +232,8 @@ pub struct Sources {
     pub files: Vec<PathBuf>,
     /// Symbol tables.
     pub symbols: Vec<PathBuf>,
+    /// Blocks in machine code.
+    pub mc7: Vec<PathBuf>,
     /// Mnemonics of the sources.
     pub mnemonics: Mnemonics,
     /// Standard blocks of libraries.
@@ -295,7 +300,21 @@ pub(crate) fn compile_texts(
     let fixed = wanted.fixed.iter().map(|(name, id)| Numbered { name: name.clone(), id: *id }).collect();
     let limit = (!wanted.all_messages).then_some(LIMIT);
     let options = Options { mnemonics: wanted.mnemonics.into(), symbols, lints: wanted.lints, fixed, kept, limit };
-    let output = ob1_stl::compile(sources, library, &options);
+    let images = read_images(wanted, &mut findings);
+    let mut output = ob1_stl::compile(sources, library, &options);
+    let mut library = Cow::Borrowed(library);
+    if !images.is_empty() {
+        let declared: BTreeSet<BlockId> = output.program.blocks.iter().map(|block| block.id).collect();
+        let stands = |id| declared.contains(&id);
+        if images.iter().filter_map(Image::id).any(|id| id.kind != BlockKind::Db && !stands(id)) {
+            ob1_project::announce(&images, &stands, library.to_mut());
+            output = ob1_stl::compile(sources, &library, &options);
+        }
+    }
+    if let Err(refused) = ob1_project::overlay(&mut output.program, &images, &library) {
+        let remedy = "import it again from the project, or leave it out of `mc7`";
+        findings.extend(refused.iter().map(|r| Finding::whole(Level::Error, MACHINE_CODE, &r.file, &r.reason, remedy)));
+    }
     findings.extend(output.diagnostics.iter().map(|diagnostic| of_diagnostic(diagnostic, sources)));
     findings.extend(of_rest(&output.rest));
     if findings.iter().any(|f| f.level == Level::Error) {
@@ -338,6 +357,32 @@ fn of_rest(rest: &Rest) -> Option<Finding> {
     let message = format!("and {count} more: {}", kinds.join(", "));
     let finding = Finding::whole(level, "C015", "", message, "--all-messages shows every one");
     Some(Finding { text, count, ..finding })
+}
+
+/// A block in machine code that cannot be used.
+const MACHINE_CODE: &str = "C016";
+
+/// Reads blocks in machine code: a file may have several behind one another.
+fn read_images(wanted: &Sources, findings: &mut Vec<Finding>) -> Vec<Image> {
+    let mut images = Vec::new();
+    for file in read_all(&wanted.mc7, &wanted.places, findings) {
+        let mut rest = file.bytes.as_slice();
+        while !rest.is_empty() {
+            match BlockImage::read(rest) {
+                Ok((block, length)) => {
+                    images.push(Image { file: file.name.clone(), block });
+                    rest = rest.get(length..).unwrap_or_default();
+                }
+                Err(error) => {
+                    let remedy =
+                        "a .mc7 holds blocks as a CPU does: head, code, interface, segments, foot (docs/import.md)";
+                    findings.push(Finding::whole(Level::Error, MACHINE_CODE, &file.name, error.to_string(), remedy));
+                    break;
+                }
+            }
+        }
+    }
+    images
 }
 
 /// Reads files; one finding for each that cannot be read.

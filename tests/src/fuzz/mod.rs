@@ -12,6 +12,7 @@ pub mod mbus;
 pub mod mc7;
 pub mod modbus;
 pub mod modbus32;
+pub mod project;
 pub mod rk512;
 pub mod serial;
 pub mod station;
@@ -31,6 +32,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("mc7", mc7::run),
     ("modbus", modbus::run),
     ("modbus32", modbus32::run),
+    ("project", project::run),
     ("rk512", rk512::run),
     ("serial", serial::run),
     ("station", station::run),

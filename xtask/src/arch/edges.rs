@@ -24,7 +24,7 @@ const TABLE: &[Row] = &[
     // Text and machine code meet in the instruction set, nowhere else.
     row("ob1-mc7", "invariant 3", &["ob1-model", "ob1-ir"]),
     row("ob1-std", "invariant 2", &["ob1-model"]),
-    row("ob1-project", "invariant 3", &["ob1-model", "encoding_rs", "zip"]),
+    row("ob1-project", "invariant 3", &["ob1-model", "ob1-ir", "ob1-stl", "ob1-mc7", "encoding_rs", "zip"]),
     // It runs the system blocks, which are pure functions, as native blocks.
     row("ob1-cpu", "invariant 2", &["ob1-model", "ob1-ir", "ob1-std", "hdrhistogram", "rtrb"]),
     row("ob1-log", "invariant 4", &["rustix"]),
@@ -56,6 +56,8 @@ const TABLE: &[Row] = &[
             "ob1-model",
             "ob1-ir",
             "ob1-stl",
+            "ob1-mc7",
+            "ob1-project",
             "ob1-std",
             "ob1-cpu",
             "ob1-rt",

@@ -236,7 +236,7 @@ fn part_row(table: &mut TableWriter, object: i64, ty: i64, number: u16, part: Pa
 
 /// Used by those who describe a block in the language it was made in.
 impl Language {
-    fn number(self) -> i64 {
+    pub(crate) fn number(self) -> i64 {
         match self {
             Language::Stl => 1,
             Language::Lad => 2,
@@ -266,8 +266,8 @@ impl Default for Block {
             declarations: None,
             comments: crate::Comments::default(),
             uses: Vec::new(),
-            changed: crate::Stamp::default(),
-            interface_changed: crate::Stamp::default(),
+            changed: ob1_mc7::Stamp::default(),
+            interface_changed: ob1_mc7::Stamp::default(),
         }
     }
 }

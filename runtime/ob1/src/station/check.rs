@@ -28,11 +28,12 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
         program: Sources {
             files: file.program.sources.iter().map(|s| folder.join(s.get_ref())).collect(),
             symbols: file.program.symbols.iter().map(|s| folder.join(s.get_ref())).collect(),
+            mc7: file.program.mc7.iter().map(|s| folder.join(s.get_ref())).collect(),
             mnemonics: mnemonics(f, file.program.mnemonics.as_ref()),
             library: standard(f, &file.program.libraries, &file.library),
             fixed: fixed_numbers(f, &file.program.numbers),
             numbers: Some(Path::new(source.file).with_extension("numbers")),
-            places: places(f, &[&file.program.sources, &file.program.symbols], folder),
+            places: places(f, &[&file.program.sources, &file.program.symbols, &file.program.mc7], folder),
             ..Sources::default()
         },
         plugins: plugins(f, &file.plugin, folder),

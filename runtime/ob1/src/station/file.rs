@@ -160,6 +160,8 @@ pub(super) struct ProgramTable {
     pub(super) sources: Vec<Placed<String>>,
     #[serde(default)]
     pub(super) symbols: Vec<Placed<String>>,
+    #[serde(default)]
+    pub(super) mc7: Vec<Placed<String>>,
     pub(super) mnemonics: Option<Placed<String>>,
     #[serde(default)]
     pub(super) libraries: Vec<Placed<String>>,

@@ -1,0 +1,606 @@
+//! A block folder becomes a program: STL sources that say the same as the machine code, and machine code for the rest.
+//!
+//! The sources are held against the machine code by compiling them: a block whose source does not give the very same
+//! statements stays in machine code, so that what runs is always what the project has.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use ob1_ir::{CodeBlock, DataKind, Program, Symbol};
+use ob1_mc7::{
+    BlockFoot, BlockHead, BlockImage, CompiledInterface, Decoded, InterfaceKind, MachineBlock, Segments, decode,
+};
+use ob1_model::{BlockId, BlockKind, Interface};
+use ob1_stl::print::Printer;
+use ob1_stl::{Library, Mnemonics, Options, Output, Source};
+
+use crate::folder::{Block, Folder};
+use crate::note::{Note, Notes};
+use crate::overlay::{self, Image};
+use crate::source::{self, Declarations};
+use crate::text::CodePage;
+use crate::{compiled, listing, stand_in, values};
+
+/// How a folder is translated.
+#[derive(Debug)]
+pub struct Wanted<'w> {
+    /// The code page of its texts.
+    pub page: CodePage,
+    /// The blocks the program may call beside its own; among them those of [`Wanted::replaced`].
+    pub library: &'w Library,
+    /// Blocks of the project that others take the place of.
+    pub replaced: &'w BTreeSet<BlockId>,
+    /// The symbols, as the symbol table will give them.
+    pub symbols: Vec<Symbol>,
+    /// The mnemonics of the sources.
+    pub mnemonics: Mnemonics,
+}
+
+/// A file of the program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProgramFile {
+    /// Its name: `FC_5.awl`, `FC_5.mc7`.
+    pub name: String,
+    /// Its content.
+    pub bytes: Vec<u8>,
+}
+
+/// What became of a folder.
+#[derive(Debug, Default)]
+pub struct Translation {
+    /// STL sources.
+    pub sources: Vec<ProgramFile>,
+    /// Blocks in machine code.
+    pub images: Vec<ProgramFile>,
+    /// The program those files make.
+    pub program: Program,
+    /// Blocks of the folder: OB, FB, FC and DB.
+    pub blocks: usize,
+    /// Of these, the ones that came over.
+    pub decoded: usize,
+    /// Code blocks whose source gives the very statements of their machine code.
+    pub printed: usize,
+    /// Blocks that did not come over, with the reason.
+    pub left_out: BTreeMap<String, String>,
+    /// What there is to say.
+    pub notes: Notes,
+}
+
+/// Translates a folder.
+#[must_use]
+pub fn translate(folder: &Folder, wanted: &Wanted<'_>) -> Translation {
+    let mut draft = Draft::new(folder, wanted);
+    draft.settle();
+    draft.decode();
+    if draft.stand_in() {
+        // With their interfaces the calls of the stand-ins fold.
+        draft.decode();
+    }
+    draft.write_statements();
+    draft.finish()
+}
+
+/// A source file on its way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Of {
+    Udt(u16),
+    Block(BlockId),
+}
+
+impl std::fmt::Display for Of {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Of::Udt(number) => write!(f, "UDT {number}"),
+            Of::Block(id) => id.fmt(f),
+        }
+    }
+}
+
+struct Draft<'f> {
+    folder: &'f Folder,
+    wanted: &'f Wanted<'f>,
+    /// The blocks the program may call beside its own, those that stand in for missing ones among them.
+    library: Library,
+    /// Blocks that stand in for missing ones.
+    stand_ins: Vec<Image>,
+    compiled: BTreeMap<BlockId, CompiledInterface>,
+    udts: BTreeMap<u16, Declarations>,
+    declared: BTreeMap<BlockId, Declarations>,
+    /// Shapes of data blocks: STRUCT, UDT or FB.
+    shapes: BTreeMap<BlockId, String>,
+    values: BTreeMap<BlockId, Vec<(String, String)>>,
+    statements: BTreeMap<BlockId, String>,
+    decoded: BTreeMap<BlockId, Decoded>,
+    interfaces: BTreeMap<BlockId, Interface>,
+    /// Blocks that stay in machine code.
+    images: BTreeSet<BlockId>,
+    printed: BTreeSet<BlockId>,
+    out: Translation,
+}
+
+impl<'f> Draft<'f> {
+    fn new(folder: &'f Folder, wanted: &'f Wanted<'f>) -> Self {
+        let mut draft = Self {
+            folder,
+            wanted,
+            library: wanted.library.clone(),
+            stand_ins: Vec::new(),
+            compiled: BTreeMap::new(),
+            udts: BTreeMap::new(),
+            declared: BTreeMap::new(),
+            shapes: BTreeMap::new(),
+            values: BTreeMap::new(),
+            statements: BTreeMap::new(),
+            decoded: BTreeMap::new(),
+            interfaces: BTreeMap::new(),
+            images: BTreeSet::new(),
+            printed: BTreeSet::new(),
+            out: Translation {
+                left_out: folder.damaged.clone(),
+                notes: folder.notes.clone(),
+                ..Translation::default()
+            },
+        };
+        let is_block = |name: &&String| !name.starts_with("SF") && !name.starts_with("UDT");
+        draft.out.blocks = folder.damaged.keys().filter(is_block).count();
+        for (number, udt) in &folder.udts {
+            draft.udts.insert(*number, Declarations::of_text(&udt.declarations, false, wanted.page));
+        }
+        for (id, block) in &folder.blocks {
+            if matches!(id.kind, BlockKind::Sfc | BlockKind::Sfb) {
+                continue;
+            }
+            draft.out.blocks += 1;
+            if wanted.replaced.contains(id) {
+                continue;
+            }
+            match CompiledInterface::read(&block.interface) {
+                Ok(compiled) => drop(draft.compiled.insert(*id, compiled)),
+                Err(error) => draft.note(*id, format!("its compiled interface cannot be read: {error}")),
+            }
+            draft.first_declarations(*id, block);
+        }
+        draft
+    }
+
+    fn note(&mut self, of: impl std::fmt::Display, what: impl Into<String>) {
+        self.out.notes.push(Note::warning(of.to_string(), what));
+    }
+
+    fn leave_out(&mut self, id: BlockId, reason: impl Into<String>) {
+        self.out.left_out.insert(id.to_string(), reason.into());
+        self.declared.remove(&id);
+        self.shapes.remove(&id);
+        self.statements.remove(&id);
+        self.decoded.remove(&id);
+        self.images.remove(&id);
+    }
+
+    fn first_declarations(&mut self, id: BlockId, block: &Block) {
+        let text = block.declarations.as_deref().unwrap_or_default();
+        if id.kind == BlockKind::Db {
+            let shape = self.shape(id, text);
+            self.shapes.insert(id, shape);
+            return;
+        }
+        if block.code.is_empty() {
+            self.leave_out(id, "it has no machine code");
+            return;
+        }
+        let has_entries = self.compiled.get(&id).is_some_and(|c| !c.entries.is_empty());
+        let declarations = if text.trim_matches(['\0', ' ', '\r', '\n', '\t']).is_empty() && has_entries {
+            self.made(id, None)
+        } else {
+            Declarations::of_text(text, id.kind == BlockKind::Fc, self.wanted.page)
+        };
+        self.declared.insert(id, declarations);
+    }
+
+    /// What a data block is made of.
+    fn shape(&self, id: BlockId, text: &str) -> String {
+        let compiled = self.compiled.get(&id);
+        let fb = compiled.and_then(overlay::instance_of).filter(|fb| self.exists(*fb));
+        let udt = compiled.filter(|c| c.kind == InterfaceKind::OfUdt && self.udts.contains_key(&c.number));
+        let declared = Declarations::of_text(text, false, self.wanted.page).text;
+        match (fb, udt, compiled) {
+            (Some(fb), ..) => fb.to_string(),
+            (_, Some(udt), _) => format!("UDT {}", udt.number),
+            // The sections of an FB that is not there are a structure all the same.
+            (.., Some(compiled)) if !declared.trim_start().starts_with("STRUCT") => {
+                compiled::structure(compiled, &|_| false)
+            }
+            _ => declared,
+        }
+    }
+
+    fn exists(&self, id: BlockId) -> bool {
+        self.library.get(id).is_some()
+            || self.folder.blocks.get(&id).is_some_and(|b| !b.code.is_empty() && id.kind == BlockKind::Fb)
+    }
+
+    fn made(&self, id: BlockId, text: Option<&Interface>) -> Declarations {
+        let known = |id| self.exists(id);
+        self.compiled.get(&id).map(|c| compiled::declarations(c, text, &known)).unwrap_or_default()
+    }
+
+    /// The sources as they are now, in an order that stays.
+    fn files(&self) -> Vec<(Of, String)> {
+        let mut files = Vec::new();
+        for (number, declarations) in &self.udts {
+            let head = self.folder.udts.get(number).map(|udt| udt.head.clone()).unwrap_or_default();
+            files.push((Of::Udt(*number), source::udt_source(*number, &head, declarations)));
+        }
+        for (id, block) in &self.folder.blocks {
+            if let Some(shape) = self.shapes.get(id) {
+                let values = self.values.get(id).map(Vec::as_slice).unwrap_or_default();
+                files.push((Of::Block(*id), source::data_source(block, shape, values)));
+            } else if let Some(declarations) = self.declared.get(id) {
+                let statements = self.statements.get(id).map_or("", String::as_str);
+                files.push((Of::Block(*id), source::code_source(block, declarations, statements)));
+            }
+        }
+        files
+    }
+
+    fn compile(&self, files: &[(Of, String)]) -> Output {
+        let sources: Vec<Source> =
+            files.iter().map(|(of, text)| Source::new(of.to_string(), text.as_bytes())).collect();
+        let options =
+            Options { mnemonics: self.wanted.mnemonics, symbols: self.wanted.symbols.clone(), ..Options::default() };
+        ob1_stl::compile(&sources, &self.library, &options)
+    }
+
+    /// Declarations that compile and say what the compiled interfaces say.
+    fn settle(&mut self) {
+        // From the texts; from the compiled interface where a text has a mistake or says something else.
+        for round in 0..4 {
+            let files = self.files();
+            let output = self.compile(&files);
+            let mut wrong: BTreeMap<Of, String> = BTreeMap::new();
+            for diagnostic in output.diagnostics.iter().filter(|d| d.severity == ob1_stl::Severity::Error) {
+                if let Some((of, _)) = files.get(diagnostic.source) {
+                    wrong.entry(*of).or_insert_with(|| format!("{} {}", diagnostic.code, diagnostic.message));
+                }
+            }
+            if round == 0 {
+                for block in &output.program.blocks {
+                    let id = block.id;
+                    let agrees = self.compiled.get(&id).is_none_or(|c| compiled::agree(c, &block.interface));
+                    if agrees || wrong.contains_key(&Of::Block(id)) {
+                        continue;
+                    }
+                    let made = self.made(id, Some(&block.interface));
+                    self.declared.insert(id, made);
+                    self.note(
+                        id,
+                        "its text declares something else than it was compiled with; the compiled form counts",
+                    );
+                    wrong.insert(Of::Block(id), String::new());
+                }
+            }
+            if wrong.is_empty() {
+                return;
+            }
+            for (of, why) in wrong.into_iter().filter(|(_, why)| !why.is_empty()) {
+                self.mend(of, &why, round);
+            }
+        }
+    }
+
+    /// Other declarations for a block whose present ones have a mistake.
+    fn mend(&mut self, of: Of, why: &str, round: u32) {
+        let id = match of {
+            Of::Udt(number) => {
+                self.udts.remove(&number);
+                self.out.left_out.insert(of.to_string(), why.to_owned());
+                return;
+            }
+            Of::Block(id) => id,
+        };
+        let made = round == 0 && self.compiled.contains_key(&id);
+        match (id.kind, made) {
+            (BlockKind::Db, true) => {
+                let shape = compiled::structure(&self.compiled[&id], &|_| false);
+                self.shapes.insert(id, shape);
+                self.note(id, format!("its text cannot be used ({why}); the compiled form counts"));
+            }
+            (BlockKind::Db, false) => {
+                // Its values need no declarations.
+                self.shapes.remove(&id);
+                self.images.insert(id);
+                self.note(id, format!("its declarations cannot be used ({why}); it has values without names"));
+            }
+            (_, true) => {
+                let made = self.made(id, None);
+                self.declared.insert(id, made);
+                self.note(id, format!("its text cannot be used ({why}); the compiled form counts"));
+            }
+            (_, false) => {
+                self.declared.remove(&id);
+                self.images.insert(id);
+                self.note(
+                    id,
+                    format!("its declarations cannot be used ({why}); it stays in machine code without names"),
+                );
+            }
+        }
+    }
+
+    /// Machine code to statements, with the interfaces all blocks have now.
+    fn decode(&mut self) {
+        let files = self.files();
+        let program = self.compile(&files).program;
+        let mut interfaces: BTreeMap<BlockId, Interface> =
+            program.blocks.into_iter().map(|block| (block.id, block.interface)).collect();
+        for id in self.images.iter().filter(|id| id.kind != BlockKind::Db) {
+            if let Some(compiled) = self.compiled.get(id) {
+                interfaces.insert(*id, compiled.interface(id.kind.has_instance()));
+            }
+        }
+        let library = self.library.clone();
+        let callees = |id: BlockId| interfaces.get(&id).or_else(|| library.get(id).map(|block| &block.interface));
+        let folder = self.folder;
+        for (id, block) in &folder.blocks {
+            let is_here = self.declared.contains_key(id) || self.images.contains(id);
+            if !is_here || id.kind == BlockKind::Db {
+                continue;
+            }
+            let Some(interface) = interfaces.get(id) else {
+                self.leave_out(*id, "it has no interface, neither as text nor compiled");
+                continue;
+            };
+            let segments = Segments::read(&block.segments).unwrap_or_else(|error| {
+                self.note(*id, format!("its networks cannot be told: {error}"));
+                Segments::default()
+            });
+            let machine = MachineBlock {
+                id: *id,
+                name: Some(block.head.name.clone()).filter(|name| !name.is_empty()),
+                interface,
+                code: &block.code,
+                segments: &segments,
+                multi_instance: !block.code_version1,
+            };
+            match decode(&machine, &callees) {
+                Ok(decoded) => drop(self.decoded.insert(*id, decoded)),
+                Err(error) => self.leave_out(*id, error.to_string()),
+            }
+        }
+        self.interfaces = interfaces;
+    }
+
+    /// Blocks that are called and that nobody has get one that does nothing. True when there are any.
+    fn stand_in(&mut self) -> bool {
+        let missing =
+            stand_in::missing(&self.decoded, self.folder, &self.library, &|id| self.decoded.contains_key(&id));
+        for missing in missing {
+            let what = missing.note(self.folder);
+            self.out.notes.push(Note::warning(missing.id.to_string(), what));
+            self.stand_ins.push(Image {
+                file: format!("{}.mc7", source::file_stem(missing.id)),
+                block: missing.image(self.folder),
+            });
+        }
+        overlay::announce(&self.stand_ins, &|_| false, &mut self.library);
+        !self.stand_ins.is_empty()
+    }
+
+    /// Symbols by the address they stand for, as the printer writes it.
+    fn symbols(&self) -> BTreeMap<String, String> {
+        let mut symbols = BTreeMap::new();
+        for symbol in &self.wanted.symbols {
+            symbols.entry(symbol.address.clone()).or_insert_with(|| symbol.name.clone());
+        }
+        symbols
+    }
+
+    /// Statements as text, held against the machine code; what does not give the same stays in machine code.
+    fn write_statements(&mut self) {
+        let (symbols, library, interfaces) =
+            (self.symbols(), self.library.clone(), std::mem::take(&mut self.interfaces));
+        let callees = |id: BlockId| interfaces.get(&id).or_else(|| library.get(id).map(|block| &block.interface));
+        let printer = Printer::new(self.wanted.mnemonics, &callees).with_symbols(&symbols);
+        let mut unsaid = Vec::new();
+        for (id, decoded) in &self.decoded {
+            let Some(block) = self.folder.blocks.get(id).filter(|_| self.declared.contains_key(id)) else { continue };
+            if block.know_how {
+                self.images.insert(*id);
+                self.statements.insert(
+                    *id,
+                    format!("// KNOW_HOW_PROTECT: its statements are in {}.mc7.\n", source::file_stem(*id)),
+                );
+                continue;
+            }
+            self.printed.insert(*id);
+            match printer.statements(&decoded.block, &listing::of(block, decoded)) {
+                Ok(text) => drop(self.statements.insert(*id, text)),
+                Err(why) => unsaid.push((*id, why.to_string())),
+            }
+        }
+        for (id, why) in unsaid {
+            self.stay_compiled(id, &why);
+        }
+        for _ in 0..3 {
+            let files = self.files();
+            let output = self.compile(&files);
+            let mut differ: BTreeMap<BlockId, String> = BTreeMap::new();
+            for diagnostic in output.diagnostics.iter().filter(|d| d.severity == ob1_stl::Severity::Error) {
+                if let Some((Of::Block(id), _)) = files.get(diagnostic.source) {
+                    differ.entry(*id).or_insert_with(|| {
+                        format!("{} {} (line {})", diagnostic.code, diagnostic.message, diagnostic.line)
+                    });
+                }
+            }
+            for block in &output.program.blocks {
+                if let Some(decoded) = self.decoded.get(&block.id).filter(|_| self.printed.contains(&block.id))
+                    && let Some(at) = first_difference(block, &decoded.block)
+                {
+                    differ.entry(block.id).or_insert(at);
+                }
+            }
+            if differ.is_empty() {
+                break;
+            }
+            for (id, why) in differ {
+                self.stay_compiled(id, &why);
+            }
+        }
+    }
+
+    fn stay_compiled(&mut self, id: BlockId, why: &str) {
+        if self.printed.remove(&id) {
+            self.images.insert(id);
+            self.statements.insert(id, format!("// Its statements are in {}.mc7.\n", source::file_stem(id)));
+            self.note(id, format!("it stays in machine code: its source would not say the same: {why}"));
+        } else if id.kind != BlockKind::Db {
+            self.declared.remove(&id);
+        }
+    }
+
+    /// Values of data blocks, the files, and the program they make.
+    fn finish(mut self) -> Translation {
+        self.data_values();
+        let files = self.files();
+        let mut output = self.compile(&files);
+        let mut images = std::mem::take(&mut self.stand_ins);
+        for id in &self.images {
+            let Some(block) = self.folder.blocks.get(id) else { continue };
+            images.push(Image { file: format!("{}.mc7", source::file_stem(*id)), block: image_of(block) });
+        }
+        let refused = overlay::overlay(&mut output.program, &images, &self.library).err().unwrap_or_default();
+        for refused in refused {
+            if let Some(id) = refused.block {
+                self.leave_out(id, refused.reason);
+            }
+        }
+        let verified = {
+            let external = |id: BlockId| self.library.get(id).map(|block| &block.interface);
+            ob1_ir::verify(&output.program, &external)
+        };
+        for finding in verified.err().unwrap_or_default() {
+            if let Some(id) = finding.block.filter(|id| self.decoded.contains_key(id)) {
+                self.out.left_out.insert(id.to_string(), format!("its statements do not hold together: {finding}"));
+            }
+        }
+        let mut out = self.out;
+        for image in images {
+            match image.block.bytes() {
+                Ok(bytes) => out.images.push(ProgramFile { name: image.file, bytes }),
+                Err(error) => drop(
+                    out.left_out.insert(image.id().map_or_else(String::new, |id| id.to_string()), error.to_string()),
+                ),
+            }
+        }
+        for (of, text) in files {
+            let name = match of {
+                Of::Udt(number) => format!("UDT_{number}.awl"),
+                Of::Block(id) => format!("{}.awl", source::file_stem(id)),
+            };
+            out.sources.push(ProgramFile { name, bytes: text.into_bytes() });
+        }
+        out.printed = self.printed.len();
+        let is_block = |name: &&String| !name.starts_with("UDT") && !name.starts_with("SF");
+        out.decoded = out.blocks - out.left_out.keys().filter(is_block).count().min(out.blocks);
+        out.program = output.program;
+        out
+    }
+
+    fn data_values(&mut self) {
+        let files = self.files();
+        let program = self.compile(&files).program;
+        for db in &program.data {
+            let id = BlockId::new(BlockKind::Db, db.number);
+            let Some(block) = self.folder.blocks.get(&id).filter(|_| self.shapes.contains_key(&id)) else { continue };
+            if block.code.is_empty() {
+                self.note(id, "it has no values of its own; the start values count");
+                continue;
+            }
+            let (values, unsaid) = values::assignments(&db.components, &db.bytes, &block.code);
+            self.values.insert(id, values);
+            if db.bytes.len() != block.code.len() {
+                self.images.insert(id);
+                let of =
+                    if matches!(db.kind, DataKind::Instance(_)) { "the FB has changed since" } else { "as declared" };
+                self.note(
+                    id,
+                    format!(
+                        "it is {} bytes long, {of} {}: its values are taken as they are",
+                        block.code.len(),
+                        db.bytes.len()
+                    ),
+                );
+            } else if !unsaid.is_empty() {
+                self.images.insert(id);
+                let first = unsaid.first().map_or("", String::as_str);
+                self.note(
+                    id,
+                    format!(
+                        "{} of its values have no constant in STL (the first is {first}): they stay in machine code",
+                        unsaid.len()
+                    ),
+                );
+            }
+        }
+        // A value the compiler does not take as it is written.
+        let files = self.files();
+        let output = self.compile(&files);
+        for diagnostic in output.diagnostics.iter().filter(|d| d.severity == ob1_stl::Severity::Error) {
+            if let Some((Of::Block(id), _)) =
+                files.get(diagnostic.source).filter(|(of, _)| matches!(of, Of::Block(id) if id.kind == BlockKind::Db))
+            {
+                self.values.remove(id);
+                self.images.insert(*id);
+                self.note(*id, format!("its values stay in machine code: {} {}", diagnostic.code, diagnostic.message));
+            }
+        }
+        for db in &output.program.data {
+            let id = BlockId::new(BlockKind::Db, db.number);
+            let block = self.folder.blocks.get(&id).filter(|b| !b.code.is_empty() && b.code != db.bytes);
+            if block.is_some() {
+                self.images.insert(id);
+            }
+        }
+    }
+}
+
+/// Where two blocks differ, in words; `None` when they say the same.
+fn first_difference(source: &CodeBlock, machine: &CodeBlock) -> Option<String> {
+    let pairs = source.code.iter().zip(&machine.code);
+    if let Some((at, (a, b))) = pairs.enumerate().find(|(_, (a, b))| a.op != b.op || a.network != b.network) {
+        return Some(format!("statement {}: {:?} for {:?}", at + 1, a.op, b.op));
+    }
+    let (a, b) = (source.code.len(), machine.code.len());
+    (a != b).then(|| format!("{a} statements for {b}"))
+}
+
+/// A block of a folder as a CPU would hold it.
+#[must_use]
+pub fn image_of(block: &Block) -> BlockImage {
+    let text = |text: &str| {
+        let mut out = [0u8; 8];
+        out.iter_mut().zip(text.bytes()).for_each(|(to, from)| *to = from);
+        out
+    };
+    BlockImage {
+        head: BlockHead {
+            version: u8::from(!block.code_version1),
+            attribute: block.attribute | if block.know_how { 8 } else { 0 },
+            language: block.language.number() as u8,
+            kind: BlockHead::kind_byte(block.id.kind),
+            number: block.id.number,
+            password: if block.know_how { crate::folder::KNOW_HOW as u32 } else { 0 },
+            code_changed: block.changed,
+            interface_changed: block.interface_changed,
+            local_bytes: block.local_bytes,
+        },
+        code: block.code.clone(),
+        interface: block.interface.clone(),
+        segments: block.segments.clone(),
+        foot: BlockFoot {
+            author: text(&block.head.author),
+            family: text(&block.head.family),
+            name: text(&block.head.name),
+            version: block.head.version,
+            ..BlockFoot::default()
+        },
+    }
+}

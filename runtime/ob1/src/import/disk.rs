@@ -1,0 +1,69 @@
+//! A project on the disk: its folder, its `.s7p` or `.s7l`, or an archive of it.
+
+use std::path::{Path, PathBuf};
+
+use ob1_project::{Archive, FileSource};
+
+/// The deepest folder that is looked into: a project's own files lie four deep.
+const DEEPEST: u32 = 8;
+/// Most files that are listed.
+const MOST: usize = 200_000;
+
+/// The files below a folder.
+#[derive(Debug)]
+struct Folder {
+    root: PathBuf,
+    paths: Vec<String>,
+}
+
+impl FileSource for Folder {
+    fn paths(&self) -> Vec<String> {
+        self.paths.clone()
+    }
+
+    fn read(&self, path: &str) -> Result<Vec<u8>, String> {
+        std::fs::read(self.root.join(path)).map_err(|error| error.to_string())
+    }
+}
+
+/// Opens what the command line names.
+///
+/// # Errors
+/// Why it cannot be read, in one sentence.
+pub(super) fn open(path: &Path) -> Result<Box<dyn FileSource>, String> {
+    let named = |error: String| format!("{}: {error}", path.display());
+    let kind = std::fs::metadata(path).map_err(|error| named(error.to_string()))?;
+    if kind.is_dir() {
+        return folder(path).map_err(named);
+    }
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    match extension.as_str() {
+        "s7p" | "s7l" => folder(path.parent().filter(|p| *p != Path::new("")).unwrap_or(Path::new("."))).map_err(named),
+        "zip" => {
+            let bytes = std::fs::read(path).map_err(|error| named(error.to_string()))?;
+            Ok(Box::new(Archive::open(bytes).map_err(named)?))
+        }
+        _ => Err(named("it is neither a project's folder, nor its .s7p or .s7l, nor a .zip of it".to_owned())),
+    }
+}
+
+fn folder(root: &Path) -> Result<Box<dyn FileSource>, String> {
+    let mut paths = Vec::new();
+    walk(root, "", 0, &mut paths)?;
+    Ok(Box::new(Folder { root: root.to_owned(), paths }))
+}
+
+/// Lists files; links are not followed, a folder that cannot be read is passed over but for the first.
+fn walk(root: &Path, below: &str, depth: u32, paths: &mut Vec<String>) -> Result<(), String> {
+    let entries = std::fs::read_dir(root.join(below)).map_err(|error| error.to_string())?;
+    for entry in entries.flatten() {
+        let (Ok(kind), Ok(name)) = (entry.file_type(), entry.file_name().into_string()) else { continue };
+        let path = format!("{below}{name}");
+        if kind.is_file() && paths.len() < MOST {
+            paths.push(path);
+        } else if kind.is_dir() && depth < DEEPEST && !name.starts_with('.') {
+            let _ = walk(root, &format!("{path}/"), depth + 1, paths);
+        }
+    }
+    Ok(())
+}

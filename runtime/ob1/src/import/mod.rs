@@ -1,0 +1,227 @@
+//! `ob1 import`: a STEP 7 project becomes a station that runs.
+
+mod disk;
+mod hardware;
+mod output;
+mod replace;
+mod report;
+mod station;
+mod used;
+
+use std::path::PathBuf;
+
+use clap::Args;
+use ob1_project::{Choice, Folder, Project, Root, Translation, Tree, Wanted, translate};
+use serde_json::json;
+
+use crate::exit::ImportExit;
+
+/// Make a station of a STEP 7 project
+///
+/// Reads a project or library of STEP 7 V5: its folder, its .s7p or .s7l, or a .zip of it. The sources need not be in
+/// it: STL is made of the machine code, and held against it. The station runs as it is; report.txt says what was
+/// replaced, made up or left out, and why.
+#[derive(Clone, Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 import plant.zip --list\n  ob1 import plant/ --program \"CPU 315-2 DP\" --out press\n  ob1 run press/station.toml\n  \
+    ob1 import plant/ --listing FC5\n\n\
+    Exit codes: 0 the program came over whole, 1 blocks were left out, 2 nothing could be read.\n\nMore: docs/import.md."
+)]
+pub struct ImportArgs {
+    /// The project: its folder, its .s7p or .s7l, or a .zip of it
+    pub project: PathBuf,
+    /// The program: its name, its CPU's or its station's, STATION/CPU/PROGRAM, or the number of its block folder
+    #[arg(long, value_name = "NAME")]
+    pub program: Option<String>,
+    /// Where the station is written: a folder that is not there yet, or is empty
+    #[arg(long, value_name = "DIR", required_unless_present_any = ["list", "listing"])]
+    pub out: Option<PathBuf>,
+    /// Write over a station that lies there already
+    #[arg(long, requires = "out")]
+    pub overwrite: bool,
+    /// Print the programs and their blocks, write nothing
+    #[arg(long, conflicts_with_all = ["out", "listing"])]
+    pub list: bool,
+    /// Print a block as STL, write nothing
+    #[arg(long, value_name = "BLOCK", conflicts_with = "out")]
+    pub listing: Option<String>,
+    /// Print the outcome as JSON: programs, program, blocks, decoded, left_out, files
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What is taken of a project.
+struct Taken {
+    project: Project,
+    choice: Choice,
+    title: String,
+    folder: Folder,
+}
+
+/// Imports, lists or prints; prints what there is to print.
+#[must_use]
+pub fn import(args: &ImportArgs) -> ImportExit {
+    match run(args) {
+        Ok(exit) => exit,
+        Err(text) => {
+            if args.json {
+                say!("{}", outcome(&[], None, &Translation::default(), &[]));
+            }
+            err!("ob1: {text}");
+            ImportExit::Nothing
+        }
+    }
+}
+
+fn run(args: &ImportArgs) -> Result<ImportExit, String> {
+    let source = disk::open(&args.project)?;
+    let tree = Tree::new(&*source);
+    let roots = tree.roots();
+    if roots.is_empty() {
+        return Err(format!(
+            "{}: there is no STEP 7 project in it (no .s7p, no .s7l, no ombstx/offline)",
+            args.project.display()
+        ));
+    }
+    let projects: Vec<Project> = roots.iter().map(|root: &Root| Project::read(&tree, root)).collect();
+    let titles: Vec<String> =
+        projects.iter().flat_map(|p| p.choices().into_iter().map(|c| title(p, c, projects.len()))).collect();
+    if args.list {
+        return Ok(list(args, &tree, &projects, &titles));
+    }
+    let taken = take(args.program.as_deref(), &tree, projects, &titles)?;
+    let replaced = replace::find(&taken.folder);
+    let (library, modules) = (replaced.library()?, hardware::of_choice(&taken.project, taken.choice));
+    let mut notes = taken.project.notes.clone();
+    let rows = taken.project.symbols(&tree, taken.choice, &mut notes);
+    let symbols = output::symbol_table(&rows);
+    let wanted = Wanted {
+        page: taken.project.page,
+        library: &library,
+        replaced: &replaced.ids(),
+        symbols: symbols.1,
+        mnemonics: ob1_stl::Mnemonics::International,
+    };
+    let translation = translate(&taken.folder, &wanted);
+    if let Some(block) = &args.listing {
+        return listing(block, &taken.folder, &translation);
+    }
+    let Some(out) = &args.out else { return Err("--out is missing".to_owned()) };
+    let made = station::make(&taken.title, &translation, &modules, &replaced);
+    notes.extend(replaced.notes.clone());
+    let report = report::text(&taken.title, &translation, &made, &notes);
+    let files = output::write(out, args.overwrite, &translation, &symbols.0, &made.text, &report)?;
+    let exit = if translation.left_out.is_empty() { ImportExit::Whole } else { ImportExit::LeftOut };
+    if args.json {
+        say!("{}", outcome(&titles, Some(&taken.title), &translation, &files));
+    } else {
+        says!("{}", report::summary(&taken.title, &translation, out));
+    }
+    Ok(exit)
+}
+
+fn title(project: &Project, choice: Choice, projects: usize) -> String {
+    let title = project.title(choice);
+    if projects > 1 { format!("{}: {title}", project.name) } else { title }
+}
+
+/// The one program that is meant.
+fn take(name: Option<&str>, tree: &Tree<'_>, projects: Vec<Project>, titles: &[String]) -> Result<Taken, String> {
+    let several = projects.len();
+    let mut found: Vec<(usize, Choice)> = Vec::new();
+    for (index, project) in projects.iter().enumerate() {
+        let choices = match name {
+            None => project.default_choice(),
+            Some(name) => {
+                // `PROJECT: PROGRAM`, where there are several projects.
+                let own = name.split_once(": ").filter(|(of, _)| several > 1 && *of == project.name);
+                project.named(own.map_or(name, |(_, rest)| rest))
+            }
+        };
+        found.extend(choices.into_iter().map(|choice| (index, choice)));
+    }
+    let list = |of: &[String]| of.iter().map(|t| format!("\n  --program \"{t}\"")).collect::<String>();
+    let (index, choice) = match (found.as_slice(), name) {
+        ([one], _) => *one,
+        ([], Some(name)) => return Err(format!("there is no program \"{name}\"; there are{}", list(titles))),
+        ([], None) => return Err("the project has no block folder".to_owned()),
+        (several_found, _) => {
+            let titles: Vec<String> =
+                several_found.iter().map(|(i, choice)| title(&projects[*i], *choice, several)).collect();
+            return Err(format!("several programs are meant; choose one with{}", list(&titles)));
+        }
+    };
+    let project = projects.into_iter().nth(index).ok_or("the project is gone")?;
+    let title = title(&project, choice, several);
+    let folder = project.blocks(tree, choice)?;
+    if folder.blocks.is_empty() && folder.damaged.is_empty() {
+        return Err(format!("{title} has no blocks"));
+    }
+    if folder.blocks.is_empty() {
+        let why = folder.damaged.values().next().map_or("", String::as_str);
+        return Err(format!("{title}: none of its {} blocks can be read: {why}", folder.damaged.len()));
+    }
+    Ok(Taken { project, choice, title, folder })
+}
+
+fn list(args: &ImportArgs, tree: &Tree<'_>, projects: &[Project], titles: &[String]) -> ImportExit {
+    let mut translation = Translation::default();
+    let mut names = titles.iter();
+    for project in projects {
+        if !args.json {
+            say!("{} (code page {})", project.name, project.page.number());
+        }
+        for choice in project.choices() {
+            let title = names.next().map_or("", String::as_str);
+            let folder = project.blocks(tree, choice);
+            if let Ok(folder) = &folder {
+                translation.blocks += folder.blocks.len() + folder.damaged.len();
+                translation.left_out.extend(folder.damaged.clone());
+            }
+            if !args.json {
+                say!("  {title}");
+                match folder {
+                    Ok(folder) => says!("{}", report::blocks(&folder)),
+                    Err(why) => say!("    {why}"),
+                }
+            }
+        }
+        if !args.json {
+            project.notes.iter().for_each(|note| say!("  {note}"));
+        }
+    }
+    if args.json {
+        say!("{}", outcome(titles, None, &translation, &[]));
+    }
+    ImportExit::Whole
+}
+
+fn listing(wanted: &str, folder: &Folder, translation: &Translation) -> Result<ImportExit, String> {
+    let id =
+        crate::station::parse_block(wanted).ok_or_else(|| format!("\"{wanted}\" is no block; write FC5 or DB 10"))?;
+    if let Some(why) = translation.left_out.get(&id.to_string()) {
+        return Err(why.clone());
+    }
+    if folder.blocks.get(&id).is_some_and(|block| block.know_how) {
+        return Err(format!("{id} is know-how protected: it runs, and its statements are not printed"));
+    }
+    let name = format!("{}_{}.awl", id.kind.name(), id.number);
+    let file = translation.sources.iter().find(|file| file.name == name);
+    let file = file.ok_or_else(|| format!("{id} is not in this program"))?;
+    says!("{}", String::from_utf8_lossy(&file.bytes));
+    Ok(ImportExit::Whole)
+}
+
+fn outcome(programs: &[String], program: Option<&str>, translation: &Translation, files: &[String]) -> String {
+    let left_out: Vec<_> =
+        translation.left_out.iter().map(|(block, reason)| json!({ "block": block, "reason": reason })).collect();
+    json!({
+        "programs": programs,
+        "program": program,
+        "blocks": translation.blocks,
+        "decoded": translation.decoded,
+        "left_out": left_out,
+        "files": files,
+    })
+    .to_string()
+}

@@ -1,0 +1,81 @@
+//! What came over, what did not, and why.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use ob1_model::BlockKind;
+use ob1_project::{Folder, Notes, Translation, Weight};
+
+use super::station::Made;
+
+/// The report beside the station.
+pub(super) fn text(title: &str, translation: &Translation, made: &Made, notes: &Notes) -> String {
+    let mut out = format!("Import of {title}\n\n");
+    let _ = writeln!(
+        out,
+        "{} blocks (OB, FB, FC, DB), {} came over, {} were left out.\n{} code blocks are STL that gives the very statements of \
+         their machine code; {} files are machine code.",
+        translation.blocks,
+        translation.decoded,
+        translation.left_out.len(),
+        translation.printed,
+        translation.images.len()
+    );
+    if !translation.left_out.is_empty() {
+        out.push_str("\nLeft out\n");
+        for (block, reason) in &translation.left_out {
+            let _ = writeln!(out, "  {block}: {reason}");
+        }
+    }
+    let all = || notes.iter().chain(&translation.notes).chain(&made.notes);
+    for (weight, heading) in [(Weight::Warning, "Otherwise than it should be"), (Weight::Info, "Worth knowing")] {
+        let mut of_weight = all().filter(|note| note.weight == weight).peekable();
+        if of_weight.peek().is_some() {
+            let _ = writeln!(out, "\n{heading}");
+            for note in of_weight {
+                let _ = writeln!(out, "  {note}");
+            }
+        }
+    }
+    out
+}
+
+/// What the command prints at its end.
+pub(super) fn summary(title: &str, translation: &Translation, out: &Path) -> String {
+    let mut text = format!("{title}: {} of {} blocks\n", translation.decoded, translation.blocks);
+    for (block, reason) in &translation.left_out {
+        let _ = writeln!(text, "  left out: {block}: {reason}");
+    }
+    let station = out.join("station.toml");
+    let report = out.join("report.txt");
+    let _ = writeln!(text, "report: {}\nrun it: ob1 run {}", report.display(), station.display());
+    text
+}
+
+/// The blocks of a folder, a line a kind.
+pub(super) fn blocks(folder: &Folder) -> String {
+    let mut out = String::new();
+    for kind in [BlockKind::Ob, BlockKind::Fb, BlockKind::Fc, BlockKind::Db, BlockKind::Sfb, BlockKind::Sfc] {
+        let of_kind = folder.blocks.values().filter(|block| block.id.kind == kind);
+        let names: Vec<String> = of_kind
+            .map(|block| {
+                let lock = if block.know_how { " (protected)" } else { "" };
+                match block.head.name.trim() {
+                    "" => format!("{}{lock}", block.id.number),
+                    name => format!("{} {name}{lock}", block.id.number),
+                }
+            })
+            .collect();
+        if !names.is_empty() {
+            let _ = writeln!(out, "    {}: {}", kind.name(), names.join(", "));
+        }
+    }
+    if !folder.udts.is_empty() {
+        let numbers: Vec<String> = folder.udts.keys().map(u16::to_string).collect();
+        let _ = writeln!(out, "    UDT: {}", numbers.join(", "));
+    }
+    for (block, why) in &folder.damaged {
+        let _ = writeln!(out, "    {block}: {why}");
+    }
+    out
+}

@@ -1,0 +1,295 @@
+//! The station file of an imported program.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use ob1_backplane::io_layout::IO_AREA_BYTES;
+use ob1_ir::Program;
+use ob1_model::{BlockId, BlockKind};
+use ob1_project::{Area, Module, Note, Notes, Translation};
+
+use super::hardware::{Hardware, cp_type, merged};
+use super::output::{BLOCKS, SYMBOLS};
+use super::replace::{Replaced, plugin_of};
+use super::used::{Used, areas};
+
+/// A station file, and what there is to say of it.
+#[derive(Debug, Default)]
+pub(super) struct Made {
+    pub(super) text: String,
+    pub(super) notes: Notes,
+}
+
+/// The least an S7-300 has; programs reach further through pointers than their statements say.
+const MEMORY: u32 = 8192;
+const NUMBERS: u32 = 512;
+const IMAGE: u32 = 256;
+/// The most a station can have of each.
+const MOST_MEMORY: u32 = 65_536;
+const MOST_NUMBERS: u32 = 2048;
+const MOST_IMAGE: u32 = 8192;
+/// Cycle monitoring time of a CPU that says nothing else.
+const MONITORING_MS: u16 = 150;
+
+/// Writes the station file of a program.
+pub(super) fn make(title: &str, translation: &Translation, hardware: &Hardware, replaced: &Replaced) -> Made {
+    let used = Used::of(&translation.program);
+    let mut made = Made::default();
+    let mut modules = Modules::default();
+    modules.of_hardware(hardware, replaced, &mut made.notes);
+    modules.of_operands(&used, hardware, &mut made.notes);
+    head(&mut made, title, &used, hardware);
+    cyclic(&mut made.text, &translation.program, hardware);
+    program(&mut made.text, translation, replaced);
+    made.text.push_str(&modules.text);
+    made
+}
+
+fn head(made: &mut Made, title: &str, used: &Used, hardware: &Hardware) {
+    let cpu = hardware.cpu.as_ref();
+    let parameters = cpu.map(|cpu| cpu.parameters.clone()).unwrap_or_default();
+    let family = if cpu.is_some_and(|cpu| cpu.name.starts_with("CPU 4")) { 400 } else { 300 };
+    let image = |named: u32| named.max(IMAGE).next_multiple_of(2).min(MOST_IMAGE);
+    let numbers = |named: u32| named.clamp(NUMBERS, MOST_NUMBERS);
+    let text = &mut made.text;
+    let _ = writeln!(text, "# Made by `ob1 import` of {}; report.txt says what was made up.", line(title));
+    let _ = writeln!(text, "[station]\nname = \"{}\"\n\n[cpu]", station_name(title));
+    if let Some(cpu) = cpu {
+        let _ = writeln!(text, "# {}", line(&cpu.name));
+    }
+    if family == 400 {
+        let _ = writeln!(text, "family = 400");
+    }
+    let watchdog = parameters.monitoring_ms.unwrap_or(MONITORING_MS);
+    let _ = writeln!(text, "watchdog = \"{watchdog}ms\"");
+    let _ = writeln!(text, "process_image = {{ inputs = {}, outputs = {} }}", image(used.inputs), image(used.outputs));
+    let _ = writeln!(text, "memory_bytes = {}", used.memory.next_multiple_of(2).clamp(MEMORY, MOST_MEMORY));
+    let _ = writeln!(text, "timers = {}\ncounters = {}", numbers(used.timers), numbers(used.counters));
+    if let Some(byte) = parameters.clock_memory {
+        let _ = writeln!(text, "clock_memory = {byte}");
+    }
+    if cpu.is_none() {
+        made.notes.push(Note::info("station", "the program belongs to no CPU: the settings are those of an S7-300"));
+    } else {
+        let what = "retentive ranges and the settings of time-of-day interrupts are not read; [retentive] and \
+                    [[cpu.time_of_day]] of station.toml take them";
+        made.notes.push(Note::info("station", what));
+    }
+}
+
+fn cyclic(text: &mut String, program: &Program, hardware: &Hardware) {
+    let Some(cpu) = &hardware.cpu else { return };
+    for c in &cpu.parameters.cyclic {
+        let there = program.blocks.iter().any(|b| b.id == BlockId::new(BlockKind::Ob, u16::from(c.ob)));
+        if there {
+            let _ = writeln!(text, "\n[[cpu.cyclic]]\nob = {}\nperiod = \"{}ms\"", c.ob, c.period_ms.min(60_000));
+            if c.phase_ms > 0 {
+                let _ = writeln!(text, "phase = \"{}ms\"", c.phase_ms);
+            }
+        }
+    }
+}
+
+fn program(text: &mut String, translation: &Translation, replaced: &Replaced) {
+    let list = |key: &str, names: &[&str]| {
+        let names: String = names.iter().map(|name| format!("    \"{BLOCKS}/{name}\",\n")).collect();
+        format!("{key} = [\n{names}]\n")
+    };
+    let names = |files: &'_ [ob1_project::ProgramFile]| files.iter().map(|f| f.name.clone()).collect::<Vec<_>>();
+    let (sources, images) = (names(&translation.sources), names(&translation.images));
+    let sources: Vec<&str> = sources.iter().map(String::as_str).collect();
+    let images: Vec<&str> = images.iter().map(String::as_str).collect();
+    let _ = writeln!(text, "\n[program]");
+    if !translation.program.symbols.is_empty() {
+        let _ = writeln!(text, "symbols = [\"{SYMBOLS}\"]");
+    }
+    text.push_str("mnemonics = \"en\"\n");
+    text.push_str(&list("sources", &sources));
+    if !images.is_empty() {
+        text.push_str(&list("mc7", &images));
+    }
+    if replaced.blocks.is_empty() {
+        return;
+    }
+    text.push_str("\n[library]\n");
+    for (id, block) in &replaced.blocks {
+        let _ = writeln!(text, "\"{id}\" = \"{}\"", block.key());
+    }
+    let plugins: BTreeSet<String> = replaced.blocks.values().map(plugin_of).collect();
+    for plugin in plugins {
+        let _ = writeln!(text, "\n[[plugin]]\npath = \"{plugin}\"");
+        let other = replaced.blocks.iter().filter(|(id, block)| plugin_of(block) == plugin && **id != block.id);
+        let renumbered: Vec<String> = other.map(|(id, block)| format!("\"{}\" = \"{id}\"", block.id)).collect();
+        if !renumbered.is_empty() {
+            let _ = writeln!(text, "blocks = {{ {} }}", renumbered.join(", "));
+        }
+    }
+}
+
+/// The modules of the station file.
+#[derive(Debug, Default)]
+struct Modules {
+    text: String,
+    names: BTreeSet<String>,
+    inputs: Vec<Area>,
+    outputs: Vec<Area>,
+}
+
+/// Bytes of registers a communication processor has in the address space.
+const CP_BYTES: u32 = 16;
+
+impl Modules {
+    fn of_hardware(&mut self, hardware: &Hardware, replaced: &Replaced, notes: &mut Notes) {
+        let (cps, plain): (Vec<&Module>, Vec<&Module>) = hardware
+            .modules
+            .iter()
+            .partition(|m| cp_type(m).is_some_and(crate::station::has_module_type) && !replaced.blocks.is_empty());
+        for module in cps {
+            self.cp(module, notes);
+        }
+        for (input, word) in [(true, "di"), (false, "do")] {
+            let of = |m: &&Module| if input { m.inputs.clone() } else { m.outputs.clone() };
+            for area in merged(plain.iter().flat_map(of)) {
+                let owner = plain.iter().find(|m| of(m).iter().any(|a| a.first == area.first));
+                let (name, comment) = owner.map_or(("module".to_owned(), String::new()), |m| {
+                    let (rack, slot, _) = m.place;
+                    (format!("{word}-{rack}-{slot}"), format!("{} {}, rack {rack}, slot {slot}", m.name, m.order))
+                });
+                self.plain(&name, word, area, &comment, notes);
+            }
+        }
+    }
+
+    fn cp(&mut self, module: &Module, notes: &mut Notes) {
+        let Some(ty) = cp_type(module) else { return };
+        let Some(area) = module.inputs.iter().chain(&module.outputs).next() else { return };
+        let (rack, slot, _) = module.place;
+        let name = self.name(&format!("{ty}-{rack}-{slot}"));
+        let _ = write!(
+            self.text,
+            "\n# {}, rack {rack}, slot {slot}\n[[module]]\ntype = \"{ty}\"\nname = \"{name}\"\naddress = {}\n\
+             line = \"sim:{name}\"\nparams = {{ protocol = \"3964r\" }}\n\n[[simulated_line]]\nname = \"{name}\"\n",
+            line(&module.name),
+            area.first
+        );
+        let taken = Area { first: area.first, bytes: CP_BYTES };
+        self.inputs.push(taken);
+        self.outputs.push(taken);
+        let what = format!(
+            "{} at address {} is a {ty}: protocol and line are made up (3964R on a simulated line); set `params` and `line`",
+            module.name, area.first
+        );
+        notes.push(Note::warning(name, what));
+    }
+
+    /// Addresses no module has. Without any module that could be read every byte gets one: which of them pointers
+    /// reach, no statement says.
+    fn of_operands(&mut self, used: &Used, hardware: &Hardware, notes: &mut Notes) {
+        if hardware.modules.is_empty() {
+            let all = Area { first: 0, bytes: IO_AREA_BYTES as u32 };
+            let list = |bytes: &BTreeSet<u32>| {
+                let found: Vec<String> =
+                    areas(bytes).iter().map(|a| format!("{}..{}", a.first, a.first + a.bytes - 1)).collect();
+                if found.is_empty() { "none".to_owned() } else { found.join(", ") }
+            };
+            let read = list(&used.read.union(&used.peripheral_read).copied().collect());
+            let written = list(&used.written.union(&used.peripheral_written).copied().collect());
+            let what = format!(
+                "no modules could be read: all peripheral bytes are plain inputs and outputs; the program and its symbols name \
+                 input bytes {read} and output bytes {written}"
+            );
+            notes.push(Note::info("station", what));
+            self.plain("inputs", "di", all, "no modules could be read: all inputs there are", notes);
+            self.plain("outputs", "do", all, "no modules could be read: all outputs there are", notes);
+            return;
+        }
+        for (input, word) in [(true, "di"), (false, "do")] {
+            let reached = if input { &used.peripheral_read } else { &used.peripheral_written };
+            let taken = if input { &self.inputs } else { &self.outputs };
+            let is_free = |byte: &&u32| !taken.iter().any(|a| (a.first..a.first + a.bytes).contains(byte));
+            let bytes: BTreeSet<u32> = reached.iter().filter(is_free).copied().collect();
+            for area in areas(&bytes) {
+                let kind = if input { "input" } else { "output" };
+                let what = format!(
+                    "peripheral {kind} bytes {}..{}: the program or its symbols name them, and no module of the project has them",
+                    area.first,
+                    area.first + area.bytes - 1
+                );
+                notes.push(Note::info("station", what));
+                self.plain(&format!("{word}-{}", area.first), word, area, "named by the program or its symbols", notes);
+            }
+        }
+    }
+
+    fn plain(&mut self, name: &str, word: &str, area: Area, comment: &str, notes: &mut Notes) {
+        let end = (area.first + area.bytes).min(IO_AREA_BYTES as u32);
+        if area.first >= end {
+            let what = format!(
+                "bytes {}..{}: process I/O ends at {}; {}",
+                area.first,
+                area.first + area.bytes - 1,
+                IO_AREA_BYTES - 1,
+                line(comment)
+            );
+            notes.push(Note::warning("station", what));
+            return;
+        }
+        let name = self.name(name);
+        let _ = write!(
+            self.text,
+            "\n# {}\n[[module]]\ntype = \"{word}\"\nname = \"{name}\"\naddress = {}\nbytes = {}\n",
+            line(comment),
+            area.first,
+            end - area.first
+        );
+        if word == "di" { self.inputs.push(area) } else { self.outputs.push(area) }
+    }
+
+    /// A name that is not taken yet.
+    fn name(&mut self, wanted: &str) -> String {
+        let mut name = clean(wanted, 30);
+        let mut count = 2;
+        while !self.names.insert(name.clone()) {
+            name = format!("{}-{count}", clean(wanted, 30));
+            count += 1;
+        }
+        name
+    }
+}
+
+/// A comment's text in one line.
+fn line(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>().trim().to_owned()
+}
+
+/// Letters, digits, `-` and `_`.
+fn clean(text: &str, most: usize) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            c if c.is_ascii_alphanumeric() || c == '_' => out.push(c.to_ascii_lowercase()),
+            _ if !out.is_empty() && !out.ends_with('-') => out.push('-'),
+            _ => {}
+        }
+    }
+    out.truncate(most);
+    out.trim_matches('-').to_owned()
+}
+
+fn station_name(title: &str) -> String {
+    let name = clean(title, 40);
+    if name.is_empty() { "imported".to_owned() } else { name }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_a_station_file_takes() {
+        assert_eq!(station_name("SIMATIC 300(1)/CPU 315-2 DP"), "simatic-300-1-cpu-315-2-dp");
+        assert_eq!(station_name("硬件"), "imported");
+        let mut modules = Modules::default();
+        assert_eq!((modules.name("a b"), modules.name("a b")), ("a-b".to_owned(), "a-b-2".to_owned()));
+    }
+}

@@ -1,0 +1,188 @@
+//! `ob1 import`: the example becomes a station that runs; what is damaged is left out and told; exit codes and JSON.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use common::checkout;
+use common::site::Site;
+use ob1_project::Files;
+use ob1_tests::step7;
+use serde_json::Value;
+
+fn put(files: &Files, folder: &Path) {
+    for (name, bytes) in &files.0 {
+        let path = folder.join(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("room");
+        fs::write(path, bytes).expect("room");
+    }
+}
+
+fn project(site: &Site, files: &Files) -> String {
+    let folder = site.path("project");
+    put(files, &folder);
+    folder.display().to_string()
+}
+
+fn text(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// All files below a folder.
+fn files_of(folder: &Path, below: &str, found: &mut BTreeMap<String, Vec<u8>>) {
+    for entry in fs::read_dir(folder.join(below)).expect("a folder").flatten() {
+        let name = format!("{below}{}", entry.file_name().to_string_lossy());
+        if entry.path().is_dir() {
+            files_of(folder, &format!("{name}/"), found);
+        } else if name != "README.md" {
+            found.insert(name.clone(), fs::read(folder.join(&name)).expect("a file"));
+        }
+    }
+}
+
+/// The folder in `examples` is what the encoder writes. With OB1_BLESS=1 it is written.
+#[test]
+fn the_example_is_what_the_encoder_writes() {
+    let folder = checkout("examples/step7-project");
+    let made = step7::example().files();
+    if std::env::var_os("OB1_BLESS").is_some() {
+        put(&made, &folder);
+    }
+    let mut found = BTreeMap::new();
+    files_of(&folder, "", &mut found);
+    assert_eq!(found.keys().collect::<Vec<_>>(), made.0.keys().collect::<Vec<_>>());
+    for (name, bytes) in &made.0 {
+        assert_eq!(found.get(name), Some(bytes), "{name}; OB1_BLESS=1 writes it anew");
+    }
+}
+
+#[test]
+fn the_example_runs() {
+    let site = Site::new();
+    let example = checkout("examples/step7-project").display().to_string();
+    let out = site.path("station");
+    let said = site.ob1(&["import", &example, "--out", &out.display().to_string(), "--json"]).fine();
+    let json: Value = serde_json::from_str(&said).expect("JSON");
+    let keys: Vec<&String> = json.as_object().expect("an object").keys().collect();
+    assert_eq!(keys, ["blocks", "decoded", "files", "left_out", "program", "programs"]);
+    assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(4), &Value::from(4)));
+    assert_eq!(json["program"], "Conveyor/CPU 315-2 DP/S7 Program(1)");
+    assert_eq!(json["left_out"], Value::Array(Vec::new()));
+    for file in json["files"].as_array().expect("a list") {
+        assert!(out.join(file.as_str().expect("a name")).is_file(), "{file}");
+    }
+    let main = text(&out.join("blocks/OB_1.awl"));
+    for wanted in [
+        "CALL FC 1",
+        "Start := \"Start button\"",
+        "FP M 10.0;  // it has started",
+        "JCN run",
+        "run: ",
+        "TITLE = Conveyor",
+    ] {
+        assert!(main.replace("  ", " ").contains(&wanted.replace("  ", " ")), "{wanted} is not in\n{main}");
+    }
+    assert!(text(&out.join("blocks/FC_1.awl")).contains("Made in LAD"));
+    let hidden = text(&out.join("blocks/FC_2.awl"));
+    assert!(
+        hidden.contains("Value : INT") && !hidden.contains("+ 7") && out.join("blocks/FC_2.mc7").is_file(),
+        "{hidden}"
+    );
+    let data = text(&out.join("blocks/DB_1.awl"));
+    for wanted in [
+        "Limit : REAL  := 1.000000e+001",
+        "Starts := 3",
+        "Limit := 1.25e",
+        "Place.Row := 'A'",
+        "Place.Column := W#16#7",
+    ] {
+        assert!(data.contains(wanted), "{wanted} is not in\n{data}");
+    }
+    let station = text(&out.join("station.toml"));
+    for wanted in ["watchdog = \"200ms\"", "clock_memory = 100", "address = 288", "DO16xDC24V"] {
+        assert!(station.contains(wanted), "{wanted} is not in\n{station}");
+    }
+    let file = out.join("station.toml").display().to_string();
+    site.ob1(&["check", &file]).fine();
+    site.ob1(&["run", &file, "--scans", "20", "--quiet"]).fine();
+}
+
+#[test]
+fn what_is_damaged_is_left_out_and_told() {
+    let site = Site::new();
+    let mut files = step7::example().files();
+    // A statement nobody knows, in the middle of FC 1.
+    let memo = files.0.get_mut("ombstx/offline/00000001/SUBBLK.DBT").expect("a memo file");
+    let at = memo.windows(4).position(|bytes| bytes == [0xFB, 0x82, 0x00, 0x06]).expect("FC 1");
+    memo[at..at + 2].copy_from_slice(&[0x7F, 0x7F]);
+    let example = project(&site, &files);
+    let out = site.path("station").display().to_string();
+    let said = site.ob1(&["import", &example, "--out", &out, "--json"]);
+    assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
+    let json: Value = serde_json::from_str(&said.out).expect("JSON");
+    assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(4), &Value::from(3)));
+    assert_eq!(json["left_out"][0]["block"], "FC 1");
+    assert!(json["left_out"][0]["reason"].as_str().is_some_and(|why| why.contains("S1501")), "{json}");
+    // The rest runs, with an empty FC 1.
+    let file = format!("{out}/station.toml");
+    site.ob1(&["run", &file, "--scans", "20", "--quiet"]).fine();
+    // A second import into the folder needs a word.
+    assert_eq!(site.ob1(&["import", &example, "--out", &out]).code, Some(2));
+    assert_eq!(site.ob1(&["import", &example, "--out", &out, "--overwrite"]).code, Some(1));
+}
+
+#[test]
+fn nothing_that_can_be_read_is_exit_code_2() {
+    let site = Site::new();
+    let mut files = step7::example().files();
+    files.0.remove("ombstx/offline/00000001/SUBBLK.DBT");
+    let example = project(&site, &files);
+    fs::create_dir(site.path("empty")).expect("a folder");
+    let (empty, out) = (site.path("empty").display().to_string(), site.path("out").display().to_string());
+    for (args, told) in [
+        (["import", &example, "--out", &out], "memo file"),
+        (["import", &empty, "--out", &out], "no STEP 7 project"),
+        (["import", "/nowhere", "--out", &out], "/nowhere"),
+    ] {
+        let said = site.ob1(&args);
+        assert_eq!(said.code, Some(2), "{}{}", said.out, said.err);
+        assert!(said.err.contains(told), "{told} is not in {}", said.err);
+    }
+    let listed = site.ob1(&["import", &example, "--list"]).fine();
+    assert!(
+        listed.contains("Conveyor/CPU 315-2 DP/S7 Program(1)") && listed.contains("FC 1: the memo file"),
+        "{listed}"
+    );
+}
+
+#[test]
+fn blocks_are_printed_but_for_the_protected() {
+    let site = Site::new();
+    let example = checkout("examples/step7-project").display().to_string();
+    let listed = site.ob1(&["import", &example, "--listing", "FC1"]).fine();
+    assert!(listed.contains("FUNCTION FC 1 : VOID") && listed.contains("#Motor"), "{listed}");
+    assert_eq!(site.ob1(&["import", &example, "--listing", "FC 2"]).code, Some(2));
+}
+
+/// Projects that lie in the folder OB1_STEP7_PROJECTS names, each in a folder of its own: every block of every program
+/// with a CPU comes over, and the program is in RUN after 20 scans.
+#[test]
+fn projects_that_lie_beside_run() {
+    let Some(folder) = std::env::var_os("OB1_STEP7_PROJECTS") else { return };
+    for entry in fs::read_dir(folder).expect("a folder").flatten() {
+        let (site, path) = (Site::new(), entry.path().display().to_string());
+        let listed = site.ob1(&["import", &path, "--list", "--json"]);
+        let json: Value = serde_json::from_str(&listed.out).expect("JSON");
+        for program in json["programs"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+            if !program.contains('/') {
+                continue;
+            }
+            let out = site.path("out").display().to_string();
+            let said = site.ob1(&["import", &path, "--program", program, "--out", &out, "--overwrite"]);
+            assert_eq!(said.code, Some(0), "{path} {program}: {}{}", said.out, said.err);
+            site.ob1(&["run", &format!("{out}/station.toml"), "--scans", "20", "--quiet"]).fine();
+        }
+    }
+}
