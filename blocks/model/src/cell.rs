@@ -48,6 +48,32 @@ impl CellWidth {
     }
 }
 
+/// A piece of what the outside watches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Piece {
+    /// Bytes of an area or a data block.
+    Bytes {
+        /// The cell whose byte is the first.
+        at: Cell,
+        /// How many.
+        len: u32,
+    },
+    /// A value that does not lie in memory as it is shown: a timer, a counter, a peripheral input.
+    Value(Cell, CellWidth),
+}
+
+impl Piece {
+    /// Bytes it takes in a snapshot, big-endian.
+    #[must_use]
+    #[expect(clippy::len_without_is_empty, reason = "a piece is never empty")]
+    pub const fn len(&self) -> u32 {
+        match self {
+            Piece::Bytes { len, .. } => *len,
+            Piece::Value(_, width) => width.bytes() as u32,
+        }
+    }
+}
+
 /// Why a cell cannot be read or written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellError {

@@ -16,7 +16,7 @@ mod types;
 
 pub use address::{Area, BitAddr};
 pub use block::{BlockId, BlockKind};
-pub use cell::{Cell, CellError, CellWidth};
+pub use cell::{Cell, CellError, CellWidth, Piece};
 pub use fault::{Access, Event, Fault, FaultKind, Site};
 pub use interface::{Interface, Param, Section};
 pub use layout::{Component, Layout, align_to};

@@ -1,5 +1,5 @@
 //! What every link that looks into a CPU from outside shares: names of cells ([`Names`]), their values as text and JSON
-//! ([`value`]), and the forms people read them in ([`Form`]).
+//! ([`value`]), the forms people read them in ([`Form`]), and the pieces of memory that hold them ([`Plan`]).
 //!
 //! It knows the program's names and the vocabulary of an S7, no CPU: whoever reads and writes cells asks it what they
 //! mean.
@@ -7,8 +7,10 @@
 mod form;
 mod item;
 mod near;
+mod plan;
 pub mod value;
 
 pub use form::Form;
 pub use item::{Item, Names, Reading};
 pub use near::nearest;
+pub use plan::Plan;

@@ -7,9 +7,9 @@ use crate::memory::Range;
 use crate::timers::Counter;
 use crate::{Cell, CellError, CellWidth};
 
-/// The arena bit of a cell in memory; `None` for cells that are not memory.
-fn locate(m: &Machine, cell: Cell, width: CellWidth, write: bool) -> Result<Option<u32>, CellError> {
-    let (range, at) = match cell {
+/// The piece of memory a cell lies in, and its bit there; `None` for cells that are not memory.
+fn range(m: &Machine, cell: Cell, write: bool) -> Result<Option<(Range, u32)>, CellError> {
+    Ok(Some(match cell {
         Cell::Area(Area::Input, at) => (m.memory.inputs, at),
         Cell::Area(Area::Output, at) => (m.memory.outputs, at),
         Cell::Area(Area::Memory, at) => (m.memory.memory, at),
@@ -22,7 +22,43 @@ fn locate(m: &Machine, cell: Cell, width: CellWidth, write: bool) -> Result<Opti
             (Range { at: db.at, len: db.len }, at)
         }
         Cell::Peripheral(_) | Cell::Timer(_) | Cell::Counter(_) => return Ok(None),
-    };
+    }))
+}
+
+/// The arena bytes from the byte of a cell on, `len` of them.
+pub(crate) fn place(m: &Machine, cell: Cell, len: u32, write: bool) -> Result<std::ops::Range<usize>, CellError> {
+    let (range, at) = range(m, cell, write)?.ok_or(CellError::Outside)?;
+    let byte = range.locate(at / 8, len).ok_or(CellError::Outside)? as usize;
+    Ok(byte..byte + len as usize)
+}
+
+/// The same, as many as there are.
+pub(crate) fn upto(m: &Machine, cell: Cell, len: u32) -> Result<std::ops::Range<usize>, CellError> {
+    let (range, at) = range(m, cell, false)?.ok_or(CellError::Outside)?;
+    let there = range.len.checked_sub(at / 8).ok_or(CellError::Outside)?;
+    place(m, cell, len.min(there), false)
+}
+
+/// Whether a value can be written, without writing it. A module's answer is known only then.
+pub(crate) fn check(m: &Machine, cell: Cell, width: CellWidth, value: u32) -> Result<(), CellError> {
+    if width.bits() < 32 && value >> width.bits() != 0 {
+        return Err(CellError::Value);
+    }
+    match cell {
+        Cell::Area(..) | Cell::Db(..) => locate(m, cell, width, true).map(|_| ()),
+        Cell::Counter(n) => match m.counters.get(usize::from(n)) {
+            None => Err(CellError::NoTimer),
+            Some(_) if value > u32::from(Counter::MAX) => Err(CellError::Value),
+            Some(_) => Ok(()),
+        },
+        Cell::Peripheral(_) if width != CellWidth::Bit => Ok(()),
+        Cell::Peripheral(_) | Cell::Timer(_) => Err(CellError::ReadOnly),
+    }
+}
+
+/// The arena bit of a cell in memory; `None` for cells that are not memory.
+fn locate(m: &Machine, cell: Cell, width: CellWidth, write: bool) -> Result<Option<u32>, CellError> {
+    let Some((range, at)) = range(m, cell, write)? else { return Ok(None) };
     let bits = u32::from(width.bits());
     if bits > 1 && at % 8 != 0 {
         return Err(CellError::Outside);
@@ -64,20 +100,14 @@ pub(crate) fn read(m: &mut Machine, cell: Cell, width: CellWidth) -> Result<u32,
 
 /// Writes a cell.
 pub(crate) fn write(m: &mut Machine, cell: Cell, width: CellWidth, value: u32) -> Result<(), CellError> {
-    if width.bits() < 32 && value >> width.bits() != 0 {
-        return Err(CellError::Value);
-    }
+    check(m, cell, width, value)?;
     if let Some(at) = locate(m, cell, width, true)? {
         m.memory.write_bits(at, width.bits(), value);
         return Ok(());
     }
     match cell {
         Cell::Counter(n) => {
-            let counter = m.counters.get_mut(usize::from(n)).ok_or(CellError::NoTimer)?;
-            if value > u32::from(Counter::MAX) {
-                return Err(CellError::Value);
-            }
-            counter.value = value as u16;
+            m.counters.get_mut(usize::from(n)).ok_or(CellError::NoTimer)?.value = value as u16;
             Ok(())
         }
         Cell::Peripheral(at) if width != CellWidth::Bit => {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ob1_model::Event;
 
 use crate::cells;
+use crate::exchange::{Exchange, Link};
 use crate::interrupts::{Hardware, slot_of};
 use crate::machine::{Blocks, Interrupt, Machine};
 use crate::port::AccessPort;
@@ -20,6 +21,7 @@ pub struct Cpu {
     pub(crate) machine: Machine,
     pub(crate) blocks: Blocks,
     port: AccessPort,
+    pub(crate) exchange: Exchange,
     client: Option<AccessClient>,
     log: Option<LogReader>,
     pub(crate) state: OperatingState,
@@ -55,6 +57,7 @@ impl Cpu {
             machine,
             blocks,
             port,
+            exchange: Exchange::new(),
             client: Some(client),
             log: Some(log),
             state: OperatingState::Stop,
@@ -71,6 +74,11 @@ impl Cpu {
     /// The client end of the access port; there is one.
     pub fn access_client(&mut self) -> Option<AccessClient> {
         self.client.take()
+    }
+
+    /// A link that reads and writes at the cycle control point; there are [`crate::LINKS`].
+    pub fn link(&mut self) -> Option<Link> {
+        self.exchange.link()
     }
 
     /// The reading end of the log; there is one.
@@ -254,11 +262,6 @@ impl Cpu {
 
     fn answer(&mut self, ask: Ask) -> Result<Answer, CellError> {
         Ok(match ask {
-            Ask::Read(cell, width) => Answer::Value(cells::read(&mut self.machine, cell, width)?),
-            Ask::Write(cell, width, value) => {
-                cells::write(&mut self.machine, cell, width, value)?;
-                Answer::Done
-            }
             Ask::Command(command) => {
                 self.wanted = Some(command);
                 Answer::Done

@@ -20,9 +20,10 @@ const CLOCK_HALF_MS: [u64; 8] = [50, 100, 200, 250, 400, 500, 800, 1000];
 const HARDWARE_EVENTS: std::ops::RangeInclusive<u16> = 0x1141..=0x1148;
 
 impl Cpu {
-    /// One whole cycle: access port, events of the modules, process image of the inputs, OB 1, process image of the
-    /// outputs, statistics. Before the next cycle is due, when an interrupt is: only that ([`CycleEnd::whole`] is false
-    /// then). In STOP only access port and modules are served. The caller sleeps until the deadline it is given.
+    /// One whole cycle: access port, exchange with the links, events of the modules, process image of the inputs, OB 1,
+    /// process image of the outputs, statistics. Before the next cycle is due, when an interrupt is: only that
+    /// ([`CycleEnd::whole`] is false then). In STOP only access port, exchange and modules are served. The caller
+    /// sleeps until the deadline it is given.
     pub fn cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
         self.machine.now = self.machine.now.max(clock.now());
         self.machine.memory.reuse_deleted();
@@ -37,8 +38,14 @@ impl Cpu {
         match self.state {
             OperatingState::Run if now < self.due && self.machine.interrupts.wants(now) => self.between_cycles(clock),
             // After a start-up the first cycle begins now: OB 100 is not part of it.
-            OperatingState::Run => self.run_cycle(now, clock),
-            _ => self.stop_cycle(clock),
+            OperatingState::Run => {
+                self.exchange.serve(&mut self.machine, self.state);
+                self.run_cycle(now, clock)
+            }
+            _ => {
+                self.exchange.serve(&mut self.machine, self.state);
+                self.stop_cycle(clock)
+            }
         }
     }
 

@@ -15,6 +15,7 @@ mod dispatch;
 mod engine;
 mod error;
 mod events;
+mod exchange;
 mod interrupts;
 mod load;
 mod log;
@@ -47,10 +48,13 @@ pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagEntry, ShortText};
 pub use error::LoadError;
 pub use events::InterruptError;
+pub use exchange::{
+    Filled, GROUP_ENTRIES, Group, LINKS, Link, Put, Snapshot, TooMuch, WATCH_BYTES, WATCH_LINES, WRITE_BYTES,
+};
 pub use log::{LOG_TEXT, LogLine, LogReader};
 pub use machine::Interrupt;
 pub use nesting::{MOST_STACK_BYTES, PLUGIN_STACK_BYTES};
-pub use ob1_model::{Cell, CellError, CellWidth};
+pub use ob1_model::{Cell, CellError, CellWidth, Piece};
 pub use port::{AccessClient, Answer, Ask, Request, Response};
 pub use ports::*;
 pub use process_io::{IoBacking, IoKind, IoModule, Stimulus, StimulusOutside, StimulusStep, StimulusValue};

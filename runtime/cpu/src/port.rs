@@ -1,11 +1,12 @@
-//! The access port: everything that looks into a running station from outside goes through these two rings.
+//! The access port: commands, and questions about the CPU itself, through two rings. Cells go through the exchange
+//! ([`crate::Link`]).
 //!
 //! Figures of the scans do not: they stand in [`crate::Accounts`], where reading them costs the scan nothing.
 //!
 //! Requests and responses are small `Copy` items. The CPU serves a bounded number of them at the cycle control point;
 //! the client side is `Send` and belongs to one thread (a socket server), which knows names and types.
 
-use ob1_model::{Cell, CellError, CellWidth};
+use ob1_model::CellError;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::{Command, DiagEntry, InterruptError, ModuleStatus, OperatingState};
@@ -13,10 +14,6 @@ use crate::{Command, DiagEntry, InterruptError, ModuleStatus, OperatingState};
 /// What a client asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ask {
-    /// The value of a cell.
-    Read(Cell, CellWidth),
-    /// A new value for a cell. Inputs are overwritten by the next process image.
-    Write(Cell, CellWidth, u32),
     /// A change of the operating state.
     Command(Command),
     /// The operating state.
@@ -39,9 +36,7 @@ pub enum Ask {
 /// What the CPU answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
-    /// A cell's value, right-aligned.
-    Value(u32),
-    /// Written, or the command is under way.
+    /// The command is under way.
     Done,
     /// The operating state.
     State(OperatingState),

@@ -7,8 +7,8 @@ use std::alloc::System;
 use common::rack::TestModule;
 use common::*;
 use ob1_cpu::{
-    Ask, Cell, CellWidth, Cpu, CpuConfig, CyclicInterrupt, IoKind, IoModule, Module, ModuleSlot, Request, Stimulus,
-    system_blocks,
+    Ask, Cell, CellWidth, Cpu, CpuConfig, CyclicInterrupt, IoKind, IoModule, Module, ModuleSlot, Piece, Request,
+    Stimulus, system_blocks,
 };
 use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
 use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section, TimerKind};
@@ -55,22 +55,26 @@ fn ten_thousand_cycles_allocate_nothing() {
     let cpu = Cpu::new(config, &program, system_blocks(), modules).expect("loads");
     let mut bench = Bench::with(cpu);
     let mut client = bench.cpu.access_client().expect("the first");
+    let mut link = bench.cpu.link().expect("the first");
+    let pieces = [Piece::Bytes { at: Cell::Db(3, 0), len: 4 }, Piece::Value(Cell::Counter(1), CellWidth::Word)];
+    link.watch(&pieces).expect("little");
     bench.run();
     // The counter sees the test harness's own thread too, which allocates now and then: a scan that allocated would do
     // so in every round.
     let quiet = (0..5).any(|_| {
         let region = Region::new(ALLOCATOR);
         for id in 0..10_000 {
-            client.post(Request { id, ask: Ask::Read(Cell::Db(3, 0), CellWidth::Word) }).expect("room");
             client.post(Request { id, ask: Ask::State }).expect("room");
             bench.cpu.fire_hardware_interrupt(40, 256, id).expect("room");
             bench.cycle();
             while client.take().is_some() {}
+            link.take();
         }
         let change = region.change();
         (change.allocations, change.reallocations, change.deallocations) == (0, 0, 0)
     });
     assert!(quiet, "each of five rounds of 10,000 cycles allocated");
+    assert!(link.newest().is_some_and(|snapshot| snapshot.scan() > 9_000), "snapshots were taken all the while");
     assert_ne!(bench.dbw(3, 0), 0, "the program ran");
     assert_eq!(bench.cpu.state(), ob1_cpu::OperatingState::Run);
     let figures: Vec<_> = bench.cpu.ob_statistics().filter(|o| [35, 40].contains(&o.ob)).collect();

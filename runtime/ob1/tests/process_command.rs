@@ -274,7 +274,8 @@ fn a_program_without_ob_1_is_told() {
 fn exec_says_how_it_ended() {
     let bench = Bench::new();
     let output = bench.ob1(&["exec", "bench.awl", "--limit", "10ms"]);
-    assert_eq!(said(&output), "ob1: the limit was reached in RUN after 10 scans, 0.010 s; exit code 3\n");
+    let text = said(&output);
+    assert!(text.ends_with("ob1: the limit was reached in RUN after 10 scans, 0.010 s; exit code 3\n"), "{text}");
     bench.write("bench.awl", &PROGRAM.replace("U     M      2.0", "UN    M      2.0"));
     let output = bench.ob1(&["exec", "bench.awl", "--limit", "10ms"]);
     let text = said(&output);
@@ -318,4 +319,37 @@ fn idle_clients_lock_nobody_out() {
         assert_eq!(station.child.wait().expect("it ends").code(), Some(0), "{limit}");
         drop(idle);
     }
+}
+
+/// All cells of a request are of one scan, however many; a set lands whole or not at all.
+#[test]
+fn requests_are_of_one_scan() {
+    let bench = Bench::new();
+    // MW 0 counts; DB 6 holds the count a thousand times.
+    let fill: String = (0..1000).map(|n| format!("      T     DB6.DBW {};\n", 2 * n)).collect();
+    let code =
+        PROGRAM.replace("      U     M      2.0;\n", &format!("      L     MW 0;\n{fill}      U     M      2.0;\n"));
+    let block = "DATA_BLOCK DB 6\nSTRUCT\n  A : ARRAY [1..1000] OF WORD;\nEND_STRUCT;\nBEGIN\nEND_DATA_BLOCK\n";
+    bench.write("bench.awl", &format!("{code}\n{block}"));
+    let _station = bench.start(&[]);
+    let names: Vec<String> = (0..1000).map(|n| format!("DB6.DBW{}", 2 * n)).chain(["MW0".to_owned()]).collect();
+    let args: Vec<&str> = ["get", "bench", "--json"].into_iter().chain(names.iter().map(String::as_str)).collect();
+    for _ in 0..10 {
+        let values = bench.json(&args);
+        let first = values[0]["hex"].clone();
+        assert!(first.is_string(), "{values}");
+        let all = values.as_array().expect("a list");
+        assert_eq!(all.len(), 1001);
+        assert!(all.iter().all(|value| value["hex"] == first), "torn: {values}");
+    }
+    // One cell outside refuses the request and names itself.
+    let wrong = bench.ob1(&["get", "bench", "MW0", "DB6.DBW1999", "DB6.DBW0"]);
+    assert_eq!(wrong.status.code(), Some(8));
+    assert!(said(&wrong).contains("DB6.DBW1999: outside the area"), "{wrong:?}");
+    assert_eq!(bench.code(&["set", "bench", "MW20=5", "DB5.COUNT=9"]), Some(0));
+    assert_eq!((bench.value("MW20"), bench.value("DB5.COUNT")), (5.into(), 9.into()));
+    let refused = bench.ob1(&["set", "bench", "DB5.COUNT=10", "DB77.DBW0=1", "MW20=6"]);
+    assert_eq!(refused.status.code(), Some(8));
+    assert!(said(&refused).contains("DB77.DBW0: the data block is not loaded"), "{refused:?}");
+    assert_eq!((bench.value("MW20"), bench.value("DB5.COUNT")), (5.into(), 9.into()), "nothing was written");
 }

@@ -9,9 +9,12 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use ob1_access::{Item, value};
-use ob1_cpu::{AccessClient, Answer, Ask, Command, Family, OperatingState, Request as PortRequest};
+use ob1_cpu::{
+    AccessClient, Answer, Ask, CellError, Command, Family, Link, OperatingState, Put, Request as PortRequest,
+};
 use serde_json::Value;
 
+use super::cells::Cells;
 use super::clients::Clients;
 use super::protocol::{CellValue, CommandName, Diagnostic, LINE_BYTES, Op, Request, Response, Status};
 use crate::view::StationView;
@@ -35,7 +38,7 @@ impl Server {
     ///
     /// # Errors
     /// What the system says.
-    pub fn start(socket: &Path, port: AccessClient, view: StationView, min_cycle: u64) -> io::Result<Self> {
+    pub fn start(socket: &Path, port: AccessClient, link: Link, view: StationView, min_cycle: u64) -> io::Result<Self> {
         let listener = UnixListener::bind(socket)?;
         std::fs::set_permissions(socket, std::fs::Permissions::from_mode(0o600))?;
         listener.set_nonblocking(true)?;
@@ -43,7 +46,8 @@ impl Server {
         let socket = socket.to_owned();
         let answer_time = ANSWER_TIME + Duration::from_nanos(min_cycle.saturating_mul(2));
         let thread = ob1_rt::spawn("ob1-access", move || {
-            Serving { port: Port { client: port, next_id: 0, answer_time }, view }.run(&listener, &stopped);
+            let port = Port { client: port, next_id: 0, answer_time };
+            Serving { port, cells: Cells::new(link, answer_time), view }.run(&listener, &stopped);
             let _ = std::fs::remove_file(socket);
         })?;
         Ok(Self { stop: Some(stop), thread: Some(thread) })
@@ -119,6 +123,7 @@ impl Port {
 
 struct Serving {
     port: Port,
+    cells: Cells,
     view: StationView,
 }
 
@@ -156,12 +161,11 @@ impl Serving {
                 // What a module feeds is written there; the process image would not keep it.
                 let panel = self.view.panel.as_ref();
                 cells.retain(|(_, cell, width, bits)| !panel.is_some_and(|panel| panel.write(*cell, *width, *bits)));
-                let (names, asks): (Vec<_>, Vec<_>) =
-                    cells.into_iter().map(|(name, cell, width, bits)| (name, Ask::Write(cell, width, bits))).unzip();
-                for (name, answer) in names.iter().zip(self.port.ask(&asks)?) {
-                    if let Answer::Refused(error) = answer {
-                        return Err(format!("{name}: {}", error));
-                    }
+                let (names, puts): (Vec<_>, Vec<_>) =
+                    cells.into_iter().map(|(name, cell, width, bits)| (name, Put::Value(cell, width, bits))).unzip();
+                if let Err((entry, error)) = self.cells.write(puts)? {
+                    let name = names.get(entry).map_or("", |name| name.as_str());
+                    return Err(format!("{name}: {error}"));
                 }
             }
             Op::Command { command } => {
@@ -192,9 +196,9 @@ impl Serving {
 
     fn get(&mut self, names: &[String]) -> Result<Vec<CellValue>, String> {
         let items: Vec<Item> = names.iter().map(|name| self.view.names.parse(name)).collect::<Result<_, _>>()?;
-        let asks: Vec<Ask> = items.iter().map(|item| Ask::Read(item.cell, item.width)).collect();
-        let answers = self.port.ask(&asks)?;
-        items.iter().zip(answers).map(|(item, answer)| cell_value(item, answer)).collect()
+        let wanted: Vec<_> = items.iter().map(|item| (item.cell, item.width)).collect();
+        let values = self.cells.read(&wanted)?;
+        items.iter().zip(values).map(|(item, value)| cell_value(item, value)).collect()
     }
 
     fn status(&mut self) -> Result<Status, String> {
@@ -222,17 +226,14 @@ impl Serving {
     }
 }
 
-fn cell_value(item: &Item, answer: Answer) -> Result<CellValue, String> {
-    match answer {
-        Answer::Value(bits) => Ok(CellValue {
-            item: item.name.clone(),
-            type_name: item.type_name.to_owned(),
-            value: value::to_json(item, bits),
-            hex: value::to_hex(item, bits),
-        }),
-        Answer::Refused(error) => Err(format!("{}: {}", item.name, error)),
-        _ => Err(format!("{}: the CPU gave another answer", item.name)),
-    }
+fn cell_value(item: &Item, value: Result<u32, CellError>) -> Result<CellValue, String> {
+    let bits = value.map_err(|error| format!("{}: {error}", item.name))?;
+    Ok(CellValue {
+        item: item.name.clone(),
+        type_name: item.type_name.to_owned(),
+        value: value::to_json(item, bits),
+        hex: value::to_hex(item, bits),
+    })
 }
 
 /// An answer as it goes out.

@@ -81,7 +81,8 @@ impl AtWork {
         let (grants, awake) = posture::ask_process(station);
         let system = |what: &'static str| move |error: std::io::Error| Failure::system(what, &error);
         let Some(port) = cpu.access_client() else { return Err(Failure::system("access port", &"taken already")) };
-        let server = Server::start(&rundir.socket(), port, view.clone(), station.cpu.min_cycle)
+        let Some(link) = cpu.link() else { return Err(Failure::system("a link to the CPU", &"taken already")) };
+        let server = Server::start(&rundir.socket(), port, link, view.clone(), station.cpu.min_cycle)
             .map_err(system("the control socket"))?;
         let fleet = fleet.start(clock).map_err(system("the drivers"))?;
         let (observer, late) =
