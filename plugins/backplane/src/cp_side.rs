@@ -43,10 +43,12 @@ impl CpSide {
     /// an earlier driver has completed stay.
     ///
     /// # Errors
-    /// [`SegmentError::Header`] if this is no segment of this layout version.
+    /// [`SegmentError::Header`] if this is no segment of this layout version; [`SegmentError::InUse`] if another process
+    /// is its driver.
     pub fn attach(segment: &Segment) -> Result<Self, SegmentError> {
         let cells = segment.cells();
         let io = header::check(cells)?;
+        segment.claim()?;
         cells.doorbell.sleeping.store(0, Ordering::Relaxed);
         cells.cp.state.store(DriverState::Starting.to_word(), Ordering::Relaxed);
         cells.cp.leds.store(0, Ordering::Relaxed);

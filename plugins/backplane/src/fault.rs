@@ -60,6 +60,9 @@ pub enum SegmentError {
         /// What it says.
         found: u64,
     },
+    /// Another driver is attached: there is one to a segment at a time.
+    #[error("a driver is attached to the segment already")]
+    InUse,
     /// The number of register bytes is outside 8 to 64.
     #[error("a module cannot have {0} register bytes each way (8 to 64)")]
     IoBytes(usize),

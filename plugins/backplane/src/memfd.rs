@@ -7,7 +7,7 @@ use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
 use memmap2::{MmapOptions, MmapRaw};
-use rustix::fs::{self, FallocateFlags, MemfdFlags, Mode, OFlags, SealFlags};
+use rustix::fs::{self, FallocateFlags, FlockOperation, MemfdFlags, Mode, OFlags, SealFlags};
 use rustix::io::Errno;
 
 use crate::fault::SegmentError;
@@ -74,6 +74,15 @@ impl SharedMemory {
 
     pub(crate) fn path(&self) -> PathBuf {
         PathBuf::from(format!("/proc/{}/fd/{}", std::process::id(), self.file.as_raw_fd()))
+    }
+
+    /// Locks the file for this process (`F_SETLK`, the whole file).
+    pub(crate) fn lock(&self) -> Result<(), SegmentError> {
+        match fs::fcntl_lock(&self.file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => Ok(()),
+            Err(Errno::AGAIN | Errno::ACCESS) => Err(SegmentError::InUse),
+            Err(source) => Err(failed("locking the segment", source)),
+        }
     }
 
     pub(crate) fn descriptor(&self) -> BorrowedFd<'_> {

@@ -7,8 +7,9 @@ use std::sync::Arc;
 use crate::cells::SegmentCells;
 #[cfg(not(loom))]
 use crate::cells::as_words;
+use crate::fault::SegmentError;
 #[cfg(not(loom))]
-use crate::{fault::SegmentError, layout::SEGMENT_BYTES, memfd::SharedMemory, sync::Ordering};
+use crate::{layout::SEGMENT_BYTES, memfd::SharedMemory, sync::Ordering};
 
 /// A segment. Clones are handles of the same memory; it goes when the last handle and the last end are gone.
 #[derive(Clone)]
@@ -39,6 +40,16 @@ impl Segment {
         Self { cells: NonNull::from(&*memory), keep: Keep::Heap(memory) }
     }
 
+    /// Claims the driver's end for this process, for as long as it lives: the lock goes with the process, however that
+    /// ends. On the heap there is one process anyway.
+    pub(crate) fn claim(&self) -> Result<(), SegmentError> {
+        match &self.keep {
+            Keep::Heap(_) => Ok(()),
+            #[cfg(not(loom))]
+            Keep::Shared(memory) => memory.lock(),
+        }
+    }
+
     /// The cells, for this crate's ends.
     #[inline]
     pub(crate) fn cells(&self) -> &SegmentCells {
@@ -66,6 +77,14 @@ impl Segment {
     /// segment; what the system says when it cannot be opened.
     pub fn open(path: &std::path::Path) -> Result<Self, SegmentError> {
         Self::from_shared(SharedMemory::open(path, SEGMENT_BYTES)?)
+    }
+
+    /// The shared segment that another process has handed over.
+    ///
+    /// # Errors
+    /// As of [`Segment::open`].
+    pub fn received(file: std::os::fd::OwnedFd) -> Result<Self, SegmentError> {
+        Self::from_shared(SharedMemory::of(file, SEGMENT_BYTES)?)
     }
 
     fn from_shared(memory: SharedMemory) -> Result<Self, SegmentError> {

@@ -16,6 +16,7 @@ use ob1_params::Value;
 use ob1_rt::MonotonicClock;
 use serde_json::json;
 
+use crate::fence;
 use crate::finding::{Finding, Level};
 use crate::io::{Panel, ProcessIo, Stimulus};
 use crate::offer::Unserved;
@@ -274,9 +275,9 @@ impl Building<'_> {
         }
         let command = DriverCommand {
             name: config.name.clone(),
-            program: self.drivers.program.clone(),
+            program: config.driver.clone().unwrap_or_else(|| self.drivers.program.clone()),
             args: vec!["--name".into(), config.name.clone().into()],
-            env: self.drivers.env.clone(),
+            env: self.drivers.env.iter().cloned().chain([fence::variable([self.rundir], config.kind.line())]).collect(),
         };
         let monitor = side.monitor().clone();
         let port = self.fleet.add(command, segment, monitor.clone(), Times::default()).map_err(|e| system(&e))?;

@@ -4,7 +4,6 @@
 //! The guardian is the janitor ([`crate::janitor`]): a child that sets the outputs of the process I/O to their safe
 //! state should the runtime die or stand still, and removes what the runtime has published.
 
-use std::ffi::OsString;
 use std::io;
 use std::os::fd::{AsFd as _, OwnedFd};
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
@@ -14,6 +13,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use ob1_backplane::{GuardPage, handover};
+use ob1_host::driver::kept_environment;
 use ob1_host::supervisor::{Exit, Input, Phase, Report, Request, Supervisor, Times};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, getpid, pidfd_open};
@@ -121,11 +121,6 @@ impl Drop for Guardian {
             let _ = thread.join();
         }
     }
-}
-
-/// What of our environment a child gets: whose it is, and how much it logs.
-pub(crate) fn kept_environment() -> impl Iterator<Item = (&'static str, OsString)> {
-    ["XDG_RUNTIME_DIR", "OB1_LOG"].into_iter().filter_map(|name| Some((name, std::env::var_os(name)?)))
 }
 
 /// The child. It sees the end of the runtime by the runtime's pidfd, and by the end of this connection.

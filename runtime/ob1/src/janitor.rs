@@ -12,6 +12,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use ob1_backplane::{GuardPage, Guardian, handover, io_layout::IO_AREA_BYTES};
+use ob1_rt::{Confinement, Network};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -69,14 +70,31 @@ enum Ward {
 
 /// The janitor's whole life.
 pub fn run(rundir: &Path, published: &[PathBuf], patience: Patience) {
+    ob1_rt::close_inherited();
     // It goes when the runtime has gone, not before: a shutdown sends SIGTERM to all.
     for signal in [SIGTERM, SIGINT, SIGHUP] {
         let _ = signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false)));
     }
+    confine(rundir, published);
     let runtime = rundir::owner(rundir);
     let ward = receive();
     watch(&runtime, ward.as_ref(), patience);
     rundir::bury(rundir, &runtime, || remove_published(published));
+}
+
+/// It needs no more than this: the folders it removes things from, and a look at the runtime in `/proc`. Nobody would hear
+/// what was refused; whatever was not is worth having.
+fn confine(rundir: &Path, published: &[PathBuf]) {
+    let folders =
+        [Some(rundir), rundir.parent()].into_iter().flatten().chain(published.iter().filter_map(|p| p.parent()));
+    let _refused = ob1_rt::confine(&Confinement {
+        folders: folders.map(Path::to_owned).collect(),
+        devices: true,
+        processes: true,
+        network: Network::None,
+        memory: 64 << 20,
+        oom_score: -500,
+    });
 }
 
 /// What came with the first message; `None`: nothing that can be used, but the connection still says when it ends.

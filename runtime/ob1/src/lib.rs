@@ -14,6 +14,7 @@ pub mod cli;
 pub mod diag;
 pub mod exec;
 pub mod exit;
+pub mod fence;
 pub mod finding;
 mod folder;
 pub mod guardian;

@@ -1,7 +1,8 @@
 //! The runtime directory of a station: the control socket, links to what tools may open, and the proof that the station
 //! lives.
 //!
-//! `$XDG_RUNTIME_DIR/ob1/NAME`, or `/run/ob1/NAME` for root, or `/tmp/ob1-UID/NAME`; mode 0700. In it: `control.sock`
+//! `$XDG_RUNTIME_DIR/ob1/NAME`, or `/run/ob1/NAME` for root, or `/run/ob1-UID/NAME` for a user root has dropped to, or
+//! `/tmp/ob1-UID/NAME`; mode 0700. In it: `control.sock`
 //! (0600), `io` and `MODULE.segment` (links to `/proc/PID/fd/N`), and `pid`. Who holds the lock on `pid` owns the
 //! directory: the lock goes with its process, however that ends, so a leftover is known by being unlocked.
 
@@ -67,8 +68,25 @@ pub fn bases() -> Vec<PathBuf> {
     if user.is_root() {
         bases.push(PathBuf::from("/run/ob1"));
     }
+    let prepared = prepared_for(user.as_raw());
+    if prepared.is_dir() {
+        bases.push(prepared);
+    }
     bases.push(PathBuf::from(format!("/tmp/ob1-{}", user.as_raw())));
     bases
+}
+
+/// What root makes for a user that could not make it itself.
+fn prepared_for(uid: u32) -> PathBuf {
+    PathBuf::from(format!("/run/ob1-{uid}"))
+}
+
+/// For root, before it becomes that user: a directory for its stations. Without it there is the one in `/tmp`.
+pub fn prepare_for(user: &ob1_rt::User) {
+    let path = prepared_for(user.uid);
+    if DirBuilder::new().mode(0o700).create(&path).is_ok() {
+        let _ = std::os::unix::fs::lchown(&path, Some(user.uid), Some(user.gid));
+    }
 }
 
 /// The directory of a running station, for tools: the first base that has its socket.

@@ -4,6 +4,8 @@
 //! CPs are processes and may be those of two stations. Its socket lies in the station's runtime directory; that of a
 //! shared line beside the stations'.
 
+use std::ffi::OsString;
+use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 
 use ob1_backplane::{CpuSide, Segment};
@@ -36,6 +38,12 @@ const REGISTER_BYTES: usize = 16;
 /// What the system says, as text.
 pub fn add(fleet: &mut Fleet, rundir: &Path, line: &SimulatedLine, drivers: &DriverSettings) -> Result<(), String> {
     let system = |error: &dyn std::fmt::Display| format!("simulated line {}: {error}", line.name);
+    // The process makes things in it, and no folder itself.
+    if let Some(folder) = socket(rundir, line).parent() {
+        let made = std::fs::DirBuilder::new().mode(0o700).create(folder);
+        made.or_else(|e| if e.kind() == std::io::ErrorKind::AlreadyExists { Ok(()) } else { Err(e) })
+            .map_err(|e| system(&e))?;
+    }
     // Only to see that it lives.
     let segment = Segment::create_shared().map_err(|e| system(&e))?;
     let side = CpuSide::create(&segment, REGISTER_BYTES).map_err(|e| system(&e))?;
@@ -48,11 +56,21 @@ pub fn add(fleet: &mut Fleet, rundir: &Path, line: &SimulatedLine, drivers: &Dri
             "--hub".into(),
             configuration(rundir, line).to_string().into(),
         ],
-        env: drivers.env.clone(),
+        env: drivers.env.iter().cloned().chain([fence(rundir, line)]).collect(),
     };
     // It has neither registers nor a scan that would ring for it; the supervisor's own log says what becomes of it.
     let _port = fleet.add(command, segment, side.monitor().clone(), Times::default()).map_err(|e| system(&e))?;
     Ok(())
+}
+
+/// What the process may do: it makes its socket, its lock, and the link of its pty.
+fn fence(rundir: &Path, line: &SimulatedLine) -> (OsString, OsString) {
+    let socket = socket(rundir, line);
+    let partner = match &line.partner {
+        Partner::Pty(path) => path.parent(),
+        Partner::None | Partner::Echo => None,
+    };
+    crate::fence::variable(socket.parent().into_iter().chain(partner), None)
 }
 
 /// What the process is told.

@@ -1,6 +1,6 @@
 //! The fenced operating-system calls of the runtime: the clock and the sleep to a deadline, locking memory, scheduling
 //! of the scan thread, its stack, what the kernel says about it, when it was continued after a stop, what a process
-//! that crashes still does, and the system-call fence.
+//! that crashes still does, the system-call fence, what a child denies itself, and the user it all runs as.
 //!
 //! Everything asked of the system answers with what was granted, what was refused and what would grant it ([`Grant`]);
 //! nothing here fails a run because a privilege is missing.
@@ -10,6 +10,7 @@
 #![allow(unsafe_code)]
 
 mod clock;
+mod confine;
 mod continued;
 mod crash;
 mod exit;
@@ -18,8 +19,10 @@ mod posture;
 mod stack;
 mod system;
 mod usage;
+mod user;
 
 pub use clock::{MonotonicClock, sleep_until};
+pub use confine::{Confinement, Network, Refusal, close_inherited, confine};
 pub use continued::Continued;
 pub use crash::{LastWords, Place, take_handler_stack};
 pub use exit::{ExitGuard, lower_exit_guard};
@@ -30,3 +33,4 @@ pub use stack::{
 };
 pub use system::{isolated_cores, keep_awake, system_facts};
 pub use usage::{Memory, ProcessState, ThreadUsage, memory, process_state, thread_id, thread_usage};
+pub use user::User;

@@ -52,6 +52,10 @@ impl Ended {
 }
 
 impl Running {
+    pub(crate) fn start_command(site: &Site, file: &str, command: Command) -> Self {
+        Self::start(site, file, command)
+    }
+
     pub(super) fn start(site: &Site, file: &str, command: Command) -> Self {
         Self::start_with(site, file, command, None)
     }

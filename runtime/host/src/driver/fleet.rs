@@ -311,17 +311,13 @@ impl Driver {
     }
 
     fn spawn(&mut self) -> Input {
-        let Some(path) = self.segment.path() else {
-            tracing::error!(driver = %self.command.name, "its segment is not shared memory");
-            return Input::Exited(Exit::NotStarted(0));
-        };
         // Whoever holds the segment may have written into its header while no driver was there, which no driver would
         // attach to; the rest of what the CPU's side owns follows from the scan, which sees the attempt.
         self.monitor.restore_header();
         self.status.incidents.store(self.supervisor.incidents(), Ordering::Relaxed);
         self.status.attempts.fetch_add(1, Ordering::Release);
         self.last_beat = self.monitor.cp_heartbeat();
-        match Process::start(&self.command, &path, &self.stdin) {
+        match Process::start(&self.command, &self.segment, &self.stdin) {
             Ok(process) => {
                 self.status.pid.store(process.id(), Ordering::Relaxed);
                 self.process = Some(process);

@@ -7,6 +7,7 @@ use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 
+use ob1_backplane::{Segment, handover};
 use ob1_cpu::Nanos;
 use ob1_rt::{ProcessState, process_state};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
@@ -30,6 +31,11 @@ pub struct DriverCommand {
     pub env: Vec<(OsString, OsString)>,
 }
 
+/// What of our environment a child gets: where programs are, whose it is, how much it logs.
+pub fn kept_environment() -> impl Iterator<Item = (&'static str, OsString)> {
+    ["PATH", "XDG_RUNTIME_DIR", "OB1_LOG"].into_iter().filter_map(|name| Some((name, std::env::var_os(name)?)))
+}
+
 /// A process that runs, and the descriptor that says when it no longer does.
 #[derive(Debug)]
 pub(super) struct Process {
@@ -42,14 +48,24 @@ pub(super) struct Process {
 impl Process {
     /// Starts it. No `pre_exec`, so that std uses posix_spawn: a fork of a process with locked memory would cost the
     /// scan milliseconds.
-    pub(super) fn start(command: &DriverCommand, segment: &std::path::Path, stdin: &OwnedFd) -> io::Result<Self> {
+    ///
+    /// The segment's descriptor lies in a socket that is its standard output: `/proc/PID/fd` is closed to a driver with
+    /// fewer rights than the runtime. The path is for drivers of others, and for people.
+    pub(super) fn start(command: &DriverCommand, segment: &Segment, stdin: &OwnedFd) -> io::Result<Self> {
+        let (Some(path), Some(descriptor)) = (segment.path(), segment.descriptor()) else {
+            return Err(io::Error::new(io::ErrorKind::Unsupported, "its segment is not shared memory"));
+        };
+        let (ours, stdout) = handover::pair()?;
+        handover::send(&ours, &[1], &[descriptor])?;
         let mut child = Command::new(&command.program)
             .arg("--segment")
-            .arg(segment)
+            .arg(path)
             .args(&command.args)
+            .env_clear()
+            .envs(kept_environment())
             .envs(command.env.iter().map(|(name, value)| (name, value)))
             .stdin(Stdio::from(stdin.try_clone()?))
-            .stdout(Stdio::null())
+            .stdout(Stdio::from(stdout))
             .process_group(0)
             .spawn()?;
         match pidfd_open(Pid::from_child(&child), PidfdFlags::empty()) {

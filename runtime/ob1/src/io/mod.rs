@@ -226,6 +226,7 @@ mod tests {
             absent: Absent::Zero,
             kind,
             substitute: Vec::new(),
+            driver: None,
         }
     }
 

@@ -77,6 +77,7 @@ mod tests {
             output_address: address,
             absent: Absent::Zero,
             substitute: Vec::new(),
+            driver: None,
             kind,
         };
         let modules = [

@@ -22,7 +22,7 @@ use crate::guardian::{Guardian, Patience, Ward};
 use crate::out;
 use crate::posture;
 use crate::program::{self, LoadFailure};
-use crate::rundir::{RunDir, RunDirError};
+use crate::rundir::{self, RunDir, RunDirError};
 use crate::station::{self, Station};
 
 use at_work::AtWork;
@@ -88,6 +88,10 @@ pub fn run(options: &Options) -> Exit {
 }
 
 fn try_run(options: &Options) -> Result<Exit, Failure> {
+    // Before there is a thread.
+    if let Some(name) = station::user_of(&options.station) {
+        become_user(&name)?;
+    }
     console::start_log(options.quiet);
     let signals = Signals::catch().map_err(|e| Failure::system("signals", &e))?;
     if options.lifeline {
@@ -137,6 +141,21 @@ fn try_run(options: &Options) -> Result<Exit, Failure> {
         out::print_at_the_end(report.summary());
     }
     Ok(exit_of(&report))
+}
+
+/// The runtime of a station with `[station] user` gives up what root has.
+fn become_user(name: &str) -> Result<(), Failure> {
+    let user = ob1_rt::User::find(name).and_then(|user| {
+        if user.is_us() {
+            return Ok(());
+        }
+        rundir::prepare_for(&user);
+        user.become_it()
+    });
+    user.map_err(|why| {
+        let remedy = "name a user of this system, and start as root or as that user";
+        Failure(Exit::System, format!("ob1: [station] user = \"{name}\": {why}\n  = {remedy}\n"))
+    })
 }
 
 fn exit_of(report: &Report) -> Exit {

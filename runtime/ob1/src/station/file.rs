@@ -67,6 +67,7 @@ pub(super) struct RatesTable {
 pub(super) struct StationTable {
     pub(super) name: Placed<String>,
     pub(super) state: Option<Placed<String>>,
+    pub(super) user: Option<Placed<String>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -195,6 +196,7 @@ pub(super) struct ModuleTable {
     pub(super) abd: Option<Placed<String>>,
     pub(super) diagnostics: Option<Placed<bool>>,
     pub(super) substitute: Option<Placed<Vec<Placed<i64>>>>,
+    pub(super) driver: Option<Placed<String>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

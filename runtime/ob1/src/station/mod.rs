@@ -48,6 +48,14 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
     Ok((station, devices::missing(&file, source, folder, Path::exists)))
 }
 
+/// The user a station file wants its runtime to become (`[station] user`), before anything else is done with it. A file
+/// that cannot be read or understood names none: what is wrong with it is told when it is loaded.
+#[must_use]
+pub fn user_of(path: &Path) -> Option<String> {
+    let (text, name) = (read(path).ok()?, path.display().to_string());
+    Some(tables(Text { file: &name, text: &text }).ok()?.station.user?.into_inner())
+}
+
 /// Checks the text of a station file. `name` is its name in findings, `folder` what relative paths start from.
 ///
 /// # Errors

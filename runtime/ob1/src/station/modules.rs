@@ -1,6 +1,6 @@
 //! The modules of a station: addresses, parameters in both forms, lines.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ob1_backplane::io_layout::IO_AREA_BYTES;
 use ob1_params::{Cp240, CpKind, ModbusKind, ParamError, Protocol, StopBits, Value};
@@ -71,7 +71,19 @@ fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mo
     let absent = choice(f, "absent", table.absent.as_ref(), &words).unwrap_or_default();
     let name = name(f, "module", &table.name);
     let substitute = substitute(f, table, ty, &kind);
-    Some(ModuleConfig { name, input_address, output_address, absent, substitute, kind })
+    let driver = driver(f, table, ty, folder);
+    Some(ModuleConfig { name, input_address, output_address, absent, substitute, driver, kind })
+}
+
+/// The program that is the driver, from the station file's folder on.
+fn driver(f: &mut Findings<'_>, table: &ModuleTable, ty: Type, folder: &Path) -> Option<PathBuf> {
+    let given = table.driver.as_ref()?;
+    if !ty.is_cp() {
+        f.error(CONTRADICTION, given.span(), "`driver` is for communication processors", "leave it out");
+        return None;
+    }
+    let path = folder.join(given.get_ref());
+    Some(std::path::absolute(&path).unwrap_or(path))
 }
 
 /// What process outputs are while nobody drives them: a byte each of `do`, a word each of `ao`.

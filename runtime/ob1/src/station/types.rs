@@ -184,6 +184,8 @@ pub struct ModuleConfig {
     pub absent: Absent,
     /// What its outputs are while the CPU does not drive them; nothing: 0. Of process outputs alone.
     pub substitute: Vec<u8>,
+    /// The program that is its driver; none: `ob1-cp`. Of communication processors alone.
+    pub driver: Option<PathBuf>,
     /// What it is.
     pub kind: ModuleKind,
 }

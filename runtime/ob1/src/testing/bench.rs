@@ -31,6 +31,7 @@ pub(super) fn bare_modules() -> Vec<ModuleConfig> {
         output_address: 0,
         absent: Absent::Zero,
         substitute: Vec::new(),
+        driver: None,
         kind,
     };
     vec![module("inputs", ModuleKind::Inputs { bytes }), module("outputs", ModuleKind::Outputs { bytes })]

@@ -1,0 +1,78 @@
+//! What the driver denies itself before it begins, as the runtime wants it (`OB1_FENCE`), and the proof from inside.
+
+use std::fs::{self, File};
+use std::net::{TcpListener, UdpSocket};
+use std::path::PathBuf;
+use std::process::Command;
+
+use ob1_rt::{Confinement, Network};
+use rustix::process::{Resource, Rlimit, Signal, getppid, kill_process, setrlimit};
+use rustix::thread::{CapabilitySet, capabilities, no_new_privs};
+use serde::Deserialize;
+
+/// The variable with the fence, as JSON. Without it the driver is not confined: it was started by hand.
+const VARIABLE: &str = "OB1_FENCE";
+/// Most data a driver may have, in bytes: some ten times what it takes.
+const MEMORY: u64 = 64 << 20;
+/// It comes back by itself, the runtime does not: when memory runs out, the driver goes first.
+const OOM_SCORE: i16 = 500;
+
+/// What the runtime says.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Fence {
+    /// Where it makes its link, its sockets, its locks.
+    folders: Vec<PathBuf>,
+    /// `none`, `address` or `name`.
+    network: String,
+}
+
+/// Confines the process as `OB1_FENCE` says; before anything else, and before there is a thread. What became of it:
+/// what the kernel refused, or why the variable cannot be used.
+pub(crate) fn raise() -> Result<Vec<ob1_rt::Refusal>, String> {
+    let Some(text) = std::env::var_os(VARIABLE) else { return Ok(Vec::new()) };
+    let fence: Fence = text
+        .to_str()
+        .ok_or_else(|| "not UTF-8".to_owned())
+        .and_then(|text| serde_json::from_str(text).map_err(|error| error.to_string()))
+        .map_err(|why| format!("{VARIABLE}: {why}"))?;
+    let network = match fence.network.as_str() {
+        "" | "none" => Network::None,
+        "address" => Network::Address,
+        "name" => Network::Name,
+        other => return Err(format!("{VARIABLE}: there is no network \"{other}\"")),
+    };
+    ob1_rt::close_inherited();
+    let folders = fence.folders;
+    let wanted =
+        Confinement { folders, devices: true, processes: false, network, memory: MEMORY, oom_score: OOM_SCORE };
+    Ok(ob1_rt::confine(&wanted))
+}
+
+/// Tries what is forbidden, and says of each whether it was refused. True: all was, and what is allowed still works.
+pub(crate) fn self_test() -> bool {
+    let parent = getppid();
+    let tries: [(&str, bool); 13] = [
+        ("open a file of the system", File::open("/etc/passwd").is_ok()),
+        (
+            "open another process",
+            parent.is_some_and(|pid| fs::read(format!("/proc/{}/environ", pid.as_raw_nonzero())).is_ok()),
+        ),
+        ("make a file", File::create(std::env::temp_dir().join(format!("ob1-cp-{}", std::process::id()))).is_ok()),
+        ("list a folder", fs::read_dir("/").is_ok()),
+        ("start a program", Command::new("/bin/true").status().is_ok()),
+        ("listen on TCP", TcpListener::bind("127.0.0.1:0").is_ok()),
+        ("speak UDP", UdpSocket::bind("127.0.0.1:0").is_ok()),
+        ("signal another process", parent.is_some_and(|pid| kill_process(pid, Signal::CONT).is_ok())),
+        ("raise its limits", setrlimit(Resource::Data, Rlimit { current: None, maximum: None }).is_ok()),
+        ("take 256 MiB", Vec::<u8>::new().try_reserve_exact(256 << 20).is_ok()),
+        ("get privileges by a program", !no_new_privs().unwrap_or(false)),
+        ("keep a capability", !capabilities(None).is_ok_and(|sets| sets.permitted == CapabilitySet::empty())),
+        ("be without a device", File::open("/dev/null").is_err()),
+    ];
+    for (what, done) in tries {
+        // Said by the log too: standard output belongs to whoever reads the answer.
+        ob1_log::write(format!("{} {what}\n", if done { "DONE   " } else { "refused" }).as_bytes());
+    }
+    tries.iter().all(|(_, done)| !done)
+}
