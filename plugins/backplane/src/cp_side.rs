@@ -43,8 +43,8 @@ impl CpSide {
     /// an earlier driver has completed stay.
     ///
     /// # Errors
-    /// [`SegmentError::Header`] if this is no segment of this layout version; [`SegmentError::InUse`] if another process
-    /// is its driver.
+    /// [`SegmentError::Header`] if this is no segment of this layout version; [`SegmentError::InUse`] if another
+    /// process is its driver.
     pub fn attach(segment: &Segment) -> Result<Self, SegmentError> {
         let cells = segment.cells();
         let io = header::check(cells)?;

@@ -82,8 +82,8 @@ pub fn run(rundir: &Path, published: &[PathBuf], patience: Patience) {
     rundir::bury(rundir, &runtime, || remove_published(published));
 }
 
-/// It needs no more than this: the folders it removes things from, and a look at the runtime in `/proc`. Nobody would hear
-/// what was refused; whatever was not is worth having.
+/// It needs no more than this: the folders it removes things from, and a look at the runtime in `/proc`. Nobody would
+/// hear what was refused; whatever was not is worth having.
 fn confine(rundir: &Path, published: &[PathBuf]) {
     let folders =
         [Some(rundir), rundir.parent()].into_iter().flatten().chain(published.iter().filter_map(|p| p.parent()));

@@ -1,7 +1,7 @@
 //! What a child of the runtime denies itself before it begins: descriptors, privileges, files, system calls, memory.
 //!
-//! Nothing here is given by the parent: a child that is started without a fork of the runtime's memory (posix_spawn) can
-//! only fence itself. Each step is independent of the others; what the kernel does not have is told and left out.
+//! Nothing here is given by the parent: a child that is started without a fork of the runtime's memory (posix_spawn)
+//! can only fence itself. Each step is independent of the others; what the kernel does not have is told and left out.
 //! (docs/security.md)
 
 use std::collections::BTreeMap;
@@ -93,8 +93,8 @@ fn oom_score(score: i16) -> Result<(), String> {
     fs::write("/proc/self/oom_score_adj", score.to_string()).map_err(|error| error.to_string())
 }
 
-/// What no program that is started can be given. Without CAP_SETPCAP it stays as it is: with no new privileges nothing can
-/// be taken out of it either.
+/// What no program that is started can be given. Without CAP_SETPCAP it stays as it is: with no new privileges
+/// nothing can be taken out of it either.
 pub(crate) fn drop_bounding_set() {
     for capability in CapabilitySet::all().iter() {
         let _ = remove_capability_from_bounding_set(capability);
