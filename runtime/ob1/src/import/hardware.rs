@@ -1,5 +1,6 @@
 //! The modules of a station as our station file can have them.
 
+use ob1_params::CpKind;
 use ob1_project::{Area, Choice, Cpu, Module, Project};
 
 /// The hardware of a program.
@@ -20,16 +21,16 @@ pub(super) fn of_choice(project: &Project, choice: Choice) -> Hardware {
 }
 
 /// Communication processors we have: the type in the station file, and how the module's name or order number begins.
-const CPS: [(&str, &[&str]); 3] = [
-    ("cp340", &["CP 340", "CP340", "6ES7 340"]),
-    ("cp341", &["CP 341", "CP341", "6ES7 341"]),
-    ("cp341", &["CP 441", "CP441", "6ES7 441"]),
+const CPS: [(CpKind, &[&str]); 3] = [
+    (CpKind::Cp340, &["CP 340", "CP340", "6ES7 340"]),
+    (CpKind::Cp341, &["CP 341", "CP341", "6ES7 341"]),
+    (CpKind::Cp341, &["CP 441", "CP441", "6ES7 441"]),
 ];
 
 /// The type of a communication processor.
 pub(super) fn cp_type(module: &Module) -> Option<&'static str> {
     let begins = |start: &&str| module.name.starts_with(*start) || module.order.starts_with(*start);
-    CPS.iter().find(|(_, starts)| starts.iter().any(begins)).map(|(ty, _)| *ty)
+    CPS.iter().find(|(_, starts)| starts.iter().any(begins)).map(|(kind, _)| kind.name())
 }
 
 /// Areas one behind the other, those that touch or overlap as one.

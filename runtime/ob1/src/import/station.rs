@@ -140,10 +140,8 @@ const CP_BYTES: u32 = 16;
 
 impl Modules {
     fn of_hardware(&mut self, hardware: &Hardware, replaced: &Replaced, notes: &mut Notes) {
-        let (cps, plain): (Vec<&Module>, Vec<&Module>) = hardware
-            .modules
-            .iter()
-            .partition(|m| cp_type(m).is_some_and(crate::station::has_module_type) && !replaced.blocks.is_empty());
+        let (cps, plain): (Vec<&Module>, Vec<&Module>) =
+            hardware.modules.iter().partition(|m| cp_type(m).is_some() && !replaced.blocks.is_empty());
         for module in cps {
             self.cp(module, notes);
         }

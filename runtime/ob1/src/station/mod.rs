@@ -21,7 +21,6 @@ pub(crate) use check::{choice, parse_block, places, standard};
 
 pub use duration::parse_duration;
 pub use line::{Line, LineError};
-pub(crate) use modules::has_module_type;
 pub use types::*;
 
 use std::path::Path;

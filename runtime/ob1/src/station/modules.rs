@@ -34,11 +34,6 @@ impl Type {
 const PROCESS_IO: [(&str, Type); 4] =
     [("di", Type::DigitalIn), ("do", Type::DigitalOut), ("ai", Type::AnalogIn), ("ao", Type::AnalogOut)];
 
-/// True when a station file can have modules of this type.
-pub(crate) fn has_module_type(word: &str) -> bool {
-    TYPES.iter().any(|(name, _)| *name == word)
-}
-
 pub(super) fn modules(f: &mut Findings<'_>, tables: &[Placed<ModuleTable>], folder: &Path) -> Vec<ModuleConfig> {
     let mut modules: Vec<ModuleConfig> = Vec::with_capacity(tables.len());
     for placed in tables {
