@@ -4,6 +4,7 @@
 //! its operand in typed form, and where it came from (network and line). Nothing here remembers mnemonics or source
 //! text; nothing here knows how an engine represents memory.
 
+mod file;
 mod layout_text;
 mod notation;
 mod op;
@@ -12,6 +13,7 @@ mod program;
 mod text;
 mod verify;
 
+pub use file::{ParseError, parse, write};
 pub use notation::Notation;
 pub use op::{AccuOp, BitTest, Compare, Convert, Jump, Logic, MathFn, NumberFormat, Op, Shift, StatusBit, WordLogic};
 pub use place::{AddressRegister, DbRegister, Number, Operand, Place, Pointer, Width};

@@ -1,7 +1,7 @@
 //! The text form of a program, for listings: one line a statement, German mnemonics, operands in their typed form.
 //!
-//! It is made to be read and compared, not to be compiled again: jump targets are statement numbers, variables are
-//! addresses (`IN0`, `DIX+2.0`).
+//! It is made to be read and compared: jump targets are statement numbers, variables are addresses (`PAR0W+0`,
+//! `INSTX+2.0`). A statement in the alternate form (`{:#}`) can be read back without loss: [`crate::parse`].
 
 use std::fmt::{self, Display, Formatter, Write as _};
 
@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// The letter of a width, `X B W D`.
-const fn letter(width: Width) -> &'static str {
+pub(crate) const fn letter(width: Width) -> &'static str {
     match width {
         Width::Bit => "X",
         Width::Byte => "B",
@@ -25,7 +25,7 @@ const fn letter(width: Width) -> &'static str {
 }
 
 /// `MW`, `DBX`, `M`, `PB`: an area with a width.
-fn area_text(area: Area, width: Width) -> String {
+pub(crate) fn area_text(area: Area, width: Width) -> String {
     let data = matches!(area, Area::Db | Area::Di);
     let letter = if width == Width::Bit && !data { "" } else { letter(width) };
     format!("{}{letter}", area.name())
@@ -70,7 +70,8 @@ impl Display for Operand {
             Place::Param { index, at } => write!(f, "PAR{index}{}+{}", letter(width), address(at, width)),
             Place::Instance(at) => write!(f, "INST{}+{}", letter(width), address(at, width)),
             Place::Memory(area, pointer) => {
-                write!(f, "{} [{}D {}]", area_text(area, width), pointer.area.name(), pointer.at.byte())
+                let at = address(pointer.at, Width::DWord);
+                write!(f, "{} [{}D {at}]", area_text(area, width), pointer.area.name())
             }
             Place::Register(Some(area), register, at) => write!(f, "{} [{register},P#{at}]", area_text(area, width)),
             Place::Register(None, register, at) if width == Width::Bit => write!(f, "[{register},P#{at}]"),
@@ -83,9 +84,11 @@ impl Display for Number {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             Number::Fixed(n) => write!(f, "{n}"),
-            Number::Memory(pointer) => write!(f, "[{}W {}]", pointer.area.name(), pointer.at.byte()),
+            Number::Memory(pointer) => {
+                write!(f, "[{}W {}]", pointer.area.name(), address(pointer.at, Width::Word))
+            }
             Number::Param(index) => write!(f, "PAR{index}"),
-            Number::Instance(at) => write!(f, "INST+{}", at.byte()),
+            Number::Instance(at) => write!(f, "INST+{}", address(*at, Width::Word)),
         }
     }
 }
@@ -112,7 +115,7 @@ impl Display for BitTest {
     }
 }
 
-fn logic(logic: Logic, negate: bool) -> &'static str {
+pub(crate) fn logic(logic: Logic, negate: bool) -> &'static str {
     match (logic, negate) {
         (Logic::And, false) => "U",
         (Logic::And, true) => "UN",
@@ -123,7 +126,7 @@ fn logic(logic: Logic, negate: bool) -> &'static str {
     }
 }
 
-const fn format_letter(format: NumberFormat) -> &'static str {
+pub(crate) const fn format_letter(format: NumberFormat) -> &'static str {
     match format {
         NumberFormat::Int => "I",
         NumberFormat::DInt => "D",
@@ -131,7 +134,7 @@ const fn format_letter(format: NumberFormat) -> &'static str {
     }
 }
 
-const fn arithmetic(op: AccuOp) -> &'static str {
+pub(crate) const fn arithmetic(op: AccuOp) -> &'static str {
     match op {
         AccuOp::Add => "+",
         AccuOp::Sub => "-",
@@ -141,7 +144,7 @@ const fn arithmetic(op: AccuOp) -> &'static str {
     }
 }
 
-const fn relation(how: Compare) -> &'static str {
+pub(crate) const fn relation(how: Compare) -> &'static str {
     match how {
         Compare::Equal => "==",
         Compare::NotEqual => "<>",
@@ -152,7 +155,7 @@ const fn relation(how: Compare) -> &'static str {
     }
 }
 
-const fn word_logic(logic: WordLogic) -> &'static str {
+pub(crate) const fn word_logic(logic: WordLogic) -> &'static str {
     match logic {
         WordLogic::And => "U",
         WordLogic::Or => "O",
@@ -160,7 +163,7 @@ const fn word_logic(logic: WordLogic) -> &'static str {
     }
 }
 
-const fn shift(shift: Shift) -> &'static str {
+pub(crate) const fn shift(shift: Shift) -> &'static str {
     match shift {
         Shift::LeftWord => "SLW",
         Shift::RightWord => "SRW",
@@ -173,7 +176,7 @@ const fn shift(shift: Shift) -> &'static str {
     }
 }
 
-const fn convert(convert: Convert) -> &'static str {
+pub(crate) const fn convert(convert: Convert) -> &'static str {
     match convert {
         Convert::Bti => "BTI",
         Convert::Itb => "ITB",
@@ -196,7 +199,7 @@ const fn convert(convert: Convert) -> &'static str {
     }
 }
 
-const fn math(function: MathFn) -> &'static str {
+pub(crate) const fn math(function: MathFn) -> &'static str {
     match function {
         MathFn::Sqr => "SQR",
         MathFn::Sqrt => "SQRT",
@@ -211,7 +214,7 @@ const fn math(function: MathFn) -> &'static str {
     }
 }
 
-const fn jump(jump: Jump) -> &'static str {
+pub(crate) const fn jump(jump: Jump) -> &'static str {
     match jump {
         Jump::Always => "SPA",
         Jump::IfRlo => "SPB",
@@ -232,7 +235,7 @@ const fn jump(jump: Jump) -> &'static str {
     }
 }
 
-const fn timer(kind: TimerKind) -> &'static str {
+pub(crate) const fn timer(kind: TimerKind) -> &'static str {
     match kind {
         TimerKind::Pulse => "SI",
         TimerKind::ExtendedPulse => "SV",
@@ -274,9 +277,10 @@ impl Display for Op {
             Op::LoadCounterBcd(n) => write!(f, "LC Z {n}"),
             Op::LoadDbLength(r) => write!(f, "L {r}LG"),
             Op::LoadDbNumber(r) => write!(f, "L {r}NO"),
-            Op::Arithmetic(_, AccuOp::Mod) => f.write_str("MOD"),
+            Op::Arithmetic(NumberFormat::DInt, AccuOp::Mod) => f.write_str("MOD"),
             Op::Arithmetic(format, op) => write!(f, "{}{}", arithmetic(*op), format_letter(*format)),
             Op::AddConst { format: NumberFormat::DInt, value } => write!(f, "+ L#{value}"),
+            Op::AddConst { format: NumberFormat::Real, value } => write!(f, "+ R#{value}"),
             Op::AddConst { value, .. } => write!(f, "+ {value}"),
             Op::Compare(format, how) => write!(f, "{}{}", relation(*how), format_letter(*format)),
             Op::WordLogic(l, None) => write!(f, "{}W", word_logic(*l)),
@@ -323,7 +327,7 @@ impl Display for Op {
                 targets.iter().try_for_each(|to| write!(f, " @{to}"))?;
                 write!(f, " else @{otherwise}")
             }
-            Op::Call(call) => write!(f, "{call}"),
+            Op::Call(call) => call.fmt(f),
             Op::End => f.write_str("BEA"),
             Op::EndIf => f.write_str("BEB"),
             Op::McrActivate => f.write_str("MCRA"),
@@ -339,6 +343,7 @@ impl Display for Op {
 fn pointer_constant(bits: u32) -> String {
     let at = BitAddr(bits & 0x0007_FFFF);
     match (bits >> 24, Area::from_pointer_code((bits >> 24) as u8)) {
+        _ if bits & 0x00F8_0000 != 0 => format!("DW#16#{bits:X}"),
         (0, _) => format!("P#{at}"),
         (_, Some(area)) => format!("P#{} {at}", area_text(area, Width::Bit)),
         _ => format!("DW#16#{bits:X}"),
@@ -354,8 +359,11 @@ impl Display for Call {
         })?;
         match self.target {
             Target::Block(id) => write!(f, "{id}")?,
+            Target::Indirect(kind, number @ Number::Fixed(_)) if f.alternate() => {
+                write!(f, "{} #{number}", kind.name())?;
+            }
             Target::Indirect(kind, number) => write!(f, "{} {number}", kind.name())?,
-            Target::Local(id, at) => write!(f, "{id} INST+{}", at.byte())?,
+            Target::Local(id, at) => write!(f, "{id} INST+{}", address(at, Width::Word))?,
         }
         if let Some(instance) = self.instance {
             write!(f, ", DB {instance}")?;
@@ -369,7 +377,7 @@ impl Display for Call {
             if i > 0 {
                 f.write_str(", ")?;
             }
-            write!(f, "{arg}")?;
+            arg.fmt(f)?;
         }
         f.write_str(close)
     }
@@ -381,7 +389,7 @@ impl Display for Arg {
             Arg::Open => f.write_char('-'),
             Arg::Const(v) => write!(f, "16#{v:X}"),
             Arg::Bytes(bytes) => {
-                f.write_str("16#")?;
+                f.write_str(if f.alternate() { "B#16#" } else { "16#" })?;
                 bytes.iter().try_for_each(|b| write!(f, "{b:02X}"))
             }
             Arg::Operand(o) => write!(f, "{o}"),
@@ -392,7 +400,7 @@ impl Display for Arg {
     }
 }
 
-const fn section(section: Section) -> &'static str {
+pub(crate) const fn section(section: Section) -> &'static str {
     match section {
         Section::Input => "IN",
         Section::Output => "OUT",

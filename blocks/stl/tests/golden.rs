@@ -26,7 +26,12 @@ fn report(path: &Path) -> String {
     let mut text: String = output.diagnostics.iter().map(|d| render(d, &source) + "\n").collect();
     let library = common::library();
     let verified = ob1_ir::verify(&output.program, &|id| library.get(id).map(|b| &b.interface));
-    assert_eq!(verified.err(), None, "{name}");
+    // What is left of a source with errors may lack brackets.
+    let unsound = |f: &ob1_ir::Finding| {
+        output.is_good() || !matches!(f.defect, ob1_ir::Defect::Brackets | ob1_ir::Defect::McrBrackets)
+    };
+    let findings: Vec<_> = verified.err().unwrap_or_default().into_iter().filter(unsound).collect();
+    assert_eq!(findings, [], "{name}");
     if output.is_good() {
         text.push_str(&output.program.to_string());
     }

@@ -70,7 +70,12 @@ fn check(bytes: &[u8]) -> Output {
     let output = common::compile_one("lints_any.awl", bytes);
     let library = common::library();
     let verified = ob1_ir::verify(&output.program, &|id| library.get(id).map(|b| &b.interface));
-    assert_eq!(verified.err(), None);
+    // What is left of a source with errors may lack brackets.
+    let unsound = |f: &ob1_ir::Finding| {
+        output.is_good() || !matches!(f.defect, ob1_ir::Defect::Brackets | ob1_ir::Defect::McrBrackets)
+    };
+    let findings: Vec<_> = verified.err().unwrap_or_default().into_iter().filter(unsound).collect();
+    assert_eq!(findings, []);
     if bytes.len() < 10_000 {
         let references = ob1_stl::xref_with(&output.program, &library);
         assert!(references.is_sorted() && ob1_stl::xref(&output.program).is_sorted());

@@ -239,19 +239,6 @@ impl Cpu {
         self.machine.memory.bytes.get(db.at as usize..(db.at + db.len) as usize)
     }
 
-    /// Bytes [`Cpu::snapshot_into`] needs.
-    #[must_use]
-    pub fn snapshot_len(&self) -> usize {
-        self.machine.memory.snapshot_len()
-    }
-
-    /// Copies bit memory, then all data blocks in ascending order (each padded to a multiple of eight bytes), as they
-    /// are between two cycles. `false`, and nothing copied, when `into` has another length. Allocates nothing.
-    #[must_use]
-    pub fn snapshot_into(&self, into: &mut [u8]) -> bool {
-        self.machine.memory.snapshot_into(into)
-    }
-
     pub(crate) fn serve_port(&mut self) {
         for _ in 0..self.machine.config.port_items_per_scan.max(1) {
             let Some(request) = self.port.next() else { break };

@@ -171,23 +171,6 @@ impl Memory {
         self.bytes[from..to].fill(0);
     }
 
-    /// Bytes [`Memory::snapshot_into`] copies.
-    pub(crate) fn snapshot_len(&self) -> usize {
-        (self.memory.len + self.all_dbs.len) as usize
-    }
-
-    /// Copies bit memory, then all data blocks in ascending order, each padded to a multiple of eight bytes. `false`,
-    /// and nothing copied, for another length.
-    pub(crate) fn snapshot_into(&self, into: &mut [u8]) -> bool {
-        if into.len() != self.snapshot_len() {
-            return false;
-        }
-        let (memory, dbs) = into.split_at_mut(self.memory.len as usize);
-        memory.copy_from_slice(self.slice(self.memory));
-        dbs.copy_from_slice(self.slice(self.all_dbs));
-        true
-    }
-
     /// Gives the data blocks of the program their load values but for `keep` (ascending).
     pub(crate) fn reload_dbs(&mut self, keep: &[Range]) {
         let all = self.all_dbs;

@@ -7,8 +7,7 @@ use std::alloc::System;
 use common::rack::TestModule;
 use common::*;
 use ob1_cpu::{
-    Ask, Cell, CellWidth, Cpu, CpuConfig, CyclicInterrupt, IoKind, IoModule, Module, ModuleSlot, Piece, Request,
-    Stimulus, system_blocks,
+    Ask, Cell, CellWidth, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, Piece, Request, system_blocks,
 };
 use ob1_ir::{AccuOp, Arg, CallMode, Number, NumberFormat, Op, Width};
 use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section, TimerKind};
@@ -48,9 +47,10 @@ fn ten_thousand_cycles_allocate_nothing() {
     let mut blocks = vec![ob1(code), add];
     blocks.extend(handlers);
     let program = program(blocks, vec![db(3, &[0; 4])]);
-    let inputs = IoModule::new(IoKind::DigitalInput, 2, Box::new(Stimulus::new(2, vec![], 0).expect("fits")));
-    let modules: Vec<(ModuleSlot, Box<dyn Module>)> =
-        vec![(ModuleSlot::new("di", 0), Box::new(inputs)), (ModuleSlot::new("cp", 256), Box::new(TestModule::new(16)))];
+    let modules: Vec<(ModuleSlot, Box<dyn Module>)> = vec![
+        (ModuleSlot { output_address: 400, ..ModuleSlot::new("di", 0) }, Box::new(TestModule::new(2))),
+        (ModuleSlot::new("cp", 256), Box::new(TestModule::new(16))),
+    ];
     let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, 100_000)], ..CpuConfig::default() };
     let cpu = Cpu::new(config, &program, system_blocks(), modules).expect("loads");
     let mut bench = Bench::with(cpu);

@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use ob1_cpu::{Cell, CellWidth, Command, Cpu, CpuConfig, OperatingState};
+use ob1_cpu::{Command, Cpu, CpuConfig, OperatingState};
 use ob1_ir::{AccuOp, Jump, NumberFormat, Op};
 use ob1_model::Interface;
 
@@ -157,19 +157,6 @@ fn clock_memory_pulses() {
         bench.run();
         assert_eq!(bench.mb(5), bits, "at {ms} ms");
     }
-}
-
-#[test]
-fn a_snapshot_has_bit_memory_and_data_blocks() {
-    let mut bench = Bench::new(&program(vec![], vec![db(9, &[9; 3]), db(2, &[2; 4])]));
-    bench.run();
-    bench.set(0, CellWidth::Byte, 7);
-    bench.cpu.write(Cell::Db(9, 8), CellWidth::Byte, 8).expect("a byte");
-    let mut bytes = vec![0xEE; bench.cpu.snapshot_len()];
-    assert!(bench.cpu.snapshot_into(&mut bytes));
-    assert_eq!((bytes[0], bytes.len()), (7, 256 + 16));
-    assert_eq!(bytes[256..], [2, 2, 2, 2, 0, 0, 0, 0, 9, 8, 9, 0, 0, 0, 0, 0]);
-    assert!(!bench.cpu.snapshot_into(&mut bytes[1..]));
 }
 
 #[test]

@@ -33,6 +33,7 @@ pub fn run(data: &[u8]) {
         ..Program::default()
     };
     assert!(ob1_stl::listing(&program).starts_with("source 1: "));
+    assert_eq!(ob1_ir::parse(&ob1_ir::write(&program)).as_ref(), Ok(&program));
     let verified = ob1_ir::verify(&program, &|_| None);
     if verified.is_ok() {
         super::exec::both(&program);

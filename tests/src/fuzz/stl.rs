@@ -16,7 +16,12 @@ pub fn run(data: &[u8]) {
         let options = Options { mnemonics, lints: true, ..Options::default() };
         let output = compile(std::slice::from_ref(&source), &LIBRARY, &options);
         let verified = ob1_ir::verify(&output.program, &|id| LIBRARY.get(id).map(|block| &block.interface));
-        assert_eq!(verified.err(), None);
+        // What is left of a source with errors may lack brackets.
+        let unsound = |f: &ob1_ir::Finding| {
+            output.is_good() || !matches!(f.defect, ob1_ir::Defect::Brackets | ob1_ir::Defect::McrBrackets)
+        };
+        let findings: Vec<_> = verified.err().unwrap_or_default().into_iter().filter(unsound).collect();
+        assert_eq!(findings, []);
         assert!(output.steps <= STEPS + STEPS_PER_BYTE * data.len() as u64, "{} steps", output.steps);
         for diagnostic in output.diagnostics.iter().take(20) {
             assert!(diagnostic.line >= 1 && diagnostic.column >= 1 && diagnostic.length >= 1);

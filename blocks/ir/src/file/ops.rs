@@ -1,0 +1,346 @@
+//! Statements: the inverse of their text in the alternate form.
+
+use ob1_model::TimerKind;
+
+use super::cursor::{Cursor, Expected};
+use crate::{
+    AccuOp, AddressRegister, Arg, BitTest, Call, CallMode, Compare, Convert, DbRegister, Jump, Logic, MathFn, Number,
+    NumberFormat, Op, Shift, StatusBit, Target, WordLogic,
+};
+
+const FORMATS: [NumberFormat; 3] = [NumberFormat::Int, NumberFormat::DInt, NumberFormat::Real];
+const LOGIC: [Logic; 3] = [Logic::And, Logic::Or, Logic::Xor];
+const WORD_LOGIC: [WordLogic; 3] = [WordLogic::And, WordLogic::Or, WordLogic::Xor];
+pub(super) const STATUS: [StatusBit; 10] = [
+    StatusBit::Zero,
+    StatusBit::Positive,
+    StatusBit::Negative,
+    StatusBit::NotZero,
+    StatusBit::NotNegative,
+    StatusBit::NotPositive,
+    StatusBit::Unordered,
+    StatusBit::Overflow,
+    StatusBit::StoredOverflow,
+    StatusBit::BinaryResult,
+];
+const SHIFTS: [Shift; 8] = [
+    Shift::LeftWord,
+    Shift::RightWord,
+    Shift::RightInt,
+    Shift::LeftDWord,
+    Shift::RightDWord,
+    Shift::RightDInt,
+    Shift::RotateLeft,
+    Shift::RotateRight,
+];
+const JUMPS: [Jump; 16] = [
+    Jump::Always,
+    Jump::IfRlo,
+    Jump::IfNotRlo,
+    Jump::IfRloSaveBr,
+    Jump::IfNotRloSaveBr,
+    Jump::IfBr,
+    Jump::IfNotBr,
+    Jump::IfOverflow,
+    Jump::IfStoredOverflow,
+    Jump::IfZero,
+    Jump::IfNotZero,
+    Jump::IfPositive,
+    Jump::IfNegative,
+    Jump::IfNotNegative,
+    Jump::IfNotPositive,
+    Jump::IfUnordered,
+];
+const TIMERS: [TimerKind; 5] =
+    [TimerKind::Pulse, TimerKind::ExtendedPulse, TimerKind::OnDelay, TimerKind::RetentiveOnDelay, TimerKind::OffDelay];
+
+/// Every operation without an operand. Their texts stand with the operations, not here.
+pub(super) fn plain() -> Vec<Op> {
+    let mut all = vec![
+        Op::Close,
+        Op::OrBranch,
+        Op::SetRlo,
+        Op::ClearRlo,
+        Op::NotRlo,
+        Op::SaveRlo,
+        Op::LoadStatus,
+        Op::TransferStatus,
+        Op::RotateLeftCc1,
+        Op::RotateRightCc1,
+        Op::ExchangeAccus,
+        Op::Push,
+        Op::Pop,
+        Op::Enter,
+        Op::Leave,
+        Op::CopyAr2ToAr1,
+        Op::CopyAr1ToAr2,
+        Op::ExchangeArs,
+        Op::ExchangeDbs,
+        Op::End,
+        Op::EndIf,
+        Op::McrActivate,
+        Op::McrDeactivate,
+        Op::McrOpen,
+        Op::McrClose,
+        Op::Nop,
+    ];
+    for logic in LOGIC {
+        all.extend([false, true].map(|negate| Op::Open { logic, negate }));
+    }
+    for register in [AddressRegister::Ar1, AddressRegister::Ar2] {
+        all.extend([Op::LoadAr(register), Op::TransferAr(register), Op::AddAr(register)]);
+    }
+    for register in [DbRegister::Db, DbRegister::Di] {
+        all.extend([Op::LoadDbLength(register), Op::LoadDbNumber(register)]);
+    }
+    for format in FORMATS {
+        let accu = [AccuOp::Add, AccuOp::Sub, AccuOp::Mul, AccuOp::Div, AccuOp::Mod];
+        all.extend(accu.map(|op| Op::Arithmetic(format, op)));
+        let compare = [
+            Compare::Equal,
+            Compare::NotEqual,
+            Compare::Greater,
+            Compare::Less,
+            Compare::GreaterEqual,
+            Compare::LessEqual,
+        ];
+        all.extend(compare.map(|how| Op::Compare(format, how)));
+    }
+    for logic in WORD_LOGIC {
+        all.extend([Op::WordLogic(logic, None), Op::DWordLogic(logic, None)]);
+    }
+    all.extend(SHIFTS.map(|shift| Op::Shift(shift, None)));
+    let convert = [
+        Convert::Bti,
+        Convert::Itb,
+        Convert::Btd,
+        Convert::Dtb,
+        Convert::Itd,
+        Convert::Dtr,
+        Convert::Rnd,
+        Convert::RndPlus,
+        Convert::RndMinus,
+        Convert::Trunc,
+        Convert::Invi,
+        Convert::Invd,
+        Convert::Negi,
+        Convert::Negd,
+        Convert::Negr,
+        Convert::Abs,
+        Convert::Taw,
+        Convert::Tad,
+    ];
+    all.extend(convert.map(Op::Convert));
+    let math = [
+        MathFn::Sqr,
+        MathFn::Sqrt,
+        MathFn::Ln,
+        MathFn::Exp,
+        MathFn::Sin,
+        MathFn::Cos,
+        MathFn::Tan,
+        MathFn::Asin,
+        MathFn::Acos,
+        MathFn::Atan,
+    ];
+    all.extend(math.map(Op::Math));
+    all
+}
+
+/// A statement's operation.
+pub(super) fn op(text: &str) -> Expected<Op> {
+    let text = text.trim();
+    if let Some(op) = plain().into_iter().find(|op| op.to_string() == text) {
+        return Ok(op);
+    }
+    let mut line = Cursor(text);
+    let op = with_operand(&mut line)?;
+    if line.is_empty() { Ok(op) } else { Err("the end of the statement") }
+}
+
+fn with_operand(line: &mut Cursor<'_>) -> Expected<Op> {
+    const WHAT: &str = "a statement";
+    let word = line.word();
+    if let Some(jump) = JUMPS.into_iter().find(|jump| crate::text::jump(*jump) == word) {
+        return Ok(Op::Jump(jump, target(line)?));
+    }
+    if let Some(shift) = SHIFTS.into_iter().find(|shift| crate::text::shift(*shift) == word) {
+        return Ok(Op::Shift(shift, Some(line.number()?)));
+    }
+    if let Some(kind) = TIMERS.into_iter().find(|kind| crate::text::timer(*kind) == word) {
+        return Ok(Op::StartTimer(kind, numbered(line, "T")?));
+    }
+    for logic in LOGIC {
+        for negate in [false, true] {
+            if crate::text::logic(logic, negate) == word {
+                return Ok(Op::Scan { logic, negate, test: test(line)? });
+            }
+        }
+    }
+    for logic in WORD_LOGIC {
+        if let Some(width) = word.strip_prefix(crate::text::word_logic(logic)) {
+            match width {
+                "W" if line.eat("W#16#") => {
+                    let value = u16::try_from(line.hex()?).map_err(|_| "a word")?;
+                    return Ok(Op::WordLogic(logic, Some(value)));
+                }
+                "D" if line.eat("DW#16#") => return Ok(Op::DWordLogic(logic, Some(line.hex()?))),
+                _ => {}
+            }
+        }
+    }
+    let register = |last: &str| if last == "1" { AddressRegister::Ar1 } else { AddressRegister::Ar2 };
+    Ok(match word {
+        "=" => Op::Assign(line.bit()?),
+        "S" if counts(line) => Op::SetCounter(numbered(line, "Z")?),
+        "S" => Op::Set(line.bit()?),
+        "R" if times(line) => Op::ResetTimer(numbered(line, "T")?),
+        "R" if counts(line) => Op::ResetCounter(numbered(line, "Z")?),
+        "R" => Op::Reset(line.bit()?),
+        "FP" => Op::EdgePositive(line.bit()?),
+        "FN" => Op::EdgeNegative(line.bit()?),
+        "FR" if times(line) => Op::EnableTimer(numbered(line, "T")?),
+        "FR" => Op::EnableCounter(numbered(line, "Z")?),
+        "ZV" => Op::CountUp(numbered(line, "Z")?),
+        "ZR" => Op::CountDown(numbered(line, "Z")?),
+        "LC" if times(line) => Op::LoadTimerBcd(numbered(line, "T")?),
+        "LC" => Op::LoadCounterBcd(numbered(line, "Z")?),
+        "L" if times(line) => Op::LoadTimer(numbered(line, "T")?),
+        "L" if counts(line) => Op::LoadCounter(numbered(line, "Z")?),
+        "L" if line.eat("DW#16#") => Op::LoadConst(line.hex()?),
+        "L" if line.eat("P##PAR") => parameter(line)?,
+        "L" => Op::Load(line.operand()?),
+        "T" => Op::Transfer(line.operand()?),
+        "LAR1" | "LAR2" => match line.pointer_bits() {
+            Ok(bits) => Op::LoadArConst(register(&word[3..]), bits),
+            Err(_) => Op::LoadArFrom(register(&word[3..]), line.operand()?),
+        },
+        "TAR1" | "TAR2" => Op::TransferArTo(register(&word[3..]), line.operand()?),
+        "+AR1" | "+AR2" => {
+            line.need("P#")?;
+            Op::AddArConst(register(&word[3..]), line.address()?)
+        }
+        "+" if line.eat("L#") => Op::AddConst { format: NumberFormat::DInt, value: line.number()? },
+        "+" if line.eat("R#") => Op::AddConst { format: NumberFormat::Real, value: line.number()? },
+        "+" => Op::AddConst { format: NumberFormat::Int, value: line.number()? },
+        "INC" => Op::Increment(line.number()?),
+        "DEC" => Op::Decrement(line.number()?),
+        "AUF" => {
+            let register = line.choice(&[DbRegister::Db, DbRegister::Di], |r| r.to_string(), "DB or DI")?;
+            Op::OpenDb(register, line.block_number()?)
+        }
+        "LOOP" => Op::Loop(target(line)?),
+        "SPL" => {
+            let mut targets = Vec::new();
+            while !line.eat("else") {
+                targets.push(target(line)?);
+            }
+            Op::JumpList { targets: targets.into(), otherwise: target(line)? }
+        }
+        "CALL" => call(CallMode::Call, line)?,
+        "UC" => call(CallMode::Unconditional, line)?,
+        "CC" => call(CallMode::Conditional, line)?,
+        _ => return Err(WHAT),
+    })
+}
+
+fn times(line: &Cursor<'_>) -> bool {
+    line.0.trim_start().starts_with("T ")
+}
+
+fn counts(line: &Cursor<'_>) -> bool {
+    line.0.trim_start().starts_with("Z ")
+}
+
+fn numbered(line: &mut Cursor<'_>, letter: &'static str) -> Expected<Number> {
+    line.need(letter)?;
+    line.block_number()
+}
+
+fn target(line: &mut Cursor<'_>) -> Expected<u32> {
+    line.need("@")?;
+    line.number()
+}
+
+fn test(line: &mut Cursor<'_>) -> Expected<BitTest> {
+    if times(line) {
+        return Ok(BitTest::Timer(numbered(line, "T")?));
+    }
+    if counts(line) {
+        return Ok(BitTest::Counter(numbered(line, "Z")?));
+    }
+    if let Some(status) = STATUS.into_iter().find(|status| BitTest::Status(*status).to_string() == line.0.trim()) {
+        line.0 = "";
+        return Ok(BitTest::Status(status));
+    }
+    Ok(BitTest::Bit(line.bit()?))
+}
+
+/// `L P##PAR` has been read.
+fn parameter(line: &mut Cursor<'_>) -> Expected<Op> {
+    let index = line.number()?;
+    if !line.eat("by") {
+        return Ok(Op::LoadParamPointer { index, at: None });
+    }
+    if line.eat("P#L") {
+        return Ok(Op::LoadParamPointer { index, at: Some(line.address()?) });
+    }
+    let bytes = line.number()?;
+    line.need("bytes at P#L")?;
+    Ok(Op::LoadParamCopy { index, bytes, at: line.address()? })
+}
+
+fn call(mode: CallMode, line: &mut Cursor<'_>) -> Expected<Op> {
+    let mut block = *line;
+    let target = match block.block() {
+        Ok(id) => {
+            *line = block;
+            if line.eat("INST+") { Target::Local(id, line.address()?) } else { Target::Block(id) }
+        }
+        Err(_) => {
+            let kind = line.kind()?;
+            line.eat("#");
+            Target::Indirect(kind, line.block_number()?)
+        }
+    };
+    let instance = if line.eat(", DB") { Some(line.block_number()?) } else { None };
+    let mut args = Vec::new();
+    let close = match (line.eat("("), line.eat("{")) {
+        (true, _) => Some(")"),
+        (_, true) => Some("}"),
+        _ => None,
+    };
+    if let Some(close) = close {
+        loop {
+            args.push(arg(line)?);
+            if !line.eat(",") {
+                break;
+            }
+        }
+        line.need(close)?;
+    }
+    Ok(Op::Call(Box::new(Call { mode, target, instance, args })))
+}
+
+fn arg(line: &mut Cursor<'_>) -> Expected<Arg> {
+    if line.eat("B#16#") {
+        return Ok(Arg::Bytes(line.bytes()?.into()));
+    }
+    if line.eat("16#") {
+        return Ok(Arg::Const(line.hex()?));
+    }
+    if line.eat("-") {
+        return Ok(Arg::Open);
+    }
+    if line.eat("N#") {
+        return Ok(Arg::Raw(line.number::<u32>()? << 16));
+    }
+    if line.eat("#") {
+        return Ok(Arg::Number(line.block_number()?));
+    }
+    let here = line.0.trim_start();
+    if here.starts_with("P#") || here.starts_with("DW#16#") {
+        return Ok(Arg::Raw(line.pointer_bits()?));
+    }
+    Ok(Arg::Operand(line.operand()?))
+}
