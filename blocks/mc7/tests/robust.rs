@@ -39,6 +39,13 @@ fn cases(short: usize) -> usize {
     std::env::var("OB1_MC7_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(short)
 }
 
+/// What code that decodes may have wrong, and the verifier finds: brackets, parameters used as what they are not, more
+/// local data than there is. Everything else the decoder has to hold.
+const fn allowed(defect: &Defect) -> bool {
+    use Defect::{Brackets, LocalBytes, McrBrackets, ParamOverflow, ParamType, UnknownBlock};
+    matches!(defect, UnknownBlock(_) | Brackets | McrBrackets | ParamType(_) | ParamOverflow(..) | LocalBytes(_))
+}
+
 /// Decoder, verifier, printer. True when it decoded.
 fn run(
     id: BlockId,
@@ -54,7 +61,7 @@ fn run(
     let _ = Printer::new(Mnemonics::German, &known).statements(&decoded.block, &listing);
     let program = Program { blocks: vec![decoded.block], sources: vec!["a".into()], ..Program::default() };
     for finding in ob1_ir::verify(&program, &known).err().unwrap_or_default() {
-        assert!(matches!(finding.defect, Defect::UnknownBlock(_)), "{finding}: {code:02X?}");
+        assert!(allowed(&finding.defect), "{finding}: {code:02X?}");
     }
     true
 }

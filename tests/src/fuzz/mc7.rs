@@ -1,4 +1,4 @@
-//! Machine code, block heads and compiled interfaces made of bytes: what decodes passes the verifier, and printing it
+//! Machine code, block heads and compiled interfaces made of bytes: the verifier judges what decodes, and printing it
 //! ends with text or with a reason.
 
 use ob1_ir::{Defect, Program};
@@ -73,7 +73,13 @@ fn judge(id: BlockId, own: &Interface, code: &[u8], segments: &Segments) {
     let written = Written { multi_instance: true, notations: decoded.notations };
     let _ = encode(&decoded.block, &written, &known);
     let program = Program { blocks: vec![decoded.block], sources: vec!["fuzz".to_owned()], ..Program::default() };
+    use Defect::{Brackets, LocalBytes, McrBrackets, ParamOverflow, ParamType, UnknownBlock};
+    // What the machine's code itself may have wrong is the verifier's to find; everything else the decoder holds.
     for finding in ob1_ir::verify(&program, &known).err().unwrap_or_default() {
-        assert!(matches!(finding.defect, Defect::UnknownBlock(_)), "{finding}");
+        let allowed = matches!(
+            finding.defect,
+            UnknownBlock(_) | Brackets | McrBrackets | ParamType(_) | ParamOverflow(..) | LocalBytes(_)
+        );
+        assert!(allowed, "{finding}");
     }
 }
