@@ -266,7 +266,8 @@ fn telegram_length() {
     );
 }
 
-/// A block without user data is acknowledged; there is nothing to deliver.
+/// A block without user data whose check character is right is acknowledged; there is nothing to deliver. Without
+/// check character it is a telegram that has lost its characters.
 #[test]
 fn an_empty_block() {
     run(
@@ -275,6 +276,13 @@ fn an_empty_block() {
          0  rx STX => tx DLE
          1  done
          2  rx 10 03 13 => tx DLE, !Receive: Empty",
+    );
+    run(
+        config(false),
+        "0  start
+         0  rx STX => tx DLE
+         1  done
+         2  rx 10 03 => !Receive: Empty, tx NAK",
     );
 }
 

@@ -37,7 +37,8 @@ impl<const N: usize> S3964<N> {
                 }
                 self.connection_asked(now, refused, out);
             }
-            // [S0 "Passive operation"]: NAK is not answered. A partner that gives its block up says it. [reference 5.3]
+            // [S0 "Passive operation"]: NAK is not answered. A partner that gives its block up says it. [reference
+            // 5.3]
             NAK => self.given_up_until = None,
             other => self.unexpected(now, What::Unexpected(other), out),
         }
@@ -160,6 +161,9 @@ impl<const N: usize> S3964<N> {
         match out.room() {
             0 => self.note(&mut block, What::NoBuffer, out),
             room if block.len > room => self.note(&mut block, What::TooLong, out),
+            // Nobody sends nothing: without a check character this is a telegram that has lost its characters, and an
+            // acknowledgement would tell the partner that it has arrived. (ours)
+            _ if block.len == 0 && !self.config.bcc => self.note(&mut block, What::Empty, out),
             _ => {}
         }
         if block.bad {
