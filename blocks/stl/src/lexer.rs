@@ -128,7 +128,8 @@ impl<'a> Lexer<'a> {
         while let Some(c) = self.peek() {
             self.sink.steps += 1;
             let start = self.at;
-            if self.tokens.last().is_some_and(|t| t.kind == Kind::Colon)
+            if self.in_head
+                && self.tokens.last().is_some_and(|t| t.kind == Kind::Colon)
                 && let Some(length) = self.head_text()
             {
                 self.at += length;
@@ -141,10 +142,10 @@ impl<'a> Lexer<'a> {
             } else if c.is_whitespace() {
                 self.skip_while(|c| c.is_whitespace() && c != '\n');
                 spaced = true;
-            } else if self.rest().starts_with("//") {
+            } else if c == '/' && self.peek_second() == Some('/') {
                 self.skip_while(|c| c != '\n');
                 spaced = true;
-            } else if self.rest().starts_with("(*") {
+            } else if c == '(' && self.peek_second() == Some('*') {
                 if self.comment(start) {
                     self.push(Kind::Newline, self.at, true);
                 }
@@ -245,7 +246,10 @@ impl<'a> Lexer<'a> {
 
     /// What the first word of a line tells of where in a block it stands.
     fn first_word(&mut self, word: &str) {
-        if begins_block(word) {
+        // Nearly every line begins with a mnemonic: those are told apart by their first letter.
+        let may_begin = word.len() >= 4
+            && matches!(word.as_bytes().first(), Some(b'O' | b'F' | b'D' | b'T' | b'o' | b'f' | b'd' | b't'));
+        if may_begin && begins_block(word) {
             self.in_head = true;
         } else if self.in_head && (is_section(word) || ends_head(word)) {
             self.in_head = false;

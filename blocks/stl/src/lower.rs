@@ -228,7 +228,7 @@ fn refuse_periphery(resolver: Resolver<'_>, reader: &mut Reader<'_, '_>, shape: 
     let Some(token) = reader.peek() else { return Some(()) };
     let text = reader.text(token);
     let output = match token.kind {
-        Kind::Word => {
+        Kind::Word if text.starts_with(['P', 'p']) => {
             let (letters, _) = crate::parser::split_digits(text);
             match resolver.words.identifier(letters) {
                 Some(Identifier::Memory(Area::Peripheral, _)) => {
@@ -237,10 +237,12 @@ fn refuse_periphery(resolver: Resolver<'_>, reader: &mut Reader<'_, '_>, shape: 
                 _ => return Some(()),
             }
         }
-        Kind::Symbol => match resolver.world.peripheral.get(&crate::parser::unquote(text).to_uppercase()) {
-            Some(output) => *output,
-            None => return Some(()),
-        },
+        Kind::Symbol if !resolver.world.peripheral.is_empty() => {
+            match resolver.world.peripheral.get(&crate::parser::unquote(text).to_uppercase()) {
+                Some(output) => *output,
+                None => return Some(()),
+            }
+        }
         _ => return Some(()),
     };
     if output == write {

@@ -44,6 +44,9 @@ impl Other {
     }
 }
 
+/// Lines of statements after which a file of one language is taken for that.
+const ENOUGH: usize = 60;
+
 /// Words that begin a line of SCL and never one of STL.
 const SCL_WORDS: [&str; 14] = [
     "IF",
@@ -79,7 +82,7 @@ pub(crate) fn other(name: &str, text: &str, words: [&Words; 2]) -> Option<Other>
     if start.starts_with("<?xml") || start.starts_with("<!DOCTYPE") || start.starts_with("<Document") {
         return Some(Other::Xml);
     }
-    if ["{{", "{%", "<%"].iter().any(|mark| text.contains(mark)) {
+    if is_template(text) {
         return Some(Other::Template);
     }
     let signs = Signs::of(text, words);
@@ -90,6 +93,13 @@ pub(crate) fn other(name: &str, text: &str, words: [&Words; 2]) -> Option<Other>
         return Some(Other::S7200);
     }
     (signs.scl > signs.stl).then_some(Other::Scl)
+}
+
+/// True for a text with `{{`, `{%` or `<%`. Single signs are looked for, which is many times faster than pairs.
+fn is_template(text: &str) -> bool {
+    let next = |at: usize| text.as_bytes().get(at + 1).copied();
+    text.match_indices('{').any(|(at, _)| matches!(next(at), Some(b'{' | b'%')))
+        || text.match_indices('<').any(|(at, _)| next(at) == Some(b'%'))
 }
 
 /// Lines by the language their first word tells.
@@ -108,6 +118,9 @@ impl Signs {
         // In the statements of a code block; within the parameters of a call.
         let (mut block, mut code, mut call) = (false, false, false);
         for line in text.lines() {
+            if signs.stl > ENOUGH && signs.scl + signs.graph + signs.s7200 == 0 {
+                break;
+            }
             let line = line.trim();
             let end = line.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(line.len());
             let (word, rest) = line.split_at(end);

@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "each test file uses its part")]
 
+pub(crate) mod mutate;
+
 use ob1_ir::Symbol;
 use ob1_model::{BlockId, BlockKind, DataType, Interface, Param, Section};
 use ob1_stl::{Library, Mnemonics, Options, Output, Source, compile};
