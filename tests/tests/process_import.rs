@@ -8,7 +8,9 @@ use std::path::Path;
 
 use common::checkout;
 use common::site::Site;
-use ob1_project::Files;
+use ob1_mc7::CompiledInterface;
+use ob1_model::{BlockId, BlockKind};
+use ob1_project::{Area, Block, Files, Head};
 use ob1_tests::step7;
 use serde_json::Value;
 
@@ -164,6 +166,82 @@ fn blocks_are_printed_but_for_the_protected() {
     let listed = site.ob1(&["import", &example, "--listing", "FC1"]).fine();
     assert!(listed.contains("FUNCTION FC 1 : VOID") && listed.contains("#Motor"), "{listed}");
     assert_eq!(site.ob1(&["import", &example, "--listing", "FC 2"]).code, Some(2));
+}
+
+/// A function of this number with this code, and without parameters.
+fn function(number: u16, code: &[u8]) -> Block {
+    Block {
+        id: BlockId::new(BlockKind::Fc, number),
+        code: code.to_vec(),
+        interface: vec![1, 0, 0, 0, 0, 0, 0, 0],
+        declarations: Some(String::new()),
+        ..Block::default()
+    }
+}
+
+#[test]
+fn a_block_nobody_has_is_stood_in_for() {
+    let site = Site::new();
+    let mut project = step7::example();
+    // UC SFC 250 with one pointer; UC FC 77, which is not in the project.
+    let code = [0xFB, 0x74, 0, 250, 0x70, 0x0B, 0, 4, 0x83, 0, 0, 0, 0x3D, 77, 0x70, 0x0B, 0, 2, 0x65, 0];
+    project.blocks.push(function(3, &code));
+    let out = site.path("station").display().to_string();
+    let example = self::project(&site, &project.files());
+    site.ob1(&["import", &example, "--out", &out]).fine();
+    let report = text(&site.path("station/report.txt"));
+    for wanted in ["SFC 250: this CPU does not have it", "FC 77: it is not in the project", "FC 3 calls it"] {
+        assert!(report.contains(wanted), "{wanted} is not in\n{report}");
+    }
+    site.ob1(&["run", &format!("{out}/station.toml"), "--scans", "20", "--quiet"]).fine();
+}
+
+#[test]
+fn handling_blocks_are_replaced_by_ours() {
+    let site = Site::new();
+    let mut project = step7::example();
+    let ours = ob1_std::standard_block("CP341:FB8").expect("P_SND_RK");
+    let compiled = CompiledInterface::of(12, &ours.interface, &BTreeMap::new(), &|_| None).expect("short");
+    let like = |number, name: &str, interface: Vec<u8>| Block {
+        id: BlockId::new(BlockKind::Fb, number),
+        head: Head { name: name.into(), ..Head::default() },
+        interface,
+        ..function(number, &[0x65, 0])
+    };
+    project.blocks.push(like(12, "P_SND_RK", compiled.bytes().expect("short")));
+    // The same name with other parameters is the user's own.
+    project.blocks.push(like(13, "P_SND_RK", vec![1, 13, 0, 2, 0, 0, 0, 0x05, 0x01, 0]));
+    let mut cp = project.modules[0].clone();
+    (cp.name, cp.place) = ("CP 341-RS232C".into(), (0, 7, 0));
+    cp.inputs = vec![Area { first: 304, bytes: 16 }];
+    project.modules.push(cp);
+    let out = site.path("station").display().to_string();
+    site.ob1(&["import", &self::project(&site, &project.files()), "--out", &out]).fine();
+    let station = text(&site.path("station/station.toml"));
+    for wanted in [
+        "\"FB 12\" = \"CP341:FB8\"",
+        "path = \"ob1_cp341\"\nblocks = { \"FB 8\" = \"FB 12\" }",
+        "type = \"cp341\"",
+        "address = 304",
+    ] {
+        assert!(station.contains(wanted), "{wanted} is not in\n{station}");
+    }
+    assert!(!station.contains("FB_12.awl") && station.contains("FB_13.awl"), "{station}");
+    let report = text(&site.path("station/report.txt"));
+    assert!(
+        report.contains("FB 12: it is the handling block P_SND_RK") && report.contains("has other parameters"),
+        "{report}"
+    );
+}
+
+#[test]
+fn as_many_blocks_as_a_plant_has_come_over() {
+    let site = Site::new();
+    let example = project(&site, &step7::large(2000).files());
+    let out = site.path("station").display().to_string();
+    let json: Value =
+        serde_json::from_str(&site.ob1(&["import", &example, "--out", &out, "--json"]).fine()).expect("JSON");
+    assert_eq!((&json["blocks"], &json["decoded"]), (&Value::from(2004), &Value::from(2004)));
 }
 
 /// Projects that lie in the folder OB1_STEP7_PROJECTS names, each in a folder of its own: every block of every program
