@@ -4,15 +4,15 @@
 //! both programs and the line, and holds every protocol to the same invariants:
 //!
 //! * every order ends exactly once, done or with an error;
-//! * nothing is accepted that the protocol's own check would have caught: the [`Judge`] sees every character as it
-//! came   off the line and decides from the text of the procedure, not with the code under test;
+//! * nothing is accepted that the protocol's own check would have caught: the [`Judge`] sees every character as it came
+//!   off the line and decides from the text of the procedure, not with the code under test;
 //! * "done" is true: the telegram arrived ([`Duet::ACKNOWLEDGED`]), at the latest when the line is calm
 //!   ([`Duet::GRACE`]);
 //! * no deadlock: when the faults are over, telegrams get through in bounded time in both directions, and whole.
 //!
-//! The seeds kept in `tests/seeds` run first, then 1, 2, 3, ... until `OB1_TELEGRAMS` orders have ended (default
-//! 20000; the long run takes 100000). A seed that fails is named together with the command that replays it;
-//! `OB1_SEED=n` runs that one alone and prints what happens on the line.
+//! The seeds kept in `tests/seeds` run first, then 1, 2, 3, ... until `OB1_TELEGRAMS` orders have ended (default 20000;
+//! the long run takes 100000). A seed that fails is named together with the command that replays it; `OB1_SEED=n` runs
+//! that one alone and prints what happens on the line.
 
 #![allow(clippy::disallowed_methods)] // A test reads its seeds and its environment.
 
