@@ -7,7 +7,7 @@
 //! The time of a character is that of its end, so a pause between two characters is what lies between their ends less
 //! one character. A device that hands characters over in bursts (a UART with a FIFO, a USB adapter) tells a burst's
 //! time only: [`Config::with_bursts`] says how late it may be. A telegram whose check is right is taken after the
-//! silence all the same; only one that is not whole is waited for.
+//! silence all the same; only one that is not whole, or is shorter than it says itself, is waited for.
 
 use super::{Failure, Mode, TELEGRAM_BYTES, ascii, pdu, rtu};
 use crate::machine::{MS, Nanos, SECOND};
@@ -175,7 +175,9 @@ impl Receiver {
 
     /// When [`Receiver::tick`] is due.
     pub fn deadline(&self) -> Option<Nanos> {
-        let wait = if self.is_whole() { self.config.silence } else { self.config.patience };
+        // A burst may end where the check happens to be right: then the length the telegram itself names decides.
+        let is_part = self.expected().is_some_and(|expected| self.len < expected + 2);
+        let wait = if self.is_whole() && !is_part { self.config.silence } else { self.config.patience };
         self.open.then(|| self.last + wait)
     }
 
