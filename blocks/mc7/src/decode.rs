@@ -10,7 +10,7 @@ use ob1_ir::{
     AddressRegister, Arg, Call, CallMode, CodeBlock, DbRegister, Notation, Number, Op, Operand, Place, Stmt, Target,
     Width,
 };
-use ob1_model::{Area, BitAddr, BlockId, DataType, Interface, Layout};
+use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout};
 
 use crate::error::{Mc7Error, Problem};
 use crate::segments::Segments;
@@ -318,7 +318,7 @@ impl Lowering<'_, '_, '_> {
                 let at = parts::place_mut(&mut op)?;
                 let Place::Register(None, AddressRegister::Ar1, offset) = *at else { return None };
                 let bits = parts::bits_of(&op)?;
-                if self.block.id.kind.has_instance() || parts::component_at(&formal.ty, offset.0, bits).is_none() {
+                if self.block.id.kind != BlockKind::Fc || parts::component_at(&formal.ty, offset.0, bits).is_none() {
                     return None;
                 }
                 *parts::place_mut(&mut op)? = Place::Param { index, at: offset };
@@ -384,7 +384,8 @@ impl Lowering<'_, '_, '_> {
 
     /// The index of a formal by its place in the list.
     fn formal(&self, place: u16) -> Result<u16, Problem> {
-        let by_reference = !self.block.id.kind.has_instance();
+        // Only functions have parameters in a list.
+        let by_reference = self.block.id.kind == BlockKind::Fc;
         let found = self.order.get(usize::from(place)).copied().filter(|_| by_reference);
         found.ok_or(Problem::Parameter(place))
     }

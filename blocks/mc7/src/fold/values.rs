@@ -1,7 +1,7 @@
 //! Values on their way into and out of a frame.
 
 use ob1_ir::{AddressRegister, Arg, BitTest, DbRegister, Logic, Number, Op, Operand, Place, Width};
-use ob1_model::{Area, BitAddr, DataType, Layout, Param};
+use ob1_model::{Area, BitAddr, BlockKind, DataType, Layout, Param};
 
 use super::Caller;
 use crate::parts;
@@ -150,7 +150,7 @@ impl Caller<'_, '_> {
         let has_instance = self.block.id.kind.has_instance();
         let place = match operand.place {
             Place::Param { index, at } => {
-                if has_instance {
+                if self.block.id.kind != BlockKind::Fc {
                     return None;
                 }
                 Place::Param { index: *self.order.get(usize::from(index))?, at }
