@@ -49,18 +49,23 @@ fn the_same_seed_gives_the_same_log() {
 /// P_RCV. DB 10 is what is sent, DB 40 what has come.
 fn program(kind: &str) -> String {
     let (receive, send) = if kind == "cp340" { (2, 3) } else { (7, 8) };
+    // P_RESET: DBX 6.0 asks, DBB 7 counts DONE.
+    let reset = "CALL FB 12, DB 12\n  REQ := DB60.DBX 6.0\n  LADDR := 256\n  DONE := DB60.DBX 6.2\n  ERROR := DB60.DBX 6.3\n      \
+                 U     DB60.DBX 6.2;\n      SPBN  end;\n      L     DB60.DBB 7;\n      L     1;\n      +I;\n      T     DB60.DBB 7;\nend:  NOP   0;\n";
+    let reset = if kind == "cp340" { reset } else { "" };
     let code = format!(
         "ORGANIZATION_BLOCK OB 1\nVAR_TEMP\n  INFO : ARRAY [1..20] OF BYTE;\nEND_VAR\nBEGIN\n\
          CALL FB {receive}, DB 7\n  EN_R := DB61.DBX 1.0\n  R := DB61.DBX 1.1\n  LADDR := 256\n  DB_NO := 40\n  \
          DBB_NO := 3\n  NDR := DB61.DBX 0.0\n  ERROR := DB61.DBX 0.1\n  LEN := DB61.DBW 2\n  STATUS := DB61.DBW 4\n\
          CALL FB {send}, DB 8\n  REQ := DB60.DBX 0.0\n  R := DB60.DBX 0.1\n  LADDR := 256\n  DB_NO := 10\n  \
          DBB_NO := 1\n  LEN := DB60.DBW 2\n  DONE := DB60.DBX 1.0\n  ERROR := DB60.DBX 1.1\n  STATUS := DB60.DBW 4\n\
-         END_ORGANIZATION_BLOCK\n\n\
+         {reset}END_ORGANIZATION_BLOCK\n\n\
          ORGANIZATION_BLOCK OB 82\nVAR_TEMP\n  INFO : ARRAY [1..20] OF BYTE;\nEND_VAR\nBEGIN\n      \
          L     LD 8;\n      T     DB61.DBD 8;\nEND_ORGANIZATION_BLOCK\n\n"
     );
-    let instances = [(7, receive), (8, send)];
+    let instances = [(7, receive), (8, send), (12, 12)].into_iter().take(if kind == "cp340" { 3 } else { 2 });
     let instances = instances.map(|(db, fb)| format!("DATA_BLOCK DB {db}\nFB {fb}\nBEGIN\nEND_DATA_BLOCK\n"));
+    let instances: Vec<String> = instances.collect();
     let blocks = [(10, 4200), (40, 4200), (60, 8), (61, 12)].map(|(db, bytes)| data_block(db, bytes));
     [code, instances.concat(), blocks.concat()].concat()
 }
@@ -203,7 +208,7 @@ fn all_lengths(limits: [(i32, u16); 2]) -> Vec<Job> {
     good.chain(wrong).chain([(0, 10, 0), (1, 10, 0)]).collect()
 }
 
-const OF_340: (i32, u16) = (1024, 0x0517);
+const OF_340: (i32, u16) = (1024, 0x1E41);
 const OF_341: (i32, u16) = (4096, 0x1E41);
 
 #[test]
@@ -428,10 +433,48 @@ fn the_receive_buffer_holds_1024_bytes() {
     assert_eq!(site.reports(), [Ok(1000), Ok(24)]);
     site.says(&[7; 1025]);
     site.pass(3 * SECOND);
-    assert_eq!(site.reports(), [Err(0x0816)], "longer than any telegram");
+    assert_eq!(site.reports(), [Err(0x050E)], "longer than any telegram");
     site.says(&[7; 1024]);
     site.pass(3 * SECOND);
     assert_eq!(site.reports(), [Ok(1024)]);
+}
+
+/// ASCII: a character that cannot be read costs its telegram. [TIA help "PtP data link CP 340", "STATUS parameter"]
+#[test]
+fn unreadable_characters_have_their_numbers() {
+    use ob1_firmware::LineFault::{Framing, Overrun, Parity};
+    for (fault, number) in [(Parity, 0x0810), (Framing, 0x0811), (Overrun, 0x080C)] {
+        let mut site = Site::ascii("");
+        site.set(61, 1, 1);
+        site.pass(10 * MS);
+        site.says(b"12");
+        site.pass(5 * MS);
+        site.bench.fault(fault);
+        site.pass(SECOND);
+        assert_eq!((site.reports(), site.bench.entries().last()), (vec![Err(number)], Some(&number)));
+        site.says(b"345");
+        site.pass(SECOND);
+        assert_eq!(site.reports(), [Ok(3)], "the next one is whole");
+    }
+}
+
+/// P_RESET: what waits is gone, what comes behind it is not.
+#[test]
+fn p_reset_empties_the_receive_buffer() {
+    let mut site = Site::ascii("");
+    for _ in 0..3 {
+        site.says(b"12345");
+        site.pass(SECOND);
+    }
+    site.set(60, 6, 1);
+    site.pass(SECOND);
+    assert_eq!(block(&site.bench.station, 60)[6] & 0b1100, 0, "DONE and ERROR are there for one call");
+    assert_eq!(block(&site.bench.station, 60)[7], 1, "DONE was there once");
+    site.says(b"678");
+    site.pass(SECOND);
+    site.set(61, 1, 1);
+    site.pass(SECOND);
+    assert_eq!(site.reports(), [Ok(3)]);
 }
 
 /// 3964R: there is no buffer for a second telegram.

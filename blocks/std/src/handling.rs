@@ -84,6 +84,7 @@ params!(Print {
     Input { REQ: BOOL, R: BOOL, LADDR: INT, DB_NO: INT, DBB_NO: INT }
     Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
 });
+params!(Reset340 { Input { REQ: BOOL, LADDR: INT } Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD } });
 params!(Send040 {
     Input { REQ: BOOL, R: BOOL, LADDR: INT, DB_NO: INT, DBB_NO: INT, LEN: INT, IO_SIZE: WORD }
     Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
@@ -126,6 +127,7 @@ pub(crate) const ROWS: &[&[Row]] = &[
         declared::<Receive340>(Origin::Cp340, Fb, 2, "P_RCV"),
         declared::<Send340>(Origin::Cp340, Fb, 3, "P_SEND"),
         declared::<Print>(Origin::Cp340, Fb, 4, "P_PRINT"),
+        declared::<Reset340>(Origin::Cp340, Fb, 12, "P_RESET"),
     ],
     &[
         declared::<Send040>(Origin::Cp040, Fb, 60, "SEND"),
@@ -165,7 +167,7 @@ mod tests {
     fn they_are_declarations_alone() {
         let declared: Vec<String> =
             standard_blocks().iter().filter(|b| b.origin.is_declared_only()).map(|b| b.id.to_string()).collect();
-        assert_eq!(declared.len(), 21, "{declared:?}");
+        assert_eq!(declared.len(), 22, "{declared:?}");
         assert!(!Origin::System.is_declared_only() && !Origin::Iec.is_declared_only());
     }
 

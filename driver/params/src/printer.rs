@@ -198,10 +198,13 @@ fn texts(given: &str) -> Result<BTreeMap<u16, Vec<u8>>, ParamError> {
     for line in given.lines().map(|line| line.trim_end_matches('\r')).filter(|line| !line.trim().is_empty()) {
         let refused =
             |allowed: &str, remedy: &str| error("texts", format!("the line \"{line}\""), allowed.into(), remedy.into());
-        let (number, text) = line.trim_start().split_once(' ').unwrap_or((line.trim(), ""));
+        // As in a file of message texts: `17:text`; or with a blank.
+        let line_of = line.trim_start();
+        let (number, text) = line_of.split_once([' ', ':']).unwrap_or((line_of, ""));
         let number = number.parse::<u16>().ok().filter(|number| *number <= TEXT_NUMBER_MAX);
-        let number =
-            number.ok_or_else(|| refused("a number 0..1999, a blank, the text", "begin each line with a number"))?;
+        let number = number.ok_or_else(|| {
+            refused("a number 0..1999, a colon or a blank, the text", "begin each line with a number")
+        })?;
         let text = ansi("texts", text)?;
         if text.len() > TEXT_MAX {
             return Err(refused("at most 150 characters", "make the text shorter"));
@@ -299,7 +302,7 @@ mod tests {
 
     #[test]
     fn texts_and_controls_are_read() {
-        let texts = "\n17 The pressure in the chamber %S\n\n  1999 \u{fc}ber\n0\n";
+        let texts = "\n17:The pressure in the chamber %S\n\n  1999 \u{fc}ber\n0\n";
         let keys = [("texts", texts.into()), ("emulation", "ibm".into()), ("controls", "B=1B47 Q=07".into())];
         let printer = printer(&keys).expect("parameters");
         let numbers: Vec<u16> = printer.texts.keys().copied().collect();

@@ -1,7 +1,10 @@
-//! The handling blocks of the CP 340: FB 2 P_RCV, FB 3 P_SEND, FB 4 P_PRINT, FC 5 V24_STAT, FC 6 V24_SET.
+//! The handling blocks of the CP 340: FB 2 P_RCV, FB 3 P_SEND, FB 4 P_PRINT, FB 12 P_RESET, FC 5 V24_STAT and
+//! FC 6 V24_SET.
 //!
 //! What they share with those of the CP 341 is in `ob1-ptp`. A CP 340 has no header and no areas: P_RCV puts each
 //! telegram where DB_NO and DBB_NO say, P_SEND sends from there.
+
+mod reset;
 
 use ob1_ptp::channel::ToCp;
 use ob1_ptp::print::{Name, Print};
@@ -98,6 +101,12 @@ impl Block for Receive {
     }
 }
 
+/// Longest telegram, bytes.
+const LEN_MAX: i16 = 1024;
+
+/// STATUS: LEN is not 1 to 1024, or a length of P_PRINT. [TIA help "PtP data link CP 340", "STATUS parameter"]
+const LEN_WRONG: u16 = 0x1E41;
+
 /// FB 3.
 struct Send;
 
@@ -105,9 +114,9 @@ impl Job for Send {
     const PARAMS: send::Params =
         send::Params { req: snd::REQ, r: snd::R, laddr: snd::LADDR, sfcerr: snd::SFCERR, memory: snd::MEMORY };
 
-    /// The CP says what is wrong with LEN: 0517h. [reference 3.7]
-    fn check(_: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
-        Ok(Ok(()))
+    fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
+        let is_possible = (1..=LEN_MAX).contains(&cx.get(snd::LEN)?);
+        Ok(if is_possible { Ok(()) } else { Err(LEN_WRONG) })
     }
 
     fn begin(cx: &mut Cx<'_, CpState>) -> Result<Result<Data, u16>, Abort> {
@@ -149,11 +158,13 @@ struct Print340;
 impl Name for Print340 {
     const NUMBER: u16 = 4;
     const NAME: &'static str = "P_PRINT";
+    // [TIA help "PtP data link CP 340", "STATUS parameter"]
+    const LENGTH_WRONG: u16 = LEN_WRONG;
 }
 
 ob1_sdk::export_plugin! {
     name: "cp340",
     version: env!("CARGO_PKG_VERSION"),
     module_state: CpState,
-    blocks: [ob1_ptp::v24::Stat, ob1_ptp::v24::Set, Receive, Send, Print<Print340>],
+    blocks: [ob1_ptp::v24::Stat, ob1_ptp::v24::Set, Receive, Send, Print<Print340>, reset::Reset],
 }

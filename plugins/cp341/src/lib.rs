@@ -13,6 +13,8 @@ struct Prt341;
 impl Name for Prt341 {
     const NUMBER: u16 = 13;
     const NAME: &'static str = "P_PRT341";
+    // [reference 3.14]
+    const LENGTH_WRONG: u16 = 0x1E42;
 }
 
 ob1_sdk::export_plugin! {

@@ -166,7 +166,8 @@ pub(crate) fn write(
 }
 
 /// LADDR is an INT; addresses reach 65535.
-pub(crate) fn address(laddr: i16) -> u32 {
+#[must_use]
+pub fn address(laddr: i16) -> u32 {
     u32::from(laddr as u16)
 }
 

@@ -28,8 +28,6 @@ const DBB_NO_MAX: i16 = 8162;
 /// Bytes of a job: the five lengths, and what they are of.
 const JOB_MAX: usize = 2 * POINTERS + 4 * VARIABLE_MAX as usize + FORMAT_MAX as usize;
 
-/// STATUS: the length of a variable or of the format string is wrong. [reference 3.14]
-const LENGTH_WRONG: u16 = 0x1E42;
 /// STATUS: no pointer to a format string. [reference 3.14]
 const NO_FORMAT: u16 = 0x1E43;
 
@@ -65,6 +63,8 @@ pub trait Name {
     const NUMBER: u16;
     /// Its name.
     const NAME: &'static str;
+    /// STATUS: the length of a variable or of the format string is wrong.
+    const LENGTH_WRONG: u16;
 }
 
 /// The block of this number and name.
@@ -82,7 +82,7 @@ struct Pointer {
 type Pointers = [Pointer; POINTERS];
 
 /// Reads the pointers. A variable without a data block is absent: its length is 0.
-fn pointers(cx: &mut Cx<'_, CpState>, db: u16, byte: u16) -> Result<Result<Pointers, u16>, Abort> {
+fn pointers<N: Name>(cx: &mut Cx<'_, CpState>, db: u16, byte: u16) -> Result<Result<Pointers, u16>, Abort> {
     let mut bytes = [0; POINTER_BYTES];
     if let Err(refused) = cx.read(Area::Db(db), byte.into(), &mut bytes)? {
         return wrong_db(cx, refused, db, byte.into(), false).map(Err);
@@ -98,7 +98,7 @@ fn pointers(cx: &mut Cx<'_, CpState>, db: u16, byte: u16) -> Result<Result<Point
     }
     let is_wrong = |pointer: &Pointer| pointer.db != 0 && !(1..=VARIABLE_MAX).contains(&pointer.len);
     if variables.iter().any(is_wrong) || !(1..=FORMAT_MAX).contains(&format.len) {
-        return Ok(Err(LENGTH_WRONG));
+        return Ok(Err(N::LENGTH_WRONG));
     }
     Ok(Ok(pointers))
 }
@@ -121,7 +121,7 @@ impl<N: Name> Job for Print<N> {
             return Ok(Err(send::DB_WRONG));
         }
         let byte = byte as u16;
-        Ok(pointers(cx, db, byte)?.map(|pointers| Data { db, byte, len: bytes_of(&pointers) }))
+        Ok(pointers::<N>(cx, db, byte)?.map(|pointers| Data { db, byte, len: bytes_of(&pointers) }))
     }
 
     fn header(_: &mut Cx<'_, CpState>, block: &mut ToCp) -> Result<(), Abort> {
@@ -136,9 +136,9 @@ impl<N: Name> Job for Print<N> {
     /// The data are put together anew for each piece: the instance has no room for them. Pointers that change while a
     /// job is under way end it.
     fn read(cx: &mut Cx<'_, CpState>, data: Data, from: u16, into: &mut [u8]) -> Result<Result<(), u16>, Abort> {
-        let pointers = match pointers(cx, data.db, data.byte)? {
+        let pointers = match pointers::<N>(cx, data.db, data.byte)? {
             Ok(pointers) if bytes_of(&pointers) == data.len => pointers,
-            Ok(_) => return Ok(Err(LENGTH_WRONG)),
+            Ok(_) => return Ok(Err(N::LENGTH_WRONG)),
             Err(status) => return Ok(Err(status)),
         };
         let mut job = [0; JOB_MAX];

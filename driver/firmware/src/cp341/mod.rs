@@ -113,7 +113,7 @@ impl Cp341 {
             receive: ReceiveChannel::new(),
             patience: Patience::default(),
             again_at: 0,
-            parts: Parts::new(),
+            parts: Parts::new(kind),
             v24: V24::new(),
             diagnosis: Diagnosis::new(model),
             leds_shown: Leds::NONE,
@@ -136,7 +136,12 @@ impl Cp341 {
             }
             Input341::Channel(Channel::Send, block) => self.look_send(now, block, port),
             Input341::Channel(Channel::Receive, block) => self.look_receive(now, block, port),
-            Input341::Outputs(outputs) => self.v24.set(outputs, self.protocol.driven(), port),
+            Input341::Outputs(outputs) => {
+                if self.v24.reset(outputs) {
+                    self.reset_buffer(port);
+                }
+                self.v24.set(outputs, self.protocol.driven(), port);
+            }
             Input341::Line(line) => self.line(now, line, port),
             Input341::CpuRun(run) => self.cpu(now, run, port),
             Input341::Parameters(parameters) => self.parametrise(now, parameters, port),
@@ -232,6 +237,19 @@ impl Cp341 {
         if self.receive.offered().is_some() {
             self.receive.ended(Err(0x0501));
         }
+    }
+
+    /// P_RESET: all telegrams that wait are dropped; the one that P_RCV is taking is taken to its end.
+    fn reset_buffer(&mut self, port: &mut dyn CpPort) {
+        let Some(parameters) = &self.parameters else { return };
+        if !self.protocol.is_plain() {
+            return;
+        }
+        let capacity = capacity(self.model, parameters);
+        if std::mem::take(&mut self.parts.on_offer) {
+            self.parts.ring.pop();
+        }
+        self.clear_buffer(capacity, port);
     }
 
     /// Drops the telegrams that wait.

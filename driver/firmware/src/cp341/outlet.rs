@@ -3,6 +3,7 @@
 
 use std::mem;
 
+use ob1_params::CpKind;
 use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
 use ob1_protocols::{Event, LineFault, Nanos, Phase, SendError, Sink, What};
 
@@ -17,6 +18,7 @@ const UNTOLD_MAX: usize = 8;
 /// The parts of the CP that a protocol reaches.
 #[derive(Debug)]
 pub(crate) struct Parts {
+    kind: CpKind,
     pub(crate) ring: Ring<BYTES_341>,
     /// RK 512: the job of the partner that waits for the CPU.
     pub(crate) asked: Asked,
@@ -39,8 +41,9 @@ pub(crate) struct Parts {
 }
 
 impl Parts {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(kind: CpKind) -> Self {
         Self {
+            kind,
             ring: Ring::new(),
             asked: Asked::new(),
             untold: Untold::default(),
@@ -200,6 +203,16 @@ fn number(event: Event) -> Option<u16> {
     }
 }
 
+/// Event number of the CP 340, which has some of its own. [TIA help "PtP data link CP 340", "STATUS parameter"]
+fn number_340(event: Event, is_ascii: bool) -> Option<u16> {
+    match event.what {
+        What::TooLong => Some(0x050E),
+        What::Line(LineFault::Parity) if is_ascii => Some(0x0810),
+        What::Line(LineFault::Framing) if is_ascii => Some(0x0811),
+        _ => event.number(),
+    }
+}
+
 impl Sink for Outlet<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.parts.leds.transmit(true);
@@ -256,7 +269,11 @@ impl Sink for Outlet<'_> {
         {
             self.tell(first);
         }
-        if let Some(number) = number(event) {
+        let number = match self.parts.kind {
+            CpKind::Cp340 => number_340(event, self.parts.heard_once),
+            _ => number(event),
+        };
+        if let Some(number) = number {
             self.enter(number);
             match event.phase {
                 // Information, and the two that say "used up", are no first error.

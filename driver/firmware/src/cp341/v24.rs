@@ -27,11 +27,14 @@ pub(crate) struct V24 {
     dtr: bool,
     shown: u8,
     due: Option<Nanos>,
+    /// Number of the last request to empty the receive buffer; 0: none yet.
+    reset: u8,
+    reset_shown: u8,
 }
 
 impl V24 {
     pub(crate) const fn new() -> Self {
-        Self { lines: None, rts: false, dtr: false, shown: 0, due: None }
+        Self { lines: None, rts: false, dtr: false, shown: 0, due: None, reset: 0, reset_shown: 0 }
     }
 
     /// Both outputs OFF.
@@ -55,6 +58,14 @@ impl V24 {
     pub(crate) fn switched(&mut self, rts: Option<bool>, dtr: Option<bool>) {
         self.rts = rts.unwrap_or(self.rts);
         self.dtr = dtr.unwrap_or(self.dtr);
+    }
+
+    /// P_RESET: true for a new request to empty the receive buffer. It is answered with its number.
+    pub(crate) fn reset(&mut self, outputs: &Registers) -> bool {
+        let number = outputs[1];
+        let is_new = number != 0 && number != self.reset;
+        self.reset = if is_new { number } else { self.reset };
+        is_new
     }
 
     /// V24_SET. RTS is not the program's where flow control drives it, and neither of them with automatic use.
@@ -83,17 +94,19 @@ impl V24 {
     /// Brings the image up to date, every 20 ms at most; the result is when it is due.
     pub(crate) fn refresh(&mut self, now: Nanos, port: &mut dyn CpPort) -> Option<Nanos> {
         let image = self.image();
-        if image == self.shown {
+        let is_answered = self.reset == self.reset_shown;
+        if image == self.shown && is_answered {
             self.due = None;
             return None;
         }
+        // An answer does not wait.
         let due = *self.due.get_or_insert((now / REFRESH + 1) * REFRESH);
-        if now < due {
+        if now < due && is_answered {
             return Some(due);
         }
-        (self.shown, self.due) = (image, None);
+        (self.shown, self.due, self.reset_shown) = (image, None, self.reset);
         let mut registers = Registers::default();
-        registers[0] = image;
+        (registers[0], registers[1]) = (image, self.reset);
         port.inputs(&registers);
         None
     }

@@ -89,7 +89,11 @@ pub(super) const ROWS: &[Row] = &[
     other(OtherModule, 0x1E10, "Modbus slave: fault of the driver's block"),
     other(OtherModule, 0x1E11, "Modbus slave: fault of the driver's block"),
     other(OtherModule, 0x1E20, "Modbus slave: fault of the driver's block"),
-    here(0x1E41, "LEN is not 1 to 4096", "Correct LEN."),
+    here(
+        0x1E41,
+        "LEN is not 1 to 4096 (CP 340: 1 to 1024); P_PRINT of a CP 340: as 1E42",
+        "Correct LEN, or the lengths in the pointer DB.",
+    ),
     here(
         0x1E42,
         "Printer: a variable has not 1 to 32 bytes, or the format string not 1 to 150; or the pointers changed in a job",

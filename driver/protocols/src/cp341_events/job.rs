@@ -1,6 +1,6 @@
 //! Class 5: jobs of the CPU. [reference 3.7], [S4 "7.3.1 Error Codes for “CPU Job Errors”"]
 
-use super::Origin::OtherModule;
+use super::Origin::{FactOnly, OtherModule};
 use super::{Row, here, other};
 
 pub(super) const ROWS: &[Row] = &[
@@ -58,8 +58,8 @@ pub(super) const ROWS: &[Row] = &[
     ),
     here(
         0x050E,
-        "ASCII: no end character within the length to send, or no room to append it",
-        "Put the end character into the data, or make LEN smaller by what is appended.",
+        "ASCII: no end character within the length to send, or no room to append it; CP 340: more than 1024 bytes came",
+        "Put the end character into the data, or make LEN smaller by what is appended; the partner sends shorter telegrams.",
     ),
     other(OtherModule, 0x050F, "Job of the CPU not possible"),
     other(OtherModule, 0x0510, "Job of the CPU not possible"),
@@ -73,7 +73,7 @@ pub(super) const ROWS: &[Row] = &[
     ),
     here(0x0515, "RK 512: the coordination flag's bit is not 0 to 7", "Correct R_CF_BIT."),
     here(0x0516, "RK 512: the CPU number is not 0 to 4", "Correct R_CPU_NO."),
-    here(0x0517, "CP 340: the length is above 1024 bytes, or nothing is to be sent", "Correct LEN: 1 to 1024."),
+    other(FactOnly, 0x0517, "The length is above 1 kbyte, too long for a CP 340"),
     here(0x0518, "The length is above 4096 bytes, or nothing is to be sent", "Correct LEN: 1 to 4096."),
     other(OtherModule, 0x0519, "Job of the CPU not possible"),
     here(

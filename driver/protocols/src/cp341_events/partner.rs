@@ -89,6 +89,16 @@ pub(super) const ROWS: &[Row] = &[
         "BREAK: the receiving line is interrupted",
         "Connect the devices, switch the partner on; with RS 422/485 check the wires R(A), R(B).",
     ),
+    here(
+        0x0810,
+        "CP 340, ASCII: parity error; the telegram is lost",
+        "Compare the character frame and the baud rate of both sides; look for interference on the line.",
+    ),
+    here(
+        0x0811,
+        "CP 340, ASCII: stop bit missing; the telegram is lost",
+        "Compare the character frame and the baud rate of both sides; look for interference on the line.",
+    ),
     other(OtherModule, 0x0812, "The partner went on sending after XOFF"),
     here(
         0x0815,
