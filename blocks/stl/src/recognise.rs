@@ -115,8 +115,9 @@ struct Signs {
 impl Signs {
     fn of(text: &str, words: [&Words; 2]) -> Self {
         let mut signs = Self::default();
-        // In the statements of a code block; within the parameters of a call.
+        // In the statements of a code block; within the parameters of a call, which may begin anywhere in a line.
         let (mut block, mut code, mut call) = (false, false, false);
+        let mut brackets = 0usize;
         for line in text.lines() {
             if signs.stl > ENOUGH && signs.scl + signs.graph + signs.s7200 == 0 {
                 break;
@@ -130,6 +131,7 @@ impl Signs {
             } else if word.len() > 7 && is(&["ORGANIZATION_BLOCK", "FUNCTION_BLOCK", "FUNCTION"]) {
                 signs.s7200_frame |= rest.split("//").next().unwrap_or("").contains(":OB");
                 (block, code) = (true, true);
+                brackets = 0;
             } else if is(&["DATA_BLOCK", "TYPE", "END_DATA_BLOCK", "END_TYPE"]) {
                 (block, code) = (false, false);
             } else if is(&["VAR", "VAR_INPUT", "VAR_OUTPUT", "VAR_IN_OUT", "VAR_TEMP"]) {
@@ -140,8 +142,10 @@ impl Signs {
                 signs.stl += 4;
                 code = true;
             } else if code && !line.is_empty() && !line.starts_with("//") {
-                signs.line(word, line, call, words);
+                signs.line(word, line, call || brackets > 0, words);
                 let body = line.split("//").next().unwrap_or("").trim_end();
+                let count = |bracket: char| body.matches(bracket).count();
+                brackets = (brackets + count('(')).saturating_sub(count(')'));
                 call = (call || is(&["CALL"]) || rest.trim_start_matches([':', ' ', '\t']).starts_with("CALL"))
                     && !body.ends_with(';');
             }
@@ -179,8 +183,10 @@ mod tests {
         let words = [&words[0], &words[1]];
         let s7200 = "ORGANIZATION_BLOCK MAIN:OB1\nTITLE=x\nBEGIN\nNetwork 1\nLD SM0.0\nEND_ORGANIZATION_BLOCK\n";
         let graph = "FUNCTION_BLOCK FB 1\nSTEPS\nINITIAL_STEP Init (*1*)\nEND_STEP\nEND_FUNCTION_BLOCK\n";
+        let behind = "ORGANIZATION_BLOCK OB 1 BEGIN\nSET; CALL SFC 1 (a := 1,\n b := 2,\n c := 3);CALL SFC 1 (a := 1,\n b := 2);\n";
         for (text, expected) in [
             (stl, None),
+            (behind, None),
             (scl, Some(Other::Scl)),
             (data, None),
             (s7200, Some(Other::S7200)),
