@@ -78,6 +78,25 @@ fn every_function_code() {
     assert_eq!(slave.areas().output(), [0, 0, 0x12, 0x55, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
 }
 
+/// On a bus a slave hears the answers of the others; none is taken for a request of which more is to come.
+#[test]
+fn answers_of_other_slaves() {
+    check(
+        &mut short(),
+        "0     start
+         10    rx 07 10 00 00 00 08 C1 A9       # slave 7: eight words written
+         13.5  timeout
+         30    rx 05 03 00 00 00 03 04 4F
+         33.5  timeout => tx 05 03 06 00 00 00 00 00 00 13 B5
+         40    done
+         50    rx 07 03 02 00 11 F0 48          # slave 7: one word read
+         53.5  timeout
+         70    rx 05 03 00 00 00 03 04 4F
+         73.5  timeout => tx 05 03 06 00 00 00 00 00 00 13 B5
+         80    done",
+    );
+}
+
 /// "Function code OR 80h": unknown function, outside the area, wrong number.
 #[test]
 fn exceptions() {

@@ -175,9 +175,7 @@ impl Receiver {
 
     /// When [`Receiver::tick`] is due.
     pub fn deadline(&self) -> Option<Nanos> {
-        // A burst may end where the check happens to be right: then the length the telegram itself names decides.
-        let is_part = self.expected().is_some_and(|expected| self.len < expected + 2);
-        let wait = if self.is_whole() && !is_part { self.config.silence } else { self.config.patience };
+        let wait = if self.is_whole() && !self.names_more() { self.config.silence } else { self.config.patience };
         self.open.then(|| self.last + wait)
     }
 
@@ -239,6 +237,17 @@ impl Receiver {
     /// Length of the telegram by its first bytes.
     fn expected(&self) -> Option<usize> {
         pdu::length(self.direction, self.bytes.get(..self.len)?, self.config.register_bytes)
+    }
+
+    /// The telegram names a length that is not there yet: a burst may end where the check happens to be right. On a bus
+    /// a slave hears the answers of the others too, which are not short requests.
+    fn names_more(&self) -> bool {
+        let is_answer = self.direction == pdu::Direction::Request
+            && self.bytes.get(..self.len).is_some_and(|bytes| {
+                let answer = pdu::length(pdu::Direction::Answer, bytes, self.config.register_bytes);
+                answer.is_some_and(|answer| self.len == answer + 2)
+            });
+        !is_answer && self.expected().is_some_and(|expected| self.len < expected + 2)
     }
 
     fn end_rtu(&mut self) -> End {
