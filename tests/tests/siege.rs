@@ -143,7 +143,9 @@ fn cut() {
             store.write(&image(number)).expect("writable");
         }
         drop(store);
-        let files = files_below(folder.path());
+        // The two generations; beside them lies the lock of who writes.
+        let mut files = files_below(folder.path());
+        files.retain(|path| path.extension().is_some_and(|end| end == "a" || end == "b"));
         let victim = &files[random.below(files.len() as u64) as usize];
         let mut bytes = fs::read(victim).expect("readable");
         let len = bytes.len() as u64;
