@@ -31,6 +31,8 @@ pub struct IoImage {
     outputs: Box<[u64; AREA_WORDS]>,
     /// What it is to hold when nobody drives it.
     safe: Box<[u64; AREA_WORDS]>,
+    /// Words of the area, from its start, that anybody has ever driven: what lies behind is not looked at each cycle.
+    used: usize,
 }
 
 /// The field's end: what the PLC drives and senses. In another process it is mapped by its path, in any language.
@@ -57,7 +59,7 @@ impl IoImage {
     fn format(memory: Memory, guard: GuardPage) -> Self {
         put_header(memory.cells(), Owner::Cpu);
         let area = || Box::new([0; AREA_WORDS]);
-        Self { memory, guard, outputs: area(), safe: area() }
+        Self { memory, guard, outputs: area(), safe: area(), used: 0 }
     }
 
     /// The page that this image's guardian gets besides.
@@ -115,6 +117,7 @@ impl IoImage {
     /// many lay inside.
     pub fn write_outputs(&mut self, offset: usize, data: &[u8]) -> usize {
         let inside = clip(offset, data.len());
+        self.used = self.used.max(inside.end.div_ceil(8));
         let mut differs = false;
         for (index, first, place) in pieces(&inside) {
             if let Some(word) = self.outputs.get_mut(index) {
@@ -153,7 +156,8 @@ impl IoImage {
         let cells = self.memory.cells();
         put_header(cells, Owner::Cpu);
         let area = cells.area::<AT_OUTPUTS>();
-        let changed = area.iter().zip(self.outputs.iter()).any(|(cell, word)| cell.load(Ordering::Relaxed) != *word);
+        let mut pairs = area.iter().zip(self.outputs.iter()).take(self.used);
+        let changed = pairs.any(|(cell, word)| cell.load(Ordering::Relaxed) != *word);
         if changed {
             self.put(0..AREA_WORDS);
         }

@@ -8,11 +8,11 @@ pub const IO_MAGIC: u64 = u64::from_ne_bytes(*b"OB1IOIM\0");
 /// Version of the image's memory map; the last word written when it is made.
 pub const IO_LAYOUT_VERSION: u64 = 2;
 
-/// Input bytes, and as many output bytes.
-pub const IO_AREA_BYTES: usize = 1024;
+/// Input bytes, and as many output bytes: what the largest S7-400 has.
+pub const IO_AREA_BYTES: usize = 16 * 1024;
 
 /// Size of the image in bytes.
-pub const IO_IMAGE_BYTES: usize = 0x1000;
+pub const IO_IMAGE_BYTES: usize = 0x9000;
 
 pub(crate) const AT_MAGIC: usize = 0x000;
 pub(crate) const AT_VERSION: usize = 0x008;
@@ -26,7 +26,7 @@ pub(crate) const AT_SEQUENCE: usize = 0x088;
 pub(crate) const AT_OWNER: usize = 0x090;
 pub(crate) const AT_ALIVE: usize = 0x098;
 pub(crate) const AT_INPUTS: usize = 0x100;
-pub(crate) const AT_OUTPUTS: usize = 0x600;
+pub(crate) const AT_OUTPUTS: usize = AT_INPUTS + IO_AREA_BYTES;
 
 /// The memory map of the image, in rising order. What lies between two fields is reserved and zero.
 pub const IO_FIELDS: &[Field] = &[

@@ -11,7 +11,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread;
 
-use ob1_backplane::{CpSide, CpuSide, DriverState, Freshness, IoField, IoImage, Record, Segment, SegmentError, layout};
+use ob1_backplane::{
+    CpSide, CpuSide, DriverState, Freshness, IoField, IoImage, Record, Segment, SegmentError, io_layout, layout,
+};
 use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, fcntl_get_seals, memfd_create};
 
 #[test]
@@ -110,7 +112,7 @@ fn a_segment_of_the_right_size_and_no_content_is_refused() {
     let (_file, path) = foreign(layout::SEGMENT_BYTES as u64, SealFlags::GROW | SealFlags::SHRINK);
     let segment = Segment::open(&path).unwrap();
     assert!(matches!(CpSide::attach(&segment), Err(SegmentError::Header { field: "header.version", found: 0 })));
-    let (_file, path) = foreign(0x1000, SealFlags::GROW | SealFlags::SHRINK);
+    let (_file, path) = foreign(io_layout::IO_IMAGE_BYTES as u64, SealFlags::GROW | SealFlags::SHRINK);
     assert!(matches!(IoField::open(&path), Err(SegmentError::Header { field: "image.version", found: 0 })));
 }
 

@@ -11,7 +11,7 @@ use crate::io_layout::{AT_SEQUENCE, IO_AREA_BYTES, IO_FIELDS, IO_IMAGE_BYTES, IO
 fn the_header_tells_where_everything_is() {
     let field = IoImage::heap().field();
     let words: Vec<u64> = (0..7).map(|index| field.peek(index * 8).unwrap()).collect();
-    assert_eq!(words, [IO_MAGIC, IO_LAYOUT_VERSION, 0x1000, 0x100, 1024, 0x600, 1024]);
+    assert_eq!(words, [IO_MAGIC, IO_LAYOUT_VERSION, 0x9000, 0x100, 0x4000, 0x4100, 0x4000]);
     let mut end = 0;
     for field in IO_FIELDS {
         assert!(field.offset >= end && field.offset.is_multiple_of(8), "{}", field.name);
@@ -54,18 +54,18 @@ fn what_lies_outside_is_nothing() {
     let mut image = IoImage::heap();
     let field = image.field();
     let mut seen = [0xee; 4];
-    field.write_inputs(1022, &[1, 2, 3, 4]);
-    assert_eq!(image.read_inputs(1022, &mut seen), 2);
+    field.write_inputs(16_382, &[1, 2, 3, 4]);
+    assert_eq!(image.read_inputs(16_382, &mut seen), 2);
     assert_eq!(seen, [1, 2, 0, 0]);
-    for offset in [1024, 5000, usize::MAX] {
+    for offset in [16_384, 50_000, usize::MAX] {
         seen = [0xee; 4];
         assert_eq!(image.read_inputs(offset, &mut seen), 0);
         assert_eq!(seen, [0; 4]);
         assert_eq!(image.write_outputs(offset, &[1; 4]), 0);
         assert_eq!(field.write_inputs(offset, &[1; 4]), 0);
     }
-    assert_eq!(image.write_outputs(1021, &[7; 9]), 3);
-    assert_eq!(field.read_outputs(1020, &mut seen), 4);
+    assert_eq!(image.write_outputs(16_381, &[7; 9]), 3);
+    assert_eq!(field.read_outputs(16_380, &mut seen), 4);
     assert_eq!(seen, [0, 7, 7, 7]);
 }
 

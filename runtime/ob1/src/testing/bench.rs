@@ -22,6 +22,9 @@ const NS_PER_STATEMENT: u64 = 100;
 /// Statements in one scan after which it is given up, whatever the watchdog says.
 const GIVE_UP: u64 = 1_000_000_000;
 
+/// Process image of sources without a station, in bytes each way; what lies behind is reached as `PEW` and `PAW`.
+const BARE_IMAGE_BYTES: u32 = 1024;
+
 /// Process I/O of sources without a station: as much as there can be.
 pub(super) fn bare_modules() -> Vec<ModuleConfig> {
     let bytes = IO_AREA_BYTES as u16;
@@ -217,7 +220,7 @@ impl std::fmt::Debug for Bench {
 
 /// The CPU of sources without a station.
 pub(super) fn bare_config(min_cycle: Nanos) -> CpuConfig {
-    let bytes = IO_AREA_BYTES as u32;
+    let bytes = BARE_IMAGE_BYTES;
     CpuConfig { input_bytes: bytes, output_bytes: bytes, memory_bytes: 2048, min_cycle, ..CpuConfig::default() }
 }
 
