@@ -52,7 +52,7 @@ pub struct Store {
     /// Slots in whose place something stands that cannot be moved.
     blocked: [bool; 2],
     /// Held as long as the files are ours.
-    _lock: File,
+    _lock: Lock,
 }
 
 /// What was found on the disk.
@@ -188,8 +188,19 @@ fn is_full(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
 }
 
+/// The lock. It is taken back rather than left to the descriptor: a child that is just being started has a copy of that.
+#[derive(Debug)]
+struct Lock(File);
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // The process has no better use for a failure here.
+        let _ = flock(&self.0, FlockOperation::Unlock);
+    }
+}
+
 /// The lock of a station's files. It stays on the disk: a file that is removed and made again could be locked twice.
-fn lock(folder: &Path, station: &str) -> Result<File, StoreError> {
+fn lock(folder: &Path, station: &str) -> Result<Lock, StoreError> {
     let path = folder.join(format!(".{station}.retentive.lock"));
     let failed = |source| StoreError::Folder { folder: folder.to_owned(), source };
     let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
@@ -206,7 +217,7 @@ fn lock(folder: &Path, station: &str) -> Result<File, StoreError> {
         Ok(()) => {
             // For people; whoever holds the lock is the owner, whatever stands there.
             let _ = file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id()));
-            Ok(file)
+            Ok(Lock(file))
         }
         Err(Errno::WOULDBLOCK) => {
             let mut pid = String::new();

@@ -88,6 +88,10 @@ mod tests {
 
     #[test]
     fn this_thread_has_counters() {
+        // Pages that nobody has touched before.
+        let mut fresh = vec![0u8; 4 << 20];
+        fresh.iter_mut().step_by(4096).for_each(|byte| *byte = 1);
+        assert_eq!(std::hint::black_box(&fresh)[4096], 1);
         let sample = Sample::read(ob1_rt::thread_id(), &[], 5);
         assert_eq!(sample.time, 5);
         assert!(sample.minor_faults > 0, "{sample:?}");
