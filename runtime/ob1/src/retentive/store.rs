@@ -188,7 +188,8 @@ fn is_full(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
 }
 
-/// The lock. It is taken back rather than left to the descriptor: a child that is just being started has a copy of that.
+/// The lock. It is taken back rather than left to the descriptor: a child that is just being started has a copy of
+/// that.
 #[derive(Debug)]
 struct Lock(File);
 
