@@ -12,9 +12,9 @@ use std::time::{Duration, Instant};
 use common::native;
 use common::site::{Site, replaced};
 use common::station::Running;
-use ob1_command::access::protocol::Op;
-use ob1_command::timing::snapshot::LateEntry;
-use ob1_command::timing::{Class, Recorder, Timing};
+use ob1_station::access::protocol::Op;
+use ob1_station::timing::snapshot::LateEntry;
+use ob1_station::timing::{Class, Recorder, Timing};
 use rustix::process::Signal;
 
 const MS: u64 = 1_000_000;

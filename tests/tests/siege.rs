@@ -6,10 +6,10 @@ use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 
 use ob1_backplane::{CpuSide, Segment, layout};
-use ob1_command::retentive::store::Store;
 use ob1_cpu::Module as _;
 use ob1_host::module::{AlwaysThere, CpModule, CpSettings};
 use ob1_line::sim::SplitMix64;
+use ob1_station::retentive::store::Store;
 use ob1_tests::fuzz::TARGETS;
 use ob1_tests::siege::{mutate, rounds};
 

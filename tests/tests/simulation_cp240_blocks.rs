@@ -336,8 +336,8 @@ fn a_call_for_nothing_is_found_before() {
     let warnings = |protocol: &str, cycle: &str| {
         let folder = tempfile::tempdir().expect("a folder");
         let path = station(folder.path(), &format!("{{ protocol = \"{protocol}\" }}"), cycle, DB_10);
-        let station = ob1_command::station::load(&path).expect("a station");
-        let loaded = ob1_command::program::load(&station).expect("a program");
+        let station = ob1_station::station_file::load(&path).expect("a station");
+        let loaded = ob1_station::program::load(&station).expect("a program");
         loaded.findings.iter().map(|f| (f.code.clone(), f.line)).collect::<Vec<_>>()
     };
     let line = 15;

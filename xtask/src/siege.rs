@@ -14,7 +14,7 @@ const SIEGES: &[Siege] = &[
     Siege { name: "segment", package: "ob1-tests", binary: "siege", rounds: 1_000_000 },
     Siege { name: "input", package: "ob1-tests", binary: "siege", rounds: 100_000 },
     Siege { name: "cut", package: "ob1-tests", binary: "siege", rounds: 1_000 },
-    Siege { name: "writer", package: "ob1", binary: "process_retentive", rounds: 1_000 },
+    Siege { name: "writer", package: "ob1-station", binary: "process_retentive", rounds: 1_000 },
 ];
 
 struct Siege {
@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn sieges_are_tests() {
         for siege in SIEGES {
-            let folder = if siege.package == "ob1" { "runtime/ob1/tests" } else { "tests/tests" };
+            let folder = if siege.package == "ob1-station" { "runtime/station/tests" } else { "tests/tests" };
             let path = cargo::root().join(folder).join(format!("{}.rs", siege.binary));
             let text = std::fs::read_to_string(&path).expect("its file");
             let stands = text.contains(&format!("\nfn {}()", siege.name)) || siege.binary == "process_retentive";

@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 use ob1_cpu::Module;
 use ob1_model::Section;
 
-use crate::assembly;
 use crate::exit::Exit;
-use crate::finding::{Finding, Level};
-use crate::io::{ProcessIo, Stimulus};
-use crate::library::Chosen;
-use crate::numbers;
-use crate::posture;
-use crate::program::{self, Loaded};
-use crate::station::{self, Mnemonics, ModuleConfig, ModuleKind, Plugin, Station};
+use ob1_station::assembly;
+use ob1_station::finding::{Finding, Level};
+use ob1_station::io::{ProcessIo, Stimulus};
+use ob1_station::library::Chosen;
+use ob1_station::numbers;
+use ob1_station::posture;
+use ob1_station::program::{self, Loaded};
+use ob1_station::station_file::{self, Mnemonics, ModuleConfig, ModuleKind, Plugin, Station};
 
 /// What the command line asks for.
 #[derive(Clone, Debug)]
@@ -59,7 +59,7 @@ pub fn posture(files: &[PathBuf], json: bool) -> Exit {
         err!("ob1: --posture is asked for one station file");
         return Exit::Usage;
     };
-    match station::load(file) {
+    match station_file::load(file) {
         Ok(station) => posture::check(&station, json),
         Err(findings) => {
             findings.iter().for_each(|finding| err!("{finding}"));
@@ -72,7 +72,7 @@ pub fn posture(files: &[PathBuf], json: bool) -> Exit {
 #[must_use]
 pub fn check(options: &Options) -> Exit {
     let checked = match options.files.as_slice() {
-        [file] if station::is_station_file(file) => check_station(file, options),
+        [file] if station_file::is_station_file(file) => check_station(file, options),
         files => check_sources(files, options),
     };
     let count = |f: &Finding| f.count;
@@ -105,7 +105,7 @@ fn verdict(errors: usize, others: usize) -> String {
 
 /// Sources with the plugins and libraries of the command line.
 fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
-    if let Some(station) = files.iter().find(|file| station::is_station_file(file)) {
+    if let Some(station) = files.iter().find(|file| station_file::is_station_file(file)) {
         let name = station.display().to_string();
         let remedy = "a station names its own sources: check it without others";
         let finding = Finding::whole(Level::Error, "C012", &name, "a station file among sources", remedy);
@@ -172,7 +172,7 @@ fn describe_plugin(text: &mut String, info: &ob1_host::plugin::PluginInfo) {
 
 /// A station with its program, plugins, stimulus; loaded into a CPU to find what does not fit together.
 fn check_station(path: &Path, options: &Options) -> Checked {
-    let (station, mut devices) = match station::load_and_look(path) {
+    let (station, mut devices) = match station_file::load_and_look(path) {
         Ok((mut station, devices)) => {
             station.program.lints |= options.lints;
             station.program.all_messages |= options.all_messages;

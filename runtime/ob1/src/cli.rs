@@ -7,14 +7,15 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::access::protocol::CommandName;
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
 use crate::import::{self, ImportArgs};
-use crate::library::Chosen;
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
-use crate::{check, diag, guardian, janitor, out, remote, run, soak, station, top, trace};
+use crate::{check, diag, remote, soak, top, trace};
+use ob1_station::access::protocol::CommandName;
+use ob1_station::library::Chosen;
+use ob1_station::{guardian, janitor, out, run, station_file};
 
 const AFTER: &str = "\
 Examples:
@@ -99,7 +100,7 @@ struct RunArgs {
     /// The station file (docs/station-file.md)
     station: PathBuf,
     /// End after this time: 10s, 8h
-    #[arg(long = "for", value_name = "TIME", value_parser = station::parse_duration)]
+    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration)]
     time: Option<Duration>,
     /// End after so many cycles in RUN
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -191,7 +192,7 @@ pub enum Language {
     Auto,
 }
 
-impl From<Language> for station::Mnemonics {
+impl From<Language> for station_file::Mnemonics {
     fn from(language: Language) -> Self {
         match language {
             Language::De => Self::German,
@@ -301,7 +302,7 @@ struct TraceArgs {
     #[arg(long, short)]
     quiet: bool,
     /// End after this time: 10s, 8h
-    #[arg(long = "for", value_name = "TIME", value_parser = station::parse_duration)]
+    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration)]
     time: Option<Duration>,
 }
 
@@ -323,7 +324,7 @@ struct TopArgs {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     watch: Vec<String>,
     /// Time between two looks
-    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = station::parse_duration)]
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = station_file::parse_duration)]
     every: Duration,
     /// End after so many looks
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -353,7 +354,7 @@ struct SoakArgs {
     #[arg(required_unless_present = "compare")]
     station: Option<PathBuf>,
     /// How long to measure: 10min, 8h
-    #[arg(long = "for", value_name = "TIME", value_parser = station::parse_duration, required_unless_present = "compare")]
+    #[arg(long = "for", value_name = "TIME", value_parser = station_file::parse_duration, required_unless_present = "compare")]
     time: Option<Duration>,
     /// Say whether the second of two reports is worse than the first
     #[arg(long, num_args = 2, value_names = ["A.json", "B.json"], conflicts_with_all = ["station", "time", "budget", "load"])]
@@ -365,7 +366,7 @@ struct SoakArgs {
     #[arg(long, value_name = "LIMIT,...", value_delimiter = ',')]
     budget: Vec<soak::Budget>,
     /// Time in RUN before the measurement begins [default: a tenth of it, at most 10s]
-    #[arg(long, value_name = "TIME", value_parser = station::parse_duration)]
+    #[arg(long, value_name = "TIME", value_parser = station_file::parse_duration)]
     warm_up: Option<Duration>,
     /// Cells of the program to follow, such as its own counters
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]

@@ -1,15 +1,13 @@
 //! `ob1 diag`: the diagnostic buffers of a running station, the CPU's and those its CPs have of their own, with text
 //! and remedy.
 
-use ob1_backplane::BufferEntry;
-use ob1_protocols::cp341_events;
 use ob1_std::moment::Moment;
 use serde::Serialize;
 
-use crate::access::protocol::{CpBuffer, CpEntry, Diagnostic, Op};
-use crate::assembly;
 use crate::exit::Exit;
 use crate::remote::{ask, print_json};
+use ob1_station::access::protocol::{CpBuffer, Diagnostic, Op};
+use ob1_station::assembly;
 
 /// What is to be shown.
 #[derive(Debug)]
@@ -96,23 +94,10 @@ pub(crate) fn text(cpu: Option<&[Diagnostic]>, cps: &[CpBuffer]) -> String {
     out
 }
 
-impl From<BufferEntry> for CpEntry {
-    fn from(entry: BufferEntry) -> Self {
-        // What lies in shared memory can be any number.
-        let row = cp341_events::row(entry.number);
-        Self {
-            time_ms: entry.time_ms,
-            unix_ns: 0,
-            number: format!("{:04X}h", entry.number),
-            incoming: entry.incoming,
-            text: row.map_or("an event nobody knows", |row| row.text).to_owned(),
-            remedy: row.map_or("", |row| row.remedy).to_owned(),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use ob1_backplane::BufferEntry;
+
     use super::*;
 
     fn buffer(entries: &[(u16, bool, u64)]) -> CpBuffer {

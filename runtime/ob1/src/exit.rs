@@ -1,34 +1,6 @@
 //! Exit codes of the command: one table, printed by `ob1 --help`.
 
-/// How a command ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Exit {
-    /// All is well.
-    Ok = 0,
-    /// The command line is wrong, or `check` has found an error.
-    Usage = 1,
-    /// The station file, a source or the program was rejected.
-    Rejected = 2,
-    /// The CPU went to STOP because of a fault.
-    Fault = 3,
-    /// A plugin is missing, damaged or built for another interface.
-    Plugin = 4,
-    /// The station runs already, or does not run.
-    Running = 5,
-    /// The operating system refused something the station cannot do without.
-    System = 6,
-    /// A native block did not return; outputs were switched off.
-    Hung = 7,
-    /// A running station has refused a request of `get`, `set`, `ctl` or `diag`.
-    Refused = 8,
-    /// The station stood still; its guardian has set the outputs to their safe state.
-    StoodStill = 12,
-    /// A plugin has ended the process by `exit()`; outputs were switched off.
-    EndedByPlugin = 13,
-    /// The process has crashed: a block in C, or a library; outputs were switched off.
-    Crashed = 14,
-}
+pub use ob1_station::exit::Exit;
 
 /// The table as `ob1 --help` prints it.
 pub const TABLE: &str = "\
@@ -50,12 +22,6 @@ Exit codes:
   import: 0 the program came over whole, 1 blocks were left out, 2 nothing could be read.
   soak: 0 pass (compare: not worse), 1 a budget is broken (compare: worse), 2 inconclusive, or it could not be measured.
   With --fence-scan a forbidden system call ends the process by SIGSYS (shells show 159).";
-
-impl From<Exit> for std::process::ExitCode {
-    fn from(exit: Exit) -> Self {
-        Self::from(exit as u8)
-    }
-}
 
 /// How `ob1 exec` ends: a contract with scripts and conformance suites.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use ob1_access::Form;
 use serde_json::Value;
 
-use crate::access::client::{AccessError, Client};
-use crate::access::protocol::{CommandName, Op, Response, RetentiveStatus, Status, Times};
 use crate::exit::Exit;
-use crate::timing::text;
+use ob1_station::access::client::{AccessError, Client};
+use ob1_station::access::protocol::{CommandName, Op, Response, RetentiveStatus, Status, Times};
+use ob1_station::timing::text;
 
 pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
     Client::to_station(station).and_then(|mut client| client.ask(op)).map_err(|error| {

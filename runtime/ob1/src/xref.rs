@@ -8,10 +8,10 @@ use serde_json::{Value, json};
 
 use crate::cli::Language;
 use crate::exit::Exit;
-use crate::finding::{Finding, Level};
-use crate::library::Chosen;
-use crate::program::{self, LoadFailure, Sources};
-use crate::station::{self, Plugin};
+use ob1_station::finding::{Finding, Level};
+use ob1_station::library::Chosen;
+use ob1_station::program::{self, LoadFailure, Sources};
+use ob1_station::station_file::{self, Plugin};
 
 /// The cross-reference of a program: who reads and writes what
 #[derive(Clone, Debug, Args)]
@@ -77,9 +77,9 @@ fn compact(text: &str) -> String {
 
 fn references(args: &XrefArgs) -> Result<Vec<Reference>, Vec<Finding>> {
     if let [file] = args.files.as_slice()
-        && station::is_station_file(file)
+        && station_file::is_station_file(file)
     {
-        let station = station::load(file)?;
+        let station = station_file::load(file)?;
         let loaded = program::load(&station).map_err(|failure| match failure {
             LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => findings,
         })?;

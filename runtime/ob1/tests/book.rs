@@ -212,7 +212,7 @@ fn the_pages_show_what_there_is() {
                 snippets += 1;
                 wrong.extend(wrong_with(block).map(|what| what + "\n"));
             } else if block.info == "toml,station" {
-                let findings = ob1_command::station::parse(&block.text, &block.place, Path::new("/station")).err();
+                let findings = ob1_station::station_file::parse(&block.text, &block.place, Path::new("/station")).err();
                 wrong.extend(findings.unwrap_or_default().iter().map(|finding| format!("{finding}\n")));
             } else if matches!(language, "" | "sh" | "console") {
                 for line in block.text.lines().filter(|line| words_of(line).is_some()) {

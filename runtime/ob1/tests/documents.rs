@@ -19,7 +19,7 @@ fn blocks(text: &str, language: &str) -> Vec<String> {
 fn the_station_file_of_the_document_is_good() {
     let blocks = blocks(&document("station-file.md"), "toml");
     assert_eq!(blocks.len(), 1);
-    let station = ob1_command::station::parse(&blocks[0], "station-file.md", Path::new("/s"));
+    let station = ob1_station::station_file::parse(&blocks[0], "station-file.md", Path::new("/s"));
     let station = station.unwrap_or_else(|findings| panic!("{findings:?}"));
     assert_eq!((station.modules.len(), station.plugins.len()), (7, 1));
 }
@@ -27,7 +27,7 @@ fn the_station_file_of_the_document_is_good() {
 #[test]
 fn every_key_of_a_station_file_is_in_its_document() {
     let text = document("station-file.md");
-    let source = include_str!("../src/station/file.rs");
+    let source = include_str!("../../station/src/station_file/tables.rs");
     let keys = source.lines().filter_map(|line| line.trim().strip_prefix("pub(super) ")?.split_once(':'));
     for (key, _) in keys.filter(|(key, _)| !key.contains(' ')) {
         let key = if key == "kind" { "type" } else { key.trim_end_matches('_') };
@@ -40,9 +40,9 @@ fn the_process_io_document_is_right() {
     let text = document("process-io.md");
     let blocks = blocks(&text, "toml");
     let station = format!("[station]\nname = \"x\"\n{}", blocks[0]);
-    let station = ob1_command::station::parse(&station, "process-io.md", Path::new("/s"));
+    let station = ob1_station::station_file::parse(&station, "process-io.md", Path::new("/s"));
     assert_eq!(station.unwrap_or_else(|findings| panic!("{findings:?}")).modules.len(), 2);
-    ob1_command::io::Stimulus::parse(&blocks[1], "process-io.md").unwrap_or_else(|findings| panic!("{findings:?}"));
+    ob1_station::io::Stimulus::parse(&blocks[1], "process-io.md").unwrap_or_else(|findings| panic!("{findings:?}"));
     let offset = |name: &str| IO_FIELDS.iter().find(|f| f.name == name).expect("a field of the image").offset;
     for (name, part) in [
         ("image.inputs", format!("| {} + n |", offset("image.inputs"))),
@@ -66,7 +66,7 @@ fn the_requests_of_the_access_document_are_requests() {
     assert_eq!(requests.len(), 8);
     for rest in requests {
         let request = format!("{{\"op\"{rest}");
-        serde_json::from_str::<ob1_command::access::protocol::Request>(&request)
+        serde_json::from_str::<ob1_station::access::protocol::Request>(&request)
             .unwrap_or_else(|error| panic!("{request}: {error}"));
     }
 }
@@ -75,8 +75,8 @@ fn the_requests_of_the_access_document_are_requests() {
 fn the_numbers_of_findings_are_in_the_document() {
     let text = document("station-file.md");
     for source in [
-        include_str!("../src/station/findings.rs"),
-        include_str!("../src/io/stimulus.rs"),
+        include_str!("../../station/src/station_file/findings.rs"),
+        include_str!("../../station/src/io/stimulus.rs"),
         include_str!("../src/check.rs"),
         include_str!("../src/testing/harness.rs"),
     ] {

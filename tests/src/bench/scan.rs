@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ob1_backplane::{CpSide, CpuSide, Segment};
-use ob1_command::timing::LateSender;
 use ob1_cpu::{AccountsConfig, Clock, Command, Cpu, CpuConfig, Module, ModuleSlot, Nanos, ScanRecord};
 use ob1_host::module::{AlwaysThere, CpModule, CpSettings};
 use ob1_host::plugin::Plugin;
+use ob1_station::timing::LateSender;
 use ob1_stl::{Library, Options, Source};
 
 use super::peer::Failure;

@@ -3,11 +3,11 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ob1_command::station::{self, Station};
-use ob1_command::{assembly, program};
 use ob1_cpu::{Command, Cpu, Module, ModuleSlot, Nanos};
 use ob1_host::module::{CpModule, CpSettings};
 use ob1_line::sim::SplitMix64;
+use ob1_station::station_file::{self, Station};
+use ob1_station::{assembly, program};
 
 use super::clock::VirtualClock;
 use super::driver::Driver;
@@ -55,7 +55,7 @@ impl SimStation {
         rng: &mut SplitMix64,
         spoil: &dyn Fn(&mut CpSettings),
     ) -> Result<Self, String> {
-        let station = station::load(path).map_err(|findings| texts(&findings))?;
+        let station = station_file::load(path).map_err(|findings| texts(&findings))?;
         let loaded = program::load(&station).map_err(|failure| texts(failure.findings()))?;
         let mut own = Vec::new();
         let modules = modules(&station, plug, drivers, &mut own, rng, spoil)?;
@@ -121,6 +121,6 @@ fn modules(
     Ok(modules)
 }
 
-fn texts(findings: &[ob1_command::finding::Finding]) -> String {
+fn texts(findings: &[ob1_station::finding::Finding]) -> String {
     findings.iter().map(|finding| finding.text.as_str()).collect()
 }

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
-use ob1_command::access::client::{AccessError, Client};
-use ob1_command::access::protocol::{Diagnostic, Op, Response, Status};
+use ob1_station::access::client::{AccessError, Client};
+use ob1_station::access::protocol::{Diagnostic, Op, Response, Status};
 use rustix::process::Signal;
 use serde_json::Value;
 

@@ -18,12 +18,12 @@ pub use dump::{Dump, DumpArea};
 pub use stats::{STATS_SCHEMA, Stats};
 
 use crate::exit::{ExecExit, Exit};
-use crate::finding::Finding;
-use crate::library::Choice;
-use crate::offer::Unserved;
-use crate::program::{self, Sources};
-use crate::view::Places;
 use clock::{ExecClock, WallTime};
+use ob1_station::finding::Finding;
+use ob1_station::library::Choice;
+use ob1_station::offer::Unserved;
+use ob1_station::program::{self, Sources};
+use ob1_station::view::Places;
 use stats::Meter;
 
 /// Entries of the diagnostic buffer printed after a fault.
@@ -120,7 +120,7 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<Cpu, 
         peripheral_from_image: true,
         ob_start_info: args.ob_start_info == Switch::On,
         // Virtual time begins at a fixed date: the same run gives the same start information.
-        date_at_start: if args.real_time { crate::assembly::date_now() } else { 0 },
+        date_at_start: if args.real_time { ob1_station::assembly::date_now() } else { 0 },
         ..CpuConfig::default()
     };
     let natives = program::native_standard_blocks(standard);

@@ -197,8 +197,8 @@ fn list(args: &ImportArgs, tree: &Tree<'_>, projects: &[Project], titles: &[Stri
 }
 
 fn listing(wanted: &str, folder: &Folder, translation: &Translation) -> Result<ImportExit, String> {
-    let id =
-        crate::station::parse_block(wanted).ok_or_else(|| format!("\"{wanted}\" is no block; write FC5 or DB 10"))?;
+    let id = ob1_station::station_file::parse_block(wanted)
+        .ok_or_else(|| format!("\"{wanted}\" is no block; write FC5 or DB 10"))?;
     if let Some(why) = translation.left_out.get(&id.to_string()) {
         return Err(why.clone());
     }

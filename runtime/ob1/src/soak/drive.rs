@@ -14,10 +14,10 @@ use super::station::{Station, exit_text, resident};
 use super::text;
 use super::verdict::Ended;
 use super::{Options, budget};
-use crate::access::protocol::{GrantStatus, Op, Status};
-use crate::run::console::LiveLine;
-use crate::run::signals::Signals;
-use crate::station as station_file;
+use ob1_station::access::protocol::{GrantStatus, Op, Status};
+use ob1_station::run::console::LiveLine;
+use ob1_station::run::signals::Signals;
+use ob1_station::station_file;
 
 /// Between two looks at signals, the station's process and the driver kills.
 const TICK: Duration = Duration::from_millis(50);
@@ -253,7 +253,7 @@ impl Soak<'_> {
         self.station.ask(Op::Status)?.status
     }
 
-    fn diagnostics(&mut self) -> Vec<crate::access::protocol::Diagnostic> {
+    fn diagnostics(&mut self) -> Vec<ob1_station::access::protocol::Diagnostic> {
         self.station.ask(Op::Diag { count: 100 }).and_then(|answer| answer.diagnostics).unwrap_or_default()
     }
 

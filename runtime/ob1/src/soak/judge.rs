@@ -6,8 +6,8 @@ use super::statistics::Percentile;
 use super::statistics::{BEYOND, SLOPE_NEEDS, beyond, hourly, needed, percentile, quantile};
 use super::text::{amount, time};
 use super::verdict::{Ended, Finding, Verdict};
-use crate::access::protocol::Diagnostic;
-use crate::timing::Class;
+use ob1_station::access::protocol::Diagnostic;
+use ob1_station::timing::Class;
 
 /// Judges a report against its budget, and by how the soak ended.
 pub(super) fn judge(report: &mut Report, budget: &[Budget]) {
@@ -107,7 +107,7 @@ fn of_value(
     report: &Report,
     name: &str,
     limit: f64,
-    value: impl Fn(&crate::timing::snapshot::Spread) -> f64,
+    value: impl Fn(&ob1_station::timing::snapshot::Spread) -> f64,
 ) -> Judged {
     let Some(spread) = report.distribution(name) else { return unseen("no value of it has been seen") };
     let value = value(spread);

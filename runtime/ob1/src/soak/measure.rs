@@ -3,9 +3,9 @@
 use super::report::{Brief, CellLedger, CpLedger, Interval, Report, Role, percentiles};
 use super::statistics::{quantile, since};
 use super::verdict::Ended;
-use crate::access::protocol::Status;
-use crate::timing::Timing;
-use crate::timing::snapshot::Spread;
+use ob1_station::access::protocol::Status;
+use ob1_station::timing::Timing;
+use ob1_station::timing::snapshot::Spread;
 
 /// What is known of a station at one moment.
 #[derive(Clone, Debug)]

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::load::LoadReport;
 use super::statistics::{PERCENTILES, Percentile, Slope, percentile};
 use super::verdict::{Ended, Finding, Verdict};
-use crate::access::protocol::{Diagnostic, GrantStatus, ModuleStatus};
-use crate::timing::snapshot::{Spread, Timing};
+use ob1_station::access::protocol::{Diagnostic, GrantStatus, ModuleStatus};
+use ob1_station::timing::snapshot::{Spread, Timing};
 
 /// Version of the form: raised when a field changes its meaning or goes. Fields may be added.
 pub const SOAK_SCHEMA: u32 = 1;

@@ -11,8 +11,8 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
-use crate::access::client::{AccessError, Client};
-use crate::access::protocol::{Op, Response};
+use ob1_station::access::client::{AccessError, Client};
+use ob1_station::access::protocol::{Op, Response};
 
 /// A station that was started, and ends with the soak.
 #[derive(Debug)]

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::report::{CpLedger, Report, Role};
 use super::statistics::{Percentile, SLOPE_NEEDS};
-use crate::timing::{self, Timing};
+use ob1_station::timing::{self, Timing};
 
 /// A time with the unit that suits it: `183 µs`, `2.41 ms`.
 #[must_use]

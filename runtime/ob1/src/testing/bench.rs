@@ -7,13 +7,13 @@ use ob1_ir::Program;
 use ob1_model::Area;
 
 use super::cells::Set;
-use crate::assembly;
 use crate::check::dummy;
-use crate::finding::Finding;
-use crate::io::{ProcessIo, Stimulus};
-use crate::program::{LoadFailure, Loaded};
-use crate::station::{Absent, ModuleConfig, ModuleKind};
 use crate::virtual_clock::VirtualClock;
+use ob1_station::assembly;
+use ob1_station::finding::Finding;
+use ob1_station::io::{ProcessIo, Stimulus};
+use ob1_station::program::{LoadFailure, Loaded};
+use ob1_station::station_file::{Absent, ModuleConfig, ModuleKind};
 
 /// Statements that take no time in one scan: those of an ordinary program, so that timers run out to the millisecond.
 const FREE: u64 = 1_000_000;
@@ -98,7 +98,7 @@ impl Bench {
         loaded: &Loaded,
     ) -> Result<Self, Vec<Finding>> {
         let of_load = |failure: LoadFailure| failure.findings().to_vec();
-        let seen: Vec<_> = modules.iter().map(crate::assembly::plugin_module).collect();
+        let seen: Vec<_> = modules.iter().map(ob1_station::assembly::plugin_module).collect();
         let natives = loaded.native_blocks(&seen).map_err(of_load)?;
         let image = IoImage::heap();
         let field = image.field();

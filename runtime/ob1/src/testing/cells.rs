@@ -8,10 +8,10 @@ use ob1_model::{Area, Component, DataType};
 
 use super::file::{Cells, Placed};
 use super::harness::Harness;
-use crate::station::findings::{Findings, VALUE};
-use crate::station::parse_duration;
 use ob1_access::value;
 use ob1_access::{Item, Names, Reading};
+use ob1_station::station_file::findings::{Findings, VALUE};
+use ob1_station::station_file::parse_duration;
 
 /// A value to be written.
 #[derive(Clone, Debug)]

@@ -14,9 +14,9 @@ use ob1_model::{BlockId, BlockKind, DataType, Interface};
 use ob1_stl::Library;
 
 use super::plan::Call;
-use crate::finding::Text;
-use crate::station::Mnemonics;
-use crate::station::findings::Findings;
+use ob1_station::finding::Text;
+use ob1_station::station_file::Mnemonics;
+use ob1_station::station_file::findings::Findings;
 
 /// The number from which free ones are looked for, downwards.
 const HIGHEST: u16 = 65_000;
@@ -179,10 +179,10 @@ fn type_text(ty: &DataType) -> String {
 
 /// Findings about the generated source, told of the place of the call.
 pub(super) fn of_generated(
-    findings: &[crate::finding::Finding],
+    findings: &[ob1_station::finding::Finding],
     call: &Call,
     source: Text<'_>,
-) -> Vec<crate::finding::Finding> {
+) -> Vec<ob1_station::finding::Finding> {
     let told = findings.iter().map(|found| {
         let message = format!("{} cannot be called so: {}", call.block, found.message);
         source.finding(found.level, CALL, call.at.clone(), message, found.remedy.clone())

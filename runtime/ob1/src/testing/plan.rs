@@ -7,10 +7,10 @@ use ob1_cpu::{Command, Nanos, OperatingState};
 use ob1_model::{BlockId, BlockKind};
 
 use super::file::{Cells, Placed, StepTable, TestFile, TestTable};
-use crate::finding::{Finding, Text};
-use crate::program::Sources;
-use crate::station::findings::{CONTRADICTION, Findings, MISSING, VALUE, of_toml};
-use crate::station::{Mnemonics, choice, parse_block, parse_duration, standard};
+use ob1_station::finding::{Finding, Text};
+use ob1_station::program::Sources;
+use ob1_station::station_file::findings::{CONTRADICTION, Findings, MISSING, VALUE, of_toml};
+use ob1_station::station_file::{Mnemonics, choice, parse_block, parse_duration, standard};
 
 /// Minimum cycle time of a test without a station file.
 const CYCLE: Nanos = 10_000_000;
@@ -110,7 +110,7 @@ pub(super) fn parse(text: &str, name: &str, folder: &Path) -> Result<Plan, Vec<F
             }
             let (files, symbols) = (paths(&file.sources), paths(&file.symbols));
             let library = standard(f, &file.libraries, &file.library);
-            let places = crate::station::places(f, &[&file.sources, &file.symbols], folder);
+            let places = ob1_station::station_file::places(f, &[&file.sources, &file.symbols], folder);
             Tested::Sources(Sources { files, symbols, mnemonics, library, places, ..Sources::default() })
         }
     };

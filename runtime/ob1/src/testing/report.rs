@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::io;
 use std::path::Path;
 
-use crate::finding::Finding;
+use ob1_station::finding::Finding;
 
 /// One test that was run.
 #[derive(Clone, Debug)]

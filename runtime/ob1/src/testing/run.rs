@@ -12,12 +12,12 @@ use super::cells::{Expect, Resolver, Set};
 use super::harness::{Harness, of_generated};
 use super::plan::{self, Plan, Run, Step, Test, Tested};
 use super::report::{Failure, FileReport, Outcome};
-use crate::finding::{Finding, Level, Text};
-use crate::program::{self, Loaded, Sources};
-use crate::station::findings::Findings;
-use crate::station::{self, ModuleConfig};
-use crate::view::state_name;
 use ob1_access::Names;
+use ob1_station::finding::{Finding, Level, Text};
+use ob1_station::program::{self, Loaded, Sources};
+use ob1_station::station_file::findings::Findings;
+use ob1_station::station_file::{self, ModuleConfig};
+use ob1_station::view::state_name;
 
 /// Name of the generated source.
 const GENERATED: &str = "(the call under test)";
@@ -84,7 +84,7 @@ impl Subject {
                 (String::from("test"), bare_config(plan.bare_cycle()), bare_modules(), sources.clone(), Vec::new())
             }
             Tested::Station(path) => {
-                let station = station::load(path)?;
+                let station = station_file::load(path)?;
                 let mut config = station.cpu;
                 // Virtual time moves with the cycles.
                 config.min_cycle = plan.cycle.unwrap_or(config.min_cycle).max(1_000);
@@ -94,7 +94,7 @@ impl Subject {
         let plugins = program::load_plugins(&plugins)?;
         let library = program::library(&plugins, &wanted.library)?;
         let mut findings = Vec::new();
-        let (files, symbols) = crate::folder::expand(&wanted.files, &wanted.symbols);
+        let (files, symbols) = ob1_station::folder::expand(&wanted.files, &wanted.symbols);
         let wanted = Sources { files, symbols, ..wanted };
         let sources = program::read_all(&wanted.files, &wanted.places, &mut findings);
         let compiled = program::compile_texts(&sources, &wanted, &library, findings)?;

@@ -3,10 +3,10 @@
 use std::collections::VecDeque;
 
 use super::watch::Watched;
-use crate::access::protocol::{CellValue, CpBuffer, Diagnostic, ModuleStatus, Status};
 use crate::soak::statistics::{quantile, since};
-use crate::timing::Timing;
-use crate::timing::snapshot::Spread;
+use ob1_station::access::protocol::{CellValue, CpBuffer, Diagnostic, ModuleStatus, Status};
+use ob1_station::timing::Timing;
+use ob1_station::timing::snapshot::Spread;
 
 /// Telegrams that are kept.
 const TELEGRAMS: usize = 500;

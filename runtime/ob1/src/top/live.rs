@@ -9,8 +9,8 @@ use super::keys::{Act, Key, Keys};
 use super::source::Source;
 use super::watch::Watched;
 use super::{Options, TopError, plain, screen};
-use crate::access::client::AccessError;
-use crate::out;
+use ob1_station::access::client::AccessError;
+use ob1_station::out;
 
 /// Between two looks at the lines.
 const LINES: Duration = Duration::from_millis(200);

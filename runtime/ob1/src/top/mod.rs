@@ -15,8 +15,8 @@ mod watch;
 use std::io::{self, IsTerminal as _};
 use std::time::Duration;
 
-use crate::access::client::AccessError;
 use crate::exit::Exit;
+use ob1_station::access::client::AccessError;
 
 /// What the command line asks for.
 #[derive(Clone, Debug)]

@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 use ob1_params::CpKind;
 
 use super::data::{Data, counter, rows};
-use crate::access::protocol::ModuleStatus;
 use crate::diag;
 use crate::soak::text::time;
+use ob1_station::access::protocol::ModuleStatus;
 
 /// Entries of each diagnostic buffer.
 const NEWEST: usize = 3;
@@ -86,22 +86,24 @@ pub(super) fn module(data: &Data, number: usize, m: &ModuleStatus) -> String {
 /// The variable table, a line a cell.
 pub(super) fn values(data: &Data) -> Vec<String> {
     let line =
-        |(watched, value): &(super::watch::Watched, Result<crate::access::protocol::CellValue, String>)| match value {
-            Ok(cell) => format!("{:<24} {:<8} {}", watched.name, cell.type_name, watched.show(cell)),
-            Err(why) => format!("{:<24} {why}", watched.name),
+        |(watched, value): &(super::watch::Watched, Result<ob1_station::access::protocol::CellValue, String>)| {
+            match value {
+                Ok(cell) => format!("{:<24} {:<8} {}", watched.name, cell.type_name, watched.show(cell)),
+                Err(why) => format!("{:<24} {why}", watched.name),
+            }
         };
     data.now.values.iter().map(line).collect()
 }
 
 /// An entry of the diagnostic buffer.
-pub(super) fn diagnostic(entry: &crate::access::protocol::Diagnostic) -> String {
+pub(super) fn diagnostic(entry: &ob1_station::access::protocol::Diagnostic) -> String {
     format!("{:>6} {:>14.6} s  {}", entry.number, entry.time_ns as f64 / 1e9, entry.told())
 }
 
 /// The whole look.
 pub(super) fn text(data: &Data) -> String {
     let mut out = format!("{}\n{}", head(data), times(data));
-    out += &crate::timing::text::late(&data.now.timing.late);
+    out += &ob1_station::timing::text::late(&data.now.timing.late);
     for (number, m) in data.now.status.modules.iter().enumerate() {
         let _ = writeln!(out, "{}", module(data, number, m));
     }

@@ -10,8 +10,8 @@ use super::data::{Data, bins};
 use super::keys::{Keys, Tab};
 use super::plain;
 use crate::soak::text::time;
-use crate::timing::Timing;
-use crate::timing::snapshot::Spread;
+use ob1_station::timing::Timing;
+use ob1_station::timing::snapshot::Spread;
 
 /// Columns of a bar of a histogram, and between two.
 const BAR: u16 = 7;
@@ -46,7 +46,7 @@ fn titled(title: &str) -> Block<'_> {
 
 fn scan(frame: &mut Frame<'_>, area: Rect, data: &Data) {
     let times = plain::times(data);
-    let late = crate::timing::text::late(&data.now.timing.late);
+    let late = ob1_station::timing::text::late(&data.now.timing.late);
     let height = |text: &str| text.lines().count() as u16 + 1;
     let rows =
         Layout::vertical([Constraint::Length(height(&times)), Constraint::Min(8), Constraint::Max(height(&late))]);

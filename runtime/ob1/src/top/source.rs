@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use super::data::Look;
 use super::watch::Watched;
-use crate::access::client::{AccessError, Client};
-use crate::access::protocol::{CellValue, Op, Response};
 use crate::trace::{Printer, Taps};
+use ob1_station::access::client::{AccessError, Client};
+use ob1_station::access::protocol::{CellValue, Op, Response};
 
 /// Entries of each diagnostic buffer that are shown.
 const DIAGNOSTICS: u32 = 100;

@@ -2,7 +2,7 @@
 
 use ob1_access::Form;
 
-use crate::access::protocol::CellValue;
+use ob1_station::access::protocol::CellValue;
 
 /// A line of the table.
 #[derive(Clone, Debug, PartialEq, Eq)]

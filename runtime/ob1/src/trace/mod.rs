@@ -13,7 +13,7 @@ use std::time::Duration;
 use ob1_protocols::trace::record::Record;
 
 use crate::exit::Exit;
-use crate::out;
+use ob1_station::out;
 
 pub use pcapng::Pcapng;
 pub use print::Printer;

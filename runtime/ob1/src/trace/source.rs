@@ -12,9 +12,9 @@ use rustix::io::Errno;
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType, connect, recv, socket_with};
 
 use super::{Options, Sinks, TraceError};
-use crate::access::client::Client;
-use crate::access::protocol::Op;
-use crate::rundir;
+use ob1_station::access::client::Client;
+use ob1_station::access::protocol::Op;
+use ob1_station::rundir;
 
 /// Longest record a driver sends.
 const RECORD: usize = 8192;

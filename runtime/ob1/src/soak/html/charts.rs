@@ -7,7 +7,7 @@ use super::super::report::{Interval, Report};
 use super::super::statistics::quantile;
 use super::super::text::{amount, time};
 use super::chart::{Axis, Chart};
-use crate::timing::snapshot::Spread;
+use ob1_station::timing::snapshot::Spread;
 
 /// Bars to a decade.
 const FINE: f64 = 20.0;

@@ -1,0 +1,101 @@
+//! The other end of the socket: what `get`, `set`, `ctl` and `run` itself use.
+
+use std::io::{self, BufRead as _, BufReader, Write as _};
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde_json::Value;
+
+use super::protocol::{Op, Request, Response};
+use crate::rundir;
+use crate::station_file;
+
+/// How long a station may take to answer. Its socket thread answers for a CPU that hangs; this is for a process that
+/// was stopped.
+const ANSWER_TIME: Duration = Duration::from_secs(60);
+
+/// Why a station was not asked.
+#[derive(Debug, thiserror::Error)]
+pub enum AccessError {
+    /// It does not run.
+    #[error("the station \"{name}\" does not run (no socket in {})", .searched.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "))]
+    NotRunning {
+        /// Its name.
+        name: String,
+        /// Where its directory could be.
+        searched: Vec<PathBuf>,
+    },
+    /// The connection broke.
+    #[error("the station does not answer: {0}")]
+    Io(#[from] io::Error),
+    /// It said no.
+    #[error("{0}")]
+    Refused(String),
+}
+
+/// A connection to a running station.
+#[derive(Debug)]
+pub struct Client {
+    reader: BufReader<UnixStream>,
+}
+
+impl Client {
+    /// Connects to a station by its name or its station file.
+    ///
+    /// # Errors
+    /// [`AccessError::NotRunning`].
+    pub fn to_station(station: &str) -> Result<Self, AccessError> {
+        let name = name_of(station);
+        let not_running = || AccessError::NotRunning { name: name.clone(), searched: rundir::bases() };
+        let dir = rundir::find(&name).ok_or_else(not_running)?;
+        Self::to_socket(&dir.join(rundir::SOCKET)).map_err(|_| not_running())
+    }
+
+    /// Connects to a socket.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn to_socket(socket: &Path) -> io::Result<Self> {
+        let stream = UnixStream::connect(socket)?;
+        stream.set_read_timeout(Some(ANSWER_TIME))?;
+        stream.set_write_timeout(Some(ANSWER_TIME))?;
+        Ok(Self { reader: BufReader::new(stream) })
+    }
+
+    /// Asks and waits for the answer.
+    ///
+    /// # Errors
+    /// [`AccessError::Refused`] with the station's words, or what broke the connection.
+    pub fn ask(&mut self, op: Op) -> Result<Response, AccessError> {
+        let mut line = serde_json::to_vec(&Request { id: Value::Null, op }).map_err(io::Error::from)?;
+        line.push(b'\n');
+        self.reader.get_mut().write_all(&line)?;
+        let mut answer = String::new();
+        if self.reader.read_line(&mut answer)? == 0 {
+            return Err(io::Error::from(io::ErrorKind::UnexpectedEof).into());
+        }
+        let response: Response = serde_json::from_str(&answer).map_err(io::Error::from)?;
+        match response.error {
+            Some(error) if !response.ok => Err(AccessError::Refused(error)),
+            _ => Ok(response),
+        }
+    }
+}
+
+/// The name in a station file, or the argument itself when it is a name.
+fn name_of(station: &str) -> String {
+    if !station.contains('/') && !station.ends_with(".toml") {
+        return station.to_owned();
+    }
+    match station_file::load(Path::new(station)) {
+        Ok(station) => station.name,
+        // A file that has changed under a running station: its name is enough.
+        Err(_) => name_in(Path::new(station)).unwrap_or_else(|| station.to_owned()),
+    }
+}
+
+fn name_in(path: &Path) -> Option<String> {
+    let table: toml::Table = std::fs::read_to_string(path).ok()?.parse().ok()?;
+    Some(table.get("station")?.get("name")?.as_str()?.to_owned())
+}

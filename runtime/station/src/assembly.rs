@@ -1,0 +1,350 @@
+//! From a station and its program to a CPU with its modules: segments, drivers, process I/O.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+use ob1_backplane::{CpuSide, IoImage, Segment};
+use ob1_cpu::{Cpu, CpuConfig, LoadError, Module, ModuleSlot};
+use ob1_host::driver::{DriverCommand, Fleet};
+use ob1_host::module::{CpModule, CpSettings};
+use ob1_host::plugin::{PluginModule, Setting};
+use ob1_host::supervisor::Times;
+use ob1_ir::Program;
+use ob1_params::Value;
+use ob1_rt::MonotonicClock;
+use serde_json::json;
+
+use crate::fence;
+use crate::finding::{Finding, Level};
+use crate::io::{Panel, ProcessIo, Stimulus};
+use crate::offer::Unserved;
+use crate::program::{LoadFailure, Loaded};
+use crate::retentive::health::Health;
+use crate::simulated;
+use crate::station_file::{AbdUnit, Absent, Line, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
+use crate::timing::Timings;
+use crate::view::{ModuleView, Places, StationView};
+use crate::watched::{Running, watch_all};
+use ob1_access::Names;
+
+/// A station, ready to run in this process.
+#[derive(Debug)]
+pub struct Assembly {
+    /// The CPU, in STOP.
+    pub cpu: Cpu,
+    /// What other threads may look at.
+    pub view: StationView,
+    /// The drivers, not started yet.
+    pub fleet: Fleet,
+    /// The process I/O, when there is any.
+    pub io: Option<ProcessIo>,
+    /// What tools may open: name in the runtime directory and `/proc/PID/fd/N`.
+    pub links: Vec<(String, PathBuf)>,
+    /// Which native block runs.
+    pub running: Arc<Running>,
+}
+
+/// Why there is none.
+#[derive(Debug)]
+pub enum AssemblyError {
+    /// The program, the plugins or the stimulus were rejected.
+    Load(LoadFailure),
+    /// The system refused memory or descriptors.
+    System(String),
+}
+
+/// How the drivers of a station are started.
+#[derive(Clone, Debug)]
+pub struct DriverSettings {
+    /// The program `ob1-cp`.
+    pub program: PathBuf,
+    /// Variables added to its environment.
+    pub env: Vec<(OsString, OsString)>,
+}
+
+/// Where the modules of a station lie.
+#[must_use]
+pub fn slot(config: &ModuleConfig) -> ModuleSlot {
+    ModuleSlot { name: config.name.clone(), input_address: config.input_address, output_address: config.output_address }
+}
+
+/// A module as the plugins see it: where it lies, and its settings for them (`docs/plugins.md`).
+#[must_use]
+pub fn plugin_module(config: &ModuleConfig) -> PluginModule {
+    let mut module = PluginModule::at(config.input_address);
+    if let ModuleKind::Cp240 { abd, params, .. } = &config.kind {
+        let unit = match abd {
+            AbdUnit::Byte => "byte",
+            AbdUnit::Word => "word",
+        };
+        module.settings.insert("abd".into(), Setting::Text(unit.into()));
+        module.settings.insert("protocol".into(), Setting::Text(params.protocol_name().into()));
+    }
+    module
+}
+
+/// What a CP of the station is told: parameter bytes, and the driver's configuration as JSON. `None` for process I/O.
+///
+/// With the runtime directory of a station that runs, and its simulated lines, also where its line is and where it can
+/// be listened to.
+#[must_use]
+pub fn cp_settings(
+    station: &str,
+    config: &ModuleConfig,
+    place: Option<(&Path, &[SimulatedLine])>,
+) -> Option<CpSettings> {
+    let row = config.kind.cp()?.row();
+    let (parameters, line, diagnostics) = match &config.kind {
+        ModuleKind::Cp240 { bytes, line, diagnostics, .. } | ModuleKind::Cp040 { bytes, line, diagnostics, .. } => {
+            (*bytes, line, diagnostics)
+        }
+        ModuleKind::Keyed { line, diagnostics, .. } => ([0; 16], line, diagnostics),
+        ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } => return None,
+    };
+    let mut text = line.to_string();
+    let mut json = json!({ "module": row.name, "station": station, "name": config.name });
+    if let ModuleKind::Keyed { params, .. } = &config.kind {
+        for (key, value) in params.to_keys() {
+            json["params"][*key] = match value {
+                Value::Int(number) => json!(number),
+                Value::Str(text) => json!(text),
+            };
+        }
+    }
+    if let Some((rundir, lines)) = place {
+        if let Line::Sim(name) = line
+            && let Some(line) = lines.iter().find(|line| line.name == *name)
+        {
+            text = format!("sim:{}", simulated::socket(rundir, line).display());
+        }
+        json["trace"] = json!(rundir.join(format!("{}.trace", config.name)));
+    }
+    json["line"] = text.into();
+    if *diagnostics {
+        json["diagnostics"] = true.into();
+    }
+    Some(CpSettings {
+        parameters,
+        json: json.to_string().into_bytes(),
+        absent_is_fault: config.absent == Absent::Fault,
+        channels: row.has_channels,
+        diagnostics: *diagnostics,
+    })
+}
+
+/// Loads program, native blocks and modules into a CPU.
+///
+/// # Errors
+/// [`LoadFailure::Rejected`] with everything that does not fit together.
+pub fn load_cpu(
+    config: CpuConfig,
+    loaded: &Loaded,
+    natives: Vec<Box<dyn ob1_cpu::NativeBlock>>,
+    modules: Vec<(ModuleSlot, Box<dyn Module>)>,
+) -> Result<Cpu, LoadFailure> {
+    Cpu::new(config, &loaded.program, natives, modules).map_err(|errors| {
+        LoadFailure::Rejected(Unserved::new(&loaded.standard, &loaded.plugins).findings(&errors, &loaded.program))
+    })
+}
+
+/// A reason to refuse a program, with the source line where it has one.
+pub(crate) fn of_load_error(error: &LoadError, program: &Program) -> Finding {
+    let site = match error {
+        LoadError::MissingBlock { site, .. } | LoadError::Arguments { site, .. } | LoadError::Code { site, .. } => {
+            Some(*site)
+        }
+        _ => None,
+    };
+    let block = site.and_then(|site| program.blocks.iter().find(|block| block.id == site.block));
+    let file = block.and_then(|block| program.sources.get(block.source as usize));
+    let code = format!("L{:03}", error.number());
+    let text = error.to_string();
+    let message = text.strip_prefix(&format!("{code}: ")).unwrap_or(&text);
+    let mut finding = Finding::whole(Level::Error, &code, file.map_or("program", String::as_str), message, "");
+    if let (Some(site), Some(file)) = (site, file) {
+        finding.line = site.line;
+        finding.text = format!("{file}:{}: error {text}\n", site.line);
+    }
+    finding
+}
+
+/// Builds a station with shared segments and real drivers.
+///
+/// # Errors
+/// [`AssemblyError`].
+pub fn assemble(
+    station: &Station,
+    loaded: &Loaded,
+    drivers: &DriverSettings,
+    rundir: &Path,
+    clock: MonotonicClock,
+) -> Result<Assembly, AssemblyError> {
+    let mut building = Building {
+        station,
+        drivers,
+        rundir,
+        fleet: Fleet::new(),
+        io: None,
+        links: Vec::new(),
+        views: Vec::new(),
+        modules: Vec::new(),
+    };
+    for line in &station.simulated_lines {
+        simulated::add(&mut building.fleet, rundir, line, drivers).map_err(AssemblyError::System)?;
+    }
+    for config in &station.modules {
+        building.add(config)?;
+    }
+    let running = Arc::new(Running::default());
+    let seen: Vec<PluginModule> = station.modules.iter().map(plugin_module).collect();
+    let natives = watch_all(loaded.native_blocks(&seen).map_err(AssemblyError::Load)?, &running);
+    let mut config = station.cpu.clone();
+    config.date_at_start = date_now();
+    let rules = config.clone();
+    let cpu = load_cpu(config, loaded, natives, building.modules).map_err(AssemblyError::Load)?;
+    let view = StationView {
+        name: station.name.clone(),
+        family: station.cpu.family,
+        names: Arc::new(Names::new(&loaded.program)),
+        places: Arc::new(Places::new(&loaded.program)),
+        modules: building.views,
+        panel: building.io.as_ref().and_then(|io| Panel::new(io, &station.modules)),
+        posture: Arc::new(OnceLock::new()),
+        retentive: station.retentive.as_ref().map(|_| Health::default()),
+        clock,
+        timings: Timings::new(cpu.accounts(), &rules, clock),
+    };
+    Ok(Assembly { cpu, view, fleet: building.fleet, io: building.io, links: building.links, running })
+}
+
+/// The ptys the drivers of a station publish: what has to go should the runtime be killed.
+#[must_use]
+pub fn published(station: &Station) -> Vec<PathBuf> {
+    station
+        .modules
+        .iter()
+        .filter_map(|module| match module.kind.line() {
+            Some(Line::Pty(path)) => Some(path.clone()),
+            _ => None,
+        })
+        .chain(station.simulated_lines.iter().filter_map(|line| match &line.partner {
+            Partner::Pty(path) => Some(path.clone()),
+            Partner::None | Partner::Echo => None,
+        }))
+        .collect()
+}
+
+struct Building<'a> {
+    station: &'a Station,
+    drivers: &'a DriverSettings,
+    rundir: &'a Path,
+    fleet: Fleet,
+    io: Option<ProcessIo>,
+    links: Vec<(String, PathBuf)>,
+    views: Vec<ModuleView>,
+    modules: Vec<(ModuleSlot, Box<dyn Module>)>,
+}
+
+impl Building<'_> {
+    fn add(&mut self, config: &ModuleConfig) -> Result<(), AssemblyError> {
+        let mut view = ModuleView::new(config);
+        let module = match cp_settings(&self.station.name, config, Some((self.rundir, &self.station.simulated_lines))) {
+            Some(settings) => self.cp(config, settings, &mut view)?,
+            None => self.process_io(config)?,
+        };
+        self.modules.push((slot(config), module));
+        self.views.push(view);
+        Ok(())
+    }
+
+    fn cp(
+        &mut self,
+        config: &ModuleConfig,
+        settings: CpSettings,
+        view: &mut ModuleView,
+    ) -> Result<Box<dyn Module>, AssemblyError> {
+        let system = |error: &dyn std::fmt::Display| AssemblyError::System(format!("module {}: {error}", config.name));
+        let segment = Segment::create_shared().map_err(|e| system(&e))?;
+        let mut side = CpuSide::create(&segment, usize::from(config.input_bytes())).map_err(|e| system(&e))?;
+        // Before the driver looks: it would report that it has none.
+        side.write_params(&settings.parameters, &settings.json).map_err(|e| system(&e))?;
+        if let Some(path) = segment.path() {
+            self.links.push((format!("{}.segment", config.name), path));
+        }
+        let command = DriverCommand {
+            name: config.name.clone(),
+            program: config.driver.clone().unwrap_or_else(|| self.drivers.program.clone()),
+            args: vec!["--name".into(), config.name.clone().into()],
+            env: self.drivers.env.iter().cloned().chain([fence::variable([self.rundir], config.kind.line())]).collect(),
+        };
+        let monitor = side.monitor().clone();
+        let port = self.fleet.add(command, segment, monitor.clone(), Times::default()).map_err(|e| system(&e))?;
+        view.monitor = Some(monitor);
+        view.driver = Some(Arc::clone(&port.status));
+        Ok(Box::new(CpModule::new(side, Box::new(port), settings).map_err(|e| system(&e))?))
+    }
+
+    fn process_io(&mut self, config: &ModuleConfig) -> Result<Box<dyn Module>, AssemblyError> {
+        let leads = self.io.is_none();
+        if leads {
+            let stimulus = match &self.station.stimulus {
+                Some(path) => Stimulus::load(path).map_err(|f| AssemblyError::Load(LoadFailure::Rejected(f)))?,
+                None => Stimulus::default(),
+            };
+            let image = IoImage::create_shared().map_err(|e| AssemblyError::System(format!("process I/O: {e}")))?;
+            if let Some(path) = image.path() {
+                self.links.push((crate::rundir::IO.to_owned(), path));
+            }
+            self.io = Some(ProcessIo::new(image, stimulus));
+        }
+        let module = self.io.as_ref().and_then(|io| io.module(config, leads));
+        module.ok_or_else(|| AssemblyError::System(format!("module {}: neither CP nor process I/O", config.name)))
+    }
+}
+
+/// Nanoseconds from 1990-01-01 to now, UTC: what start information calls the date.
+pub fn date_now() -> u64 {
+    date_of(unix_now())
+}
+
+/// Nanoseconds from 1970-01-01 to now, UTC.
+pub(crate) fn unix_now() -> u64 {
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+    now.as_nanos() as u64
+}
+
+/// Nanoseconds from 1990-01-01, out of those from 1970-01-01.
+pub fn date_of(unix: u64) -> u64 {
+    const TO_1990: u64 = 7305 * 86_400;
+    unix.saturating_sub(TO_1990 * 1_000_000_000)
+}
+
+/// `ob1-cp`: named by `OB1_CP`, beside this executable, or in `PATH`.
+///
+/// # Errors
+/// Where it was looked for.
+pub fn find_driver() -> Result<PathBuf, String> {
+    const NAME: &str = "ob1-cp";
+    if let Some(path) = std::env::var_os("OB1_CP") {
+        let path = PathBuf::from(path);
+        return if path.exists() {
+            Ok(path)
+        } else {
+            Err(format!("OB1_CP names {}, which is not there", path.display()))
+        };
+    }
+    let beside = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.join(NAME)));
+    let in_path = std::env::var_os("PATH").unwrap_or_default();
+    let candidates = beside.into_iter().chain(std::env::split_paths(&in_path).map(|folder| folder.join(NAME)));
+    let mut searched: BTreeMap<PathBuf, ()> = BTreeMap::new();
+    for candidate in candidates {
+        if candidate.is_file() {
+            return Ok(candidate);
+        }
+        searched.insert(candidate.parent().unwrap_or(Path::new("/")).to_owned(), ());
+    }
+    let searched: Vec<String> = searched.keys().map(|p| p.display().to_string()).collect();
+    Err(format!("the driver {NAME} is not to be found in {}; set OB1_CP", searched.join(", ")))
+}

@@ -1,0 +1,93 @@
+//! A folder is a program: the sources and symbol tables in it.
+
+use std::path::{Path, PathBuf};
+
+/// Extensions of sources, and of what is recognised as none.
+const SOURCES: [&str; 7] = ["awl", "stl", "db", "udt", "scl", "gr7", "inp"];
+
+/// Extensions of symbol tables.
+const TABLES: [&str; 4] = ["sdf", "asc", "seq", "dif"];
+
+/// Files a folder is looked into for.
+const MOST: usize = 100_000;
+
+/// The files that a list of files and folders names, sources and symbol tables apart, in the order of their names
+/// within a folder.
+pub fn expand(files: &[PathBuf], symbols: &[PathBuf]) -> (Vec<PathBuf>, Vec<PathBuf>) {
+    let (mut sources, mut tables) = (Vec::new(), symbols.to_vec());
+    for path in files {
+        if !path.is_dir() {
+            sources.push(path.clone());
+            continue;
+        }
+        for found in within(path) {
+            match kind(&found) {
+                Some(true) => sources.push(found),
+                Some(false) if !tables.contains(&found) => tables.push(found),
+                _ => {}
+            }
+        }
+    }
+    (sources, tables)
+}
+
+/// True for a source, false for a symbol table.
+fn kind(path: &Path) -> Option<bool> {
+    let extension = path.extension()?.to_str()?.to_ascii_lowercase();
+    if SOURCES.contains(&extension.as_str()) {
+        return Some(true);
+    }
+    if extension == "xml" {
+        // Of the many files of this kind only blocks are told about.
+        let text = std::fs::read(path).ok()?;
+        let begin = String::from_utf8_lossy(text.get(..text.len().min(4096))?).into_owned();
+        return begin.contains("<SW.").then_some(true);
+    }
+    TABLES.contains(&extension.as_str()).then_some(false)
+}
+
+/// All files below a folder, in order. Links are not followed.
+fn within(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        let Ok(entries) = std::fs::read_dir(&folder) else { continue };
+        for entry in entries.flatten() {
+            match entry.file_type() {
+                Ok(kind) if kind.is_dir() => folders.push(entry.path()),
+                Ok(kind) if kind.is_file() => files.push(entry.path()),
+                _ => {}
+            }
+        }
+        if files.len() > MOST {
+            break;
+        }
+    }
+    files.sort();
+    files
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_gives_its_sources_and_tables() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().expect("a parent")).expect("made");
+            std::fs::write(&path, text).expect("written");
+            path
+        };
+        let main = write("main.AWL", "");
+        let data = write("sub/data.db", "");
+        let table = write("symbols.sdf", "");
+        let block = write("sub/x.xml", "<?xml?><Document><SW.Blocks.FC>");
+        write("note.txt", "");
+        write("other.xml", "<?xml?>");
+        let (sources, tables) = expand(&[folder.path().to_owned()], &[]);
+        assert_eq!((sources, tables), (vec![main.clone(), data, block], vec![table]));
+        assert_eq!(expand(std::slice::from_ref(&main), &[]).0, [main]);
+    }
+}

@@ -1,0 +1,112 @@
+//! Inputs written through the socket. An input that a module feeds is read anew at the start of each scan: whoever
+//! writes it means the module, so it is written into the image, as a hand on the switch would.
+
+use std::fmt;
+use std::ops::Range;
+
+use ob1_backplane::IoField;
+use ob1_cpu::{Cell, CellWidth};
+use ob1_model::Area;
+
+use super::ProcessIo;
+use crate::station_file::{ModuleConfig, ModuleKind};
+
+/// The inputs of a station's process I/O modules.
+#[derive(Clone)]
+pub struct Panel {
+    field: IoField,
+    /// Input bytes of each module.
+    modules: Vec<Range<u32>>,
+}
+
+impl fmt::Debug for Panel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Panel").field("modules", &self.modules).finish_non_exhaustive()
+    }
+}
+
+impl Panel {
+    /// The inputs among `modules`, which live in `io`.
+    #[must_use]
+    pub fn new(io: &ProcessIo, modules: &[ModuleConfig]) -> Option<Self> {
+        let bytes = |module: &ModuleConfig| match module.kind {
+            ModuleKind::Inputs { bytes } => {
+                Some(module.input_address..module.input_address.saturating_add(u32::from(bytes)))
+            }
+            _ => None,
+        };
+        Some(Self { field: io.field()?, modules: modules.iter().filter_map(bytes).collect() })
+    }
+
+    /// Writes an input if all of it belongs to modules. False: it does not, and the CPU's memory is meant.
+    #[must_use]
+    pub fn write(&self, cell: Cell, width: CellWidth, bits: u32) -> bool {
+        let Cell::Area(Area::Input, at) = cell else { return false };
+        let (first, count) = (at / 8, u32::from(width.bits()).div_ceil(8));
+        if !(first..first.saturating_add(count)).all(|byte| self.modules.iter().any(|module| module.contains(&byte))) {
+            return false;
+        }
+        let offset = first as usize;
+        if width == CellWidth::Bit {
+            let mut byte = [0];
+            self.field.read_inputs(offset, &mut byte);
+            let mask = 1 << (at % 8);
+            let [byte] = byte;
+            self.field.write_inputs(offset, &[if bits & 1 == 1 { byte | mask } else { byte & !mask }]);
+        } else {
+            let bytes = bits.to_be_bytes();
+            self.field.write_inputs(offset, bytes.get(bytes.len() - count as usize..).unwrap_or_default());
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ob1_backplane::IoImage;
+
+    use super::*;
+    use crate::io::Stimulus;
+    use crate::station_file::Absent;
+
+    #[test]
+    fn an_input_of_a_module_is_written_into_the_image() {
+        let module = |name: &str, address, kind| ModuleConfig {
+            name: name.to_owned(),
+            input_address: address,
+            output_address: address,
+            absent: Absent::Zero,
+            substitute: Vec::new(),
+            driver: None,
+            kind,
+        };
+        let modules = [
+            module("a", 4, ModuleKind::Inputs { bytes: 2 }),
+            module("b", 6, ModuleKind::Inputs { bytes: 1 }),
+            module("c", 8, ModuleKind::Outputs { bytes: 2 }),
+        ];
+        let image = IoImage::heap();
+        let field = image.field();
+        let io = ProcessIo::new(image, Stimulus::default());
+        let panel = Panel::new(&io, &modules).expect("not poisoned");
+        let input = |byte: u32, bit: u32| Cell::Area(Area::Input, byte * 8 + bit);
+        let inputs = || {
+            let mut bytes = [0; 5];
+            field.read_inputs(3, &mut bytes);
+            bytes
+        };
+        assert!(panel.write(input(4, 0), CellWidth::Byte, 0x81));
+        assert!(panel.write(input(4, 1), CellWidth::Bit, 1));
+        assert!(panel.write(input(4, 7), CellWidth::Bit, 0));
+        // Over the border of two modules.
+        assert!(panel.write(input(5, 0), CellWidth::Word, 0x1234));
+        assert_eq!(inputs(), [0, 3, 0x12, 0x34, 0]);
+        // Half outside, wholly outside, no input.
+        assert!(!panel.write(input(6, 0), CellWidth::Word, 0x5678));
+        assert!(!panel.write(input(4, 0), CellWidth::DWord, 0x5678));
+        assert!(!panel.write(input(3, 0), CellWidth::Bit, 1));
+        assert!(!panel.write(Cell::Area(Area::Output, 32), CellWidth::Byte, 1));
+        assert!(!panel.write(Cell::Peripheral(4), CellWidth::Byte, 1));
+        assert_eq!(inputs(), [0, 3, 0x12, 0x34, 0]);
+    }
+}

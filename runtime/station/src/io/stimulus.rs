@@ -1,0 +1,223 @@
+//! A timed stimulus: process inputs set at given times, from a TOML file. Times count from the start of the runtime, so
+//! the same file does the same in a simulation.
+
+use std::path::Path;
+
+use ob1_backplane::{IoField, IoImage};
+use ob1_cpu::{Cell, CellWidth, Nanos};
+use ob1_model::Area;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use toml::Spanned;
+
+use crate::finding::{Finding, Level, Text};
+use crate::station_file::parse_duration;
+use ob1_access::Names;
+use ob1_access::value;
+
+/// A stimulus that cannot be.
+const STIMULUS: &str = "C011";
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    repeat: Option<Spanned<String>>,
+    #[serde(default)]
+    at: Vec<At>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct At {
+    time: Spanned<String>,
+    set: BTreeMap<Spanned<String>, Spanned<toml::Value>>,
+}
+
+/// One change of inputs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Change {
+    time: Nanos,
+    bit: u32,
+    bits: u8,
+    value: u32,
+}
+
+/// A list of timed changes, and how far it has been played.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Stimulus {
+    changes: Vec<Change>,
+    /// The list begins anew after this time.
+    repeat: Option<Nanos>,
+    next: usize,
+    round: Nanos,
+}
+
+impl Stimulus {
+    /// Reads a stimulus file.
+    ///
+    /// # Errors
+    /// All findings.
+    pub fn load(path: &Path) -> Result<Self, Vec<Finding>> {
+        let name = path.display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => Self::parse(&text, &name),
+            Err(error) => {
+                let message = format!("the stimulus file cannot be read: {error}");
+                let remedy = "its path counts from the station file";
+                Err(vec![Finding::whole(Level::Error, STIMULUS, &name, message, remedy)])
+            }
+        }
+    }
+
+    /// Reads the text of a stimulus file.
+    ///
+    /// # Errors
+    /// All findings.
+    pub fn parse(text: &str, name: &str) -> Result<Self, Vec<Finding>> {
+        let source = Text { file: name, text };
+        let error = |at, message, remedy: &str| source.finding(Level::Error, STIMULUS, at, message, remedy.to_owned());
+        let file: File = toml::from_str(text).map_err(|e| {
+            let remedy = "a stimulus file has `repeat` and tables [[at]] with `time` and `set`; see docs/process-io.md";
+            vec![error(e.span().unwrap_or(0..0), e.message().replace('\n', ", "), remedy)]
+        })?;
+        let mut found = Vec::new();
+        let mut time_of = |text: &Spanned<String>| match parse_duration(text.get_ref()) {
+            Ok(time) => time.as_nanos() as Nanos,
+            Err(message) => {
+                found.push(error(text.span(), message, "a number and a unit, in quotes: \"250ms\""));
+                0
+            }
+        };
+        let repeat = file.repeat.as_ref().map(&mut time_of);
+        let times: Vec<Nanos> = file.at.iter().map(|at| time_of(&at.time)).collect();
+        let mut changes = Vec::new();
+        for (at, &time) in file.at.iter().zip(&times) {
+            if repeat.is_some_and(|repeat| time >= repeat) {
+                let message = "this time is never reached: the list begins anew before".to_owned();
+                found.push(error(at.time.span(), message, "make it earlier than `repeat`"));
+            }
+            for (cell, value) in &at.set {
+                match change(time, cell.get_ref(), value.get_ref()) {
+                    Ok(change) => changes.push(change),
+                    Err(message) => found.push(error(
+                        cell.span().start..value.span().end,
+                        message,
+                        "inputs are named as in STL, such as \"E 0.0\" = true or \"EW 4\" = 1234",
+                    )),
+                }
+            }
+        }
+        if repeat == Some(0) {
+            found.push(error(0..0, "repeat must be longer than 0".to_owned(), "a stimulus that repeats takes time"));
+        }
+        changes.sort_by_key(|change| change.time);
+        if found.is_empty() { Ok(Self { changes, repeat, next: 0, round: 0 }) } else { Err(found) }
+    }
+
+    /// Does what is due.
+    pub(super) fn play(&mut self, now: Nanos, image: &IoImage, field: &IoField) {
+        if self.changes.is_empty() {
+            return;
+        }
+        // After a long pause whole rounds are left out: only the last one could still be seen.
+        if let Some(repeat) = self.repeat
+            && now.saturating_sub(self.round) >= repeat.saturating_mul(2)
+        {
+            self.round += (now - self.round) / repeat * repeat;
+            self.next = 0;
+        }
+        loop {
+            while let Some(change) = self.changes.get(self.next) {
+                if self.round + change.time > now {
+                    return;
+                }
+                apply(change, image, field);
+                self.next += 1;
+            }
+            match self.repeat {
+                Some(repeat) if self.round + repeat <= now => (self.round, self.next) = (self.round + repeat, 0),
+                _ => return,
+            }
+        }
+    }
+}
+
+fn apply(change: &Change, image: &IoImage, field: &IoField) {
+    let byte = (change.bit / 8) as usize;
+    if change.bits == 1 {
+        let mut cell = [0];
+        image.read_inputs(byte, &mut cell);
+        let mask = 1u8 << (change.bit % 8);
+        let [old] = cell;
+        field.write_inputs(byte, &[if change.value != 0 { old | mask } else { old & !mask }]);
+    } else {
+        let bytes = change.value.to_be_bytes();
+        field.write_inputs(byte, &bytes[bytes.len() - usize::from(change.bits / 8)..]);
+    }
+}
+
+fn change(time: Nanos, cell: &str, value: &toml::Value) -> Result<Change, String> {
+    let item = Names::default().parse(cell)?;
+    let (Cell::Area(Area::Input, bit) | Cell::Peripheral(bit)) = item.cell else {
+        return Err(format!("{cell} is no input"));
+    };
+    let json = match value {
+        toml::Value::Boolean(bit) => serde_json::Value::from(*bit),
+        toml::Value::Integer(number) => serde_json::Value::from(*number),
+        toml::Value::String(text) => serde_json::Value::from(text.as_str()),
+        other => return Err(format!("a {} is no value for {cell}", other.type_str())),
+    };
+    let bits = if item.width == CellWidth::Bit { 1 } else { item.width.bits() };
+    Ok(Change { time, bit, bits, value: value::from_json(&item, &json)? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Nanos = 1_000_000;
+
+    fn inputs(stimulus: &mut Stimulus, image: &IoImage, now: Nanos) -> [u8; 8] {
+        stimulus.play(now, image, &image.field());
+        let mut bytes = [0; 8];
+        image.read_inputs(0, &mut bytes);
+        bytes
+    }
+
+    #[test]
+    fn changes_come_when_they_are_due() {
+        let text = "[[at]]\ntime = \"20ms\"\nset = { \"E 0.0\" = false, \"EW 2\" = -2 }\n\
+                    [[at]]\ntime = \"10ms\"\nset = { \"E 0.0\" = true, \"I 0.7\" = 1, \"EB 1\" = \"16#5A\" }\n";
+        let mut stimulus = Stimulus::parse(text, "s.toml").expect("good");
+        let image = IoImage::heap();
+        assert_eq!(inputs(&mut stimulus, &image, 9 * MS), [0; 8]);
+        assert_eq!(inputs(&mut stimulus, &image, 10 * MS), [0x81, 0x5A, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(inputs(&mut stimulus, &image, 500 * MS), [0x80, 0x5A, 0xFF, 0xFE, 0, 0, 0, 0]);
+    }
+
+    #[test]
+    fn a_list_repeats_and_skips_what_nobody_saw() {
+        let text = "repeat = \"100ms\"\n[[at]]\ntime = \"0ms\"\nset = { \"EB 0\" = 1 }\n[[at]]\ntime = \"50ms\"\nset = { \"EB 0\" = 2 }\n";
+        let mut stimulus = Stimulus::parse(text, "s.toml").expect("good");
+        let image = IoImage::heap();
+        for (now, value) in
+            [(0, 1), (49, 1), (50, 2), (99, 2), (100, 1), (149, 1), (150, 2), (1_000_020, 1), (1_000_050, 2)]
+        {
+            assert_eq!(inputs(&mut stimulus, &image, now * MS)[0], value, "{now} ms");
+        }
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let text = "repeat = \"1s\"\n[[at]]\ntime = \"2s\"\nset = { \"A 0.0\" = 1, \"EB 0\" = 256, \"EX\" = 1 }\n[[at]]\ntime = \"soon\"\nset = {}\n";
+        let found = Stimulus::parse(text, "s.toml").expect_err("bad");
+        let text: String = found.iter().map(ToString::to_string).collect();
+        for part in
+            ["never reached", "A 0.0 is no input", "256 does not fit", "\"EX\" is no name", "\"soon\" has no unit"]
+        {
+            assert!(text.contains(part) || part.contains("soon"), "{part} is missing in\n{text}");
+        }
+        assert!(text.contains("s.toml:6:8"), "{text}");
+        assert!(Stimulus::parse("[[on]]\n", "s.toml").is_err());
+    }
+}

@@ -1,0 +1,110 @@
+//! The file `STATION.numbers` beside a station file: the numbers that were given to blocks with names only. They stay
+//! when sources are added, since data block numbers are what other programs and retentive data hold on to.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use ob1_stl::Numbered;
+
+use crate::finding::{Finding, Level, Text};
+use crate::station_file::findings::of_toml;
+use crate::station_file::parse_block;
+
+/// Reads a file of numbers; none when there is no file.
+///
+/// # Errors
+/// The file cannot be read, or has a line that is none.
+pub(crate) fn read(path: &Path) -> Result<Vec<Numbered>, Vec<Finding>> {
+    let name = path.display().to_string();
+    let text = match std::fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => {
+            let message = format!("the file of block numbers cannot be read: {error}");
+            return Err(vec![Finding::whole(Level::Error, "C001", &name, message, "make it readable for this user")]);
+        }
+    };
+    let source = Text { file: &name, text: &text };
+    let table: BTreeMap<String, toml::Spanned<String>> =
+        toml::from_str(&text).map_err(|error| vec![of_toml(source, &error, "docs/porting.md")])?;
+    let mut numbers = Vec::with_capacity(table.len());
+    let mut wrong = Vec::new();
+    for (name, number) in table {
+        match parse_block(number.get_ref()) {
+            Some(id) => numbers.push(Numbered { name, id }),
+            None => {
+                let message = format!("\"{}\" is no block", number.get_ref());
+                let remedy = "write \"FC 35\", or remove the line".to_owned();
+                wrong.push(source.finding(Level::Error, "C005", number.span(), message, remedy));
+            }
+        }
+    }
+    if wrong.is_empty() { Ok(numbers) } else { Err(wrong) }
+}
+
+/// Writes what was there and what has come. A finding when it cannot be written: the numbers could then change.
+pub(crate) fn write(path: &Path, kept: &[Numbered], given: &[Numbered]) -> Option<Finding> {
+    let mut all: BTreeMap<&str, &Numbered> = kept.iter().map(|k| (k.name.as_str(), k)).collect();
+    let before = all.len();
+    for one in given {
+        all.entry(one.name.as_str()).or_insert(one);
+    }
+    if all.len() == before {
+        return None;
+    }
+    let mut text =
+        String::from("# Numbers of blocks that have a name only, given by ob1. They stay as they are here.\n");
+    for (name, one) in all {
+        let _ = writeln!(text, "{} = \"{}\"", toml::Value::from(name), one.id);
+    }
+    let beside = path.with_extension("numbers.new");
+    let written = std::fs::write(&beside, text).and_then(|()| std::fs::rename(&beside, path));
+    written.err().map(|error| {
+        let message = format!("the numbers of blocks cannot be kept: {error}");
+        let remedy = "make the folder writable, or fix them: [program] numbers = { \"name\" = \"FC 35\" }";
+        Finding::whole(Level::Warning, "C014", &path.display().to_string(), message, remedy)
+    })
+}
+
+/// The note about all numbers that were given; empty when there are none.
+pub fn note(given: &[Numbered], path: Option<&Path>) -> String {
+    if given.is_empty() {
+        return String::new();
+    }
+    let list: Vec<String> = given.iter().map(|one| format!("\"{}\" = {}", one.name, one.id)).collect();
+    let kept = path.map_or_else(String::new, |path| format!("; kept in {}", path.display()));
+    let blocks = if given.len() == 1 { "1 block has".to_owned() } else { format!("{} blocks have", given.len()) };
+    format!("note: {blocks} a name and no number, and got one: {}{kept}\n", list.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_model::{BlockId, BlockKind};
+
+    #[test]
+    fn numbers_are_kept_and_only_added_to() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("press.numbers");
+        assert_eq!(read(&path), Ok(Vec::new()));
+        let one = Numbered { name: "Pump \"A\"".into(), id: BlockId::new(BlockKind::Db, 1000) };
+        let two = Numbered { name: "Mixer".into(), id: BlockId::new(BlockKind::Fb, 1000) };
+        assert_eq!(write(&path, &[], std::slice::from_ref(&one)), None);
+        assert_eq!(read(&path), Ok(vec![one.clone()]));
+        // Given again under another number: the first stays.
+        let other = Numbered { id: BlockId::new(BlockKind::Db, 7), ..one.clone() };
+        assert_eq!(write(&path, std::slice::from_ref(&one), &[other, two.clone()]), None);
+        assert_eq!(read(&path), Ok(vec![two, one]));
+        std::fs::write(&path, "\"x\" = \"MW 5\"\n").expect("written");
+        assert_eq!(read(&path).expect_err("no block")[0].line, 1);
+        assert!(
+            write(
+                Path::new("/nowhere/at/all.numbers"),
+                &[],
+                &[Numbered { name: "x".into(), id: BlockId::new(BlockKind::Fc, 1) }]
+            )
+            .is_some()
+        );
+    }
+}

@@ -1,0 +1,129 @@
+//! Blocks that are not there: what is said of a call of one, and of one that is declared but served by no plugin.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ob1_cpu::LoadError;
+use ob1_host::plugin::Plugin;
+use ob1_ir::Program;
+use ob1_model::{BlockId, BlockKind};
+use ob1_std::{Origin, StandardBlock, known_system_function, standard_blocks, system_functions};
+use ob1_stl::{Library, Missing, USES};
+
+use crate::finding::{Finding, Level};
+use crate::library::Choice;
+
+/// A block that is called, is declared by a library, and that no plugin serves.
+const UNSERVED: &str = "L020";
+const MANUAL: &str = "docs/standard-blocks.md";
+
+/// Tells the compiler what to say of calls of blocks that are not in the library.
+pub fn explain_missing(library: &mut Library) {
+    let blocks = standard_blocks();
+    let offered: Vec<BlockId> = system_functions(ob1_cpu::SERVICES).iter().map(|block| block.id).collect();
+    for kind in [BlockKind::Sfc, BlockKind::Sfb] {
+        for id in (0..=u16::from(u8::MAX)).map(|number| BlockId::new(kind, number)) {
+            let Some(name) = known_system_function(id) else { continue };
+            library.name(id, name);
+            if !offered.contains(&id) {
+                library.explain(id, lacking(id, name, &blocks));
+            }
+        }
+    }
+    let mut by_number: BTreeMap<BlockId, Vec<&StandardBlock>> = BTreeMap::new();
+    for block in blocks.iter().filter(|block| block.origin != Origin::System) {
+        library.name(block.id, block.name);
+        if !block.origin.is_declared_only() {
+            library.offer(block.id, block.name, block.interface.clone());
+        }
+        by_number.entry(block.id).or_default().push(block);
+    }
+    for (id, candidates) in by_number {
+        library.explain(id, to_be_chosen(id, &candidates));
+    }
+}
+
+fn lacking(id: BlockId, name: &str, blocks: &[StandardBlock]) -> Missing {
+    let needs = blocks.iter().find(|block| block.id == id).and_then(|block| block.needs);
+    let message = match needs {
+        Some(service) => format!("{id} {name} needs the service {service:?}, which this CPU does not have: {USES}"),
+        None => format!("{id} {name} is a block of STEP 7 that this CPU does not have: {USES}"),
+    };
+    Missing { message, remedy: format!("leave the call out or replace it; {MANUAL} lists the blocks there are") }
+}
+
+fn to_be_chosen(id: BlockId, candidates: &[&StandardBlock]) -> Missing {
+    let list: Vec<String> = candidates.iter().map(|block| format!("{} {}", block.key(), block.name)).collect();
+    let key = candidates.first().map(|block| block.key()).unwrap_or_default();
+    let subject = if id.kind == BlockKind::Fb { format!("{id} and its instances") } else { id.to_string() };
+    // Only the handling blocks of the CPs come with plugins.
+    let plugin = if candidates.iter().any(|block| block.origin.is_declared_only()) { ", its plugin" } else { "" };
+    Missing {
+        message: format!("{subject}: {}, and neither the program nor the library has it", USES),
+        remedy: format!(
+            "load its source{plugin}, import the project, or choose a standard block of this number ({}): \
+             [library] \"{id}\" = \"{key}\" in the station file; bare sources: --library {}={key}",
+            list.join(", "),
+            compact(id)
+        ),
+    }
+}
+
+fn compact(id: BlockId) -> String {
+    format!("{}{}", id.kind.name(), id.number)
+}
+
+/// The blocks that are declared and that no plugin serves.
+#[derive(Clone, Debug, Default)]
+pub struct Unserved(BTreeMap<BlockId, StandardBlock>);
+
+impl Unserved {
+    /// Of these declared libraries, what none of these plugins serves under the number it was given.
+    pub fn new(standard: &[Choice], plugins: &[(Arc<Plugin>, BTreeMap<BlockId, BlockId>)]) -> Self {
+        let mut declared: BTreeMap<BlockId, StandardBlock> = standard
+            .iter()
+            .filter_map(|choice| Some((choice.id, choice.block()?)))
+            .filter(|(_, block)| block.origin.is_declared_only())
+            .collect();
+        for (plugin, renumber) in plugins {
+            for block in &plugin.info().blocks {
+                declared.remove(&renumber.get(&block.id).copied().unwrap_or(block.id));
+            }
+        }
+        Self(declared)
+    }
+
+    /// The findings of a program that cannot be loaded: use of a declared block is told as such, once a statement.
+    pub fn findings(&self, errors: &[LoadError], program: &Program) -> Vec<Finding> {
+        let is_called = |wanted: &BlockId| {
+            errors.iter().any(|error| matches!(error, LoadError::MissingBlock { block, .. } if block == wanted))
+        };
+        let tell = |error: &LoadError| {
+            let usual = crate::assembly::of_load_error(error, program);
+            match error {
+                LoadError::MissingBlock { block, site } if self.0.contains_key(block) => {
+                    Some(self.unserved(&usual, *block, &format!("{site} calls")))
+                }
+                // Its calls have been told already.
+                LoadError::Instance { block, .. } if self.0.contains_key(block) && is_called(block) => None,
+                LoadError::Instance { block, number } if self.0.contains_key(block) => {
+                    Some(self.unserved(&usual, *block, &format!("DB {number} is an instance of")))
+                }
+                _ => Some(usual),
+            }
+        };
+        errors.iter().filter_map(tell).collect()
+    }
+
+    fn unserved(&self, usual: &Finding, block: BlockId, what: &str) -> Finding {
+        let named = self.0.get(&block).map(|b| format!("{block} {} ({})", b.name, b.key())).unwrap_or_default();
+        let message = format!("{what} {named}, which is declared only: no plugin serves it");
+        let remedy = format!("load the plugin that has it: [[plugin]] in the station file; {MANUAL}");
+        let mut finding = Finding::whole(Level::Error, UNSERVED, &usual.file, &message, &remedy);
+        if usual.line > 0 {
+            finding.line = usual.line;
+            finding.text = format!("{}:{}: error {UNSERVED}: {message}\n  = {remedy}\n", usual.file, usual.line);
+        }
+        finding
+    }
+}

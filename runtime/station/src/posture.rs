@@ -1,0 +1,160 @@
+//! What a station asks of the operating system for its scan: asked for in one place, by `run` and by
+//! `check --posture` alike.
+
+use std::fs::File;
+
+use ob1_rt::{Grant, Outcome, Posture};
+
+use crate::access::protocol::GrantStatus;
+use crate::exit::Exit;
+use crate::finding::{Finding, Level};
+use crate::station_file::Station;
+
+/// The finding of [`starves`].
+pub(crate) const STARVES: &str = "C014";
+
+/// What is asked for the whole process, and what has to be held for it.
+#[must_use]
+pub fn ask_process(station: &Station) -> (Posture, Option<File>) {
+    let mut grants = Vec::new();
+    if station.realtime.lock_memory {
+        grants.push(ob1_rt::lock_memory());
+    }
+    if !station.realtime.keep_awake {
+        return (grants, None);
+    }
+    let (grant, held) = ob1_rt::keep_awake();
+    grants.push(grant);
+    (grants, held)
+}
+
+/// What is asked for the calling thread, which is to be the one that scans.
+#[must_use]
+pub fn ask_thread(station: &crate::station_file::Realtime) -> Posture {
+    let mut grants = vec![ob1_rt::set_timer_slack()];
+    if !station.affinity.is_empty() {
+        grants.push(ob1_rt::pin_to(&station.affinity));
+    }
+    if let Some(priority) = station.priority {
+        grants.push(ob1_rt::raise_priority(priority));
+    }
+    grants
+}
+
+/// A scan that would leave nothing of its core to anybody else: free-running, or spinning more than half of its cycle,
+/// with a real-time priority, on a core that is not its own. The kernel throttles such a thread for tens of
+/// milliseconds each second.
+#[must_use]
+pub fn starves(station: &Station, isolated: &[usize], file: &str) -> Option<Finding> {
+    let asked = &station.realtime;
+    asked.priority?;
+    let own_core = !asked.affinity.is_empty() && asked.affinity.iter().all(|core| isolated.contains(core));
+    let cycle = station.cpu.min_cycle;
+    let (what, remedy) = match (cycle, asked.spin) {
+        _ if own_core => return None,
+        (0, _) => ("a free-running scan", "set min_cycle"),
+        (cycle, spin) if spin > cycle / 2 => ("a scan that spins for more than half of its cycle", "make spin shorter"),
+        _ => return None,
+    };
+    let message = format!("{what} with a real-time priority would starve its core, and be throttled by the kernel");
+    let remedy =
+        format!("{remedy}, leave priority out, or bind it to an isolated core (boot with isolcpus=N; affinity = [N])");
+    Some(Finding::whole(Level::Error, STARVES, file, message, remedy))
+}
+
+/// Asks for everything, on a thread of its own, and prints what became of it and what of the system bears on it.
+#[must_use]
+pub fn check(station: &Station, json: bool) -> Exit {
+    let (mut grants, held) = ask_process(station);
+    let realtime = station.realtime.clone();
+    match ob1_rt::spawn("ob1-posture", move || ask_thread(&realtime)).map(std::thread::JoinHandle::join) {
+        Ok(Ok(more)) => grants.extend(more),
+        _ => return Exit::System,
+    }
+    drop(held);
+    let refused = grants.iter().any(|grant| grant.outcome != Outcome::Granted);
+    grants.extend(ob1_rt::system_facts(&station.realtime.affinity));
+    if json {
+        let told: Vec<GrantStatus> = grants.iter().map(GrantStatus::from).collect();
+        match serde_json::to_string_pretty(&told) {
+            Ok(text) => say!("{text}"),
+            Err(_) => return Exit::System,
+        }
+    } else {
+        says!("{}", text(&grants));
+    }
+    if refused { Exit::Usage } else { Exit::Ok }
+}
+
+/// One line a grant, and below it what would change it.
+#[must_use]
+pub fn text(grants: &[Grant]) -> String {
+    let mut out = String::new();
+    for grant in grants {
+        let status = GrantStatus::from(grant);
+        let detail = if status.detail.is_empty() { String::new() } else { format!(": {}", status.detail) };
+        out += &format!("{:<8} {}{detail}\n", status.outcome, status.what);
+        if let Some(remedy) = &status.remedy {
+            out += &format!("           = {remedy}\n");
+        }
+    }
+    out
+}
+
+impl From<&Grant> for GrantStatus {
+    fn from(grant: &Grant) -> Self {
+        let outcome = match grant.outcome {
+            Outcome::Granted => "granted",
+            Outcome::Partly => "partly",
+            Outcome::Refused => "refused",
+            Outcome::Noted => "noted",
+            Outcome::Costs => "costs",
+        };
+        Self {
+            what: grant.what.clone(),
+            outcome: outcome.into(),
+            detail: grant.detail.clone(),
+            remedy: grant.remedy.map(str::to_owned),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn station(cpu: &str, realtime: &str) -> Station {
+        let text = format!("[station]\nname = \"x\"\n[cpu]\n{cpu}\n[cpu.realtime]\n{realtime}\n");
+        crate::station_file::parse(&text, "x.toml", Path::new("")).unwrap_or_else(|findings| panic!("{findings:?}"))
+    }
+
+    #[test]
+    fn a_scan_that_would_starve_its_core_is_refused_unless_the_core_is_its_own() {
+        let free = "min_cycle = \"0ms\"";
+        let cases = [
+            (free, "priority = 50", false),
+            (free, "priority = 50\naffinity = [1, 3]", true),
+            (free, "priority = 50\naffinity = [0, 1]", false),
+            (free, "spin = \"1ms\"", true),
+            ("", "priority = 50\nspin = \"500us\"", true),
+            ("", "priority = 50\nspin = \"501us\"", false),
+            ("", "priority = 50\nspin = \"501us\"\naffinity = [3]", true),
+        ];
+        for (cpu, realtime, good) in cases {
+            let finding = starves(&station(cpu, realtime), &[1, 2, 3], "x.toml");
+            assert_eq!(finding.is_none(), good, "{cpu} {realtime}");
+            assert!(finding.is_none_or(|finding| finding.to_string().contains("C014")));
+        }
+    }
+
+    #[test]
+    fn every_grant_is_a_line_with_its_remedy() {
+        let grants = ask_thread(&station("", "affinity = [1000]").realtime.clone());
+        assert_eq!(grants.len(), 2);
+        let text = text(&grants);
+        assert!(text.starts_with("granted  timer slack 1 ns\n") && text.contains("refused"), "{text}");
+        assert!(text.contains("\n           = name cores that exist"), "{text}");
+    }
+}

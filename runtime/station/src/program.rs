@@ -1,0 +1,427 @@
+//! From a station's files to a program: plugins are loaded, their blocks told to the compiler, sources compiled.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use ob1_cpu::NativeBlock;
+use ob1_host::plugin::{Plugin, PluginError, PluginModule};
+use ob1_ir::Program;
+use ob1_mc7::BlockImage;
+use ob1_model::{BlockId, BlockKind};
+use ob1_project::Image;
+use ob1_std::{Origin, StandardBlock, standard_blocks};
+use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
+
+use crate::finding::{Finding, Level};
+use crate::library::Choice;
+use crate::station_file::{self, Mnemonics, Station};
+use crate::{folder, handling, numbers, offer};
+
+/// What a station's files give.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The program.
+    pub program: Program,
+    /// The plugins and the renumbering of their blocks.
+    pub plugins: Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>,
+    /// Standard blocks of libraries.
+    pub standard: Vec<Choice>,
+    /// Warnings and lints.
+    pub findings: Vec<Finding>,
+    /// Blocks that have a name only, with the numbers they were given.
+    pub numbers: Vec<Numbered>,
+}
+
+/// Why they give nothing.
+#[derive(Debug)]
+pub enum LoadFailure {
+    /// A plugin was refused.
+    Plugin(Vec<Finding>),
+    /// A source or the program was rejected.
+    Rejected(Vec<Finding>),
+}
+
+impl LoadFailure {
+    /// What was found.
+    #[must_use]
+    pub fn findings(&self) -> &[Finding] {
+        match self {
+            LoadFailure::Plugin(findings) | LoadFailure::Rejected(findings) => findings,
+        }
+    }
+}
+
+/// Where plugins with a bare name are looked for, in this order: `OB1_PLUGIN_DIR`, the folder of the executable,
+/// `../lib/ob1` beside it.
+#[must_use]
+pub fn plugin_folders() -> Vec<PathBuf> {
+    let mut folders: Vec<PathBuf> = std::env::var_os("OB1_PLUGIN_DIR").map(PathBuf::from).into_iter().collect();
+    if let Some(beside) = std::env::current_exe().ok().as_deref().and_then(Path::parent) {
+        folders.push(beside.to_owned());
+        folders.push(beside.join("../lib/ob1"));
+    }
+    folders
+}
+
+/// Loads plugins and compiles the sources of a station.
+///
+/// # Errors
+/// [`LoadFailure`], with everything that was found.
+pub fn load(station: &Station) -> Result<Loaded, LoadFailure> {
+    let plugins = load_plugins(&station.plugins).map_err(LoadFailure::Plugin)?;
+    let library = library(&plugins, &station.program.library).map_err(LoadFailure::Rejected)?;
+    let mut compiled = compile(&station.program, &library).map_err(LoadFailure::Rejected)?;
+    let of_plugins = plugins.iter().flat_map(|(plugin, renumber)| {
+        plugin.info().blocks.iter().map(|block| renumber.get(&block.id).copied().unwrap_or(block.id))
+    });
+    compiled.findings.extend(without_ob1(&compiled.program, of_plugins));
+    compiled.findings.extend(handling::without_use(&compiled.program, &plugins, &station.modules));
+    Ok(Loaded::new(compiled, plugins, &station.program.library))
+}
+
+/// Number of the finding of [`without_ob1`].
+pub const NO_OB1: &str = "L021";
+
+/// A program without OB 1 can be run, but nearly never is meant to be.
+pub fn without_ob1(program: &Program, natives: impl IntoIterator<Item = BlockId>) -> Option<Finding> {
+    let ob1 = BlockId::new(BlockKind::Ob, 1);
+    if program.blocks.iter().any(|block| block.id == ob1) || natives.into_iter().any(|id| id == ob1) {
+        return None;
+    }
+    let file = program.sources.first().map_or("program", String::as_str);
+    let message = "the program has no OB 1: in RUN nothing is executed cyclically";
+    let remedy = "add ORGANIZATION_BLOCK OB 1, or name the source that has it";
+    Some(Finding::whole(Level::Warning, NO_OB1, file, message, remedy))
+}
+
+impl Loaded {
+    /// A compiled program with its plugins and the standard blocks chosen for it.
+    #[must_use]
+    pub fn new(compiled: Compiled, plugins: Plugins, chosen: &[Choice]) -> Self {
+        let Compiled { program, findings, numbers, demanded } = compiled;
+        Self { standard: in_use(&program, chosen, &demanded), program, plugins, findings, numbers }
+    }
+
+    /// The native blocks for one CPU: the system blocks and those of the plugins, with memory for each of the
+    /// `modules`.
+    ///
+    /// # Errors
+    /// As [`load`]: a renumbering that cannot be.
+    pub fn native_blocks(&self, modules: &[PluginModule]) -> Result<Vec<Box<dyn NativeBlock>>, LoadFailure> {
+        let mut blocks = native_standard_blocks(&self.standard);
+        for (plugin, renumber) in &self.plugins {
+            let of_plugin = plugin.station(renumber, modules).map_err(|e| LoadFailure::Plugin(vec![of_error(&e)]))?;
+            blocks.extend(of_plugin);
+        }
+        Ok(blocks)
+    }
+}
+
+/// The standard blocks of a program: those chosen, but for offered ones that it has itself, and those it calls by
+/// name.
+#[must_use]
+pub fn in_use(program: &Program, chosen: &[Choice], demanded: &[Choice]) -> Vec<Choice> {
+    let own = |choice: &Choice| choice.offered && program.blocks.iter().any(|block| block.id == choice.id);
+    chosen.iter().filter(|choice| !own(choice)).chain(demanded).cloned().collect()
+}
+
+/// Plugins, each with the renumbering of its blocks.
+pub type Plugins = Vec<(Arc<Plugin>, BTreeMap<BlockId, BlockId>)>;
+
+/// Loads the plugins of a list.
+///
+/// # Errors
+/// One finding for each that was refused.
+pub fn load_plugins(plugins: &[station_file::Plugin]) -> Result<Plugins, Vec<Finding>> {
+    let mut loaded = Vec::new();
+    let mut refused = Vec::new();
+    for config in plugins {
+        let Some(path) = find_plugin(config) else {
+            refused.push(not_found(config));
+            continue;
+        };
+        match Plugin::load(&path) {
+            Ok(plugin) => loaded.push((plugin, config.blocks.iter().copied().collect())),
+            Err(error) => refused.push(of_error(&error)),
+        }
+    }
+    if refused.is_empty() { Ok(loaded) } else { Err(refused) }
+}
+
+fn file_name(config: &station_file::Plugin) -> String {
+    format!("lib{}.so", config.name)
+}
+
+fn find_plugin(config: &station_file::Plugin) -> Option<PathBuf> {
+    if config.path.is_some() {
+        return config.path.clone();
+    }
+    plugin_folders().into_iter().map(|folder| folder.join(file_name(config))).find(|path| path.exists())
+}
+
+fn not_found(config: &station_file::Plugin) -> Finding {
+    let searched = plugin_folders().iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ");
+    let remedy = format!("looked for {} in {searched}; set OB1_PLUGIN_DIR, or give a path with a /", file_name(config));
+    Finding::whole(Level::Error, "P001", &config.name, "the plugin cannot be found", remedy)
+}
+
+fn of_error(error: &PluginError) -> Finding {
+    let file = error.path.display().to_string();
+    Finding::whole(Level::Error, error.refusal.number(), &file, error.refusal.to_string(), error.refusal.remedy())
+}
+
+/// The blocks of the CPU itself, and the standard blocks a program has chosen.
+#[must_use]
+pub fn native_standard_blocks(standard: &[Choice]) -> Vec<Box<dyn NativeBlock>> {
+    let mut blocks = ob1_cpu::system_blocks();
+    let chosen = standard.iter().filter_map(|choice| Some((choice.id, choice.block()?)));
+    // A declared block is a plugin's business.
+    let ours = chosen.filter(|(_, block)| !block.origin.is_declared_only());
+    blocks.extend(ours.map(|(id, block)| ob1_cpu::standard_block(id, block)));
+    blocks
+}
+
+/// What the compiler is told of system blocks, standard blocks and plugins.
+///
+/// # Errors
+/// Two plugins that bring the same block.
+pub fn library(
+    plugins: &[(Arc<Plugin>, BTreeMap<BlockId, BlockId>)],
+    standard: &[Choice],
+) -> Result<Library, Vec<Finding>> {
+    let mut library = Library::new();
+    offer::explain_missing(&mut library);
+    for block in ob1_std::system_functions(ob1_cpu::SERVICES) {
+        library.insert(block.id, block.name, block.interface);
+    }
+    let mut declared = BTreeMap::new();
+    for choice in standard {
+        if let Some(block) = choice.block() {
+            if block.origin.is_declared_only() {
+                declared.insert(choice.id, block.name);
+            }
+            library.insert(choice.id, block.name, block.interface);
+            library.set_origin(choice.id, &format!("[library] \"{}\" = \"{}\"", choice.id, choice.key), choice.offered);
+        }
+    }
+    let mut twice = Vec::new();
+    for (plugin, renumber) in plugins {
+        for block in &plugin.info().blocks {
+            let id = renumber.get(&block.id).copied().unwrap_or(block.id);
+            let before = library.insert(id, &block.name, block.interface.clone());
+            library.set_origin(id, &format!("the plugin {}", plugin.info().name), false);
+            // A plugin that serves what is declared under this number is what the declaration is for.
+            let serves = declared.remove(&id).is_some_and(|name| name.eq_ignore_ascii_case(&block.name));
+            if before.is_some() && !serves {
+                let file = plugin.path().display().to_string();
+                let message = format!("{id} is brought by another plugin or library already");
+                let remedy = format!("renumber it: blocks = {{ \"{}\" = \"{} 100\" }}", block.id, id.kind.name());
+                twice.push(Finding::whole(Level::Error, "L002", &file, message, remedy));
+            }
+        }
+    }
+    if twice.is_empty() { Ok(library) } else { Err(twice) }
+}
+
+/// What is compiled together, and how it is read.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Sources {
+    /// The sources.
+    pub files: Vec<PathBuf>,
+    /// Symbol tables.
+    pub symbols: Vec<PathBuf>,
+    /// Blocks in machine code.
+    pub mc7: Vec<PathBuf>,
+    /// Mnemonics of the sources.
+    pub mnemonics: Mnemonics,
+    /// Standard blocks of libraries.
+    pub library: Vec<Choice>,
+    /// Look for the classic porting traps too.
+    pub lints: bool,
+    /// Numbers of blocks that have a name only, as the user fixes them.
+    pub fixed: Vec<(String, BlockId)>,
+    /// Where the numbers given to other such blocks are kept.
+    pub numbers: Option<PathBuf>,
+    /// Show every finding, not the first of each file and of all.
+    pub all_messages: bool,
+    /// For files that may be missing: the finding at the line that names each.
+    pub places: Vec<(PathBuf, Finding)>,
+}
+
+/// A compiled program and what is to be told of it.
+#[derive(Debug)]
+pub struct Compiled {
+    /// The program.
+    pub program: Program,
+    /// Warnings and lints.
+    pub findings: Vec<Finding>,
+    /// Blocks that have a name only, with the numbers they were given.
+    pub numbers: Vec<Numbered>,
+    /// Standard blocks that are called by name.
+    pub demanded: Vec<Choice>,
+}
+
+/// Findings that are shown of one file, and of all.
+const LIMIT: Limit = Limit { file: 20, run: 100 };
+
+/// Reads and compiles sources.
+///
+/// # Errors
+/// Everything that was found, when there is an error in it.
+pub fn compile(wanted: &Sources, library: &Library) -> Result<Compiled, Vec<Finding>> {
+    let mut findings = Vec::new();
+    let (files, symbols) = folder::expand(&wanted.files, &wanted.symbols);
+    if files.is_empty() && !wanted.files.is_empty() {
+        let name = wanted.files.first().map(|f| f.display().to_string()).unwrap_or_default();
+        let remedy = "a folder is a program: sources (.awl .stl .db .udt) and symbol tables (.sdf .asc .seq .dif)";
+        return Err(vec![Finding::whole(Level::Error, "C001", &name, "no sources are in this folder", remedy)]);
+    }
+    let wanted = Sources { files, symbols, ..wanted.clone() };
+    let sources = read_all(&wanted.files, &wanted.places, &mut findings);
+    compile_texts(&sources, &wanted, library, findings)
+}
+
+/// As [`compile`], with the sources read already; `findings` is what was found so far.
+pub fn compile_texts(
+    sources: &[Source],
+    wanted: &Sources,
+    library: &Library,
+    mut findings: Vec<Finding>,
+) -> Result<Compiled, Vec<Finding>> {
+    let mut symbols = Vec::new();
+    let tables = read_all(&wanted.symbols, &wanted.places, &mut findings);
+    for (table, read) in tables.iter().zip(ob1_stl::read_symbol_tables(&tables)) {
+        findings.extend(read.diagnostics.iter().map(|d| of_diagnostic(d, std::slice::from_ref(table))));
+        symbols.extend(read.symbols);
+    }
+    let kept = wanted.numbers.as_deref().map_or(Ok(Vec::new()), numbers::read)?;
+    let fixed = wanted.fixed.iter().map(|(name, id)| Numbered { name: name.clone(), id: *id }).collect();
+    let limit = (!wanted.all_messages).then_some(LIMIT);
+    let options = Options { mnemonics: wanted.mnemonics.into(), symbols, lints: wanted.lints, fixed, kept, limit };
+    let images = read_images(wanted, &mut findings);
+    let mut output = ob1_stl::compile(sources, library, &options);
+    let mut library = Cow::Borrowed(library);
+    if !images.is_empty() {
+        let declared: BTreeSet<BlockId> = output.program.blocks.iter().map(|block| block.id).collect();
+        let stands = |id| declared.contains(&id);
+        if images.iter().filter_map(Image::id).any(|id| id.kind != BlockKind::Db && !stands(id)) {
+            ob1_project::announce(&images, &stands, library.to_mut());
+            output = ob1_stl::compile(sources, &library, &options);
+        }
+    }
+    if let Err(refused) = ob1_project::overlay(&mut output.program, &images, &library) {
+        let remedy = "import it again from the project, or leave it out of `mc7`";
+        findings.extend(refused.iter().map(|r| Finding::whole(Level::Error, MACHINE_CODE, &r.file, &r.reason, remedy)));
+    }
+    findings.extend(output.diagnostics.iter().map(|diagnostic| of_diagnostic(diagnostic, sources)));
+    findings.extend(of_rest(&output.rest));
+    if findings.iter().any(|f| f.level == Level::Error) {
+        return Err(findings);
+    }
+    if let Some(path) = &wanted.numbers {
+        findings.extend(numbers::write(path, &options.kept, &output.numbers));
+    }
+    let demanded = output.demanded.iter().filter_map(demanded_choice).collect();
+    Ok(Compiled { program: output.program, findings, numbers: output.numbers, demanded })
+}
+
+/// A standard block that a program calls by its name.
+fn demanded_choice(called: &Numbered) -> Option<Choice> {
+    let is_it = |block: &&StandardBlock| {
+        block.origin != Origin::System
+            && !block.origin.is_declared_only()
+            && block.name.eq_ignore_ascii_case(&called.name)
+    };
+    let key = standard_blocks().iter().find(is_it)?.key();
+    Some(Choice { id: called.id, key, offered: false })
+}
+
+/// What is beyond the limit: how many, and of each number how many.
+fn of_rest(rest: &Rest) -> Option<Finding> {
+    let count = rest.count();
+    if count == 0 {
+        return None;
+    }
+    let title = |code: &str| ob1_stl::codes::ALL.iter().find(|c| c.number == code).map_or("", |c| c.title);
+    let mut kinds: Vec<(&str, usize)> = rest.by_code.iter().map(|(code, n)| (*code, *n)).collect();
+    kinds.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+    let mut text = format!("and {count} more:\n");
+    for (code, n) in &kinds {
+        text.push_str(&format!("  {n:>6} {code} {}\n", title(code)));
+    }
+    text.push_str("  = --all-messages shows every one\n");
+    let kinds: Vec<String> = kinds.iter().map(|(code, n)| format!("{n} {code}")).collect();
+    let level = if rest.errors > 0 { Level::Error } else { Level::Lint };
+    let message = format!("and {count} more: {}", kinds.join(", "));
+    let finding = Finding::whole(level, "C015", "", message, "--all-messages shows every one");
+    Some(Finding { text, count, ..finding })
+}
+
+/// A block in machine code that cannot be used.
+const MACHINE_CODE: &str = "C016";
+
+/// Reads blocks in machine code: a file may have several behind one another.
+fn read_images(wanted: &Sources, findings: &mut Vec<Finding>) -> Vec<Image> {
+    let mut images = Vec::new();
+    for file in read_all(&wanted.mc7, &wanted.places, findings) {
+        let mut rest = file.bytes.as_slice();
+        while !rest.is_empty() {
+            match BlockImage::read(rest) {
+                Ok((block, length)) => {
+                    images.push(Image { file: file.name.clone(), block });
+                    rest = rest.get(length..).unwrap_or_default();
+                }
+                Err(error) => {
+                    let remedy =
+                        "a .mc7 holds blocks as a CPU does: head, code, interface, segments, foot (docs/import.md)";
+                    findings.push(Finding::whole(Level::Error, MACHINE_CODE, &file.name, error.to_string(), remedy));
+                    break;
+                }
+            }
+        }
+    }
+    images
+}
+
+/// Reads files; one finding for each that cannot be read.
+pub fn read_all(paths: &[PathBuf], places: &[(PathBuf, Finding)], findings: &mut Vec<Finding>) -> Vec<Source> {
+    let mut sources = Vec::with_capacity(paths.len());
+    for path in paths {
+        let name = path.display().to_string();
+        match std::fs::read(path) {
+            Ok(bytes) => sources.push(Source::new(name, bytes)),
+            Err(error) => {
+                if let Some((_, place)) = places.iter().find(|(named, _)| named == path) {
+                    findings.push(place.clone());
+                    continue;
+                }
+                let message = format!("the file cannot be read: {error}");
+                let remedy = "paths count from the file that names them";
+                findings.push(Finding::whole(Level::Error, "C001", &name, message, remedy));
+            }
+        }
+    }
+    sources
+}
+
+fn of_diagnostic(diagnostic: &ob1_stl::Diagnostic, sources: &[Source]) -> Finding {
+    let level = match diagnostic.severity {
+        Severity::Error => Level::Error,
+        Severity::Warning => Level::Warning,
+        Severity::Lint => Level::Lint,
+    };
+    let source = sources.get(diagnostic.source);
+    Finding {
+        level,
+        code: diagnostic.code.into(),
+        file: source.map(|s| s.name.clone()).unwrap_or_default(),
+        line: diagnostic.line,
+        column: diagnostic.column,
+        message: diagnostic.message.clone(),
+        remedy: diagnostic.remedy.clone(),
+        count: 1,
+        text: source.map_or_else(|| diagnostic.message.clone(), |s| ob1_stl::render(diagnostic, s)),
+    }
+}

@@ -1,0 +1,298 @@
+//! A station at work: its threads and processes, from their start to their orderly end.
+
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use ob1_cpu::{Cpu, Interrupt, LogReader, OperatingState};
+use ob1_host::driver::RunningFleet;
+use ob1_rt::MonotonicClock;
+
+use super::console::LiveLine;
+use super::journal::{self, Journal};
+use super::last_words;
+use super::monitor::Monitor;
+use super::report::{Ended, Report};
+use super::scan::{Scan, ScanState};
+use super::signals::Signals;
+use super::{Failure, Options};
+use crate::access::server::Server;
+use crate::assembly::Assembly;
+use crate::exit::Exit;
+use crate::guardian::Guardian;
+use crate::io::ProcessIo;
+use crate::posture;
+use crate::retentive;
+use crate::retentive::keeper::{Keeper, ScanEnd};
+use crate::retentive::store::StoreError;
+use crate::rundir::RunDir;
+use crate::station_file::Station;
+use crate::timing::Observer;
+use crate::view::{StationView, state_name};
+use crate::watched::Running;
+
+/// Time between two looks at the scan and the clock.
+const TICK: Duration = Duration::from_millis(20);
+/// Ticks between two live lines.
+const LIVE_TICKS: u32 = 25;
+/// How long the CPU gets to go to STOP, beyond two cycles, in nanoseconds.
+const STOP_TIME: u64 = 3_000_000_000;
+
+/// A station at work. The fields are dropped in this order: whoever uses something goes before it.
+pub(super) struct AtWork {
+    view: StationView,
+    scan: Arc<ScanState>,
+    interrupt: Interrupt,
+    log: Option<LogReader>,
+    journal: Journal,
+    block: Arc<Running>,
+    io: Option<ProcessIo>,
+    min_cycle: u64,
+    thread: Option<JoinHandle<Result<(), String>>>,
+    monitor: Option<Monitor>,
+    observer: Option<Observer>,
+    keeper: Option<Keeper>,
+    server: Option<Server>,
+    fleet: Option<RunningFleet>,
+    _rundir: RunDir,
+    _guardian: Guardian,
+    clock: MonotonicClock,
+    fence: bool,
+    /// Keeps idle cores awake as long as it is held.
+    _awake: Option<std::fs::File>,
+}
+
+impl AtWork {
+    /// Publishes the links, starts the socket, the drivers, the scan and its monitor.
+    pub(super) fn start(
+        station: &Station,
+        assembly: Assembly,
+        rundir: RunDir,
+        guardian: Guardian,
+        clock: MonotonicClock,
+        options: &Options,
+    ) -> Result<Self, Failure> {
+        let Assembly { mut cpu, view, fleet, io, links, running } = assembly;
+        // First: a folder that cannot be used is told before anything has been started.
+        let (keeper, retentive) = keep(station, &mut cpu, &view)?;
+        for (name, target) in links {
+            rundir.link(name, &target).map_err(|e| Failure(Exit::System, format!("ob1: {e}\n")))?;
+        }
+        let (grants, awake) = posture::ask_process(station);
+        let system = |what: &'static str| move |error: std::io::Error| Failure::system(what, &error);
+        let Some(port) = cpu.access_client() else { return Err(Failure::system("access port", &"taken already")) };
+        let Some(link) = cpu.link() else { return Err(Failure::system("a link to the CPU", &"taken already")) };
+        let server = Server::start(&rundir.socket(), port, link, view.clone(), station.cpu.min_cycle)
+            .map_err(system("the control socket"))?;
+        let fleet = fleet.start(clock).map_err(system("the drivers"))?;
+        let (observer, late) =
+            Observer::start(view.timings.clone(), station.realtime.affinity.clone()).map_err(system("the observer"))?;
+        let scan = Arc::new(ScanState::new(cpu.module_count()));
+        let (feed, journal) = journal::journal();
+        let (interrupt, log) = (cpu.interrupt(), cpu.log_reader());
+        last_words::prepare(io.clone(), Arc::clone(&running), cpu.whereabouts()).map_err(system("signals"))?;
+        let thread = Scan {
+            cpu,
+            clock,
+            shared: Arc::clone(&scan),
+            realtime: station.realtime.clone(),
+            grants,
+            posture: Arc::clone(&view.posture),
+            limit: options.scans,
+            fence: options.fence,
+            retentive,
+            late,
+            feed,
+            guard: io.as_ref().map(|io| io.guard().clone()),
+        }
+        .start()
+        .map_err(system("the scan thread"))?;
+        let monitor = Monitor::start(Arc::clone(&scan), Arc::clone(&running), io.clone(), station.cpu.watchdog);
+        let monitor = monitor.map_err(system("the monitor"))?;
+        Ok(Self {
+            view,
+            scan,
+            interrupt,
+            log,
+            journal,
+            block: running,
+            io,
+            min_cycle: station.cpu.min_cycle,
+            thread: Some(thread),
+            monitor: Some(monitor),
+            observer: Some(observer),
+            keeper,
+            server: Some(server),
+            fleet: Some(fleet),
+            _rundir: rundir,
+            _guardian: guardian,
+            clock,
+            fence: options.fence,
+            _awake: awake,
+        })
+    }
+
+    /// Waits for the end: a signal, the time, the scans, or a fault in a run that has an end.
+    pub(super) fn watch(&mut self, signals: &Signals, options: &Options) -> Ended {
+        let line = LiveLine::new(options.quiet);
+        let bounded = options.time.is_some() || options.scans.is_some();
+        let end = options.time.map(|time| self.clock.time().saturating_add(time.as_nanos() as u64));
+        let mut tick = 0;
+        let ended = loop {
+            self.drain_log();
+            self.journal.take(&self.view);
+            if signals.wait(TICK) {
+                break Ended::Signal;
+            }
+            if self.io.as_ref().is_some_and(|io| io.guard().is_taken()) {
+                tracing::error!("the station stood still; its guardian has set the outputs to their safe state");
+                break Ended::StoodStill;
+            }
+            if self.thread.as_ref().is_some_and(JoinHandle::is_finished) {
+                break Ended::Fault;
+            }
+            if self.scan.limit_reached() {
+                break Ended::Scans;
+            }
+            if end.is_some_and(|end| self.clock.time() >= end) {
+                break Ended::Time;
+            }
+            let stopped = self.scan.has_started() && self.scan.state() == OperatingState::Stop;
+            if bounded && stopped && self.journal.fault().is_some() {
+                break Ended::Fault;
+            }
+            tick += 1;
+            if line.is_on() && tick % LIVE_TICKS == 0 {
+                line.show(&self.live());
+            }
+        };
+        line.wipe();
+        ended
+    }
+
+    /// What blocks have logged.
+    fn drain_log(&mut self) {
+        while let Some(entry) = self.log.as_mut().and_then(LogReader::take) {
+            let (time, text) = (entry.time as f64 / 1e9, entry.text());
+            match entry.level {
+                0 | 1 => tracing::error!("block, {time:.6} s: {text}"),
+                2 => tracing::warn!("block, {time:.6} s: {text}"),
+                _ => tracing::info!("block, {time:.6} s: {text}"),
+            }
+        }
+    }
+
+    fn live(&self) -> String {
+        let seconds = self.clock.time() as f64 / 1e9;
+        let state = state_name(self.scan.state());
+        let mut text = format!("{state:<7} {seconds:8.1} s   {} scans", self.scan.scans());
+        for module in &self.view.modules {
+            let (Some(monitor), Some(driver)) = (&module.monitor, &module.driver) else { continue };
+            let counters = monitor.counters();
+            let (sent, received, errors) = (
+                counters.get(ob1_backplane::Counter::TelegramsSent),
+                counters.get(ob1_backplane::Counter::TelegramsReceived),
+                counters.get(ob1_backplane::Counter::SendErrors),
+            );
+            text += &format!("   {}: {sent} sent, {received} received, {errors} errors", module.name);
+            if driver.losses() > 0 {
+                text += &format!(", driver lost {}", driver.losses());
+            }
+        }
+        text
+    }
+
+    /// STOP, last figures, then everything goes, in order.
+    pub(super) fn stop(mut self, ended: Ended) -> Result<Report, Failure> {
+        let died = self.thread.take_if(|thread| thread.is_finished()).map(JoinHandle::join);
+        let died = died.map(|result| match result {
+            Ok(Err(text)) => Failure(Exit::System, format!("ob1: {text}\n")),
+            _ => Failure(Exit::Fault, "ob1: the scan thread has ended by a panic\n".into()),
+        });
+        if let Some(failure) = died.or_else(|| self.halt().err()) {
+            self.outputs_off();
+            self.journal.take(&self.view);
+            return Err(failure);
+        }
+        self.read_journal();
+        let (diagnostics, fault) = (self.journal.diagnostics(&self.view), self.journal.fault());
+        let exit = match ended {
+            Ended::StoodStill => Exit::StoodStill,
+            _ if fault.is_some() => Exit::Fault,
+            _ => Exit::Ok,
+        };
+        let status = self.view.status(self.scan.state(), &self.scan.present());
+        // Its last look explains what is not explained yet.
+        drop(self.observer.take());
+        let timing = self.view.timings.snapshot(true);
+        // The last image comes out of a cycle in STOP.
+        drop(self.keeper.take());
+        self.scan.finish();
+        drop(self.monitor.take());
+        if !self.fence
+            && let Some(thread) = self.thread.take()
+        {
+            let _ = thread.join();
+        }
+        self.outputs_off();
+        self.drain_log();
+        drop(self.server.take());
+        if let Some(fleet) = self.fleet.take() {
+            fleet.stop();
+        }
+        Ok(Report::new(ended, exit, fault, status, diagnostics, timing))
+    }
+
+    /// Sends the CPU to STOP and waits for it.
+    fn halt(&self) -> Result<(), Failure> {
+        self.interrupt.halt();
+        let give_up = self.clock.time().saturating_add(STOP_TIME).saturating_add(self.min_cycle.saturating_mul(2));
+        while self.scan.state() != OperatingState::Stop {
+            if self.clock.time() >= give_up {
+                let block =
+                    self.block.block().map_or_else(|| "the program".to_owned(), |b| format!("native block {b}"));
+                return Err(Failure(Exit::Hung, format!("ob1: {block} does not return; outputs are off\n")));
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+
+    /// The CPU has done it in STOP; this is for one that never came there, and for programs that keep the image mapped.
+    fn outputs_off(&self) {
+        if let Some(io) = &self.io {
+            io.switch_off();
+        }
+    }
+
+    /// Takes all entries up to the last cycle, which was in STOP.
+    fn read_journal(&mut self) {
+        let give_up = self.clock.time().saturating_add(STOP_TIME);
+        let wanted = self.scan.entries();
+        loop {
+            self.journal.take(&self.view);
+            if self.journal.newest() >= wanted || self.clock.time() >= give_up {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+/// Reads retentive memory, and starts writing it, where the station file wants that.
+fn keep(station: &Station, cpu: &mut Cpu, view: &StationView) -> Result<(Option<Keeper>, Option<ScanEnd>), Failure> {
+    let (Some(file), Some(health)) = (&station.retentive, &view.retentive) else { return Ok((None, None)) };
+    let (store, told) = retentive::restore(file, &station.name, cpu).map_err(|error| {
+        let (exit, remedy) = match error {
+            StoreError::InUse { .. } => (Exit::Running, "end the other one, or give this one another `state` folder"),
+            StoreError::Folder { .. } => (Exit::System, "name a folder this user can write to: `state` in [station]"),
+        };
+        Failure(exit, format!("ob1: {error}\n  = {remedy}\n"))
+    })?;
+    for text in told {
+        tracing::warn!("retentive memory: {text}");
+    }
+    let started = Keeper::start(store, file.every, cpu.retentive_len(), health.clone());
+    let (keeper, scan) = started.map_err(|e| Failure::system("retentive memory", &e))?;
+    Ok((Some(keeper), Some(scan)))
+}

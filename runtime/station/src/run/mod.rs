@@ -1,0 +1,197 @@
+//! `ob1 run`: builds a station, runs it, and leaves nothing behind.
+
+mod at_work;
+pub mod console;
+mod journal;
+mod last_words;
+mod monitor;
+mod report;
+mod scan;
+pub mod signals;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use ob1_rt::MonotonicClock;
+
+use crate::assembly::{self, AssemblyError, DriverSettings};
+use crate::exit::Exit;
+use crate::finding::{Finding, Level};
+use crate::guardian::{Guardian, Patience, Ward};
+use crate::out;
+use crate::posture;
+use crate::program::{self, LoadFailure};
+use crate::rundir::{self, RunDir, RunDirError};
+use crate::station_file::{self, Station};
+
+use at_work::AtWork;
+pub(crate) use monitor::time as monitor_time;
+pub use report::{Ended, REPORT_SCHEMA, Report};
+use signals::Signals;
+
+/// What the command line asks for.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The station file.
+    pub station: PathBuf,
+    /// End after this time in RUN.
+    pub time: Option<Duration>,
+    /// End after so many scans.
+    pub scans: Option<u64>,
+    /// Write a report there.
+    pub report: Option<PathBuf>,
+    /// Only warnings and errors.
+    pub quiet: bool,
+    /// Raise the system-call fence around the scan thread.
+    pub fence: bool,
+    /// End with standard input: whoever started this run holds the other end.
+    pub lifeline: bool,
+    /// Of a million characters on simulated lines, so many more suffer.
+    pub line_faults: u32,
+    /// Another course of what goes wrong there.
+    pub line_seed: u64,
+}
+
+/// A run that could not begin or end: exit code and what to print.
+#[derive(Debug)]
+struct Failure(Exit, String);
+
+impl Failure {
+    fn of_findings(exit: Exit, findings: &[Finding]) -> Self {
+        Self(exit, findings.iter().map(|f| format!("{f}\n")).collect())
+    }
+
+    fn of_load(failure: &LoadFailure) -> Self {
+        let exit = match failure {
+            LoadFailure::Plugin(_) => Exit::Plugin,
+            LoadFailure::Rejected(_) => Exit::Rejected,
+        };
+        Self::of_findings(exit, failure.findings())
+    }
+
+    fn system(what: &str, error: &dyn std::fmt::Display) -> Self {
+        Self(Exit::System, format!("ob1: {what}: {error}\n"))
+    }
+}
+
+/// Runs a station until its end; prints what there is to print.
+#[must_use]
+pub fn run(options: &Options) -> Exit {
+    match try_run(options) {
+        Ok(exit) => exit,
+        Err(Failure(exit, text)) => {
+            errs!("{text}");
+            exit
+        }
+    }
+}
+
+fn try_run(options: &Options) -> Result<Exit, Failure> {
+    // Before there is a thread.
+    if let Some(name) = station_file::user_of(&options.station) {
+        become_user(&name)?;
+    }
+    console::start_log(options.quiet);
+    let signals = Signals::catch().map_err(|e| Failure::system("signals", &e))?;
+    if options.lifeline {
+        signals.and_end_of_stdin().map_err(|e| Failure::system("standard input", &e))?;
+    }
+    let (mut station, devices) =
+        station_file::load_and_look(&options.station).map_err(|f| Failure::of_findings(Exit::Rejected, &f))?;
+    if options.line_faults > 0 {
+        for line in &mut station.simulated_lines {
+            line.disturb(options.line_faults, options.line_seed);
+        }
+    }
+    if let Some(finding) = posture::starves(&station, &ob1_rt::isolated_cores(), &options.station.display().to_string())
+    {
+        return Err(Failure::of_findings(Exit::Rejected, &[finding]));
+    }
+    let loaded = program::load(&station).map_err(|f| Failure::of_load(&f))?;
+    // Lints are for `check`. That nothing will be executed is said in any case.
+    let told = |f: &&Finding| f.level != Level::Lint && (!options.quiet || f.code == program::NO_OB1);
+    for finding in loaded.findings.iter().chain(&devices).filter(told) {
+        err!("{finding}");
+    }
+    let rundir = RunDir::claim(&station.name).map_err(|error| {
+        let exit = if matches!(error, RunDirError::Running { .. }) { Exit::Running } else { Exit::System };
+        Failure(exit, format!("ob1: {error}\n"))
+    })?;
+    let clock = MonotonicClock::start();
+    let drivers = driver_settings(&station, options.quiet)?;
+    let assembly = assembly::assemble(&station, &loaded, &drivers, rundir.path(), clock);
+    let assembly = assembly.map_err(|error| match error {
+        AssemblyError::Load(failure) => Failure::of_load(&failure),
+        AssemblyError::System(text) => Failure(Exit::System, format!("ob1: {text}\n")),
+    })?;
+    let _exit = exit_is_a_fault(&assembly);
+    let patience = Patience::of(station.cpu.watchdog, station.cpu.min_cycle);
+    let (path, published) = (rundir.path().to_owned(), assembly::published(&station));
+    let guardian = Ward::of_this_process(path, published, patience, assembly.io.as_ref()).and_then(Guardian::start);
+    let guardian = guardian.map_err(|e| Failure::system("the guardian", &e))?;
+    tracing::info!("station {}, process {}", station.name, std::process::id());
+    let mut station_at_work = AtWork::start(&station, assembly, rundir, guardian, clock, options)?;
+    let ended = station_at_work.watch(&signals, options);
+    let report = station_at_work.stop(ended)?;
+    if let Some(path) = &options.report {
+        report.write(path).map_err(|e| Failure::system(&format!("the report {}", path.display()), &e))?;
+    }
+    if !options.quiet {
+        out::print_at_the_end(report.summary());
+    }
+    Ok(exit_of(&report))
+}
+
+/// The runtime of a station with `[station] user` gives up what root has.
+fn become_user(name: &str) -> Result<(), Failure> {
+    let user = ob1_rt::User::find(name).and_then(|user| {
+        if user.is_us() {
+            return Ok(());
+        }
+        rundir::prepare_for(&user);
+        user.become_it()
+    });
+    user.map_err(|why| {
+        let remedy = "name a user of this system, and start as root or as that user";
+        Failure(Exit::System, format!("ob1: [station] user = \"{name}\": {why}\n  = {remedy}\n"))
+    })
+}
+
+fn exit_of(report: &Report) -> Exit {
+    match report.ended {
+        Ended::StoodStill => Exit::StoodStill,
+        _ if report.fault.is_some() => Exit::Fault,
+        _ => Exit::Ok,
+    }
+}
+
+/// Until this is dropped, who calls `exit()` is a plugin.
+fn exit_is_a_fault(assembly: &assembly::Assembly) -> ob1_rt::ExitGuard {
+    let (running, io) = (Arc::clone(&assembly.running), assembly.io.clone());
+    ob1_rt::ExitGuard::raise(move || {
+        if let Some(io) = &io {
+            io.switch_off();
+        }
+        let who = running.block().map_or_else(|| "a plugin".to_owned(), |block| format!("native block {block}"));
+        err!("\nob1: {who} has called exit(); outputs are off, the station ends");
+        err!("  = a block returns, or logs an error and lets the CPU stop; it never ends the process");
+        ob1_log::flush(monitor::LAST_WORDS);
+        Exit::EndedByPlugin as u8
+    })
+}
+
+fn driver_settings(station: &Station, quiet: bool) -> Result<DriverSettings, Failure> {
+    let wanted = station.modules.iter().any(|m| m.kind.line().is_some());
+    let program = if wanted {
+        assembly::find_driver().map_err(|text| Failure(Exit::System, format!("ob1: {text}\n")))?
+    } else {
+        PathBuf::new()
+    };
+    let env = if quiet && std::env::var_os("OB1_LOG").is_none() {
+        vec![("OB1_LOG".into(), "warn".into())]
+    } else {
+        Vec::new()
+    };
+    Ok(DriverSettings { program, env })
+}

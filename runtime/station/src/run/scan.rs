@@ -1,0 +1,226 @@
+//! The scan thread: asks for its posture, then cycles until it is told to finish.
+//!
+//! From its first cycle on it allocates nothing, takes no lock another thread can hold, and makes no system call but
+//! the sleep, the doorbells, and one look at its kernel counters after a late scan; the fence proves it. What others
+//! want to know of it stands in atomics.
+
+use std::sync::Arc;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+
+use ob1_backplane::GuardPage;
+use ob1_cpu::{Clock, Command, Cpu, Nanos, OperatingState};
+use ob1_rt::{Grant, MonotonicClock};
+
+use super::journal::Feed;
+use crate::posture;
+use crate::retentive::keeper::ScanEnd;
+use crate::station_file::Realtime;
+use crate::timing::LateSender;
+
+/// What other threads see of the scan.
+#[derive(Debug)]
+pub(super) struct ScanState {
+    state: AtomicU8,
+    /// The number of the newest diagnostic entry.
+    entries: AtomicU64,
+    /// Which modules answer; looked at in STOP.
+    present: Box<[AtomicBool]>,
+    cycles: AtomicU64,
+    scans: AtomicU64,
+    in_cycle: AtomicBool,
+    started: AtomicBool,
+    limit_reached: AtomicBool,
+    finish: AtomicBool,
+}
+
+impl ScanState {
+    /// Of a CPU with so many modules.
+    pub(super) fn new(modules: usize) -> Self {
+        Self {
+            state: AtomicU8::new(0),
+            entries: AtomicU64::new(0),
+            present: (0..modules).map(|_| AtomicBool::new(false)).collect(),
+            cycles: AtomicU64::new(0),
+            scans: AtomicU64::new(0),
+            in_cycle: AtomicBool::new(false),
+            started: AtomicBool::new(false),
+            limit_reached: AtomicBool::new(false),
+            finish: AtomicBool::new(false),
+        }
+    }
+
+    /// The number of the newest diagnostic entry after the last cycle.
+    pub(super) fn entries(&self) -> u64 {
+        self.entries.load(Ordering::Relaxed)
+    }
+
+    /// Which modules answered in the last cycle in STOP.
+    pub(super) fn present(&self) -> Vec<bool> {
+        self.present.iter().map(|present| present.load(Ordering::Relaxed)).collect()
+    }
+
+    /// The operating state after the last cycle.
+    pub(super) fn state(&self) -> OperatingState {
+        match self.state.load(Ordering::Acquire) {
+            0 => OperatingState::Stop,
+            1 => OperatingState::Startup,
+            _ => OperatingState::Run,
+        }
+    }
+
+    /// Cycles since the start, those in STOP included: a sign of life.
+    pub(super) fn cycles(&self) -> u64 {
+        self.cycles.load(Ordering::Relaxed)
+    }
+
+    /// Cycles in RUN.
+    pub(super) fn scans(&self) -> u64 {
+        self.scans.load(Ordering::Relaxed)
+    }
+
+    /// False while it sleeps.
+    pub(super) fn is_in_cycle(&self) -> bool {
+        self.in_cycle.load(Ordering::Relaxed)
+    }
+
+    /// True after the first cycle, which has gone through start-up.
+    pub(super) fn has_started(&self) -> bool {
+        self.started.load(Ordering::Acquire)
+    }
+
+    /// The wanted number of scans is done; the CPU is in STOP or on its way there.
+    pub(super) fn limit_reached(&self) -> bool {
+        self.limit_reached.load(Ordering::Acquire)
+    }
+
+    /// Ends the thread after its cycle; a fenced one stays asleep instead.
+    pub(super) fn finish(&self) {
+        self.finish.store(true, Ordering::Release);
+    }
+}
+
+/// The clock of the scan. Each look at it is a sign of life: it is looked at between statements, so a long cycle, or
+/// one whose monitoring is triggered again and again (SFC 43), is alive, and a native block that never returns is
+/// not.
+struct LivingClock {
+    clock: MonotonicClock,
+    guard: Option<GuardPage>,
+}
+
+impl Clock for LivingClock {
+    #[inline]
+    fn now(&mut self) -> Nanos {
+        if let Some(guard) = &self.guard {
+            guard.beat();
+        }
+        self.clock.now()
+    }
+
+    fn executed(&mut self, statements: u64) {
+        self.clock.executed(statements);
+    }
+}
+
+/// What the scan thread is started with.
+pub(super) struct Scan {
+    pub(super) cpu: Cpu,
+    pub(super) clock: MonotonicClock,
+    pub(super) shared: Arc<ScanState>,
+    pub(super) realtime: Realtime,
+    /// Grants asked for so far; the thread adds its own and publishes all.
+    pub(super) grants: Vec<Grant>,
+    pub(super) posture: Arc<OnceLock<Vec<Grant>>>,
+    pub(super) limit: Option<u64>,
+    pub(super) fence: bool,
+    /// Hands retentive memory over, when it is written.
+    pub(super) retentive: Option<ScanEnd>,
+    /// Hands late scans over to be explained.
+    pub(super) late: LateSender,
+    /// Hands diagnostic entries over to be told.
+    pub(super) feed: Feed,
+    /// Where the guardian looks for signs of life.
+    pub(super) guard: Option<GuardPage>,
+}
+
+impl Scan {
+    /// Starts the thread. With a fence that cannot be raised it ends at once with the reason.
+    pub(super) fn start(self) -> std::io::Result<JoinHandle<Result<(), String>>> {
+        ob1_rt::spawn_with_stack("ob1-scan", self.cpu.stack_bytes(), move || self.run())
+    }
+
+    fn run(mut self) -> Result<(), String> {
+        ob1_rt::block_signals();
+        ob1_rt::take_handler_stack().map_err(|e| format!("a stack for signals: {e}"))?;
+        ob1_rt::prefault_stack();
+        ob1_rt::warm_heap();
+        self.late.this_is_the_scan();
+        self.ask_posture();
+        if self.fence {
+            ob1_rt::fence_scan().map_err(|e| e.to_string())?;
+        }
+        self.cpu.request(Command::Warm);
+        self.cycle();
+        if self.fence {
+            // Behind the fence a thread cannot end: it sleeps until the process does.
+            loop {
+                self.clock.sleep_until(u64::MAX / 2);
+            }
+        }
+        Ok(())
+    }
+
+    fn ask_posture(&mut self) {
+        let mut grants = std::mem::take(&mut self.grants);
+        grants.extend(posture::ask_thread(&self.realtime));
+        let _ = self.posture.set(grants);
+    }
+
+    fn cycle(&mut self) {
+        let shared = Arc::clone(&self.shared);
+        let mut scans = 0;
+        let mut clock = LivingClock { clock: self.clock, guard: self.guard.take() };
+        loop {
+            shared.in_cycle.store(true, Ordering::Relaxed);
+            let end = self.cpu.cycle(&mut clock);
+            shared.in_cycle.store(false, Ordering::Relaxed);
+            shared.cycles.fetch_add(1, Ordering::Relaxed);
+            if end.state == OperatingState::Run && end.whole {
+                scans += 1;
+                shared.scans.store(scans, Ordering::Relaxed);
+                if self.limit == Some(scans) {
+                    self.cpu.request(Command::Stop);
+                    shared.limit_reached.store(true, Ordering::Release);
+                }
+            }
+            let state = match end.state {
+                OperatingState::Stop => 0,
+                OperatingState::Startup => 1,
+                OperatingState::Run => 2,
+            };
+            if end.late {
+                self.late.send(self.cpu.last_scan());
+            }
+            if let Some(retentive) = &mut self.retentive {
+                retentive.after_cycle(&mut self.cpu);
+            }
+            shared.entries.store(self.feed.follow(&self.cpu), Ordering::Relaxed);
+            if end.state == OperatingState::Stop {
+                for (index, present) in shared.present.iter().enumerate() {
+                    let answers = self.cpu.module(index).is_some_and(|(_, status)| status.present);
+                    present.store(answers, Ordering::Relaxed);
+                }
+            }
+            shared.state.store(state, Ordering::Release);
+            shared.started.store(true, Ordering::Release);
+            if shared.finish.load(Ordering::Acquire) {
+                return;
+            }
+            match self.realtime.spin {
+                0 => self.clock.sleep_until(end.next_deadline),
+                spin => self.clock.spin_until(end.next_deadline, spin),
+            }
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Ctrl-C, SIGTERM and SIGHUP: the first ends the run in order; a second Ctrl-C or SIGTERM at once. A terminal that is
+//! closed may say so more than once, and who starts a run with `nohup` wants it to go on.
+
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::net::UnixStream;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+/// The exit code of a run that was ended by a second signal, as shells show SIGINT.
+const SECOND_SIGNAL: i32 = 130;
+
+/// Signals, as something to wait for.
+#[derive(Debug)]
+pub struct Signals {
+    caught: UnixStream,
+    sender: UnixStream,
+}
+
+impl Signals {
+    /// Catches them from here on.
+    pub fn catch() -> io::Result<Self> {
+        let (caught, sender) = UnixStream::pair()?;
+        for signal in [SIGINT, SIGTERM] {
+            let armed = Arc::new(AtomicBool::new(false));
+            // In this order: the first signal finds it unarmed.
+            signal_hook::flag::register_conditional_shutdown(signal, SECOND_SIGNAL, Arc::clone(&armed))?;
+            signal_hook::flag::register(signal, armed)?;
+            signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
+        }
+        if !ignored(SIGHUP) {
+            signal_hook::low_level::pipe::register(SIGHUP, sender.try_clone()?)?;
+        }
+        Ok(Self { caught, sender })
+    }
+
+    /// Takes the end of standard input for a signal too.
+    pub fn and_end_of_stdin(&self) -> io::Result<()> {
+        let mut sender = self.sender.try_clone()?;
+        // It ends with the process: nothing wakes it but the end of its input.
+        ob1_rt::spawn("ob1-lifeline", move || {
+            let _ = io::copy(&mut io::stdin().lock(), &mut io::sink());
+            let _ = sender.write_all(&[0]);
+        })?;
+        Ok(())
+    }
+
+    /// Waits for a signal, but not longer than `time`; true when one came.
+    pub fn wait(&self, time: Duration) -> bool {
+        let mut byte = [0];
+        self.caught.set_read_timeout(Some(time)).is_ok() && (&self.caught).read(&mut byte).is_ok_and(|n| n > 0)
+    }
+}
+
+/// Whether this process was started with a signal ignored.
+fn ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+}

@@ -1,0 +1,102 @@
+//! Simulated lines at work: where their sockets are, and the processes that are the lines.
+//!
+//! A line is a process of its own beside the drivers, started and watched like them (`ob1-cp --hub`), because its
+//! CPs are processes and may be those of two stations. Its socket lies in the station's runtime directory; that of a
+//! shared line beside the stations'.
+
+use std::ffi::OsString;
+use std::os::unix::fs::DirBuilderExt as _;
+use std::path::{Path, PathBuf};
+
+use ob1_backplane::{CpuSide, Segment};
+use ob1_host::driver::{DriverCommand, Fleet};
+use ob1_host::supervisor::Times;
+use serde_json::{Value, json};
+
+use crate::assembly::DriverSettings;
+use crate::station_file::{FaultRates, Partner, SimulatedLine};
+
+/// Folder of the shared lines, beside the stations' directories. No station can have this name.
+const SHARED: &str = ".lines";
+
+/// Where CPs connect to a line.
+#[must_use]
+pub fn socket(rundir: &Path, line: &SimulatedLine) -> PathBuf {
+    let folder = match rundir.parent() {
+        Some(base) if line.shared => base.join(SHARED),
+        _ => rundir.to_owned(),
+    };
+    folder.join(format!("{}.line", line.name))
+}
+
+/// Register bytes of a segment that has no registers to show.
+const REGISTER_BYTES: usize = 16;
+
+/// Adds the process that is the line.
+///
+/// # Errors
+/// What the system says, as text.
+pub fn add(fleet: &mut Fleet, rundir: &Path, line: &SimulatedLine, drivers: &DriverSettings) -> Result<(), String> {
+    let system = |error: &dyn std::fmt::Display| format!("simulated line {}: {error}", line.name);
+    // The process makes things in it, and no folder itself.
+    if let Some(folder) = socket(rundir, line).parent() {
+        let made = std::fs::DirBuilder::new().mode(0o700).create(folder);
+        made.or_else(|e| if e.kind() == std::io::ErrorKind::AlreadyExists { Ok(()) } else { Err(e) })
+            .map_err(|e| system(&e))?;
+    }
+    // Only to see that it lives.
+    let segment = Segment::create_shared().map_err(|e| system(&e))?;
+    let side = CpuSide::create(&segment, REGISTER_BYTES).map_err(|e| system(&e))?;
+    let command = DriverCommand {
+        name: format!("line {}", line.name),
+        program: drivers.program.clone(),
+        args: vec![
+            "--name".into(),
+            format!("line-{}", line.name).into(),
+            "--hub".into(),
+            configuration(rundir, line).to_string().into(),
+        ],
+        env: drivers.env.iter().cloned().chain([fence(rundir, line)]).collect(),
+    };
+    // It has neither registers nor a scan that would ring for it; the supervisor's own log says what becomes of it.
+    let _port = fleet.add(command, segment, side.monitor().clone(), Times::default()).map_err(|e| system(&e))?;
+    Ok(())
+}
+
+/// What the process may do: it makes its socket, its lock, and the link of its pty.
+fn fence(rundir: &Path, line: &SimulatedLine) -> (OsString, OsString) {
+    let socket = socket(rundir, line);
+    let partner = match &line.partner {
+        Partner::Pty(path) => path.parent(),
+        Partner::None | Partner::Echo => None,
+    };
+    crate::fence::variable(socket.parent().into_iter().chain(partner), None)
+}
+
+/// What the process is told.
+fn configuration(rundir: &Path, line: &SimulatedLine) -> Value {
+    let mut text = json!({
+        "path": socket(rundir, line),
+        "half_duplex": line.half_duplex,
+        "seed": line.seed,
+        "faults": rates(&line.faults),
+    });
+    if let Some(bursts) = &line.bursts {
+        text["bursts"] =
+            json!({ "every_ns": bursts.every, "length_ns": bursts.length, "faults": rates(&bursts.faults) });
+    }
+    match &line.partner {
+        Partner::None => {}
+        Partner::Echo => text["echo"] = true.into(),
+        Partner::Pty(path) => text["pty"] = json!(path),
+    }
+    text
+}
+
+fn rates(faults: &FaultRates) -> Value {
+    let FaultRates { flip, lose, double, delay, parity, framing, break_, delay_max } = *faults;
+    json!({
+        "flip": flip, "lose": lose, "double": double, "delay": delay, "parity": parity, "framing": framing, "break": break_,
+        "delay_max_ns": delay_max,
+    })
+}

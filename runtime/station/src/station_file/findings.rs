@@ -1,0 +1,83 @@
+//! What can be wrong with a station file, by number, and the collector of findings.
+
+use std::ops::Range;
+
+use crate::finding::{Finding, Level, Text, nearest};
+
+/// The file cannot be read.
+pub const UNREADABLE: &str = "C001";
+/// It is no TOML, or a value has the wrong type.
+pub const SYNTAX: &str = "C002";
+/// A key that does not exist.
+pub const UNKNOWN_KEY: &str = "C003";
+/// A key that must be there is missing.
+pub const MISSING: &str = "C004";
+/// A value that cannot be.
+pub const VALUE: &str = "C005";
+/// A name that is there twice.
+pub const TWICE: &str = "C006";
+/// Two modules at one address, or a module outside the address space.
+pub const ADDRESS: &str = "C007";
+/// A parameter of a CP that cannot be.
+pub const PARAMETER: &str = "C008";
+/// A line that cannot be.
+pub const LINE: &str = "C009";
+/// Two keys that do not go together.
+pub const CONTRADICTION: &str = "C010";
+
+/// Collects findings of one file.
+#[derive(Debug)]
+pub struct Findings<'a> {
+    source: Text<'a>,
+    found: Vec<Finding>,
+}
+
+impl<'a> Findings<'a> {
+    /// Nothing found yet in this file.
+    pub fn new(source: Text<'a>) -> Self {
+        Self { source, found: Vec::new() }
+    }
+
+    /// An error at a place, for whoever may need it later.
+    pub fn at(&self, code: &str, at: Range<usize>, message: String, remedy: &str) -> Finding {
+        self.source.finding(Level::Error, code, at, message, remedy.to_owned())
+    }
+
+    /// Adds an error: its number, its place in the file, what is wrong and what helps.
+    pub fn error(&mut self, code: &str, at: Range<usize>, message: impl Into<String>, remedy: impl Into<String>) {
+        self.found.push(self.source.finding(Level::Error, code, at, message.into(), remedy.into()));
+    }
+
+    /// The station if nothing was found, else the findings in the order of the file.
+    pub fn into_result<T>(mut self, value: T) -> Result<T, Vec<Finding>> {
+        if self.found.is_empty() {
+            return Ok(value);
+        }
+        self.found.sort_by_key(|f| (f.line, f.column));
+        Err(self.found)
+    }
+}
+
+/// What the TOML reader says, as a finding: an unknown key with the nearest known one. `document` explains the keys.
+pub fn of_toml(source: Text<'_>, error: &toml::de::Error, document: &str) -> Finding {
+    let at = error.span().unwrap_or(0..0);
+    let message = error.message();
+    let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    match (message.split_whitespace().next(), quoted.as_slice()) {
+        (Some("unknown"), [key, known @ ..]) if message.starts_with("unknown field") => {
+            let remedy = match nearest(key, known.iter().copied()) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("known here: {}", known.join(", ")),
+            };
+            source.finding(Level::Error, UNKNOWN_KEY, at, format!("unknown key `{key}`"), remedy)
+        }
+        (Some("missing"), [key]) => {
+            let remedy = format!("add `{key}`; {document} says what it means");
+            source.finding(Level::Error, MISSING, at.start..at.start, format!("the key `{key}` is missing"), remedy)
+        }
+        _ => {
+            let remedy = format!("{document} lists every key with its type");
+            source.finding(Level::Error, SYNTAX, at, message.replace('\n', ", "), remedy)
+        }
+    }
+}

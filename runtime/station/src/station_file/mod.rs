@@ -1,0 +1,93 @@
+//! The station file: what a station is made of. Read, checked, and turned into a [`Station`].
+//!
+//! The format is documented in `docs/station-file.md`. Unknown keys are refused with the nearest known one; every
+//! finding names file, line and column; all checks that are not about the syntax of the file report together.
+
+mod check;
+mod cp040;
+mod devices;
+mod duration;
+pub mod findings;
+mod interrupts;
+mod keyed;
+mod line;
+mod modules;
+mod retentive;
+mod simulated;
+mod tables;
+mod types;
+
+pub use check::{choice, parse_block, places, standard};
+
+pub use duration::parse_duration;
+pub use line::{Line, LineError};
+pub use types::*;
+
+use std::path::Path;
+
+use crate::finding::{Finding, Level, Text};
+
+/// Reads and checks a station file.
+///
+/// # Errors
+/// All findings, at least one of them an error.
+pub fn load(path: &Path) -> Result<Station, Vec<Finding>> {
+    parse(&read(path)?, &path.display().to_string(), folder_of(path))
+}
+
+/// The same for who is about to run it: with warnings for serial devices that are not there now.
+///
+/// # Errors
+/// All findings, at least one of them an error.
+pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding>> {
+    let (text, name, folder) = (read(path)?, path.display().to_string(), folder_of(path));
+    let source = Text { file: &name, text: &text };
+    let file = tables(source)?;
+    let station = check::check(&file, source, folder)?;
+    Ok((station, devices::missing(&file, source, folder, Path::exists)))
+}
+
+/// The user a station file wants its runtime to become (`[station] user`), before anything else is done with it. A file
+/// that cannot be read or understood names none: what is wrong with it is told when it is loaded.
+#[must_use]
+pub fn user_of(path: &Path) -> Option<String> {
+    let (text, name) = (read(path).ok()?, path.display().to_string());
+    Some(tables(Text { file: &name, text: &text }).ok()?.station.user?.into_inner())
+}
+
+/// Checks the text of a station file. `name` is its name in findings, `folder` what relative paths start from.
+///
+/// # Errors
+/// All findings, at least one of them an error.
+pub fn parse(text: &str, name: &str, folder: &Path) -> Result<Station, Vec<Finding>> {
+    let source = Text { file: name, text };
+    check::check(&tables(source)?, source, folder)
+}
+
+fn read(path: &Path) -> Result<String, Vec<Finding>> {
+    std::fs::read_to_string(path).map_err(|error| {
+        let remedy = match error.kind() {
+            std::io::ErrorKind::NotFound => {
+                "name an existing station file, such as examples/two-stations/station-a.toml"
+            }
+            std::io::ErrorKind::InvalidData => "a station file is UTF-8 text",
+            _ => "make it readable for this user",
+        };
+        let message = format!("the station file cannot be read: {error}");
+        vec![Finding::whole(Level::Error, findings::UNREADABLE, &path.display().to_string(), message, remedy)]
+    })
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().unwrap_or(Path::new(""))
+}
+
+fn tables(source: Text<'_>) -> Result<tables::StationFile, Vec<Finding>> {
+    toml::from_str(source.text).map_err(|error| vec![findings::of_toml(source, &error, "docs/station-file.md")])
+}
+
+/// Whether a path looks like a station file: for commands that take files of either kind.
+#[must_use]
+pub fn is_station_file(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}

@@ -1,0 +1,379 @@
+//! The modules of a station: addresses, parameters in both forms, lines.
+
+use std::path::{Path, PathBuf};
+
+use ob1_backplane::io_layout::IO_AREA_BYTES;
+use ob1_params::{Cp240, CpKind, ModbusKind, ParamError, Protocol, StopBits, Value};
+
+use super::check::{choice, name, number};
+use super::findings::{ADDRESS, CONTRADICTION, Findings, LINE, MISSING, PARAMETER, TWICE, VALUE};
+use super::line::{self, Line};
+use super::tables::{ModuleTable, Placed};
+use super::types::{AbdUnit, Absent, ModuleConfig, ModuleKind};
+use super::{cp040, keyed};
+
+/// The last byte of the peripheral area.
+const LAST_ADDRESS: i64 = 65_535;
+
+#[derive(Clone, Copy, PartialEq)]
+enum Type {
+    Cp(CpKind),
+    DigitalIn,
+    DigitalOut,
+    AnalogIn,
+    AnalogOut,
+}
+
+impl Type {
+    const fn is_cp(self) -> bool {
+        matches!(self, Self::Cp(_))
+    }
+}
+
+/// Process I/O; the communication processors are in [`CpKind::TABLE`].
+const PROCESS_IO: [(&str, Type); 4] =
+    [("di", Type::DigitalIn), ("do", Type::DigitalOut), ("ai", Type::AnalogIn), ("ao", Type::AnalogOut)];
+
+pub(super) fn modules(f: &mut Findings<'_>, tables: &[Placed<ModuleTable>], folder: &Path) -> Vec<ModuleConfig> {
+    let mut modules: Vec<ModuleConfig> = Vec::with_capacity(tables.len());
+    for placed in tables {
+        let table = placed.get_ref();
+        let Some(module) = module(f, table, folder) else { continue };
+        if modules.iter().any(|m| m.name == module.name) {
+            let message = format!("there are two modules with the name \"{}\"", module.name);
+            f.error(TWICE, table.name.span(), message, "give each module a name of its own");
+        }
+        overlaps(f, table, &module, &modules);
+        modules.push(module);
+    }
+    modules
+}
+
+fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<ModuleConfig> {
+    let cps = CpKind::TABLE.iter().map(|row| (row.name, Type::Cp(row.kind)));
+    let types: Vec<(&str, Type)> = cps.chain(PROCESS_IO).collect();
+    let ty = choice(f, "type", Some(&table.kind), &types)?;
+    let kind = match ty {
+        Type::Cp(CpKind::Cp240) => cp240(f, table, folder)?,
+        Type::Cp(CpKind::Cp040) => cp040::module(f, table, folder)?,
+        Type::Cp(kind @ (CpKind::Cp341 | CpKind::Cp340)) => keyed::module(f, table, folder, kind)?,
+        Type::DigitalIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
+        Type::AnalogIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
+        Type::DigitalOut | Type::AnalogOut => ModuleKind::Outputs { bytes: io_bytes(f, table, ty) },
+    };
+    let (input_address, output_address) = addresses(f, table, ty)?;
+    let words = [("zero", Absent::Zero), ("fault", Absent::Fault)];
+    let absent = choice(f, "absent", table.absent.as_ref(), &words).unwrap_or_default();
+    let name = name(f, "module", &table.name);
+    let substitute = substitute(f, table, ty, &kind);
+    let driver = driver(f, table, ty, folder);
+    Some(ModuleConfig { name, input_address, output_address, absent, substitute, driver, kind })
+}
+
+/// The program that is the driver, from the station file's folder on.
+fn driver(f: &mut Findings<'_>, table: &ModuleTable, ty: Type, folder: &Path) -> Option<PathBuf> {
+    let given = table.driver.as_ref()?;
+    if !ty.is_cp() {
+        f.error(CONTRADICTION, given.span(), "`driver` is for communication processors", "leave it out");
+        return None;
+    }
+    let path = folder.join(given.get_ref());
+    Some(std::path::absolute(&path).unwrap_or(path))
+}
+
+/// What process outputs are while nobody drives them: a byte each of `do`, a word each of `ao`.
+fn substitute(f: &mut Findings<'_>, table: &ModuleTable, ty: Type, kind: &ModuleKind) -> Vec<u8> {
+    let Some(given) = &table.substitute else { return Vec::new() };
+    let (ModuleKind::Outputs { bytes }, true) = (kind, matches!(ty, Type::DigitalOut | Type::AnalogOut)) else {
+        f.error(CONTRADICTION, given.span(), "`substitute` is for `do` and `ao`", "leave it out");
+        return Vec::new();
+    };
+    let width = if ty == Type::AnalogOut { 2 } else { 1 };
+    let values = given.get_ref();
+    if values.len() * width != usize::from(*bytes) {
+        let wanted = usize::from(*bytes) / width;
+        let message = format!("`substitute` has {} values for {wanted}", values.len());
+        f.error(VALUE, given.span(), message, "one for each byte of `do`, one for each channel of `ao`");
+        return Vec::new();
+    }
+    let mut all = Vec::new();
+    for value in values {
+        if width == 2 {
+            all.extend(number::<i16>(f, "substitute", Some(value), -32_768..=32_767, 0).to_be_bytes());
+        } else {
+            all.push(number::<u8>(f, "substitute", Some(value), 0..=255, 0));
+        }
+    }
+    all
+}
+
+/// Where the inputs and the outputs begin.
+fn addresses(f: &mut Findings<'_>, table: &ModuleTable, ty: Type) -> Option<(u32, u32)> {
+    let last = if ty.is_cp() { LAST_ADDRESS } else { IO_AREA_BYTES as i64 - 1 };
+    let inputs = table.input_address.as_ref();
+    let outputs = table.output_address.as_ref();
+    if let Some(address) = &table.address {
+        for other in [inputs, outputs].into_iter().flatten() {
+            let remedy = "either `address` for both directions, or `input_address` and `output_address`";
+            f.error(CONTRADICTION, other.span(), "the address is given twice", remedy);
+        }
+        let address = number(f, "address", Some(address), 0..=last, 0);
+        return Some((address, address));
+    }
+    match ty {
+        // The blocks of a CP 040 have one address.
+        Type::Cp(kind) if kind != CpKind::Cp040 && inputs.is_some() && outputs.is_some() => {
+            Some((number(f, "input_address", inputs, 0..=last, 0), number(f, "output_address", outputs, 0..=last, 0)))
+        }
+        Type::DigitalIn | Type::AnalogIn if inputs.is_some() && outputs.is_none() => {
+            let address = number(f, "input_address", inputs, 0..=last, 0);
+            Some((address, address))
+        }
+        Type::DigitalOut | Type::AnalogOut if outputs.is_some() && inputs.is_none() => {
+            let address = number(f, "output_address", outputs, 0..=last, 0);
+            Some((address, address))
+        }
+        _ => {
+            let remedy = "add `address`: the module's first peripheral byte, such as address = 256";
+            f.error(MISSING, table.kind.span(), "the module has no address", remedy);
+            None
+        }
+    }
+}
+
+fn io_bytes(f: &mut Findings<'_>, table: &ModuleTable, ty: Type) -> u16 {
+    for (key, given) in [
+        ("params", table.params.as_ref().map(Placed::span)),
+        ("raw", table.raw.as_ref().map(Placed::span)),
+        ("line", table.line.as_ref().map(Placed::span)),
+        ("absent", table.absent.as_ref().map(Placed::span)),
+        ("abd", table.abd.as_ref().map(Placed::span)),
+        ("diagnostics", table.diagnostics.as_ref().map(Placed::span)),
+    ] {
+        if let Some(at) = given {
+            f.error(CONTRADICTION, at, format!("`{key}` belongs to a communication processor"), "leave it out here");
+        }
+    }
+    let analog = matches!(ty, Type::AnalogIn | Type::AnalogOut);
+    let (key, value, other, max) = if analog {
+        ("channels", &table.channels, &table.bytes, IO_AREA_BYTES as i64 / 2)
+    } else {
+        ("bytes", &table.bytes, &table.channels, IO_AREA_BYTES as i64)
+    };
+    if let Some(other) = other {
+        let message = format!("a module of this type is as long as its `{key}`");
+        f.error(
+            CONTRADICTION,
+            other.span(),
+            message,
+            "digital modules have `bytes`, analog ones `channels` of one word",
+        );
+    }
+    if value.is_none() {
+        f.error(MISSING, table.kind.span(), format!("`{key}` is missing"), format!("add `{key}`, 1 to {max}"));
+    }
+    let count: u16 = number(f, key, value.as_ref(), 1..=max, 1);
+    if analog { count.saturating_mul(2) } else { count }
+}
+
+fn cp240(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<ModuleKind> {
+    for (key, given) in [("bytes", &table.bytes), ("channels", &table.channels)] {
+        if let Some(value) = given {
+            let message = format!("`{key}` cannot be chosen for a CP 240");
+            f.error(CONTRADICTION, value.span(), message, "leave it out: a CP 240 has 16 bytes each way");
+        }
+    }
+    let params = keys_or_bytes(f, table, "CP 240", |keys| Cp240::from_keys(keys), Cp240::of_bytes)?;
+    characters_of_modbus(f, table, &params);
+    let line = line_of(f, table, folder, "the CP 240")?;
+    stop_bits_of(f, table, &line, params.stop_bits);
+    let bytes = params.encode();
+    let units = [("byte", AbdUnit::Byte), ("word", AbdUnit::Word)];
+    let abd = choice(f, "abd", table.abd.as_ref(), &units).unwrap_or_default();
+    let diagnostics = table.diagnostics.as_ref().is_some_and(|switch| *switch.get_ref());
+    Some(ModuleKind::Cp240 { params: Box::new(params), bytes, line, abd, diagnostics })
+}
+
+/// A line that cannot do 1.5 stop bits.
+pub(super) fn stop_bits_of(f: &mut Findings<'_>, table: &ModuleTable, line: &Line, stop_bits: StopBits) {
+    if stop_bits == StopBits::OneAndHalf && !matches!(line, Line::Sim(_)) {
+        let at = match (&table.params, &table.raw) {
+            (Some(keys), _) => {
+                let found = keys.get_ref().iter().find(|(key, _)| key.get_ref() == "stop_bits");
+                found.map_or(keys.span(), |(key, value)| key.span().start..value.span().end)
+            }
+            (None, raw) => raw.as_ref().map_or_else(|| table.kind.span(), Placed::span),
+        };
+        let remedy = "1 or 2 stop bits: Linux has no 1.5; a line `sim:NAME` has";
+        f.error(PARAMETER, at, format!("{line} cannot do 1.5 stop bits"), remedy);
+    }
+}
+
+/// The line of a CP.
+pub(super) fn line_of(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path, cp: &str) -> Option<Line> {
+    let Some(text) = &table.line else {
+        f.error(MISSING, table.kind.span(), format!("{cp} has no line"), format!("add `line`: {}", line::REMEDY));
+        return None;
+    };
+    match Line::parse(text.get_ref(), folder) {
+        Ok(line) => Some(line),
+        Err(error) => {
+            f.error(LINE, text.span(), error.to_string(), line::REMEDY);
+            None
+        }
+    }
+}
+
+/// The table lets every Modbus mode have 5 to 8 data bits. A byte as a character takes 8, hexadecimal text takes 7.
+pub(super) fn characters_of_modbus(f: &mut Findings<'_>, table: &ModuleTable, params: &Cp240) {
+    let Protocol::Modbus(modbus) = &params.protocol else { return };
+    use ModbusKind::{MasterRtu, SlaveRtuLong, SlaveRtuShort};
+    let is_rtu = matches!(modbus.kind, MasterRtu | SlaveRtuShort | SlaveRtuLong);
+    let needed = if is_rtu { 8 } else { 7 };
+    if params.data_bits < needed {
+        let mode = if is_rtu { "RTU" } else { "ASCII" };
+        let message = format!("Modbus {mode} cannot travel in characters of {} bits", params.data_bits);
+        let remedy = if is_rtu { "`data_bits = 8`" } else { "`data_bits = 7` or `data_bits = 8`" };
+        f.error(PARAMETER, place_of(table, "data_bits"), message, remedy);
+    }
+}
+
+/// Where a parameter stands in the file: its value, or else what has all of them.
+fn place_of(table: &ModuleTable, key: &str) -> std::ops::Range<usize> {
+    let named = table
+        .params
+        .as_ref()
+        .and_then(|keys| keys.get_ref().iter().find(|(name, _)| name.get_ref() == key).map(|(_, value)| value.span()));
+    named.or_else(|| table.raw.as_ref().map(Placed::span)).unwrap_or_else(|| table.kind.span())
+}
+
+pub(super) type Keys = std::collections::BTreeMap<Placed<String>, Placed<toml::Value>>;
+
+/// The parameters of a CP that has 16 bytes of them: as keys or as these bytes, exactly one of both.
+pub(super) fn keys_or_bytes<P>(
+    f: &mut Findings<'_>,
+    table: &ModuleTable,
+    cp: &str,
+    of_keys: impl FnOnce(Vec<(&str, Value)>) -> Result<P, ParamError>,
+    of_bytes: fn(&[u8; 16]) -> Result<P, ParamError>,
+) -> Option<P> {
+    match (&table.params, &table.raw) {
+        (Some(given), None) => {
+            let keys = keys_of(f, given)?;
+            of_keys(keys).map_err(|error| parameter(f, place_in(given, &error), &error)).ok()
+        }
+        (None, Some(raw)) => from_raw(f, cp, raw, of_bytes),
+        (Some(_), Some(raw)) => {
+            let remedy = "keep one of them; `ob1 check STATION --verbose` prints the other form";
+            f.error(CONTRADICTION, raw.span(), "the parameters are given twice, as `params` and as `raw`", remedy);
+            None
+        }
+        (None, None) => {
+            let remedy = "params = { protocol = \"3964r\", baud = 9600 }, or raw = \"00 04 13 ...\" with all 16 bytes";
+            f.error(MISSING, table.kind.span(), format!("the {cp} has no parameters"), remedy);
+            None
+        }
+    }
+}
+
+/// The keys as the parameter tables take them.
+pub(super) fn keys_of<'a>(f: &mut Findings<'_>, params: &'a Placed<Keys>) -> Option<Vec<(&'a str, Value)>> {
+    let mut keys = Vec::new();
+    for (key, value) in params.get_ref() {
+        let converted = match value.get_ref() {
+            toml::Value::Integer(number) => Value::Int(*number),
+            toml::Value::String(text) => Value::Str(text.clone()),
+            // Stop bits are 1, 1.5 and 2.
+            toml::Value::Float(number) => Value::Str(number.to_string()),
+            other => {
+                let message =
+                    format!("the parameter `{}` cannot be a value of type {}", key.get_ref(), other.type_str());
+                f.error(PARAMETER, value.span(), message, "a number or a word in quotes");
+                return None;
+            }
+        };
+        keys.push((key.get_ref().as_str(), converted));
+    }
+    Some(keys)
+}
+
+/// Where the key that is wrong stands.
+pub(super) fn place_in(params: &Placed<Keys>, error: &ParamError) -> std::ops::Range<usize> {
+    let found = params.get_ref().iter().find(|(key, _)| *key.get_ref() == error.key);
+    found.map_or(params.span(), |(key, value)| key.span().start..value.span().end)
+}
+
+fn from_raw<P>(
+    f: &mut Findings<'_>,
+    cp: &str,
+    raw: &Placed<String>,
+    decode: fn(&[u8; 16]) -> Result<P, ParamError>,
+) -> Option<P> {
+    // Behind the opening quote; a string with escapes would only move the caret.
+    let start = raw.span().start + 1;
+    let mut bytes = [0; 16];
+    let mut places = Vec::new();
+    for word in raw.get_ref().split_whitespace() {
+        let at = word.as_ptr().addr() - raw.get_ref().as_ptr().addr() + start;
+        let at = at..at + word.len();
+        let Ok(byte) = u8::from_str_radix(word.trim_end_matches(['h', 'H']), 16) else {
+            f.error(VALUE, at, format!("\"{word}\" is no byte"), "16 bytes in hexadecimal: \"0E 04 13 ...\"");
+            return None;
+        };
+        if let Some(cell) = bytes.get_mut(places.len()) {
+            *cell = byte;
+        }
+        places.push(at);
+    }
+    if places.len() != bytes.len() {
+        let message = format!("a {cp} has 16 parameter bytes, not {}", places.len());
+        f.error(PARAMETER, raw.span(), message, "unused bytes are written too, as 00");
+        return None;
+    }
+    let place = |error: &ParamError| error.byte.and_then(|b| places.get(b).cloned()).unwrap_or_else(|| raw.span());
+    decode(&bytes).map_err(|error| parameter(f, place(&error), &error)).ok()
+}
+
+pub(super) fn parameter(f: &mut Findings<'_>, at: std::ops::Range<usize>, error: &ParamError) {
+    let what = match (error.byte, error.key.as_str()) {
+        (Some(byte), "") => format!("parameter byte {byte}"),
+        (Some(byte), key) => format!("parameter `{key}` (byte {byte})"),
+        (None, key) => format!("parameter `{key}`"),
+    };
+    let remedy = format!("allowed: {}; {}", error.allowed, error.remedy);
+    f.error(PARAMETER, at, format!("{what}: {} is not allowed", error.value), remedy);
+}
+
+/// Refuses a module that shares bytes with an earlier one or reaches beyond its area.
+fn overlaps(f: &mut Findings<'_>, table: &ModuleTable, module: &ModuleConfig, earlier: &[ModuleConfig]) {
+    for outputs in [false, true] {
+        let (first, len) = range(module, outputs);
+        let word = if outputs { "output" } else { "input" };
+        let at = if outputs { &table.output_address } else { &table.input_address };
+        let at = table.address.as_ref().or(at.as_ref()).map_or_else(|| table.kind.span(), Placed::span);
+        let area = if module.kind.cp().is_some() { LAST_ADDRESS as u32 + 1 } else { IO_AREA_BYTES as u32 };
+        if len > 0 && first + len > area {
+            let message = format!("{} reaches from byte {first} to {}", module.name, first + len - 1);
+            f.error(ADDRESS, at, message, format!("the last {word} byte such a module can have is {}", area - 1));
+            return;
+        }
+        for other in earlier {
+            let (begin, other_len) = range(other, outputs);
+            let common = first.max(begin);
+            if common < (first + len).min(begin + other_len) {
+                let message = format!("{word} byte {common} belongs to {} already", other.name);
+                let remedy = format!("{} occupies {begin} to {}", other.name, begin + other_len - 1);
+                f.error(ADDRESS, at, message, remedy);
+                return;
+            }
+        }
+    }
+}
+
+fn range(module: &ModuleConfig, outputs: bool) -> (u32, u32) {
+    if outputs {
+        (module.output_address, u32::from(module.output_bytes()))
+    } else {
+        (module.input_address, u32::from(module.input_bytes()))
+    }
+}

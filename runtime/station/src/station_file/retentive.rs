@@ -1,0 +1,110 @@
+//! Retentive ranges, and where they are written.
+
+use std::ops::Range;
+use std::path::Path;
+use std::time::Duration;
+
+use ob1_cpu::{CpuConfig, DataRange, Retentive, RetentiveData};
+use ob1_model::BlockKind;
+
+use super::findings::{CONTRADICTION, Findings, VALUE};
+use super::tables::{Placed, RetentiveTable, StationTable};
+use super::{parse_block, parse_duration};
+use crate::retentive::RetentiveFile;
+
+/// Time between two images, when the file does not say it.
+const EVERY: Duration = Duration::from_secs(1);
+/// Shorter than this the disk would do nothing else.
+const SHORTEST: Duration = Duration::from_millis(100);
+
+/// The ranges go into the CPU's configuration; the file is there when the table is.
+pub(super) fn retentive(
+    f: &mut Findings<'_>,
+    table: Option<&RetentiveTable>,
+    station: &StationTable,
+    folder: &Path,
+    cpu: &mut CpuConfig,
+) -> Option<RetentiveFile> {
+    let Some(table) = table else {
+        if let Some(state) = &station.state {
+            f.error(
+                CONTRADICTION,
+                state.span(),
+                "there is nothing to be kept there",
+                "add [retentive], or leave `state` out",
+            );
+        }
+        return None;
+    };
+    cpu.retentive = Retentive {
+        memory: ranges(f, "memory", &table.memory, cpu.memory_bytes),
+        timers: ranges(f, "timers", &table.timers, u32::from(cpu.timers)).into_iter().map(narrow).collect(),
+        counters: ranges(f, "counters", &table.counters, u32::from(cpu.counters)).into_iter().map(narrow).collect(),
+        data: match &table.data {
+            None => RetentiveData::All,
+            Some(list) => RetentiveData::Only(list.iter().filter_map(|text| data(f, text)).collect()),
+        },
+    };
+    let every = table.every.as_ref().map_or(EVERY, |text| match parse_duration(text.get_ref()) {
+        Ok(every) if every >= SHORTEST => every,
+        Ok(_) => {
+            f.error(VALUE, text.span(), "so often retentive memory cannot be written", "\"100ms\" or more");
+            EVERY
+        }
+        Err(message) => {
+            f.error(VALUE, text.span(), message, "a number and a unit, in quotes: \"1s\"");
+            EVERY
+        }
+    });
+    let folder = station.state.as_ref().map_or_else(|| folder.to_owned(), |state| folder.join(state.get_ref()));
+    Some(RetentiveFile { folder, every })
+}
+
+/// They are inside an area of at most 65536.
+fn narrow(range: Range<u32>) -> Range<u16> {
+    range.start as u16..range.end as u16
+}
+
+fn ranges(f: &mut Findings<'_>, key: &str, list: &[Placed<String>], len: u32) -> Vec<Range<u32>> {
+    let mut ranges = Vec::with_capacity(list.len());
+    for text in list {
+        match range(text.get_ref()).filter(|range| range.end <= len) {
+            Some(range) => ranges.push(range),
+            None => {
+                let message = format!("{key} = \"{}\" is no range there", text.get_ref());
+                f.error(
+                    VALUE,
+                    text.span(),
+                    message,
+                    format!("first and last, such as \"0..15\"; the last there is {}", i64::from(len) - 1),
+                );
+            }
+        }
+    }
+    ranges
+}
+
+/// `0..15`, both of them in it, or `7`.
+fn range(text: &str) -> Option<Range<u32>> {
+    let (first, last) = text.split_once("..").unwrap_or((text, text));
+    let (first, last): (u32, u32) = (first.trim().parse().ok()?, last.trim().parse().ok()?);
+    (first <= last).then(|| first..last.saturating_add(1))
+}
+
+/// `DB 10`, or `DB 10: 0..19`.
+fn data(f: &mut Findings<'_>, text: &Placed<String>) -> Option<DataRange> {
+    let (block, bytes) = match text.get_ref().split_once(':') {
+        Some((block, bytes)) => (block, Some(range(bytes))),
+        None => (text.get_ref().as_str(), None),
+    };
+    let db = parse_block(block).filter(|id| id.kind == BlockKind::Db && id.number > 0);
+    match (db, bytes) {
+        (Some(db), None) => Some(DataRange { db: db.number, bytes: None }),
+        (Some(db), Some(Some(bytes))) => Some(DataRange { db: db.number, bytes: Some(bytes) }),
+        _ => {
+            let message = format!("\"{}\" is no data block", text.get_ref());
+            f.error(VALUE, text.span(), message, "\"DB 10\", or some of its bytes: \"DB 10: 0..19\"");
+            None
+        }
+    }
+}

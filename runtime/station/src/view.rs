@@ -1,0 +1,265 @@
+//! What may be looked at from outside the scan: names, monitors of the CPs, drivers, the posture.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+use std::time::Instant;
+
+use ob1_backplane::{BufferEntry, Counter, DriverState, Monitor};
+use ob1_cpu::{DiagEntry, Distribution, Family, OperatingState};
+use ob1_host::driver;
+use ob1_ir::{CodeBlock, Program};
+use ob1_model::BlockId;
+use ob1_params::CpKind;
+use ob1_rt::{Grant, MonotonicClock};
+
+use crate::access::protocol::{
+    CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times,
+};
+use crate::io::Panel;
+use crate::retentive::health::Health;
+use crate::station_file::{ModuleConfig, ModuleKind};
+use crate::timing::Timings;
+use ob1_access::Names;
+
+/// Where the blocks of a program stand.
+#[derive(Debug, Default)]
+pub struct Places(BTreeMap<BlockId, String>);
+
+impl Places {
+    /// Of a program.
+    #[must_use]
+    pub fn new(program: &Program) -> Self {
+        let file = |block: &CodeBlock| Some((block.id, program.sources.get(block.source as usize)?.clone()));
+        Self(program.blocks.iter().filter_map(file).collect())
+    }
+
+    /// The file of a block.
+    #[must_use]
+    pub fn file(&self, block: BlockId) -> Option<&str> {
+        self.0.get(&block).map(String::as_str)
+    }
+
+    /// `press.awl:14`, where an entry is about a statement.
+    #[must_use]
+    pub fn of(&self, entry: &DiagEntry) -> Option<String> {
+        let site = entry.site.filter(|site| site.line > 0)?;
+        Some(format!("{}:{}", self.file(site.block)?, site.line))
+    }
+
+    /// An entry in words, with its file.
+    #[must_use]
+    pub fn told(&self, entry: &DiagEntry) -> String {
+        let place = self.of(entry).map_or_else(String::new, |place| format!(", {place}"));
+        format!("{entry}{place}")
+    }
+}
+
+/// A running station, as seen from other threads than the scan.
+#[derive(Clone, Debug)]
+pub struct StationView {
+    /// The station's name.
+    pub name: String,
+    /// The family of its CPU.
+    pub family: Family,
+    /// The names of its cells.
+    pub names: Arc<Names>,
+    /// Where its blocks stand.
+    pub places: Arc<Places>,
+    /// Its modules, in the order of the CPU.
+    pub modules: Vec<ModuleView>,
+    /// The inputs of its process I/O modules.
+    pub panel: Option<Panel>,
+    /// What the operating system granted; set by the scan thread when it has asked.
+    pub posture: Arc<OnceLock<Vec<Grant>>>,
+    /// How the writing of retentive memory stands, where the station file wants it.
+    pub retentive: Option<Health>,
+    /// The clock of this runtime.
+    pub clock: MonotonicClock,
+    /// The accounts of every scan.
+    pub timings: Timings,
+}
+
+/// A module, as seen from other threads than the scan.
+#[derive(Clone, Debug)]
+pub struct ModuleView {
+    /// Its name.
+    pub name: String,
+    /// Which communication processor it is; none for process I/O.
+    pub cp: Option<CpKind>,
+    /// Its type, as in the station file.
+    pub type_name: &'static str,
+    /// Its first byte.
+    pub address: u32,
+    /// The segment of a CP.
+    pub monitor: Option<Monitor>,
+    /// The driver of a CP.
+    pub driver: Option<Arc<driver::DriverStatus>>,
+}
+
+impl ModuleView {
+    /// Of a module without a driver.
+    #[must_use]
+    pub fn new(config: &ModuleConfig) -> Self {
+        let cp = config.kind.cp();
+        let (type_name, address) = match (cp, &config.kind) {
+            (Some(cp), _) => (cp.name(), config.input_address),
+            (None, ModuleKind::Outputs { .. }) => ("outputs", config.output_address),
+            (None, _) => ("inputs", config.input_address),
+        };
+        Self { name: config.name.clone(), cp, type_name, address, monitor: None, driver: None }
+    }
+
+    fn status(&self, present: bool) -> ModuleStatus {
+        let monitor = self.monitor.as_ref();
+        let driver = self.driver.as_ref().map(|driver| DriverStatus {
+            pid: driver.pid(),
+            starts: driver.starts(),
+            losses: driver.losses(),
+            state: monitor.map_or_else(String::new, driver_state),
+        });
+        let counters = monitor.map(Monitor::counters);
+        let counters = counters.map(|c| Counter::ALL.iter().map(|n| (n.name().to_owned(), c.get(*n))).collect());
+        ModuleStatus {
+            name: self.name.clone(),
+            type_name: self.type_name.to_owned(),
+            address: self.address,
+            present,
+            leds: self.cp.zip(monitor).map(|(cp, monitor)| leds(cp, monitor)).unwrap_or_default(),
+            driver,
+            counters: counters.unwrap_or_default(),
+        }
+    }
+}
+
+/// The LEDs that are lit, by the names on the front.
+fn leds(cp: CpKind, monitor: &Monitor) -> Vec<String> {
+    let leds = monitor.leds();
+    let lit = cp.row().leds.into_iter().zip([leds.power, leds.error, leds.transmit, leds.receive]);
+    lit.filter(|(name, on)| *on && !name.is_empty()).map(|(name, _)| name.to_owned()).collect()
+}
+
+fn driver_state(monitor: &Monitor) -> String {
+    match monitor.driver_state() {
+        Ok(DriverState::Absent) => "absent".into(),
+        Ok(DriverState::Starting) => "starting".into(),
+        Ok(DriverState::NoParameters) => "no parameters".into(),
+        Ok(DriverState::ParameterError(code)) => format!("parameter error {code}"),
+        Ok(DriverState::Ready) => "ready".into(),
+        Ok(DriverState::LineError(code)) => format!("line error {code}"),
+        Err(fault) => fault.to_string(),
+    }
+}
+
+impl StationView {
+    /// The diagnostic buffers of those CPs that have one: at most `count` entries of each, newest first.
+    #[must_use]
+    pub fn buffers(&self, count: u32) -> Vec<CpBuffer> {
+        let with_buffer = self.modules.iter().filter(|module| module.cp.is_some_and(|cp| cp.row().has_channels));
+        let buffer = |module: &ModuleView| {
+            let monitor = module.monitor.as_ref()?;
+            Some(CpBuffer {
+                name: module.name.clone(),
+                type_name: module.type_name.to_owned(),
+                address: module.address,
+                driver: driver_state(monitor),
+                entries: monitor.buffer().take(count as usize).map(|entry| self.cp_entry(entry)).collect(),
+            })
+        };
+        with_buffer.filter_map(buffer).collect()
+    }
+
+    /// An entry of the CPU's diagnostic buffer as others see it.
+    #[must_use]
+    pub fn diagnostic(&self, entry: &DiagEntry) -> Diagnostic {
+        Diagnostic {
+            number: entry.number,
+            time_ns: entry.time,
+            unix_ns: self.unix_at(entry.time),
+            event: format!("{:04X}h", entry.event.0),
+            text: entry.to_string(),
+            place: self.places.of(entry).unwrap_or_default(),
+            remedy: entry.event.remedy().to_owned(),
+        }
+    }
+
+    /// Nanoseconds since 1970 at a time of this runtime, by the clock as it is set now.
+    fn unix_at(&self, time: u64) -> u64 {
+        crate::assembly::unix_now().saturating_sub(self.clock.time().saturating_sub(time))
+    }
+
+    fn cp_entry(&self, entry: BufferEntry) -> CpEntry {
+        let unix_ns = self.unix_at(entry.time_ms.saturating_mul(1_000_000));
+        CpEntry { unix_ns, ..entry.into() }
+    }
+
+    /// The station as others see it. `present` has one entry a module.
+    #[must_use]
+    pub fn status(&self, state: OperatingState, present: &[bool]) -> Status {
+        let memory = ob1_rt::memory();
+        let figures = self.timings.figures();
+        let statistics = figures.statistics();
+        let module = |(index, module): (usize, &ModuleView)| module.status(present.get(index) == Some(&true));
+        Status {
+            station: self.name.clone(),
+            pid: std::process::id(),
+            state: state_name(state).to_owned(),
+            runtime_ns: self.clock.time(),
+            scans: statistics.scans,
+            statements: statistics.statements,
+            overruns: statistics.overruns,
+            missed: figures.missed,
+            late: figures.late,
+            watchdogs: statistics.watchdogs,
+            cycle: times(&statistics.cycle),
+            wake: times(&figures.wake.distribution()),
+            execution: times(&statistics.execution),
+            modules: self.modules.iter().enumerate().map(module).collect(),
+            posture: self.posture.get().into_iter().flatten().map(GrantStatus::from).collect(),
+            retentive: self.retentive.as_ref().map(|health| health.status(Instant::now())),
+            memory: MemoryStatus {
+                resident_kib: memory.resident_kib,
+                peak_kib: memory.peak_kib,
+                locked_kib: memory.locked_kib,
+                threads: memory.threads,
+            },
+            log_lost: ob1_log::lost(),
+        }
+    }
+}
+
+/// `STOP`, `STARTUP`, `RUN`.
+#[must_use]
+pub const fn state_name(state: OperatingState) -> &'static str {
+    match state {
+        OperatingState::Stop => "STOP",
+        OperatingState::Startup => "STARTUP",
+        OperatingState::Run => "RUN",
+    }
+}
+
+fn times(d: &Distribution) -> Times {
+    Times {
+        count: d.count,
+        min_ns: d.min,
+        mean_ns: d.mean,
+        p50_ns: d.p50,
+        p99_ns: d.p99,
+        p999_ns: d.p999,
+        max_ns: d.max,
+    }
+}
+
+impl From<BufferEntry> for CpEntry {
+    fn from(entry: BufferEntry) -> Self {
+        // What lies in shared memory can be any number.
+        let row = ob1_protocols::cp341_events::row(entry.number);
+        Self {
+            time_ms: entry.time_ms,
+            unix_ns: 0,
+            number: format!("{:04X}h", entry.number),
+            incoming: entry.incoming,
+            text: row.map_or("an event nobody knows", |row| row.text).to_owned(),
+            remedy: row.map_or("", |row| row.remedy).to_owned(),
+        }
+    }
+}
