@@ -19,6 +19,47 @@ pub enum Cell {
     Counter(u16),
 }
 
+impl Cell {
+    /// What lies beside another in memory has the same: the kind of memory, the number of a data block. `None` for cells
+    /// that are not memory as it is shown.
+    #[must_use]
+    pub const fn block(self) -> Option<(u8, u16)> {
+        match self {
+            Cell::Area(Area::Input, _) => Some((0, 0)),
+            Cell::Area(Area::Output, _) => Some((1, 0)),
+            Cell::Area(..) => Some((2, 0)),
+            Cell::Db(number, _) => Some((3, number)),
+            Cell::Peripheral(_) | Cell::Timer(_) | Cell::Counter(_) => None,
+        }
+    }
+
+    /// Its bit address; 0 for a timer or counter.
+    #[must_use]
+    pub const fn bit(self) -> u32 {
+        match self {
+            Cell::Area(_, bit) | Cell::Db(_, bit) | Cell::Peripheral(bit) => bit,
+            Cell::Timer(_) | Cell::Counter(_) => 0,
+        }
+    }
+
+    /// Its byte address; 0 for a timer or counter.
+    #[must_use]
+    pub const fn byte(self) -> u32 {
+        self.bit() / 8
+    }
+
+    /// The same area or block at another bit address; a timer or counter stays what it is.
+    #[must_use]
+    pub const fn at_bit(self, bit: u32) -> Self {
+        match self {
+            Cell::Area(area, _) => Cell::Area(area, bit),
+            Cell::Db(number, _) => Cell::Db(number, bit),
+            Cell::Peripheral(_) => Cell::Peripheral(bit),
+            Cell::Timer(_) | Cell::Counter(_) => self,
+        }
+    }
+}
+
 /// How much of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[expect(missing_docs, reason = "the names say it")]
@@ -91,6 +132,27 @@ pub enum CellError {
     NoEntry,
     /// A value that does not fit the cell.
     Value,
+}
+
+impl CellError {
+    /// All there are.
+    pub const ALL: [Self; 7] =
+        [Self::Outside, Self::NoDb, Self::ReadOnly, Self::NoTimer, Self::NoModule, Self::NoEntry, Self::Value];
+
+    /// A number for a snapshot or a message, from 1.
+    #[must_use]
+    pub const fn code(self) -> u8 {
+        self as u8 + 1
+    }
+
+    /// Of that number.
+    #[must_use]
+    pub const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            1..=7 => Some(Self::ALL[code as usize - 1]),
+            _ => None,
+        }
+    }
 }
 
 impl fmt::Display for CellError {

@@ -8,6 +8,7 @@ mod block;
 mod cell;
 pub mod cells;
 mod fault;
+mod frame;
 mod interface;
 mod layout;
 mod meaning;
@@ -18,6 +19,9 @@ pub use address::{Area, BitAddr};
 pub use block::{BlockId, BlockKind};
 pub use cell::{Cell, CellError, CellWidth, Piece};
 pub use fault::{Access, Event, Fault, FaultKind, Site};
+pub use frame::{
+    FRAME_WORDS, Frame, GROUP_ENTRIES, Head, Put, Run, WATCH_BYTES, WATCH_LINES, WRITE_BYTES, fits_a_share,
+};
 pub use interface::{Interface, Param, Section};
 pub use layout::{Component, Layout, align_to};
 pub use meaning::StateChange;
