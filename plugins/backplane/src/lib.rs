@@ -3,7 +3,8 @@
 //! A [`Segment`] lies between the CPU and the driver process of one CP, in the place of the back plane of a rack. It
 //! has two ends: [`CpuSide`] belongs to the scan, [`CpSide`] to the driver. Neither waits for the other, neither
 //! believes what the other has written, and neither allocates or makes a system call after its construction.
-//! [`IoImage`] is the simpler memory of `di do ai ao` modules, open to any program.
+//! [`IoImage`] is the simpler memory of `di do ai ao` modules, open to any program. [`WindowWriter`] and
+//! [`WindowReader`] are the ends of a window: the snapshots that the scan lets one link look at.
 //!
 //! The crate knows neither the CPU nor the firmware: what the registers mean is agreed elsewhere. The memory map is in
 //! [`layout`] and, for drivers in other languages, in `docs/backplane.md`.
@@ -20,7 +21,8 @@
 //! assert_eq!(registers[..4], [1, 0, 0, 30]);
 //! # Ok::<(), ob1_backplane::SegmentError>(())
 //! ```
-// Memory that two processes share is reached through raw pointers; all of it is in `segment`, `cells` and `io_memory`.
+// Memory that two processes share is reached through raw pointers; all of it is in `segment`, `cells`, `io_memory` and
+// `window`.
 #![allow(unsafe_code)]
 
 mod buffer;
@@ -52,6 +54,7 @@ mod registers;
 mod segment;
 mod seqlock;
 mod sync;
+mod window;
 mod words;
 
 pub use buffer::BufferEntry;
@@ -69,6 +72,8 @@ pub use monitor::Monitor;
 pub use record::{Params, Record};
 pub use segment::Segment;
 pub use seqlock::Freshness;
+pub use sync::AtomicU64;
+pub use window::{WINDOW_WORDS, WindowHead, WindowReader, WindowWriter};
 pub use words::{CpuState, DriverState, Leds, ModemInputs, ModemOutputs};
 
 // Over heap segments only and without any system interface, so that Miri can run them.

@@ -15,6 +15,9 @@ use crate::fault::SegmentError;
 /// Seals a file must carry before we map it: its size is what it is, for ever.
 const NEEDED_SEALS: SealFlags = SealFlags::SHRINK.union(SealFlags::GROW);
 
+/// Those of a window: whoever gets it can neither cut it nor write into it.
+const WINDOW_SEALS: SealFlags = NEEDED_SEALS.union(SealFlags::FUTURE_WRITE);
+
 /// A mapped file of fixed size, and its descriptor.
 pub(crate) struct SharedMemory {
     map: MmapRaw,
@@ -34,6 +37,26 @@ impl SharedMemory {
         Self::map(file, len)
     }
 
+    /// The same for what others may only look at: this mapping writes, no other can ever be made that does.
+    pub(crate) fn create_window(name: &CStr, len: usize) -> Result<Self, SegmentError> {
+        let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
+        let file = fs::memfd_create(name, flags).map_err(|source| failed("making the window", source))?;
+        fs::fallocate(&file, FallocateFlags::empty(), 0, len as u64)
+            .map_err(|source| failed("allocating the window", source))?;
+        let memory = Self::map(file, len)?;
+        fs::fcntl_add_seals(&memory.file, WINDOW_SEALS | SealFlags::SEAL)
+            .map_err(|source| failed("sealing the window", source))?;
+        Ok(memory)
+    }
+
+    /// Maps, for reading alone, a window that somebody else has made.
+    pub(crate) fn look_through(file: OwnedFd, len: usize) -> Result<Self, SegmentError> {
+        let file = Self::checked(file, len, WINDOW_SEALS)?;
+        let map = MmapOptions::new().len(len).map_raw_read_only(&file);
+        let map = map.map_err(|source| SegmentError::Io { action: "mapping the window", source })?;
+        Ok(Self { map, file })
+    }
+
     /// Opens and maps a file of exactly `len` bytes.
     pub(crate) fn open(path: &Path, len: usize) -> Result<Self, SegmentError> {
         let flags = OFlags::RDWR | OFlags::CLOEXEC | OFlags::NONBLOCK;
@@ -43,17 +66,22 @@ impl SharedMemory {
 
     /// Maps an open file of exactly `len` bytes that somebody else has made.
     pub(crate) fn of(file: OwnedFd, len: usize) -> Result<Self, SegmentError> {
+        Self::map(Self::checked(file, len, NEEDED_SEALS)?, len)
+    }
+
+    /// The file, when it has these seals and this size.
+    fn checked(file: OwnedFd, len: usize, needed: SealFlags) -> Result<OwnedFd, SegmentError> {
         // Seals first, then the size: the other way round it could still be cut in between. Files that know no seals (a
         // disk, a device) answer EINVAL: they are not sealed.
         let seals = fs::fcntl_get_seals(&file).map_err(|_| SegmentError::NotSealed)?;
-        if !seals.contains(NEEDED_SEALS) {
+        if !seals.contains(needed) {
             return Err(SegmentError::NotSealed);
         }
         let found = fs::fstat(&file).map_err(|source| failed("looking at the segment", source))?.st_size;
         if u64::try_from(found) != Ok(len as u64) {
             return Err(SegmentError::Size { found: u64::try_from(found).unwrap_or(0), expected: len as u64 });
         }
-        Self::map(file, len)
+        Ok(file)
     }
 
     fn map(file: OwnedFd, len: usize) -> Result<Self, SegmentError> {

@@ -3,14 +3,21 @@
 #[cfg(not(loom))]
 pub(crate) use core::{
     hint::spin_loop,
-    sync::atomic::{AtomicU64, Ordering, fence},
+    sync::atomic::{Ordering, fence},
 };
 
 #[cfg(loom)]
 pub(crate) use loom::{
     hint::spin_loop,
-    sync::atomic::{AtomicU64, Ordering, fence},
+    sync::atomic::{Ordering, fence},
 };
+
+/// A word of shared memory.
+#[cfg(not(loom))]
+pub type AtomicU64 = core::sync::atomic::AtomicU64;
+/// A word of shared memory.
+#[cfg(loom)]
+pub type AtomicU64 = loom::sync::atomic::AtomicU64;
 
 /// `N` atomic words in a row, all zero at first.
 #[repr(transparent)]

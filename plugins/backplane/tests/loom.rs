@@ -174,3 +174,36 @@ fn a_reader_of_the_diagnostic_buffer_is_overtaken_and_never_misled() {
         assert_eq!(monitor.buffer().map(|entry| entry.number).collect::<Vec<_>>(), [5, 4]);
     });
 }
+
+/// With two slots here the writer is always at one of two: each read is whole, none goes back, the last is the newest.
+#[test]
+fn no_snapshot_of_a_window_is_torn_or_goes_back() {
+    let mut model = loom::model::Builder::new();
+    model.preemption_bound = Some(PREEMPTIONS);
+    model.check(|| {
+        let mut window = ob1_backplane::WindowWriter::heap();
+        let reader = window.reader();
+        let writer = thread::spawn(move || {
+            for scan in 1..=3 {
+                let head = ob1_backplane::WindowHead { generation: 1, scan, time: scan, state: 0 };
+                window.put(head, |words| {
+                    words.iter().for_each(|word| word.store(scan, loom::sync::atomic::Ordering::Relaxed));
+                });
+            }
+        });
+        let look = || {
+            reader.read(|head, words| {
+                (head.scan, head.time, [0, 1].map(|at| words[at].load(loom::sync::atomic::Ordering::Relaxed)))
+            })
+        };
+        let mut last = 0;
+        for _ in 0..2 {
+            let Some((scan, time, words)) = look() else { continue };
+            assert_eq!((time, words), (scan, [scan; 2]), "a torn snapshot");
+            assert!(scan >= last, "{scan} after {last}");
+            last = scan;
+        }
+        writer.join().unwrap();
+        assert_eq!(look(), Some((3, 3, [3; 2])));
+    });
+}

@@ -12,6 +12,7 @@ mod image;
 mod registers;
 mod restart;
 mod traffic;
+mod window;
 
 use crate::{CpSide, CpuSide, Segment};
 

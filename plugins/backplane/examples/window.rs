@@ -1,0 +1,89 @@
+//! Reads a window as fast as it goes while a writer fills it as fast as it goes, and looks at every word.
+//!
+//! `cargo run --release -p ob1-backplane --example window -- READS READERS`: 10,000,000 reads of one reader unless said
+//! otherwise. Ends with an error at the first torn snapshot.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use ob1_backplane::{WindowHead, WindowReader, WindowWriter};
+
+/// Words of the pattern.
+const WORDS: usize = 64;
+
+/// What one reader has seen.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Seen {
+    /// Whole snapshots.
+    pub reads: u64,
+    /// Reads that the writer was faster than in every try.
+    pub busy: u64,
+    /// Snapshots with words of two scans.
+    pub torn: u64,
+    /// Snapshots older than one seen before.
+    pub back: u64,
+}
+
+fn look(reader: &WindowReader, reads: u64) -> Seen {
+    let (mut seen, mut last) = (Seen::default(), 0);
+    while seen.reads < reads {
+        let read = reader.read(|head, words| {
+            let whole = words.iter().take(WORDS).all(|word| word.load(Ordering::Relaxed) == head.scan);
+            (head, whole)
+        });
+        match read {
+            None => {
+                seen.busy += 1;
+                thread::yield_now();
+            }
+            Some((head, whole)) => {
+                seen.reads += 1;
+                seen.torn += u64::from(!whole || head.time != head.scan.wrapping_mul(3));
+                seen.back += u64::from(head.scan < last);
+                last = head.scan;
+            }
+        }
+    }
+    seen
+}
+
+/// So many readers, each with so many reads, beside one writer; what each has seen, and how many snapshots there were.
+///
+/// # Panics
+/// No shared memory, no thread.
+#[must_use]
+pub fn race(readers: usize, reads: u64) -> (Vec<Seen>, u64) {
+    let mut writer = WindowWriter::create_shared().expect("shared memory");
+    let reader = writer.reader();
+    let done = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let made = scope.spawn(|| {
+            let mut scan = 0u64;
+            while !done.load(Ordering::Relaxed) {
+                scan += 1;
+                let head = WindowHead { generation: 1, scan, time: scan.wrapping_mul(3), state: 0 };
+                writer.put(head, |words| words.iter().take(WORDS).for_each(|word| word.store(scan, Ordering::Relaxed)));
+            }
+            scan
+        });
+        let readers: Vec<_> = (0..readers)
+            .map(|_| {
+                let file = reader.descriptor().expect("shared").try_clone_to_owned().expect("a descriptor");
+                let through = WindowReader::received(file).expect("a window");
+                scope.spawn(move || look(&through, reads))
+            })
+            .collect();
+        let seen = readers.into_iter().map(|reader| reader.join().expect("it ends")).collect();
+        done.store(true, Ordering::Relaxed);
+        (seen, made.join().expect("it ends"))
+    })
+}
+
+#[allow(dead_code, reason = "a test has this file as a module")]
+fn main() {
+    let mut numbers = std::env::args().skip(1).map(|arg| arg.parse().expect("a number"));
+    let (reads, readers) = (numbers.next().unwrap_or(10_000_000), numbers.next().unwrap_or(1));
+    let (seen, snapshots) = race(readers as usize, reads);
+    println!("{snapshots} snapshots of {WORDS} words; {seen:?}");
+    assert!(seen.iter().all(|seen| seen.torn == 0 && seen.back == 0), "a torn snapshot");
+}
