@@ -90,7 +90,7 @@ impl CellWidth {
 }
 
 /// A piece of what the outside watches.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Piece {
     /// Bytes of an area or a data block.
     Bytes {

@@ -4,13 +4,17 @@
 //! It knows the program's names and the vocabulary of an S7, no CPU: whoever reads and writes cells asks it what they
 //! mean.
 
+pub mod door;
 mod form;
 mod item;
 mod near;
 mod plan;
+mod rights;
 pub mod value;
 
 pub use form::Form;
 pub use item::{Item, Names, Reading};
 pub use near::nearest;
+pub use ob1_model::{Cell, CellError, CellWidth, Piece, Put};
 pub use plan::Plan;
+pub use rights::{Allowed, Right};

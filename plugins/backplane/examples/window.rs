@@ -3,6 +3,8 @@
 //! `cargo run --release -p ob1-backplane --example window -- READS READERS`: 10,000,000 reads of one reader unless said
 //! otherwise. Ends with an error at the first torn snapshot.
 
+#![allow(clippy::disallowed_methods, reason = "an example has threads; the product code of this crate has none")]
+
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 

@@ -29,7 +29,11 @@ const TABLE: &[Row] = &[
     row("ob1-cpu", "invariant 2", &["ob1-model", "ob1-ir", "ob1-std", "hdrhistogram", "rtrb"]),
     row("ob1-log", "invariant 4", &["rustix"]),
     // What every link shares; STATUS in words stands with the protocols.
-    row("ob1-access", "invariant 2", &["ob1-ir", "ob1-model", "ob1-protocols", "serde_json", "strsim"]),
+    row(
+        "ob1-access",
+        "invariant 2",
+        &["ob1-backplane", "ob1-ir", "ob1-model", "ob1-protocols", "serde_json", "strsim", "thiserror"],
+    ),
     row("ob1-rt", "invariant 4", &["ob1-cpu", "landlock", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"]),
     row(
         "ob1-host",

@@ -1,0 +1,560 @@
+//! What a link and the broker say to each other: one message a packet, in the order they were said.
+
+use ob1_model::{Area, BlockId, BlockKind, Cell, CellError, CellWidth, Piece, Put};
+
+use super::wire::{Wire, wire};
+use crate::Right;
+
+/// Version of these messages. Both ends come from one build, and say so.
+pub const VERSION: u16 = 1;
+/// The longest message either way, in bytes.
+pub const MESSAGE_BYTES: usize = 160 * 1024;
+/// Groups and questions of one client that may be unanswered.
+pub const OUTSTANDING: usize = 8;
+
+/// Comes back with the answer.
+pub type Ticket = u64;
+
+/// Operating states.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum State {
+    #[default]
+    Stop,
+    Startup,
+    Run,
+}
+
+impl State {
+    /// Of the number a snapshot carries: 0 STOP, 1 STARTUP, any other RUN.
+    #[must_use]
+    pub const fn of(number: u64) -> Self {
+        match number {
+            0 => Self::Stop,
+            1 => Self::Startup,
+            _ => Self::Run,
+        }
+    }
+}
+
+/// What an operator can ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// STOP to RUN, by a warm restart. Nothing happens in RUN.
+    Run,
+    /// To STOP.
+    Stop,
+    /// Warm restart.
+    Warm,
+    /// Cold restart.
+    Cold,
+    /// Hot restart, S7-400 only.
+    Hot,
+    /// Memory reset.
+    Reset,
+}
+
+/// What a client asks the broker. In brackets: the right it takes beyond reading.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ask {
+    /// With this password the client gets the rights of the key `password_rights`.
+    Login(String),
+    /// Back to the rights of the link.
+    Logout,
+    /// A change of the operating state (operate). Done: it is under way.
+    Command(Command),
+    /// Date and time of day of the CPU.
+    Clock,
+    /// Sets them (operate): a DATE_AND_TIME.
+    SetClock([u8; 8]),
+    /// A system status list, as SFC 51 reads it.
+    Szl {
+        /// SZL_ID.
+        id: u16,
+        /// INDEX.
+        index: u16,
+    },
+    /// The diagnostic buffer: so many entries at most.
+    Diagnostics(u16),
+    /// Which modules answer, in the order of the station file.
+    Modules,
+    /// The blocks of the program.
+    Blocks,
+    /// One of them as a block folder has it.
+    Block(BlockId),
+    /// Events with a higher number than this, and from now on each as it comes.
+    Events {
+        /// The last one that is known; 0: all there are.
+        after: u64,
+    },
+    /// No events any more.
+    NoEvents,
+}
+
+/// What the broker answers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// It is done, or under way.
+    Done,
+    /// A DATE_AND_TIME.
+    Clock([u8; 8]),
+    /// A system status list.
+    Szl {
+        /// Bytes of a record.
+        record: u16,
+        /// The records.
+        bytes: Box<[u8]>,
+    },
+    /// There is none: RET_VAL of SFC 51.
+    NoSzl(u16),
+    /// Newest first.
+    Diagnostics(Vec<Diagnosis>),
+    /// Which modules answer.
+    Modules(Vec<bool>),
+    /// In ascending order.
+    Blocks(Vec<BlockFact>),
+    /// Its bytes.
+    Block(Box<[u8]>),
+    /// No.
+    Refused(Refusal),
+}
+
+/// Why not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// The CPU does not have it so.
+    Cell(CellError),
+    /// The rights of this client do not allow it: kind of access, area or data block.
+    Right,
+    /// A wrong password, or there is none.
+    Password,
+    /// There is no such thing here.
+    NotThere,
+    /// Too much of this client is unanswered.
+    Full,
+    /// The CPU does not answer.
+    Silent,
+}
+
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Refusal::Cell(error) => error.fmt(f),
+            Refusal::Right => f.write_str("not allowed here: see `rights`, `areas` and `blocks` of the link"),
+            Refusal::Password => f.write_str("wrong password"),
+            Refusal::NotThere => f.write_str("there is no such thing"),
+            Refusal::Full => f.write_str("too many requests are unanswered"),
+            Refusal::Silent => f.write_str("the CPU does not answer: its scan hangs, or its cycle is very long"),
+        }
+    }
+}
+
+/// An entry of the diagnostic buffer.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Diagnosis {
+    /// Counts all entries, from 1.
+    pub number: u64,
+    /// When, in nanoseconds of the runtime.
+    pub time: u64,
+    /// When, as a DATE_AND_TIME, by the CPU's clock as it is set now.
+    pub wall: [u8; 8],
+    /// The event.
+    pub event: u16,
+    /// The block it is about.
+    pub block: Option<BlockId>,
+    /// The line of its source; 0: none.
+    pub line: u32,
+    /// Additional information.
+    pub data: u32,
+    /// In words.
+    pub text: String,
+    /// File and line; empty for an entry about no statement.
+    pub place: String,
+    /// What helps; empty for mere information.
+    pub remedy: String,
+}
+
+/// A block of the program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BlockFact {
+    /// Kind and number.
+    pub id: BlockId,
+    /// Bytes of its data; 0 for code.
+    pub bytes: u32,
+    /// The language it was written in, as a block's head has it: 1 STL, 5 a data block, 0 unknown.
+    pub language: u8,
+    /// Its name; empty without one.
+    pub name: String,
+}
+
+/// Something has happened.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// Counts all events, from 1.
+    pub number: u64,
+    /// When, in nanoseconds of the runtime.
+    pub time: u64,
+    /// What.
+    pub what: What,
+}
+
+/// What has happened.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum What {
+    /// An entry of the diagnostic buffer.
+    Diagnosis(Diagnosis),
+    /// Another operating state.
+    State(State),
+    /// A driver has come up or is gone.
+    Driver {
+        /// Of this module.
+        name: String,
+        /// It is up.
+        up: bool,
+    },
+    /// A link has come up or is gone.
+    Link {
+        /// Its name.
+        name: String,
+        /// It is up.
+        up: bool,
+    },
+    /// So many events before this one are gone.
+    Lost(u64),
+}
+
+/// What a link is told first.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Welcome {
+    /// [`VERSION`].
+    pub version: u16,
+    /// The station's name.
+    pub station: String,
+    /// The link's name.
+    pub link: String,
+    /// 300 or 400.
+    pub family: u16,
+    /// The keys of the `[[link]]` table as JSON, without passwords.
+    pub config: String,
+    /// What its clients may do.
+    pub rights: Right,
+    /// Bytes of the process image of the inputs.
+    pub inputs: u32,
+    /// Bytes of the process image of the outputs.
+    pub outputs: u32,
+    /// Bytes of bit memory.
+    pub memory: u32,
+    /// Timers.
+    pub timers: u16,
+    /// Counters.
+    pub counters: u16,
+    /// Minimum cycle time in nanoseconds.
+    pub min_cycle: u64,
+    /// Generations of watches begin above this.
+    pub generation: u64,
+    /// Listening sockets that come with this message, behind the window.
+    pub listeners: u8,
+}
+
+/// From a link.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ToBroker {
+    /// A sign of life.
+    Beat,
+    /// These pieces instead of those before.
+    Watch {
+        /// Higher than that before.
+        generation: u64,
+        /// The pieces.
+        pieces: Vec<Piece>,
+    },
+    /// A group of writes.
+    Write {
+        /// Whose.
+        client: u32,
+        /// Comes back.
+        ticket: Ticket,
+        /// What.
+        puts: Vec<Put>,
+    },
+    /// A question.
+    Ask {
+        /// Whose.
+        client: u32,
+        /// Comes back.
+        ticket: Ticket,
+        /// What.
+        ask: Ask,
+    },
+    /// This client is gone.
+    Gone(u32),
+}
+
+/// To a link.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ToLink {
+    /// The first message.
+    Welcome(Welcome),
+    /// A snapshot of this generation is there.
+    Watching(u64),
+    /// Nothing of this generation is watched: these of its pieces are not allowed; none is named when they are more
+    /// than a share.
+    Unwatched {
+        /// The generation.
+        generation: u64,
+        /// Indexes of pieces.
+        refused: Vec<u32>,
+    },
+    /// What became of a group.
+    Written {
+        /// Whose.
+        client: u32,
+        /// Of the group.
+        ticket: Ticket,
+        /// The scan whose snapshot contains it; or the first entry that was refused.
+        outcome: Result<u64, Refused>,
+    },
+    /// An answer.
+    Answer {
+        /// Whose.
+        client: u32,
+        /// Of the question.
+        ticket: Ticket,
+        /// What.
+        answer: Answer,
+    },
+    /// An event.
+    Event(Event),
+}
+
+/// An entry of a group that was refused; then nothing was written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Refused {
+    /// Its index.
+    pub entry: u32,
+    /// Why.
+    pub why: Refusal,
+}
+
+impl Wire for Cell {
+    fn put(&self, out: &mut Vec<u8>) {
+        let (kind, number) = match self {
+            Cell::Area(..) | Cell::Db(..) => self.block().unwrap_or((u8::MAX, 0)),
+            Cell::Peripheral(_) => (4, 0),
+            Cell::Timer(number) => (5, *number),
+            Cell::Counter(number) => (6, *number),
+        };
+        kind.put(out);
+        number.put(out);
+        self.bit().put(out);
+    }
+    fn get(bytes: &mut &[u8]) -> Option<Self> {
+        let (kind, number, bit) = (u8::get(bytes)?, u16::get(bytes)?, u32::get(bytes)?);
+        Some(match kind {
+            0 => Cell::Area(Area::Input, bit),
+            1 => Cell::Area(Area::Output, bit),
+            2 => Cell::Area(Area::Memory, bit),
+            3 => Cell::Db(number, bit),
+            4 => Cell::Peripheral(bit),
+            5 => Cell::Timer(number),
+            6 => Cell::Counter(number),
+            _ => return None,
+        })
+    }
+}
+
+impl Wire for CellError {
+    fn put(&self, out: &mut Vec<u8>) {
+        out.push(self.code());
+    }
+    fn get(bytes: &mut &[u8]) -> Option<Self> {
+        CellError::from_code(u8::get(bytes)?)
+    }
+}
+
+impl Wire for BlockId {
+    fn put(&self, out: &mut Vec<u8>) {
+        out.push(self.kind as u8);
+        self.number.put(out);
+    }
+    fn get(bytes: &mut &[u8]) -> Option<Self> {
+        Some(BlockId::new(BlockKind::from_repr(u8::get(bytes)?)?, u16::get(bytes)?))
+    }
+}
+
+wire!(enum CellWidth { 0 => Bit, 1 => Byte, 2 => Word, 3 => DWord });
+wire!(enum Piece { 0 => Bytes { at, len }, 1 => Value(cell, width) });
+wire!(enum Put { 0 => Value(cell, width, value), 1 => Bytes(cell, bytes) });
+wire!(enum State { 0 => Stop, 1 => Startup, 2 => Run });
+wire!(enum Right { 0 => Read, 1 => Write, 2 => Operate });
+wire!(enum Command { 0 => Run, 1 => Stop, 2 => Warm, 3 => Cold, 4 => Hot, 5 => Reset });
+wire!(enum Ask {
+    0 => Login(password), 1 => Logout, 2 => Command(command), 3 => Clock, 4 => SetClock(clock), 5 => Szl { id, index },
+    6 => Diagnostics(count), 7 => Modules, 8 => Blocks, 9 => Block(id), 10 => Events { after }, 11 => NoEvents,
+});
+wire!(enum Answer {
+    0 => Done, 1 => Clock(clock), 2 => Szl { record, bytes }, 3 => NoSzl(code), 4 => Diagnostics(entries),
+    5 => Modules(present), 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),
+});
+wire!(enum Refusal { 0 => Cell(error), 1 => Right, 2 => Password, 3 => NotThere, 4 => Full, 5 => Silent });
+wire!(struct Refused { entry, why });
+wire!(struct Diagnosis { number, time, wall, event, block, line, data, text, place, remedy });
+wire!(struct BlockFact { id, bytes, language, name });
+wire!(struct Event { number, time, what });
+wire!(enum What {
+    0 => Diagnosis(entry), 1 => State(state), 2 => Driver { name, up }, 3 => Link { name, up }, 4 => Lost(count),
+});
+wire!(struct Welcome {
+    version, station, link, family, config, rights, inputs, outputs, memory, timers, counters, min_cycle, generation,
+    listeners,
+});
+wire!(enum ToBroker {
+    0 => Beat, 1 => Watch { generation, pieces }, 2 => Write { client, ticket, puts }, 3 => Ask { client, ticket, ask },
+    4 => Gone(client),
+});
+wire!(enum ToLink {
+    0 => Welcome(welcome), 1 => Watching(generation), 2 => Unwatched { generation, refused },
+    3 => Written { client, ticket, outcome }, 4 => Answer { client, ticket, answer }, 5 => Event(event),
+});
+
+impl ToBroker {
+    /// As a packet.
+    #[must_use]
+    pub fn encode(&self) -> Vec<u8> {
+        super::wire::encode(self)
+    }
+
+    /// Of a packet; `None`: it is none.
+    #[must_use]
+    pub fn decode(bytes: &[u8]) -> Option<Self> {
+        super::wire::decode(bytes)
+    }
+}
+
+impl ToLink {
+    /// As a packet.
+    #[must_use]
+    pub fn encode(&self) -> Vec<u8> {
+        super::wire::encode(self)
+    }
+
+    /// Of a packet; `None`: it is none.
+    #[must_use]
+    pub fn decode(bytes: &[u8]) -> Option<Self> {
+        super::wire::decode(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn samples() -> (Vec<ToBroker>, Vec<ToLink>) {
+        let at = Cell::Db(7, 160);
+        let cells = [at, Cell::Area(Area::Output, 3), Cell::Peripheral(8), Cell::Timer(2), Cell::Counter(9)];
+        let pieces = cells.into_iter().map(|cell| Piece::Value(cell, CellWidth::DWord)).collect();
+        let entry = Diagnosis {
+            number: 1,
+            time: 2,
+            wall: [3; 8],
+            event: 0x4302,
+            block: Some(BlockId::new(BlockKind::Fb, 7)),
+            line: 5,
+            data: 6,
+            text: "ü".into(),
+            place: "a.awl:5".into(),
+            remedy: String::new(),
+        };
+        let welcome = Welcome {
+            version: VERSION,
+            station: "press".into(),
+            link: "panel".into(),
+            family: 300,
+            config: "{}".into(),
+            rights: Right::Operate,
+            inputs: 1,
+            outputs: 2,
+            memory: 3,
+            timers: 4,
+            counters: 5,
+            min_cycle: 6,
+            generation: 7,
+            listeners: 1,
+        };
+        let asks = [
+            Ask::Login("secret".into()),
+            Ask::Command(Command::Hot),
+            Ask::SetClock([1; 8]),
+            Ask::Szl { id: 0x11, index: 2 },
+            Ask::Block(BlockId::new(BlockKind::Db, 65_535)),
+            Ask::Events { after: u64::MAX },
+        ];
+        let mut to = vec![
+            ToBroker::Beat,
+            ToBroker::Watch { generation: 1, pieces },
+            ToBroker::Write {
+                client: 1,
+                ticket: 2,
+                puts: vec![Put::Value(at, CellWidth::Bit, 1), Put::Bytes(at, Box::from([1, 2]))],
+            },
+            ToBroker::Gone(5),
+        ];
+        to.extend(asks.into_iter().map(|ask| ToBroker::Ask { client: 1, ticket: 2, ask }));
+        let answers = [
+            Answer::Done,
+            Answer::Szl { record: 4, bytes: Box::from([0; 12]) },
+            Answer::Diagnostics(vec![entry.clone(), Diagnosis::default()]),
+            Answer::Modules(vec![true, false]),
+            Answer::Blocks(vec![BlockFact {
+                id: BlockId::new(BlockKind::Ob, 1),
+                bytes: 0,
+                language: 1,
+                name: "main".into(),
+            }]),
+            Answer::Refused(Refusal::Cell(CellError::NoDb)),
+        ];
+        let mut from = vec![
+            ToLink::Welcome(welcome),
+            ToLink::Watching(3),
+            ToLink::Unwatched { generation: 3, refused: vec![1, 2] },
+            ToLink::Written { client: 1, ticket: 2, outcome: Ok(9) },
+            ToLink::Written { client: 1, ticket: 2, outcome: Err(Refused { entry: 3, why: Refusal::Right }) },
+            ToLink::Event(Event { number: 1, time: 2, what: What::Diagnosis(entry) }),
+            ToLink::Event(Event { number: 1, time: 2, what: What::Driver { name: "cp".into(), up: true } }),
+        ];
+        from.extend(answers.into_iter().map(|answer| ToLink::Answer { client: 1, ticket: 2, answer }));
+        (to, from)
+    }
+
+    #[test]
+    fn messages_come_back_from_their_bytes() {
+        let (to, from) = samples();
+        for message in to {
+            assert_eq!(ToBroker::decode(&message.encode()), Some(message));
+        }
+        for message in from {
+            assert_eq!(ToLink::decode(&message.encode()), Some(message));
+        }
+    }
+
+    /// Cut, longer, and with each byte changed: a message or none, never a panic, never much memory.
+    #[test]
+    fn other_bytes_are_survived() {
+        let (to, from) = samples();
+        let all = to.iter().map(ToBroker::encode).chain(from.iter().map(ToLink::encode));
+        for packet in all {
+            for cut in 0..packet.len() {
+                let _ = (ToBroker::decode(&packet[..cut]), ToLink::decode(&packet[..cut]));
+                for value in [0, 1, 7, 0x7F, 0xFF] {
+                    let mut changed = packet.clone();
+                    changed[cut] = value;
+                    let _ = (ToBroker::decode(&changed), ToLink::decode(&changed));
+                }
+            }
+            let mut longer = packet.clone();
+            longer.push(0);
+            assert!(ToBroker::decode(&longer).is_none() || ToLink::decode(&longer).is_none());
+        }
+        assert_eq!(ToBroker::decode(&[1, 0, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF]), None);
+    }
+}

@@ -1,0 +1,353 @@
+//! The door of a link: its connection to the broker of a running station.
+//!
+//! What it reads it reads out of shared memory that the scan fills ([`Door::read`]); what it writes, asks and is told
+//! goes through a socket. Nothing here waits, reads a clock or starts a thread: the process waits for
+//! [`Door::fd`], calls [`Door::pump`], and takes what has come with [`Door::take_news`].
+//!
+//! ```no_run
+//! use std::os::fd::AsFd as _;
+//! use ob1_access::door::{Door, News, NotYet, Reading};
+//! use ob1_access::{Cell, Piece};
+//!
+//! let mut door = Door::new(std::io::stdin().as_fd().try_clone_to_owned()?)?;
+//! let (wanted, mut reading) = ([Piece::Bytes { at: Cell::Db(10, 0), len: 20 }], Reading::new());
+//! loop {
+//!     // poll(door.fd(), ...)
+//!     door.pump()?;
+//!     while let Some(news) = door.take_news() {
+//!         if news == News::Watching { /* what was asked for is there: repeat the reads that wait */ }
+//!     }
+//!     match door.read(&wanted, &mut reading) {
+//!         Ok(()) => println!("scan {}: {:?}", reading.scan, reading.piece(0)),
+//!         Err(NotYet::Coming | NotYet::Busy) => {}
+//!         Err(NotYet::TooMuch) => panic!("read it in parts"),
+//!     }
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod messages;
+mod ranges;
+mod reading;
+mod wire;
+
+use std::collections::VecDeque;
+use std::io;
+use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
+use std::sync::atomic::Ordering;
+
+use ob1_backplane::{SegmentError, WindowReader, handover};
+use ob1_model::{GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
+use thiserror::Error;
+
+pub use messages::{
+    Answer, Ask, BlockFact, Command, Diagnosis, Event, MESSAGE_BYTES, OUTSTANDING, Refusal, Refused, State, Ticket,
+    ToBroker, ToLink, VERSION, Welcome, What,
+};
+use ranges::Ranges;
+pub use reading::Reading;
+
+/// Messages that may wait for room in the socket; who asks more than that without pumping loses the door.
+const OUTBOX: usize = 4096;
+
+/// Why a link has no door any more.
+#[derive(Debug, Error)]
+pub enum DoorError {
+    /// The station ends, or has let go of this link.
+    #[error("the station has closed the door")]
+    Closed,
+    /// What the system says.
+    #[error("the socket of the broker: {0}")]
+    Io(#[from] io::Error),
+    /// The window cannot be looked through.
+    #[error("the window: {0}")]
+    Window(#[from] SegmentError),
+    /// What came is no message of this version.
+    #[error("the broker speaks another version: link and runtime must come from one build")]
+    Version,
+    /// Too much was said without listening.
+    #[error("too many messages wait for the broker")]
+    Full,
+}
+
+/// Why nothing was read. Nothing is lost: the same read works later.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum NotYet {
+    /// Not all of it was watched; it is asked for now and there one cycle later, when [`News::Watching`] comes.
+    #[error("not watched yet")]
+    Coming,
+    /// More than a link may watch: read it in parts.
+    #[error("more than can be read at once")]
+    TooMuch,
+    /// The scan was faster in every try.
+    #[error("busy")]
+    Busy,
+}
+
+/// Why a group is no group.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("at most {GROUP_ENTRIES} entries and {WRITE_BYTES} bytes can be written at once")]
+pub struct GroupTooLarge;
+
+/// What has come.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum News {
+    /// What was asked for by reading it is there.
+    Watching,
+    /// What became of a group of writes: the scan whose snapshot contains it. A read after this sees it.
+    Written {
+        /// Whose.
+        client: u32,
+        /// Of the group.
+        ticket: Ticket,
+        /// The scan, or the first entry that was refused; then nothing was written.
+        outcome: Result<u64, Refused>,
+    },
+    /// An answer.
+    Answer {
+        /// Whose.
+        client: u32,
+        /// Of the question.
+        ticket: Ticket,
+        /// What.
+        answer: Answer,
+    },
+    /// An event.
+    Event(Event),
+}
+
+/// See [the module](self).
+#[derive(Debug)]
+pub struct Door {
+    socket: OwnedFd,
+    window: Option<WindowReader>,
+    welcome: Option<Welcome>,
+    listeners: Vec<OwnedFd>,
+    ranges: Ranges,
+    outbox: VecDeque<Vec<u8>>,
+    news: VecDeque<News>,
+    tickets: Ticket,
+    buffer: Vec<u8>,
+}
+
+/// What became of one try to read.
+enum Try {
+    Whole,
+    Missing,
+}
+
+impl Door {
+    /// Over the socket that the supervisor has handed over, which is the standard input of a link.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn new(socket: OwnedFd) -> Result<Self, DoorError> {
+        Ok(Self {
+            socket,
+            window: None,
+            welcome: None,
+            listeners: Vec::new(),
+            ranges: Ranges::default(),
+            outbox: VecDeque::new(),
+            news: VecDeque::new(),
+            tickets: 0,
+            buffer: vec![0; MESSAGE_BYTES],
+        })
+    }
+
+    /// To wait for: something has come; with [`Door::wants_write`] also: there is room.
+    #[must_use]
+    pub fn fd(&self) -> BorrowedFd<'_> {
+        self.socket.as_fd()
+    }
+
+    /// Something waits to be sent.
+    #[must_use]
+    pub fn wants_write(&self) -> bool {
+        !self.outbox.is_empty()
+    }
+
+    /// Sends what waits and takes all that has come.
+    ///
+    /// # Errors
+    /// [`DoorError`]: the door is gone.
+    pub fn pump(&mut self) -> Result<(), DoorError> {
+        self.send()?;
+        while let Some((len, descriptors)) = handover::receive(&self.socket, &mut self.buffer)? {
+            if len == 0 {
+                return Err(DoorError::Closed);
+            }
+            let message = self.buffer.get(..len).and_then(ToLink::decode).ok_or(DoorError::Version)?;
+            self.take(message, descriptors)?;
+        }
+        self.send()
+    }
+
+    fn take(&mut self, message: ToLink, descriptors: Vec<OwnedFd>) -> Result<(), DoorError> {
+        match message {
+            ToLink::Welcome(welcome) => {
+                let mut descriptors = descriptors.into_iter();
+                let window = descriptors.next().filter(|_| welcome.version == VERSION).ok_or(DoorError::Version)?;
+                self.window = Some(WindowReader::received(window)?);
+                self.listeners = descriptors.collect();
+                self.ranges = Ranges::new(welcome.generation);
+                self.welcome = Some(welcome);
+            }
+            ToLink::Watching(generation) => {
+                self.ranges.watching(generation);
+                self.news.push_back(News::Watching);
+            }
+            ToLink::Unwatched { generation, refused } => {
+                self.ranges.unwatched(generation, &refused);
+                // Who waits for one of them learns it by reading again.
+                self.news.push_back(News::Watching);
+            }
+            ToLink::Written { client, ticket, outcome } => {
+                self.news.push_back(News::Written { client, ticket, outcome });
+            }
+            ToLink::Answer { client, ticket, answer } => self.news.push_back(News::Answer { client, ticket, answer }),
+            ToLink::Event(event) => self.news.push_back(News::Event(event)),
+        }
+        self.watch();
+        Ok(())
+    }
+
+    fn watch(&mut self) {
+        if let Some((generation, pieces)) = self.ranges.next() {
+            self.say(&ToBroker::Watch { generation, pieces });
+        }
+    }
+
+    fn say(&mut self, message: &ToBroker) {
+        self.outbox.push_back(message.encode());
+    }
+
+    fn send(&mut self) -> Result<(), DoorError> {
+        while let Some(message) = self.outbox.front() {
+            match handover::send(&self.socket, message, &[]) {
+                Ok(()) => drop(self.outbox.pop_front()),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+                Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Err(DoorError::Closed),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        if self.outbox.len() > OUTBOX { Err(DoorError::Full) } else { Ok(()) }
+    }
+
+    /// What the broker has said first; `None` until it has come.
+    #[must_use]
+    pub fn welcome(&self) -> Option<&Welcome> {
+        self.welcome.as_ref()
+    }
+
+    /// The listening sockets of this link, in the order of its key `listen`: bound, listening, non-blocking. Once.
+    #[must_use]
+    pub fn take_listeners(&mut self) -> Vec<OwnedFd> {
+        std::mem::take(&mut self.listeners)
+    }
+
+    /// A sign of life, to be given at least four times a second: a link without one for a second is killed and started
+    /// again.
+    pub fn beat(&mut self) {
+        // While the broker listens to nothing there is no use in more of them.
+        if self.outbox.is_empty() {
+            self.say(&ToBroker::Beat);
+        }
+    }
+
+    /// To be called about once a second: what nobody has read for half a minute is let go.
+    pub fn tick(&mut self) {
+        self.ranges.tick();
+        self.watch();
+    }
+
+    /// The number of the newest snapshot; 0: there is none yet.
+    #[must_use]
+    pub fn newest_scan(&self) -> u64 {
+        self.window.as_ref().and_then(WindowReader::newest).map_or(0, |head| head.scan)
+    }
+
+    /// Reads these pieces, all of the newest snapshot, without a system call. What is read for the first time is asked
+    /// for: then [`Door::pump`], wait for [`News::Watching`], read again. A piece that the CPU does not have, or that
+    /// this link is not allowed to read, is told of that piece alone.
+    ///
+    /// # Errors
+    /// [`NotYet`].
+    pub fn read(&mut self, pieces: &[Piece], into: &mut Reading) -> Result<(), NotYet> {
+        if pieces.iter().all(|piece| self.ranges.is_refused(piece)) {
+            into.clear(self.newest_scan(), 0, State::Stop);
+            pieces.iter().for_each(|piece| into.push(piece, |_| Err(Refusal::Right)));
+            return Ok(());
+        }
+        let Some(window) = &self.window else { return Err(NotYet::Coming) };
+        let ranges = &self.ranges;
+        let tried = window.read(|head, words| {
+            let Some(layout) = ranges.layout(head.generation) else { return Try::Missing };
+            into.clear(head.scan, head.time, State::of(head.state));
+            let word = |at: usize| words.get(at).map_or(0, |word| word.load(Ordering::Relaxed));
+            for piece in pieces {
+                if ranges.is_refused(piece) {
+                    into.push(piece, |_| Err(Refusal::Right));
+                    continue;
+                }
+                let Some((index, skip)) = layout.find(piece) else { return Try::Missing };
+                into.push(piece, |bytes| {
+                    layout.frame().read(index, skip, piece.len(), word, bytes).map_err(Refusal::Cell)
+                });
+            }
+            Try::Whole
+        });
+        match tried {
+            Some(Try::Whole) => {
+                self.ranges.used(pieces);
+                return Ok(());
+            }
+            None if window.newest().is_some() => return Err(NotYet::Busy),
+            Some(Try::Missing) | None => {}
+        }
+        if !self.ranges.want(pieces) {
+            return Err(NotYet::TooMuch);
+        }
+        self.watch();
+        Err(NotYet::Coming)
+    }
+
+    fn ticket(&mut self) -> Ticket {
+        self.tickets += 1;
+        self.tickets
+    }
+
+    /// Writes a group for a client (a number of the link's own; 0: for itself): all of it lands at one cycle control
+    /// point, or nothing. [`News::Written`] says what became of it.
+    ///
+    /// # Errors
+    /// More than 64 entries or 4096 bytes.
+    pub fn write(&mut self, client: u32, puts: Vec<Put>) -> Result<Ticket, GroupTooLarge> {
+        if puts.len() > GROUP_ENTRIES || puts.iter().map(Put::bytes).sum::<usize>() > WRITE_BYTES {
+            return Err(GroupTooLarge);
+        }
+        let ticket = self.ticket();
+        self.say(&ToBroker::Write { client, ticket, puts });
+        Ok(ticket)
+    }
+
+    /// Asks for a client. [`News::Answer`] is the answer.
+    pub fn ask(&mut self, client: u32, ask: Ask) -> Ticket {
+        let ticket = self.ticket();
+        self.say(&ToBroker::Ask { client, ticket, ask });
+        ticket
+    }
+
+    /// A client is gone: its rights and what it still waits for go with it.
+    pub fn client_gone(&mut self, client: u32) {
+        self.say(&ToBroker::Gone(client));
+    }
+
+    /// The next thing that has come.
+    pub fn take_news(&mut self) -> Option<News> {
+        self.news.pop_front()
+    }
+}
+
+#[cfg(test)]
+mod tests;

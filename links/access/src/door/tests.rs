@@ -1,0 +1,186 @@
+//! A door against a broker of the test: a window on this side, a socket between.
+
+use ob1_backplane::{WindowHead, WindowWriter};
+use ob1_model::{Area, Cell, CellError, CellWidth, Frame, Head};
+
+use super::*;
+use crate::Right;
+
+struct Desk {
+    socket: OwnedFd,
+    window: WindowWriter,
+    scan: u64,
+}
+
+fn welcome() -> Welcome {
+    Welcome {
+        version: VERSION,
+        station: "press".into(),
+        link: "panel".into(),
+        family: 300,
+        config: "{}".into(),
+        rights: Right::Read,
+        inputs: 128,
+        outputs: 128,
+        memory: 256,
+        timers: 8,
+        counters: 8,
+        min_cycle: 0,
+        generation: 40,
+        listeners: 0,
+    }
+}
+
+impl Desk {
+    fn open() -> (Self, Door) {
+        let (ours, theirs) = handover::pair().expect("a socket");
+        let mut desk = Self { socket: ours, window: WindowWriter::create_shared().expect("shared memory"), scan: 0 };
+        let mut door = Door::new(theirs).expect("a door");
+        let file = desk.window.reader().descriptor().expect("shared").try_clone_to_owned().expect("a descriptor");
+        handover::send(&desk.socket, &ToLink::Welcome(welcome()).encode(), &[file.as_fd()]).expect("room");
+        door.pump().expect("open");
+        assert_eq!(desk.hear(), None);
+        (desk, door)
+    }
+
+    fn hear(&mut self) -> Option<ToBroker> {
+        let mut buffer = vec![0; MESSAGE_BYTES];
+        let (len, _) = handover::receive(&self.socket, &mut buffer).expect("open")?;
+        ToBroker::decode(&buffer[..len])
+    }
+
+    fn say(&self, message: &ToLink) {
+        handover::send(&self.socket, &message.encode(), &[]).expect("room");
+    }
+
+    /// A snapshot in which each byte of memory is its address plus the scan.
+    fn scan(&mut self, generation: u64, frame: &Frame) {
+        self.scan += 1;
+        let scan = self.scan;
+        self.window.put(WindowHead { generation, scan, time: scan * 10, state: 2 }, |words| {
+            let mut at = 0;
+            let mut put = |word: u64| {
+                words[at].store(word, Ordering::Relaxed);
+                at += 1;
+            };
+            for run in frame.runs() {
+                match frame.pieces()[run.first] {
+                    Piece::Value(..) => put(Head::of(Ok(scan as u32)).word()),
+                    Piece::Bytes { at: Cell::Db(99, _), .. } => put(Head::of(Err(CellError::NoDb)).word()),
+                    Piece::Bytes { .. } => put(Head::of(Ok(256)).word()),
+                }
+                for piece in &frame.pieces()[run.first..run.end] {
+                    let Piece::Bytes { at, len } = piece else { continue };
+                    for word in 0..len.div_ceil(8) {
+                        let bytes = [0, 1, 2, 3, 4, 5, 6, 7].map(|n| (at.byte() + word * 8 + n + scan as u32) as u8);
+                        put(u64::from_ne_bytes(bytes));
+                    }
+                }
+            }
+        });
+    }
+}
+
+fn m(from: u32, len: u32) -> Piece {
+    Piece::Bytes { at: Cell::Area(Area::Memory, from * 8), len }
+}
+
+#[test]
+fn what_is_read_first_comes_one_cycle_later_and_then_at_once() {
+    let (mut desk, mut door) = Desk::open();
+    assert_eq!(door.welcome().map(|welcome| welcome.station.as_str()), Some("press"));
+    let mut reading = Reading::new();
+    let wanted =
+        [m(10, 3), Piece::Value(Cell::Timer(1), CellWidth::Word), Piece::Bytes { at: Cell::Db(99, 0), len: 1 }];
+    assert_eq!(door.read(&wanted, &mut reading), Err(NotYet::Coming));
+    assert_eq!(door.read(&wanted, &mut reading), Err(NotYet::Coming));
+    door.pump().expect("open");
+    let Some(ToBroker::Watch { generation, pieces }) = desk.hear() else { panic!("no watch") };
+    assert_eq!((generation, desk.hear()), (41, None), "asked once");
+    let first = Frame::of(pieces);
+    desk.scan(generation, &first);
+    desk.say(&ToLink::Watching(generation));
+    door.pump().expect("open");
+    assert_eq!(door.take_news(), Some(News::Watching));
+    door.read(&wanted, &mut reading).expect("there");
+    assert_eq!((reading.scan, reading.time, reading.state, reading.len()), (1, 10, State::Run, 3));
+    assert_eq!((reading.piece(0), reading.value(1)), (Ok(&[11, 12, 13][..]), Ok(1)));
+    assert_eq!(reading.piece(2), Err(Refusal::Cell(CellError::NoDb)));
+    door.read(&[m(11, 1)], &mut reading).expect("a part");
+    assert_eq!(reading.piece(0), Ok(&[12][..]));
+
+    // While more is on its way, what is watched goes on being read.
+    assert_eq!(door.read(&[m(100, 1)], &mut reading), Err(NotYet::Coming));
+    door.pump().expect("open");
+    let Some(ToBroker::Watch { generation, pieces }) = desk.hear() else { panic!("no watch") };
+    desk.scan(41, &first);
+    door.read(&wanted, &mut reading).expect("the old list");
+    assert_eq!((reading.scan, reading.piece(0)), (2, Ok(&[12, 13, 14][..])));
+    desk.scan(generation, &Frame::of(pieces));
+    door.read(&wanted, &mut reading).expect("the new list, before it is told");
+    door.read(&[m(100, 1)], &mut reading).expect("the new list");
+    assert_eq!((reading.scan, reading.piece(0)), (3, Ok(&[103][..])));
+    assert_eq!(door.read(&[m(0, 65_537)], &mut reading), Err(NotYet::TooMuch));
+}
+
+#[test]
+fn what_is_not_allowed_is_told_of_its_piece() {
+    let (mut desk, mut door) = Desk::open();
+    let mut reading = Reading::new();
+    let db = Piece::Bytes { at: Cell::Db(5, 0), len: 2 };
+    assert_eq!(door.read(&[m(0, 2), db], &mut reading), Err(NotYet::Coming));
+    door.pump().expect("open");
+    let Some(ToBroker::Watch { generation, pieces }) = desk.hear() else { panic!("no watch") };
+    let index = pieces.iter().position(|piece| *piece == db).expect("asked for") as u32;
+    desk.say(&ToLink::Unwatched { generation, refused: vec![index] });
+    door.pump().expect("open");
+    assert_eq!(door.take_news(), Some(News::Watching));
+    let Some(ToBroker::Watch { generation, pieces }) = desk.hear() else { panic!("not asked again") };
+    assert_eq!(pieces, [m(0, 2)]);
+    desk.scan(generation, &Frame::of(pieces));
+    door.read(&[m(0, 2), db], &mut reading).expect("as far as it may");
+    assert_eq!((reading.piece(0), reading.piece(1)), (Ok(&[1, 2][..]), Err(Refusal::Right)));
+    door.read(&[db], &mut reading).expect("an answer");
+    assert_eq!(reading.value(0), Err(Refusal::Right));
+}
+
+#[test]
+fn writes_and_questions_go_out_and_their_answers_come_in() {
+    let (mut desk, mut door) = Desk::open();
+    let put = Put::Value(Cell::Area(Area::Memory, 3), CellWidth::Bit, 1);
+    let ticket = door.write(7, vec![put.clone()]).expect("small");
+    assert!(door.write(7, vec![put.clone(); GROUP_ENTRIES + 1]).is_err());
+    assert!(door.write(7, vec![Put::Bytes(put.cell(), vec![0; WRITE_BYTES + 1].into())]).is_err());
+    let asked = door.ask(8, Ask::Clock);
+    door.beat();
+    door.client_gone(7);
+    door.pump().expect("open");
+    assert_eq!(desk.hear(), Some(ToBroker::Write { client: 7, ticket, puts: vec![put] }));
+    assert_eq!(desk.hear(), Some(ToBroker::Ask { client: 8, ticket: asked, ask: Ask::Clock }));
+    assert_eq!(desk.hear(), Some(ToBroker::Gone(7)), "no beat while others wait");
+    desk.say(&ToLink::Written { client: 7, ticket, outcome: Ok(5) });
+    desk.say(&ToLink::Answer { client: 8, ticket: asked, answer: Answer::Clock([1; 8]) });
+    door.pump().expect("open");
+    assert_eq!(door.take_news(), Some(News::Written { client: 7, ticket, outcome: Ok(5) }));
+    assert_eq!(door.take_news(), Some(News::Answer { client: 8, ticket: asked, answer: Answer::Clock([1; 8]) }));
+    assert_eq!(door.take_news(), None);
+    door.beat();
+    door.pump().expect("open");
+    assert_eq!(desk.hear(), Some(ToBroker::Beat));
+}
+
+#[test]
+fn a_door_that_is_gone_says_so() {
+    let (desk, mut door) = Desk::open();
+    drop(desk);
+    assert!(matches!(door.pump(), Err(DoorError::Closed)));
+    let (desk, mut door) = Desk::open();
+    handover::send(&desk.socket, b"what is this", &[]).expect("room");
+    assert!(matches!(door.pump(), Err(DoorError::Version)));
+    // Nobody listens: what waits is bounded.
+    let (_desk, mut door) = Desk::open();
+    for _ in 0..200_000 {
+        door.ask(1, Ask::Clock);
+    }
+    assert!(matches!(door.pump(), Err(DoorError::Full)) && door.wants_write());
+}

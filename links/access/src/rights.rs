@@ -1,0 +1,171 @@
+//! What the clients of a link may do. Decided by the station file, held by the broker.
+
+use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
+
+use ob1_model::{Area, Cell};
+
+/// What a client may do; each includes those before.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Right {
+    /// Read.
+    #[default]
+    Read,
+    /// Write cells.
+    Write,
+    /// Change the operating state, set the clock.
+    Operate,
+}
+
+impl Right {
+    /// By its name in a station file.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "read" => Some(Self::Read),
+            "write" => Some(Self::Write),
+            "operate" => Some(Self::Operate),
+            _ => None,
+        }
+    }
+}
+
+/// The areas there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Place {
+    Inputs,
+    Outputs,
+    Memory,
+    Peripheral,
+    Timers,
+    Counters,
+    Blocks,
+}
+
+impl Place {
+    fn of(cell: Cell) -> Option<Self> {
+        Some(match cell {
+            Cell::Area(Area::Input, _) => Self::Inputs,
+            Cell::Area(Area::Output, _) => Self::Outputs,
+            Cell::Area(Area::Memory, _) => Self::Memory,
+            Cell::Area(..) => return None,
+            Cell::Peripheral(_) => Self::Peripheral,
+            Cell::Timer(_) => Self::Timers,
+            Cell::Counter(_) => Self::Counters,
+            Cell::Db(..) => Self::Blocks,
+        })
+    }
+
+    fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "E" | "I" => Self::Inputs,
+            "A" | "Q" => Self::Outputs,
+            "M" => Self::Memory,
+            "P" => Self::Peripheral,
+            "T" => Self::Timers,
+            "Z" | "C" => Self::Counters,
+            "DB" => Self::Blocks,
+            _ => return None,
+        })
+    }
+}
+
+/// Which cells a link's clients may touch at all.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Allowed {
+    /// `None`: all.
+    areas: Option<BTreeSet<Place>>,
+    /// `None`: all.
+    blocks: Option<Vec<RangeInclusive<u16>>>,
+}
+
+impl Allowed {
+    /// Of the keys `areas` (`"M"`, `"DB"`, ...) and `blocks` (`"DB10"`, `"DB20-29"`); a key that is left out allows
+    /// all.
+    ///
+    /// # Errors
+    /// What is wrong with an entry, in one sentence.
+    pub fn of(areas: Option<&[String]>, blocks: Option<&[String]>) -> Result<Self, String> {
+        let area = |name: &String| {
+            Place::named(name).ok_or_else(|| format!("\"{name}\" is no area; there are E, A, M, P, T, Z and DB"))
+        };
+        let block = |text: &String| {
+            range(text).ok_or_else(|| format!("\"{text}\" names no data blocks; write \"DB10\" or \"DB20-29\""))
+        };
+        Ok(Self {
+            areas: areas.map(|names| names.iter().map(area).collect()).transpose()?,
+            blocks: blocks.map(|texts| texts.iter().map(block).collect()).transpose()?,
+        })
+    }
+
+    /// Whether a client may read this cell, and, with the right to write, write it.
+    #[must_use]
+    pub fn has(&self, cell: Cell) -> bool {
+        let Some(place) = Place::of(cell) else { return false };
+        let area = self.areas.as_ref().is_none_or(|areas| areas.contains(&place));
+        let block = match (cell, &self.blocks) {
+            (Cell::Db(number, _), Some(blocks)) => blocks.iter().any(|range| range.contains(&number)),
+            _ => true,
+        };
+        area && block
+    }
+}
+
+fn range(text: &str) -> Option<RangeInclusive<u16>> {
+    let numbers = text.strip_prefix("DB")?;
+    let (from, to) = numbers.split_once('-').unwrap_or((numbers, numbers));
+    let range = from.parse().ok()?..=to.parse().ok()?;
+    (!range.is_empty()).then_some(range)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texts(list: &[&str]) -> Vec<String> {
+        list.iter().map(|text| (*text).to_owned()).collect()
+    }
+
+    #[test]
+    fn rights_include_those_below() {
+        assert!(Right::Read < Right::Write && Right::Write < Right::Operate);
+        let names = ["read", "write", "operate", "Operate", ""].map(Right::named);
+        assert_eq!(names, [Some(Right::Read), Some(Right::Write), Some(Right::Operate), None, None]);
+    }
+
+    #[test]
+    fn only_what_is_named_is_allowed() {
+        let cells = [
+            Cell::Area(Area::Input, 0),
+            Cell::Area(Area::Output, 0),
+            Cell::Area(Area::Memory, 0),
+            Cell::Peripheral(0),
+            Cell::Timer(1),
+            Cell::Counter(1),
+            Cell::Db(10, 0),
+            Cell::Db(20, 0),
+            Cell::Db(25, 0),
+        ];
+        let all = Allowed::default();
+        assert!(cells.iter().all(|cell| all.has(*cell)));
+        assert!(!all.has(Cell::Area(Area::Local, 0)));
+        for (areas, blocks, allowed) in [
+            (Some(&["M"][..]), None, vec![2]),
+            (Some(&["E", "A", "T"]), None, vec![0, 1, 4]),
+            (Some(&["I", "Q", "C", "P"]), None, vec![0, 1, 3, 5]),
+            (Some(&["DB"]), Some(&["DB10", "DB24-26"][..]), vec![6, 8]),
+            (None, Some(&["DB20"]), vec![0, 1, 2, 3, 4, 5, 7]),
+            (Some(&[]), None, vec![]),
+        ] {
+            let made = Allowed::of(areas.map(texts).as_deref(), blocks.map(texts).as_deref()).expect("right");
+            let has: Vec<usize> = (0..cells.len()).filter(|at| made.has(cells[*at])).collect();
+            assert_eq!(has, allowed, "{areas:?} {blocks:?}");
+        }
+        for wrong in ["L", "m", "", "DB1"] {
+            assert!(Allowed::of(Some(&texts(&[wrong])), None).is_err(), "{wrong}");
+        }
+        for wrong in ["10", "DB", "DB5-4", "DB70000", "DB1-", "M"] {
+            assert!(Allowed::of(None, Some(&texts(&[wrong]))).is_err(), "{wrong}");
+        }
+    }
+}
