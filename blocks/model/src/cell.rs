@@ -20,8 +20,8 @@ pub enum Cell {
 }
 
 impl Cell {
-    /// What lies beside another in memory has the same: the kind of memory, the number of a data block. `None` for cells
-    /// that are not memory as it is shown.
+    /// What lies beside another in memory has the same: the kind of memory, the number of a data block. `None` for
+    /// cells that are not memory as it is shown.
     #[must_use]
     pub const fn block(self) -> Option<(u8, u16)> {
         match self {

@@ -1,7 +1,7 @@
 //! The window of a link: the snapshots that the scan makes for it, in shared memory that the link can only read.
 //!
 //! There are four slots, each with a sequence of its own. The scan fills them in turn and waits for nobody: the slot it
-//! fills is the one that has not been the newest for longest. The sequence is odd while a slot is filled, and afterwards
+//! fills is the one that has not been the newest for longest. The sequence is odd while a slot is filled, and then
 //! twice the number of the snapshot; a reader takes the slot with the highest even one and looks at the sequence again
 //! when it has its copy. It must try again only if three whole snapshots were made meanwhile.
 //!
@@ -92,8 +92,8 @@ impl Memory {
 
     #[inline]
     fn words(&self) -> &[AtomicU64] {
-        // SAFETY: `words` points to `WORDS` aligned words that `keep` keeps alive: an `Arc` of them, or a mapping that is
-        // large enough (checked in `shared`) and whose file is sealed against shrinking. They are atomics, so any
+        // SAFETY: `words` points to `WORDS` aligned words that `keep` keeps alive: an `Arc` of them, or a mapping that
+        // is large enough (checked in `shared`) and whose file is sealed against shrinking. They are atomics, so any
         // content is valid, also while the scan of another process writes them. In a mapping for reading alone they are
         // only loaded, relaxed, which works on memory that cannot be written.
         unsafe { core::slice::from_raw_parts(self.words.as_ptr(), WORDS) }
