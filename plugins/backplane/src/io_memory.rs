@@ -33,40 +33,70 @@ impl ImageCells {
     }
 }
 
-#[derive(Clone)]
-enum Keep {
-    Heap(#[expect(dead_code, reason = "held only to keep the memory")] Arc<ImageCells>),
+/// What such a memory may consist of.
+///
+/// # Safety
+/// Nothing but atomics, in a fixed layout: any content is valid, also while others write. Aligned to no more than a
+/// page.
+pub(crate) unsafe trait Cells {
+    /// Size of the file: at least that of the cells.
+    const BYTES: usize;
+
+    /// Zeros on the heap.
+    fn zeros() -> Arc<Self>;
+}
+
+// SAFETY: an array of atomics.
+unsafe impl Cells for ImageCells {
+    const BYTES: usize = IO_IMAGE_BYTES;
+
+    fn zeros() -> Arc<Self> {
+        Arc::new(ImageCells([const { AtomicU64::new(0) }; IMAGE_WORDS]))
+    }
+}
+
+enum Keep<C> {
+    Heap(Arc<C>),
     Shared(Arc<SharedMemory>),
 }
 
 /// A handle of the memory; clones lead to the same.
-#[derive(Clone)]
-pub(crate) struct Memory {
+pub(crate) struct Memory<C: Cells = ImageCells> {
     /// Points into what `keep` holds, for as long as `keep` lives.
-    cells: NonNull<ImageCells>,
-    keep: Keep,
+    cells: NonNull<C>,
+    keep: Keep<C>,
+}
+
+impl<C: Cells> Clone for Memory<C> {
+    fn clone(&self) -> Self {
+        let keep = match &self.keep {
+            Keep::Heap(cells) => Keep::Heap(Arc::clone(cells)),
+            Keep::Shared(memory) => Keep::Shared(Arc::clone(memory)),
+        };
+        Self { cells: self.cells, keep }
+    }
 }
 
 // SAFETY: the pointer leads to memory that `keep` keeps in place, and there is nothing but atomics in it.
-unsafe impl Send for Memory {}
+unsafe impl<C: Cells> Send for Memory<C> {}
 // SAFETY: as for Send.
-unsafe impl Sync for Memory {}
+unsafe impl<C: Cells> Sync for Memory<C> {}
 
-impl Memory {
+impl<C: Cells> Memory<C> {
     /// Zeros on the heap.
     pub(crate) fn heap() -> Self {
-        let cells = Arc::new(ImageCells([const { AtomicU64::new(0) }; IMAGE_WORDS]));
+        let cells = C::zeros();
         Self { cells: NonNull::from(&*cells), keep: Keep::Heap(cells) }
     }
 
     /// Zeros in a new sealed file.
     pub(crate) fn create(name: &core::ffi::CStr) -> Result<Self, SegmentError> {
-        Self::shared(SharedMemory::create(name, IO_IMAGE_BYTES)?)
+        Self::shared(SharedMemory::create(name, C::BYTES)?)
     }
 
     /// The sealed file that somebody has handed over.
     pub(crate) fn received(file: OwnedFd) -> Result<Self, SegmentError> {
-        Self::shared(SharedMemory::of(file, IO_IMAGE_BYTES)?)
+        Self::shared(SharedMemory::of(file, C::BYTES)?)
     }
 
     pub(crate) fn path(&self) -> Option<PathBuf> {
@@ -83,25 +113,27 @@ impl Memory {
         }
     }
 
-    /// One word by its offset; `None` outside or off a word's boundary.
-    pub(crate) fn peek(&self, offset: usize) -> Option<u64> {
-        let cell = offset.is_multiple_of(8).then(|| self.cells().0.get(offset / 8)).flatten();
-        cell.map(|cell| cell.load(Ordering::Acquire))
-    }
-
     pub(crate) fn shared(memory: SharedMemory) -> Result<Self, SegmentError> {
-        let cells: NonNull<ImageCells> = memory.start()?.cast();
-        if memory.len() < size_of::<ImageCells>() || !cells.is_aligned() {
-            return Err(SegmentError::Size { found: memory.len() as u64, expected: IO_IMAGE_BYTES as u64 });
+        let cells: NonNull<C> = memory.start()?.cast();
+        if memory.len() < size_of::<C>() || !cells.is_aligned() {
+            return Err(SegmentError::Size { found: memory.len() as u64, expected: C::BYTES as u64 });
         }
         Ok(Self { cells, keep: Keep::Shared(Arc::new(memory)) })
     }
 
     #[inline]
-    pub(crate) fn cells(&self) -> &ImageCells {
-        // SAFETY: `cells` points to an `ImageCells` kept alive by `keep`: an `Arc` of it, or a mapping of at least its
+    pub(crate) fn cells(&self) -> &C {
+        // SAFETY: `cells` points to cells kept alive by `keep`: an `Arc` of it, or a mapping of at least its
         // size at a page boundary whose file is sealed against shrinking. Atomics only: any content is valid, also
         // while others write.
         unsafe { self.cells.as_ref() }
+    }
+}
+
+impl Memory {
+    /// One word by its offset; `None` outside or off a word's boundary.
+    pub(crate) fn peek(&self, offset: usize) -> Option<u64> {
+        let cell = offset.is_multiple_of(8).then(|| self.cells().0.get(offset / 8)).flatten();
+        cell.map(|cell| cell.load(Ordering::Acquire))
     }
 }

@@ -3,8 +3,9 @@
 //! A [`Segment`] lies between the CPU and the driver process of one CP, in the place of the back plane of a rack. It
 //! has two ends: [`CpuSide`] belongs to the scan, [`CpSide`] to the driver. Neither waits for the other, neither
 //! believes what the other has written, and neither allocates or makes a system call after its construction.
-//! [`IoImage`] is the simpler memory of `di do ai ao` modules, open to any program. [`WindowWriter`] and
-//! [`WindowReader`] are the ends of a window: the snapshots that the scan lets one link look at.
+//! [`IoImage`] is the simpler memory of `di do ai ao` modules, open to any program. [`BusMemory`] carries the inputs and
+//! outputs of a bus, whole images at a time. [`WindowWriter`] and [`WindowReader`] are the ends of a window: the
+//! snapshots that the scan lets one link look at.
 //!
 //! The crate knows neither the CPU nor the firmware: what the registers mean is agreed elsewhere. The memory map is in
 //! [`layout`] and, for drivers in other languages, in `docs/backplane.md`.
@@ -21,11 +22,13 @@
 //! assert_eq!(registers[..4], [1, 0, 0, 30]);
 //! # Ok::<(), ob1_backplane::SegmentError>(())
 //! ```
-// Memory that two processes share is reached through raw pointers; all of it is in `segment`, `cells`, `io_memory` and
-// `window`.
+// Memory that two processes share is reached through raw pointers; all of it is in `segment`, `cells`, `io_memory`,
+// `bus_image` and `window`.
 #![allow(unsafe_code)]
 
 mod buffer;
+#[cfg(not(loom))]
+mod bus_image;
 mod bytes;
 mod cells;
 mod channel;
@@ -58,6 +61,8 @@ mod window;
 mod words;
 
 pub use buffer::BufferEntry;
+#[cfg(not(loom))]
+pub use bus_image::{BUS_AREA_BYTES, BUS_COUPLERS, BusCpuSide, BusMemory, BusProcessSide, BusSize, COUPLER_WORDS};
 pub use channel::{Channel, ChannelBlock};
 pub use counters::{Counter, Counters};
 pub use cp_side::{ChangeMark, CpSide};

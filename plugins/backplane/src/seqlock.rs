@@ -47,6 +47,24 @@ impl<const N: usize> SeqCell<N> {
         self.sequence.store(odd.wrapping_add(1), Ordering::Release);
     }
 
+    /// One try: copies the first words of the content, as many as `into` has; whether they are whole (if not, they are
+    /// anything).
+    #[cfg(not(loom))]
+    pub(crate) fn copy(&self, into: &mut [u64]) -> bool {
+        let copied = self.try_read(|cells| {
+            for (word, cell) in into.iter_mut().zip(cells) {
+                *word = cell.load(Ordering::Relaxed);
+            }
+        });
+        copied.is_some()
+    }
+
+    /// All words, the sequence first: for tests that fill them with noise.
+    #[cfg(not(loom))]
+    pub(crate) fn words(&self) -> impl Iterator<Item = &AtomicU64> {
+        core::iter::once(&self.sequence).chain(&self.data.0)
+    }
+
     /// One try: takes a copy with `copy`, and answers the sequence it belongs to, or `None` if a writer was at work
     /// (then the copy is anything).
     #[inline]

@@ -134,6 +134,8 @@ const TABLE: &[Row] = &[
     row("ob1-params", "invariant 11", &["strsim", "thiserror"]),
     row("ob1-protocols", "invariant 1", &[]),
     row("ob1-firmware", "invariant 1", &["ob1-params", "ob1-protocols"]),
+    // What a bus is made of goes from the runtime to its process: serde; JSON is the affair of both ends.
+    row("ob1-coupler", "invariant 11", &["ob1-protocols", "serde"]),
     row("ob1-line", "invariant 4", &["libc", "rustix", "serialport", "thiserror"]),
     row(
         "ob1-cp",
@@ -223,7 +225,7 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
     // A protocol machine, and the firmware around it, see nothing but bytes and times.
     (
         "invariant 1",
-        &["ob1-protocols", "ob1-firmware", "ob1-params"],
+        &["ob1-protocols", "ob1-firmware", "ob1-params", "ob1-coupler"],
         &[
             "libc",
             "rustix",

@@ -127,6 +127,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("blocks/project", ALL),
     ("blocks/std", ALL),
     ("blocks/stl", ALL),
+    ("driver/coupler", ALL),
     ("driver/firmware", ALL),
     ("driver/params", ALL),
     ("driver/protocols", ALL),

@@ -15,6 +15,36 @@ pub const BROADCAST: u8 = 0;
 /// Set in the function code of an answer that announces an error. [S0 "Respond of the slave"]
 pub const ERROR_BIT: u8 = 0x80;
 
+/// 17h: write n words and read n words of the output area 4x in one telegram. Not one of the manual's eight: a master
+/// of couplers may ask for it, a CP does not know it. ["MODBUS Application Protocol Specification V1.1b3", 6.17]
+pub const READ_WRITE_WORDS: u8 = 0x17;
+/// Most bits and words of one request by the specification, which couplers keep to (a CP goes up to [`DATA_BYTES`]).
+pub const READ_BITS_MAX: u16 = 2000;
+/// As [`READ_BITS_MAX`]: 0Fh.
+pub const WRITE_BITS_MAX: u16 = 1968;
+/// As [`READ_BITS_MAX`]: 03h, 04h, and what 17h reads.
+pub const READ_WORDS_MAX: u16 = 125;
+/// As [`READ_BITS_MAX`]: 10h.
+pub const WRITE_WORDS_MAX: u16 = 123;
+/// As [`READ_BITS_MAX`]: what 17h writes.
+pub const READ_WRITE_WORDS_MAX: u16 = 121;
+
+/// What an exception code means, in words.
+pub const fn exception_text(code: u8) -> &'static str {
+    match code {
+        1 => "illegal function",
+        2 => "illegal address",
+        3 => "illegal value",
+        4 => "device failure",
+        5 => "acknowledge",
+        6 => "busy",
+        8 => "memory parity error",
+        10 => "gateway path unavailable",
+        11 => "gateway target does not respond",
+        _ => "unknown",
+    }
+}
+
 /// The function codes of the manual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]

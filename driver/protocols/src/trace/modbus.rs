@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::meaning::{Bytes, Modbus};
-use crate::modbus::pdu::{Direction, ERROR_BIT, Function};
+use crate::modbus::pdu::{Direction, ERROR_BIT, Function, exception_text};
 
 /// Length of function 06 with a 32-bit register: its data have four bytes, and nothing else tells.
 /// [S4 "5.8 Function Code 06 – Write Single 32-Bit Register"]
@@ -22,15 +22,7 @@ impl fmt::Display for Modbus<'_> {
         let answer = self.direction == Direction::Answer;
         f.write_str(if answer { ", answer: " } else { ", request: " })?;
         if answer && code & ERROR_BIT != 0 {
-            let why = match byte(2) {
-                1 => "illegal function",
-                2 => "illegal address",
-                3 => "illegal value",
-                4 => "device failure",
-                5 => "acknowledge",
-                6 => "busy",
-                _ => "unknown",
-            };
+            let why = exception_text(byte(2));
             return write!(f, "exception {:02X}h, {why}, to function {:02X}h", byte(2), code & !ERROR_BIT);
         }
         let Some(function) = Function::of(code) else { return others(f, self.telegram, answer) };

@@ -1,0 +1,193 @@
+//! What a bus is made of. The runtime writes it as JSON, the process of the bus reads it: one definition for both.
+
+use serde::{Deserialize, Serialize};
+
+/// Nanoseconds.
+pub type Nanos = u64;
+
+/// A bus: the lines of one process, and the bytes they carry.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BusConfig {
+    /// Its name.
+    pub name: String,
+    /// Input bytes of all couplers.
+    pub input_bytes: usize,
+    /// Output bytes of all couplers.
+    pub output_bytes: usize,
+    /// A scan that gives no sign of life for so long drives nothing any more: the outputs go off.
+    pub scan_timeout: Nanos,
+    /// Its lines.
+    pub lines: Vec<LineConfig>,
+}
+
+impl BusConfig {
+    /// Couplers on all lines, in the order in which [`crate::Image::status`] has them.
+    pub fn couplers(&self) -> impl Iterator<Item = &CouplerConfig> {
+        self.lines.iter().flat_map(|line| &line.couplers)
+    }
+}
+
+/// One line or connection, with one or more couplers.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LineConfig {
+    /// Where it leads to, as `ob1-line` reads it.
+    pub line: String,
+    /// How characters travel; none: Modbus TCP.
+    pub serial: Option<Serial>,
+    /// Longest wait for an answer.
+    pub timeout: Nanos,
+    /// Who is on it.
+    pub couplers: Vec<CouplerConfig>,
+}
+
+/// The characters of Modbus RTU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Serial {
+    /// Bits per second.
+    pub baud: u32,
+    /// Parity bit.
+    pub parity: Parity,
+    /// Stop bits, 1 or 2.
+    pub stop_bits: u8,
+}
+
+/// Parity bit of a character.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Parity {
+    /// None.
+    None,
+    /// Even: the default of the specification.
+    #[default]
+    Even,
+    /// Odd.
+    Odd,
+}
+
+/// A coupler.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CouplerConfig {
+    /// Its name.
+    pub name: String,
+    /// Its address on the line, or behind its connection.
+    pub unit: u8,
+    /// Time from one reading of its inputs to the next.
+    pub period: Nanos,
+    /// Outputs that do not change are written again after this time.
+    pub refresh: Nanos,
+    /// A coupler that has not answered for so long is lost.
+    pub lost_after: Nanos,
+    /// What it is written on each connect, before anything else.
+    pub setup: Vec<Setup>,
+    /// What its inputs come from.
+    pub inputs: Vec<Range>,
+    /// Where its outputs go to.
+    pub outputs: Vec<Range>,
+}
+
+/// The four tables of Modbus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Table {
+    /// Bits that can be written (0x).
+    Coil,
+    /// Bits that can only be read (1x).
+    Discrete,
+    /// Words that can be written (4x).
+    Holding,
+    /// Words that can only be read (3x).
+    Input,
+}
+
+impl Table {
+    /// By the word of a station file.
+    pub const ALL: [(&'static str, Self); 4] =
+        [("coil", Self::Coil), ("discrete", Self::Discrete), ("holding", Self::Holding), ("input", Self::Input)];
+
+    /// Its word.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(_, table)| *table == self).map_or("", |(name, _)| name)
+    }
+
+    /// Whether it has bits, not words.
+    #[must_use]
+    pub const fn has_bits(self) -> bool {
+        matches!(self, Self::Coil | Self::Discrete)
+    }
+
+    /// Whether it can be written.
+    #[must_use]
+    pub const fn can_be_written(self) -> bool {
+        matches!(self, Self::Coil | Self::Holding)
+    }
+}
+
+/// How the bytes of registers lie in the process image. A register travels high byte first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Order {
+    /// As on an S7: the first register's high byte first (`AB CD`).
+    #[default]
+    Big,
+    /// The bytes of each register exchanged (`BA DC`).
+    Little,
+    /// The registers of each pair exchanged, for double words (`CD AB`).
+    Words,
+    /// Both (`DC BA`).
+    Reversed,
+}
+
+impl Order {
+    /// By the word of a station file.
+    pub const ALL: [(&'static str, Self); 4] =
+        [("big", Self::Big), ("little", Self::Little), ("words", Self::Words), ("reversed", Self::Reversed)];
+}
+
+/// Registers or bits in a row, and the bytes of the image that they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Range {
+    /// Where they stand.
+    pub table: Table,
+    /// First of them, from 0.
+    pub first: u16,
+    /// How many.
+    pub count: u16,
+    /// Registers only.
+    #[serde(default)]
+    pub order: Order,
+    /// First byte in the inputs, or outputs, of the bus.
+    pub at: usize,
+}
+
+impl Range {
+    /// Behind the last of them; at most 65536.
+    #[must_use]
+    pub const fn end(&self) -> u32 {
+        self.first as u32 + self.count as u32
+    }
+
+    /// Bytes of the image. Bit n of a row is bit n modulo 8 of byte n / 8.
+    #[must_use]
+    pub const fn bytes(&self) -> usize {
+        let count = self.count as usize;
+        if self.table.has_bits() { count.div_ceil(8) } else { 2 * count }
+    }
+}
+
+/// A register or coil that is written when a coupler is connected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setup {
+    /// [`Table::Holding`] or [`Table::Coil`].
+    pub table: Table,
+    /// Which.
+    pub at: u16,
+    /// What; a coil: 0 or 1.
+    pub value: u16,
+}

@@ -1,0 +1,459 @@
+//! One coupler: what it is to be asked next, and what its answers mean.
+
+use ob1_protocols::modbus::pdu::{self, Function};
+
+use crate::codec;
+use crate::config::{CouplerConfig, Nanos, Range, Setup, Table};
+use crate::image::{Image, RANGES_MAX, Refusal, State};
+use crate::plan::{self, Chunk};
+
+/// A coupler gets so long to answer for the first time, if it is not lost later anyway.
+const START: Nanos = 2_000_000_000;
+/// What a coupler has refused is tried again after this time, or before it would count as lost.
+const REFUSED_AGAIN: Nanos = 1_000_000_000;
+/// After the second request without an answer the next waits so long, then twice as long each time.
+const SHORTEST_PAUSE: Nanos = 10_000_000;
+/// At most so long.
+const LONGEST_PAUSE: Nanos = 1_000_000_000;
+
+/// What a coupler is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Job {
+    Setup(usize),
+    Write(usize),
+    Read(usize),
+    /// Function 17h: write and read in one telegram.
+    Both {
+        write: usize,
+        read: usize,
+    },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// What is written on each connect; so many are done.
+    Setup(usize),
+    Exchange,
+}
+
+/// Outputs that are one request.
+struct Outputs {
+    chunk: Chunk,
+    /// What the coupler has, as it travels; `None`: nobody knows.
+    acknowledged: Option<Vec<u8>>,
+    at: Nanos,
+    not_before: Nanos,
+}
+
+pub(crate) struct Coupler {
+    config: CouplerConfig,
+    /// Its place in the image's list.
+    index: usize,
+    phase: Phase,
+    reads: Vec<Chunk>,
+    writes: Vec<Outputs>,
+    /// Inputs that have been read in this round, at their places in the image.
+    staged: Vec<u8>,
+    /// The next request of the round under way.
+    round: Option<usize>,
+    round_began: Nanos,
+    /// A round was completed on this connection.
+    has_read: bool,
+    due: Nanos,
+    not_before: Nanos,
+    /// The last answer, or the beginning.
+    heard: Nanos,
+    patience: Nanos,
+    misses: u32,
+    /// It does not know function 17h.
+    never_both: bool,
+    wrote_last: bool,
+    sending: Vec<u8>,
+}
+
+impl Coupler {
+    pub(crate) fn new(config: &CouplerConfig, index: usize, input_bytes: usize, now: Nanos) -> Self {
+        let outputs = |chunk| Outputs { chunk, acknowledged: None, at: 0, not_before: 0 };
+        Self {
+            index,
+            phase: Phase::Setup(0),
+            reads: plan::reads(&config.inputs),
+            writes: plan::writes(&config.outputs).into_iter().map(outputs).collect(),
+            staged: vec![0; input_bytes],
+            round: None,
+            round_began: 0,
+            has_read: false,
+            due: 0,
+            not_before: 0,
+            heard: now,
+            patience: config.lost_after.max(START),
+            misses: 0,
+            never_both: false,
+            wrote_last: false,
+            sending: Vec::new(),
+            config: config.clone(),
+        }
+    }
+
+    pub(crate) const fn index(&self) -> usize {
+        self.index
+    }
+
+    /// The connection is new, or was given up: the coupler may have forgotten everything.
+    pub(crate) fn connect(&mut self, now: Nanos) {
+        (self.phase, self.round, self.has_read, self.due) = (Phase::Setup(0), None, false, now);
+        (self.not_before, self.misses, self.never_both) = (now, 0, false);
+        for outputs in &mut self.writes {
+            (outputs.acknowledged, outputs.not_before) = (None, 0);
+        }
+    }
+
+    /// Time has passed.
+    pub(crate) fn tick(&mut self, now: Nanos, image: &mut Image) {
+        let state = image.status.get(self.index).map(|status| status.state);
+        if state != Some(State::Lost) && now >= self.lost_at() {
+            let pause = (self.not_before, self.misses);
+            self.connect(now);
+            (self.not_before, self.misses) = pause;
+            image.tell(self.index, |status| {
+                status.state = State::Lost;
+                status.losses += 1;
+                (status.refusal, status.bad) = (None, 0);
+            });
+        }
+    }
+
+    /// When it is lost if it does not answer before.
+    pub(crate) const fn lost_at(&self) -> Nanos {
+        self.heard.saturating_add(self.patience)
+    }
+
+    /// When [`Self::tick`] or [`Self::next`] has something to do, whatever the outputs are.
+    pub(crate) fn due(&self, is_lost: bool) -> Nanos {
+        let lost = if is_lost { Nanos::MAX } else { self.lost_at() };
+        let work = match self.phase {
+            Phase::Setup(_) => 0,
+            Phase::Exchange if self.round.is_some() => 0,
+            Phase::Exchange => {
+                let read = if self.reads.is_empty() { Nanos::MAX } else { self.due };
+                self.writes.iter().map(|outputs| outputs.due(self.config.refresh)).fold(read, Nanos::min)
+            }
+        };
+        lost.min(work.max(self.not_before))
+    }
+
+    /// What it is to be asked now.
+    pub(crate) fn next(&mut self, now: Nanos, image: &Image) -> Option<Job> {
+        if now < self.not_before {
+            return None;
+        }
+        if let Phase::Setup(done) = self.phase {
+            if done < self.config.setup.len() {
+                return Some(Job::Setup(done));
+            }
+            (self.phase, self.due) = (Phase::Exchange, now);
+        }
+        if self.round.is_none() && now >= self.due && !self.reads.is_empty() {
+            (self.round, self.round_began) = (Some(0), now);
+        }
+        let refresh = self.config.refresh;
+        let write = self.writes.iter().position(|outputs| {
+            now >= outputs.not_before
+                && (now >= outputs.due(refresh)
+                    || outputs.acknowledged.as_ref() != Some(&gathered(&self.config.outputs, &outputs.chunk, image)))
+        });
+        match (write, self.round) {
+            (Some(write), Some(read)) if self.goes_together(write, read) => Some(Job::Both { write, read }),
+            // Outputs that never stand still do not keep the inputs from being read.
+            (Some(_), Some(read)) if self.wrote_last => Some(Job::Read(read)),
+            (Some(write), _) => Some(Job::Write(write)),
+            (None, Some(read)) => Some(Job::Read(read)),
+            (None, None) => None,
+        }
+    }
+
+    fn goes_together(&self, write: usize, read: usize) -> bool {
+        let is_words = |table: Option<Table>| table == Some(Table::Holding);
+        !self.never_both
+            && is_words(self.writes.get(write).map(|outputs| outputs.chunk.table))
+            && is_words(self.reads.get(read).map(|chunk| chunk.table))
+    }
+
+    /// The request of a job.
+    pub(crate) fn telegram(&mut self, job: Job, image: &Image) -> Vec<u8> {
+        self.sending.clear();
+        let unit = self.config.unit;
+        if let Job::Write(write) | Job::Both { write, .. } = job
+            && let Some(outputs) = self.writes.get(write)
+        {
+            self.sending = gathered(&self.config.outputs, &outputs.chunk, image);
+        }
+        match job {
+            Job::Setup(n) => self.config.setup.get(n).map_or_else(Vec::new, |setup| of_setup(unit, setup)),
+            Job::Read(n) => self.reads.get(n).map_or_else(Vec::new, |chunk| of_read(unit, chunk)),
+            Job::Write(n) => {
+                self.writes.get(n).map_or_else(Vec::new, |outputs| of_write(unit, &outputs.chunk, &self.sending))
+            }
+            Job::Both { write, read } => match (self.writes.get(write), self.reads.get(read)) {
+                (Some(outputs), Some(chunk)) => {
+                    let mut telegram = head(unit, pdu::READ_WRITE_WORDS, chunk.first, chunk.count);
+                    telegram.extend(outputs.chunk.first.to_be_bytes());
+                    telegram.extend(outputs.chunk.count.to_be_bytes());
+                    telegram.push(self.sending.len() as u8);
+                    telegram.extend(&self.sending);
+                    telegram
+                }
+                _ => Vec::new(),
+            },
+        }
+    }
+
+    /// The request went out and nothing that can be used came back.
+    pub(crate) fn failed(&mut self, now: Nanos, job: Job, image: &mut Image) {
+        self.misses = self.misses.saturating_add(1);
+        // Once at once, then with pauses.
+        if let Some(doublings) = self.misses.checked_sub(2) {
+            let pause = SHORTEST_PAUSE.saturating_mul(1 << doublings.min(20)).min(LONGEST_PAUSE);
+            self.not_before = now.saturating_add(pause);
+        }
+        // Whether it was written is not known.
+        if let Job::Write(write) | Job::Both { write, .. } = job {
+            self.forget(write);
+        }
+        image.tell(self.index, |status| status.failures += 1);
+    }
+
+    fn forget(&mut self, write: usize) {
+        if let Some(outputs) = self.writes.get_mut(write) {
+            outputs.acknowledged = None;
+        }
+    }
+
+    /// An answer that belongs to the request.
+    pub(crate) fn answered(&mut self, now: Nanos, job: Job, answer: &[u8], image: &mut Image) {
+        if let &[_, code, exception] = answer
+            && code & pdu::ERROR_BIT != 0
+        {
+            return self.refused(now, job, code & !pdu::ERROR_BIT, exception, image);
+        }
+        // What function 17h reads is as long as it was asked for; the other answers have been looked at.
+        let data = match job {
+            Job::Read(n) | Job::Both { read: n, .. } => {
+                let bytes = self.reads.get(n).map_or(0, Chunk::bytes);
+                match answer.get(2..) {
+                    Some([count, data @ ..]) if usize::from(*count) == bytes && data.len() == bytes => data,
+                    _ => return self.failed(now, job, image),
+                }
+            }
+            Job::Setup(_) | Job::Write(_) => &[],
+        };
+        (self.heard, self.misses, self.not_before) = (now, 0, now);
+        self.patience = self.config.lost_after;
+        match job {
+            Job::Setup(done) => self.phase = Phase::Setup(done + 1),
+            Job::Read(read) => self.has_read_one(now, read, data, image),
+            Job::Write(write) => self.has_written(now, write, image),
+            Job::Both { write, read } => {
+                self.has_written(now, write, image);
+                self.has_read_one(now, read, data, image);
+            }
+        }
+        self.wrote_last = matches!(job, Job::Write(_));
+    }
+
+    fn has_written(&mut self, now: Nanos, write: usize, image: &mut Image) {
+        let Some(outputs) = self.writes.get_mut(write) else { return };
+        outputs.acknowledged = Some(std::mem::take(&mut self.sending));
+        (outputs.at, outputs.not_before) = (now, 0);
+        let chunk = outputs.chunk;
+        self.mark(&chunk, true, None, image);
+        if self.reads.is_empty() {
+            self.completed(now, now, image);
+        }
+    }
+
+    fn has_read_one(&mut self, now: Nanos, read: usize, data: &[u8], image: &mut Image) {
+        let Some(chunk) = self.reads.get(read).copied() else { return };
+        for range in self.config.inputs.iter().filter(|range| chunk.meets(range)) {
+            codec::unpack(range, chunk.first, chunk.count, data, &mut self.staged);
+        }
+        self.mark(&chunk, false, None, image);
+        self.next_read(now, read, image);
+    }
+
+    fn next_read(&mut self, now: Nanos, read: usize, image: &mut Image) {
+        if read + 1 < self.reads.len() {
+            self.round = Some(read + 1);
+            return;
+        }
+        self.round = None;
+        self.has_read = true;
+        // In step with the period; what was missed is not made up for.
+        self.due = self.due.saturating_add(self.config.period);
+        if self.due <= now {
+            self.due = now.saturating_add(self.config.period);
+        }
+        let bad = image.status.get(self.index).map_or(0, |status| status.bad);
+        for (n, range) in self.config.inputs.iter().enumerate() {
+            let bytes = range.at..range.at + range.bytes();
+            if bad >> (n % RANGES_MAX) & 1 == 0
+                && let (Some(from), Some(to)) = (self.staged.get(bytes.clone()), image.inputs.get_mut(bytes))
+            {
+                to.copy_from_slice(from);
+            }
+        }
+        self.completed(now, self.round_began, image);
+    }
+
+    /// A round is complete; the coupler runs as soon as it has its outputs too.
+    fn completed(&self, now: Nanos, began: Nanos, image: &mut Image) {
+        let whole = (self.has_read || self.reads.is_empty())
+            && self.writes.iter().all(|outputs| outputs.acknowledged.is_some() || outputs.not_before > 0);
+        image.tell(self.index, |status| {
+            status.exchanges += 1;
+            status.round = now.saturating_sub(began);
+            if whole && status.state != State::Running {
+                status.state = State::Running;
+                // What was refused on connect is refused no more.
+                status.refusal = status.refusal.filter(|_| status.bad != 0);
+            }
+        });
+    }
+
+    /// It answers, but will not do it.
+    fn refused(&mut self, now: Nanos, job: Job, function: u8, exception: u8, image: &mut Image) {
+        image.tell(self.index, |status| status.exceptions += 1);
+        if matches!(exception, 10 | 11) {
+            // A gateway that does not reach it.
+            return self.failed(now, job, image);
+        }
+        (self.heard, self.misses, self.patience) = (now, 0, self.config.lost_after);
+        let refusal = |table, first| Refusal { function, exception, table, first };
+        match job {
+            Job::Both { write, .. } => {
+                // Tried again one by one: then it is clear what was refused.
+                self.never_both = true;
+                self.forget(write);
+            }
+            Job::Setup(n) => {
+                self.not_before = self.again(now);
+                let Some(setup) = self.config.setup.get(n) else { return };
+                let refusal = refusal(setup.table, setup.at);
+                image.tell(self.index, |status| (status.state, status.refusal) = (State::Refused, Some(refusal)));
+            }
+            Job::Write(n) => {
+                let again = self.again(now);
+                let Some(outputs) = self.writes.get_mut(n) else { return };
+                (outputs.acknowledged, outputs.not_before) = (None, again);
+                let chunk = outputs.chunk;
+                self.mark(&chunk, true, Some(refusal(chunk.table, chunk.first)), image);
+                if self.reads.is_empty() {
+                    self.completed(now, now, image);
+                }
+            }
+            Job::Read(n) => {
+                let Some(chunk) = self.reads.get(n).copied() else { return };
+                self.mark(&chunk, false, Some(refusal(chunk.table, chunk.first)), image);
+                self.next_read(now, n, image);
+            }
+        }
+    }
+
+    /// When what was refused is tried again.
+    fn again(&self, now: Nanos) -> Nanos {
+        now.saturating_add(REFUSED_AGAIN.min(self.config.lost_after / 2))
+    }
+
+    /// The ranges of a chunk are refused, or are not.
+    fn mark(&self, chunk: &Chunk, outputs: bool, refusal: Option<Refusal>, image: &mut Image) {
+        let (ranges, first) =
+            if outputs { (&self.config.outputs, self.config.inputs.len()) } else { (&self.config.inputs, 0) };
+        let met = ranges.iter().enumerate().filter(|(_, range)| chunk.meets(range));
+        let mask = met.fold(0_u64, |mask, (n, _)| mask | 1 << ((first + n) % RANGES_MAX));
+        let Some(status) = image.status.get(self.index) else { return };
+        match refusal {
+            None if status.bad & mask != 0 => image.tell(self.index, |status| {
+                status.bad &= !mask;
+                if status.bad == 0 {
+                    status.refusal = None;
+                }
+            }),
+            Some(refusal) if status.bad & mask != mask || status.refusal != Some(refusal) => {
+                image.tell(self.index, |status| {
+                    status.bad |= mask;
+                    status.refusal = Some(refusal);
+                });
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether it has the outputs as they are now, as far as it takes any.
+    pub(crate) fn has_outputs(&self, image: &Image) -> bool {
+        self.writes.iter().all(|outputs| {
+            outputs.not_before > 0
+                || outputs.acknowledged.as_ref() == Some(&gathered(&self.config.outputs, &outputs.chunk, image))
+        })
+    }
+}
+
+impl Outputs {
+    fn due(&self, refresh: Nanos) -> Nanos {
+        let refreshed = if self.acknowledged.is_some() { self.at.saturating_add(refresh) } else { 0 };
+        refreshed.max(self.not_before)
+    }
+}
+
+/// The outputs of a chunk as they travel; all 0 when nobody drives them.
+fn gathered(ranges: &[Range], chunk: &Chunk, image: &Image) -> Vec<u8> {
+    let mut data = vec![0; chunk.bytes()];
+    if image.driven {
+        for range in ranges.iter().filter(|range| chunk.meets(range)) {
+            codec::pack(range, chunk.first, chunk.count, &image.outputs, &mut data);
+        }
+    }
+    data
+}
+
+fn head(unit: u8, function: u8, first: u16, value: u16) -> Vec<u8> {
+    let ([f0, f1], [v0, v1]) = (first.to_be_bytes(), value.to_be_bytes());
+    vec![unit, function, f0, f1, v0, v1]
+}
+
+/// The value of a coil in function 05h.
+const fn of_bit(on: bool) -> u16 {
+    if on { 0xFF00 } else { 0 }
+}
+
+fn of_setup(unit: u8, setup: &Setup) -> Vec<u8> {
+    if setup.table.has_bits() {
+        head(unit, Function::WriteBit as u8, setup.at, of_bit(setup.value != 0))
+    } else {
+        head(unit, Function::WriteWord as u8, setup.at, setup.value)
+    }
+}
+
+fn of_read(unit: u8, chunk: &Chunk) -> Vec<u8> {
+    let function = match chunk.table {
+        Table::Coil => Function::ReadOutputBits,
+        Table::Discrete => Function::ReadInputBits,
+        Table::Holding => Function::ReadOutputWords,
+        Table::Input => Function::ReadInputWords,
+    };
+    head(unit, function as u8, chunk.first, chunk.count)
+}
+
+fn of_write(unit: u8, chunk: &Chunk, data: &[u8]) -> Vec<u8> {
+    let bits = chunk.table.has_bits();
+    match *data {
+        [bit] if bits && chunk.count == 1 => head(unit, Function::WriteBit as u8, chunk.first, of_bit(bit & 1 == 1)),
+        [high, low] if !bits => head(unit, Function::WriteWord as u8, chunk.first, u16::from_be_bytes([high, low])),
+        _ => {
+            let function = if bits { Function::WriteBits } else { Function::WriteWords };
+            let mut telegram = head(unit, function as u8, chunk.first, chunk.count);
+            telegram.push(data.len() as u8);
+            telegram.extend(data);
+            telegram
+        }
+    }
+}

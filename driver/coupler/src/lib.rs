@@ -1,0 +1,23 @@
+//! Couplers on Modbus: remote inputs and outputs that a station reads and writes as its own.
+//!
+//! * [`config`]: what a bus is made of; the runtime writes it, the process of the bus reads it.
+//! * [`profile`]: what couplers of known makes want to be told (watchdogs).
+//! * [`plan`]: ranges of registers and bits merged into as few requests as there can be.
+//! * [`image`]: the inputs and outputs of a bus, and how its couplers stand.
+//! * [`line`]: the master of one line or connection, as a machine in virtual time. Function codes, check sums and frames
+//!   are those of `ob1-protocols`.
+#![forbid(unsafe_code)]
+
+mod codec;
+pub mod config;
+mod coupler;
+pub mod image;
+pub mod line;
+pub mod plan;
+pub mod profile;
+mod wire;
+
+pub use config::{BusConfig, CouplerConfig, LineConfig, Order, Range, Serial, Setup, Table};
+pub use image::{Image, Refusal, State, Status};
+pub use line::{LineInput, LineMaster};
+pub use profile::Profile;

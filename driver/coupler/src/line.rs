@@ -1,0 +1,151 @@
+//! The master of one line or connection: whose turn it is, one request at a time.
+//!
+//! The owner hands in what happened and when, and puts on the line what it is given. It calls again at the time that
+//! [`LineMaster::step`] answers, and when the outputs have changed.
+
+use crate::config::{LineConfig, Nanos};
+use crate::coupler::{Coupler, Job};
+use crate::image::{Image, State};
+use crate::wire::{Outcome, Wire};
+
+/// A connection on which so many requests in a row got no answer is opened anew.
+const SILENT: u32 = 3;
+
+/// What happened on the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineInput<'a> {
+    /// Time has passed, or the outputs have changed.
+    Tick,
+    /// The line can be used.
+    Up,
+    /// It cannot.
+    Gone,
+    /// Characters came in, in this order.
+    Rx(&'a [u8]),
+    /// The last bit of everything that was given is out.
+    TxDone,
+    /// A character could not be read.
+    Fault,
+}
+
+/// The master of one line.
+pub struct LineMaster {
+    wire: Wire,
+    couplers: Vec<Coupler>,
+    /// Who is being asked, and what.
+    asked: Option<(usize, Job)>,
+    turn: usize,
+    is_up: bool,
+    silent: u32,
+    reconnect: bool,
+}
+
+impl LineMaster {
+    /// The master of a line whose couplers begin at `first` in [`Image::status`].
+    #[must_use]
+    pub fn new(config: &LineConfig, first: usize, input_bytes: usize, now: Nanos) -> Self {
+        let coupler = |(n, config)| Coupler::new(config, first + n, input_bytes, now);
+        Self {
+            wire: Wire::new(config),
+            couplers: config.couplers.iter().enumerate().map(coupler).collect(),
+            asked: None,
+            turn: 0,
+            is_up: false,
+            silent: 0,
+            reconnect: false,
+        }
+    }
+
+    /// Takes what has happened; `out` gets what is to be sent. The result is when to call again at the latest.
+    pub fn step(&mut self, now: Nanos, input: LineInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Nanos {
+        match input {
+            LineInput::Up => {
+                (self.is_up, self.reconnect, self.silent) = (true, false, 0);
+                self.couplers.iter_mut().for_each(|coupler| coupler.connect(now));
+            }
+            LineInput::Gone => {
+                self.is_up = false;
+                // Nobody can answer it any more, and nobody is to blame for that.
+                self.asked = None;
+            }
+            _ => {}
+        }
+        if let Some(outcome) = self.wire.step(now, &input, out) {
+            self.ended(now, outcome, image);
+        }
+        self.couplers.iter_mut().for_each(|coupler| coupler.tick(now, image));
+        self.reconnect |= self.is_up && self.wire.is_broken();
+        // A request that cannot even be sent has ended too.
+        for _ in 0..=self.couplers.len() {
+            if self.asked.is_some() || !self.is_up || self.reconnect {
+                break;
+            }
+            let Some((who, job)) = self.choose(now, image) else { break };
+            let Some(coupler) = self.couplers.get_mut(who) else { break };
+            let telegram = coupler.telegram(job, image);
+            self.asked = Some((who, job));
+            if let Some(outcome) = self.wire.ask(now, &telegram, out) {
+                self.ended(now, outcome, image);
+            }
+        }
+        self.deadline(image)
+    }
+
+    /// The connection is to be closed and opened anew: it is silent, or what comes in has no meaning. Told once.
+    pub fn wants_reconnect(&mut self) -> bool {
+        std::mem::take(&mut self.reconnect) && {
+            self.is_up = false;
+            self.asked = None;
+            true
+        }
+    }
+
+    /// Whether every coupler that can be reached has the outputs as they are now.
+    #[must_use]
+    pub fn has_told_outputs(&self, image: &Image) -> bool {
+        let reached =
+            |coupler: &&Coupler| image.status.get(coupler.index()).is_some_and(|status| status.state == State::Running);
+        !self.is_up || self.couplers.iter().filter(reached).all(|coupler| coupler.has_outputs(image))
+    }
+
+    /// The next coupler that has something to do, beginning behind the last.
+    fn choose(&mut self, now: Nanos, image: &Image) -> Option<(usize, Job)> {
+        let count = self.couplers.len();
+        for step in 1..=count {
+            let who = (self.turn + step) % count;
+            if let Some(job) = self.couplers.get_mut(who).and_then(|coupler| coupler.next(now, image)) {
+                self.turn = who;
+                return Some((who, job));
+            }
+        }
+        None
+    }
+
+    fn ended(&mut self, now: Nanos, outcome: Outcome, image: &mut Image) {
+        let Some((who, job)) = self.asked.take() else { return };
+        let Some(coupler) = self.couplers.get_mut(who) else { return };
+        match outcome {
+            Outcome::Answer(answer) => {
+                self.silent = 0;
+                coupler.answered(now, job, &answer, image);
+            }
+            Outcome::Failed => {
+                coupler.failed(now, job, image);
+                self.silent = self.silent.saturating_add(1);
+                self.reconnect |= self.silent >= SILENT && self.wire.is_connection();
+            }
+        }
+    }
+
+    fn deadline(&self, image: &Image) -> Nanos {
+        let is_lost =
+            |coupler: &Coupler| image.status.get(coupler.index()).is_some_and(|status| status.state == State::Lost);
+        let busy = self.asked.is_some() || !self.is_up;
+        let coupler = |coupler: &Coupler| match (busy, is_lost(coupler)) {
+            (true, true) => Nanos::MAX,
+            (true, false) => coupler.lost_at(),
+            (false, is_lost) => coupler.due(is_lost),
+        };
+        self.couplers.iter().map(coupler).chain(self.wire.deadline()).fold(Nanos::MAX, Nanos::min)
+    }
+}

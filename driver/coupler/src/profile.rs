@@ -1,0 +1,83 @@
+//! What couplers of known makes want to be told: Modbus has no common watchdog.
+
+use crate::config::{Nanos, Setup, Table};
+
+/// 100 ms: the unit of WAGO's watchdog.
+const WAGO_UNIT: Nanos = 100_000_000;
+/// 1 ms: that of Beckhoff.
+const BECKHOFF_UNIT: Nanos = 1_000_000;
+
+/// A make of coupler whose watchdog is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// WAGO 750-3xx, 750-8xx (not PFC 200, whose registers are others).
+    Wago750,
+    /// Beckhoff BK7300, BK9000, BK9050, BK9100.
+    BeckhoffBk,
+    /// Moxa ioLogik E1200: its watchdog is set on its own web page; over Modbus it can only be released.
+    MoxaIoLogik,
+}
+
+impl Profile {
+    /// By the word of a station file.
+    pub const ALL: [(&'static str, Self); 3] =
+        [("wago-750", Self::Wago750), ("beckhoff-bk", Self::BeckhoffBk), ("moxa-iologik", Self::MoxaIoLogik)];
+
+    /// The watchdog times that can be set; `None`: none over Modbus.
+    #[must_use]
+    pub const fn times(self) -> Option<std::ops::RangeInclusive<Nanos>> {
+        match self {
+            Self::Wago750 => Some(WAGO_UNIT..=WAGO_UNIT * 0xFFFF),
+            Self::BeckhoffBk => Some(BECKHOFF_UNIT..=BECKHOFF_UNIT * 0xFFFF),
+            Self::MoxaIoLogik => None,
+        }
+    }
+
+    /// What releases a coupler whose watchdog has expired. Harmless where it has not.
+    #[must_use]
+    pub fn reset(self) -> Vec<Setup> {
+        match self {
+            // 1008h: "simply stop", which clears a fault and lets the other registers be written.
+            Self::Wago750 => vec![word(0x1008, 0x55AA)],
+            // 1121h: the two words one after the other.
+            Self::BeckhoffBk => vec![word(0x1121, 0xBECF), word(0x1121, 0xAFFE)],
+            // The alarm flag.
+            Self::MoxaIoLogik => vec![Setup { table: Table::Coil, at: 4144, value: 1 }],
+        }
+    }
+
+    /// What sets the watchdog, behind [`Self::reset`]: a running one cannot be changed. Times are rounded up to what
+    /// the coupler can do.
+    #[must_use]
+    pub fn watchdog(self, time: Nanos) -> Vec<Setup> {
+        let units = |unit: Nanos| time.div_ceil(unit).clamp(1, 0xFFFF) as u16;
+        match self {
+            // 1000h the time, 100Ah the alternative watchdog: every telegram triggers it, it begins with the next.
+            Self::Wago750 => vec![word(0x1000, units(WAGO_UNIT)), word(0x100A, 1)],
+            // 1120h the time, 1122h what triggers it: 0, writing telegrams.
+            Self::BeckhoffBk => vec![word(0x1120, units(BECKHOFF_UNIT)), word(0x1122, 0)],
+            Self::MoxaIoLogik => Vec::new(),
+        }
+    }
+}
+
+const fn word(at: u16, value: u16) -> Setup {
+    Setup { table: Table::Holding, at, value }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(profile: Profile, time: Nanos) -> Vec<(u16, u16)> {
+        profile.reset().into_iter().chain(profile.watchdog(time)).map(|setup| (setup.at, setup.value)).collect()
+    }
+
+    #[test]
+    fn a_watchdog_is_stopped_before_it_is_set() {
+        assert_eq!(told(Profile::Wago750, 250_000_000), [(0x1008, 0x55AA), (0x1000, 3), (0x100A, 1)]);
+        let beckhoff = [(0x1121, 0xBECF), (0x1121, 0xAFFE), (0x1120, 250), (0x1122, 0)];
+        assert_eq!(told(Profile::BeckhoffBk, 250_000_000), beckhoff);
+        assert_eq!(told(Profile::MoxaIoLogik, 250_000_000), [(4144, 1)]);
+    }
+}

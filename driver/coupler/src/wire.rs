@@ -1,0 +1,205 @@
+//! One request on a line, and what comes back: Modbus TCP by its transactions, Modbus RTU by the master of the serial
+//! protocols.
+
+use ob1_protocols::modbus::pdu::{self, Match};
+use ob1_protocols::modbus::{Master, Mode, TELEGRAM_BYTES, frame, master, tcp};
+use ob1_protocols::{Event, Input, LineFault, Machine as _, Order, SendError, Sink};
+
+use crate::config::{LineConfig, Nanos, Parity, Serial};
+use crate::line::LineInput;
+
+/// How late a device may hand characters over: a UART with a FIFO, a USB adapter.
+const BURSTS: Nanos = 20_000_000;
+
+/// What became of a request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Outcome {
+    /// Its answer, good or an exception.
+    Answer(Vec<u8>),
+    /// None that can be used.
+    Failed,
+}
+
+pub(crate) enum Wire {
+    Tcp(Box<Tcp>),
+    Serial(Box<Rtu>),
+}
+
+impl Wire {
+    pub(crate) fn new(config: &LineConfig) -> Self {
+        match &config.serial {
+            None => Self::Tcp(Box::new(Tcp::new(config.timeout))),
+            Some(serial) => Self::Serial(Box::new(Rtu::new(serial, config.timeout))),
+        }
+    }
+
+    /// Sends a request; one at a time.
+    pub(crate) fn ask(&mut self, now: Nanos, telegram: &[u8], out: &mut Vec<u8>) -> Option<Outcome> {
+        match self {
+            Self::Tcp(tcp) => tcp.ask(now, telegram, out),
+            Self::Serial(rtu) => rtu.step(now, Input::Order(Order::Send(telegram)), out),
+        }
+    }
+
+    /// Takes what has happened on the line; the end of the request, if it is that.
+    pub(crate) fn step(&mut self, now: Nanos, input: &LineInput<'_>, out: &mut Vec<u8>) -> Option<Outcome> {
+        match self {
+            Self::Tcp(tcp) => tcp.step(now, input),
+            Self::Serial(rtu) => {
+                let input = match *input {
+                    LineInput::Tick => Input::Tick,
+                    LineInput::Rx(bytes) => Input::Rx(bytes),
+                    LineInput::TxDone => Input::TxDone,
+                    LineInput::Fault => Input::LineFault(LineFault::Framing),
+                    LineInput::Up => Input::LineFault(LineFault::Back),
+                    LineInput::Gone => Input::Order(Order::Abort),
+                };
+                rtu.step(now, input, out)
+            }
+        }
+    }
+
+    pub(crate) fn deadline(&self) -> Option<Nanos> {
+        match self {
+            Self::Tcp(tcp) => tcp.pending.as_ref().map(|pending| pending.until),
+            Self::Serial(rtu) => rtu.deadline,
+        }
+    }
+
+    /// Whether the stream of bytes has lost its meaning: it must be opened anew.
+    pub(crate) fn is_broken(&self) -> bool {
+        matches!(self, Self::Tcp(tcp) if tcp.broken)
+    }
+
+    /// Whether the line is a connection that can be closed and opened.
+    pub(crate) const fn is_connection(&self) -> bool {
+        matches!(self, Self::Tcp(_))
+    }
+}
+
+struct Pending {
+    transaction: u16,
+    until: Nanos,
+    request: Vec<u8>,
+}
+
+pub(crate) struct Tcp {
+    timeout: Nanos,
+    transaction: u16,
+    pending: Option<Pending>,
+    receiver: tcp::Receiver,
+    broken: bool,
+}
+
+impl Tcp {
+    fn new(timeout: Nanos) -> Self {
+        Self { timeout, transaction: 0, pending: None, receiver: tcp::Receiver::new(), broken: false }
+    }
+
+    fn ask(&mut self, now: Nanos, telegram: &[u8], out: &mut Vec<u8>) -> Option<Outcome> {
+        let mut frame = [0; tcp::FRAME_BYTES];
+        // Never the number of the request before: its answer may come late.
+        self.transaction = self.transaction.wrapping_add(1);
+        let Some(len) = tcp::encode(self.transaction, telegram, &mut frame) else { return Some(Outcome::Failed) };
+        out.extend_from_slice(&frame[..len]);
+        let until = now.saturating_add(self.timeout);
+        self.pending = Some(Pending { transaction: self.transaction, until, request: telegram.to_vec() });
+        None
+    }
+
+    fn step(&mut self, now: Nanos, input: &LineInput<'_>) -> Option<Outcome> {
+        match *input {
+            LineInput::Rx(bytes) => return self.received(bytes),
+            LineInput::Up | LineInput::Gone => {
+                self.receiver.clear();
+                (self.pending, self.broken) = (None, false);
+            }
+            LineInput::Tick if self.pending.as_ref().is_some_and(|pending| now >= pending.until) => {
+                self.pending = None;
+                return Some(Outcome::Failed);
+            }
+            LineInput::Tick | LineInput::TxDone | LineInput::Fault => {}
+        }
+        None
+    }
+
+    fn received(&mut self, bytes: &[u8]) -> Option<Outcome> {
+        let mut outcome = None;
+        for byte in bytes.iter().take(if self.broken { 0 } else { bytes.len() }) {
+            match self.receiver.byte(*byte) {
+                Ok(false) => {}
+                Ok(true) => outcome = outcome.or_else(|| self.telegram()),
+                Err(_) => {
+                    self.broken = true;
+                    return outcome.or_else(|| self.pending.take().map(|_| Outcome::Failed));
+                }
+            }
+        }
+        outcome
+    }
+
+    fn telegram(&mut self) -> Option<Outcome> {
+        let (transaction, answer) = self.receiver.telegram()?;
+        // An answer that came too late is nobody's.
+        let pending = self.pending.take_if(|pending| pending.transaction == transaction)?;
+        Some(match pdu::matches(&pending.request, answer, pdu::REGISTER_BYTES) {
+            Match::Answer => Outcome::Answer(answer.to_vec()),
+            Match::Foreign | Match::Short | Match::Long => Outcome::Failed,
+        })
+    }
+}
+
+pub(crate) struct Rtu {
+    master: Master,
+    deadline: Option<Nanos>,
+}
+
+impl Rtu {
+    fn new(serial: &Serial, timeout: Nanos) -> Self {
+        let char_time = char_time(serial);
+        let frame = frame::Config::new(Mode::Rtu, serial.baud, char_time).with_bursts(BURSTS);
+        Self { master: Master::new(master::Config { frame, wait: timeout }), deadline: None }
+    }
+
+    fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut Vec<u8>) -> Option<Outcome> {
+        let mut ear = Ear { out, answer: None, sent: None };
+        self.deadline = self.master.step(now, input, &mut ear);
+        match (ear.sent?, ear.answer) {
+            (Ok(()), Some(answer)) => Some(Outcome::Answer(answer)),
+            _ => Some(Outcome::Failed),
+        }
+    }
+}
+
+/// Time of one character.
+fn char_time(serial: &Serial) -> Nanos {
+    let bits = 9 + u64::from(serial.parity != Parity::None) + u64::from(serial.stop_bits.clamp(1, 2));
+    (bits * 1_000_000_000).div_ceil(u64::from(serial.baud.max(1)))
+}
+
+/// What the serial master has to say.
+struct Ear<'a> {
+    out: &'a mut Vec<u8>,
+    answer: Option<Vec<u8>>,
+    sent: Option<Result<(), SendError>>,
+}
+
+impl Sink for Ear<'_> {
+    fn transmit(&mut self, bytes: &[u8]) {
+        self.out.extend_from_slice(bytes);
+    }
+
+    fn room(&self) -> usize {
+        TELEGRAM_BYTES
+    }
+
+    fn deliver(&mut self, telegram: &[u8]) {
+        self.answer = Some(telegram.to_vec());
+    }
+
+    fn sent(&mut self, outcome: Result<(), SendError>) {
+        self.sent = Some(outcome);
+    }
+
+    fn report(&mut self, _event: Event) {}
+}
