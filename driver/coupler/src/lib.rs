@@ -4,8 +4,8 @@
 //! * [`profile`]: what couplers of known makes want to be told (watchdogs).
 //! * [`plan`]: ranges of registers and bits merged into as few requests as there can be.
 //! * [`image`]: the inputs and outputs of a bus, and how its couplers stand.
-//! * [`line`]: the master of one line or connection, as a machine in virtual time. Function codes, check sums and frames
-//!   are those of `ob1-protocols`.
+//! * [`line`]: the master of one line or connection, as a machine in virtual time. Function codes, check sums and
+//!   frames are those of `ob1-protocols`.
 #![forbid(unsafe_code)]
 
 mod codec;

@@ -3,8 +3,8 @@
 //! A [`Segment`] lies between the CPU and the driver process of one CP, in the place of the back plane of a rack. It
 //! has two ends: [`CpuSide`] belongs to the scan, [`CpSide`] to the driver. Neither waits for the other, neither
 //! believes what the other has written, and neither allocates or makes a system call after its construction.
-//! [`IoImage`] is the simpler memory of `di do ai ao` modules, open to any program. [`BusMemory`] carries the inputs and
-//! outputs of a bus, whole images at a time. [`WindowWriter`] and [`WindowReader`] are the ends of a window: the
+//! [`IoImage`] is the simpler memory of `di do ai ao` modules, open to any program. [`BusMemory`] carries the inputs
+//! and outputs of a bus, whole images at a time. [`WindowWriter`] and [`WindowReader`] are the ends of a window: the
 //! snapshots that the scan lets one link look at.
 //!
 //! The crate knows neither the CPU nor the firmware: what the registers mean is agreed elsewhere. The memory map is in

@@ -2,8 +2,8 @@
 //!
 //! Four rooms, each usable alone:
 //!
-//! * [`rtu`] and [`ascii`]: a telegram to a frame and back; total functions without time. [`tcp`]: the same for couplers
-//!   on a network, which no CP speaks.
+//! * [`rtu`] and [`ascii`]: a telegram to a frame and back; total functions without time. [`tcp`]: the same for
+//!   couplers on a network, which no CP speaks.
 //! * [`pdu`]: what the bytes of a telegram mean; lengths, requests, answers, exceptions.
 //! * [`frame`]: characters with their times to telegrams; the silences of RTU, the start and end characters of ASCII.
 //! * [`Master`] and [`Slave`]: the two machines.
