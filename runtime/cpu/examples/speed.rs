@@ -32,8 +32,8 @@ fn measure(path: &str) -> Result<(f64, f64), String> {
         return Err(format!("{path}: {:#?}", output.diagnostics));
     }
     let config = CpuConfig { memory_bytes: 2048, ..CpuConfig::default() };
-    let mut cpu =
-        Cpu::new(config, &output.program, system_blocks(), Vec::new()).map_err(|e| format!("{path}: {e:?}"))?;
+    let mut cpu = Cpu::new(config, &output.program, system_blocks(), Vec::new(), ob1_cpu::engine::REFERENCE)
+        .map_err(|e| format!("{path}: {e:?}"))?;
     let mut clock = Real(Instant::now());
     cpu.request(Command::Warm);
     let (mut best, mut per_scan) = (0f64, 0f64);

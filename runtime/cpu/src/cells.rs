@@ -2,8 +2,8 @@
 
 use ob1_model::Area;
 
+use crate::arena::{ArenaBit, Range};
 use crate::machine::Machine;
-use crate::memory::Range;
 use crate::timers::Counter;
 use crate::{Cell, CellError, CellWidth};
 
@@ -19,7 +19,7 @@ fn range(m: &Machine, cell: Cell, write: bool) -> Result<Option<(Range, u32)>, C
             if write && db.writable == 0 {
                 return Err(CellError::ReadOnly);
             }
-            (Range { at: db.at, len: db.len }, at)
+            (db.range(), at)
         }
         Cell::Peripheral(_) | Cell::Timer(_) | Cell::Counter(_) => return Ok(None),
     }))
@@ -28,7 +28,7 @@ fn range(m: &Machine, cell: Cell, write: bool) -> Result<Option<(Range, u32)>, C
 /// The arena bytes from the byte of a cell on, `len` of them.
 pub(crate) fn place(m: &Machine, cell: Cell, len: u32, write: bool) -> Result<std::ops::Range<usize>, CellError> {
     let (range, at) = range(m, cell, write)?.ok_or(CellError::Outside)?;
-    let byte = range.locate(at / 8, len).ok_or(CellError::Outside)? as usize;
+    let byte = range.locate(at / 8, len).ok_or(CellError::Outside)?.index();
     Ok(byte..byte + len as usize)
 }
 
@@ -57,14 +57,14 @@ pub(crate) fn check(m: &Machine, cell: Cell, width: CellWidth, value: u32) -> Re
 }
 
 /// The arena bit of a cell in memory; `None` for cells that are not memory.
-fn locate(m: &Machine, cell: Cell, width: CellWidth, write: bool) -> Result<Option<u32>, CellError> {
+fn locate(m: &Machine, cell: Cell, width: CellWidth, write: bool) -> Result<Option<ArenaBit>, CellError> {
     let Some((range, at)) = range(m, cell, write)? else { return Ok(None) };
     let bits = u32::from(width.bits());
     if bits > 1 && at % 8 != 0 {
         return Err(CellError::Outside);
     }
     let byte = range.locate(at / 8, bits.div_ceil(8)).ok_or(CellError::Outside)?;
-    Ok(Some(byte * 8 + at % 8))
+    Ok(Some(byte.bit(at % 8)))
 }
 
 /// Reads a cell.

@@ -6,9 +6,11 @@ use std::sync::Arc;
 use ob1_model::Event;
 
 use crate::cells;
+use crate::context::Blocks;
+use crate::engine::{Engine, Plan};
 use crate::exchange::{Exchange, Link};
 use crate::interrupts::{Hardware, slot_of};
-use crate::machine::{Blocks, Interrupt, Machine};
+use crate::machine::{Interrupt, Machine};
 use crate::port::AccessPort;
 use crate::{
     AccessClient, Accounts, Answer, Ask, Cell, CellError, CellWidth, Command, DiagEntry, InterruptError, LogReader,
@@ -86,6 +88,29 @@ impl Cpu {
         self.log.take()
     }
 
+    /// What is loaded, as engines run it.
+    #[must_use]
+    pub fn plan(&self) -> &Arc<Plan> {
+        &self.blocks.plan
+    }
+
+    /// The name of the engine that runs the program.
+    #[must_use]
+    pub fn engine(&self) -> &'static str {
+        self.blocks.engine.name()
+    }
+
+    /// Exchanges the engine, between two calls of [`Cpu::cycle`]; nothing is allocated or freed. The old one comes back.
+    ///
+    /// # Errors
+    /// The new one was made of another plan than [`Cpu::plan`], and comes back.
+    pub fn exchange_engine(&mut self, engine: Box<dyn Engine>) -> Result<Box<dyn Engine>, Box<dyn Engine>> {
+        if !Arc::ptr_eq(engine.plan(), &self.blocks.plan) {
+            return Err(engine);
+        }
+        Ok(std::mem::replace(&mut self.blocks.engine, engine))
+    }
+
     /// Flags for other threads: look at the watchdog, or stop.
     #[must_use]
     pub fn interrupt(&self) -> Interrupt {
@@ -150,7 +175,7 @@ impl Cpu {
     /// The scan statistics.
     #[must_use]
     pub fn statistics(&self) -> ScanStatistics {
-        let statements = self.machine.statements + u64::from(self.machine.pending);
+        let statements = self.machine.statements + u64::from(self.machine.hot.pending);
         ScanStatistics { statements, ..self.machine.trace.accounts.figures().statistics() }
     }
 
@@ -236,7 +261,7 @@ impl Cpu {
     #[must_use]
     pub fn data_block(&self, number: u16) -> Option<&[u8]> {
         let db = self.machine.memory.db(number)?;
-        self.machine.memory.bytes.get(db.at as usize..(db.at + db.len) as usize)
+        self.machine.memory.bytes.get(db.range().bytes())
     }
 
     pub(crate) fn serve_port(&mut self) {

@@ -3,8 +3,9 @@
 use ob1_model::Event;
 
 use crate::accounts::Ended;
+use crate::context::Context;
 use crate::interrupts::{Hardware, slot_of};
-use crate::machine::{Context, Machine, Watchdog};
+use crate::machine::{Machine, Watchdog};
 use crate::{
     Abort, Clock, Command, Cpu, CycleEnd, DiagEntry, Family, MissedCycle, ModuleEvent, Nanos, ObInfo, OperatingState,
     ShortText,
@@ -52,7 +53,7 @@ impl Cpu {
     fn run_cycle(&mut self, start: Nanos, clock: &mut dyn Clock) -> CycleEnd {
         let planned = if self.due <= start { self.due } else { start };
         let m = &mut self.machine;
-        m.trace.begin(planned, start, m.inside, m.statements + u64::from(m.pending));
+        m.trace.begin(planned, start, m.inside, m.statements + u64::from(m.hot.pending));
         if let Some(last) = self.last_start.replace(start) {
             let time = start - last;
             self.machine.trace.cycle(time);
@@ -78,7 +79,7 @@ impl Cpu {
             self.output_image(clock)
         });
         self.machine.watchdog.expires = None;
-        let stopped = ran.is_err() || self.machine.stopping;
+        let stopped = ran.is_err() || self.machine.hot.stopping;
         if stopped {
             // The scan counts all the same, and so does its time since the last safe point.
             self.context(clock).look();
@@ -94,10 +95,10 @@ impl Cpu {
             end: m.now,
             outputs_from: outputs_from.unwrap_or(m.now),
             inside: m.inside,
-            statements: m.statements + u64::from(m.pending),
+            statements: m.statements + u64::from(m.hot.pending),
             overran,
             missed,
-            site: m.trace.long_in.take().and_then(|at| self.blocks.engine.site(at)),
+            site: m.trace.long_in.take().and_then(|at| self.blocks.plan.site(at)),
         };
         let late = m.trace.end(&ended);
         m.account_interrupts();
@@ -113,7 +114,7 @@ impl Cpu {
         self.watch(self.machine.now);
         let ran = self.context(clock).attend();
         self.machine.watchdog.expires = None;
-        if ran.is_err() || self.machine.stopping {
+        if ran.is_err() || self.machine.hot.stopping {
             self.enter_stop();
             return self.stop_cycle(clock);
         }
@@ -266,7 +267,7 @@ impl Cpu {
         let Some(byte) = self.machine.config.clock_memory else { return };
         let ms = self.machine.now / 1_000_000;
         let bits = (0u8..).zip(CLOCK_HALF_MS).fold(0, |bits, (i, half)| bits | (((ms / half) & 1) as u32) << i);
-        let at = (self.machine.memory.memory.at + u32::from(byte)) * 8;
+        let at = self.machine.memory.memory.at.plus(u32::from(byte)).bit(0);
         self.machine.memory.write_bits(at, 8, bits);
     }
 }

@@ -3,7 +3,8 @@
 //! A deleted block's bytes are given to another only between two scans: until then data block registers may still point
 //! there.
 
-use crate::memory::{Db, Memory, Range};
+use crate::arena::{ArenaByte, Db};
+use crate::memory::Memory;
 
 /// Data blocks the program can have made at one time.
 pub(crate) const MADE: usize = 256;
@@ -33,7 +34,7 @@ impl Memory {
         let place = self.made.iter().position(|made| made.db.number == 0).ok_or(NoDb::Room)?;
         let at = self.gap(len.next_multiple_of(8)).ok_or(NoDb::Room)?;
         let db = Db { at, len, writable: if read_only { 0 } else { len }, number };
-        self.bytes[Range { at, len }.bytes()].fill(0);
+        self.bytes[db.range().bytes()].fill(0);
         self.made[place] = Made { db, freed: false };
         let index = self.program_dbs + place;
         self.dbs[index] = db;
@@ -42,19 +43,22 @@ impl Memory {
     }
 
     /// The first gap in the pool that is large enough.
-    fn gap(&self, len: u32) -> Option<u32> {
+    fn gap(&self, len: u32) -> Option<ArenaByte> {
+        let end = |db: Db| db.at.plus(db.len.next_multiple_of(8).max(8));
         let mut at = self.pool.at;
         loop {
-            if at + len > self.pool.end() {
+            if at.plus(len) > self.pool.end() {
                 return None;
             }
-            let wanted = at..at + len.max(1);
-            let taken = self.made.iter().filter(|made| made.db.number != 0).find(|made| {
-                let end = made.db.at + made.db.len.next_multiple_of(8).max(8);
-                made.db.at < wanted.end && wanted.start < end
-            });
+            let wanted = at..at.plus(len.max(1));
+            let taken = self
+                .made
+                .iter()
+                .map(|made| made.db)
+                .filter(|db| db.number != 0)
+                .find(|db| db.at < wanted.end && wanted.start < end(*db));
             match taken {
-                Some(made) => at = made.db.at + made.db.len.next_multiple_of(8).max(8),
+                Some(db) => at = end(db),
                 None => return Some(at),
             }
         }
@@ -112,14 +116,14 @@ mod tests {
         assert_eq!(memory.make_db(5, 6, 2, false), Err(NoDb::Number));
         assert_eq!(memory.make_db(1, 9, 20, false), Err(NoDb::Room));
         let first = memory.db(5).unwrap();
-        memory.write_bits(first.at * 8, 32, u32::MAX);
+        memory.write_bits(first.at.bit(0), 32, u32::MAX);
         assert_eq!((memory.db(6).map(|db| db.writable), memory.db(6).map(|db| db.len)), (Some(0), Some(30)));
         assert!(memory.delete_db(5) && !memory.delete_db(5) && !memory.delete_db(99));
         assert_eq!(memory.db(5), None);
         assert_eq!(memory.make_db(5, 5, 20, false), Err(NoDb::Room), "registers may still point there");
         memory.reuse_deleted();
         assert_eq!(memory.make_db(5, 5, 24, false), Ok(5));
-        assert_eq!((memory.db(5).unwrap().at, memory.read_bits(first.at * 8, 32)), (first.at, 0));
+        assert_eq!((memory.db(5).unwrap().at, memory.read_bits(first.at.bit(0), 32)), (first.at, 0));
         memory.delete_made();
         assert_eq!((memory.db(5), memory.db(6), memory.made_dbs().count()), (None, None, 0));
         assert_eq!(memory.make_db(1, 1, 64, false), Ok(1));

@@ -93,6 +93,11 @@ pub enum LoadError {
         /// Blocks nested in each.
         nesting: u8,
     },
+    /// L014: the engine asked for cannot run here.
+    Engine {
+        /// Why.
+        reason: String,
+    },
 }
 
 impl LoadError {
@@ -149,6 +154,7 @@ impl LoadError {
             LoadError::DbNumber(_) => 11,
             LoadError::Retentive(_) => 12,
             LoadError::Stack { .. } => 13,
+            LoadError::Engine { .. } => 14,
         }
     }
 }
@@ -189,6 +195,7 @@ impl fmt::Display for LoadError {
                 bytes.div_ceil(1 << 20),
                 crate::MOST_STACK_BYTES >> 20
             ),
+            LoadError::Engine { reason } => f.write_str(reason),
             LoadError::DbNumber(number) => write!(f, "there can be no DB {number}; numbers begin at 1"),
         }
     }

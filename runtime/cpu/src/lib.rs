@@ -5,14 +5,16 @@
 //! next is due. The CPU knows time only through the [`Clock`] it is given and never sleeps: the caller does.
 
 mod accounts;
+mod arena;
 mod cells;
 mod config;
+mod context;
 mod cpu;
 mod cycle;
 mod db_pool;
 mod diag;
 mod dispatch;
-mod engine;
+pub mod engine;
 mod error;
 mod events;
 mod exchange;
@@ -63,7 +65,7 @@ pub use system::{standard_block, system_blocks};
 pub use wall::date_and_time;
 pub use whereabouts::Whereabouts;
 
+use context::Context;
 use diag::DiagBuffer;
-use machine::Context;
 use memory::Memory;
 use modules::{IoError, Modules};

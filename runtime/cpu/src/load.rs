@@ -6,11 +6,14 @@ use ob1_ir::{Op, Program, Verified};
 use ob1_model::BlockKind;
 
 use crate::accounts::{Accounts, Trace, plugin_blocks};
-use crate::engine::{Callee, Constants, Lowering, Reference, Signature, Signatures, collect, lower, writes_param};
+use crate::context::Blocks;
+use crate::engine::{
+    Callee, Constants, Factory, Hot, Lowering, Plan, Signature, Signatures, collect, lower, writes_param,
+};
 use crate::events::Diagnoses;
 use crate::interrupts::Interrupts;
 use crate::log::LogWriter;
-use crate::machine::{Blocks, Interrupt, Machine, Watchdog};
+use crate::machine::{Interrupt, Machine, Watchdog};
 use crate::native::Native;
 use crate::nesting::Nesting;
 use crate::obs::ObRecords;
@@ -38,30 +41,7 @@ impl Cpu {
         program: &Program,
         natives: Vec<Box<dyn NativeBlock>>,
         modules: Vec<(ModuleSlot, Box<dyn Module>)>,
-    ) -> Result<Self, Vec<LoadError>> {
-        Self::load(config, program, natives, modules, false)
-    }
-
-    /// As [`Cpu::new`], but every statement is executed straight from the intermediate code, without the short forms of
-    /// the run loop. Slower; for comparing the two.
-    ///
-    /// # Errors
-    /// As [`Cpu::new`].
-    pub fn new_plain(
-        config: CpuConfig,
-        program: &Program,
-        natives: Vec<Box<dyn NativeBlock>>,
-        modules: Vec<(ModuleSlot, Box<dyn Module>)>,
-    ) -> Result<Self, Vec<LoadError>> {
-        Self::load(config, program, natives, modules, true)
-    }
-
-    fn load(
-        config: CpuConfig,
-        program: &Program,
-        natives: Vec<Box<dyn NativeBlock>>,
-        modules: Vec<(ModuleSlot, Box<dyn Module>)>,
-        plain: bool,
+        engine: &dyn Factory,
     ) -> Result<Self, Vec<LoadError>> {
         let mut errors = Vec::new();
         check_config(&config, &mut errors);
@@ -86,14 +66,8 @@ impl Cpu {
         }
         let memory = Memory::new(&config, &program.data, &constants.bytes).map_err(|error| vec![error])?;
         let keep = Keep::new(&config, &program, &memory, &mut errors);
-        let lowering = Lowering {
-            config: &config,
-            memory: &memory,
-            program,
-            signatures: &signatures,
-            constants: &constants,
-            plain,
-        };
+        let lowering =
+            Lowering { config: &config, memory: &memory, program, signatures: &signatures, constants: &constants };
         let blocks = program.blocks.iter().map(|block| lower(block, &lowering, &mut errors)).collect();
         if !errors.is_empty() {
             return Err(errors);
@@ -101,7 +75,7 @@ impl Cpu {
 
         let loaded = |id| signatures.find(id).is_some();
         let plugins = natives.iter().any(|native| native.is_plugin());
-        let nesting = Nesting::new(&config, &loaded, plugins).map_err(|error| vec![error])?;
+        let nesting = Nesting::new(&config, &loaded, plugins, engine.stack_per_block()).map_err(|error| vec![error])?;
         let interrupt = Interrupt::default();
         let obs: Vec<u16> = signatures
             .0
@@ -112,11 +86,21 @@ impl Cpu {
         let timed = natives.iter().map(|block| &**block as &dyn NativeBlock).filter(|_| config.accounts.blocks);
         let accounts = Accounts::new(&config.accounts, config.min_cycle, &obs, plugin_blocks(timed));
         let accounts = Arc::new(accounts);
-        let blocks = Blocks {
-            engine: Box::new(Reference { blocks }),
-            natives: Native::all(natives, config.accounts.blocks),
-            callees: signatures.0.iter().map(|s| (s.id, s.callee)).collect(),
+        let plan = Arc::new(Plan {
+            blocks,
             signatures,
+            areas: memory.areas(),
+            data: memory.dbs[..memory.program_dbs].into(),
+            accumulators: config.accumulators,
+            timers: config.timers,
+            counters: config.counters,
+            nesting_depth: config.nesting_depth,
+            frames: usize::from(config.nesting_depth) * nesting.obs,
+        });
+        let blocks = Blocks {
+            engine: engine.engine(&plan).map_err(|reason| vec![LoadError::Engine { reason }])?,
+            plan,
+            natives: Native::all(natives, config.accounts.blocks),
             interrupt: interrupt.clone(),
         };
         let (port, client) = AccessPort::new(config.port_capacity);
@@ -132,18 +116,11 @@ impl Cpu {
             now: 0,
             wall: Wall::new(config.date_at_start),
             statements: 0,
-            pending: 0,
-            look_after: 1,
+            hot: Hot::default(),
             pace: 0,
             watchdog: Watchdog::default(),
-            stopping: false,
             refs: vec![0; REFERENCES].into_boxed_slice(),
-            refs_top: 0,
             stack: nesting.stack,
-            frames: Vec::with_capacity(usize::from(config.nesting_depth) * nesting.obs),
-            scratch_top: 0,
-            local_top: 0,
-            depth: 0,
             ob: ObInfo::default(),
             class_ob: 0,
             whereabouts: Arc::default(),

@@ -6,7 +6,9 @@
 use ob1_ir::DataBlock;
 use ob1_model::cells;
 
+use crate::arena::{ArenaBit, ArenaByte, Db, Range};
 use crate::db_pool::{MADE, Made};
+use crate::engine::Areas;
 use crate::{CpuConfig, LoadError};
 
 /// Bytes for operands that calls copy in and out, for all nested calls together.
@@ -14,45 +16,6 @@ pub(crate) const SCRATCH_BYTES: u32 = 16 * 1024;
 /// Bytes behind the last data block, so that a double word at the last byte of an area stays inside the arena.
 const TAIL: usize = 8;
 const MAX_BYTES: usize = 256 << 20;
-
-/// A piece of the arena.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Range {
-    /// First byte.
-    pub(crate) at: u32,
-    /// Bytes.
-    pub(crate) len: u32,
-}
-
-impl Range {
-    /// The arena byte of `len` bytes at `at` of this range, when they lie inside.
-    #[inline]
-    pub(crate) fn locate(self, at: u32, len: u32) -> Option<u32> {
-        (u64::from(at) + u64::from(len) <= u64::from(self.len)).then(|| self.at + at)
-    }
-
-    pub(crate) fn end(self) -> u32 {
-        self.at + self.len
-    }
-
-    pub(crate) fn bytes(self) -> std::ops::Range<usize> {
-        self.at as usize..self.end() as usize
-    }
-}
-
-/// A data block's place; also what a data block register holds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(C)]
-pub(crate) struct Db {
-    /// First byte in the arena.
-    pub(crate) at: u32,
-    /// Bytes.
-    pub(crate) len: u32,
-    /// Bytes that may be written: `len`, or 0 when write-protected.
-    pub(crate) writable: u32,
-    /// The number, 0 for none.
-    pub(crate) number: u16,
-}
 
 /// The areas and their offsets.
 #[derive(Clone, Debug)]
@@ -85,7 +48,7 @@ impl Memory {
     pub(crate) fn new(config: &CpuConfig, data: &[DataBlock], constants: &[u8]) -> Result<Self, LoadError> {
         let mut next = 0u32;
         let mut area = |len: u32| {
-            let range = Range { at: next, len };
+            let range = Range { at: ArenaByte(next), len };
             next += len.next_multiple_of(8);
             range
         };
@@ -112,7 +75,7 @@ impl Memory {
         let mut load_values = Vec::with_capacity(need - first_db as usize);
         for block in sorted {
             let len = u32::try_from(block.bytes.len()).unwrap_or(0);
-            let at = first_db + u32::try_from(load_values.len()).unwrap_or(0);
+            let at = ArenaByte(first_db + u32::try_from(load_values.len()).unwrap_or(0));
             dbs.push(Db { at, len, writable: if block.read_only { 0 } else { len }, number: block.number });
             by_number[usize::from(block.number)] = u16::try_from(dbs.len()).unwrap_or(0);
             load_values.extend_from_slice(&block.bytes);
@@ -123,7 +86,7 @@ impl Memory {
         dbs.resize(program_dbs + made, Db::default());
         let mut bytes = vec![0u8; whole + TAIL].into_boxed_slice();
         bytes[constants_range.bytes()].copy_from_slice(constants);
-        let all_dbs = Range { at: first_db, len: u32::try_from(load_values.len()).unwrap_or(0) };
+        let all_dbs = Range { at: ArenaByte(first_db), len: u32::try_from(load_values.len()).unwrap_or(0) };
         bytes[all_dbs.bytes()].copy_from_slice(&load_values);
         Ok(Self {
             bytes,
@@ -135,13 +98,19 @@ impl Memory {
             constants: constants_range,
             dbs: dbs.into_boxed_slice(),
             program_dbs,
-            pool: Range { at: need as u32, len: pool_len },
+            pool: Range { at: ArenaByte(need as u32), len: pool_len },
             made: vec![Made::default(); made].into_boxed_slice(),
             freed: false,
             by_number: by_number.into_boxed_slice(),
             load_values: load_values.into_boxed_slice(),
             all_dbs,
         })
+    }
+
+    /// Where the areas lie.
+    pub(crate) fn areas(&self) -> Areas {
+        let Self { inputs, outputs, memory, local, scratch, constants, .. } = *self;
+        Areas { inputs, outputs, memory, local, scratch, constants }
     }
 
     /// The data block of a number.
@@ -167,7 +136,7 @@ impl Memory {
         for gap in gaps(self.memory, keep) {
             self.bytes[gap.bytes()].fill(0);
         }
-        let (from, to) = (self.local.at as usize, self.scratch.end() as usize);
+        let (from, to) = (self.local.at.index(), self.scratch.end().index());
         self.bytes[from..to].fill(0);
     }
 
@@ -175,7 +144,7 @@ impl Memory {
     pub(crate) fn reload_dbs(&mut self, keep: &[Range]) {
         let all = self.all_dbs;
         for gap in gaps(all, keep) {
-            let from = (gap.at - all.at) as usize;
+            let from = gap.at.index() - all.at.index();
             self.bytes[gap.bytes()].copy_from_slice(&self.load_values[from..from + gap.len as usize]);
         }
     }
@@ -185,18 +154,18 @@ impl Memory {
         let index = usize::from(*self.by_number.get(usize::from(number))?).checked_sub(1)?;
         let Some(db) = self.dbs[..self.program_dbs].get(index) else {
             let db = self.dbs.get(index)?;
-            return self.bytes.get_mut(Range { at: db.at, len: db.len }.bytes());
+            return self.bytes.get_mut(db.range().bytes());
         };
-        let at = (db.at - self.all_dbs.at) as usize;
+        let at = db.at.index() - self.all_dbs.at.index();
         self.load_values.get_mut(at..at + db.len as usize)
     }
 
     /// Reads 1, 8, 16 or 32 bits at a bit address of the arena; 0 outside.
     #[inline]
-    pub(crate) fn read_bits(&self, at: u32, bits: u8) -> u32 {
-        let byte = (at / 8) as usize;
+    pub(crate) fn read_bits(&self, at: ArenaBit, bits: u8) -> u32 {
+        let byte = at.byte().index();
         let value = match bits {
-            1 => self.bytes.get(byte).map(|b| u32::from(b >> (at % 8) & 1)),
+            1 => self.bytes.get(byte).map(|b| u32::from(b >> at.in_byte() & 1)),
             8 => self.bytes.get(byte).map(|b| u32::from(*b)),
             16 => cells::word(&self.bytes, byte).map(u32::from),
             _ => cells::dword(&self.bytes, byte),
@@ -206,11 +175,11 @@ impl Memory {
 
     /// Writes 1, 8, 16 or 32 bits at a bit address of the arena; nothing outside.
     #[inline]
-    pub(crate) fn write_bits(&mut self, at: u32, bits: u8, value: u32) {
-        let byte = (at / 8) as usize;
+    pub(crate) fn write_bits(&mut self, at: ArenaBit, bits: u8, value: u32) {
+        let byte = at.byte().index();
         // Outside is impossible for references, which were checked when they were made; ignoring it is harmless.
         let _ = match bits {
-            1 => cells::set_bit(&mut self.bytes, at as usize, value & 1 == 1),
+            1 => cells::set_bit(&mut self.bytes, at.0 as usize, value & 1 == 1),
             8 => cells::set(&mut self.bytes, byte, 1, value),
             16 => cells::set(&mut self.bytes, byte, 2, value),
             _ => cells::set(&mut self.bytes, byte, 4, value),
@@ -218,8 +187,8 @@ impl Memory {
     }
 
     /// Copies whole bytes within the arena.
-    pub(crate) fn copy(&mut self, from: u32, to: u32, len: u32) {
-        let (from, to, len) = (from as usize, to as usize, len as usize);
+    pub(crate) fn copy(&mut self, from: ArenaByte, to: ArenaByte, len: u32) {
+        let (from, to, len) = (from.index(), to.index(), len as usize);
         if from + len <= self.bytes.len() && to + len <= self.bytes.len() {
             self.bytes.copy_within(from..from + len, to);
         }
@@ -230,7 +199,7 @@ impl Memory {
 fn gaps(all: Range, keep: &[Range]) -> impl Iterator<Item = Range> {
     let starts = std::iter::once(all.at).chain(keep.iter().map(|range| range.end()));
     let ends = keep.iter().map(|range| range.at).chain(std::iter::once(all.end()));
-    starts.zip(ends).map(|(at, end)| Range { at, len: end.saturating_sub(at) })
+    starts.zip(ends).map(|(at, end)| Range { at, len: end.0.saturating_sub(at.0) })
 }
 
 #[cfg(test)]
@@ -248,23 +217,15 @@ mod tests {
         let config = CpuConfig { input_bytes: 3, ..CpuConfig::default() };
         let mut memory =
             Memory::new(&config, &[db(20, &[1, 2, 3], true), db(3, &[9; 10], false)], &[0xAA, 0xBB]).unwrap();
-        assert_eq!(memory.outputs.at, 8, "areas begin on multiples of 8");
+        assert_eq!(memory.outputs.at, ArenaByte(8), "areas begin on multiples of 8");
         let (d3, d20) = (memory.db(3).unwrap(), memory.db(20).unwrap());
         assert_eq!((d3.len, d3.writable, d20.len, d20.writable), (10, 10, 3, 0));
-        assert_eq!(d20.at, d3.at + 16);
+        assert_eq!(d20.at, d3.at.plus(16));
         assert_eq!(memory.db(4), None);
         assert_eq!(memory.db(60_000), None);
         assert_eq!(memory.slice(memory.constants), [0xAA, 0xBB]);
-        memory.write_bits(d3.at * 8, 32, 0);
+        memory.write_bits(d3.at.bit(0), 32, 0);
         memory.reload_dbs(&[]);
-        assert_eq!(memory.read_bits(d3.at * 8, 32), 0x0909_0909);
-    }
-
-    #[test]
-    fn ranges_check_their_end() {
-        let range = Range { at: 100, len: 4 };
-        assert_eq!(range.locate(2, 2), Some(102));
-        assert_eq!(range.locate(3, 2), None);
-        assert_eq!(range.locate(u32::MAX, 2), None);
+        assert_eq!(memory.read_bits(d3.at.bit(0), 32), 0x0909_0909);
     }
 }

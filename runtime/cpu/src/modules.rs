@@ -129,7 +129,7 @@ impl Modules {
         if inside == 0 {
             return Ok(());
         }
-        let at = (image.at + first) as usize;
+        let at = image.at.plus(first).index();
         let bytes = &mut memory.bytes[at..at + inside as usize];
         match plugged.module.read(0, bytes) {
             Ok(()) => plugged.image_error[0] = false,
@@ -151,7 +151,7 @@ impl Modules {
         if inside == 0 {
             return Ok(());
         }
-        let at = (image.at + first) as usize;
+        let at = image.at.plus(first).index();
         plugged.module.write(0, &memory.bytes[at..at + inside as usize])?;
         plugged.image_error[1] = false;
         Ok(())

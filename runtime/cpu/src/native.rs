@@ -2,17 +2,14 @@
 
 use ob1_model::{Area, BitAddr, BlockId, Event, Fault, FaultKind, Section, Site, TimerKind};
 
-use crate::engine::{Callee, Entry, Interrupted, RAW};
-use crate::machine::Context;
-use crate::memory::Range;
+use crate::arena::{ArenaBit, Range};
+use crate::context::Context;
+use crate::engine::{Callee, Entry, Interrupted, POINTER_BITS, RAW};
 use crate::timers::Counter;
 use crate::{
     Abort, DiagEntry, Instance, IoError, ModuleStatus, Nanos, NativeArea, NativeArg, NativeBlock, NativeContext,
     NativeError, ObInfo, Services, ShortText, TimerState,
 };
-
-/// Bits of an address register that are an address.
-const POINTER_BITS: u32 = 0x7_FFFF;
 
 /// A formal parameter of a native block.
 #[derive(Clone, Copy, Debug)]
@@ -68,7 +65,7 @@ impl Native {
 pub(crate) fn call(index: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
     let Some(native) = cx.blocks.natives.get(index as usize) else { return Ok(true) };
     if native.is_plugin {
-        let site = cx.machine.native_caller.and_then(|caller| cx.blocks.engine.site(caller));
+        let site = cx.machine.native_caller.and_then(|caller| cx.blocks.plan.site(caller));
         cx.machine.whereabouts.call(site);
     }
     let br = match native.account {
@@ -79,7 +76,7 @@ pub(crate) fn call(index: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bo
         cx.machine.reschedule();
     }
     // Also when the block has overlooked it.
-    if cx.machine.stopping || cx.machine.aborted { Err(Abort) } else { Ok(br) }
+    if cx.machine.hot.stopping || cx.machine.aborted { Err(Abort) } else { Ok(br) }
 }
 
 #[inline]
@@ -115,7 +112,7 @@ struct Call<'a, 'c> {
 /// Where a parameter is.
 enum Found {
     /// A bit of the arena and its size.
-    Place(u32, u32),
+    Place(ArenaBit, u32),
     Number(u32),
     /// A byte of the peripheral area and the size in bits.
     Peripheral(u32, u32),
@@ -147,7 +144,7 @@ impl Call<'_, '_> {
         if reference & RAW != 0 {
             return self.by_pointer(reference, formal.bits, write);
         }
-        Ok(Found::Place(reference, formal.bits))
+        Ok(Found::Place(ArenaBit(reference), formal.bits))
     }
 
     /// What a pointer of a raw list names.
@@ -162,21 +159,19 @@ impl Call<'_, '_> {
         if write && db.writable == 0 {
             return Err(NativeError::ReadOnly);
         }
-        let range = Range { at: db.at, len: db.len };
-        let byte = range.locate(at.byte(), bits.div_ceil(8)).ok_or(NativeError::Outside)?;
-        Ok(Found::Place(byte * 8 + u32::from(at.bit()), bits))
+        let byte = db.range().locate(at.byte(), bits.div_ceil(8)).ok_or(NativeError::Outside)?;
+        Ok(Found::Place(byte.bit(u32::from(at.bit())), bits))
     }
 
     /// The arena bit of `bits` bits at `at` of the instance.
-    fn instance_bit(&self, at: u32, bits: u32, write: bool) -> Result<u32, NativeError> {
+    fn instance_bit(&self, at: u32, bits: u32, write: bool) -> Result<ArenaBit, NativeError> {
         let di = self.entry.di;
         let at = (self.entry.ar2 & POINTER_BITS).wrapping_add(at);
-        let range = Range { at: di.at, len: di.len };
-        let byte = range.locate(at / 8, bits.div_ceil(8)).ok_or(NativeError::Outside)?;
+        let byte = di.range().locate(at / 8, bits.div_ceil(8)).ok_or(NativeError::Outside)?;
         if write && di.writable == 0 {
             return Err(NativeError::ReadOnly);
         }
-        Ok(byte * 8 + at % 8)
+        Ok(byte.bit(at % 8))
     }
 
     fn range(&self, area: NativeArea, write: bool) -> Result<Range, NativeError> {
@@ -191,13 +186,13 @@ impl Call<'_, '_> {
                 if write && db.writable == 0 {
                     return Err(NativeError::ReadOnly);
                 }
-                Range { at: db.at, len: db.len }
+                db.range()
             }
             NativeArea::Instance => {
                 if !self.native.has_instance {
                     return Err(NativeError::NoParam);
                 }
-                let at = self.instance_bit(0, self.native.instance_bytes * 8, write)? / 8;
+                let at = self.instance_bit(0, self.native.instance_bytes * 8, write)?.byte();
                 Range { at, len: self.native.instance_bytes }
             }
             NativeArea::CallerLocal => Range { at: self.entry.previous_local, len: self.entry.previous_local_len },
@@ -205,7 +200,7 @@ impl Call<'_, '_> {
     }
 
     fn site(&self) -> Site {
-        let caller = self.cx.machine.native_caller.and_then(|caller| self.cx.blocks.engine.site(caller));
+        let caller = self.cx.machine.native_caller.and_then(|caller| self.cx.blocks.plan.site(caller));
         caller.unwrap_or(Site { block: self.native.id, network: 0, line: 0 })
     }
 
@@ -250,8 +245,8 @@ impl NativeContext for Call<'_, '_> {
 
     fn param_read(&mut self, index: u32, at: u32, into: &mut [u8]) -> Result<(), NativeError> {
         let Found::Place(bit, bits) = self.find(index, false)? else { return Err(NativeError::NoParam) };
-        let range = Range { at: bit / 8, len: bits.div_ceil(8) };
-        let at = range.locate(at, into.len() as u32).ok_or(NativeError::Outside)? as usize;
+        let range = Range { at: bit.byte(), len: bits.div_ceil(8) };
+        let at = range.locate(at, into.len() as u32).ok_or(NativeError::Outside)?.index();
         // A STRING's operand may be shorter than declared.
         let bytes = self.cx.machine.memory.bytes.get(at..at + into.len()).ok_or(NativeError::Outside)?;
         into.copy_from_slice(bytes);
@@ -263,8 +258,8 @@ impl NativeContext for Call<'_, '_> {
         if bits < 8 {
             return Err(NativeError::NoParam);
         }
-        let range = Range { at: bit / 8, len: bits / 8 };
-        let at = range.locate(at, from.len() as u32).ok_or(NativeError::Outside)? as usize;
+        let range = Range { at: bit.byte(), len: bits / 8 };
+        let at = range.locate(at, from.len() as u32).ok_or(NativeError::Outside)?.index();
         let bytes = self.cx.machine.memory.bytes.get_mut(at..at + from.len()).ok_or(NativeError::Outside)?;
         bytes.copy_from_slice(from);
         Ok(())
@@ -275,25 +270,25 @@ impl NativeContext for Call<'_, '_> {
     }
 
     fn area_read(&mut self, area: NativeArea, at: u32, into: &mut [u8]) -> Result<(), NativeError> {
-        let at = self.range(area, false)?.locate(at, into.len() as u32).ok_or(NativeError::Outside)? as usize;
+        let at = self.range(area, false)?.locate(at, into.len() as u32).ok_or(NativeError::Outside)?.index();
         into.copy_from_slice(&self.cx.machine.memory.bytes[at..at + into.len()]);
         Ok(())
     }
 
     fn area_write(&mut self, area: NativeArea, at: u32, from: &[u8]) -> Result<(), NativeError> {
-        let at = self.range(area, true)?.locate(at, from.len() as u32).ok_or(NativeError::Outside)? as usize;
+        let at = self.range(area, true)?.locate(at, from.len() as u32).ok_or(NativeError::Outside)?.index();
         self.cx.machine.memory.bytes[at..at + from.len()].copy_from_slice(from);
         Ok(())
     }
 
     fn bit_get(&mut self, area: NativeArea, bit: u32) -> Result<bool, NativeError> {
         let byte = self.range(area, false)?.locate(bit / 8, 1).ok_or(NativeError::Outside)?;
-        Ok(self.cx.machine.memory.read_bits(byte * 8 + bit % 8, 1) == 1)
+        Ok(self.cx.machine.memory.read_bits(byte.bit(bit % 8), 1) == 1)
     }
 
     fn bit_set(&mut self, area: NativeArea, bit: u32, value: bool) -> Result<(), NativeError> {
         let byte = self.range(area, true)?.locate(bit / 8, 1).ok_or(NativeError::Outside)?;
-        self.cx.machine.memory.write_bits(byte * 8 + bit % 8, 1, u32::from(value));
+        self.cx.machine.memory.write_bits(byte.bit(bit % 8), 1, u32::from(value));
         Ok(())
     }
 
@@ -383,11 +378,11 @@ impl NativeContext for Call<'_, '_> {
 
     fn attend(&mut self) -> Result<(), Abort> {
         let machine = &mut *self.cx.machine;
-        machine.pending = machine.pending.saturating_add(1);
-        if machine.pending >= machine.look_after || machine.interrupt.is_due() {
+        machine.hot.pending = machine.hot.pending.saturating_add(1);
+        if machine.hot.pending >= machine.hot.look_after || machine.interrupt.is_due() {
             return self.cx.attend();
         }
-        if machine.stopping { Err(Abort) } else { Ok(()) }
+        if machine.hot.stopping { Err(Abort) } else { Ok(()) }
     }
 
     fn raise_fault(&mut self, kind: FaultKind, number: u32) -> Result<(), Abort> {
@@ -426,7 +421,7 @@ impl NativeContext for Call<'_, '_> {
         let entry =
             DiagEntry { number: 0, time: machine.now, event, site, accus: [0; 2], data: 0, text: ShortText::new(text) };
         machine.diag.push(entry);
-        machine.stopping = true;
+        machine.hot.stopping = true;
         Abort
     }
 
@@ -458,20 +453,20 @@ struct Called<'a> {
 
 /// Supplies the parameters as a `CALL` does: references for an FC, copies through the instance for an FB.
 fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), NativeError> {
-    let Some(signature) = call.cx.blocks.signatures.find(called.id) else { return Err(NativeError::NoBlock) };
+    let Some(signature) = call.cx.blocks.plan.signatures.find(called.id) else { return Err(NativeError::NoBlock) };
     if called.args.len() != signature.formals.len() {
         return Err(NativeError::NoBlock);
     }
-    if call.cx.machine.depth >= call.cx.machine.config.nesting_depth {
+    if call.cx.machine.hot.depth >= u32::from(call.cx.machine.config.nesting_depth) {
         let site = call.site();
-        let fault = Fault::new(FaultKind::NestingDepth, u32::from(call.cx.machine.depth));
+        let fault = Fault::new(FaultKind::NestingDepth, call.cx.machine.hot.depth);
         return call
             .cx
             .fault(fault, Some(site), &Interrupted::default())
             .map(|_| ())
             .map_err(|Abort| NativeError::Abort);
     }
-    let tops = (call.cx.machine.refs_top, call.cx.machine.scratch_top);
+    let tops = (call.cx.machine.hot.refs_top, call.cx.machine.hot.scratch_top);
     let mut entry = Entry {
         refs: tops.0,
         given: 0,
@@ -503,7 +498,7 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
         };
         let machine = &mut *call.cx.machine;
         if has_instance {
-            let to = entry.di.at * 8 + formal.at;
+            let to = entry.di.at.bit(formal.at);
             if !matches!(formal.section, Section::Input | Section::InOut) {
                 continue;
             }
@@ -515,7 +510,7 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
                     let value = machine.memory.read_bits(from, formal.bits as u8);
                     machine.memory.write_bits(to, formal.bits as u8, value);
                 }
-                (_, Some(from)) => machine.memory.copy(from / 8, to / 8, formal.bits / 8),
+                (_, Some(from)) => machine.memory.copy(from.byte(), to.byte(), formal.bits / 8),
                 (NativeArg::Open, None) => {}
                 _ => return Err(NativeError::NoBlock),
             }
@@ -524,31 +519,31 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
         let reference = match (*arg, operand) {
             (NativeArg::Value(value), _) if formal.number => value,
             (NativeArg::Value(value), _) if formal.elementary => {
-                let at = machine.memory.scratch.locate(machine.scratch_top, 4).ok_or(NativeError::NoBlock)?;
-                machine.scratch_top += 4;
-                machine.memory.write_bits(at * 8, formal.bits as u8, value);
-                at * 8
+                let at = machine.memory.scratch.locate(machine.hot.scratch_top, 4).ok_or(NativeError::NoBlock)?;
+                machine.hot.scratch_top += 4;
+                machine.memory.write_bits(at.bit(0), formal.bits as u8, value);
+                at.bit(0).0
             }
             (_, Some(at)) if formal.number => machine.memory.read_bits(at, 16),
-            (_, Some(at)) => at,
+            (_, Some(at)) => at.0,
             _ => return Err(NativeError::NoBlock),
         };
         let slot = machine.refs.get_mut(tops.0 as usize + i).ok_or(NativeError::NoBlock)?;
         *slot = reference;
-        machine.refs_top = tops.0 + i as u32 + 1;
+        machine.hot.refs_top = tops.0 + i as u32 + 1;
     }
     let caller = call.cx.machine.native_caller;
     let result = match called.callee {
         Callee::Code(block) => call.cx.blocks.engine.call(block, &entry, call.cx),
         Callee::Native(index) => {
-            call.cx.machine.depth += 1;
+            call.cx.machine.hot.depth += 1;
             let result = self::call(index, &entry, call.cx).map(|_| ());
-            call.cx.machine.depth -= 1;
+            call.cx.machine.hot.depth -= 1;
             result
         }
     };
     call.cx.machine.native_caller = caller;
-    (call.cx.machine.refs_top, call.cx.machine.scratch_top) = tops;
+    (call.cx.machine.hot.refs_top, call.cx.machine.hot.scratch_top) = tops;
     result.map_err(|Abort| NativeError::Abort)?;
     if has_instance {
         for (arg, formal) in called.args.iter().zip(&signature.formals) {
@@ -557,13 +552,13 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
                 continue;
             }
             let to = operand(call, area, bit, formal.bits, true)?;
-            let from = entry.di.at * 8 + formal.at;
+            let from = entry.di.at.bit(formal.at);
             let memory = &mut call.cx.machine.memory;
             if formal.bits <= 32 {
                 let value = memory.read_bits(from, formal.bits as u8);
                 memory.write_bits(to, formal.bits as u8, value);
             } else {
-                memory.copy(from / 8, to / 8, formal.bits / 8);
+                memory.copy(from.byte(), to.byte(), formal.bits / 8);
             }
         }
     }
@@ -571,8 +566,8 @@ fn nested_call(call: &mut Call<'_, '_>, called: &Called<'_>) -> Result<(), Nativ
 }
 
 /// The arena bit of an actual a native block supplies.
-fn operand(call: &Call<'_, '_>, area: NativeArea, bit: u32, bits: u32, write: bool) -> Result<u32, NativeError> {
+fn operand(call: &Call<'_, '_>, area: NativeArea, bit: u32, bits: u32, write: bool) -> Result<ArenaBit, NativeError> {
     let at = BitAddr(bit);
     let byte = call.range(area, write)?.locate(at.byte(), bits.div_ceil(8)).ok_or(NativeError::Outside)?;
-    Ok(byte * 8 + u32::from(at.bit()))
+    Ok(byte.bit(u32::from(at.bit())))
 }

@@ -1,5 +1,5 @@
 //! How deep organization blocks and native blocks can be nested on the thread that runs the CPU, and the stack that
-//! takes. Blocks of statements need none: they are nested inside the engine.
+//! takes. Blocks of statements need what the engine says: nothing, when they are nested inside its own stack.
 //!
 //! A priority class runs one organization block at a time, and in its class one for a synchronous error. OB 80 may
 //! interrupt its own class once. So the loaded organization blocks say how many run at most at one time; in each of
@@ -34,8 +34,14 @@ pub(crate) struct Nesting {
 }
 
 impl Nesting {
-    /// For these loaded blocks; `plugins`: one of the native blocks is of a plugin.
-    pub(crate) fn new(config: &CpuConfig, loaded: &dyn Fn(BlockId) -> bool, plugins: bool) -> Result<Self, LoadError> {
+    /// For these loaded blocks; `plugins`: one of the native blocks is of a plugin; `per_block`: stack that the engine
+    /// needs for a nested block of statements.
+    pub(crate) fn new(
+        config: &CpuConfig,
+        loaded: &dyn Fn(BlockId) -> bool,
+        plugins: bool,
+        per_block: usize,
+    ) -> Result<Self, LoadError> {
         let ob = |number: u16| loaded(BlockId::new(BlockKind::Ob, number));
         let any = |numbers: &[u16]| usize::from(numbers.iter().any(|number| ob(*number)));
         let mut classes = [false; 32];
@@ -50,7 +56,8 @@ impl Nesting {
             true => usize::from(config.nesting_depth) * (PLUGIN_STACK_BYTES + NESTED_CALL),
             false => STANDARD_BLOCK,
         };
-        let stack = BASE + obs * (ORGANIZATION_BLOCK + natives);
+        let statements = usize::from(config.nesting_depth) * per_block;
+        let stack = BASE + obs * (ORGANIZATION_BLOCK + natives + statements);
         if stack > MOST_STACK_BYTES {
             return Err(LoadError::Stack { bytes: stack, obs, nesting: config.nesting_depth });
         }
@@ -64,7 +71,7 @@ mod tests {
 
     fn with(obs: &[u16], depth: u8, plugins: bool) -> Result<Nesting, LoadError> {
         let config = CpuConfig { nesting_depth: depth, ..CpuConfig::default() };
-        Nesting::new(&config, &|id| id.kind == BlockKind::Ob && obs.contains(&id.number), plugins)
+        Nesting::new(&config, &|id| id.kind == BlockKind::Ob && obs.contains(&id.number), plugins, 0)
     }
 
     #[test]

@@ -8,7 +8,8 @@
 use ob1_ir::Program;
 use ob1_model::BlockKind;
 
-use crate::memory::{Memory, Range};
+use crate::arena::{ArenaByte, Range};
+use crate::memory::Memory;
 use crate::timers::{Counter, Timer};
 use crate::{Cpu, CpuConfig, LoadError, OperatingState};
 
@@ -104,7 +105,7 @@ impl Keep {
         let mut keep = Self::default();
         for range in &r.memory {
             let found = inside(range.start, range.end, config.memory_bytes, "retentive.memory", errors);
-            keep.memory.extend(found.map(|len| Range { at: memory.memory.at + range.start, len }));
+            keep.memory.extend(found.map(|len| Range { at: memory.memory.at.plus(range.start), len }));
         }
         for (ranges, all, field, to) in [
             (&r.timers, config.timers, "retentive.timers", &mut keep.timers),
@@ -129,19 +130,19 @@ impl Keep {
                     };
                     let bytes = part.bytes.clone().unwrap_or(0..db.len);
                     let found = inside(bytes.start, bytes.end, db.len, "retentive.data", errors);
-                    keep.data.extend(found.map(|len| Range { at: db.at + bytes.start, len }));
+                    keep.data.extend(found.map(|len| Range { at: db.at.plus(bytes.start), len }));
                 }
             }
         }
         keep.memory.sort_unstable_by_key(|range| range.at);
         keep.data.sort_unstable_by_key(|range| range.at);
         let mut same = declarations(program).to_le_bytes().to_vec();
-        let numbers = |list: &[std::ops::Range<usize>]| -> Vec<Range> {
-            list.iter().map(|r| Range { at: r.start as u32, len: r.len() as u32 }).collect()
+        let numbers = |list: &[std::ops::Range<usize>]| -> Vec<(u32, u32)> {
+            list.iter().map(|r| (r.start as u32, r.len() as u32)).collect()
         };
         // Places in their area, not in the arena, where they move with the program's constants.
-        let places = |list: &[Range], base: u32| -> Vec<Range> {
-            list.iter().map(|r| Range { at: r.at - base, len: r.len }).collect()
+        let places = |list: &[Range], base: ArenaByte| -> Vec<(u32, u32)> {
+            list.iter().map(|r| (r.at.0 - base.0, r.len)).collect()
         };
         for list in [
             places(&keep.memory, memory.memory.at),
@@ -150,9 +151,9 @@ impl Keep {
             numbers(&keep.counters),
         ] {
             same.extend_from_slice(&(list.len() as u32).to_le_bytes());
-            for range in list {
-                same.extend_from_slice(&range.at.to_le_bytes());
-                same.extend_from_slice(&range.len.to_le_bytes());
+            for (at, len) in list {
+                same.extend_from_slice(&at.to_le_bytes());
+                same.extend_from_slice(&len.to_le_bytes());
             }
         }
         keep.same = same;
@@ -290,7 +291,7 @@ impl Cpu {
             into.extend_from_slice(&counter.image());
         }
         for db in made() {
-            into.extend_from_slice(m.memory.slice(Range { at: db.at, len: db.len }));
+            into.extend_from_slice(m.memory.slice(db.range()));
         }
         let sum = checksum(into);
         into.extend_from_slice(&sum);

@@ -106,9 +106,9 @@ impl Cpu {
     /// The stacks of an aborted run are empty, nothing waits.
     fn unwind(&mut self) {
         let m = &mut self.machine;
-        m.stopping = false;
-        (m.refs_top, m.scratch_top, m.local_top, m.depth, m.inside) = (0, 0, 0, 0, 0);
-        m.frames.clear();
+        m.hot.stopping = false;
+        m.hot.unwind();
+        m.inside = 0;
         (m.ob, m.class_ob) = (ObInfo::default(), 0);
         m.native_caller = None;
         (m.interrupted, m.substitute) = (None, None);
@@ -159,7 +159,7 @@ impl Cpu {
         cx.machine.services.start_up = start;
         if let Some(callee) = found {
             let ran = cx.run_ob(callee, ObInfo { number, priority: 27, start }).and_then(|()| cx.attend());
-            if ran.is_err() || self.machine.stopping {
+            if ran.is_err() || self.machine.hot.stopping {
                 self.enter_stop();
                 return;
             }
@@ -184,7 +184,7 @@ impl Cpu {
         self.stop_event = self.machine.diag.get(0).map_or(0, |entry| entry.event.0);
         self.machine.diag.keep_stop();
         let m = &mut self.machine;
-        m.stopping = false;
+        m.hot.stopping = false;
         m.stopped_at = m.now;
         m.interrupts.stop();
         m.watchdog = Watchdog::default();

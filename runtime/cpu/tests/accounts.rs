@@ -11,7 +11,7 @@ use ob1_model::{BlockId, BlockKind, Interface};
 
 fn start(config: CpuConfig, blocks: Vec<ob1_ir::CodeBlock>, natives: Vec<Box<dyn NativeBlock>>) -> Bench {
     let program = program(blocks, Vec::new());
-    Bench::with(Cpu::new(config, &program, natives, Vec::new()).expect("loads"))
+    Bench::with(Cpu::new(config, &program, natives, Vec::new(), common::engine()).expect("loads"))
 }
 
 fn every_ms(missed: MissedCycle) -> CpuConfig {

@@ -52,7 +52,7 @@ fn ten_thousand_cycles_allocate_nothing() {
         (ModuleSlot::new("cp", 256), Box::new(TestModule::new(16))),
     ];
     let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, 100_000)], ..CpuConfig::default() };
-    let cpu = Cpu::new(config, &program, system_blocks(), modules).expect("loads");
+    let cpu = Cpu::new(config, &program, system_blocks(), modules, common::engine()).expect("loads");
     let mut bench = Bench::with(cpu);
     let mut client = bench.cpu.access_client().expect("the first");
     let mut link = bench.cpu.link().expect("the first");

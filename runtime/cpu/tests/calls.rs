@@ -42,22 +42,21 @@ fn adder() -> CodeBlock {
     )
 }
 
-/// Runs a program in both forms and gives each to `check` after `scans` cycles.
-fn both(program: &Program, scans: usize, check: impl Fn(&mut Bench)) {
-    for plain in [false, true] {
-        let new = if plain { Cpu::new_plain } else { Cpu::new };
-        let mut bench = Bench::with(new(CpuConfig::default(), program, Vec::new(), Vec::new()).expect("loads"));
+/// Runs a program on each engine and gives each to `check` after `scans` cycles.
+fn each(program: &Program, scans: usize, check: impl Fn(&mut Bench)) {
+    on_each_engine(|| {
+        let mut bench = Bench::new(program);
         for _ in 0..scans {
             bench.run();
         }
         check(&mut bench);
-    }
+    });
 }
 
 #[test]
 fn bit_memory_goes_by_reference_and_is_seen_at_once() {
     let code = vec![c(30), transfer(mw(10)), call(fc(1), vec![arg(mw(10)), Arg::Const(12), arg(mw(20)), arg(mw(50))])];
-    both(&program(vec![ob1(code), adder()], vec![]), 2, |bench| {
+    each(&program(vec![ob1(code), adder()], vec![]), 2, |bench| {
         assert_eq!((bench.mw(50), bench.mw(20)), (42, 42));
     });
 }
@@ -73,7 +72,7 @@ fn data_operands_are_copied_in_and_out() {
         arg(mw(20)),
         arg(in_db(7, Width::Word, 4, 0)),
     ];
-    both(&program(vec![ob1(vec![call(fc(1), args)]), adder], vec![db(7, &[0, 5, 0, 6, 0, 99])]), 1, |bench| {
+    each(&program(vec![ob1(vec![call(fc(1), args)]), adder], vec![db(7, &[0, 5, 0, 6, 0, 99])]), 1, |bench| {
         assert_eq!((bench.dbw(7, 4), bench.mw(20)), (11, 99));
     });
 }
@@ -88,7 +87,7 @@ fn local_data_and_opened_data_blocks_go_by_reference() {
         load(dbw(2)),
         transfer(mw(30)),
     ];
-    both(&program(vec![ob1(code), adder()], vec![db(7, &[0, 5, 0, 0])]), 1, |bench| {
+    each(&program(vec![ob1(code), adder()], vec![db(7, &[0, 5, 0, 0])]), 1, |bench| {
         assert_eq!(bench.mw(30), 8);
     });
 }
@@ -106,7 +105,7 @@ fn indirect_operands_are_copied() {
         Op::LoadArConst(ob1_ir::AddressRegister::Ar1, 0x8300_0000 + 72 * 8),
         call(fc(1), vec![arg(indirect), Arg::Const(1), arg(mw(20)), arg(register)]),
     ];
-    both(&program(vec![ob1(code), adder()], vec![]), 1, |bench| assert_eq!(bench.mw(74), 8));
+    each(&program(vec![ob1(code), adder()], vec![]), 1, |bench| assert_eq!(bench.mw(74), 8));
 }
 
 #[test]
@@ -118,7 +117,7 @@ fn own_formals_can_be_passed_on() {
         vec![call(fc(1), vec![arg(param(0, Width::Word)), Arg::Const(1), arg(mw(20)), arg(param(1, Width::Word))])],
     );
     let code = vec![c(41), transfer(mw(10)), call(fc(2), vec![arg(mw(10)), arg(mw(50))])];
-    both(&program(vec![ob1(code), outer, adder()], vec![]), 1, |bench| {
+    each(&program(vec![ob1(code), outer, adder()], vec![]), 1, |bench| {
         assert_eq!((bench.mw(50), bench.mw(20)), (42, 42), "written through two references, and seen at once");
     });
 }
@@ -130,7 +129,7 @@ fn a_constant_on_an_output_can_be_written_and_is_there_again_next_time() {
     // seen := q before q is written.
     adder.code.rotate_right(2);
     adder.code[0].op = load(param(3, Width::Word));
-    both(&program(vec![ob1(code), adder], vec![]), 2, |bench| assert_eq!(bench.mw(20), 7));
+    each(&program(vec![ob1(code), adder], vec![]), 2, |bench| assert_eq!(bench.mw(20), 7));
 }
 
 #[test]
@@ -142,7 +141,7 @@ fn timers_and_counters_as_parameters() {
     );
     let code =
         vec![call(fc(3), vec![Arg::Number(Number::Fixed(9))]), Op::LoadCounter(Number::Fixed(9)), transfer(mw(10))];
-    both(&program(vec![ob1(code), counter], vec![]), 3, |bench| assert_eq!(bench.mw(10), 3));
+    each(&program(vec![ob1(code), counter], vec![]), 3, |bench| assert_eq!(bench.mw(10), 3));
 }
 
 /// FB 1: v IN INT, q OUT INT, io IN_OUT INT, n STATIC INT: n := n + v; q := n; io := io + 1.
@@ -183,7 +182,7 @@ fn a_function_block_keeps_its_data_and_copies_results_out() {
         call_fb(fb(1), 6, vec![Arg::Const(1), Arg::Open, Arg::Open]),
     ];
     let data = vec![instance_db(5, fb(1), 8), instance_db(6, fb(1), 8), db(9, &[0; 2])];
-    both(&program(vec![ob1(code), counter_fb()], data), 3, |bench| {
+    each(&program(vec![ob1(code), counter_fb()], data), 3, |bench| {
         assert_eq!((bench.dbw(9, 0), bench.mw(30), bench.dbw(5, 6)), (30, 3, 30));
         assert_eq!((bench.dbw(6, 6), bench.dbw(6, 2), bench.dbw(6, 4)), (3, 3, 3));
     });
@@ -222,7 +221,7 @@ fn multi_instances_and_the_registers_after_the_call() {
         transfer(mw(56)),
     ];
     let data = vec![instance_db(5, fb(2), 16), db(9, &[0; 2])];
-    both(&program(vec![ob1(code), outer, counter_fb()], data), 2, |bench| {
+    each(&program(vec![ob1(code), outer, counter_fb()], data), 2, |bench| {
         assert_eq!((bench.dbw(5, 6), bench.dbw(5, 14)), (2, 4));
         assert_eq!((bench.md(40) & 0xFF_FFFF, bench.mw(44)), (0, 5), "the caller's instance is back");
         assert_eq!((bench.md(50), bench.mw(54), bench.mw(56)), (0x123, 9, 9));
@@ -252,7 +251,7 @@ fn uc_cc_and_calls_by_number() {
         indirect,
     ];
     let blocks = vec![ob1(code), inc(10, 20), inc(11, 22), inc(12, 24), inc(13, 26)];
-    both(&program(blocks, vec![]), 1, |bench| {
+    each(&program(blocks, vec![]), 1, |bench| {
         assert_eq!((bench.mw(20), bench.mw(22), bench.mw(24), bench.mw(26)), (1, 0, 1, 1), "CC sets the RLO");
     });
 }
@@ -267,7 +266,7 @@ fn composed_parameters_are_referred_to() {
         vec![c(u32::from(b'x')), transfer(operand(Width::Byte, second))],
     );
     let code = vec![call(fc(4), vec![arg(in_db(3, Width::Byte, 2, 0))])];
-    both(&program(vec![ob1(code), copy], vec![db(3, b"\0\0\x04\x02ab\0\0")]), 1, |bench| {
+    each(&program(vec![ob1(code), copy], vec![db(3, b"\0\0\x04\x02ab\0\0")]), 1, |bench| {
         assert_eq!(bench.cpu.data_block(3), Some(&b"\0\0\x04\x02ax\0\0"[..]));
     });
 }
@@ -293,7 +292,7 @@ fn the_callers_data_through_area_code_v() {
         ],
     );
     let code = vec![c(77), transfer(lw(20)), uc(CallMode::Unconditional, fc(1))];
-    both(&program(vec![ob1(code), reader], vec![]), 1, |bench| assert_eq!(bench.mw(10), 77));
+    each(&program(vec![ob1(code), reader], vec![]), 1, |bench| assert_eq!(bench.mw(10), 77));
 }
 
 #[test]
@@ -312,15 +311,18 @@ fn bit_parameters_of_every_kind() {
         Op::Scan { logic: Logic::And, negate: false, test: BitTest::Bit(l(20, 3)) },
         Op::Assign(m(0, 7)),
     ];
-    both(&program(vec![ob1(code), copy], vec![db(3, &[0; 2])]), 1, |bench| {
+    each(&program(vec![ob1(code), copy], vec![db(3, &[0; 2])]), 1, |bench| {
         assert_eq!((bench.mb(0), bench.dbw(3, 0)), (0x82, 0x40));
     });
 }
 
 #[test]
 fn what_does_not_fit_is_refused_at_load() {
-    let load =
-        |blocks| Cpu::new(CpuConfig::default(), &program(blocks, vec![]), vec![], vec![]).err().unwrap_or_default();
+    let load = |blocks| {
+        Cpu::new(CpuConfig::default(), &program(blocks, vec![]), vec![], vec![], common::engine())
+            .err()
+            .unwrap_or_default()
+    };
     let numbers = |errors: Vec<LoadError>| errors.iter().map(LoadError::number).collect::<Vec<_>>();
     assert_eq!(numbers(load(vec![ob1(vec![uc(CallMode::Unconditional, fc(99))])])), [3]);
     let wide = vec![arg(mb(1)), Arg::Const(0), arg(mw(2)), arg(mw(4))];

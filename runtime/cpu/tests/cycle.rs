@@ -35,7 +35,9 @@ fn endless_loop_ends_by_the_watchdog_in_virtual_time() {
 #[test]
 fn deadlines_are_absolute_and_lateness_is_counted_once() {
     let config = CpuConfig { min_cycle: MS, ..CpuConfig::default() };
-    let mut bench = Bench::with(Cpu::new(config, &program(vec![ob1(Vec::new())], Vec::new()), vec![], vec![]).unwrap());
+    let mut bench = Bench::with(
+        Cpu::new(config, &program(vec![ob1(Vec::new())], Vec::new()), vec![], vec![], common::engine()).unwrap(),
+    );
     bench.clock.ns_per_statement = 0;
     assert_eq!(bench.cycle().next_deadline, MS);
     bench.clock.now = MS + 300_000;
@@ -76,7 +78,8 @@ fn the_first_excess_calls_ob_80_and_the_second_in_a_cycle_stops() {
         [(1, OperatingState::Run, 0), (2, OperatingState::Run, 1), (4, OperatingState::Stop, 1)]
     {
         let program = program(vec![ob1(loops(rounds)), handler.clone()], Vec::new());
-        let mut bench = Bench::with(Cpu::new(config.clone(), &program, vec![], vec![]).expect("loads"));
+        let mut bench =
+            Bench::with(Cpu::new(config.clone(), &program, vec![], vec![], common::engine()).expect("loads"));
         assert_eq!((bench.cycle().state, bench.mw(10)), (state, calls), "{rounds} rounds");
         if calls > 0 {
             assert_eq!(bench.md(12), 0x3501_1A50, "event class, identifier, priority, number");
@@ -88,7 +91,7 @@ fn the_first_excess_calls_ob_80_and_the_second_in_a_cycle_stops() {
 fn an_operators_halt_ends_an_endless_loop() {
     let config = CpuConfig { watchdog: 0, ..CpuConfig::default() };
     let endless = program(vec![ob1(vec![Op::Jump(Jump::Always, 0)])], Vec::new());
-    let mut bench = Bench::with(Cpu::new(config, &endless, vec![], vec![]).expect("loads"));
+    let mut bench = Bench::with(Cpu::new(config, &endless, vec![], vec![], common::engine()).expect("loads"));
     let interrupt = bench.cpu.interrupt();
     bench.cpu.request(Command::Stop);
     bench.cycle();
@@ -141,7 +144,9 @@ fn start_information_of_ob_1_and_ob_100() {
 #[test]
 fn clock_memory_pulses() {
     let config = CpuConfig { clock_memory: Some(5), ..CpuConfig::default() };
-    let mut bench = Bench::with(Cpu::new(config, &program(vec![ob1(vec![])], vec![]), vec![], vec![]).expect("loads"));
+    let mut bench = Bench::with(
+        Cpu::new(config, &program(vec![ob1(vec![])], vec![]), vec![], vec![], common::engine()).expect("loads"),
+    );
     // Bit n is 1 in the second half of its period: 100, 200, 400, 500, 800, 1000, 1600 and 2000 ms.
     for (ms, bits) in [
         (0, 0),
@@ -180,7 +185,8 @@ fn warm_hot_and_cold_restart() {
     let blocks = || vec![ob1([first.clone(), count(10)].concat()), start_up(100), start_up(101), start_up(102)];
     let hot = |family| {
         let config = CpuConfig::of(family);
-        let mut bench = Bench::with(Cpu::new(config, &program(blocks(), vec![]), vec![], vec![]).expect("loads"));
+        let mut bench =
+            Bench::with(Cpu::new(config, &program(blocks(), vec![]), vec![], vec![], common::engine()).expect("loads"));
         bench.cpu.request(Command::Hot);
         assert_eq!(bench.cycle().state, OperatingState::Stop, "there was no RUN");
         bench.cpu.request(Command::Warm);

@@ -24,7 +24,8 @@ fn bench() -> Bench {
     let mut protected = db(8, &[1, 2]);
     protected.read_only = true;
     let program = program(vec![ob1(count)], vec![db(7, &[0; 600]), protected]);
-    let mut bench = Bench::with(Cpu::new(CpuConfig::default(), &program, vec![], vec![]).expect("loads"));
+    let mut bench =
+        Bench::with(Cpu::new(CpuConfig::default(), &program, vec![], vec![], common::engine()).expect("loads"));
     bench.run();
     bench
 }

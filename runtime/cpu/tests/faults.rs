@@ -187,7 +187,8 @@ fn an_s7_400_aborts_the_handler_and_calls_ob_88() {
     let handler = || block(ob(121), Interface::default(), vec![Op::Nop, wrong(), c(8), transfer(mb(1))]);
     let run = |blocks, rest: &[u16]| {
         let config = ob1_cpu::CpuConfig::of(ob1_cpu::Family::S7_400);
-        let cpu = ob1_cpu::Cpu::new(config, &program(blocks, vec![]), vec![], vec![]).expect("it loads");
+        let cpu =
+            ob1_cpu::Cpu::new(config, &program(blocks, vec![]), vec![], vec![], common::engine()).expect("it loads");
         let mut bench = Bench::with(cpu);
         let state = bench.cycle().state;
         assert_eq!(bench.events()[..rest.len()], *rest);

@@ -1,4 +1,4 @@
-//! The short forms mean what the intermediate code says: random straight-line programs run both ways and leave the same
+//! Every engine means what the intermediate code says: random straight-line programs run on each and leave the same
 //! memory.
 
 mod common;
@@ -87,7 +87,7 @@ trait Pipe: Sized {
 impl Pipe for usize {}
 
 #[test]
-fn short_forms_and_plain_form_leave_the_same_memory() {
+fn every_engine_leaves_the_same_memory() {
     let mut random = Random(0x1234_5678_9ABC_DEF1);
     for seed in 0..300 {
         let count = 120;
@@ -99,17 +99,21 @@ fn short_forms_and_plain_form_leave_the_same_memory() {
         let program = program(vec![ob1(code.clone()), handler], vec![db(7, &[0x5A; 64])]);
         for accumulators in [2, 4] {
             let config = CpuConfig { accumulators, watchdog: 0, ..CpuConfig::default() };
-            let mut fast = Bench::with(Cpu::new(config.clone(), &program, vec![], vec![]).expect("loads"));
-            let mut plain = Bench::with(Cpu::new_plain(config, &program, vec![], vec![]).expect("loads"));
+            let bench =
+                |factory| Bench::with(Cpu::new(config.clone(), &program, vec![], vec![], factory).expect("loads"));
+            let mut benches: Vec<_> = ENGINES.iter().map(|(name, factory)| (name, bench(*factory))).collect();
+            let (first, others) = benches.split_first_mut().expect("an engine");
             for scan in 0..4 {
-                fast.run();
-                plain.run();
-                let how = format!("program {seed}, scan {scan}, {accumulators} accumulators: {code:#?}");
-                assert_eq!(fast.cpu.bit_memory(), plain.cpu.bit_memory(), "{how}");
-                assert_eq!(fast.cpu.data_block(7), plain.cpu.data_block(7), "{how}");
-                assert_eq!(fast.clock.now, plain.clock.now, "{how}");
-                fast.clock.now += 20 * MS;
-                plain.clock.now += 20 * MS;
+                first.1.run();
+                for (name, other) in &mut *others {
+                    other.run();
+                    let how = format!("{name}, program {seed}, scan {scan}, {accumulators} accumulators: {code:#?}");
+                    assert_eq!(first.1.cpu.bit_memory(), other.cpu.bit_memory(), "{how}");
+                    assert_eq!(first.1.cpu.data_block(7), other.cpu.data_block(7), "{how}");
+                    assert_eq!(first.1.clock.now, other.clock.now, "{how}");
+                    other.clock.now += 20 * MS;
+                }
+                first.1.clock.now += 20 * MS;
             }
         }
     }

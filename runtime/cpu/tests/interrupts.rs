@@ -30,7 +30,7 @@ fn organization(number: u16, ops: Vec<Op>) -> CodeBlock {
 }
 
 fn start(config: CpuConfig, blocks: Vec<CodeBlock>) -> Bench {
-    Bench::with(Cpu::new(config, &program(blocks, vec![]), vec![], vec![]).expect("loads"))
+    Bench::with(Cpu::new(config, &program(blocks, vec![]), vec![], vec![], common::engine()).expect("loads"))
 }
 
 fn every(ob: u16, ms: u64) -> CyclicInterrupt {
@@ -229,7 +229,7 @@ fn hardware_interrupts_by_call_and_port() {
 fn with_module(config: CpuConfig, blocks: Vec<CodeBlock>) -> (Bench, TestModule) {
     let module = TestModule::new(4);
     let modules: Vec<(ModuleSlot, Box<dyn Module>)> = vec![(ModuleSlot::new("io", 8), Box::new(module.clone()))];
-    (Bench::with(Cpu::new(config, &program(blocks, vec![]), vec![], modules).expect("loads")), module)
+    (Bench::with(Cpu::new(config, &program(blocks, vec![]), vec![], modules, common::engine()).expect("loads")), module)
 }
 
 fn event(number: u16) -> ModuleEvent {
@@ -317,7 +317,8 @@ fn obs_without_an_event_of_their_own_load() {
 fn wrong_settings_are_refused_by_name() {
     let errors = |cyclic: Vec<CyclicInterrupt>| {
         let config = CpuConfig { cyclic, ..CpuConfig::default() };
-        let errors = Cpu::new(config, &program(vec![], vec![]), vec![], vec![]).err().unwrap_or_default();
+        let errors =
+            Cpu::new(config, &program(vec![], vec![]), vec![], vec![], common::engine()).err().unwrap_or_default();
         errors.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
     assert_eq!(errors(vec![every(35, 10), every(30, 60_000)]), [""; 0]);

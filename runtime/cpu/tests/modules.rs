@@ -15,7 +15,7 @@ fn station(program: &Program, modules: &[(u32, &TestModule)]) -> Bench {
             (ModuleSlot::new(&format!("m{address}"), *address), Box::new((*m).clone()) as Box<dyn Module>)
         })
         .collect();
-    Bench::with(Cpu::new(CpuConfig::default(), program, Vec::new(), plugged).expect("loads"))
+    Bench::with(Cpu::new(CpuConfig::default(), program, Vec::new(), plugged, common::engine()).expect("loads"))
 }
 
 fn io(width: Width, area: Area, byte: u32) -> Operand {
@@ -186,7 +186,8 @@ fn overlaps_are_refused_by_name() {
     let plug = |address, bytes| {
         (ModuleSlot::new(&format!("m{address}"), address), Box::new(TestModule::new(bytes)) as Box<dyn Module>)
     };
-    let errors = |modules| Cpu::new(CpuConfig::default(), &program, vec![], modules).err().unwrap_or_default();
+    let errors =
+        |modules| Cpu::new(CpuConfig::default(), &program, vec![], modules, common::engine()).err().unwrap_or_default();
     let messages: Vec<_> = errors(vec![plug(256, 16), plug(270, 16)]).iter().map(ToString::to_string).collect();
     assert_eq!(messages.len(), 2, "inputs and outputs");
     assert_eq!(messages[0], "L007: modules m256 and m270 both have input byte 270; give one of them another address");
@@ -204,7 +205,9 @@ fn without_modules_the_image_can_answer() {
         Op::Nop,
     ];
     let config = CpuConfig { peripheral_from_image: true, ..CpuConfig::default() };
-    let mut bench = Bench::with(Cpu::new(config, &program(vec![ob1(code)], vec![]), vec![], vec![]).expect("loads"));
+    let mut bench = Bench::with(
+        Cpu::new(config, &program(vec![ob1(code)], vec![]), vec![], vec![], common::engine()).expect("loads"),
+    );
     bench.run();
     bench.cpu.write(Cell::Area(Area::Input, 16), CellWidth::Word, 0x1234).expect("an input");
     bench.run();

@@ -51,7 +51,7 @@ fn native(
 }
 
 fn bench(program: &Program, natives: Vec<Box<dyn NativeBlock>>) -> Bench {
-    Bench::with(Cpu::new(CpuConfig::default(), program, natives, vec![]).expect("loads"))
+    Bench::with(Cpu::new(CpuConfig::default(), program, natives, vec![], common::engine()).expect("loads"))
 }
 
 fn arg(operand: Operand) -> Arg {
@@ -219,7 +219,8 @@ fn modules_by_address() {
     cp.look(|s| s.inputs[..2].copy_from_slice(&[8, 9]));
     let modules = vec![(ModuleSlot::new("cp", 256), Box::new(cp.clone()) as Box<dyn Module>)];
     let program = program(vec![ob1(vec![call(fc(20), vec![])])], vec![]);
-    let mut bench = Bench::with(Cpu::new(CpuConfig::default(), &program, vec![block], modules).expect("loads"));
+    let mut bench =
+        Bench::with(Cpu::new(CpuConfig::default(), &program, vec![block], modules, common::engine()).expect("loads"));
     bench.run();
     assert_eq!(cp.look(|s| s.outputs[4..7].to_vec()), [1, 2, 3]);
 }
@@ -421,9 +422,11 @@ fn sfc_43_restarts_the_watchdog() {
         program(vec![ob1(code)], vec![])
     };
     let config = CpuConfig { watchdog: 3 * MS, ..CpuConfig::default() };
-    let mut with = Bench::with(Cpu::new(config.clone(), &nested(true), system_blocks(), vec![]).expect("loads"));
+    let mut with =
+        Bench::with(Cpu::new(config.clone(), &nested(true), system_blocks(), vec![], common::engine()).expect("loads"));
     with.run();
-    let mut without = Bench::with(Cpu::new(config, &nested(false), system_blocks(), vec![]).expect("loads"));
+    let mut without =
+        Bench::with(Cpu::new(config, &nested(false), system_blocks(), vec![], common::engine()).expect("loads"));
     assert_eq!(without.cycle().state, OperatingState::Stop);
 }
 
@@ -447,7 +450,8 @@ fn error_obs_do_not_nest_in_themselves() {
     let calls = || vec![call(fc(20), vec![])];
     let blocks = vec![ob1(calls()), block(ob(82), Interface::default(), calls())];
     let slots: Vec<(ModuleSlot, Box<dyn Module>)> = vec![(ModuleSlot::new("io", 256), Box::new(TestModule::new(4)))];
-    let cpu = Cpu::new(CpuConfig::default(), &program(blocks, vec![]), vec![report], slots).expect("loads");
+    let cpu =
+        Cpu::new(CpuConfig::default(), &program(blocks, vec![]), vec![report], slots, common::engine()).expect("loads");
     let mut bench = Bench::with(cpu);
     bench.run();
     // OB 1, its two, and two for each of the three that asked.

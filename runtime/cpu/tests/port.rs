@@ -11,7 +11,7 @@ fn bench(items: u32, capacity: usize) -> Bench {
     let mut protected = db(8, &[1, 2]);
     protected.read_only = true;
     let program = program(vec![ob1(vec![])], vec![db(7, &[0x12, 0x34]), protected]);
-    Bench::with(Cpu::new(config, &program, vec![], vec![]).expect("loads"))
+    Bench::with(Cpu::new(config, &program, vec![], vec![], common::engine()).expect("loads"))
 }
 
 #[test]

@@ -6,19 +6,9 @@ mod common;
 
 use std::path::Path;
 
-use common::Bench;
+use common::{Bench, ENGINES};
 use ob1_cpu::{Cell, CellWidth, Cpu, CpuConfig};
 use ob1_model::Area;
-
-/// Every engine: its name, and how a CPU gets it.
-const ENGINES: [(&str, NewCpu); 2] = [("reference", Cpu::new), ("plain", Cpu::new_plain)];
-
-type NewCpu = fn(
-    CpuConfig,
-    &ob1_ir::Program,
-    Vec<Box<dyn ob1_cpu::NativeBlock>>,
-    Vec<(ob1_cpu::ModuleSlot, Box<dyn ob1_cpu::Module>)>,
-) -> Result<Cpu, Vec<ob1_cpu::LoadError>>;
 
 #[test]
 fn every_program_leaves_what_it_says() {
@@ -28,8 +18,8 @@ fn every_program_leaves_what_it_says() {
         let path = entry.expect("a file").path();
         let text = std::fs::read_to_string(&path).expect("text");
         let program = ob1_ir::parse(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-        for (engine, new) in ENGINES {
-            let cpu = new(CpuConfig::default(), &program, ob1_cpu::system_blocks(), Vec::new());
+        for (engine, factory) in ENGINES {
+            let cpu = Cpu::new(CpuConfig::default(), &program, ob1_cpu::system_blocks(), Vec::new(), *factory);
             let mut bench = Bench::with(cpu.unwrap_or_else(|errors| panic!("{}: {errors:?}", path.display())));
             bench.run();
             for line in text.lines().filter_map(|line| line.strip_prefix("; M")) {
@@ -47,5 +37,5 @@ fn every_program_leaves_what_it_says() {
             }
         }
     }
-    assert!(looked_at >= 2 * 12, "{looked_at}");
+    assert!(looked_at >= ENGINES.len() * 12, "{looked_at}");
 }

@@ -188,6 +188,9 @@ fn a_list_does_not_belong_to_call() {
         let call = Call { mode, target: Target::Block(fc(1)), instance: None, args: vec![arg] };
         let ob = common::ob1(vec![Op::Call(Box::new(call))]);
         let program = common::program(vec![ob, callee.clone()], vec![]);
-        assert!(Cpu::new(CpuConfig::default(), &program, Vec::new(), Vec::new()).is_err(), "{mode:?}");
+        assert!(
+            Cpu::new(CpuConfig::default(), &program, Vec::new(), Vec::new(), common::engine()).is_err(),
+            "{mode:?}"
+        );
     }
 }

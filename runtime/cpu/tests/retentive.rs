@@ -55,7 +55,7 @@ const KEPT: ([u32; 3], [u32; 2], [u32; 3], u32, [u32; 3]) =
 const NOTHING: ([u32; 3], [u32; 2], [u32; 3], u32, [u32; 3]) = ([0; 3], [0; 2], [0; 3], 0x0202, [0x0909; 3]);
 
 fn start(config: CpuConfig, program: &Program) -> Bench {
-    let mut bench = Bench::with(Cpu::new(config, program, vec![], vec![]).expect("loads"));
+    let mut bench = Bench::with(Cpu::new(config, program, vec![], vec![], common::engine()).expect("loads"));
     bench.clock.ns_per_statement = 0;
     bench
 }
@@ -146,7 +146,7 @@ fn ranges_that_do_not_exist_are_refused() {
         data: RetentiveData::Only(vec![DataRange { db: 3, bytes: None }, DataRange { db: 2, bytes: Some(0..5) }]),
     };
     let config = CpuConfig { retentive, ..CpuConfig::default() };
-    let errors = Cpu::new(config, &station(), vec![], vec![]).err().unwrap_or_default();
+    let errors = Cpu::new(config, &station(), vec![], vec![], common::engine()).err().unwrap_or_default();
     let messages: Vec<_> = errors.iter().map(ToString::to_string).collect();
     assert_eq!(
         messages,

@@ -43,7 +43,9 @@ fn on_demand(ops: Vec<Op>) -> CodeBlock {
 }
 
 fn start(config: CpuConfig, blocks: Vec<CodeBlock>) -> Bench {
-    let mut bench = Bench::with(Cpu::new(config, &program(blocks, vec![]), system_blocks(), vec![]).expect("loads"));
+    let mut bench = Bench::with(
+        Cpu::new(config, &program(blocks, vec![]), system_blocks(), vec![], common::engine()).expect("loads"),
+    );
     bench.clock.ns_per_statement = 0;
     bench.run();
     bench
@@ -116,8 +118,8 @@ fn a_time_of_day_interrupt_of_the_configuration_comes_after_each_start() {
     // Without its OB it has no effect; an OB that is none is refused.
     let of = |ob| CpuConfig { time_of_day: vec![TimeOfDay { ob, ..interrupt }], ..CpuConfig::default() };
     let blocks = || program(vec![ob1(vec![Op::Nop])], vec![]);
-    assert!(Cpu::new(of(11), &blocks(), vec![], vec![]).is_ok());
-    assert!(Cpu::new(of(18), &blocks(), vec![], vec![]).is_err());
+    assert!(Cpu::new(of(11), &blocks(), vec![], vec![], common::engine()).is_ok());
+    assert!(Cpu::new(of(18), &blocks(), vec![], vec![], common::engine()).is_err());
 }
 
 #[test]
@@ -134,7 +136,8 @@ fn delayed_interrupts_wait_for_the_release_or_the_end_of_the_ob() {
         code.extend(note(12));
         let config = CpuConfig { cyclic: vec![CyclicInterrupt::new(35, 4 * MS)], ..CpuConfig::default() };
         let program = program(vec![ob1(code), organization(35, count(0))], vec![]);
-        let mut bench = Bench::with(Cpu::new(config, &program, system_blocks(), vec![]).expect("loads"));
+        let mut bench =
+            Bench::with(Cpu::new(config, &program, system_blocks(), vec![], common::engine()).expect("loads"));
         // Each loop takes 5 ms; OB 35 is due after 4 and 8.
         bench.clock.ns_per_statement = 100;
         if !release {

@@ -172,7 +172,7 @@ fn the_deepest_nesting_fits_the_stack() {
     let mut natives = ob1_cpu::system_blocks();
     natives.push(Box::new(native));
     let modules: Vec<(ModuleSlot, Box<dyn Module>)> = vec![(ModuleSlot::new("io", 256), Box::new(TestModule::new(4)))];
-    let mut cpu = Cpu::new(config, &program(blocks, vec![]), natives, modules).expect("it loads");
+    let mut cpu = Cpu::new(config, &program(blocks, vec![]), natives, modules, common::engine()).expect("it loads");
     let _ = shared.interrupt.set(cpu.interrupt());
     let stack = cpu.stack_bytes();
     let clock = SharedClock(Arc::clone(&shared));

@@ -120,7 +120,8 @@ fn write(bench: &mut Bench, db: u16, bytes: &[u8]) {
 /// The stack of a CPU with one organization block is enough for each of them.
 #[test]
 fn random_parameters_of_every_block() {
-    let one = Cpu::new(CpuConfig::default(), &program(vec![ob1(vec![])], vec![]), vec![], vec![]).expect("it loads");
+    let one = Cpu::new(CpuConfig::default(), &program(vec![ob1(vec![])], vec![]), vec![], vec![], common::engine())
+        .expect("it loads");
     let thread = std::thread::Builder::new().stack_size(one.stack_bytes()).spawn(call_every_block);
     thread.expect("a thread").join().expect("no panic");
 }
@@ -136,7 +137,7 @@ fn call_every_block() {
             time_of_day: vec![TimeOfDay { ob: 10, start: Moment::MIN, period: Period::EveryMinute }],
             ..CpuConfig::default()
         };
-        let cpu = Cpu::new(config, &program, blocks(&keys), vec![]).expect("the program loads");
+        let cpu = Cpu::new(config, &program, blocks(&keys), vec![], common::engine()).expect("the program loads");
         let mut bench = Bench::with(cpu);
         let (mut parameters, mut instance) = (vec![0; bytes], vec![0; of.interface.instance_bytes as usize]);
         let mut ran = 0;

@@ -361,7 +361,8 @@ fn run(text: &str, set: Mnemonics, before: [u32; 3], accumulators: u8) -> [u32; 
     let output = compile(&[Source { name: "walk.awl".into(), bytes }], &library, &options);
     assert!(output.is_good(), "{text}: {:#?}", output.diagnostics);
     let config = CpuConfig { accumulators, ..CpuConfig::default() };
-    let mut bench = Bench::with(Cpu::new(config, &output.program, natives, vec![]).expect("the program loads"));
+    let mut bench =
+        Bench::with(Cpu::new(config, &output.program, natives, vec![], common::engine()).expect("the program loads"));
     bench.clock.ns_per_statement = 0;
     // The start-up clears memory: the first cycle does nothing, the second has the values.
     bench.run();

@@ -144,7 +144,7 @@ pub fn load_cpu(
     natives: Vec<Box<dyn ob1_cpu::NativeBlock>>,
     modules: Vec<(ModuleSlot, Box<dyn Module>)>,
 ) -> Result<Cpu, LoadFailure> {
-    Cpu::new(config, &loaded.program, natives, modules).map_err(|errors| {
+    Cpu::new(config, &loaded.program, natives, modules, ob1_cpu::engine::REFERENCE).map_err(|errors| {
         LoadFailure::Rejected(Unserved::new(&loaded.standard, &loaded.plugins).findings(&errors, &loaded.program))
     })
 }

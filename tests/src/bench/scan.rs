@@ -177,7 +177,7 @@ impl Station {
             return Err(ob1_stl::render_all(&output.diagnostics, &sources).into());
         }
         let config = CpuConfig { watchdog: 0, accounts, ..CpuConfig::default() };
-        let mut cpu = Cpu::new(config, &output.program, natives, modules)
+        let mut cpu = Cpu::new(config, &output.program, natives, modules, ob1_cpu::engine::REFERENCE)
             .map_err(|errors| errors.iter().map(|e| format!("{e}\n")).collect::<String>())?;
         cpu.request(Command::Run);
         let mut station = Self { cpu, clock: ob1_rt::MonotonicClock::start(), _cp: cp };

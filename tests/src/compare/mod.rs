@@ -52,7 +52,8 @@ pub fn run_ours(text: &str, accumulators: u8) -> Result<Vec<u8>, Failure> {
         return Err(format!("{}\n{text}", ob1_stl::render(error, &Source::new("compare.awl", text.as_bytes()))).into());
     }
     let config = CpuConfig { accumulators, memory_bytes: 2048, watchdog: 0, ..CpuConfig::default() };
-    let mut cpu = Cpu::new(config, &output.program, Vec::new(), Vec::new()).map_err(|errors| format!("{errors:?}"))?;
+    let mut cpu = Cpu::new(config, &output.program, Vec::new(), Vec::new(), ob1_cpu::engine::REFERENCE)
+        .map_err(|errors| format!("{errors:?}"))?;
     cpu.request(Command::Warm);
     let mut clock = VirtualClock(0);
     let end = cpu.cycle(&mut clock);

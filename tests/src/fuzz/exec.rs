@@ -28,8 +28,8 @@ pub(super) fn both(program: &Program) {
         accumulators: if program.blocks.len().is_multiple_of(2) { 4 } else { 2 },
         ..CpuConfig::default()
     };
-    let fast = Cpu::new(config.clone(), program, ob1_cpu::system_blocks(), Vec::new());
-    let plain = Cpu::new_plain(config, program, ob1_cpu::system_blocks(), Vec::new());
+    let fast = Cpu::new(config.clone(), program, ob1_cpu::system_blocks(), Vec::new(), ob1_cpu::engine::REFERENCE);
+    let plain = Cpu::new(config, program, ob1_cpu::system_blocks(), Vec::new(), ob1_cpu::engine::PLAIN);
     let (Ok(mut fast), Ok(mut plain)) = (fast, plain) else { return };
     let (mut of_fast, mut of_plain) = (Budget::of(&fast), Budget::of(&plain));
     fast.request(Command::Cold);

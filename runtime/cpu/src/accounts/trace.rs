@@ -6,7 +6,7 @@ use ob1_model::{BlockId, Site};
 
 use super::{Accounts, Flags, ScanRecord};
 use crate::Nanos;
-use crate::machine::Caller;
+use crate::engine::Caller;
 
 /// Most buckets a long pause is spread over in the distribution of the deadlines.
 const SPREAD: u64 = 512;

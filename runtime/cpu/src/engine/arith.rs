@@ -21,7 +21,7 @@ pub(crate) const fn low_word(accu: u32, low: u16) -> u32 {
 
 /// `+I -I *I /I`: ACCU2-L with ACCU1-L. Returns ACCU1 and the condition codes.
 #[inline]
-pub(crate) fn int(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
+pub fn int(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
     let (x, y) = (i32::from(a2 as i16), i32::from(a1 as i16));
     match op {
         // The codes of a sum that overflows follow from the 16 bits that are left of it.
@@ -55,7 +55,7 @@ fn sum16(a1: u32, sum: i32) -> (u32, u32) {
 
 /// `+D -D *D /D MOD`.
 #[inline]
-pub(crate) fn dint(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
+pub fn dint(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
     let (x, y) = (a2 as i32, a1 as i32);
     match op {
         AccuOp::Add => sum32(x.overflowing_add(y)),
@@ -90,7 +90,7 @@ const fn sum32((kept, overflow): (i32, bool)) -> (u32, u32) {
 
 /// `+R -R *R /R`.
 #[inline]
-pub(crate) fn real(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
+pub fn real(op: AccuOp, a2: u32, a1: u32) -> (u32, u32) {
     let (x, y) = (f32::from_bits(a2), f32::from_bits(a1));
     let result = match op {
         AccuOp::Add => x + y,
@@ -140,21 +140,21 @@ const fn holds(compare: Compare, less: bool, equal: bool) -> bool {
 
 /// `==I ... <=I`: RLO and condition codes.
 #[inline]
-pub(crate) fn compare_int(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
+pub fn compare_int(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
     let (x, y) = (a2 as i16, a1 as i16);
     (holds(compare, x < y, x == y), (u32::from(x > y) * CC1) | (u32::from(x < y) * CC0))
 }
 
 /// `==D ... <=D`.
 #[inline]
-pub(crate) fn compare_dint(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
+pub fn compare_dint(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
     let (x, y) = (a2 as i32, a1 as i32);
     (holds(compare, x < y, x == y), (u32::from(x > y) * CC1) | (u32::from(x < y) * CC0))
 }
 
 /// `==R ... <=R`. With a NaN no comparison holds, the codes say "unordered", and OV and OS are set.
 #[inline]
-pub(crate) fn compare_real(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
+pub fn compare_real(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
     let (x, y) = (f32::from_bits(a2), f32::from_bits(a1));
     if x.is_nan() || y.is_nan() {
         return (false, CC1 | CC0 | OV);
@@ -163,7 +163,7 @@ pub(crate) fn compare_real(compare: Compare, a2: u32, a1: u32) -> (bool, u32) {
 }
 
 /// `SQR SQRT LN EXP SIN ...` of ACCU1.
-pub(crate) fn math(function: MathFn, a1: u32) -> (u32, u32) {
+pub fn math(function: MathFn, a1: u32) -> (u32, u32) {
     let x = f32::from_bits(a1);
     let result = match function {
         MathFn::Sqr => x * x,

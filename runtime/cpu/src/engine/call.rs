@@ -3,50 +3,43 @@
 use ob1_ir::{CallMode, DbRegister};
 use ob1_model::{BlockId, Fault, FaultKind};
 
-use super::code::{Call, CallTarget, InSource, InstanceOf, OutTarget, RefArg};
+use super::Entry;
+use super::operand::{POINTER_BITS, Where, in_db, locate, missing, number, open, read, reference, write};
+use super::plan::{Block, Call, CallTarget, Callee, InSource, InstanceOf, OutTarget, RefArg, Signatures};
 use super::regs::{OS, Regs};
-use super::resolve::{POINTER_BITS, Where, in_db, locate, missing, number, open, read, reference, write};
-use super::{Callee, Entry};
-use crate::machine::{Blocks, Machine};
-use crate::memory::Db;
+use crate::arena::{ArenaBit, ArenaByte, Db};
+use crate::machine::Machine;
 
 /// Tops of the stacks of references and scratch before a call.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Tops {
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tops {
     refs: u32,
     scratch: u32,
 }
 
 impl Tops {
     pub(crate) fn of(m: &Machine) -> Self {
-        Self { refs: m.refs_top, scratch: m.scratch_top }
+        Self { refs: m.hot.refs_top, scratch: m.hot.scratch_top }
     }
 
     /// Releases references and scratch of a call, after its copies out.
     pub(crate) fn release(self, m: &mut Machine) {
-        m.refs_top = self.refs;
-        m.scratch_top = self.scratch;
+        m.hot.refs_top = self.refs;
+        m.hot.scratch_top = self.scratch;
     }
 }
 
-/// The caller, while the called block runs.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Frame {
-    /// Its index.
-    pub(crate) block: u32,
-    /// The statement behind the call.
-    pub(crate) pc: u32,
-    /// Index of the call in the block's table.
-    pub(crate) call: u32,
-    pub(crate) tops: Tops,
+/// What a caller gets back when the called block ends.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Saved {
     local_top: u32,
     db: Db,
     di: Db,
     ar2: u32,
     nest: u64,
-    local: u32,
+    local: ArenaByte,
     local_len: u32,
-    previous_local: u32,
+    previous_local: ArenaByte,
     previous_local_len: u32,
     refs: u32,
     mcr: u32,
@@ -56,7 +49,7 @@ pub(crate) struct Frame {
 }
 
 /// What is to be done after the parameters are in place.
-pub(crate) enum Prepared {
+pub enum Prepared {
     /// `CC` with RLO = 0.
     Skipped,
     /// The block and its entry.
@@ -84,14 +77,14 @@ pub(crate) fn entry(call: &Call, tops: Tops, r: &Regs) -> Entry {
 
 /// One more block can be called.
 pub(crate) fn check_depth(m: &Machine) -> Result<(), Fault> {
-    if m.depth >= m.config.nesting_depth {
-        return Err(Fault::new(FaultKind::NestingDepth, u32::from(m.depth)));
+    if m.hot.depth >= u32::from(m.config.nesting_depth) {
+        return Err(Fault::new(FaultKind::NestingDepth, m.hot.depth));
     }
     Ok(())
 }
 
 /// Finds the callee and supplies its parameters.
-pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, blocks: &Blocks) -> Result<Prepared, Fault> {
+pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, signatures: &Signatures) -> Result<Prepared, Fault> {
     if call.mode == CallMode::Conditional {
         let rlo = std::mem::replace(&mut r.rlo, true);
         if !rlo {
@@ -104,7 +97,7 @@ pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, blocks: &Block
         CallTarget::Indirect(kind, n) => {
             let n = number(n, r, m)?;
             let id = BlockId::new(kind, n);
-            (blocks.find(id).ok_or_else(|| missing(kind, n))?, Some(id))
+            (signatures.find(id).ok_or_else(|| missing(kind, n))?.callee, Some(id))
         }
     };
     check_depth(m)?;
@@ -114,11 +107,11 @@ pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, blocks: &Block
         InstanceOf::None => match &call.list {
             Some(list) => {
                 let signature = match list.signature {
-                    Some(index) => blocks.signatures.0.get(index as usize),
-                    None => named.and_then(|id| blocks.signatures.find(id)),
+                    Some(index) => signatures.0.get(index as usize),
+                    None => named.and_then(|id| signatures.find(id)),
                 };
                 let formals = signature.map_or(&[][..], |s| &s.formals);
-                entry.given = super::raw::references(&list.pointers, formals, r, m)?;
+                entry.given = super::pointer_list::references(&list.pointers, formals, r, m)?;
             }
             None => references(call, r, m)?,
         },
@@ -129,7 +122,7 @@ pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, blocks: &Block
             inputs(call, &entry, r, m)?;
         }
         InstanceOf::Local(at) => {
-            entry.ar2 = super::slow::add_ar(r.ar2, at);
+            entry.ar2 = super::statement::add_ar(r.ar2, at);
             inputs(call, &entry, r, m)?;
         }
     }
@@ -139,29 +132,18 @@ pub(crate) fn prepare(call: &Call, r: &mut Regs, m: &mut Machine, blocks: &Block
     Ok(Prepared::Ready(callee, entry))
 }
 
-/// The place of a call in its block.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct CallSite {
-    pub(crate) block: u32,
-    pub(crate) pc: u32,
-    pub(crate) call: u32,
-    pub(crate) instance: bool,
-    pub(crate) tops: Tops,
-}
-
-/// Enters a block of statements: local data and a frame.
-pub(crate) fn enter(at: CallSite, entry: &Entry, local_len: u32, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
-    let full = Fault::new(FaultKind::NestingDepth, u32::from(m.depth));
-    let local = m.memory.local.locate(m.local_top, local_len).ok_or(full)?;
-    if m.frames.len() == m.frames.capacity() {
-        return Err(full);
-    }
-    m.frames.push(Frame {
-        block: at.block,
-        pc: at.pc,
-        call: at.call,
-        tops: at.tops,
-        local_top: m.local_top,
+/// Enters a block of statements: gives it local data and its registers, and says what the caller gets back.
+pub(crate) fn enter(
+    instance: bool,
+    entry: &Entry,
+    local_len: u32,
+    r: &mut Regs,
+    m: &mut Machine,
+) -> Result<Saved, Fault> {
+    let full = Fault::new(FaultKind::NestingDepth, m.hot.depth);
+    let local = m.memory.local.locate(m.hot.local_top, local_len).ok_or(full)?;
+    let saved = Saved {
+        local_top: m.hot.local_top,
         db: r.db,
         di: r.di,
         ar2: r.ar2,
@@ -173,10 +155,10 @@ pub(crate) fn enter(at: CallSite, entry: &Entry, local_len: u32, r: &mut Regs, m
         refs: r.refs,
         mcr: r.mcr,
         mcr_active: r.mcr_active,
-        instance: at.instance,
-    });
-    m.local_top += local_len;
-    m.depth += 1;
+        instance,
+    };
+    m.hot.local_top += local_len;
+    m.hot.depth += 1;
     r.di = entry.di;
     r.ar2 = entry.ar2;
     r.refs = entry.refs;
@@ -187,11 +169,12 @@ pub(crate) fn enter(at: CallSite, entry: &Entry, local_len: u32, r: &mut Regs, m
     r.nest = 0;
     r.mcr = 1;
     r.mcr_active = false;
-    Ok(())
+    Ok(saved)
 }
 
-impl Frame {
+impl Saved {
     /// Gives the caller its registers back. Statements' results (accumulators, AR1, RLO, flags) stay.
+    #[inline]
     pub(crate) fn leave(&self, r: &mut Regs, m: &mut Machine) {
         r.db = self.db;
         r.di = self.di;
@@ -206,68 +189,68 @@ impl Frame {
         r.refs = self.refs;
         r.mcr = self.mcr;
         r.mcr_active = self.mcr_active;
-        m.local_top = self.local_top;
-        m.depth -= 1;
+        m.hot.local_top = self.local_top;
+        m.hot.depth -= 1;
         status_of_call(r);
     }
 }
 
 /// References known at load, without patches.
 pub(crate) fn fixed_references(call: &Call, m: &mut Machine) -> Result<(), Fault> {
-    let base = m.refs_top as usize;
-    let full = Fault::new(FaultKind::NestingDepth, u32::from(m.depth));
+    let base = m.hot.refs_top as usize;
+    let full = Fault::new(FaultKind::NestingDepth, m.hot.depth);
     m.refs.get_mut(base..base + call.refs.len()).ok_or(full)?.copy_from_slice(&call.refs);
-    m.refs_top += call.refs.len() as u32;
+    m.hot.refs_top += call.refs.len() as u32;
     Ok(())
 }
 
 /// Puts the references to an FC's actuals on their stack.
 pub(crate) fn references(call: &Call, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
-    let full = Fault::new(FaultKind::NestingDepth, u32::from(m.depth));
-    let base = m.refs_top as usize;
+    let full = Fault::new(FaultKind::NestingDepth, m.hot.depth);
+    let base = m.hot.refs_top as usize;
     let slots = m.refs.get_mut(base..base + call.refs.len()).ok_or(full)?;
     slots.copy_from_slice(&call.refs);
-    let scratch_bit = (m.memory.scratch.at + m.scratch_top) * 8;
-    if m.scratch_top + call.scratch > m.memory.scratch.len {
+    let scratch = m.memory.scratch.at.plus(m.hot.scratch_top);
+    if m.hot.scratch_top + call.scratch > m.memory.scratch.len {
         return Err(full);
     }
     for (index, patch) in &call.patches {
         let reference = match *patch {
-            RefArg::Local(at) => r.local * 8 + at,
-            RefArg::Param { index, at } => super::raw::handed_on(reference(index, r, m), at, r, m),
-            RefArg::Db { at, bits } => arena(in_db(r.db, DbRegister::Db, at, bits, false)?)?,
+            RefArg::Local(at) => r.local.bit(at).0,
+            RefArg::Param { index, at } => super::pointer_list::handed_on(reference(index, r, m), at, r, m),
+            RefArg::Db { at, bits } => arena(in_db(r.db, DbRegister::Db, at, bits, false)?)?.0,
             RefArg::Number(n) => u32::from(number(n, r, m)?),
             RefArg::Value(place) => read(place, 16, r, m)?,
-            RefArg::Bytes { at, len, scratch } => {
-                let to = scratch_bit + scratch;
-                m.memory.copy(at, to / 8, len);
-                to
+            RefArg::Bytes { at, len, scratch: bit } => {
+                let to = scratch.bit(bit);
+                m.memory.copy(at, to.byte(), len);
+                to.0
             }
-            RefArg::Scratch { value, bits, scratch } => {
-                let at = scratch_bit + scratch;
+            RefArg::Scratch { value, bits, scratch: bit } => {
+                let at = scratch.bit(bit);
                 m.memory.write_bits(at, bits, value);
-                at
+                at.0
             }
-            RefArg::Copy { place, bits, scratch, .. } => {
-                let at = scratch_bit + scratch;
+            RefArg::Copy { place, bits, scratch: bit, .. } => {
+                let at = scratch.bit(bit);
                 let value = read(place, bits as u8, r, m)?;
                 m.memory.write_bits(at, bits as u8, value);
-                at
+                at.0
             }
-            RefArg::Located { place, bits, out } => arena(locate(place, bits, out, r, m)?)?,
+            RefArg::Located { place, bits, out } => arena(locate(place, bits, out, r, m)?)?.0,
         };
         m.refs[base + usize::from(*index)] = reference;
     }
-    m.refs_top += call.refs.len() as u32;
-    m.scratch_top += call.scratch;
+    m.hot.refs_top += call.refs.len() as u32;
+    m.hot.scratch_top += call.scratch;
     Ok(())
 }
 
 /// The bit of a composed actual in the arena. In the peripheral area there is nothing to refer to: an area error.
-fn arena(place: Where) -> Result<u32, Fault> {
+fn arena(place: Where) -> Result<ArenaBit, Fault> {
     match place {
         Where::Arena(at) => Ok(at),
-        Where::Peripheral(at) => Err(Fault::new(FaultKind::AreaRead, at / 8)),
+        Where::Peripheral(at) => Err(Fault::new(FaultKind::AreaRead, at.byte())),
     }
 }
 
@@ -275,25 +258,25 @@ fn arena(place: Where) -> Result<u32, Fault> {
 fn inputs(call: &Call, entry: &Entry, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     let base = instance(entry, call.instance_bytes)?;
     for input in &call.ins {
-        let to = base + input.at;
+        let to = base.plus(input.at);
         if input.bits > 32 {
             let from = match input.from {
                 InSource::Arena(at) => at,
                 InSource::Bytes { at, len } => {
-                    m.memory.copy(at, to / 8, len);
+                    m.memory.copy(at, to.byte(), len);
                     continue;
                 }
                 InSource::Place(place) => arena(locate(place, input.bits, false, r, m)?)?,
                 InSource::Const(_) | InSource::Number(_) => continue,
             };
-            m.memory.copy(from / 8, to / 8, input.bits / 8);
+            m.memory.copy(from.byte(), to.byte(), input.bits / 8);
             continue;
         }
         let bits = input.bits as u8;
         let value = match input.from {
             InSource::Const(value) => value,
             InSource::Arena(at) => m.memory.read_bits(at, bits),
-            InSource::Bytes { at, .. } => m.memory.read_bits(at * 8, bits),
+            InSource::Bytes { at, .. } => m.memory.read_bits(at.bit(0), bits),
             InSource::Place(place) => read(place, bits, r, m)?,
             InSource::Number(n) => u32::from(number(n, r, m)?),
         };
@@ -303,7 +286,7 @@ fn inputs(call: &Call, entry: &Entry, r: &mut Regs, m: &mut Machine) -> Result<(
 }
 
 /// The first bit in the arena of the instance an entry names, when it is long enough.
-fn instance(entry: &Entry, bytes: u32) -> Result<u32, Fault> {
+fn instance(entry: &Entry, bytes: u32) -> Result<ArenaBit, Fault> {
     in_db(entry.di, DbRegister::Di, entry.ar2 & POINTER_BITS, bytes * 8, true).and_then(arena)
 }
 
@@ -318,7 +301,7 @@ pub(crate) fn copy_out(call: &Call, tops: Tops, r: &mut Regs, m: &mut Machine) -
             instance_out(call, base, r, m)
         }),
         InstanceOf::Local(at) => {
-            let at = (super::slow::add_ar(r.ar2, at)) & POINTER_BITS;
+            let at = (super::statement::add_ar(r.ar2, at)) & POINTER_BITS;
             let base = in_db(r.di, DbRegister::Di, at, call.instance_bytes * 8, false).and_then(arena);
             base.and_then(|base| instance_out(call, base, r, m))
         }
@@ -328,25 +311,25 @@ pub(crate) fn copy_out(call: &Call, tops: Tops, r: &mut Regs, m: &mut Machine) -
 }
 
 fn scratch_out(call: &Call, scratch_top: u32, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
-    let scratch_bit = (m.memory.scratch.at + scratch_top) * 8;
+    let scratch_bit = m.memory.scratch.at.plus(scratch_top).bit(0);
     for (_, patch) in &call.patches {
         if let RefArg::Copy { place, bits, scratch, out: true } = *patch {
-            let value = m.memory.read_bits(scratch_bit + scratch, bits as u8);
+            let value = m.memory.read_bits(scratch_bit.plus(scratch), bits as u8);
             write(place, bits as u8, value, r, m)?;
         }
     }
     Ok(())
 }
 
-fn instance_out(call: &Call, base: u32, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
+fn instance_out(call: &Call, base: ArenaBit, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     for out in &call.outs {
-        let from = base + out.at;
+        let from = base.plus(out.at);
         if out.bits > 32 {
             let to = match out.to {
                 OutTarget::Arena(to) => to,
                 OutTarget::Place(place) => arena(locate(place, out.bits, true, r, m)?)?,
             };
-            m.memory.copy(from / 8, to / 8, out.bits / 8);
+            m.memory.copy(from.byte(), to.byte(), out.bits / 8);
             continue;
         }
         let value = m.memory.read_bits(from, out.bits as u8);
@@ -356,4 +339,17 @@ fn instance_out(call: &Call, base: u32, r: &mut Regs, m: &mut Machine) -> Result
         }
     }
     Ok(())
+}
+
+/// Local data and registers for the first block of a run.
+pub(crate) fn begin(block: &Block, entry: &Entry, m: &mut Machine) -> Result<Regs, Fault> {
+    let full = Fault::new(FaultKind::NestingDepth, m.hot.depth);
+    let local = m.memory.local.locate(m.hot.local_top, block.local_len).ok_or(full)?;
+    m.hot.local_top += block.local_len;
+    m.hot.depth += 1;
+    let mut r = Regs::new(entry, local, block.local_len);
+    if let Some(interrupted) = m.interrupted.take() {
+        r.take_over(&interrupted);
+    }
+    Ok(r)
 }

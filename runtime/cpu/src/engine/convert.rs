@@ -7,7 +7,7 @@ use super::arith::{low_word, sign_cc};
 use super::regs::{OS, OV};
 
 /// The new ACCU1 and the flags, which start from `flags`; or a BCD error.
-pub(crate) fn convert(kind: Convert, a1: u32, flags: u32) -> Result<(u32, u32), FaultKind> {
+pub fn convert(kind: Convert, a1: u32, flags: u32) -> Result<(u32, u32), FaultKind> {
     let word = a1 as u16;
     Ok(match kind {
         Convert::Bti => (low_word(a1, from_bcd(u32::from(word), 3, 12)? as u16), flags),

@@ -1,64 +1,120 @@
-//! Engines: what executes a block. The reference engine defines what every statement means.
+//! Engines: what executes blocks, and everything engines share.
+//!
+//! A loaded program is a [`Plan`]. A [`Factory`] makes an [`Engine`] of it; [`Cpu::new`](crate::Cpu::new) is given the
+//! factory, and [`Cpu::exchange_engine`](crate::Cpu::exchange_engine) exchanges the engine between two scans. The
+//! reference engine ([`REFERENCE`]) defines what a statement means; [`PLAIN`] is the same without short forms.
+//!
+//! # The contract of an engine
+//!
+//! [`Engine::call`] runs a block of statements to its end and everything it calls. It may be called again before it
+//! returns: an organization block runs within a safe point or a fault, and a native block calls blocks. What an engine
+//! keeps for nested blocks is its own affair; so are the registers of the running block, [`Regs`].
+//!
+//! **Registers.** Nobody but the engine sees them. A helper of [`Context`] that needs them is given them; before it is
+//! called they must be in the structure, behind it they are read from there. An organization block that runs within a
+//! safe point has its own.
+//!
+//! **The hot state.** [`Context::hot`] hands out [`Hot`], which the engine reads and writes directly, and which every
+//! helper may change. The arena is one alias region: parameters, pointers, areas and data blocks may name the same
+//! bytes. Registers and hot state are a second one.
+//!
+//! **Statements** are counted in [`Hot::pending`], one for each, the block's end included. The count must be true,
+//! the running statement included, when a safe point looks, at each helper that is given a [`Caller`], and when
+//! [`Engine::call`] returns; helpers may change it.
+//!
+//! **Safe points** are backward jumps that are taken and calls, conditional ones included; in no other place does time
+//! move. A safe point looks when `pending >= look_after` or the flag `due` is set; then [`Context::safe_point`] tells the
+//! clock, serves the operator's STOP, the cycle monitoring and interrupts of higher classes. `at` is the statement that
+//! comes next: the jump's target, or the one behind the call.
+//!
+//! **Faults** go to [`Context::fault_at`] with the statement that made them; the site in the source follows from it. The
+//! organization block runs, and the program goes on with the next statement.
+//!
+//! **[`Abort`]** comes back unchanged through every level at once. Stacks and counters in the hot state are put right by
+//! who called the engine.
 
 mod arith;
 mod call;
-mod code;
 mod convert;
-mod lower;
-mod lower_call;
-mod raw;
+mod helpers;
+mod hot;
+mod jump;
+mod operand;
+mod plan;
+mod pointer_list;
+mod reference;
 mod regs;
-mod resolve;
-mod run;
 mod shift;
-mod slow;
+mod statement;
 
-use ob1_model::Site;
+use std::sync::Arc;
 
-use crate::machine::Caller;
-use crate::memory::Db;
-use crate::{Abort, Context};
+use crate::Abort;
 
-pub(crate) use call::Frame;
-pub(crate) use lower::{Constants, Lowering, Signature, Signatures, lower, writes_param};
-pub(crate) use lower_call::collect;
-pub(crate) use raw::RAW;
+pub use crate::arena::{ArenaBit, ArenaByte, Db, Range};
+pub use crate::context::Context;
+pub use arith::{compare_dint, compare_int, compare_real, dint, int, math, real};
+pub use call::{Prepared, Saved, Tops};
+pub use convert::convert;
+pub use hot::Hot;
+pub use jump::condition;
+pub use operand::{POINTER_BITS, Where};
+pub use plan::{
+    AREA_IN_POINTER, Areas, Base, Block, Call, CallTarget, Callee, Caller, Formal, InSource, InstanceIn, InstanceOf,
+    InstanceOut, List, Op, OutTarget, Plan, RefArg, Scan, Signature, Signatures,
+};
+pub(crate) use plan::{Constants, Lowering, collect, lower, writes_param};
+pub use pointer_list::RAW;
+pub use reference::{PLAIN, REFERENCE};
 pub(crate) use regs::Interrupted;
-pub(crate) use run::Reference;
-
-/// A loaded block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Callee {
-    /// Statements, by index.
-    Code(u32),
-    /// A native block, by index.
-    Native(u32),
-}
+pub use regs::{BR, CC0, CC1, FC, OR, OS, OV, RLO, Regs, STA, with_cc};
+pub use shift::shift;
 
 /// What a block finds when it is entered.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Entry {
+pub struct Entry {
     /// Where the references to its actual parameters begin in the stack of references.
-    pub(crate) refs: u32,
+    pub refs: u32,
     /// Bit n: parameter n was supplied.
-    pub(crate) given: u64,
+    pub given: u64,
     /// The DB register.
-    pub(crate) db: Db,
+    pub db: Db,
     /// The DI register: the instance of an FB.
-    pub(crate) di: Db,
+    pub di: Db,
     /// Address register 2: where the instance begins in it.
-    pub(crate) ar2: u32,
+    pub ar2: u32,
     /// The caller's local data.
-    pub(crate) previous_local: u32,
+    pub previous_local: ArenaByte,
     /// Bytes of them.
-    pub(crate) previous_local_len: u32,
+    pub previous_local_len: u32,
 }
 
-/// What executes blocks of statements. A fast engine takes this one's place later.
-pub(crate) trait Engine: Send {
-    /// Runs a block to its end or until the CPU goes to STOP.
-    fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort>;
+/// What executes blocks of statements.
+pub trait Engine: Send {
+    /// Its name, for reports.
+    fn name(&self) -> &'static str;
 
-    /// Where a statement stands in the source.
-    fn site(&self, caller: Caller) -> Option<Site>;
+    /// The plan it was made of.
+    fn plan(&self) -> &Arc<Plan>;
+
+    /// Runs a block to its end.
+    ///
+    /// # Errors
+    /// The CPU goes to STOP.
+    fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort>;
+}
+
+/// What makes engines.
+pub trait Factory {
+    /// The engine that runs this plan.
+    ///
+    /// # Errors
+    /// Why it cannot.
+    fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String>;
+
+    /// Bytes of the thread's stack that a nested block of statements takes at most, in this engine or any that may take
+    /// its place.
+    fn stack_per_block(&self) -> usize {
+        0
+    }
 }

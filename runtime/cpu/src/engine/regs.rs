@@ -3,59 +3,73 @@
 use ob1_ir::StatusBit;
 
 use super::Entry;
-use crate::memory::Db;
+use crate::arena::{ArenaByte, Db};
 
 /// `/FC`: a chain of bit logic is under way.
-pub(crate) const FC: u32 = 1;
+pub const FC: u32 = 1;
 /// Result of logic operation.
-pub(crate) const RLO: u32 = 1 << 1;
+pub const RLO: u32 = 1 << 1;
 /// The bit last scanned or written.
-pub(crate) const STA: u32 = 1 << 2;
+pub const STA: u32 = 1 << 2;
 /// Result of the AND in front of an OR.
-pub(crate) const OR: u32 = 1 << 3;
+pub const OR: u32 = 1 << 3;
 /// Stored overflow.
-pub(crate) const OS: u32 = 1 << 4;
+pub const OS: u32 = 1 << 4;
 /// Overflow.
-pub(crate) const OV: u32 = 1 << 5;
+pub const OV: u32 = 1 << 5;
 /// Condition code 0 (`A0`).
-pub(crate) const CC0: u32 = 1 << 6;
+pub const CC0: u32 = 1 << 6;
 /// Condition code 1 (`A1`).
-pub(crate) const CC1: u32 = 1 << 7;
+pub const CC1: u32 = 1 << 7;
 /// Binary result.
-pub(crate) const BR: u32 = 1 << 8;
+pub const BR: u32 = 1 << 8;
 
 /// Accumulators, address and data block registers, status word of the running block.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
-pub(crate) struct Regs {
-    pub(crate) a1: u32,
-    pub(crate) a2: u32,
-    pub(crate) a3: u32,
-    pub(crate) a4: u32,
-    pub(crate) ar1: u32,
-    pub(crate) ar2: u32,
+pub struct Regs {
+    /// ACCU1.
+    pub a1: u32,
+    /// ACCU2.
+    pub a2: u32,
+    /// ACCU3.
+    pub a3: u32,
+    /// ACCU4.
+    pub a4: u32,
+    /// Address register 1.
+    pub ar1: u32,
+    /// Address register 2.
+    pub ar2: u32,
     /// OS, OV, CC0, CC1 and BR in their places of the status word.
-    pub(crate) flags: u32,
-    pub(crate) rlo: bool,
-    pub(crate) fc: bool,
-    pub(crate) or: bool,
-    pub(crate) sta: bool,
+    pub flags: u32,
+    /// Result of logic operation.
+    pub rlo: bool,
+    /// `/FC`.
+    pub fc: bool,
+    /// OR.
+    pub or: bool,
+    /// STA.
+    pub sta: bool,
     /// Open brackets, eight bits each, the innermost lowest.
-    pub(crate) nest: u64,
-    pub(crate) db: Db,
-    pub(crate) di: Db,
+    pub nest: u64,
+    /// The DB register.
+    pub db: Db,
+    /// The DI register.
+    pub di: Db,
     /// The running block's local data.
-    pub(crate) local: u32,
-    pub(crate) local_len: u32,
+    pub local: ArenaByte,
+    /// Bytes of them.
+    pub local_len: u32,
     /// The calling block's local data.
-    pub(crate) previous_local: u32,
-    pub(crate) previous_local_len: u32,
+    pub previous_local: ArenaByte,
+    /// Bytes of them.
+    pub previous_local_len: u32,
     /// First reference to an actual parameter.
-    pub(crate) refs: u32,
+    pub refs: u32,
     /// Master control relay: open brackets as bits below a leading 1, the innermost lowest.
-    pub(crate) mcr: u32,
+    pub mcr: u32,
     /// `MCRA` is in force.
-    pub(crate) mcr_active: bool,
+    pub mcr_active: bool,
 }
 
 /// The registers of a block that an error has interrupted. OB 121 and OB 122 find them in their own, as they belong to
@@ -83,7 +97,9 @@ impl Regs {
         (self.ar1, self.ar2, self.db, self.di) = (from.ar1, from.ar2, from.db, from.di);
     }
 
-    pub(crate) fn new(entry: &Entry, local: u32, local_len: u32) -> Self {
+    /// What a block finds that is entered from outside the engine.
+    #[must_use]
+    pub fn new(entry: &Entry, local: ArenaByte, local_len: u32) -> Self {
         Self {
             a1: 0,
             a2: 0,
@@ -110,7 +126,7 @@ impl Regs {
     }
 
     /// The status word.
-    pub(crate) fn status_word(&self) -> u32 {
+    pub fn status_word(&self) -> u32 {
         self.flags
             | (u32::from(self.fc) * FC)
             | (u32::from(self.rlo) * RLO)
@@ -118,7 +134,8 @@ impl Regs {
             | (u32::from(self.or) * OR)
     }
 
-    pub(crate) fn set_status_word(&mut self, word: u32) {
+    /// Takes over a status word.
+    pub fn set_status_word(&mut self, word: u32) {
         self.fc = word & FC != 0;
         self.rlo = word & RLO != 0;
         self.sta = word & STA != 0;
@@ -128,24 +145,24 @@ impl Regs {
 
     /// A condition of the status word as an operand.
     #[inline]
-    pub(crate) fn status_bit(&self, bit: StatusBit) -> bool {
+    pub fn status_bit(&self, bit: StatusBit) -> bool {
         status_bit(self.flags, bit)
     }
 
     /// The master control relay is off: assignments write 0, `S` and `R` nothing.
-    pub(crate) fn mcr_off(&self) -> bool {
+    pub fn mcr_off(&self) -> bool {
         self.mcr_active && self.mcr & 1 == 0
     }
 
     /// Takes over CC1, CC0 and OV of a result; OV also sets OS.
     #[inline]
-    pub(crate) fn set_cc(&mut self, cc: u32) {
+    pub fn set_cc(&mut self, cc: u32) {
         self.flags = with_cc(self.flags, cc);
     }
 
     /// A boolean result that begins or continues a chain: FC := 1, OR := 0, STA := RLO.
     #[inline]
-    pub(crate) fn set_result(&mut self, rlo: bool) {
+    pub fn set_result(&mut self, rlo: bool) {
         self.rlo = rlo;
         self.sta = rlo;
         self.or = false;
@@ -154,14 +171,14 @@ impl Regs {
 
     /// The result of `FP` and `FN`. STA is the bit written, as of each statement that writes one: the RLO it found.
     #[inline]
-    pub(crate) fn set_edge(&mut self, written: bool, rlo: bool) {
+    pub fn set_edge(&mut self, written: bool, rlo: bool) {
         self.set_result(rlo);
         self.sta = written;
     }
 
     /// Ends a chain of bit logic: FC := 0, OR := 0, STA as given.
     #[inline]
-    pub(crate) fn end_chain(&mut self, sta: bool) {
+    pub fn end_chain(&mut self, sta: bool) {
         self.fc = false;
         self.or = false;
         self.sta = sta;
@@ -170,7 +187,7 @@ impl Regs {
 
 /// `flags` with CC1, CC0, OV of `cc`; OV also sets OS.
 #[inline]
-pub(crate) const fn with_cc(flags: u32, cc: u32) -> u32 {
+pub const fn with_cc(flags: u32, cc: u32) -> u32 {
     flags & (OS | BR) | cc | (cc & OV) >> 1
 }
 

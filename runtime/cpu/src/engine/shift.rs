@@ -7,7 +7,7 @@ use super::regs::CC1;
 
 /// ACCU1 after the shift and its condition codes; `None` when the count is 0.
 #[inline]
-pub(crate) fn shift(kind: Shift, a1: u32, count: u8) -> Option<(u32, u32)> {
+pub fn shift(kind: Shift, a1: u32, count: u8) -> Option<(u32, u32)> {
     if count == 0 {
         return None;
     }

@@ -1,10 +1,12 @@
 //! What the tests of the CPU share: a clock in virtual time, and programs written directly as intermediate code.
-#![allow(dead_code, unreachable_pub, reason = "each test crate uses its own part")]
+#![allow(dead_code, unreachable_pub, unused_imports, reason = "each test crate uses its own part")]
 
+pub mod engines;
 pub mod rack;
 pub mod random;
 pub mod source;
 
+pub use engines::{ENGINES, engine, on_each_engine};
 use ob1_cpu::{Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CycleEnd, Nanos, OperatingState};
 use ob1_ir::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Target, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
@@ -183,7 +185,9 @@ pub struct Bench {
 
 impl Bench {
     pub fn new(program: &Program) -> Self {
-        Self::with(Cpu::new(CpuConfig::default(), program, Vec::new(), Vec::new()).expect("the program loads"))
+        Self::with(
+            Cpu::new(CpuConfig::default(), program, Vec::new(), Vec::new(), engine()).expect("the program loads"),
+        )
     }
 
     /// Starts a CPU; the first cycle has not run.

@@ -35,5 +35,5 @@ pub fn bench_with(
     let source = Source { name: "test.awl".into(), bytes: source.as_bytes().to_vec() };
     let output = compile(&[source], &library, &Options::default());
     assert!(output.is_good(), "{:#?}", output.diagnostics);
-    Bench::with(Cpu::new(config, &output.program, natives, modules).expect("the program loads"))
+    Bench::with(Cpu::new(config, &output.program, natives, modules, super::engine()).expect("the program loads"))
 }

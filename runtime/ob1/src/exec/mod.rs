@@ -125,8 +125,8 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<Cpu, 
     };
     let natives = program::native_standard_blocks(standard);
     let cpu = match args.engine {
-        Engine::Reference => Cpu::new(config, program, natives, Vec::new()),
-        Engine::Plain => Cpu::new_plain(config, program, natives, Vec::new()),
+        Engine::Reference => Cpu::new(config, program, natives, Vec::new(), ob1_cpu::engine::REFERENCE),
+        Engine::Plain => Cpu::new(config, program, natives, Vec::new(), ob1_cpu::engine::PLAIN),
     };
     cpu.map_err(|errors| rejected(&Unserved::new(standard, &[]).findings(&errors, program)))
 }

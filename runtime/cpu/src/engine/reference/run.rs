@@ -1,152 +1,43 @@
 //! The run loop of the reference engine.
 
-use ob1_ir::{Compare, Jump, Logic, StatusBit};
-use ob1_model::{Area, Fault, FaultKind, Site};
+use ob1_ir::{Compare, Logic};
+use ob1_model::Fault;
 
-use super::arith::{self, low_word};
-use super::call::{self, CallSite, Prepared, Tops};
-use super::code::{AREA_IN_POINTER, Base, Block, Call, InstanceOf, Op, Scan};
-use super::regs::{BR, Interrupted, OS, Regs, status_bit, with_cc};
-use super::resolve::{self, Where};
-use super::slow;
-use super::{Callee, Engine, Entry};
-use crate::machine::{Caller, Context, Machine};
-use crate::{Abort, native};
-
-/// The engine that defines the meaning of every statement.
-pub(crate) struct Reference {
-    pub(crate) blocks: Box<[Block]>,
-}
-
-impl Engine for Reference {
-    fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {
-        self.run(block, entry, cx)
-    }
-
-    fn site(&self, caller: Caller) -> Option<Site> {
-        Some(self.blocks.get(caller.block as usize)?.site(caller.statement as usize))
-    }
-}
-
-/// Why the loop cannot reach an operand itself.
-enum Miss {
-    Fault(Fault),
-    /// It lies in the peripheral area: the slow form goes there.
-    Peripheral,
-}
-
-impl From<Fault> for Miss {
-    fn from(fault: Fault) -> Self {
-        Miss::Fault(fault)
-    }
-}
-
-/// The place of a based operand for `bits` bits, as bit address in the arena.
-#[inline(always)]
-fn based(base: Base, at: u32, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<u32, Miss> {
-    let found = match base {
-        Base::Local => return Ok(r.local * 8 + at),
-        Base::Param(index) => resolve::param(index, at, bits, write, r, m)?,
-        Base::Db => resolve::in_db(r.db, ob1_ir::DbRegister::Db, at, bits, write)?,
-        Base::Instance => {
-            let at = (r.ar2 & resolve::POINTER_BITS).wrapping_add(at);
-            resolve::in_db(r.di, ob1_ir::DbRegister::Di, at, bits, write)?
-        }
-        Base::Ar1(code) => register_indirect(r.ar1, code, at, bits, write, r, m)?,
-        Base::Ar2(code) => register_indirect(r.ar2, code, at, bits, write, r, m)?,
-        Base::Pointer(code) => {
-            let pointer = m.memory.read_bits(at * 8, 32);
-            register_indirect(pointer & resolve::POINTER_BITS, code, 0, bits, write, r, m)?
-        }
-    };
-    match found {
-        Where::Arena(at) => Ok(at),
-        Where::Peripheral(_) => Err(Miss::Peripheral),
-    }
-}
-
-#[inline(always)]
-fn register_indirect(
-    pointer: u32,
-    code: u8,
-    offset: u32,
-    bits: u32,
-    write: bool,
-    r: &Regs,
-    m: &Machine,
-) -> Result<Where, Fault> {
-    let at = pointer.wrapping_add(offset) & resolve::POINTER_BITS;
-    let code = if code == AREA_IN_POINTER { (pointer >> 24) as u8 } else { code };
-    let Some(area) = Area::from_pointer_code(code) else {
-        return Err(Fault::new(if write { FaultKind::AreaWrite } else { FaultKind::AreaRead }, u32::from(code)));
-    };
-    resolve::aligned(area, at, bits, write)?;
-    resolve::in_area(area, at, bits, write, r, m)
-}
-
-#[inline(always)]
-fn word(bytes: &[u8], at: u32) -> u32 {
-    let at = at as usize;
-    bytes.get(at..at + 2).map_or(0, |b| u32::from(u16::from_be_bytes([b[0], b[1]])))
-}
-
-#[inline(always)]
-fn dword(bytes: &[u8], at: u32) -> u32 {
-    let at = at as usize;
-    bytes.get(at..at + 4).map_or(0, |b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]))
-}
-
-#[inline(always)]
-fn put_word(bytes: &mut [u8], at: u32, value: u32) {
-    let at = at as usize;
-    if let Some(b) = bytes.get_mut(at..at + 2) {
-        b.copy_from_slice(&(value as u16).to_be_bytes());
-    }
-}
-
-#[inline(always)]
-fn put_dword(bytes: &mut [u8], at: u32, value: u32) {
-    let at = at as usize;
-    if let Some(b) = bytes.get_mut(at..at + 4) {
-        b.copy_from_slice(&value.to_be_bytes());
-    }
-}
-
-#[inline(always)]
-fn byte(bytes: &[u8], at: u32) -> u8 {
-    bytes.get(at as usize).copied().unwrap_or(0)
-}
-
-#[inline(always)]
-fn put_bit(bytes: &mut [u8], at: u32, mask: u8, value: bool) {
-    if let Some(b) = bytes.get_mut(at as usize) {
-        *b = if value { *b | mask } else { *b & !mask };
-    }
-}
+use super::bytes::{byte, dword, put_bit, put_byte, put_dword, put_word, word};
+use super::{Frame, Reference};
+use crate::Abort;
+use crate::context::Context;
+use crate::engine::arith::{self, low_word};
+use crate::engine::call::{self, Prepared, Tops};
+use crate::engine::operand::{self, Where};
+use crate::engine::plan::{Callee, Caller, InstanceOf, Op, Scan};
+use crate::engine::regs::{Regs, with_cc};
+use crate::engine::{Entry, jump, statement};
 
 #[inline(always)]
 fn scan_bit(scan: Scan, bit: bool, r: &mut Regs) {
-    slow::scan(scan.logic, bit != scan.negate, r);
+    statement::scan(scan.logic, bit != scan.negate, r);
     r.sta = bit;
 }
 
 impl Reference {
     /// Runs `block` until it ends. The registers live in this function; nested blocks of statements run in the same
     /// loop, native blocks and organization blocks for faults are called out of it.
-    fn run(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {
-        let blocks = cx.blocks;
-        let floor = cx.machine.frames.len();
-        let tops = (cx.machine.local_top, cx.machine.depth);
+    pub(super) fn run(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {
+        let runtime = cx.blocks;
+        let blocks = self.blocks();
+        let floor = self.frames.top();
+        let tops = (cx.machine.hot.local_top, cx.machine.hot.depth);
         let mut current = block;
-        let Some(mut code) = self.blocks.get(current as usize) else { return Ok(()) };
-        let mut r = match self.begin(code, entry, cx.machine) {
+        let Some(mut code) = blocks.get(current as usize) else { return Ok(()) };
+        let mut r = match call::begin(code, entry, cx.machine) {
             Ok(r) => r,
-            Err(fault) => return cx.fault(fault, Some(code.site(0)), &Interrupted::default()).map(|_| ()),
+            Err(fault) => return cx.no_room(block, fault),
         };
         let mut pc = 0usize;
         // Statements of the running stretch are counted when it is left: those from `from` to `pc`.
         let mut from = 0usize;
-        let mut executed = cx.machine.pending;
+        let mut executed = cx.machine.hot.pending;
 
         macro_rules! count {
             () => {
@@ -155,11 +46,10 @@ impl Reference {
         }
         macro_rules! attend {
             () => {
-                if executed >= cx.machine.look_after || blocks.interrupt.is_due() {
-                    cx.machine.pending = executed;
-                    cx.machine.at = Some(Caller { block: current, statement: pc as u32 });
-                    cx.attend()?;
-                    executed = cx.machine.pending;
+                if executed >= cx.machine.hot.look_after || runtime.interrupt.is_due() {
+                    cx.machine.hot.pending = executed;
+                    cx.safe_point(Caller { block: current, statement: pc as u32 })?;
+                    executed = cx.machine.hot.pending;
                 }
             };
         }
@@ -175,28 +65,30 @@ impl Reference {
                 }
             }};
         }
+        // The statement that has just been counted.
+        macro_rules! here {
+            () => {
+                Caller { block: current, statement: (pc - 1) as u32 }
+            };
+        }
         // Runs the fault's organization block; the program goes on with the next statement.
         macro_rules! fail {
             ($fault:expr) => {{
                 let fault: Fault = $fault;
                 count!();
                 from = pc;
-                cx.machine.pending = executed;
+                cx.machine.hot.pending = executed;
                 let mut regs = r;
-                let value = cx.fault(fault, Some(code.site(pc - 1)), &regs.interrupted())?;
-                if code.stmts.get(pc - 1).is_some_and(|stmt| slow::loads(&stmt.op)) {
-                    slow::load(&mut regs, 0);
-                }
-                regs.a1 = value.unwrap_or(regs.a1);
+                cx.fault_at(here!(), fault, &mut regs)?;
                 r = regs;
-                executed = cx.machine.pending;
+                executed = cx.machine.hot.pending;
                 continue;
             }};
         }
         macro_rules! step_slowly {
             () => {{
                 let mut regs = r;
-                let done = slow::step(&code.stmts[pc - 1].op, &mut regs, cx.machine);
+                let done = statement::step(&code.stmts[pc - 1].op, &mut regs, cx.machine);
                 r = regs;
                 if let Err(fault) = done {
                     fail!(fault);
@@ -206,10 +98,11 @@ impl Reference {
         }
         macro_rules! place {
             ($base:expr, $at:expr, $bits:expr, $write:expr) => {
-                match based($base, $at, $bits, $write, &r, cx.machine) {
-                    Ok(at) => at,
-                    Err(Miss::Peripheral) => step_slowly!(),
-                    Err(Miss::Fault(fault)) => fail!(fault),
+                match operand::based($base, $at, $bits, $write, &r, cx.machine) {
+                    Ok(Where::Arena(at)) => at,
+                    // The slow form goes there.
+                    Ok(Where::Peripheral(_)) => step_slowly!(),
+                    Err(fault) => fail!(fault),
                 }
             };
         }
@@ -265,30 +158,14 @@ impl Reference {
             }};
         }
 
-        // A native block with its parameters in place. The caller's registers are out of its reach.
-        macro_rules! run_native {
-            ($call:expr, $native:expr, $entry:expr, $tops:expr) => {{
-                let call: &Call = $call;
-                cx.machine.pending = executed;
-                cx.machine.depth += 1;
-                let site = Caller { block: current, statement: (pc - 1) as u32 };
-                let caller = cx.machine.native_caller.replace(site);
-                let br = native::call($native, &$entry, cx)?;
-                cx.machine.native_caller = caller;
-                cx.machine.depth -= 1;
-                executed = cx.machine.pending;
-                call::status_of_call(&mut r);
-                r.flags = r.flags & !BR | u32::from(br) * BR;
-                if call.copies_out {
-                    let mut regs = r;
-                    let copied = call::copy_out(call, $tops, &mut regs, cx.machine);
-                    $tops.release(cx.machine);
-                    if let Err(fault) = copied {
-                        fail!(fault);
-                    }
-                } else {
-                    $tops.release(cx.machine);
-                }
+        // What runs a native block. The caller's registers are out of its reach.
+        macro_rules! native {
+            (|$regs:ident| $run:expr) => {{
+                cx.machine.hot.pending = executed;
+                let mut $regs = r;
+                $run?;
+                r = $regs;
+                executed = cx.machine.hot.pending;
             }};
         }
 
@@ -330,7 +207,7 @@ impl Reference {
                 }
                 Op::ScanAt { scan, base, at } => {
                     let at = place!(base, at, 1, false);
-                    let bit = bit!(at / 8, 1 << (at % 8));
+                    let bit = bit!(at.byte(), at.mask());
                     match scan.logic {
                         Logic::And => and!(bit, |b: bool| b ^ scan.negate),
                         Logic::Or => or!(bit, |b: bool| b ^ scan.negate),
@@ -339,20 +216,20 @@ impl Reference {
                 }
                 Op::AssignAt { base, at } => {
                     let at = place!(base, at, 1, true);
-                    put_bit(&mut mem!(), at / 8, 1 << (at % 8), r.rlo);
+                    put_bit(&mut mem!(), at.byte(), at.mask(), r.rlo);
                     r.end_chain(r.rlo);
                 }
                 Op::SetAt { base, at } => {
                     let at = place!(base, at, 1, r.rlo);
                     if r.rlo {
-                        put_bit(&mut mem!(), at / 8, 1 << (at % 8), true);
+                        put_bit(&mut mem!(), at.byte(), at.mask(), true);
                     }
                     r.end_chain(r.rlo);
                 }
                 Op::ResetAt { base, at } => {
                     let at = place!(base, at, 1, r.rlo);
                     if r.rlo {
-                        put_bit(&mut mem!(), at / 8, 1 << (at % 8), false);
+                        put_bit(&mut mem!(), at.byte(), at.mask(), false);
                     }
                     r.end_chain(r.rlo);
                 }
@@ -365,9 +242,9 @@ impl Reference {
                     let bit = cx.machine.counters.get(usize::from(number)).is_some_and(|c| c.value != 0);
                     scan_bit(scan, bit, &mut r);
                 }
-                Op::Open { scan } => slow::open_bracket(scan.logic, scan.negate, &mut r),
-                Op::Close => slow::close_bracket(&mut r),
-                Op::OrBranch => slow::or_branch(&mut r),
+                Op::Open { scan } => statement::open_bracket(scan.logic, scan.negate, &mut r),
+                Op::Close => statement::close_bracket(&mut r),
+                Op::OrBranch => statement::or_branch(&mut r),
                 Op::SetRlo => {
                     r.rlo = true;
                     r.end_chain(true);
@@ -381,52 +258,44 @@ impl Reference {
                     r.sta = true;
                 }
 
-                Op::LoadByte { at } => slow::load(&mut r, u32::from(byte(&mem!(), at))),
-                Op::LoadWord { at } => slow::load(&mut r, word(&mem!(), at)),
-                Op::LoadDWord { at } => slow::load(&mut r, dword(&mem!(), at)),
-                Op::StoreByte { at } => {
-                    if let Some(b) = mem!().get_mut(at as usize) {
-                        *b = r.a1 as u8;
-                    }
-                }
+                Op::LoadByte { at } => statement::load(&mut r, u32::from(byte(&mem!(), at))),
+                Op::LoadWord { at } => statement::load(&mut r, word(&mem!(), at)),
+                Op::LoadDWord { at } => statement::load(&mut r, dword(&mem!(), at)),
+                Op::StoreByte { at } => put_byte(&mut mem!(), at, r.a1),
                 Op::StoreWord { at } => put_word(&mut mem!(), at, r.a1),
                 Op::StoreDWord { at } => put_dword(&mut mem!(), at, r.a1),
                 Op::LoadInDb { bits, db, at } => {
                     r.db = cx.machine.memory.db(db).unwrap_or(r.db);
-                    slow::load(&mut r, cx.machine.memory.read_bits(at * 8, bits));
+                    statement::load(&mut r, cx.machine.memory.read_bits(at.bit(0), bits));
                 }
                 Op::StoreInDb { bits, db, at } => {
                     r.db = cx.machine.memory.db(db).unwrap_or(r.db);
-                    cx.machine.memory.write_bits(at * 8, bits, r.a1);
+                    cx.machine.memory.write_bits(at.bit(0), bits, r.a1);
                 }
                 Op::LoadAt { bits, base, at } => {
-                    let at = place!(base, at, u32::from(bits), false) / 8;
+                    let at = place!(base, at, u32::from(bits), false).byte();
                     let value = match bits {
                         8 => u32::from(byte(&mem!(), at)),
                         16 => word(&mem!(), at),
                         _ => dword(&mem!(), at),
                     };
-                    slow::load(&mut r, value);
+                    statement::load(&mut r, value);
                 }
                 Op::StoreAt { bits, base, at } => {
-                    let at = place!(base, at, u32::from(bits), true) / 8;
+                    let at = place!(base, at, u32::from(bits), true).byte();
                     match bits {
-                        8 => {
-                            if let Some(b) = mem!().get_mut(at as usize) {
-                                *b = r.a1 as u8;
-                            }
-                        }
+                        8 => put_byte(&mut mem!(), at, r.a1),
                         16 => put_word(&mut mem!(), at, r.a1),
                         _ => put_dword(&mut mem!(), at, r.a1),
                     }
                 }
-                Op::LoadConst { value } => slow::load(&mut r, value),
+                Op::LoadConst { value } => statement::load(&mut r, value),
 
                 Op::Int(op) => arithmetic!(arith::int, op),
                 Op::DInt(op) => arithmetic!(arith::dint, op),
                 Op::Real(op) => arithmetic!(arith::real, op),
                 Op::Four(format, op) => {
-                    let (result, cc) = slow::arithmetic(format, op, r.a2, r.a1);
+                    let (result, cc) = statement::arithmetic(format, op, r.a2, r.a1);
                     (r.a1, r.a2, r.a3) = (result, r.a3, r.a4);
                     r.flags = with_cc(r.flags, cc);
                 }
@@ -453,7 +322,7 @@ impl Reference {
                 }
                 Op::JumpOn { on, target } => {
                     let mut regs = r;
-                    let taken = condition(on, &mut regs);
+                    let taken = jump::condition(on, &mut regs);
                     r = regs;
                     if taken {
                         jump!(target);
@@ -476,21 +345,7 @@ impl Reference {
                     count!();
                     from = pc;
                     attend!();
-                    let call = &code.calls[call as usize];
-                    let tops = Tops::of(cx.machine);
-                    let entry = call::entry(call, tops, &r);
-                    let supplied = call::check_depth(cx.machine).and_then(|()| {
-                        if call.patches.is_empty() {
-                            return call::fixed_references(call, cx.machine);
-                        }
-                        let mut regs = r;
-                        call::references(call, &mut regs, cx.machine)
-                    });
-                    if let Err(fault) = supplied {
-                        tops.release(cx.machine);
-                        fail!(fault);
-                    }
-                    run_native!(call, native, entry, tops);
+                    native!(|regs| cx.call_native(native, here!(), &code.calls[call as usize], &mut regs));
                 }
                 Op::Call { call: index } => {
                     count!();
@@ -499,7 +354,7 @@ impl Reference {
                     let call = &code.calls[index as usize];
                     let tops = Tops::of(cx.machine);
                     let mut regs = r;
-                    let prepared = call::prepare(call, &mut regs, cx.machine, blocks);
+                    let prepared = call::prepare(call, &mut regs, cx.machine, &runtime.plan.signatures);
                     match prepared {
                         Err(fault) => {
                             tops.release(cx.machine);
@@ -507,14 +362,18 @@ impl Reference {
                         }
                         Ok(Prepared::Skipped) => r = regs,
                         Ok(Prepared::Ready(Callee::Code(next), entry)) => {
-                            let called = &self.blocks[next as usize];
+                            let called = &blocks[next as usize];
                             let instance = !matches!(call.instance, InstanceOf::None);
-                            let at = CallSite { block: current, pc: pc as u32, call: index, instance, tops };
-                            let entered = call::enter(at, &entry, called.local_len, &mut regs, cx.machine);
+                            let entered = call::enter(instance, &entry, called.local_len, &mut regs, cx.machine);
                             r = regs;
-                            if let Err(fault) = entered {
-                                tops.release(cx.machine);
-                                fail!(fault);
+                            match entered {
+                                Ok(saved) => {
+                                    self.frames.push(Frame { block: current, pc: pc as u32, call: index, tops, saved });
+                                }
+                                Err(fault) => {
+                                    tops.release(cx.machine);
+                                    fail!(fault);
+                                }
                             }
                             code = called;
                             current = next;
@@ -523,7 +382,7 @@ impl Reference {
                         }
                         Ok(Prepared::Ready(Callee::Native(native), entry)) => {
                             r = regs;
-                            run_native!(call, native, entry, tops);
+                            native!(|regs| cx.run_native(native, here!(), call, &entry, tops, &mut regs));
                         }
                     }
                 }
@@ -533,17 +392,17 @@ impl Reference {
                 }
                 Op::End | Op::EndIf => {
                     count!();
-                    if cx.machine.frames.len() == floor {
+                    if self.frames.top() == floor {
                         break;
                     }
-                    let Some(frame) = cx.machine.frames.pop() else { break };
+                    let Some(frame) = self.frames.pop() else { break };
                     current = frame.block;
-                    code = &self.blocks[current as usize];
+                    code = &blocks[current as usize];
                     pc = frame.pc as usize;
                     from = pc;
                     let call = &code.calls[frame.call as usize];
                     let mut regs = r;
-                    frame.leave(&mut regs, cx.machine);
+                    frame.saved.leave(&mut regs, cx.machine);
                     let copied =
                         if call.copies_out { call::copy_out(call, frame.tops, &mut regs, cx.machine) } else { Ok(()) };
                     r = regs;
@@ -556,55 +415,9 @@ impl Reference {
                 Op::Slow => step_slowly!(),
             }
         }
-        let m = &mut *cx.machine;
-        m.pending = executed;
-        (m.local_top, m.depth) = tops;
+        let hot = &mut cx.machine.hot;
+        hot.pending = executed;
+        (hot.local_top, hot.depth) = tops;
         Ok(())
-    }
-
-    /// Local data for the first block of a run.
-    fn begin(&self, code: &Block, entry: &Entry, m: &mut Machine) -> Result<Regs, Fault> {
-        let full = Fault::new(FaultKind::NestingDepth, u32::from(m.depth));
-        let local = m.memory.local.locate(m.local_top, code.local_len).ok_or(full)?;
-        m.local_top += code.local_len;
-        m.depth += 1;
-        let mut r = Regs::new(entry, local, code.local_len);
-        if let Some(interrupted) = m.interrupted.take() {
-            r.take_over(&interrupted);
-        }
-        Ok(r)
-    }
-}
-
-/// The rarer jump conditions and what they do to the status word.
-fn condition(on: Jump, r: &mut Regs) -> bool {
-    let flags = r.flags;
-    match on {
-        Jump::Always => true,
-        Jump::IfRlo | Jump::IfRloSaveBr | Jump::IfNotRlo | Jump::IfNotRloSaveBr => {
-            let rlo = r.rlo;
-            if matches!(on, Jump::IfRloSaveBr | Jump::IfNotRloSaveBr) {
-                r.flags = flags & !BR | (u32::from(rlo) * BR);
-            }
-            r.rlo = true;
-            r.end_chain(true);
-            rlo == matches!(on, Jump::IfRlo | Jump::IfRloSaveBr)
-        }
-        Jump::IfBr | Jump::IfNotBr => {
-            r.end_chain(true);
-            (flags & BR != 0) == (on == Jump::IfBr)
-        }
-        Jump::IfOverflow => status_bit(flags, StatusBit::Overflow),
-        Jump::IfStoredOverflow => {
-            r.flags &= !OS;
-            flags & OS != 0
-        }
-        Jump::IfZero => status_bit(flags, StatusBit::Zero),
-        Jump::IfNotZero => status_bit(flags, StatusBit::NotZero),
-        Jump::IfPositive => status_bit(flags, StatusBit::Positive),
-        Jump::IfNegative => status_bit(flags, StatusBit::Negative),
-        Jump::IfNotNegative => status_bit(flags, StatusBit::NotNegative),
-        Jump::IfNotPositive => status_bit(flags, StatusBit::NotPositive),
-        Jump::IfUnordered => status_bit(flags, StatusBit::Unordered),
     }
 }

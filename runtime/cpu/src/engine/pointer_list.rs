@@ -9,14 +9,14 @@
 use ob1_ir::DbRegister;
 use ob1_model::{Area, BitAddr, Fault, FaultKind};
 
-use super::lower::Formal;
+use super::operand::{POINTER_BITS, Where, aligned, in_area, in_db, reference};
+use super::plan::Formal;
 use super::regs::Regs;
-use super::resolve::{POINTER_BITS, Where, aligned, in_area, in_db, reference};
+use crate::arena::{ArenaBit, Range};
 use crate::machine::Machine;
-use crate::memory::Range;
 
 /// Set in a reference that is a pointer.
-pub(crate) const RAW: u32 = 0x8000_0000;
+pub const RAW: u32 = 0x8000_0000;
 
 /// A reference to nothing: an area that does not exist.
 const NOWHERE: u32 = 0xFF00_0000;
@@ -30,9 +30,9 @@ const POINTER: u32 = 48;
 /// Puts the references of a list on their stack: one for each formal, to nothing where the list is too short. Gives
 /// which formals the list has.
 pub(crate) fn references(list: &[u32], formals: &[Formal], r: &Regs, m: &mut Machine) -> Result<u64, Fault> {
-    let base = m.refs_top as usize;
+    let base = m.hot.refs_top as usize;
     if m.refs.len() < base + formals.len() {
-        return Err(Fault::new(FaultKind::NestingDepth, u32::from(m.depth)));
+        return Err(Fault::new(FaultKind::NestingDepth, m.hot.depth));
     }
     let mut given = 0;
     for (index, formal) in formals.iter().enumerate() {
@@ -48,7 +48,7 @@ pub(crate) fn references(list: &[u32], formals: &[Formal], r: &Regs, m: &mut Mac
             }
         }
     }
-    m.refs_top += formals.len() as u32;
+    m.hot.refs_top += formals.len() as u32;
     Ok(given)
 }
 
@@ -64,14 +64,14 @@ fn refer(entry: u32, formal: &Formal, r: &Regs, m: &Machine) -> u32 {
         if matches!(area, Area::Db | Area::Di | Area::Local | Area::Peripheral) {
             return entry;
         }
-        return arena(place(area, at, formal.bits, r, m)).unwrap_or(entry);
+        return arena(place(area, at, formal.bits, r, m)).map_or(entry, |at| at.0);
     }
     if !formal.by_pointer {
-        return arena(place(area, at, formal.bits, r, m)).unwrap_or(NOWHERE);
+        return arena(place(area, at, formal.bits, r, m)).map_or(NOWHERE, |at| at.0);
     }
     let Some(pointer) = arena(place(area, at, POINTER, r, m)) else { return NOWHERE };
     let db = m.memory.read_bits(pointer, 16) as u16;
-    let bits = m.memory.read_bits(pointer + 16, 32);
+    let bits = m.memory.read_bits(pointer.plus(16), 32);
     let to = bits & POINTER_BITS;
     let found = match Area::from_pointer_code((bits >> 24) as u8) {
         Some(Area::Db | Area::Di) if db > 0 => {
@@ -80,7 +80,7 @@ fn refer(entry: u32, formal: &Formal, r: &Regs, m: &Machine) -> u32 {
         Some(area) => arena(place(area, to, formal.least_bits(), r, m)),
         None => None,
     };
-    found.unwrap_or(NOWHERE)
+    found.map_or(NOWHERE, |at| at.0)
 }
 
 /// A place as the caller sees it; area V of the block called is the caller's local data.
@@ -90,7 +90,7 @@ fn place(area: Area, at: u32, bits: u32, r: &Regs, m: &Machine) -> Result<Where,
     in_area(area, at, bits, false, r, m)
 }
 
-fn arena(place: Result<Where, Fault>) -> Option<u32> {
+fn arena(place: Result<Where, Fault>) -> Option<ArenaBit> {
     match place {
         Ok(Where::Arena(at)) => Some(at),
         Ok(Where::Peripheral(_)) | Err(_) => None,
@@ -115,7 +115,7 @@ pub(crate) fn handed_on(reference: u32, at: u32, r: &Regs, m: &Machine) -> u32 {
         return reference + at;
     }
     match locate(reference, at, 1, false, r, m) {
-        Ok(Where::Arena(at)) => at,
+        Ok(Where::Arena(at)) => at.0,
         Ok(Where::Peripheral(_)) => reference + at,
         Err(_) => NOWHERE,
     }
@@ -124,7 +124,7 @@ pub(crate) fn handed_on(reference: u32, at: u32, r: &Regs, m: &Machine) -> u32 {
 /// The place in area V beyond the caller's local data: what calls have copied.
 pub(crate) fn copies(at: u32, bits: u32, m: &Machine) -> Option<Where> {
     let byte = (at / 8).checked_sub(COPIES)?;
-    m.memory.scratch.locate(byte, bits.div_ceil(8)).map(|byte| Where::Arena(byte * 8 + at % 8))
+    m.memory.scratch.locate(byte, bits.div_ceil(8)).map(|byte| Where::Arena(byte.bit(at % 8)))
 }
 
 /// `L P##name`: the pointer to the actual parameter `index`. With `by` its POINTER goes to this place of the local
@@ -135,24 +135,24 @@ pub(crate) fn pointer_to(index: u16, by: Option<BitAddr>, r: &Regs, m: &mut Mach
         if reference & RAW != 0 {
             return Ok(reference);
         }
-        return Ok(pointer(reference, r, m)?.1);
+        return Ok(pointer(ArenaBit(reference), r, m)?.1);
     };
     let (db, bits) = if reference & RAW != 0 {
         return Err(Fault::new(FaultKind::AreaRead, reference >> 24));
     } else {
-        pointer(reference, r, m)?
+        pointer(ArenaBit(reference), r, m)?
     };
     let Where::Arena(at) = in_area(Area::Local, by.0, POINTER, true, r, m)? else { return Ok(0) };
     m.memory.write_bits(at, 16, u32::from(db));
-    m.memory.write_bits(at + 16, 32, bits);
+    m.memory.write_bits(at.plus(16), 32, bits);
     Ok(u32::from(Area::Local.pointer_code()) << 24 | by.0)
 }
 
 /// Data block and pointer to a bit of the arena, as the running block can use them.
-fn pointer(bit: u32, r: &Regs, m: &Machine) -> Result<(u16, u32), Fault> {
+fn pointer(bit: ArenaBit, r: &Regs, m: &Machine) -> Result<(u16, u32), Fault> {
     let memory = &m.memory;
-    let byte = bit / 8;
-    let within = |range: Range| (range.at..range.end()).contains(&byte).then(|| bit - range.at * 8);
+    let byte = bit.byte();
+    let within = |range: Range| (range.at..range.end()).contains(&byte).then(|| bit.0 - range.at.bit(0).0);
     let areas = [
         (Area::Input, memory.inputs, 0),
         (Area::Output, memory.outputs, 0),
@@ -172,7 +172,7 @@ fn pointer(bit: u32, r: &Regs, m: &Machine) -> Result<(u16, u32), Fault> {
     let last = program.partition_point(|db| db.at <= byte);
     let candidates = program.get(last.saturating_sub(1)..last).into_iter().flatten().chain(made);
     for db in candidates.filter(|db| db.number > 0) {
-        if let Some(at) = within(Range { at: db.at, len: db.len }) {
+        if let Some(at) = within(db.range()) {
             return Ok((db.number, code(Area::Db) | at));
         }
     }

@@ -1,96 +1,17 @@
 //! From the intermediate code to the pre-decoded form, at load.
 
-use ob1_ir::{BitTest, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Program, Verified};
-use ob1_model::{Area, BlockId, BlockKind, DataType, Interface, Section};
+use ob1_ir::{AccuOp, BitTest, CodeBlock, Logic, Number, NumberFormat, Op as Ir, Operand, Place, Program, Verified};
+use ob1_model::{Area, BitAddr, BlockKind};
 
-use super::Callee;
-use super::code::{AREA_IN_POINTER, Base, Block, CallTarget, InstanceOf, Op, Scan, arithmetic};
-use super::lower_call::lower_call;
-use super::resolve::width_bits;
+use super::lower_call::{Constants, lower_call};
+use super::{AREA_IN_POINTER, Base, Block, CallTarget, Callee, InstanceOf, Op, Scan, Signatures};
+use crate::arena::ArenaByte;
+use crate::engine::operand::width_bits;
 use crate::memory::Memory;
 use crate::{CpuConfig, LoadError};
 
 /// Bytes of start information at the beginning of an organization block's local data.
 const START_INFO: u32 = 20;
-
-/// A formal parameter, as calls need it.
-#[derive(Clone, Debug)]
-pub(crate) struct Formal {
-    pub(crate) section: Section,
-    /// Size in bits; numbers of timers, counters and blocks are 16.
-    pub(crate) bits: u32,
-    /// Up to 32 bits and copied by value.
-    pub(crate) elementary: bool,
-    /// TIMER, COUNTER, BLOCK_xx: the reference is the number itself.
-    pub(crate) number: bool,
-    /// The callee writes it, or passes it on.
-    pub(crate) written: bool,
-    /// Bit in the instance of an FB.
-    pub(crate) at: u32,
-    /// A STRING: its operand may be shorter than declared here, as its length bytes tell.
-    pub(crate) string: bool,
-    /// Composed, and neither POINTER nor ANY: a list of pointers names the POINTER to it.
-    pub(crate) by_pointer: bool,
-    /// Its place in a list of pointers.
-    pub(crate) listed: u16,
-}
-
-impl Formal {
-    /// Bits an operand passed by reference must have.
-    pub(crate) const fn least_bits(&self) -> u32 {
-        if self.string { 16 } else { self.bits }
-    }
-}
-
-/// What a caller must know of a block.
-#[derive(Clone, Debug)]
-pub(crate) struct Signature {
-    pub(crate) id: BlockId,
-    pub(crate) callee: Callee,
-    pub(crate) formals: Vec<Formal>,
-    pub(crate) instance_bytes: u32,
-}
-
-impl Signature {
-    /// The signature of an interface; `written` tells which formals the callee may write.
-    pub(crate) fn new(id: BlockId, callee: Callee, interface: &Interface, written: &dyn Fn(usize) -> bool) -> Self {
-        let places = interface.list_places();
-        let formals = interface
-            .formals()
-            .enumerate()
-            .map(|(i, p)| {
-                let bits = p.passed_bits(id.kind.has_instance());
-                let number = p.ty.is_parameter_type();
-                Formal {
-                    section: p.section,
-                    bits,
-                    elementary: p.ty.elementary_bits().is_some(),
-                    number,
-                    written: p.section != Section::Input || written(i),
-                    at: p.at.0,
-                    string: matches!(p.ty, DataType::String(_)),
-                    by_pointer: p.ty.is_composed() && !matches!(p.ty, DataType::Pointer | DataType::Any),
-                    listed: places.get(i).copied().unwrap_or(u16::MAX),
-                }
-            })
-            .collect();
-        Self { id, callee, formals, instance_bytes: interface.instance_bytes }
-    }
-}
-
-/// Every loaded block's signature, sorted by id.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Signatures(pub(crate) Vec<Signature>);
-
-impl Signatures {
-    pub(crate) fn find(&self, id: BlockId) -> Option<&Signature> {
-        self.0.binary_search_by_key(&id, |s| s.id).ok().map(|i| &self.0[i])
-    }
-
-    pub(crate) fn index(&self, id: BlockId) -> Option<u32> {
-        self.0.binary_search_by_key(&id, |s| s.id).ok().and_then(|i| u32::try_from(i).ok())
-    }
-}
 
 /// Everything lowering reads.
 pub(crate) struct Lowering<'a> {
@@ -100,36 +21,6 @@ pub(crate) struct Lowering<'a> {
     pub(crate) signatures: &'a Signatures,
     /// Constants of calls: their bytes, at `memory.constants`.
     pub(crate) constants: &'a Constants,
-    /// No short forms: everything but jumps and calls straight from the intermediate code. For tests.
-    pub(crate) plain: bool,
-}
-
-/// Constants of calls, collected before the memory is laid out.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Constants {
-    pub(crate) bytes: Vec<u8>,
-}
-
-impl Constants {
-    /// The offset of these bytes, which are appended when they are not there yet.
-    pub(crate) fn add(&mut self, bytes: &[u8]) {
-        if self.find(bytes).is_none() {
-            self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-            self.bytes.extend_from_slice(bytes);
-        }
-    }
-
-    /// Offset of these bytes, on a multiple of four.
-    pub(crate) fn find(&self, bytes: &[u8]) -> Option<u32> {
-        let mut at = 0;
-        while at + bytes.len() <= self.bytes.len() {
-            if &self.bytes[at..at + bytes.len()] == bytes {
-                return u32::try_from(at).ok();
-            }
-            at += 4;
-        }
-        None
-    }
 }
 
 /// Lowers one block.
@@ -161,7 +52,7 @@ pub(crate) fn lower(block: &CodeBlock, l: &Lowering<'_>, errors: &mut Vec<LoadEr
                 lists.push(targets.iter().copied().chain([*otherwise]).collect::<Box<[u32]>>());
                 Op::JumpList { list: index_u32(lists.len() - 1) }
             }
-            op => control(op).unwrap_or_else(|| if l.plain { Op::Slow } else { short(op, mcr, l).unwrap_or(Op::Slow) }),
+            op => control(op).or_else(|| short(op, mcr, l)).unwrap_or(Op::Slow),
         };
         ops.push(op);
     }
@@ -290,7 +181,7 @@ fn transfer(operand: Operand, l: &Lowering<'_>) -> Option<Op> {
 }
 
 /// The arena byte and bit mask of a place in E, A or M that lies inside its area.
-pub(crate) fn fixed(place: Place, bits: u32, l: &Lowering<'_>) -> Option<(u32, u8)> {
+pub(crate) fn fixed(place: Place, bits: u32, l: &Lowering<'_>) -> Option<(ArenaByte, u8)> {
     let Place::Fixed(area, at) = place else { return None };
     let range = match area {
         Area::Input => l.memory.inputs,
@@ -302,21 +193,21 @@ pub(crate) fn fixed(place: Place, bits: u32, l: &Lowering<'_>) -> Option<(u32, u
 }
 
 /// A fully qualified operand of a data block that is loaded, long enough and, for writes, not protected.
-fn in_db(place: Place, bits: u8, write: bool, l: &Lowering<'_>) -> Option<(u16, u32)> {
+fn in_db(place: Place, bits: u8, write: bool, l: &Lowering<'_>) -> Option<(u16, ArenaByte)> {
     let Place::InDb(number, at) = place else { return None };
     let db = l.memory.db(number)?;
     let end = u64::from(at.byte()) + u64::from(bits / 8);
     let room = if write { db.writable } else { db.len };
-    (bits > 1 && end <= u64::from(room)).then_some((number, db.at + at.byte()))
+    (bits > 1 && end <= u64::from(room)).then_some((number, db.at.plus(at.byte())))
 }
 
-fn based(place: Place, l: &Lowering<'_>) -> Option<(Base, u32)> {
+fn based(place: Place, l: &Lowering<'_>) -> Option<(Base, BitAddr)> {
     use ob1_ir::AddressRegister::{Ar1, Ar2};
     Some(match place {
-        Place::Fixed(Area::Local, at) => (Base::Local, at.0),
-        Place::Fixed(Area::Db, at) => (Base::Db, at.0),
-        Place::Instance(at) => (Base::Instance, at.0),
-        Place::Param { index, at } => (Base::Param(index), at.0),
+        Place::Fixed(Area::Local, at) => (Base::Local, at),
+        Place::Fixed(Area::Db, at) => (Base::Db, at),
+        Place::Instance(at) => (Base::Instance, at),
+        Place::Param { index, at } => (Base::Param(index), at),
         Place::Register(area, register, at) => {
             let code = area.map_or(AREA_IN_POINTER, Area::pointer_code);
             if area == Some(Area::Peripheral) {
@@ -329,12 +220,12 @@ fn based(place: Place, l: &Lowering<'_>) -> Option<(Base, u32)> {
                     debug_assert!(register == Ar2);
                     Base::Ar2(code)
                 },
-                at.0,
+                at,
             )
         }
         Place::Memory(area, pointer) if pointer.area == Area::Memory && area != Area::Peripheral => {
-            let at = l.memory.memory.locate(pointer.at.byte(), 4)?;
-            (Base::Pointer(area.pointer_code()), at)
+            let from = l.memory.memory.locate(pointer.at.byte(), 4)?;
+            (Base::Pointer { code: area.pointer_code(), from }, BitAddr(0))
         }
         _ => return None,
     })
@@ -372,4 +263,13 @@ const fn may_write(op: &Ir) -> bool {
             | Ir::LoadParamPointer { .. }
             | Ir::Call(_)
     )
+}
+
+/// The operation of a format on a CPU with two accumulators.
+const fn arithmetic(format: NumberFormat, op: AccuOp) -> Op {
+    match format {
+        NumberFormat::Int => Op::Int(op),
+        NumberFormat::DInt => Op::DInt(op),
+        NumberFormat::Real => Op::Real(op),
+    }
 }

@@ -1,14 +1,16 @@
-//! Every statement but jumps and calls, executed straight from the intermediate code. What the run loop has no short
-//! form for comes here; tests run whole programs this way and compare.
+//! The meaning of every statement, executed straight from the intermediate code; jumps and calls only as far as they
+//! change the status word. What an engine has no short form for comes here; tests run whole programs this way and
+//! compare.
 
 use ob1_ir::{AccuOp, AddressRegister, BitTest, DbRegister, Logic, NumberFormat, Op, Place, WordLogic};
 use ob1_model::{Area, BitAddr, Fault, FaultKind};
 
 use super::arith::{self, low_word};
 use super::convert::convert;
+use super::operand::{self, number, read, width_bits, write};
 use super::regs::{BR, CC0, CC1, OV, Regs, with_cc};
-use super::resolve::{self, number, read, width_bits, write};
 use super::shift::shift;
+use crate::arena::Db;
 use crate::machine::Machine;
 use crate::timers::{Counter, Timer};
 
@@ -243,7 +245,7 @@ fn load_transfer(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
         }
         Op::LoadConst(value) => load(r, value),
         Op::LoadParamPointer { index, at } => {
-            let pointer = super::raw::pointer_to(index, at, r, m)?;
+            let pointer = super::pointer_list::pointer_to(index, at, r, m)?;
             load(r, pointer);
         }
         Op::LoadParamCopy { index, bytes, at } => {
@@ -290,7 +292,7 @@ fn load_transfer(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
     Ok(())
 }
 
-fn db(register: DbRegister, r: &Regs) -> crate::memory::Db {
+fn db(register: DbRegister, r: &Regs) -> Db {
     match register {
         DbRegister::Db => r.db,
         DbRegister::Di => r.di,
@@ -442,8 +444,8 @@ fn address_registers(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault
         Op::OpenDb(register, n) => {
             let db = match number(n, r, m)? {
                 // The POINTER of an operand outside data blocks names none: nothing is open then, and that is no error.
-                0 => crate::memory::Db::default(),
-                n => resolve::open(m, n, register)?,
+                0 => Db::default(),
+                n => operand::open(m, n, register)?,
             };
             match register {
                 DbRegister::Db => r.db = db,

@@ -3,13 +3,44 @@
 use ob1_ir::{Arg, Call as IrCall, CallMode, CodeBlock, Number, Operand, Place, Target};
 use ob1_model::{Area, BlockId, Layout, Section, Site};
 
-use super::code::{Call, CallTarget, InSource, InstanceIn, InstanceOf, InstanceOut, List, OutTarget, RefArg};
-use super::lower::{Constants, Formal, Lowering, Signature, Signatures, fixed};
-use super::resolve::width_bits;
+use super::lower::{Lowering, fixed};
+use super::{
+    Call, CallTarget, Formal, InSource, InstanceIn, InstanceOf, InstanceOut, List, OutTarget, RefArg, Signature,
+    Signatures,
+};
 use crate::LoadError;
+use crate::engine::operand::width_bits;
 
 /// Formals a block may have.
 const FORMALS: usize = 256;
+
+/// Constants of calls, collected before the memory is laid out.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Constants {
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl Constants {
+    /// The offset of these bytes, which are appended when they are not there yet.
+    pub(crate) fn add(&mut self, bytes: &[u8]) {
+        if self.find(bytes).is_none() {
+            self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+            self.bytes.extend_from_slice(bytes);
+        }
+    }
+
+    /// Offset of these bytes, on a multiple of four.
+    pub(crate) fn find(&self, bytes: &[u8]) -> Option<u32> {
+        let mut at = 0;
+        while at + bytes.len() <= self.bytes.len() {
+            if &self.bytes[at..at + bytes.len()] == bytes {
+                return u32::try_from(at).ok();
+            }
+            at += 4;
+        }
+        None
+    }
+}
 
 /// The bytes of a constant of a formal: right-aligned value to the formal's own width.
 fn constant_bytes(value: u32, bits: u32) -> ([u8; 4], usize) {
@@ -148,14 +179,14 @@ fn instance_call(
             Arg::Bytes(bytes) => {
                 let base = l.memory.constants.at;
                 let at = l.constants.find(bytes).ok_or_else(|| wrong("constant not collected".into()))?;
-                InSource::Bytes { at: base + at, len: (bytes.len() as u32).min(bits / 8) }
+                InSource::Bytes { at: base.plus(at), len: (bytes.len() as u32).min(bits / 8) }
             }
             Arg::Number(number) if formal.number => InSource::Number(*number),
             Arg::Number(_) => return Err(wrong(format!("parameter {} is no number", i + 1))),
             Arg::Raw(_) => return Err(wrong("CALL takes no list of pointers".into())),
             Arg::Operand(operand) => {
                 check_width(*operand, formal, i, wrong)?;
-                let known = fixed(operand.place, bits, l).map(|(byte, mask)| byte * 8 + mask.trailing_zeros());
+                let known = fixed(operand.place, bits, l).map(|(byte, mask)| byte.bit(mask.trailing_zeros()));
                 if output {
                     let to = known.map_or(OutTarget::Place(operand.place), OutTarget::Arena);
                     outs.push(InstanceOut { to, at, bits });
@@ -216,7 +247,7 @@ fn reference_call(
                 } else {
                     let (bytes, len) = constant_bytes(*value, formal.bits);
                     let at = l.constants.find(&bytes[..len]).ok_or_else(|| wrong("constant not collected".into()))?;
-                    refs.push((l.memory.constants.at + at) * 8);
+                    refs.push(l.memory.constants.at.plus(at).bit(0).0);
                     continue;
                 }
             }
@@ -226,12 +257,12 @@ fn reference_call(
                     return Err(wrong(format!("parameter {} has {} bits", i + 1, formal.bits)));
                 }
                 let at = l.constants.find(bytes).ok_or_else(|| wrong("constant not collected".into()))?;
-                let at = l.memory.constants.at + at;
+                let at = l.memory.constants.at.plus(at);
                 if formal.written {
                     let len = bytes.len() as u32;
                     RefArg::Bytes { at, len, scratch: take(len * 8) }
                 } else {
-                    refs.push(at * 8);
+                    refs.push(at.bit(0).0);
                     continue;
                 }
             }
@@ -247,7 +278,7 @@ fn reference_call(
                 if formal.number {
                     RefArg::Value(operand.place)
                 } else if let Some((byte, mask)) = fixed(operand.place, formal.least_bits(), l) {
-                    refs.push(byte * 8 + mask.trailing_zeros());
+                    refs.push(byte.bit(mask.trailing_zeros()).0);
                     continue;
                 } else {
                     operand_reference(caller, operand.place, formal, i, &mut take, wrong)?

@@ -3,21 +3,22 @@
 use ob1_ir::{AddressRegister, DbRegister, Number, Place, Pointer, Width};
 use ob1_model::{Area, BitAddr, BlockKind, Fault, FaultKind};
 
-use super::raw::RAW;
+use super::plan::{AREA_IN_POINTER, Base};
+use super::pointer_list::RAW;
 use super::regs::Regs;
+use crate::arena::{ArenaBit, Db, Range};
 use crate::machine::Machine;
-use crate::memory::{Db, Range};
 
 /// The part of a pointer that is an address: 16 bits of byte, 3 of bit.
-pub(crate) const POINTER_BITS: u32 = 0x7_FFFF;
+pub const POINTER_BITS: u32 = 0x7_FFFF;
 
 /// Where an operand lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Where {
-    /// Bit address in the arena.
-    Arena(u32),
+pub enum Where {
+    /// In the arena.
+    Arena(ArenaBit),
     /// Byte and bit in the peripheral area.
-    Peripheral(u32),
+    Peripheral(BitAddr),
 }
 
 pub(crate) const fn width_bits(width: Width) -> u8 {
@@ -77,9 +78,9 @@ pub(crate) fn reference(index: u16, r: &Regs, m: &Machine) -> u32 {
 pub(crate) fn param(index: u16, at: u32, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<Where, Fault> {
     let reference = reference(index, r, m);
     if reference & RAW != 0 {
-        return super::raw::locate(reference, at, bits, write, r, m);
+        return super::pointer_list::locate(reference, at, bits, write, r, m);
     }
-    Ok(Where::Arena(reference.wrapping_add(at)))
+    Ok(Where::Arena(ArenaBit(reference.wrapping_add(at))))
 }
 
 /// Whole bytes begin at one.
@@ -102,12 +103,12 @@ pub(crate) fn in_area(area: Area, at: u32, bits: u32, write: bool, r: &Regs, m: 
         Area::PreviousLocal => Range { at: r.previous_local, len: r.previous_local_len },
         Area::Db => return in_db(r.db, DbRegister::Db, at, bits, write),
         Area::Di => return in_db(r.di, DbRegister::Di, at, bits, write),
-        Area::Peripheral => return Ok(Where::Peripheral(at)),
+        Area::Peripheral => return Ok(Where::Peripheral(BitAddr(at))),
     };
     match range.locate(at / 8, bits.div_ceil(8)) {
-        Some(byte) => Ok(Where::Arena(byte * 8 + at % 8)),
+        Some(byte) => Ok(Where::Arena(byte.bit(at % 8))),
         None if area == Area::PreviousLocal => {
-            super::raw::copies(at, bits, m).ok_or_else(|| outside(area, at, bits, write))
+            super::pointer_list::copies(at, bits, m).ok_or_else(|| outside(area, at, bits, write))
         }
         None => Err(outside(area, at, bits, write)),
     }
@@ -121,8 +122,7 @@ fn outside(area: Area, at: u32, bits: u32, write: bool) -> Fault {
 
 /// `bits` bits at `at` of the data block in a register.
 pub(crate) fn in_db(db: Db, register: DbRegister, at: u32, bits: u32, write: bool) -> Result<Where, Fault> {
-    let range = Range { at: db.at, len: db.len };
-    let Some(byte) = range.locate(at / 8, bits.div_ceil(8)) else {
+    let Some(byte) = db.range().locate(at / 8, bits.div_ceil(8)) else {
         let area = match register {
             DbRegister::Db => Area::Db,
             DbRegister::Di => Area::Di,
@@ -139,7 +139,7 @@ pub(crate) fn in_db(db: Db, register: DbRegister, at: u32, bits: u32, write: boo
             u32::from(db.number),
         ));
     }
-    Ok(Where::Arena(byte * 8 + at % 8))
+    Ok(Where::Arena(byte.bit(at % 8)))
 }
 
 /// The data block `AUF DB/DI number` opens.
@@ -157,7 +157,7 @@ pub(crate) fn open(m: &Machine, number: u16, register: DbRegister) -> Result<Db,
 fn read_pointer(pointer: Pointer, bits: u8, r: &Regs, m: &Machine) -> Result<u32, Fault> {
     match in_area(pointer.area, pointer.at.0, u32::from(bits), false, r, m)? {
         Where::Arena(at) => Ok(m.memory.read_bits(at, bits)),
-        Where::Peripheral(at) => Err(outside(pointer.area, at, u32::from(bits), false)),
+        Where::Peripheral(at) => Err(outside(pointer.area, at.0, u32::from(bits), false)),
     }
 }
 
@@ -195,26 +195,26 @@ pub(crate) fn write(place: Place, bits: u8, value: u32, r: &mut Regs, m: &mut Ma
     }
 }
 
-fn read_peripheral(m: &mut Machine, at: u32, bits: u8) -> Result<u32, Fault> {
+fn read_peripheral(m: &mut Machine, at: BitAddr, bits: u8) -> Result<u32, Fault> {
     let mut bytes = [0; 4];
     let len = usize::from(bits.div_ceil(8));
-    m.io_read(at / 8, &mut bytes[4 - len..]).map_err(|_| peripheral(FaultKind::PeripheralRead, at, bits))?;
+    m.io_read(at.byte(), &mut bytes[4 - len..]).map_err(|_| peripheral(FaultKind::PeripheralRead, at, bits))?;
     let value = u32::from_be_bytes(bytes);
-    Ok(if bits == 1 { value >> (at % 8) & 1 } else { value })
+    Ok(if bits == 1 { value >> at.bit() & 1 } else { value })
 }
 
-fn write_peripheral(m: &mut Machine, at: u32, bits: u8, value: u32) -> Result<(), Fault> {
+fn write_peripheral(m: &mut Machine, at: BitAddr, bits: u8, value: u32) -> Result<(), Fault> {
     if bits == 1 {
         // There are no peripheral bits.
         return Err(peripheral(FaultKind::PeripheralWrite, at, bits));
     }
     let len = usize::from(bits / 8);
     let from = &value.to_be_bytes()[4 - len..];
-    m.io_write(at / 8, from).map_err(|_| peripheral(FaultKind::PeripheralWrite, at, bits))
+    m.io_write(at.byte(), from).map_err(|_| peripheral(FaultKind::PeripheralWrite, at, bits))
 }
 
-fn peripheral(kind: FaultKind, at: u32, bits: u8) -> Fault {
-    Fault::at(kind, Area::Peripheral, u32::from(bits), at / 8)
+fn peripheral(kind: FaultKind, at: BitAddr, bits: u8) -> Fault {
+    Fault::at(kind, Area::Peripheral, u32::from(bits), at.byte())
 }
 
 /// The block kinds' "not loaded" and number faults.
@@ -227,4 +227,40 @@ pub(crate) fn missing(kind: BlockKind, number: u16) -> Fault {
         BlockKind::Fc | BlockKind::Ob => FaultKind::FcNotLoaded,
     };
     Fault::new(fault, u32::from(number))
+}
+
+/// The place of a based operand for `bits` bits.
+#[inline(always)]
+pub(crate) fn based(base: Base, at: BitAddr, bits: u32, write: bool, r: &Regs, m: &Machine) -> Result<Where, Fault> {
+    match base {
+        Base::Local => Ok(Where::Arena(r.local.bit(at.0))),
+        Base::Param(index) => param(index, at.0, bits, write, r, m),
+        Base::Db => in_db(r.db, DbRegister::Db, at.0, bits, write),
+        Base::Instance => in_db(r.di, DbRegister::Di, (r.ar2 & POINTER_BITS).wrapping_add(at.0), bits, write),
+        Base::Ar1(code) => register_indirect(r.ar1, code, at.0, bits, write, r, m),
+        Base::Ar2(code) => register_indirect(r.ar2, code, at.0, bits, write, r, m),
+        Base::Pointer { code, from } => {
+            let pointer = m.memory.read_bits(from.bit(0), 32);
+            register_indirect(pointer & POINTER_BITS, code, 0, bits, write, r, m)
+        }
+    }
+}
+
+#[inline(always)]
+fn register_indirect(
+    pointer: u32,
+    code: u8,
+    offset: u32,
+    bits: u32,
+    write: bool,
+    r: &Regs,
+    m: &Machine,
+) -> Result<Where, Fault> {
+    let at = pointer.wrapping_add(offset) & POINTER_BITS;
+    let code = if code == AREA_IN_POINTER { (pointer >> 24) as u8 } else { code };
+    let Some(area) = Area::from_pointer_code(code) else {
+        return Err(Fault::new(if write { FaultKind::AreaWrite } else { FaultKind::AreaRead }, u32::from(code)));
+    };
+    aligned(area, at, bits, write)?;
+    in_area(area, at, bits, write, r, m)
 }

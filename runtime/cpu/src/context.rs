@@ -1,0 +1,213 @@
+//! What runs, and the context through which engines, native blocks and organization blocks reach it: time, safe points,
+//! organization blocks in their turn.
+
+use std::sync::Arc;
+
+use ob1_model::{BlockId, BlockKind, Event, FaultKind};
+use ob1_std::services::ErrorFilter;
+
+use crate::engine::{Callee, Engine, Entry, Plan};
+use crate::machine::{Interrupt, Machine};
+use crate::native::Native;
+use crate::{Abort, Clock, DiagEntry, Nanos, ObInfo, ShortText};
+
+/// Statements after which the engine looks at the clock at its next safe point, at the latest.
+const STATEMENTS_PER_LOOK: u32 = 1000;
+/// Fewest statements between two looks at a clock whose pace is only guessed at.
+const FEWEST_STATEMENTS: u64 = 16;
+
+/// What runs: blocks by number, and who executes them.
+pub(crate) struct Blocks {
+    pub(crate) engine: Box<dyn Engine>,
+    pub(crate) plan: Arc<Plan>,
+    pub(crate) natives: Vec<Native>,
+    /// The same flags as the machine's.
+    pub(crate) interrupt: Interrupt,
+}
+
+impl Blocks {
+    /// The organization block of this number, if it is loaded.
+    pub(crate) fn ob(&self, number: u16) -> Option<Callee> {
+        self.find(BlockId::new(BlockKind::Ob, number))
+    }
+
+    /// The loaded block of this id. Not on the path of calls by number, which load time resolves.
+    pub(crate) fn find(&self, id: BlockId) -> Option<Callee> {
+        self.plan.signatures.find(id).map(|signature| signature.callee)
+    }
+}
+
+/// A run of an organization block: the machine, the blocks and the clock. What engines may ask of it stands in
+/// [`crate::engine`].
+pub struct Context<'a> {
+    pub(crate) machine: &'a mut Machine,
+    pub(crate) blocks: &'a Blocks,
+    pub(crate) clock: &'a mut dyn Clock,
+}
+
+impl std::fmt::Debug for Context<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Context").field("now", &self.machine.now).field("ob", &self.machine.ob.number).finish()
+    }
+}
+
+impl Context<'_> {
+    /// Time goes on: tells the clock of the statements executed and asks it.
+    pub(crate) fn look(&mut self) {
+        let machine = &mut *self.machine;
+        let pending = u64::from(std::mem::take(&mut machine.hot.pending));
+        let before = machine.now;
+        machine.statements += pending;
+        self.clock.executed(pending);
+        machine.now = machine.now.max(self.clock.now());
+        if pending >= FEWEST_STATEMENTS {
+            machine.pace = (machine.now - before).saturating_mul(1024) / pending;
+        }
+        let due = machine.interrupts.next_due().min(machine.watchdog.expires.unwrap_or(Nanos::MAX));
+        let time = due.saturating_sub(machine.now);
+        // A due time is seen at the first safe point behind it where statements are charged, else within some
+        // statements of it.
+        let statements = match self.clock.statements_in(time) {
+            Some(statements) => statements.max(1),
+            None => (time.saturating_mul(1024) / machine.pace.max(1)).max(FEWEST_STATEMENTS),
+        };
+        machine.hot.look_after = statements.min(u64::from(STATEMENTS_PER_LOOK)) as u32;
+    }
+
+    /// A safe point that is due: time, operator's STOP, cycle monitoring, interrupts of higher classes.
+    #[cold]
+    pub(crate) fn attend(&mut self) -> Result<(), Abort> {
+        loop {
+            self.machine.interrupt.take_due();
+            self.look();
+            let at = self.machine.at.take();
+            let machine = &mut *self.machine;
+            machine.trace.safe_point(machine.now, at.or(machine.native_caller));
+            if self.machine.hot.stopping {
+                return Err(Abort);
+            }
+            if self.machine.interrupt.take_halt() {
+                self.entry(Event::STOP_OPERATOR, 0, "");
+                self.machine.hot.stopping = true;
+                return Err(Abort);
+            }
+            if self.machine.watchdog.expires.is_some_and(|expires| self.machine.now >= expires) {
+                self.cycle_exceeded()?;
+            }
+            // One at a time: interrupts that come faster than they are served must not hide halt and watchdog.
+            if !self.machine.interrupts.wants(self.machine.now) || !self.interrupt()? {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Time passes inside the scan; what is due meanwhile is served.
+    pub(crate) fn wait(&mut self, time: Nanos) -> Result<(), Abort> {
+        self.look();
+        let deadline = self.machine.now.saturating_add(time);
+        while self.machine.now < deadline {
+            let watchdog = self.machine.watchdog.expires.unwrap_or(deadline);
+            self.clock.wait(deadline.min(watchdog).min(self.machine.interrupts.next_due()));
+            self.attend()?;
+        }
+        Ok(())
+    }
+
+    /// The common parts of start information: event class and identifier, priority class, number, date.
+    pub(crate) fn start_info(&self, class: u8, id: u8, priority: u8, number: u8) -> [u8; 20] {
+        let mut start = [0; 20];
+        start[..4].copy_from_slice(&[class, id, priority, number]);
+        start[12..].copy_from_slice(&self.machine.wall.bytes(self.machine.now));
+        start
+    }
+
+    /// Runs an organization block, nested in whatever runs.
+    pub(crate) fn run_ob(&mut self, callee: Callee, info: ObInfo) -> Result<(), Abort> {
+        let machine = &mut *self.machine;
+        let Some(at) = machine.memory.local.locate(machine.hot.local_top, 20) else {
+            self.stop(Event(FaultKind::NestingDepth.number()), u32::from(info.number), "no local data left");
+            return Err(Abort);
+        };
+        if machine.config.ob_start_info {
+            machine.memory.bytes[at.index()..at.index() + 20].copy_from_slice(&info.start);
+        }
+        self.look();
+        let machine = &mut *self.machine;
+        let began = machine.now;
+        let outer_inside = std::mem::take(&mut machine.inside);
+        // The OBs for synchronous errors belong to the class they interrupt, and so do its masks and its run time.
+        let synchronous = matches!(info.number, 121 | 122);
+        let (filter, outer_class) = (machine.services.filter, machine.class_ob);
+        if !synchronous {
+            machine.services.filter = ErrorFilter::default();
+            machine.class_ob = info.number;
+            if let Some(record) = machine.obs.of(outer_class) {
+                record.pause(began, outer_inside);
+            }
+            if let Some(record) = machine.obs.of(info.number) {
+                record.begin(began);
+            }
+        }
+        let outer = std::mem::replace(&mut machine.ob, info);
+        let active = machine.active;
+        machine.active |= 1 << (info.number & 127);
+        machine.whereabouts.enter(info.number);
+        let caller = machine.native_caller.take();
+        let depth = std::mem::take(&mut machine.hot.depth);
+        let tops = (machine.hot.local_top, machine.hot.refs_top, machine.hot.scratch_top);
+        let result = match callee {
+            Callee::Code(block) => self.blocks.engine.call(block, &Entry::default(), self),
+            Callee::Native(index) => crate::native::call(index, &Entry::default(), self).map(|_| ()),
+        };
+        self.look();
+        let machine = &mut *self.machine;
+        let whole = machine.now - began;
+        let inside = machine.inside;
+        machine.inside = outer_inside + if synchronous { inside } else { whole };
+        let own = whole.saturating_sub(inside);
+        machine.trace.ob_ran(info.number, own);
+        if let Some(record) = machine.obs.of(info.number) {
+            record.ran(own, whole);
+        }
+        if !synchronous {
+            machine.services.filter = filter;
+            machine.class_ob = outer_class;
+            if info.number < 80 {
+                machine.services.locks.end_delays();
+            }
+        }
+        (machine.ob, machine.active) = (outer, active);
+        machine.whereabouts.enter(outer.number);
+        machine.native_caller = caller;
+        machine.hot.depth = depth;
+        (machine.hot.local_top, machine.hot.refs_top, machine.hot.scratch_top) = tops;
+        result
+    }
+
+    /// Starts the cycle monitoring anew, as at the beginning of a cycle.
+    pub(crate) fn retrigger_watchdog(&mut self) {
+        let machine = &mut *self.machine;
+        machine.watchdog.excess = false;
+        machine.watchdog.expires =
+            (machine.config.watchdog > 0).then(|| machine.now.saturating_add(machine.config.watchdog));
+    }
+
+    /// Enters `event` and marks the CPU for STOP.
+    pub(crate) fn stop(&mut self, event: Event, data: u32, text: &str) {
+        self.entry(event, data, text);
+        self.machine.hot.stopping = true;
+    }
+
+    /// An entry without a statement.
+    pub(crate) fn entry(&mut self, event: Event, data: u32, text: &str) {
+        self.machine.diag.push(DiagEntry {
+            number: 0,
+            time: self.machine.now,
+            event,
+            site: None,
+            accus: [0; 2],
+            data,
+            text: ShortText::new(text),
+        });
+    }
+}

@@ -1,0 +1,198 @@
+//! What engines ask of the CPU.
+
+use ob1_model::{BitAddr, Fault};
+
+use super::call::{self, Prepared, Saved, Tops};
+use super::operand::{self, Where};
+use super::plan::{Base, Block, Call, Caller};
+use super::regs::{BR, Interrupted, Regs};
+use super::{Entry, Hot, statement};
+use crate::native;
+use crate::{Abort, Context};
+
+impl Context<'_> {
+    /// The state engines read and write directly, its pointers filled in.
+    pub fn hot(&mut self) -> &mut Hot {
+        let m = &mut *self.machine;
+        let hot = &mut m.hot;
+        *hot.due.get_mut() = std::ptr::from_ref(m.interrupt.due()).cast_mut();
+        *hot.arena.get_mut() = m.memory.bytes.as_mut_ptr();
+        hot.arena_len = m.memory.bytes.len() as u32;
+        *hot.refs.get_mut() = m.refs.as_mut_ptr();
+        hot.refs_len = m.refs.len() as u32;
+        *hot.db_index.get_mut() = m.memory.by_number.as_mut_ptr();
+        hot.db_index_len = m.memory.by_number.len() as u32;
+        *hot.dbs.get_mut() = m.memory.dbs.as_mut_ptr();
+        hot.dbs_len = m.memory.dbs.len() as u32;
+        hot
+    }
+
+    /// A safe point that is due: time, operator's STOP, cycle monitoring, interrupts of higher classes. `at` is the
+    /// statement that comes next. Registers stay as they are.
+    ///
+    /// # Errors
+    /// The CPU goes to STOP: leave every block.
+    #[cold]
+    pub fn safe_point(&mut self, at: Caller) -> Result<(), Abort> {
+        self.machine.at = Some(at);
+        self.attend()
+    }
+
+    /// The statement `at` has made a mistake: its organization block runs, and the program goes on with the next
+    /// statement. A statement that loads gives 0, or what SFC 44 has given.
+    ///
+    /// # Errors
+    /// The CPU goes to STOP.
+    #[cold]
+    pub fn fault_at(&mut self, at: Caller, fault: Fault, r: &mut Regs) -> Result<(), Abort> {
+        let value = self.fault(fault, self.blocks.plan.site(at), &r.interrupted())?;
+        let block = self.blocks.plan.blocks.get(at.block as usize);
+        let stmt = block.and_then(|block| block.stmts.get(at.statement as usize));
+        if stmt.is_some_and(|stmt| statement::loads(&stmt.op)) {
+            statement::load(r, 0);
+        }
+        r.a1 = value.unwrap_or(r.a1);
+        Ok(())
+    }
+
+    /// Executes any statement but jumps, calls and ends straight from the intermediate code, its mistake included.
+    ///
+    /// # Errors
+    /// The CPU goes to STOP.
+    pub fn step(&mut self, at: Caller, r: &mut Regs) -> Result<(), Abort> {
+        let block = self.blocks.plan.blocks.get(at.block as usize);
+        let Some(stmt) = block.and_then(|block| block.stmts.get(at.statement as usize)) else { return Ok(()) };
+        match statement::step(&stmt.op, r, self.machine) {
+            Ok(()) => Ok(()),
+            Err(fault) => self.fault_at(at, fault, r),
+        }
+    }
+
+    /// The place of a based operand of `bits` bits.
+    ///
+    /// # Errors
+    /// It lies nowhere, is not aligned, or may not be written.
+    pub fn locate(&self, base: Base, at: BitAddr, bits: u32, write: bool, r: &Regs) -> Result<Where, Fault> {
+        operand::based(base, at, bits, write, r, self.machine)
+    }
+
+    /// The output of a timer; false when it is not there.
+    #[must_use]
+    pub fn timer_output(&self, number: u16) -> bool {
+        self.machine.timers.get(usize::from(number)).is_some_and(|timer| timer.output(self.machine.now))
+    }
+
+    /// The value of a counter; 0 when it is not there.
+    #[must_use]
+    pub fn counter_value(&self, number: u16) -> u16 {
+        self.machine.counters.get(usize::from(number)).map_or(0, |counter| counter.value)
+    }
+
+    /// Local data and registers for the block that [`super::Engine::call`] is asked for.
+    ///
+    /// # Errors
+    /// There is no room: a mistake of the block's first statement.
+    pub fn begin(&mut self, block: &Block, entry: &Entry) -> Result<Regs, Fault> {
+        call::begin(block, entry, self.machine)
+    }
+
+    /// The tops of the stacks that calls use, to be given back with [`Context::release`].
+    #[inline]
+    #[must_use]
+    pub fn tops(&self) -> Tops {
+        Tops::of(self.machine)
+    }
+
+    /// Gives references and scratch of a call back, behind its copies out.
+    #[inline]
+    pub fn release(&mut self, tops: Tops) {
+        tops.release(self.machine);
+    }
+
+    /// Finds the block called and supplies its parameters.
+    ///
+    /// # Errors
+    /// A mistake of the call; [`Context::release`] all the same.
+    pub fn prepare(&mut self, call: &Call, r: &mut Regs) -> Result<Prepared, Fault> {
+        call::prepare(call, r, self.machine, &self.blocks.plan.signatures)
+    }
+
+    /// Enters a block of statements with `local_len` bytes of local data; `instance`: it was called with one.
+    ///
+    /// # Errors
+    /// There is no room.
+    pub fn enter(&mut self, instance: bool, entry: &Entry, local_len: u32, r: &mut Regs) -> Result<Saved, Fault> {
+        call::enter(instance, entry, local_len, r, self.machine)
+    }
+
+    /// Leaves a block of statements.
+    pub fn leave(&mut self, saved: &Saved, r: &mut Regs) {
+        saved.leave(r, self.machine);
+    }
+
+    /// Copies a call's results to its actuals, when [`Call::copies_out`] says so.
+    ///
+    /// # Errors
+    /// An actual cannot be written; [`Context::release`] all the same.
+    pub fn copy_out(&mut self, call: &Call, tops: Tops, r: &mut Regs) -> Result<(), Fault> {
+        call::copy_out(call, tops, r, self.machine)
+    }
+
+    /// Runs a native block whose parameters are in place: results, stacks and mistakes included.
+    ///
+    /// # Errors
+    /// The CPU goes to STOP.
+    pub fn run_native(
+        &mut self,
+        native: u32,
+        at: Caller,
+        call: &Call,
+        entry: &Entry,
+        tops: Tops,
+        r: &mut Regs,
+    ) -> Result<(), Abort> {
+        self.machine.hot.depth += 1;
+        let caller = self.machine.native_caller.replace(at);
+        let br = native::call(native, entry, self)?;
+        self.machine.native_caller = caller;
+        self.machine.hot.depth -= 1;
+        call::status_of_call(r);
+        r.flags = r.flags & !BR | (u32::from(br) * BR);
+        let copied = if call.copies_out { call::copy_out(call, tops, r, self.machine) } else { Ok(()) };
+        tops.release(self.machine);
+        match copied {
+            Ok(()) => Ok(()),
+            Err(fault) => self.fault_at(at, fault, r),
+        }
+    }
+
+    /// A whole [`super::Op::CallNative`] behind its safe point.
+    ///
+    /// # Errors
+    /// The CPU goes to STOP.
+    pub fn call_native(&mut self, native: u32, at: Caller, call: &Call, r: &mut Regs) -> Result<(), Abort> {
+        let tops = Tops::of(self.machine);
+        let entry = call::entry(call, tops, r);
+        let supplied = call::check_depth(self.machine).and_then(|()| {
+            if call.patches.is_empty() {
+                return call::fixed_references(call, self.machine);
+            }
+            call::references(call, r, self.machine)
+        });
+        if let Err(fault) = supplied {
+            tops.release(self.machine);
+            return self.fault_at(at, fault, r);
+        }
+        self.run_native(native, at, call, &entry, tops, r)
+    }
+
+    /// The registers of [`super::Engine::call`]'s first block could not be had.
+    ///
+    /// # Errors
+    /// The CPU goes to STOP.
+    #[cold]
+    pub fn no_room(&mut self, block: u32, fault: Fault) -> Result<(), Abort> {
+        let site = self.blocks.plan.site(Caller { block, statement: 0 });
+        self.fault(fault, site, &Interrupted::default()).map(|_| ())
+    }
+}

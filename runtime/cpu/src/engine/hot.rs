@@ -1,0 +1,81 @@
+//! What an engine touches at every turn, in one piece whose layout compiled code can rely on.
+
+use std::sync::atomic::{AtomicBool, AtomicPtr};
+
+use crate::arena::Db;
+
+/// The state of a CPU that engines read and write directly. One for each CPU; [`super::Context::hot`] hands it out.
+///
+/// The pointers are for compiled code. They are `AtomicPtr`, which has the layout of a plain pointer, because a CPU
+/// moves between threads as a whole; nobody needs their atomicity. [`super::Context::hot`] fills them in, and they hold
+/// until [`super::Engine::call`] returns: what they point to never moves while the CPU lives.
+#[derive(Debug)]
+#[repr(C)]
+pub struct Hot {
+    /// Statements executed that the clock has not been told of.
+    pub pending: u32,
+    /// With so many of them a safe point looks at the clock.
+    pub look_after: u32,
+    /// Bytes of the local data stack in use.
+    pub local_top: u32,
+    /// References to actual parameters on their stack.
+    pub refs_top: u32,
+    /// Bytes of the scratch of calls in use.
+    pub scratch_top: u32,
+    /// Blocks nested in the running organization block.
+    pub depth: u32,
+    /// A block asked for STOP or a fault led to it: every safe point aborts.
+    pub stopping: bool,
+    /// Not 0: the next safe point looks, whatever `pending` says. Other threads set it.
+    pub due: AtomicPtr<AtomicBool>,
+    /// The arena's first byte.
+    pub arena: AtomicPtr<u8>,
+    /// The arena's bytes.
+    pub arena_len: u32,
+    /// References that the stack of references has room for.
+    pub refs_len: u32,
+    /// The stack of references to actual parameters: an [`super::ArenaBit`], a number, or, with [`super::RAW`] set, a
+    /// pointer that is looked up at each access.
+    pub refs: AtomicPtr<u32>,
+    /// By the number of a data block: 1 + its place in `dbs`, 0 when it is not loaded.
+    pub db_index: AtomicPtr<u16>,
+    /// Entries of `db_index`; numbers beyond are not loaded.
+    pub db_index_len: u32,
+    /// Data blocks in `dbs`.
+    pub dbs_len: u32,
+    /// Data blocks.
+    pub dbs: AtomicPtr<Db>,
+}
+
+impl Default for Hot {
+    /// Nothing runs. The first safe point looks at the clock.
+    fn default() -> Self {
+        Self {
+            pending: 0,
+            look_after: 1,
+            local_top: 0,
+            refs_top: 0,
+            scratch_top: 0,
+            depth: 0,
+            stopping: false,
+            due: AtomicPtr::default(),
+            arena: AtomicPtr::default(),
+            arena_len: 0,
+            refs_len: 0,
+            refs: AtomicPtr::default(),
+            db_index: AtomicPtr::default(),
+            db_index_len: 0,
+            dbs_len: 0,
+            dbs: AtomicPtr::default(),
+        }
+    }
+}
+
+impl Hot {
+    /// The stacks become empty, as behind an aborted run.
+    pub(crate) fn unwind(&mut self) {
+        (self.refs_top, self.scratch_top, self.local_top, self.depth) = (0, 0, 0, 0);
+    }
+}
+
+const _: () = assert!(size_of::<AtomicPtr<u8>>() == size_of::<*mut u8>());

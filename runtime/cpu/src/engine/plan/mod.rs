@@ -1,0 +1,112 @@
+//! What is loaded, as every engine runs it: blocks in pre-decoded form, calls with their parameters resolved, the places
+//! of areas and data blocks. Made once at load, never changed.
+
+mod call;
+mod lower;
+mod lower_call;
+mod op;
+mod signature;
+
+use ob1_ir::Stmt;
+use ob1_model::{BlockId, Site};
+
+use crate::arena::{Db, Range};
+
+pub use call::{Call, CallTarget, InSource, InstanceIn, InstanceOf, InstanceOut, List, OutTarget, RefArg};
+pub(crate) use lower::{Lowering, lower, writes_param};
+pub(crate) use lower_call::{Constants, collect};
+pub use op::{AREA_IN_POINTER, Base, Op, Scan};
+pub use signature::{Formal, Signature, Signatures};
+
+/// A loaded block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Callee {
+    /// Statements: index of [`Plan::blocks`].
+    Code(u32),
+    /// A native block, by index.
+    Native(u32),
+}
+
+/// A statement, as engines number them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Caller {
+    /// Index of the block in [`Plan::blocks`].
+    pub block: u32,
+    /// Index of the statement in the block.
+    pub statement: u32,
+}
+
+/// The places of the areas in the arena.
+#[derive(Clone, Copy, Debug)]
+pub struct Areas {
+    /// Process image of the inputs.
+    pub inputs: Range,
+    /// Process image of the outputs.
+    pub outputs: Range,
+    /// Bit memory.
+    pub memory: Range,
+    /// The stack of local data.
+    pub local: Range,
+    /// What calls copy in and out.
+    pub scratch: Range,
+    /// Constants of calls.
+    pub constants: Range,
+}
+
+/// A block, ready to run.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// Kind and number.
+    pub id: BlockId,
+    /// One per statement, and the block's end, which counts as the `BE` it is on the CPU.
+    pub ops: Box<[Op]>,
+    /// The statements themselves.
+    pub stmts: Box<[Stmt]>,
+    /// Bytes of local data.
+    pub local_len: u32,
+    /// Calls, by the index in [`Op::Call`] and [`Op::CallNative`].
+    pub calls: Box<[Call]>,
+    /// Targets of `SPL`, the last one for numbers beyond the list.
+    pub lists: Box<[Box<[u32]>]>,
+}
+
+impl Block {
+    /// Where a statement stands in the source.
+    #[must_use]
+    pub fn site(&self, statement: usize) -> Site {
+        let stmt = self.stmts.get(statement);
+        Site { block: self.id, network: stmt.map_or(0, |s| s.network), line: stmt.map_or(0, |s| s.line) }
+    }
+}
+
+/// Everything engines know of a loaded program.
+#[derive(Debug)]
+pub struct Plan {
+    /// Blocks of statements.
+    pub blocks: Box<[Block]>,
+    /// Every loaded block and its parameters, sorted by id.
+    pub signatures: Signatures,
+    /// Where the areas lie.
+    pub areas: Areas,
+    /// The data blocks of the program in ascending order of their numbers. They stay where they are, as long and as
+    /// writable as they are; a program makes and deletes only others.
+    pub data: Box<[Db]>,
+    /// 2 or 4.
+    pub accumulators: u8,
+    /// Timers T 0 to T n-1.
+    pub timers: u16,
+    /// Counters Z 0 to Z n-1.
+    pub counters: u16,
+    /// Blocks that can be nested in one organization block.
+    pub nesting_depth: u8,
+    /// Blocks of statements that can be entered and not left, in all organization blocks that run at one time.
+    pub frames: usize,
+}
+
+impl Plan {
+    /// Where a statement stands in the source.
+    #[must_use]
+    pub fn site(&self, at: Caller) -> Option<Site> {
+        Some(self.blocks.get(at.block as usize)?.site(at.statement as usize))
+    }
+}

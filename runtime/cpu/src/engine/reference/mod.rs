@@ -1,0 +1,71 @@
+//! The reference engine: an interpreter of the pre-decoded form. It defines the meaning of every statement.
+
+mod bytes;
+mod frames;
+mod run;
+
+use std::sync::Arc;
+
+use super::plan::{Block, Op, Plan};
+use super::{Engine, Entry, Factory};
+use crate::Abort;
+use crate::context::Context;
+use frames::{Frame, Frames};
+
+/// Makes the reference engine.
+pub const REFERENCE: &dyn Factory = &Short;
+
+/// Makes the reference engine without short forms: every statement is executed straight from the intermediate code.
+/// Slower; for comparing the two.
+pub const PLAIN: &dyn Factory = &Plain;
+
+struct Short;
+struct Plain;
+
+impl Factory for Short {
+    fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
+        Ok(Box::new(Reference { plan: Arc::clone(plan), plain: None, frames: Frames::new(plan.frames) }))
+    }
+}
+
+impl Factory for Plain {
+    fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
+        let mut blocks = plan.blocks.clone();
+        for op in blocks.iter_mut().flat_map(|block| &mut block.ops).filter(|op| !op.is_control()) {
+            *op = Op::Slow;
+        }
+        Ok(Box::new(Reference { plan: Arc::clone(plan), plain: Some(blocks), frames: Frames::new(plan.frames) }))
+    }
+}
+
+/// The engine that defines the meaning of every statement.
+struct Reference {
+    plan: Arc<Plan>,
+    /// The blocks without short forms, when it runs those.
+    plain: Option<Box<[Block]>>,
+    frames: Frames,
+}
+
+impl Reference {
+    fn blocks(&self) -> &[Block] {
+        self.plain.as_ref().unwrap_or(&self.plan.blocks)
+    }
+}
+
+impl Engine for Reference {
+    fn name(&self) -> &'static str {
+        if self.plain.is_some() { "plain" } else { "reference" }
+    }
+
+    fn plan(&self) -> &Arc<Plan> {
+        &self.plan
+    }
+
+    fn call(&self, block: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<(), Abort> {
+        let floor = self.frames.top();
+        let ran = self.run(block, entry, cx);
+        // Blocks that an abort has left.
+        self.frames.cut(floor);
+        ran
+    }
+}
