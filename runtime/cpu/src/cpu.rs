@@ -100,7 +100,8 @@ impl Cpu {
         self.blocks.engine.name()
     }
 
-    /// Exchanges the engine, between two calls of [`Cpu::cycle`]; nothing is allocated or freed. The old one comes back.
+    /// Exchanges the engine, between two calls of [`Cpu::cycle`]; nothing is allocated or freed. The old one comes
+    /// back.
     ///
     /// # Errors
     /// The new one was made of another plan than [`Cpu::plan`], and comes back.
