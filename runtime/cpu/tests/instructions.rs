@@ -1,5 +1,5 @@
-//! Result and status word of single statements, as tables from the STL reference. Each row runs on each engine, with two
-//! accumulators and with four; the latter CPU shows the whole status word.
+//! Result and status word of single statements, as tables from the STL reference. Each row runs on each engine, with
+//! two accumulators and with four; the latter CPU shows the whole status word.
 
 mod common;
 

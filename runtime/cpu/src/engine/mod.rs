@@ -23,15 +23,15 @@
 //! [`Engine::call`] returns; helpers may change it.
 //!
 //! **Safe points** are backward jumps that are taken and calls, conditional ones included; in no other place does time
-//! move. A safe point looks when `pending >= look_after` or the flag `due` is set; then [`Context::safe_point`] tells the
-//! clock, serves the operator's STOP, the cycle monitoring and interrupts of higher classes. `at` is the statement that
-//! comes next: the jump's target, or the one behind the call.
+//! move. A safe point looks when `pending >= look_after` or the flag `due` is set; then [`Context::safe_point`] tells
+//! the clock, serves the operator's STOP, the cycle monitoring and interrupts of higher classes. `at` is the statement
+//! that comes next: the jump's target, or the one behind the call.
 //!
-//! **Faults** go to [`Context::fault_at`] with the statement that made them; the site in the source follows from it. The
-//! organization block runs, and the program goes on with the next statement.
+//! **Faults** go to [`Context::fault_at`] with the statement that made them; the site in the source follows from it.
+//! The organization block runs, and the program goes on with the next statement.
 //!
-//! **[`Abort`]** comes back unchanged through every level at once. Stacks and counters in the hot state are put right by
-//! who called the engine.
+//! **[`Abort`]** comes back unchanged through every level at once. Stacks and counters in the hot state are put right
+//! by who called the engine.
 
 mod arith;
 mod call;

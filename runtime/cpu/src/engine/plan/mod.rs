@@ -1,5 +1,5 @@
-//! What is loaded, as every engine runs it: blocks in pre-decoded form, calls with their parameters resolved, the places
-//! of areas and data blocks. Made once at load, never changed.
+//! What is loaded, as every engine runs it: blocks in pre-decoded form, calls with their parameters resolved, the
+//! places of areas and data blocks. Made once at load, never changed.
 
 mod call;
 mod lower;
