@@ -34,6 +34,7 @@ const TABLE: &[Row] = &[
         "invariant 2",
         &["ob1-backplane", "ob1-ir", "ob1-model", "ob1-protocols", "serde_json", "strsim", "thiserror"],
     ),
+    row("ob1-s7", "invariant 1", &[]),
     row("ob1-rt", "invariant 4", &["ob1-cpu", "landlock", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"]),
     row(
         "ob1-host",
@@ -240,7 +241,7 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
         ],
     ),
     // A link knows no CPU: it goes through the broker.
-    ("invariant 2", &["ob1-access"], &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-stl"]),
+    ("invariant 2", &["ob1-access", "ob1-s7"], &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-stl"]),
     // Shared memory is no serialisation format.
     ("invariant 7", &["ob1-backplane"], &["serde", "bincode", "parking_lot"]),
     // Everything a plugin does goes through the host's functions.

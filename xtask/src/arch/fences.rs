@@ -134,6 +134,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("examples/rust-blocks", ALL),
     ("examples/rust-ob1", ALL),
     ("links/access", ALL),
+    ("links/s7", ALL),
     ("plugins/abi", ALL),
     ("plugins/cp040", ALL),
     ("plugins/cp240", ALL),

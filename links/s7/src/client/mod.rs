@@ -1,0 +1,1 @@
+//! A connection as a programming device sees it.

@@ -1,0 +1,137 @@
+//! Every code of S7 communication that this crate sends or explains, in one table.
+//!
+//! An item of a read or write has a code of one byte. A job as a whole has one of two bytes, in its head or (services
+//! of a programming device) in its parameters.
+
+/// What became of one item.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ItemCode(pub u8);
+
+impl ItemCode {
+    /// Done.
+    pub const DONE: Self = Self(0xFF);
+    /// The module behind the address does not answer.
+    pub const HARDWARE: Self = Self(0x01);
+    /// Not allowed.
+    pub const NOT_ALLOWED: Self = Self(0x03);
+    /// No such address in the area.
+    pub const ADDRESS: Self = Self(0x05);
+    /// Unknown data type, or one that does not go with the area.
+    pub const TYPE: Self = Self(0x06);
+    /// The data does not have the type or the length of its address.
+    pub const INCONSISTENT: Self = Self(0x07);
+    /// No such object: the data block is not there. In services of a programming device: no data.
+    pub const NO_OBJECT: Self = Self(0x0A);
+
+    /// In words.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::DONE => "done",
+            Self::HARDWARE => "the module does not answer",
+            Self::NOT_ALLOWED => "access to the object is not allowed",
+            Self::ADDRESS => "no such address",
+            Self::TYPE => "the data type is not supported",
+            Self::INCONSISTENT => "data type or length do not match",
+            Self::NO_OBJECT => "there is no such object",
+            _ => "unknown code",
+        }
+    }
+}
+
+/// What became of a job; 0: done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Code(pub u16);
+
+macro_rules! codes {
+    ($($(#[$doc:meta])* $name:ident = $value:literal $text:literal;)*) => {
+        impl Code {
+            $($(#[$doc])* pub const $name: Self = Self($value);)*
+
+            /// In words; `None` for a code that is not in the table.
+            #[must_use]
+            pub const fn text(self) -> Option<&'static str> {
+                match self.0 { $($value => Some($text),)* _ => None }
+            }
+        }
+    };
+}
+
+codes! {
+    /// Done.
+    DONE = 0x0000 "done";
+    /// The service is not there, or not on this connection.
+    NO_SERVICE = 0x8104 "the service is not implemented, or not on this connection";
+    /// The answer cannot be made.
+    SERVICE = 0x8404 "error while the service was processed";
+    /// A job or its answer does not fit the PDU.
+    PDU_SIZE = 0x8500 "the length of the PDU is wrong";
+    /// A syntax error in the name of a block.
+    BLOCK_NAME = 0xD201 "syntax error in the name of a block";
+    /// A syntax error in the parameters of a function.
+    SYNTAX = 0xD202 "syntax error in the parameters of the function";
+    /// The block is not there.
+    NO_BLOCK = 0xD209 "the block is not there";
+    /// There is no block, or no further one.
+    NO_MORE_BLOCKS = 0xD20E "there is no (further) block";
+    /// The block is too large.
+    BLOCK_SIZE = 0xD20F "the block is too large for the CPU";
+    /// Not a number for such a block.
+    BLOCK_NUMBER = 0xD210 "not a number for such a block";
+    /// The lengths in the head of the block are wrong.
+    BLOCK_LENGTHS = 0xD219 "the lengths of the block are wrong";
+    /// Not while the CPU is in this operating state.
+    COORDINATION = 0xD240 "not possible in this operating state";
+    /// The protection level does not allow it.
+    PROTECTED = 0xD241 "the protection level does not allow it: a password, or a right of the link, is missing";
+    /// No status list of this ID.
+    NO_LIST = 0xD401 "there is no status list of this ID";
+    /// No such index in the status list.
+    NO_INDEX = 0xD402 "the status list has no such index";
+    /// Too many subscribers.
+    NO_SUBSCRIBERS = 0xD404 "no more subscribers";
+    /// An unknown service of the group.
+    NO_INFORMATION = 0xD405 "the service is not supported, or its parameters are wrong";
+    /// What was asked for is not there at the moment.
+    NOT_NOW = 0xD406 "not there at the moment";
+    /// Wrong parameters of a password service.
+    PASSWORD_SYNTAX = 0xD601 "syntax error in the parameters";
+    /// A wrong password.
+    PASSWORD = 0xD602 "wrong password";
+    /// No password was given before.
+    NOT_UNLOCKED = 0xD604 "no password was given on this connection";
+    /// There is no password.
+    NO_PASSWORD = 0xD605 "the CPU has no password";
+    /// A variable of a cyclic job has a wrong address.
+    CYCLIC_ADDRESS = 0xD801 "an address is wrong";
+    /// No such cyclic job.
+    CYCLIC_JOB = 0xD802 "there is no such job";
+    /// A wrong cycle time.
+    CYCLIC_TIME = 0xD804 "not a cycle time";
+    /// No room for another cyclic job.
+    CYCLIC_FULL = 0xD805 "no further cyclic job is possible";
+    /// Not a date and time.
+    CLOCK = 0xDC01 "not a date and time";
+    /// Wrong parameters of a test function.
+    TEST_SYNTAX = 0xD03F "wrong parameters of a test function";
+    /// Wrong data of a test function.
+    TEST_DATA = 0xD05F "wrong data of a test function";
+    /// No room for a test job.
+    TEST_FULL = 0xD062 "no further test job is possible";
+    /// The protection level does not allow the test function.
+    TEST_PROTECTED = 0xD0A1 "the protection level does not allow it";
+    /// No such test job.
+    TEST_JOB = 0xD0A5 "there is no such test job";
+}
+
+impl std::fmt::Display for Code {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} ({:04X})", self.text().unwrap_or("unknown code"), self.0)
+    }
+}
+
+impl std::fmt::Display for ItemCode {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} ({:02X})", self.text(), self.0)
+    }
+}

@@ -1,0 +1,156 @@
+//! Status lists, lists of blocks, clock and passwords.
+
+use super::long::{MOST, done, refused};
+use super::service::Service;
+use super::{Ask, Connection, End, Listed, Reply, Step};
+use crate::Rights;
+use crate::codes::Code;
+use crate::wire::{
+    BlockInfo, BlockName, BlockType, DateTime, FileSystem, Group, PASSWORD_BYTES, UserData, decode_password, sub,
+};
+
+/// Wrong passwords after which a connection is closed.
+const PASSWORDS: u8 = 3;
+/// Of a block in a list: linked.
+const LINKED: u8 = 0x22;
+/// List of the protection of the CPU, and the index of its record.
+const PROTECTION: [u16; 2] = [0x0132, 0x0232];
+const PROTECTION_INDEX: u16 = 4;
+/// In the record: the level that is in force, a word.
+const LEVEL_AT: usize = 6;
+
+impl Connection {
+    pub(super) fn szl(&mut self, reference: u16, service: &UserData<'_>) -> Step {
+        let Some(&[a, b, c, d]) = service.data.first_chunk::<4>() else {
+            return self.refuse_service(reference, service, Code::NO_INFORMATION);
+        };
+        let (id, index) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
+        Self::later(Ask::Szl { id, index }, Service::Szl { id, index })
+    }
+
+    pub(super) fn szl_answer(&mut self, reference: u16, id: u16, index: u16, record: u16, bytes: &[u8]) -> Vec<u8> {
+        let mut out = Vec::with_capacity(8 + bytes.len());
+        let count = bytes.len().checked_div(usize::from(record)).unwrap_or(0);
+        for word in [id, index, record, count as u16] {
+            out.extend_from_slice(&word.to_be_bytes());
+        }
+        out.extend_from_slice(bytes.get(..MOST).unwrap_or(bytes));
+        // The level in force is that of this connection: 1 all, 2 no changes of program and operating state.
+        if PROTECTION.contains(&id) && index == PROTECTION_INDEX {
+            let level: u16 = if self.may(Rights::Operate) { 1 } else { 2 };
+            if let Some(place) = out.get_mut(8 + LEVEL_AT..10 + LEVEL_AT) {
+                place.copy_from_slice(&level.to_be_bytes());
+            }
+        }
+        let pdu = self.pdu_bytes();
+        self.long.first(reference, Group::Cpu, sub::SZL, out, pdu)
+    }
+
+    pub(super) fn lists(&mut self, reference: u16, service: &UserData<'_>) -> Step {
+        let ty = match service.data {
+            [b'0', letter, ..] => BlockType::of(*letter),
+            _ => None,
+        };
+        match service.sub {
+            sub::BLOCK_COUNTS => Self::later(Ask::Blocks, Service::Counts),
+            sub::BLOCK_LIST => match ty {
+                Some(ty) => Self::later(Ask::Blocks, Service::List(ty)),
+                None => self.refuse_service(reference, service, Code::BLOCK_NAME),
+            },
+            sub::BLOCK_INFO => match BlockName::read(service.data) {
+                Some(name) if name.place == FileSystem::Passive => {
+                    self.refuse_service(reference, service, Code::NO_BLOCK)
+                }
+                Some(name) => Self::later(Ask::Block { ty: name.ty, number: name.number }, Service::Info),
+                None => self.refuse_service(reference, service, Code::BLOCK_NAME),
+            },
+            _ => self.refuse_service(reference, service, Code::NO_INFORMATION),
+        }
+    }
+
+    pub(super) fn counts_answer(&mut self, reference: u16, blocks: &[Listed]) -> Vec<u8> {
+        let mut out = Vec::new();
+        for ty in BlockType::ALL {
+            let count = blocks.iter().filter(|block| block.ty == ty).count();
+            out.extend_from_slice(&[b'0', ty.letter()]);
+            out.extend_from_slice(&(count as u16).to_be_bytes());
+        }
+        let pdu = self.pdu_bytes();
+        self.long.first(reference, Group::Blocks, sub::BLOCK_COUNTS, out, pdu)
+    }
+
+    pub(super) fn list_answer(&mut self, reference: u16, ty: BlockType, blocks: &[Listed]) -> Vec<u8> {
+        let mut of_type: Vec<&Listed> = blocks.iter().filter(|block| block.ty == ty).collect();
+        of_type.sort_by_key(|block| block.number);
+        of_type.truncate(MOST / 4);
+        if of_type.is_empty() {
+            self.counts.errors += 1;
+            return refused(reference, Group::Blocks, sub::BLOCK_LIST, Code::NO_MORE_BLOCKS);
+        }
+        let mut out = Vec::with_capacity(of_type.len() * 4);
+        for block in of_type {
+            out.extend_from_slice(&block.number.to_be_bytes());
+            out.extend_from_slice(&[LINKED, block.language]);
+        }
+        let pdu = self.pdu_bytes();
+        self.long.first(reference, Group::Blocks, sub::BLOCK_LIST, out, pdu)
+    }
+
+    pub(super) fn info_answer(&mut self, reference: u16, block: &[u8]) -> Vec<u8> {
+        let Some(info) = BlockInfo::of(block) else {
+            self.counts.errors += 1;
+            return refused(reference, Group::Blocks, sub::BLOCK_INFO, Code::NO_BLOCK);
+        };
+        let pdu = self.pdu_bytes();
+        self.long.first(reference, Group::Blocks, sub::BLOCK_INFO, info.bytes(), pdu)
+    }
+
+    pub(super) fn clock(&mut self, reference: u16, service: &UserData<'_>) -> Step {
+        let sub = service.sub;
+        match sub {
+            sub::CLOCK | sub::FOLLOWING_CLOCK => Self::later(Ask::Clock, Service::Clock { sub }),
+            sub::SET_CLOCK | sub::SET_FOLLOWING_CLOCK if !self.may(Rights::Write) => {
+                self.refuse_service(reference, service, Code::PROTECTED)
+            }
+            sub::SET_CLOCK | sub::SET_FOLLOWING_CLOCK => match DateTime::read(service.data) {
+                Some(time) => Self::later(Ask::SetClock(time), Service::SetClock { sub }),
+                None => self.refuse_service(reference, service, Code::CLOCK),
+            },
+            _ => self.refuse_service(reference, service, Code::NO_INFORMATION),
+        }
+    }
+
+    pub(super) fn security(&mut self, reference: u16, service: &UserData<'_>) -> Step {
+        let sub = service.sub;
+        match (sub, service.data.first_chunk::<PASSWORD_BYTES>()) {
+            (sub::PASSWORD | sub::NO_PASSWORD, _) if !self.settings.has_password => {
+                self.refuse_service(reference, service, Code::NO_PASSWORD)
+            }
+            (sub::PASSWORD, Some(password)) => {
+                Self::later(Ask::Login(decode_password(*password)), Service::Password { sub })
+            }
+            (sub::NO_PASSWORD, _) if self.rights == self.settings.rights => {
+                self.refuse_service(reference, service, Code::NOT_UNLOCKED)
+            }
+            (sub::NO_PASSWORD, _) => Self::later(Ask::Logout, Service::Password { sub }),
+            _ => self.refuse_service(reference, service, Code::PASSWORD_SYNTAX),
+        }
+    }
+
+    pub(super) fn security_answer(&mut self, reference: u16, sub: u8, reply: &Reply) -> Vec<u8> {
+        if let Reply::Rights(rights) = reply {
+            self.rights = *rights;
+            self.wrong_passwords = 0;
+            return done(reference, Group::Security, sub, 0);
+        }
+        self.counts.errors += 1;
+        let why = if let Reply::Refused(why) = reply { *why } else { Code::PASSWORD };
+        if sub == sub::PASSWORD && why == Code::PASSWORD {
+            self.wrong_passwords += 1;
+            if self.wrong_passwords >= PASSWORDS {
+                self.end = Some(End::Passwords);
+            }
+        }
+        refused(reference, Group::Security, sub, why)
+    }
+}

@@ -1,0 +1,75 @@
+//! Answers that are longer than a PDU: they go out in parts, each when the partner asks for it.
+
+use crate::codes::{Code, ItemCode};
+use crate::wire::{Group, Telegram, USERDATA_HEAD, UserData};
+
+/// Long answers of a connection that are not all out.
+const ANSWERS: usize = 4;
+/// Bytes of an answer, at most: a list of 16,384 blocks.
+pub(super) const MOST: usize = 64 * 1024;
+
+#[derive(Debug)]
+struct Answer {
+    group: Group,
+    sub: u8,
+    sequence: u8,
+    bytes: Vec<u8>,
+    sent: usize,
+}
+
+/// Long answers.
+#[derive(Debug, Default)]
+pub(super) struct LongAnswers {
+    answers: Vec<Answer>,
+    next: u8,
+}
+
+impl LongAnswers {
+    /// The first part of an answer; the only one, if it fits.
+    pub(super) fn first(&mut self, reference: u16, group: Group, sub: u8, bytes: Vec<u8>, pdu: usize) -> Vec<u8> {
+        if bytes.len() > pdu - USERDATA_HEAD {
+            // The oldest one was forgotten by its partner.
+            if self.answers.len() >= ANSWERS {
+                self.answers.remove(0);
+            }
+            self.next = self.next % 0xFF + 1;
+            self.answers.push(Answer { group, sub, sequence: self.next, bytes, sent: 0 });
+            return self.next(reference, group, sub, self.next, pdu);
+        }
+        let service = UserData { telegram: Telegram::Answer, ..UserData::job(group, sub, &bytes) };
+        service.write(reference)
+    }
+
+    /// The next part.
+    pub(super) fn next(&mut self, reference: u16, group: Group, sub: u8, sequence: u8, pdu: usize) -> Vec<u8> {
+        let of = |answer: &Answer| (answer.group, answer.sub, answer.sequence) == (group, sub, sequence);
+        let Some(index) = self.answers.iter().position(of) else {
+            return refused(reference, group, sub, Code::NOT_NOW);
+        };
+        let answer = &mut self.answers[index];
+        // Even, so that no word is cut.
+        let most = (pdu - USERDATA_HEAD) & !1;
+        let rest = answer.bytes.get(answer.sent..).unwrap_or_default();
+        let part = rest.get(..most).unwrap_or(rest);
+        answer.sent += part.len();
+        let more = answer.sent < answer.bytes.len();
+        let job = UserData::job(group, sub, part);
+        let telegram = UserData { telegram: Telegram::Answer, sequence, unit: sequence, more, ..job }.write(reference);
+        if !more {
+            self.answers.remove(index);
+        }
+        telegram
+    }
+}
+
+/// A service is refused.
+pub(super) fn refused(reference: u16, group: Group, sub: u8, why: Code) -> Vec<u8> {
+    let job = UserData::job(group, sub, &[]);
+    UserData { telegram: Telegram::Answer, error: why, code: ItemCode::NO_OBJECT, ..job }.write(reference)
+}
+
+/// A service without data is done.
+pub(super) fn done(reference: u16, group: Group, sub: u8, sequence: u8) -> Vec<u8> {
+    let job = UserData::job(group, sub, &[]);
+    UserData { telegram: Telegram::Answer, sequence, ..job }.write(reference)
+}

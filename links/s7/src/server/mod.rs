@@ -1,0 +1,345 @@
+//! A connection as the CPU sees it: telegrams in, requests to the CPU out, answers back in the order of the jobs.
+//!
+//! Whoever owns it gives it bytes and replies and takes requests and bytes; it may be asked for nothing, too little or
+//! the wrong thing at any moment.
+
+mod ask;
+mod control;
+mod cyclic;
+mod job;
+mod lists;
+mod load;
+mod long;
+mod messages;
+mod service;
+mod test_jobs;
+mod var;
+
+use std::collections::VecDeque;
+
+pub use ask::{Ask, Control, CpuEvent, Listed, Loaded, Put, Reply, Request};
+
+use crate::iso::{Broken, Call, Event, Refusal, Transport};
+use crate::wire::{BlockType, MAX_TELEGRAM};
+use crate::{MAX_JOBS, MAX_PDU, Rights};
+
+/// While so much waits to go out, nothing more is taken in.
+const OUTPUT: usize = 64 * 1024;
+
+/// What a connection is allowed, and what it agrees to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Largest PDU.
+    pub pdu: u16,
+    /// Most jobs outstanding.
+    pub jobs: u16,
+    /// What may be done without a password.
+    pub rights: Rights,
+    /// There is a password.
+    pub has_password: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { pdu: 960, jobs: MAX_JOBS, rights: Rights::Read, has_password: false }
+    }
+}
+
+/// What has gone through a connection.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Jobs and services.
+    pub jobs: u64,
+    /// Of these: refused as a whole.
+    pub errors: u64,
+    /// Messages nobody took, because the partner does not read.
+    pub lost: u64,
+}
+
+/// Why a connection is over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// Its partner has ended it, or it was refused.
+    Closed,
+    /// What came was not ISO transport.
+    Broken(Broken),
+    /// What came was not S7 communication.
+    NotS7,
+    /// Too many wrong passwords.
+    Passwords,
+}
+
+/// What has to be done with a reply, and then the answer.
+#[derive(Debug)]
+enum Then {
+    Read(Vec<var::Slot>),
+    Write(Vec<var::Slot>),
+    Service(service::Service),
+    Control(u8),
+    Upload,
+}
+
+/// A job on its way: it waits for the CPU, or for those before it.
+#[derive(Debug)]
+struct Job {
+    id: u64,
+    reference: u16,
+    then: Option<Then>,
+    /// Telegrams of the answer.
+    answer: Vec<Vec<u8>>,
+}
+
+/// What a job leads to.
+#[derive(Debug)]
+enum Step {
+    /// An answer at once.
+    Answer(Vec<u8>),
+    /// Something has to be asked first.
+    Ask(Ask, Then),
+    /// Nothing.
+    Silence,
+}
+
+/// What setup has agreed on.
+#[derive(Clone, Copy, Debug)]
+struct Agreed {
+    pdu: usize,
+    jobs: usize,
+}
+
+/// A connection.
+#[derive(Debug)]
+pub struct Connection {
+    transport: Transport,
+    settings: Settings,
+    rights: Rights,
+    call: Option<Call>,
+    agreed: Option<Agreed>,
+    /// Jobs of the partner, in order.
+    queue: VecDeque<Job>,
+    /// What is asked without a job of the partner: cyclic data.
+    aside: Vec<Job>,
+    asks: VecDeque<Request>,
+    next: u64,
+    wrong_passwords: u8,
+    long: long::LongAnswers,
+    loads: load::Loads,
+    cyclic: cyclic::Cyclic,
+    tests: test_jobs::TestJobs,
+    subscribed: messages::Subscribed,
+    counts: Counts,
+    end: Option<End>,
+}
+
+impl Connection {
+    /// Somebody has connected.
+    #[must_use]
+    pub fn new(settings: Settings) -> Self {
+        Self {
+            transport: Transport::new(),
+            settings: Settings { pdu: settings.pdu.min(MAX_PDU), jobs: settings.jobs.clamp(1, MAX_JOBS), ..settings },
+            rights: settings.rights,
+            call: None,
+            agreed: None,
+            queue: VecDeque::new(),
+            aside: Vec::new(),
+            asks: VecDeque::new(),
+            next: 0,
+            wrong_passwords: 0,
+            long: long::LongAnswers::default(),
+            loads: load::Loads::default(),
+            cyclic: cyclic::Cyclic::default(),
+            tests: test_jobs::TestJobs::default(),
+            subscribed: messages::Subscribed::default(),
+            counts: Counts::default(),
+            end: None,
+        }
+    }
+
+    /// Bytes that may be given to [`Connection::receive`] now; 0 while the CPU or the partner has to catch up.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        if self.end.is_some() || self.is_busy() { 0 } else { self.transport.room() }
+    }
+
+    /// Bytes from the wire.
+    pub fn receive(&mut self, bytes: &[u8]) {
+        if let Err(why) = self.transport.receive(bytes) {
+            self.end = Some(End::Broken(why));
+        }
+        self.advance();
+    }
+
+    /// Somebody calls and waits for [`Connection::accept`] or [`Connection::refuse`].
+    #[must_use]
+    pub const fn call(&self) -> Option<&Call> {
+        self.call.as_ref()
+    }
+
+    /// The one who calls gets the connection.
+    pub fn accept(&mut self) {
+        self.call = None;
+        self.transport.accept();
+        self.advance();
+    }
+
+    /// The one who calls does not get it.
+    pub fn refuse(&mut self, why: Refusal) {
+        self.call = None;
+        self.transport.refuse(why);
+        self.end = Some(End::Closed);
+    }
+
+    /// The next request to the CPU.
+    pub fn next_ask(&mut self) -> Option<Request> {
+        self.asks.pop_front()
+    }
+
+    /// What the CPU says to a request. One nobody has asked is ignored.
+    pub fn reply(&mut self, id: u64, reply: Reply) {
+        if let Some(then) = self.queue.iter_mut().find(|job| job.id == id).and_then(|job| job.then.take()) {
+            let reference = self.queue.iter().find(|job| job.id == id).map_or(0, |job| job.reference);
+            let answer = self.finish(reference, then, reply);
+            if let Some(job) = self.queue.iter_mut().find(|job| job.id == id) {
+                job.answer = answer;
+            }
+            self.flush();
+            self.advance();
+        } else if let Some(index) = self.aside.iter().position(|job| job.id == id) {
+            let job = self.aside.swap_remove(index);
+            if let Some(then) = job.then {
+                for telegram in self.finish(job.reference, then, reply) {
+                    self.message(&telegram);
+                }
+            }
+        }
+    }
+
+    /// What has to go out.
+    #[must_use]
+    pub fn output(&self) -> &[u8] {
+        self.transport.output()
+    }
+
+    /// So many bytes of the output are out.
+    pub fn sent(&mut self, count: usize) {
+        self.transport.sent(count);
+        self.advance();
+    }
+
+    /// The connection is over: close it when the output is out.
+    #[must_use]
+    pub const fn end(&self) -> Option<End> {
+        self.end
+    }
+
+    /// Setup is done, and with this PDU.
+    #[must_use]
+    pub fn pdu(&self) -> Option<u16> {
+        self.agreed.map(|agreed| agreed.pdu as u16)
+    }
+
+    /// Jobs under way.
+    #[must_use]
+    pub fn under_way(&self) -> usize {
+        self.queue.len()
+    }
+
+    /// What the connection may do at the moment.
+    #[must_use]
+    pub const fn rights(&self) -> Rights {
+        self.rights
+    }
+
+    /// What has gone through it.
+    #[must_use]
+    pub const fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    fn is_busy(&self) -> bool {
+        let most = self.agreed.map_or(1, |agreed| agreed.jobs);
+        self.queue.len() >= most || self.transport.output().len() >= OUTPUT
+    }
+
+    /// Bytes a telegram may have.
+    fn pdu_bytes(&self) -> usize {
+        self.agreed.map_or(MAX_TELEGRAM, |agreed| agreed.pdu)
+    }
+
+    /// Takes telegrams as long as there is room for their answers.
+    fn advance(&mut self) {
+        while self.end.is_none() && !self.is_busy() {
+            match self.transport.event() {
+                Ok(None) => return,
+                Ok(Some(Event::Call(call))) => self.call = Some(call),
+                Ok(Some(Event::Message(message))) => self.telegram(&message),
+                Ok(Some(Event::Open | Event::Ended(_))) => self.end = Some(End::Closed),
+                Err(why) => self.end = Some(End::Broken(why)),
+            }
+        }
+    }
+
+    /// Puts a job into the queue, and its request, if it has one, to the CPU.
+    fn enqueue(&mut self, reference: u16, step: Step) {
+        match step {
+            Step::Silence => {}
+            Step::Answer(answer) if self.queue.is_empty() => self.transport.send(&answer),
+            Step::Answer(answer) => {
+                self.queue.push_back(Job { id: self.next, reference, then: None, answer: vec![answer] });
+                self.next += 1;
+            }
+            Step::Ask(ask, then) => {
+                let id = self.ask(ask);
+                self.queue.push_back(Job { id, reference, then: Some(then), answer: Vec::new() });
+            }
+        }
+    }
+
+    fn ask(&mut self, ask: Ask) -> u64 {
+        let id = self.next;
+        self.next += 1;
+        self.asks.push_back(Request { id, ask });
+        id
+    }
+
+    /// A request beside the jobs of the partner.
+    fn ask_aside(&mut self, ask: Ask, then: Then) {
+        let id = self.ask(ask);
+        self.aside.push(Job { id, reference: 0, then: Some(then), answer: Vec::new() });
+    }
+
+    /// Sends the answers that are ready, in the order of the jobs.
+    fn flush(&mut self) {
+        while self.queue.front().is_some_and(|job| job.then.is_none()) {
+            if let Some(job) = self.queue.pop_front() {
+                job.answer.iter().for_each(|telegram| self.transport.send(telegram));
+            }
+        }
+    }
+
+    /// Sends what nobody has asked for at the moment; lost when the partner does not read.
+    fn message(&mut self, telegram: &[u8]) {
+        if self.transport.output().len() < OUTPUT {
+            self.transport.send(telegram);
+        } else {
+            self.counts.lost += 1;
+        }
+    }
+
+    /// Makes the answer of a reply.
+    fn finish(&mut self, reference: u16, then: Then, reply: Reply) -> Vec<Vec<u8>> {
+        match then {
+            Then::Read(slots) => vec![var::read_answer(reference, &slots, reply)],
+            Then::Write(slots) => vec![var::write_answer(reference, &slots, reply)],
+            Then::Control(function) => vec![self.control_answer(reference, function, &reply)],
+            Then::Upload => vec![self.upload_answer(reference, reply)],
+            Then::Service(service) => self.service_answer(reference, service, reply),
+        }
+    }
+}
+
+/// The blocks that can be loaded and deleted.
+const fn is_loadable(ty: BlockType) -> bool {
+    matches!(ty, BlockType::Ob | BlockType::Db | BlockType::Fc | BlockType::Fb)
+}

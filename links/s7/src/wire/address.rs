@@ -1,0 +1,296 @@
+//! Addresses of variables: the items of reads and writes.
+
+use crate::codes::ItemCode;
+
+/// Memory a client can address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Area {
+    /// Peripheral inputs and outputs, past the process image.
+    Peripheral,
+    /// Process image of the inputs.
+    Inputs,
+    /// Process image of the outputs.
+    Outputs,
+    /// Bit memory.
+    Memory,
+    /// A data block.
+    Db,
+    /// Counters.
+    Counters,
+    /// Timers.
+    Timers,
+}
+
+impl Area {
+    const fn of(byte: u8) -> Option<Self> {
+        Some(match byte {
+            0x80 => Self::Peripheral,
+            0x81 => Self::Inputs,
+            0x82 => Self::Outputs,
+            0x83 => Self::Memory,
+            // An instance data block is a data block.
+            0x84 | 0x85 => Self::Db,
+            0x1C => Self::Counters,
+            0x1D => Self::Timers,
+            _ => return None,
+        })
+    }
+
+    const fn byte(self) -> u8 {
+        match self {
+            Self::Peripheral => 0x80,
+            Self::Inputs => 0x81,
+            Self::Outputs => 0x82,
+            Self::Memory => 0x83,
+            Self::Db => 0x84,
+            Self::Counters => 0x1C,
+            Self::Timers => 0x1D,
+        }
+    }
+}
+
+/// The type of a variable as it is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum DataType {
+    Bit,
+    Byte,
+    Char,
+    Word,
+    Int,
+    DWord,
+    DInt,
+    Real,
+    Date,
+    TimeOfDay,
+    Time,
+    S5Time,
+    DateAndTime,
+    Counter,
+    Timer,
+}
+
+/// Byte on the wire, type, bytes of an element.
+const TYPES: [(u8, DataType, u32); 15] = [
+    (0x01, DataType::Bit, 1),
+    (0x02, DataType::Byte, 1),
+    (0x03, DataType::Char, 1),
+    (0x04, DataType::Word, 2),
+    (0x05, DataType::Int, 2),
+    (0x06, DataType::DWord, 4),
+    (0x07, DataType::DInt, 4),
+    (0x08, DataType::Real, 4),
+    (0x09, DataType::Date, 2),
+    (0x0A, DataType::TimeOfDay, 4),
+    (0x0B, DataType::Time, 4),
+    (0x0C, DataType::S5Time, 2),
+    (0x0F, DataType::DateAndTime, 8),
+    (0x1C, DataType::Counter, 2),
+    (0x1D, DataType::Timer, 2),
+];
+
+impl DataType {
+    fn row(self) -> (u8, u32) {
+        TYPES.iter().find(|row| row.1 == self).map_or((2, 1), |row| (row.0, row.2))
+    }
+
+    /// Bytes of one element; a bit is carried in one.
+    #[must_use]
+    pub fn bytes(self) -> u32 {
+        self.row().1
+    }
+}
+
+/// A variable, or a row of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Address {
+    /// Where.
+    pub area: Area,
+    /// The data block; 0 elsewhere.
+    pub db: u16,
+    /// The first bit; of counters and timers the first number.
+    pub start: u32,
+    /// The type of each element.
+    pub ty: DataType,
+    /// How many elements.
+    pub count: u16,
+}
+
+/// Bytes of an address on the wire.
+const ANY_BYTES: usize = 12;
+/// First bytes of an address: variable specification, bytes that follow, syntax "S7 ANY".
+const ANY: [u8; 3] = [0x12, 0x0A, 0x10];
+/// Largest address: 24 bits.
+const MAX_START: u32 = 0x00FF_FFFF;
+
+/// The item cannot be served, for this reason.
+pub type BadItem = ItemCode;
+
+impl Address {
+    /// Bytes of the data.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        (self.ty.bytes() * u32::from(self.count)) as usize
+    }
+
+    /// Counters and timers are counted, everything else has bits.
+    #[must_use]
+    pub const fn is_counted(&self) -> bool {
+        matches!(self.area, Area::Counters | Area::Timers)
+    }
+
+    /// The first byte; of counters and timers the first number.
+    #[must_use]
+    pub const fn first(&self) -> u32 {
+        if self.is_counted() { self.start } else { self.start / 8 }
+    }
+
+    /// One item, with the two bytes in front of it.
+    fn read(item: &[u8]) -> Result<Self, BadItem> {
+        let Some(&[a, b, c, ty, count_high, count_low, db_high, db_low, area, x, y, z]) =
+            item.first_chunk::<ANY_BYTES>()
+        else {
+            return Err(ItemCode::TYPE);
+        };
+        if [a, b, c] != ANY {
+            return Err(ItemCode::TYPE);
+        }
+        let area = Area::of(area).ok_or(ItemCode::NO_OBJECT)?;
+        let ty = TYPES.iter().find(|row| row.0 == ty).ok_or(ItemCode::TYPE)?.1;
+        let start = u32::from_be_bytes([0, x, y, z]);
+        let address = Self {
+            area,
+            db: if area == Area::Db { u16::from_be_bytes([db_high, db_low]) } else { 0 },
+            start,
+            ty,
+            count: u16::from_be_bytes([count_high, count_low]),
+        };
+        address.check().map(|()| address)
+    }
+
+    /// What can be told without looking at the CPU.
+    fn check(&self) -> Result<(), BadItem> {
+        let counted = matches!(self.ty, DataType::Counter | DataType::Timer);
+        let fits = match self.area {
+            // A word is what a counter or timer is, so it is taken as one.
+            Area::Counters => matches!(self.ty, DataType::Counter | DataType::Word | DataType::Int),
+            Area::Timers => matches!(self.ty, DataType::Timer | DataType::Word | DataType::Int | DataType::S5Time),
+            _ => !counted,
+        };
+        if !fits {
+            return Err(ItemCode::TYPE);
+        }
+        // A single bit, or whole bytes.
+        if self.ty == DataType::Bit && self.count != 1 {
+            return Err(ItemCode::TYPE);
+        }
+        if self.count == 0 || !self.is_counted() && self.ty != DataType::Bit && !self.start.is_multiple_of(8) {
+            return Err(ItemCode::ADDRESS);
+        }
+        Ok(())
+    }
+
+    /// The bytes of the item.
+    pub fn write(&self, out: &mut Vec<u8>) {
+        out.extend_from_slice(&ANY);
+        out.push(self.ty.row().0);
+        out.extend_from_slice(&self.count.to_be_bytes());
+        out.extend_from_slice(&self.db.to_be_bytes());
+        out.push(self.area.byte());
+        let [_, a, b, c] = self.start.min(MAX_START).to_be_bytes();
+        out.extend_from_slice(&[a, b, c]);
+    }
+}
+
+/// The items of a job, one after the other. An item that cannot be read is told alone, as long as its end can be found.
+#[derive(Clone, Debug)]
+pub struct Items<'b> {
+    rest: &'b [u8],
+    left: usize,
+}
+
+impl<'b> Items<'b> {
+    /// `count` items in `bytes`.
+    #[must_use]
+    pub const fn new(bytes: &'b [u8], count: usize) -> Self {
+        Self { rest: bytes, left: count }
+    }
+}
+
+/// `Some(Err(..))` inside: this item is bad. `None` inside: the rest is cut off, and nothing follows.
+impl Iterator for Items<'_> {
+    type Item = Option<Result<Address, BadItem>>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.left = self.left.checked_sub(1)?;
+        let item = match self.rest {
+            [_, len, ..] => self.rest.get(..2 + usize::from(*len)),
+            _ => None,
+        };
+        let Some(item) = item else {
+            self.left = 0;
+            return Some(None);
+        };
+        // An odd item is followed by a fill byte, but for the last.
+        let pad = if self.left > 0 { item.len() % 2 } else { 0 };
+        self.rest = self.rest.get(item.len() + pad..).unwrap_or_default();
+        Some(Some(Address::read(item)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn one(bytes: &[u8]) -> Option<Result<Address, BadItem>> {
+        Items::new(bytes, 1).next().expect("one is asked for")
+    }
+
+    #[test]
+    fn an_address_goes_both_ways() {
+        for area in [Area::Peripheral, Area::Inputs, Area::Outputs, Area::Memory, Area::Db] {
+            for (_, ty, _) in TYPES.iter().filter(|row| row.0 < 0x1C) {
+                let db = if area == Area::Db { 65_535 } else { 0 };
+                let count = if *ty == DataType::Bit { 1 } else { 222 };
+                let address = Address { area, db, start: 0x00FF_FFF8, ty: *ty, count };
+                let mut bytes = Vec::new();
+                address.write(&mut bytes);
+                assert_eq!(one(&bytes), Some(Ok(address)));
+            }
+        }
+        let timers = Address { area: Area::Timers, db: 0, start: 5, ty: DataType::Timer, count: 3 };
+        let mut bytes = Vec::new();
+        timers.write(&mut bytes);
+        assert_eq!(bytes, [0x12, 0x0A, 0x10, 0x1D, 0, 3, 0, 0, 0x1D, 0, 0, 5]);
+        assert_eq!(one(&bytes), Some(Ok(timers)));
+    }
+
+    #[test]
+    fn what_is_wrong_with_an_item_is_its_own_code() {
+        for (bytes, code) in [
+            // Syntax of an S7-400's short reads; an unknown area; an unknown type; two bits; a real in the middle of a
+            // byte; nothing at all; timers as bytes.
+            ([0x12, 0x0A, 0xB0, 2, 0, 1, 0, 1, 0x84, 0, 0, 0], ItemCode::TYPE),
+            ([0x12, 0x0A, 0x10, 2, 0, 1, 0, 1, 0x99, 0, 0, 0], ItemCode::NO_OBJECT),
+            ([0x12, 0x0A, 0x10, 0x44, 0, 1, 0, 1, 0x84, 0, 0, 0], ItemCode::TYPE),
+            ([0x12, 0x0A, 0x10, 1, 0, 2, 0, 1, 0x84, 0, 0, 0], ItemCode::TYPE),
+            ([0x12, 0x0A, 0x10, 8, 0, 1, 0, 1, 0x84, 0, 0, 3], ItemCode::ADDRESS),
+            ([0x12, 0x0A, 0x10, 2, 0, 0, 0, 1, 0x84, 0, 0, 0], ItemCode::ADDRESS),
+            ([0x12, 0x0A, 0x10, 2, 0, 1, 0, 0, 0x1D, 0, 0, 0], ItemCode::TYPE),
+        ] {
+            assert_eq!(one(&bytes), Some(Err(code)), "{bytes:02X?}");
+        }
+    }
+
+    #[test]
+    fn odd_items_are_padded_and_a_cut_ends_the_row() {
+        let mut bytes = vec![0x12, 0x07, 0xB0, 0, 0, 0, 0, 0, 0, 0xEE];
+        Address { area: Area::Memory, db: 0, start: 0, ty: DataType::Byte, count: 1 }.write(&mut bytes);
+        let items: Vec<_> = Items::new(&bytes, 3).collect();
+        assert_eq!(items.len(), 3);
+        assert_eq!(items[0], Some(Err(ItemCode::TYPE)));
+        assert!(matches!(items[1], Some(Ok(_))));
+        assert_eq!(items[2], None);
+        assert_eq!(Items::new(&[0x12, 200, 1], 255).count(), 1);
+    }
+}

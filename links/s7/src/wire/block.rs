@@ -1,0 +1,208 @@
+//! Names of blocks on the wire (`_0A00001P`), and what lists tell of them.
+
+/// Types of blocks a CPU lists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum BlockType {
+    Ob,
+    Db,
+    Sdb,
+    Fc,
+    Sfc,
+    Fb,
+    Sfb,
+}
+
+impl BlockType {
+    /// All, in the order of a list of blocks.
+    pub const ALL: [Self; 7] = [Self::Ob, Self::Fb, Self::Fc, Self::Db, Self::Sdb, Self::Sfc, Self::Sfb];
+
+    /// The letter behind the 0.
+    #[must_use]
+    pub const fn letter(self) -> u8 {
+        match self {
+            Self::Ob => b'8',
+            Self::Db => b'A',
+            Self::Sdb => b'B',
+            Self::Fc => b'C',
+            Self::Sfc => b'D',
+            Self::Fb => b'E',
+            Self::Sfb => b'F',
+        }
+    }
+
+    /// Of the letter; small ones too.
+    #[must_use]
+    pub fn of(letter: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|ty| ty.letter() == letter.to_ascii_uppercase())
+    }
+
+    /// Of the byte in the head of a block.
+    #[must_use]
+    pub fn of_head(byte: u8) -> Option<Self> {
+        let digit = char::from_digit(u32::from(byte), 16)?;
+        Self::of(digit as u8)
+    }
+
+    /// As engineers write it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ob => "OB",
+            Self::Db => "DB",
+            Self::Sdb => "SDB",
+            Self::Fc => "FC",
+            Self::Sfc => "SFC",
+            Self::Fb => "FB",
+            Self::Sfb => "SFB",
+        }
+    }
+}
+
+/// Where a block lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileSystem {
+    /// Linked: the program that runs.
+    Active,
+    /// Loaded, but not linked yet.
+    Passive,
+    /// Either.
+    Both,
+}
+
+impl FileSystem {
+    const fn of(letter: u8) -> Option<Self> {
+        match letter {
+            b'A' => Some(Self::Active),
+            b'P' => Some(Self::Passive),
+            b'B' => Some(Self::Both),
+            _ => None,
+        }
+    }
+
+    const fn letter(self) -> u8 {
+        match self {
+            Self::Active => b'A',
+            Self::Passive => b'P',
+            Self::Both => b'B',
+        }
+    }
+}
+
+/// A block by its name on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlockName {
+    /// Its type.
+    pub ty: BlockType,
+    /// Its number.
+    pub number: u16,
+    /// Where it lies.
+    pub place: FileSystem,
+}
+
+impl BlockName {
+    /// `0A00001P`; in uploads and downloads `_` stands in front.
+    #[must_use]
+    pub fn read(text: &[u8]) -> Option<Self> {
+        let text = text.strip_prefix(b"_").unwrap_or(text);
+        let (&[zero, letter, a, b, c, d, e, place], []) = text.split_first_chunk::<8>()? else { return None };
+        let number = [a, b, c, d, e]
+            .iter()
+            .try_fold(0u32, |number, digit| digit.is_ascii_digit().then(|| number * 10 + u32::from(digit - b'0')))?;
+        Some(Self {
+            ty: BlockType::of(letter).filter(|_| zero == b'0')?,
+            number: u16::try_from(number).ok()?,
+            place: FileSystem::of(place)?,
+        })
+    }
+
+    /// The eight bytes.
+    #[must_use]
+    pub fn text(&self) -> [u8; 8] {
+        let digit = |power: u16| b'0' + (self.number / power % 10) as u8;
+        let digits = [digit(10_000), digit(1000), digit(100), digit(10), digit(1)];
+        let [a, b, c, d, e] = digits;
+        [b'0', self.ty.letter(), a, b, c, d, e, self.place.letter()]
+    }
+}
+
+/// Bytes of the answer to a block info.
+pub const INFO_BYTES: usize = 78;
+/// Bytes of the head of a block, and of its foot.
+const HEAD: usize = 36;
+
+/// What a block info tells: it is the head and the foot of the block.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BlockInfo {
+    /// The type.
+    pub ty: BlockType,
+    /// The first 36 bytes of the block.
+    pub head: [u8; HEAD],
+    /// The last 36 bytes of the block.
+    pub foot: [u8; HEAD],
+}
+
+impl BlockInfo {
+    /// Of a whole block.
+    #[must_use]
+    pub fn of(block: &[u8]) -> Option<Self> {
+        let head = block.first_chunk::<HEAD>()?;
+        let foot = block.get(HEAD..)?.last_chunk::<HEAD>()?;
+        Some(Self { ty: BlockType::of_head(head[5])?, head: *head, foot: *foot })
+    }
+
+    /// The answer's data.
+    #[must_use]
+    pub fn bytes(&self) -> Vec<u8> {
+        let mut out = vec![b'0', self.ty.letter()];
+        // What follows, and its version.
+        out.extend_from_slice(&[0, (INFO_BYTES - 4) as u8, 0, 0x22]);
+        out.extend_from_slice(&self.head);
+        out.extend_from_slice(&self.foot);
+        out
+    }
+
+    /// Out of the answer's data.
+    #[must_use]
+    pub fn read(data: &[u8]) -> Option<Self> {
+        let (&[zero, letter, ..], rest) = data.split_first_chunk::<6>()?;
+        let (head, rest) = rest.split_first_chunk::<HEAD>()?;
+        let foot = rest.first_chunk::<HEAD>()?;
+        Some(Self { ty: BlockType::of(letter).filter(|_| zero == b'0')?, head: *head, foot: *foot })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_go_both_ways() {
+        for (text, ty, number, place) in [
+            (b"0800001P", BlockType::Ob, 1, FileSystem::Passive),
+            (b"0A65535A", BlockType::Db, 65_535, FileSystem::Active),
+            (b"0F00052B", BlockType::Sfb, 52, FileSystem::Both),
+        ] {
+            let name = BlockName { ty, number, place };
+            assert_eq!(BlockName::read(text), Some(name));
+            assert_eq!(name.text(), *text);
+        }
+        assert!(BlockName::read(b"_0A00001P").is_some());
+        for wrong in
+            [&b"0A65536A"[..], b"0A0001A", b"0X00001A", b"1A00001A", b"0A0000xA", b"0A00001Q", b"", b"0A00001AA"]
+        {
+            assert_eq!(BlockName::read(wrong), None);
+        }
+    }
+
+    #[test]
+    fn an_info_is_head_and_foot() {
+        let mut block: Vec<u8> = (0..100).collect();
+        block[5] = 0x0A;
+        let info = BlockInfo::of(&block).expect("long enough");
+        assert_eq!(info.ty, BlockType::Db);
+        assert_eq!(info.bytes().len(), INFO_BYTES);
+        assert_eq!(BlockInfo::read(&info.bytes()), Some(info));
+        assert_eq!(BlockInfo::of(&block[..71]), None);
+    }
+}

@@ -1,0 +1,17 @@
+//! The telegrams of S7 communication, as a codec that server and client share.
+
+mod address;
+mod block;
+mod clock;
+mod data;
+mod password;
+mod pdu;
+mod userdata;
+
+pub use address::{Address, Area, BadItem, DataType, Items};
+pub use block::{BlockInfo, BlockName, BlockType, FileSystem, INFO_BYTES};
+pub use clock::{CLOCK_BYTES, DateTime};
+pub use data::{DataItem, DataItems, bytes_of, transport_of, write_item, write_refused};
+pub use password::{PASSWORD_BYTES, decode as decode_password, encode as encode_password};
+pub use pdu::{ANSWER_HEAD, JOB_HEAD, Kind, MAX_TELEGRAM, Pdu, function, write};
+pub use userdata::{Group, Telegram, USERDATA_HEAD, UserData, sub};

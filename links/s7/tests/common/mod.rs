@@ -1,0 +1,316 @@
+//! A CPU in memory, and a client that speaks bytes.
+
+#![allow(dead_code, reason = "each test binary uses a part of it")]
+
+use std::collections::BTreeMap;
+
+use ob1_s7::Rights;
+use ob1_s7::codes::{Code, ItemCode};
+use ob1_s7::server::{Ask, Connection, Control, Listed, Reply, Settings};
+use ob1_s7::wire::{Address, Area, BlockType, DataType, DateTime};
+
+/// A CPU in memory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct ModelCpu {
+    pub(crate) peripheral: Vec<u8>,
+    pub(crate) inputs: Vec<u8>,
+    pub(crate) outputs: Vec<u8>,
+    pub(crate) memory: Vec<u8>,
+    pub(crate) dbs: BTreeMap<u16, Vec<u8>>,
+    pub(crate) timers: Vec<u16>,
+    pub(crate) counters: Vec<u16>,
+    pub(crate) blocks: BTreeMap<(BlockType, u16), Vec<u8>>,
+    pub(crate) clock: DateTime,
+    pub(crate) runs: bool,
+    pub(crate) password: Option<String>,
+    /// How often something has changed, whatever it was.
+    pub(crate) changes: u32,
+}
+
+/// A block with head and foot around this code.
+pub(crate) fn block(ty: BlockType, number: u16, code: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0x70, 0x70, 1, 1, if ty == BlockType::Db { 5 } else { 1 }];
+    bytes.push((ty.letter() as char).to_digit(16).expect("hexadecimal") as u8);
+    bytes.extend_from_slice(&number.to_be_bytes());
+    bytes.extend_from_slice(&(72 + code.len() as u32).to_be_bytes());
+    bytes.resize(34, 0);
+    bytes.extend_from_slice(&(code.len() as u16).to_be_bytes());
+    bytes.extend_from_slice(code);
+    bytes.extend_from_slice(b"AUTHOR\0\0FAMILY\0\0NAME\0\0\0\0\x12\0\xAB\xCD\0\0\0\0\0\0\0\0");
+    bytes
+}
+
+impl Default for ModelCpu {
+    fn default() -> Self {
+        let ramp = |n: usize, from: usize| (0..n).map(|i| (i + from) as u8).collect::<Vec<u8>>();
+        let blocks = [
+            (BlockType::Ob, 1, &[0x65u8, 0, 1, 2][..]),
+            (BlockType::Fc, 7, &[1, 2]),
+            (BlockType::Db, 1, &[0; 1000]),
+            (BlockType::Db, 9, &[9; 4]),
+            (BlockType::Sfc, 1, &[]),
+        ];
+        Self {
+            peripheral: ramp(64, 0x40),
+            inputs: ramp(128, 0x10),
+            outputs: ramp(128, 0x20),
+            memory: ramp(256, 0),
+            dbs: [(1, ramp(1000, 1)), (9, ramp(4, 0x90))].into(),
+            timers: (0..16).map(|n| 0x2000 + n).collect(),
+            counters: (0..16).collect(),
+            blocks: blocks.into_iter().map(|(ty, n, code)| ((ty, n), block(ty, n, code))).collect(),
+            clock: DateTime { year: 2026, month: 11, day: 22, hour: 12, minute: 30, second: 15, ms: 250 },
+            runs: true,
+            password: None,
+            changes: 0,
+        }
+    }
+}
+
+impl ModelCpu {
+    fn bytes(&mut self, area: Area, db: u16) -> Result<&mut Vec<u8>, ItemCode> {
+        Ok(match area {
+            Area::Peripheral => &mut self.peripheral,
+            Area::Inputs => &mut self.inputs,
+            Area::Outputs => &mut self.outputs,
+            Area::Memory => &mut self.memory,
+            Area::Db => self.dbs.get_mut(&db).ok_or(ItemCode::NO_OBJECT)?,
+            Area::Counters | Area::Timers => return Err(ItemCode::TYPE),
+        })
+    }
+
+    fn words(&mut self, area: Area) -> Option<&mut Vec<u16>> {
+        match area {
+            Area::Counters => Some(&mut self.counters),
+            Area::Timers => Some(&mut self.timers),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn read(&mut self, address: &Address) -> Result<Vec<u8>, ItemCode> {
+        let (from, count) = (address.first() as usize, usize::from(address.count));
+        if let Some(words) = self.words(address.area) {
+            let words = words.get(from..from + count).ok_or(ItemCode::ADDRESS)?;
+            return Ok(words.iter().flat_map(|word| word.to_be_bytes()).collect());
+        }
+        let bytes = self.bytes(address.area, address.db)?;
+        let bytes = bytes.get(from..from + address.bytes()).ok_or(ItemCode::ADDRESS)?;
+        Ok(if address.ty == DataType::Bit { vec![bytes[0] >> (address.start % 8) & 1] } else { bytes.to_vec() })
+    }
+
+    fn write(&mut self, address: &Address, new: &[u8]) -> ItemCode {
+        self.changes += 1;
+        let (from, count) = (address.first() as usize, usize::from(address.count));
+        if let Some(words) = self.words(address.area) {
+            let Some(words) = words.get_mut(from..from + count) else { return ItemCode::ADDRESS };
+            for (word, new) in words.iter_mut().zip(new.as_chunks::<2>().0) {
+                *word = u16::from_be_bytes(*new);
+            }
+            return ItemCode::DONE;
+        }
+        let bytes = match self.bytes(address.area, address.db) {
+            Ok(bytes) => bytes,
+            Err(code) => return code,
+        };
+        let Some(bytes) = bytes.get_mut(from..from + address.bytes()) else { return ItemCode::ADDRESS };
+        if address.ty == DataType::Bit {
+            let mask = 1 << (address.start % 8);
+            bytes[0] = if new[0] & 1 == 1 { bytes[0] | mask } else { bytes[0] & !mask };
+        } else {
+            bytes.copy_from_slice(new);
+        }
+        ItemCode::DONE
+    }
+
+    pub(crate) fn serve(&mut self, ask: Ask) -> Reply {
+        match ask {
+            Ask::Read(addresses) => Reply::Values(addresses.iter().map(|address| self.read(address)).collect()),
+            Ask::Write(puts) => Reply::Written(puts.iter().map(|put| self.write(&put.address, &put.bytes)).collect()),
+            Ask::Szl { id: 0x0011, .. } => {
+                let mut bytes = vec![0, 1];
+                bytes.extend_from_slice(b"6ES7 315-2EH14-0AB0 \0\0\0\x01\0\x01");
+                Reply::Szl { record: 28, bytes }
+            }
+            Ask::Szl { id: 0x0424, .. } => {
+                let mut bytes = vec![0; 20];
+                bytes[3] = if self.runs { 8 } else { 4 };
+                Reply::Szl { record: 20, bytes }
+            }
+            Ask::Szl { id: 0x00A0, .. } => {
+                Reply::Szl { record: 20, bytes: (0..2000).map(|n| (n / 20) as u8).collect() }
+            }
+            Ask::Szl { id: 0x0232, index: 4 } => Reply::Szl { record: 40, bytes: vec![0; 40] },
+            Ask::Szl { .. } => Reply::Refused(Code::NO_LIST),
+            Ask::Blocks => {
+                let list = |(ty, number): &(BlockType, u16)| Listed { ty: *ty, number: *number, language: 1 };
+                Reply::Blocks(self.blocks.keys().map(list).collect())
+            }
+            Ask::Block { ty, number } => {
+                self.blocks.get(&(ty, number)).map_or(Reply::Refused(Code::NO_BLOCK), |b| Reply::Block(b.clone()))
+            }
+            Ask::Clock => Reply::Clock(self.clock),
+            Ask::SetClock(time) => {
+                self.changes += 1;
+                self.clock = time;
+                Reply::Done
+            }
+            Ask::Control(control) => {
+                self.changes += 1;
+                let runs = match control {
+                    Control::Stop => false,
+                    Control::Warm | Control::Cold => true,
+                    Control::Compress | Control::CopyRamToRom => return Reply::Done,
+                };
+                if std::mem::replace(&mut self.runs, runs) == runs { Reply::Already } else { Reply::Done }
+            }
+            Ask::Load(blocks) => {
+                self.changes += 1;
+                if self.runs && blocks.iter().any(|block| block.ty != BlockType::Db) {
+                    return Reply::Refused(Code::COORDINATION);
+                }
+                self.blocks.extend(blocks.into_iter().map(|block| ((block.ty, block.number), block.bytes)));
+                Reply::Done
+            }
+            Ask::Delete(names) => {
+                self.changes += 1;
+                let there = names.iter().all(|name| self.blocks.remove(name).is_some());
+                if there { Reply::Done } else { Reply::Refused(Code::NO_BLOCK) }
+            }
+            Ask::Login(password) => {
+                if self.password.as_deref() == Some(password.as_str()) {
+                    Reply::Rights(Rights::Operate)
+                } else {
+                    Reply::Refused(Code::PASSWORD)
+                }
+            }
+            Ask::Logout => Reply::Rights(Rights::Read),
+        }
+    }
+
+    /// Everything but the count of changes.
+    pub(crate) fn same_as(&self, other: &Self) -> bool {
+        Self { changes: 0, ..self.clone() } == Self { changes: 0, ..other.clone() }
+    }
+}
+
+/// A connection to such a CPU.
+#[derive(Debug)]
+pub(crate) struct Desk {
+    pub(crate) cpu: ModelCpu,
+    pub(crate) connection: Connection,
+}
+
+pub(crate) const CALL: [u8; 22] = [3, 0, 0, 22, 17, 0xE0, 0, 0, 0, 1, 0, 0xC0, 1, 10, 0xC1, 2, 1, 0, 0xC2, 2, 1, 2];
+
+impl Desk {
+    pub(crate) fn new(settings: Settings) -> Self {
+        Self { cpu: ModelCpu::default(), connection: Connection::new(settings) }
+    }
+
+    /// Connected, and set up with this PDU.
+    pub(crate) fn open(settings: Settings, pdu: u16) -> Self {
+        let mut desk = Self::new(settings);
+        desk.give(&CALL);
+        desk.answers();
+        let [high, low] = pdu.to_be_bytes();
+        let answer = desk.job(&[0xF0, 0, 0, 8, 0, 8, high, low], &[]);
+        assert_eq!(answer[..2], [0x32, 3], "{answer:02X?}");
+        desk
+    }
+
+    pub(crate) fn with(rights: Rights) -> Self {
+        Self::open(Settings { rights, ..Settings::default() }, 480)
+    }
+
+    /// Bytes from the wire; the CPU serves what is asked.
+    pub(crate) fn give(&mut self, bytes: &[u8]) {
+        self.connection.receive(bytes);
+        self.serve();
+    }
+
+    pub(crate) fn serve(&mut self) {
+        loop {
+            if self.connection.call().is_some() {
+                self.connection.accept();
+            }
+            let Some(request) = self.connection.next_ask() else { return };
+            let reply = self.cpu.serve(request.ask);
+            self.connection.reply(request.id, reply);
+        }
+    }
+
+    /// What has come out, as messages without TPKT and COTP.
+    pub(crate) fn answers(&mut self) -> Vec<Vec<u8>> {
+        let out = self.connection.output().to_vec();
+        self.connection.sent(out.len());
+        self.serve();
+        let mut rest = &out[..];
+        let mut messages = Vec::new();
+        while rest.len() >= 4 {
+            let (frame, behind) = rest.split_at(usize::from(u16::from_be_bytes([rest[2], rest[3]])));
+            messages.push(frame[5 + usize::from(frame[4])..].to_vec());
+            rest = behind;
+        }
+        messages
+    }
+
+    /// A message in a frame of its own.
+    pub(crate) fn send(&mut self, message: &[u8]) {
+        let mut frame = vec![3, 0];
+        frame.extend_from_slice(&(message.len() as u16 + 7).to_be_bytes());
+        frame.extend_from_slice(&[2, 0xF0, 0x80]);
+        frame.extend_from_slice(message);
+        self.give(&frame);
+    }
+
+    /// A job and its one answer.
+    pub(crate) fn job(&mut self, parameters: &[u8], data: &[u8]) -> Vec<u8> {
+        self.send(&job(7, parameters, data));
+        let mut answers = self.answers();
+        assert_eq!(answers.len(), 1, "{answers:02X?}");
+        answers.remove(0)
+    }
+
+    /// A service and its answers: parameters from the group on, and data.
+    pub(crate) fn service(&mut self, group: u8, sub: u8, data: &[u8]) -> Vec<Vec<u8>> {
+        self.send(&service(group, sub, data));
+        self.answers()
+    }
+}
+
+/// A job as bytes.
+pub(crate) fn job(reference: u16, parameters: &[u8], data: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0x32, 1, 0, 0];
+    for word in [reference, parameters.len() as u16, data.len() as u16] {
+        bytes.extend_from_slice(&word.to_be_bytes());
+    }
+    bytes.extend_from_slice(parameters);
+    bytes.extend_from_slice(data);
+    bytes
+}
+
+/// A service of a programming device as bytes.
+pub(crate) fn service(group: u8, sub: u8, data: &[u8]) -> Vec<u8> {
+    let mut all = if data.is_empty() { vec![0x0A, 0, 0, 0] } else { vec![0xFF, 9, 0, data.len() as u8] };
+    all.extend_from_slice(data);
+    let mut bytes = job(5, &[0, 1, 0x12, 4, 0x11, 0x40 | group, sub, 0], &all);
+    bytes[1] = 7;
+    bytes
+}
+
+/// An item of a read or write.
+pub(crate) fn item(ty: u8, count: u16, db: u16, area: u8, start: u32) -> Vec<u8> {
+    let mut bytes = vec![0x12, 0x0A, 0x10, ty];
+    bytes.extend_from_slice(&count.to_be_bytes());
+    bytes.extend_from_slice(&db.to_be_bytes());
+    bytes.push(area);
+    bytes.extend_from_slice(&start.to_be_bytes()[1..]);
+    bytes
+}
+
+/// Parameters of a read or write with these items.
+pub(crate) fn items(function: u8, items: &[Vec<u8>]) -> Vec<u8> {
+    let mut bytes = vec![function, items.len() as u8];
+    bytes.extend(items.iter().flatten());
+    bytes
+}
