@@ -76,8 +76,8 @@ pub(crate) fn read(m: &mut Machine, cell: Cell, width: CellWidth) -> Result<u32,
         Cell::Timer(n) => {
             let timer = m.timers.get(usize::from(n)).ok_or(CellError::NoTimer)?;
             Ok(match width {
-                CellWidth::Bit => u32::from(timer.output(m.now)),
-                _ => u32::from(timer.remaining_bcd(m.now)),
+                CellWidth::Bit => u32::from(timer.output(m.hot.now)),
+                _ => u32::from(timer.remaining_bcd(m.hot.now)),
             })
         }
         Cell::Counter(n) => {

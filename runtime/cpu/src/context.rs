@@ -47,7 +47,7 @@ pub struct Context<'a> {
 
 impl std::fmt::Debug for Context<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Context").field("now", &self.machine.now).field("ob", &self.machine.ob.number).finish()
+        f.debug_struct("Context").field("now", &self.machine.hot.now).field("ob", &self.machine.ob.number).finish()
     }
 }
 
@@ -56,15 +56,15 @@ impl Context<'_> {
     pub(crate) fn look(&mut self) {
         let machine = &mut *self.machine;
         let pending = u64::from(std::mem::take(&mut machine.hot.pending));
-        let before = machine.now;
+        let before = machine.hot.now;
         machine.statements += pending;
         self.clock.executed(pending);
-        machine.now = machine.now.max(self.clock.now());
+        machine.hot.now = machine.hot.now.max(self.clock.now());
         if pending >= FEWEST_STATEMENTS {
-            machine.pace = (machine.now - before).saturating_mul(1024) / pending;
+            machine.pace = (machine.hot.now - before).saturating_mul(1024) / pending;
         }
         let due = machine.interrupts.next_due().min(machine.watchdog.expires.unwrap_or(Nanos::MAX));
-        let time = due.saturating_sub(machine.now);
+        let time = due.saturating_sub(machine.hot.now);
         // A due time is seen at the first safe point behind it where statements are charged, else within some
         // statements of it.
         let statements = match self.clock.statements_in(time) {
@@ -82,7 +82,7 @@ impl Context<'_> {
             self.look();
             let at = self.machine.at.take();
             let machine = &mut *self.machine;
-            machine.trace.safe_point(machine.now, at.or(machine.native_caller));
+            machine.trace.safe_point(machine.hot.now, at.or(machine.native_caller));
             if self.machine.hot.stopping {
                 return Err(Abort);
             }
@@ -91,11 +91,11 @@ impl Context<'_> {
                 self.machine.hot.stopping = true;
                 return Err(Abort);
             }
-            if self.machine.watchdog.expires.is_some_and(|expires| self.machine.now >= expires) {
+            if self.machine.watchdog.expires.is_some_and(|expires| self.machine.hot.now >= expires) {
                 self.cycle_exceeded()?;
             }
             // One at a time: interrupts that come faster than they are served must not hide halt and watchdog.
-            if !self.machine.interrupts.wants(self.machine.now) || !self.interrupt()? {
+            if !self.machine.interrupts.wants(self.machine.hot.now) || !self.interrupt()? {
                 return Ok(());
             }
         }
@@ -104,8 +104,8 @@ impl Context<'_> {
     /// Time passes inside the scan; what is due meanwhile is served.
     pub(crate) fn wait(&mut self, time: Nanos) -> Result<(), Abort> {
         self.look();
-        let deadline = self.machine.now.saturating_add(time);
-        while self.machine.now < deadline {
+        let deadline = self.machine.hot.now.saturating_add(time);
+        while self.machine.hot.now < deadline {
             let watchdog = self.machine.watchdog.expires.unwrap_or(deadline);
             self.clock.wait(deadline.min(watchdog).min(self.machine.interrupts.next_due()));
             self.attend()?;
@@ -117,7 +117,7 @@ impl Context<'_> {
     pub(crate) fn start_info(&self, class: u8, id: u8, priority: u8, number: u8) -> [u8; 20] {
         let mut start = [0; 20];
         start[..4].copy_from_slice(&[class, id, priority, number]);
-        start[12..].copy_from_slice(&self.machine.wall.bytes(self.machine.now));
+        start[12..].copy_from_slice(&self.machine.wall.bytes(self.machine.hot.now));
         start
     }
 
@@ -133,7 +133,7 @@ impl Context<'_> {
         }
         self.look();
         let machine = &mut *self.machine;
-        let began = machine.now;
+        let began = machine.hot.now;
         let outer_inside = std::mem::take(&mut machine.inside);
         // The OBs for synchronous errors belong to the class they interrupt, and so do its masks and its run time.
         let synchronous = matches!(info.number, 121 | 122);
@@ -161,7 +161,7 @@ impl Context<'_> {
         };
         self.look();
         let machine = &mut *self.machine;
-        let whole = machine.now - began;
+        let whole = machine.hot.now - began;
         let inside = machine.inside;
         machine.inside = outer_inside + if synchronous { inside } else { whole };
         let own = whole.saturating_sub(inside);
@@ -189,7 +189,7 @@ impl Context<'_> {
         let machine = &mut *self.machine;
         machine.watchdog.excess = false;
         machine.watchdog.expires =
-            (machine.config.watchdog > 0).then(|| machine.now.saturating_add(machine.config.watchdog));
+            (machine.config.watchdog > 0).then(|| machine.hot.now.saturating_add(machine.config.watchdog));
     }
 
     /// Enters `event` and marks the CPU for STOP.
@@ -202,7 +202,7 @@ impl Context<'_> {
     pub(crate) fn entry(&mut self, event: Event, data: u32, text: &str) {
         self.machine.diag.push(DiagEntry {
             number: 0,
-            time: self.machine.now,
+            time: self.machine.hot.now,
             event,
             site: None,
             accus: [0; 2],

@@ -43,7 +43,7 @@ pub struct Cpu {
 
 impl std::fmt::Debug for Cpu {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Cpu").field("state", &self.state).field("now", &self.machine.now).finish_non_exhaustive()
+        f.debug_struct("Cpu").field("state", &self.state).field("now", &self.machine.hot.now).finish_non_exhaustive()
     }
 }
 
@@ -145,7 +145,7 @@ impl Cpu {
     /// The CPU's own time.
     #[must_use]
     pub fn now(&self) -> Nanos {
-        self.machine.now
+        self.machine.hot.now
     }
 
     /// The diagnostic buffer, newest first.
@@ -163,7 +163,7 @@ impl Cpu {
     pub fn diagnose(&mut self, event: Event, data: u32, text: &str) {
         let entry = DiagEntry {
             number: 0,
-            time: self.machine.now,
+            time: self.machine.hot.now,
             event,
             site: None,
             accus: [0; 2],
@@ -213,7 +213,7 @@ impl Cpu {
         if self.state != OperatingState::Run {
             return Err(InterruptError::NotRunning);
         }
-        let request = Hardware { slot: slot as u8, output: false, address, point, at: self.machine.now };
+        let request = Hardware { slot: slot as u8, output: false, address, point, at: self.machine.hot.now };
         if self.machine.interrupts.fire(request) { Ok(()) } else { Err(InterruptError::Full) }
     }
 

@@ -26,7 +26,7 @@ impl Cpu {
     /// ([`CycleEnd::whole`] is false then). In STOP only access port, exchange and modules are served. The caller
     /// sleeps until the deadline it is given.
     pub fn cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
-        self.machine.now = self.machine.now.max(clock.now());
+        self.machine.hot.now = self.machine.hot.now.max(clock.now());
         self.machine.memory.reuse_deleted();
         self.serve_port();
         if self.machine.interrupt.take_halt() {
@@ -35,7 +35,7 @@ impl Cpu {
         if let Some(command) = self.wanted.take() {
             self.obey(command, clock);
         }
-        let now = self.machine.now;
+        let now = self.machine.hot.now;
         match self.state {
             OperatingState::Run if now < self.due && self.machine.interrupts.wants(now) => self.between_cycles(clock),
             // After a start-up the first cycle begins now: OB 100 is not part of it.
@@ -69,13 +69,13 @@ impl Cpu {
         let ran = self.module_events(clock).and_then(|()| {
             self.clock_memory();
             self.input_image(clock)?;
-            if self.machine.interrupts.wants(self.machine.now) {
+            if self.machine.interrupts.wants(self.machine.hot.now) {
                 self.context(clock).attend()?;
             }
             self.ob1(start - planned, clock)?;
             // A cycle too long is noticed at its end too, when the last stretch had no safe point.
             self.context(clock).attend()?;
-            outputs_from = Some(self.machine.now);
+            outputs_from = Some(self.machine.hot.now);
             self.output_image(clock)
         });
         self.machine.watchdog.expires = None;
@@ -86,14 +86,14 @@ impl Cpu {
         }
         let m = &mut self.machine;
         if !stopped {
-            m.modules.end_scan(m.now);
-            m.now = m.now.max(clock.now());
+            m.modules.end_scan(m.hot.now);
+            m.hot.now = m.hot.now.max(clock.now());
         }
         let (due, overran, missed) = m.next_cycle(planned, stopped);
         self.due = due;
         let ended = Ended {
-            end: m.now,
-            outputs_from: outputs_from.unwrap_or(m.now),
+            end: m.hot.now,
+            outputs_from: outputs_from.unwrap_or(m.hot.now),
             inside: m.inside,
             statements: m.statements + u64::from(m.hot.pending),
             overran,
@@ -111,7 +111,7 @@ impl Cpu {
 
     /// Interrupts that come while the minimum cycle time is waited for.
     fn between_cycles(&mut self, clock: &mut dyn Clock) -> CycleEnd {
-        self.watch(self.machine.now);
+        self.watch(self.machine.hot.now);
         let ran = self.context(clock).attend();
         self.machine.watchdog.expires = None;
         if ran.is_err() || self.machine.hot.stopping {
@@ -120,8 +120,8 @@ impl Cpu {
         }
         // Rings for what an interrupt has written to a module.
         let m = &mut self.machine;
-        m.modules.end_scan(m.now);
-        m.trace.between(m.now);
+        m.modules.end_scan(m.hot.now);
+        m.trace.between(m.hot.now);
         m.account_interrupts();
         CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: false, late: false }
     }
@@ -180,13 +180,13 @@ impl Cpu {
         let ran = cx.run_ob(callee, ObInfo { number: 1, priority: 1, start });
         let m = &mut self.machine;
         let whole = m.obs.of(1).map_or(0, |record| record.last_whole());
-        m.trace.ob1_began(m.now.saturating_sub(whole), inside);
+        m.trace.ob1_began(m.hot.now.saturating_sub(whole), inside);
         ran
     }
 
     /// Serves access port and modules while the program stands still.
     pub(crate) fn stop_cycle(&mut self, clock: &mut dyn Clock) -> CycleEnd {
-        let now = self.machine.now;
+        let now = self.machine.hot.now;
         self.machine.modules.begin_scan(now);
         // No organization block runs in STOP: this cannot abort.
         let _ = self.module_events(clock);
@@ -230,7 +230,7 @@ impl Cpu {
         let text = event_text(&plugged.slot.name, event);
         self.machine.diag.push(DiagEntry {
             number: 0,
-            time: self.machine.now,
+            time: self.machine.hot.now,
             event: event.event,
             site: None,
             accus: [0; 2],
@@ -248,7 +248,7 @@ impl Cpu {
 
     /// A hardware interrupt of a module: it waits for its class, or, when its OB is not loaded, is an error at once.
     fn module_interrupt(&mut self, ob: u16, address: u32, data: [u8; 4], clock: &mut dyn Clock) -> Result<(), Abort> {
-        let at = self.machine.now;
+        let at = self.machine.hot.now;
         let Some(slot) = slot_of(ob) else { return Ok(()) };
         let request =
             Hardware { slot: slot as u8, output: false, address: address as u16, point: u32::from_be_bytes(data), at };
@@ -265,7 +265,7 @@ impl Cpu {
 
     fn clock_memory(&mut self) {
         let Some(byte) = self.machine.config.clock_memory else { return };
-        let ms = self.machine.now / 1_000_000;
+        let ms = self.machine.hot.now / 1_000_000;
         let bits = (0u8..).zip(CLOCK_HALF_MS).fold(0, |bits, (i, half)| bits | (((ms / half) & 1) as u32) << i);
         let at = self.machine.memory.memory.at.plus(u32::from(byte)).bit(0);
         self.machine.memory.write_bits(at, 8, bits);
@@ -276,7 +276,7 @@ impl Machine {
     /// When the cycle after the one planned at `planned` is due, now that this one has ended; whether it overran, and
     /// how many deadlines no cycle will begin for: none, when the CPU has `stopped`.
     fn next_cycle(&mut self, planned: Nanos, stopped: bool) -> (Nanos, bool, u64) {
-        let (min, now) = (self.config.min_cycle, self.now);
+        let (min, now) = (self.config.min_cycle, self.hot.now);
         let next = planned.saturating_add(min);
         if next >= now || min == 0 {
             return (next.max(now), false, 0);

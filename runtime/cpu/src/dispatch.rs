@@ -25,7 +25,7 @@ impl Context<'_> {
 
     /// Due times that have passed become requests; those that came too soon are errors.
     fn collect(&mut self) -> Result<(), Abort> {
-        let passed = self.machine.interrupts.collect(self.machine.now);
+        let passed = self.machine.interrupts.collect(self.machine.hot.now);
         if passed == Passed::default() {
             return Ok(());
         }
@@ -54,7 +54,7 @@ impl Context<'_> {
             self.machine.interrupts.done(request.slot);
             return self.missing_ob(number, start);
         };
-        let late = self.machine.now.saturating_sub(request.due);
+        let late = self.machine.hot.now.saturating_sub(request.due);
         if let Some(record) = self.machine.obs.of(number) {
             record.late(late);
         }

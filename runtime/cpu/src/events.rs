@@ -69,10 +69,10 @@ impl Context<'_> {
         let machine = &mut *self.machine;
         machine.trace.accounts.watchdogs.add(1);
         let limit_ms = (machine.config.watchdog / 1_000_000) as u32;
-        let ran_ms = ((machine.now - machine.cycle_start) / 1_000_000).min(0xFFFF) as u16;
+        let ran_ms = ((machine.hot.now - machine.cycle_start) / 1_000_000).min(0xFFFF) as u16;
         // SFC 43 begins the cycle anew, but not OB 80.
         let second = std::mem::replace(&mut machine.watchdog.excess, true) || machine.is_active(&[80]);
-        machine.watchdog.expires = Some(machine.now.saturating_add(machine.config.watchdog));
+        machine.watchdog.expires = Some(machine.hot.now.saturating_add(machine.config.watchdog));
         self.entry(Event::CYCLE_TIME_EXCEEDED, limit_ms, "");
         if second {
             self.stop(Event::STOP_TIME_ERROR, limit_ms, "twice in one cycle");
@@ -111,7 +111,7 @@ impl Context<'_> {
         let text = ob_name(ob, &mut digits);
         self.machine.diag.push(DiagEntry {
             number: 0,
-            time: self.machine.now,
+            time: self.machine.hot.now,
             event,
             site: None,
             accus: [0; 2],
@@ -167,7 +167,7 @@ impl Context<'_> {
         let nested = matches!(self.machine.ob.number, 121 | 122);
         self.machine.diag.push(DiagEntry {
             number: 0,
-            time: self.machine.now,
+            time: self.machine.hot.now,
             event: fault.kind.into(),
             site,
             accus: [a1, a2],
@@ -210,7 +210,7 @@ impl Context<'_> {
         let machine = &mut *self.machine;
         let entry = DiagEntry {
             number: 0,
-            time: machine.now,
+            time: machine.hot.now,
             event,
             site,
             accus: [0; 2],
@@ -288,7 +288,7 @@ impl Context<'_> {
         let event = if output { Event::OUTPUT_IMAGE_ERROR } else { Event::INPUT_IMAGE_ERROR };
         let entry = DiagEntry {
             number: 0,
-            time: self.machine.now,
+            time: self.machine.hot.now,
             event,
             site: None,
             accus: [0; 2],

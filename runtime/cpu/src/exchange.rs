@@ -475,7 +475,7 @@ impl End {
             return false;
         }
         let Some(mut snapshot) = watch.free.iter_mut().find_map(Option::take) else { return false };
-        (snapshot.scan, snapshot.time, snapshot.state) = (scan, m.now, state);
+        (snapshot.scan, snapshot.time, snapshot.state) = (scan, m.hot.now, state);
         snapshot.fill(m, &watch.pieces);
         let _ = self.back.push(Back::Snapshot(snapshot));
         true

@@ -113,7 +113,6 @@ impl Cpu {
             diag: DiagBuffer::new(),
             log,
             interrupt,
-            now: 0,
             wall: Wall::new(config.date_at_start),
             statements: 0,
             hot: Hot::default(),

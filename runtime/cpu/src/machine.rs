@@ -74,8 +74,6 @@ pub(crate) struct Machine {
     pub(crate) trace: Trace,
     pub(crate) log: LogWriter,
     pub(crate) interrupt: Interrupt,
-    /// The CPU's own time: moves at safe points and cycle control points.
-    pub(crate) now: Nanos,
     /// Statements the clock knows of.
     pub(crate) statements: u64,
     /// What engines read and write directly.
@@ -159,6 +157,6 @@ impl Machine {
 
     /// Copies a log line into the ring.
     pub(crate) fn log(&mut self, level: u8, text: &str) {
-        self.log.write(LogLine::new(self.now, level, text));
+        self.log.write(LogLine::new(self.hot.now, level, text));
     }
 }

@@ -106,7 +106,7 @@ impl Messages for Machine {
         let word = info1.iter().take(2).fold(0, |word, byte| word << 8 | u32::from(*byte));
         self.diag.push(DiagEntry {
             number: 0,
-            time: self.now,
+            time: self.hot.now,
             event: Event(event),
             site: None,
             accus: [0; 2],

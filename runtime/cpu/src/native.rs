@@ -310,7 +310,7 @@ impl NativeContext for Call<'_, '_> {
     }
 
     fn timer_run(&mut self, number: u16, kind: TimerKind, rlo: bool, s5time: u16) -> Result<(), NativeError> {
-        let now = self.cx.machine.now;
+        let now = self.cx.machine.hot.now;
         let timer = self.cx.machine.timers.get_mut(usize::from(number)).ok_or(NativeError::NoTimer)?;
         timer.run(kind, rlo, s5time, now).map_err(|_| NativeError::Outside)
     }
@@ -321,7 +321,7 @@ impl NativeContext for Call<'_, '_> {
     }
 
     fn timer_get(&mut self, number: u16) -> Result<TimerState, NativeError> {
-        let now = self.cx.machine.now;
+        let now = self.cx.machine.hot.now;
         self.cx.machine.timers.get(usize::from(number)).map(|t| t.state(now)).ok_or(NativeError::NoTimer)
     }
 
@@ -369,7 +369,7 @@ impl NativeContext for Call<'_, '_> {
     }
 
     fn now(&mut self) -> Nanos {
-        self.cx.machine.now
+        self.cx.machine.hot.now
     }
 
     fn ob_info(&mut self) -> ObInfo {
@@ -405,7 +405,7 @@ impl NativeContext for Call<'_, '_> {
         let machine = &mut *self.cx.machine;
         let entry = DiagEntry {
             number: 0,
-            time: machine.now,
+            time: machine.hot.now,
             event: Event::PLUGIN_ENTRY,
             site,
             accus: [0; 2],
@@ -418,8 +418,15 @@ impl NativeContext for Call<'_, '_> {
     fn stop(&mut self, event: Event, text: &str) -> Abort {
         let site = Some(self.site());
         let machine = &mut *self.cx.machine;
-        let entry =
-            DiagEntry { number: 0, time: machine.now, event, site, accus: [0; 2], data: 0, text: ShortText::new(text) };
+        let entry = DiagEntry {
+            number: 0,
+            time: machine.hot.now,
+            event,
+            site,
+            accus: [0; 2],
+            data: 0,
+            text: ShortText::new(text),
+        };
         machine.diag.push(entry);
         machine.hot.stopping = true;
         Abort

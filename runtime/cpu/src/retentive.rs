@@ -284,7 +284,7 @@ impl Cpu {
         }
         for timer in m.keep.timers.iter().flat_map(|r| &m.timers[r.clone()]) {
             // Time stands still in STOP.
-            let now = if self.state == OperatingState::Stop { m.stopped_at } else { m.now };
+            let now = if self.state == OperatingState::Stop { m.stopped_at } else { m.hot.now };
             into.extend_from_slice(&timer.image(now));
         }
         for counter in m.keep.counters.iter().flat_map(|r| &m.counters[r.clone()]) {
@@ -335,7 +335,7 @@ impl Cpu {
         let counters = reader.take(counters * Counter::IMAGE)?;
         let timers: Vec<Timer> = timers
             .chunks_exact(Timer::IMAGE)
-            .map(|b| Timer::from_image(b, m.now).ok_or(Why::Damaged))
+            .map(|b| Timer::from_image(b, m.hot.now).ok_or(Why::Damaged))
             .collect::<Result<_, _>>()?;
         let counters: Vec<Counter> = counters
             .chunks_exact(Counter::IMAGE)
@@ -357,7 +357,7 @@ impl Cpu {
             .counters
             .iter()
             .for_each(|r| m.counters[r.clone()].iter_mut().zip(&mut counters).for_each(|(t, n)| *t = n));
-        m.stopped_at = m.now;
+        m.stopped_at = m.hot.now;
         self.has_run = true;
         Ok(())
     }

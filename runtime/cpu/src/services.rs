@@ -115,7 +115,7 @@ impl Machine {
         self.services.touched = false;
         for i in 0..self.services.time_of_day.len() {
             // One whose time has come already is on its way; looking for the next would lose it.
-            if !self.interrupts.is_due(i, self.now) {
+            if !self.interrupts.is_due(i, self.hot.now) {
                 self.next_time_of_day(i);
             }
         }
@@ -169,7 +169,7 @@ impl Machine {
     }
 
     fn moment_now(&self) -> Moment {
-        self.wall.moment(self.now)
+        self.wall.moment(self.hot.now)
     }
 }
 
@@ -244,7 +244,7 @@ impl WallClock for Machine {
         self.moment_now()
     }
     fn set_moment(&mut self, moment: Moment) {
-        self.wall.set(moment, self.now);
+        self.wall.set(moment, self.hot.now);
         self.services.touched = true;
     }
 }

@@ -136,9 +136,9 @@ impl Cpu {
         self.machine.set_times_of_day();
         // Time stood still for the timers that are left.
         let m = &mut self.machine;
-        let stood = m.now.saturating_sub(m.stopped_at);
+        let stood = m.hot.now.saturating_sub(m.stopped_at);
         m.timers.iter_mut().for_each(|timer| timer.shift(stood));
-        (m.stopped_at, m.started) = (m.now, m.now);
+        (m.stopped_at, m.started) = (m.hot.now, m.hot.now);
         m.obs.restart();
         self.state = OperatingState::Startup;
         self.diagnose(Event::STARTUP, 0, kind.text());
@@ -170,8 +170,8 @@ impl Cpu {
             self.diagnose(Event::OB_NOT_LOADED, 1, "OB 1: no program runs in the cycle");
         }
         self.diagnose(Event::RUN, 0, "");
-        self.due = self.machine.now;
-        self.machine.interrupts.start(self.machine.now);
+        self.due = self.machine.hot.now;
+        self.machine.interrupts.start(self.machine.hot.now);
         self.last_start = None;
         self.cycle_ms = [0; 3];
         self.first_scan = kind.first_scan();
@@ -185,7 +185,7 @@ impl Cpu {
         self.machine.diag.keep_stop();
         let m = &mut self.machine;
         m.hot.stopping = false;
-        m.stopped_at = m.now;
+        m.stopped_at = m.hot.now;
         m.interrupts.stop();
         m.watchdog = Watchdog::default();
         let outputs = m.memory.outputs;

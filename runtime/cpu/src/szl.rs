@@ -65,7 +65,7 @@ impl SystemStatus for Machine {
         }
         let mut times =
             RunTimes { ob, priority: u16::from(priority_of(ob)), last_run: u32::MAX, ..RunTimes::default() };
-        let (now, running, inside) = (self.now, self.class_ob, self.inside);
+        let (now, running, inside) = (self.hot.now, self.class_ob, self.inside);
         if let Some(record) = self.obs.of(ob) {
             record.times(now, (running == ob).then_some(inside), own, &mut times);
         }

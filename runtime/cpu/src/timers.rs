@@ -14,7 +14,8 @@ const KINDS: [TimerKind; 5] =
 
 /// One timer.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Timer {
+#[repr(C)]
+pub struct Timer {
     kind: TimerKind,
     /// Runs, unless `end` has passed.
     running: bool,
@@ -83,7 +84,7 @@ impl Timer {
     }
 
     /// `SI SV SE SS SA` with the RLO and the S5TIME in ACCU1-L.
-    pub(crate) fn run(&mut self, kind: TimerKind, rlo: bool, time: u16, now: Nanos) -> Result<(), FaultKind> {
+    pub fn run(&mut self, kind: TimerKind, rlo: bool, time: u16, now: Nanos) -> Result<(), FaultKind> {
         self.settle(now);
         let rising = rlo && !self.start_rlo;
         let falling = !rlo && self.start_rlo;
@@ -127,14 +128,14 @@ impl Timer {
     }
 
     /// `R` with RLO = 1: time and signal state go to 0; edges are still remembered.
-    pub(crate) fn reset(&mut self) {
+    pub fn reset(&mut self) {
         self.running = false;
         self.latched = false;
         self.rest = 0;
     }
 
     /// `FR`: a rising edge makes the next start statement with RLO = 1 (`SA`: 0) start again.
-    pub(crate) fn enable(&mut self, rlo: bool) {
+    pub fn enable(&mut self, rlo: bool) {
         if rlo && !self.enable_rlo {
             self.start_rlo = self.kind == TimerKind::OffDelay;
         }
@@ -143,7 +144,7 @@ impl Timer {
 
     /// The signal state, `U T n`.
     #[inline]
-    pub(crate) fn output(&self, now: Nanos) -> bool {
+    pub fn output(&self, now: Nanos) -> bool {
         match self.kind {
             TimerKind::Pulse | TimerKind::ExtendedPulse => self.runs(now),
             TimerKind::OnDelay | TimerKind::RetentiveOnDelay => self.latched || self.running && now >= self.end,
@@ -152,12 +153,12 @@ impl Timer {
     }
 
     /// Units of the base that are left, rounded up; `L T n`.
-    pub(crate) fn remaining(&self, now: Nanos) -> u16 {
+    pub fn remaining(&self, now: Nanos) -> u16 {
         if self.running { self.end.saturating_sub(now).div_ceil(self.unit()).min(999) as u16 } else { self.rest }
     }
 
     /// The remaining time as S5TIME; `LC T n`.
-    pub(crate) fn remaining_bcd(&self, now: Nanos) -> u16 {
+    pub fn remaining_bcd(&self, now: Nanos) -> u16 {
         self.base << 12 | to_bcd(self.remaining(now))
     }
 
@@ -211,9 +212,10 @@ impl Timer {
 
 /// A counter. ["Counter Instructions" of the STL reference]
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Counter {
+#[repr(C)]
+pub struct Counter {
     /// 0 to 999.
-    pub(crate) value: u16,
+    pub value: u16,
     up_rlo: bool,
     down_rlo: bool,
     set_rlo: bool,
@@ -225,7 +227,7 @@ impl Counter {
     pub(crate) const MAX: u16 = 999;
 
     /// `ZV`.
-    pub(crate) fn up(&mut self, rlo: bool) {
+    pub fn up(&mut self, rlo: bool) {
         if rlo && !self.up_rlo && self.value < Self::MAX {
             self.value += 1;
         }
@@ -233,7 +235,7 @@ impl Counter {
     }
 
     /// `ZR`.
-    pub(crate) fn down(&mut self, rlo: bool) {
+    pub fn down(&mut self, rlo: bool) {
         if rlo && !self.down_rlo && self.value > 0 {
             self.value -= 1;
         }
@@ -241,7 +243,7 @@ impl Counter {
     }
 
     /// `S Z n` with three BCD digits in ACCU1-L.
-    pub(crate) fn set(&mut self, rlo: bool, bcd: u16) -> Result<(), FaultKind> {
+    pub fn set(&mut self, rlo: bool, bcd: u16) -> Result<(), FaultKind> {
         let rising = rlo && !self.set_rlo;
         self.set_rlo = rlo;
         if rising {
@@ -251,7 +253,7 @@ impl Counter {
     }
 
     /// `FR`: a rising edge makes the next statement with RLO = 1 count or set again.
-    pub(crate) fn enable(&mut self, rlo: bool) {
+    pub fn enable(&mut self, rlo: bool) {
         if rlo && !self.enable_rlo {
             (self.up_rlo, self.down_rlo, self.set_rlo) = (false, false, false);
         }
@@ -283,7 +285,7 @@ impl Counter {
     }
 
     /// `LC Z n`.
-    pub(crate) fn bcd(self) -> u16 {
+    pub fn bcd(self) -> u16 {
         to_bcd(self.value)
     }
 }

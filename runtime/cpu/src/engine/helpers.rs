@@ -24,6 +24,8 @@ impl Context<'_> {
         hot.db_index_len = m.memory.by_number.len() as u32;
         *hot.dbs.get_mut() = m.memory.dbs.as_mut_ptr();
         hot.dbs_len = m.memory.dbs.len() as u32;
+        *hot.timers.get_mut() = m.timers.as_mut_ptr();
+        *hot.counters.get_mut() = m.counters.as_mut_ptr();
         hot
     }
 
@@ -79,7 +81,7 @@ impl Context<'_> {
     /// The output of a timer; false when it is not there.
     #[must_use]
     pub fn timer_output(&self, number: u16) -> bool {
-        self.machine.timers.get(usize::from(number)).is_some_and(|timer| timer.output(self.machine.now))
+        self.machine.timers.get(usize::from(number)).is_some_and(|timer| timer.output(self.machine.hot.now))
     }
 
     /// The value of a counter; 0 when it is not there.

@@ -2,7 +2,9 @@
 
 use std::sync::atomic::{AtomicBool, AtomicPtr};
 
+use crate::Nanos;
 use crate::arena::Db;
+use crate::timers::{Counter, Timer};
 
 /// The state of a CPU that engines read and write directly. One for each CPU; [`super::Context::hot`] hands it out.
 ///
@@ -26,6 +28,8 @@ pub struct Hot {
     pub depth: u32,
     /// A block asked for STOP or a fault led to it: every safe point aborts.
     pub stopping: bool,
+    /// The CPU's own time: moves at safe points and cycle control points, nowhere else.
+    pub now: Nanos,
     /// Not 0: the next safe point looks, whatever `pending` says. Other threads set it.
     pub due: AtomicPtr<AtomicBool>,
     /// The arena's first byte.
@@ -45,6 +49,10 @@ pub struct Hot {
     pub dbs_len: u32,
     /// Data blocks.
     pub dbs: AtomicPtr<Db>,
+    /// Timers, as many as [`super::Plan::timers`].
+    pub timers: AtomicPtr<Timer>,
+    /// Counters, as many as [`super::Plan::counters`].
+    pub counters: AtomicPtr<Counter>,
 }
 
 impl Default for Hot {
@@ -58,6 +66,7 @@ impl Default for Hot {
             scratch_top: 0,
             depth: 0,
             stopping: false,
+            now: 0,
             due: AtomicPtr::default(),
             arena: AtomicPtr::default(),
             arena_len: 0,
@@ -67,6 +76,8 @@ impl Default for Hot {
             db_index_len: 0,
             dbs_len: 0,
             dbs: AtomicPtr::default(),
+            timers: AtomicPtr::default(),
+            counters: AtomicPtr::default(),
         }
     }
 }

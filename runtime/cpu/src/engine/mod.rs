@@ -53,6 +53,7 @@ use crate::Abort;
 
 pub use crate::arena::{ArenaBit, ArenaByte, Db, Range};
 pub use crate::context::Context;
+pub use crate::timers::{Counter, Timer};
 pub use arith::{compare_dint, compare_int, compare_real, dint, int, math, real};
 pub use call::{Prepared, Saved, Tops};
 pub use convert::convert;

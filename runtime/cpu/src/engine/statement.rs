@@ -154,7 +154,7 @@ fn bit_logic(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
         Op::Scan { logic, negate, test } => {
             let bit = match test {
                 BitTest::Bit(place) => read(place, 1, r, m)? != 0,
-                BitTest::Timer(n) => timer(n, r, m)?.output(m.now),
+                BitTest::Timer(n) => timer(n, r, m)?.output(m.hot.now),
                 BitTest::Counter(n) => counter(n, r, m)?.value != 0,
                 BitTest::Status(bit) => r.status_bit(bit),
             };
@@ -270,11 +270,11 @@ fn load_transfer(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> {
             r.set_status_word((r.status_word() & !written) | (r.a1 & written));
         }
         Op::LoadTimer(n) => {
-            let value = timer(n, r, m)?.remaining(m.now);
+            let value = timer(n, r, m)?.remaining(m.hot.now);
             load(r, u32::from(value));
         }
         Op::LoadTimerBcd(n) => {
-            let value = timer(n, r, m)?.remaining_bcd(m.now);
+            let value = timer(n, r, m)?.remaining_bcd(m.hot.now);
             load(r, u32::from(value));
         }
         Op::LoadCounter(n) => {
@@ -489,7 +489,7 @@ fn timers_counters(op: &Op, r: &mut Regs, m: &mut Machine) -> Result<(), Fault> 
         let timer = m.timers.get_mut(at).ok_or(Fault::new(FaultKind::TimerNumber, u32::from(n)))?;
         match op {
             Op::StartTimer(kind, _) => {
-                timer.run(*kind, r.rlo, r.a1 as u16, m.now).map_err(|kind| Fault::new(kind, r.a1 & 0xFFFF))?;
+                timer.run(*kind, r.rlo, r.a1 as u16, m.hot.now).map_err(|kind| Fault::new(kind, r.a1 & 0xFFFF))?;
             }
             Op::EnableTimer(_) => timer.enable(r.rlo),
             _ if r.rlo => timer.reset(),

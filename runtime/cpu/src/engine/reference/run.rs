@@ -235,7 +235,7 @@ impl Reference {
                 }
                 Op::ScanTimer { scan, number } => {
                     let m = &*cx.machine;
-                    let bit = m.timers.get(usize::from(number)).is_some_and(|t| t.output(m.now));
+                    let bit = m.timers.get(usize::from(number)).is_some_and(|t| t.output(m.hot.now));
                     scan_bit(scan, bit, &mut r);
                 }
                 Op::ScanCounter { scan, number } => {
