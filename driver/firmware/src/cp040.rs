@@ -8,22 +8,21 @@ mod model;
 mod outlet;
 mod receive;
 mod send;
-mod wire;
 
 use ob1_params::{Cp040 as Parameters, Duplex};
 use ob1_protocols::modbus::area::{BLOCK_BYTES, BLOCKS_TOGETHER};
 use ob1_protocols::{Input, LineFault, MS, Nanos, Order, SendError};
 
 pub use diagnosis::DiagnosticRecord;
-pub use wire::IO_BYTES;
+pub use ob1_words::cp040::IO_BYTES;
 
 use crate::leds::{LedDriver, Leds};
 use crate::port::{CpCounter, CpEvent, CpInput, CpPort, LineInput, ParameterFault};
 use crate::protocol::{Protocol, Setup};
 use diagnosis::Diagnosis;
 use exchange::{Exchange, Step};
+use ob1_words::cp040::Area;
 use outlet::Outlet;
-use wire::Area;
 
 /// IF flashes: so long on, so long off. "2 Hz" [S3 L293]
 const FLASH: Nanos = 250 * MS;

@@ -18,7 +18,11 @@ macro_rules! outlet {
     };
 }
 
+mod modem;
+pub(crate) mod receive;
 mod rk512;
+mod rk512_side;
+mod send;
 
 use ob1_params::{Cp240 as Parameters, LineSettings};
 use ob1_protocols::rk512::Order as Rk512Order;
@@ -27,14 +31,14 @@ use ob1_protocols::{Event, Input, LineFault, Nanos, Order, Part, SendError, Sink
 use crate::diagnosis::{Diagnosis, Kind};
 use crate::leds::{LedDriver, Leds};
 use crate::modbus;
-use crate::modem::Modem;
 use crate::port::{CpCounter, CpEvent, CpInput, CpPort, LineInput, ParameterFault, StartReason};
 use crate::protocol::{Protocol, Setup};
-use crate::receive::{self, ReceiveSide};
-use crate::registers::{NO_PARAMETERS, RESET, Registers, STARTUP, SYSTEM, block, compose, rx_word, tx_word};
 use crate::ring::{Capacity, Ring};
-use crate::rk512::Rk512Side;
-use crate::send::{self, SendSide};
+use modem::Modem;
+use ob1_words::cp240::{NO_PARAMETERS, RESET, Registers, STARTUP, SYSTEM, block, compose, rx_word, tx_word};
+use receive::ReceiveSide;
+use rk512_side::Rk512Side;
+use send::SendSide;
 
 /// Parameter byte shown when the protocol is one this firmware does not have.
 const PROTOCOL_BYTE: u8 = 1;

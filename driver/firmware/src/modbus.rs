@@ -6,11 +6,8 @@ use ob1_protocols::Nanos;
 use ob1_protocols::modbus::area::{BLOCK_BYTES, BLOCKS_TOGETHER, SHORT_BYTES};
 use ob1_protocols::modbus::{Mode, Slave, frame, master, slave};
 
-use crate::receive::ReceiveSide;
-use crate::registers::{REGISTER_BYTES, Registers};
-
-/// Bytes of the word that precedes the blocks of a changed area: the offset of the first in the receive area.
-const OFFSET_BYTES: usize = 2;
+use crate::cp240::receive::ReceiveSide;
+use ob1_words::cp240::{OFFSET_BYTES, REGISTER_BYTES, Registers};
 
 /// Configuration of the machine.
 #[derive(Debug, Clone)]

@@ -11,7 +11,7 @@ use ob1_protocols::{
 };
 
 use crate::modbus;
-use crate::registers::Registers;
+use ob1_words::cp240::Registers;
 
 /// How to build the machine of a parameter record.
 #[derive(Debug, Clone)]

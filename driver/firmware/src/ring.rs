@@ -3,7 +3,7 @@
 
 use ob1_protocols::Part;
 
-use crate::registers::BUFFER_BYTES;
+use ob1_words::cp240::BUFFER_BYTES;
 
 /// Bytes of the largest buffer of a CP 240: EnOcean and M-Bus. [S0 L2916], [S0 L4133]
 const BYTES_MAX: usize = 2048;

@@ -3,41 +3,10 @@
 
 use crate::bytes::copy_out;
 use crate::cells::{ChannelsCells, IO_WORDS};
-use crate::layout::CHANNEL_BYTES;
 use crate::registers::{IoBytes, RegisterWriter};
 use crate::seqlock::{Freshness, SeqCell, SeqReader};
 
-/// What one side shows the other.
-pub type ChannelBlock = [u8; CHANNEL_BYTES];
-
-/// Which of the two channels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Channel {
-    /// P_SND_RK: jobs of the CPU.
-    Send,
-    /// P_RCV_RK: telegrams and jobs of the partner.
-    Receive,
-}
-
-impl Channel {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Send, Self::Receive];
-
-    /// Number of the data record by which the CPU reads and writes the channel (RD_REC, WR_REC).
-    #[must_use]
-    pub const fn record(self) -> u8 {
-        match self {
-            Self::Send => 0x80,
-            Self::Receive => 0x81,
-        }
-    }
-
-    /// The channel of a data record.
-    #[must_use]
-    pub fn of_record(number: u8) -> Option<Self> {
-        Self::ALL.into_iter().find(|channel| channel.record() == number)
-    }
-}
+pub use ob1_words::channels::{Channel, ChannelBlock};
 
 /// Which way.
 #[derive(Clone, Copy)]

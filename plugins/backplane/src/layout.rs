@@ -31,7 +31,7 @@ pub const RECORD_BYTES: usize = if cfg!(loom) { 17 } else { 240 };
 pub const CHANNELS_VERSION: u64 = 1;
 
 /// Bytes of a channel's block, each way: 32 that describe it, 32 of user data.
-pub const CHANNEL_BYTES: usize = IO_BYTES_MAX;
+pub const CHANNEL_BYTES: usize = ob1_words::channels::BLOCK_BYTES;
 
 /// Bytes of data in one event record.
 pub const EVENT_DATA_BYTES: usize = 16;

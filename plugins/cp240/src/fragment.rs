@@ -9,9 +9,7 @@
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
-use crate::registers::{
-    BLOCK_BYTES, BROKEN_OFF, CHANGED_AREA, Count, MORE, Module, Pafe, REGISTER_BYTES, Words, rx_count,
-};
+use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, Count, MORE, Module, Pafe, REGISTER_BYTES, Words, rx_count};
 use crate::settings;
 use crate::state::CpState;
 
@@ -91,7 +89,7 @@ impl Shown {
         let (more, rest) = (rx & MORE != 0, rx & !MORE);
         let bytes = match rx_count(rest) {
             _ if rx == BROKEN_OFF => return Some(Self::Broken),
-            Count::Bytes(bytes) if rx & CHANGED_AREA == 0 => bytes,
+            Count::Bytes(bytes) if rx & AREA == 0 => bytes,
             _ => return None,
         };
         Some(match (bytes, more) {

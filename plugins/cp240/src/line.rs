@@ -7,7 +7,7 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
-use crate::registers::{Count, Module, TX, Words, tx_count};
+use crate::registers::{Count, LINE, LINE_DTR, LINE_RTS, LINE_SET_DTR, LINE_SET_RTS, Module, TX, Words, tx_count};
 use crate::state::CpState;
 
 interface! {
@@ -35,13 +35,6 @@ interface! {
         out    RET_VAL: Word;
     }
 }
-
-/// Bits of a line command.
-const COMMAND: u16 = 0x1800;
-const RTS_BIT: u16 = 1 << 0;
-const DTR_BIT: u16 = 1 << 1;
-const SET_RTS_BIT: u16 = 1 << 2;
-const SET_DTR_BIT: u16 = 1 << 3;
 
 /// What a call does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,8 +70,8 @@ pub(crate) fn step(words: Words, running: bool, held: bool, sends: bool) -> Step
 
 /// The word of a command.
 pub(crate) fn command(rts: bool, dtr: bool, set_rts: bool, set_dtr: bool) -> u16 {
-    let bits = [(rts, RTS_BIT), (dtr, DTR_BIT), (set_rts, SET_RTS_BIT), (set_dtr, SET_DTR_BIT)];
-    bits.into_iter().filter(|(on, _)| *on).fold(COMMAND, |word, (_, bit)| word | bit)
+    let bits = [(rts, LINE_RTS), (dtr, LINE_DTR), (set_rts, LINE_SET_RTS), (set_dtr, LINE_SET_DTR)];
+    bits.into_iter().filter(|(on, _)| *on).fold(LINE, |word, (_, bit)| word | bit)
 }
 
 /// FC 8.
@@ -115,7 +108,7 @@ fn advance(cx: &mut Cx<'_, CpState>, module: &Module<'_>, words: Words) -> Resul
             let word = if start {
                 command(cx.get(line::RTS)?, cx.get(line::DTR)?, cx.get(line::MASKE_RTS)?, cx.get(line::MASKE_DTR)?)
             } else {
-                COMMAND
+                LINE
             };
             if module.write(cx, TX, &word.to_be_bytes())? {
                 state.line.take(&module.info);

@@ -3,8 +3,8 @@
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
 use crate::registers::{
-    BLOCK_BYTES, BROKEN_OFF, CHANGED_AREA, COUNT_BITS, Count, MORE, Module, OFFSET_BYTES, OUTSIDE, Pafe,
-    REGISTER_BYTES, Words, address, read, rx_count,
+    AREA, BLOCK_BYTES, BROKEN_OFF, COUNT_BITS, Count, MORE, Module, OFFSET_BYTES, OUTSIDE, Pafe, REGISTER_BYTES, Words,
+    address, read, rx_count,
 };
 use crate::settings;
 use crate::state::CpState;
@@ -75,14 +75,14 @@ impl Job {
     pub(crate) fn go_on(self, rx: u16, emfr: bool) -> (Self, Step) {
         let Some(rest) = self.rest() else { return (self, Step::Failed) };
         let Count::Bytes(count) = rx_count(rx) else { return (self, Step::Wait) };
-        let same_kind = (rx ^ self.anz_int) & CHANGED_AREA == 0;
+        let same_kind = (rx ^ self.anz_int) & AREA == 0;
         if self.fehler_empf {
             // Refused: until the CP has seen that.
             return (self, if rx == self.anz_int { Step::Wait } else { Step::Finish });
         }
         if self.letzter_block {
             // The telegram is complete; the CP answers the last echo with 0 [S0 L1872].
-            let last = ((self.anz_int & !CHANGED_AREA) - 1) % BLOCK_BYTES + 1;
+            let last = ((self.anz_int & !AREA) - 1) % BLOCK_BYTES + 1;
             return (self, if same_kind && count == last { Step::Wait } else { Step::Finish });
         }
         if same_kind && count == rest {
@@ -95,7 +95,7 @@ impl Job {
 
     /// Counts 18, 6: stored, then echoed [S0 L1864-L1876].
     fn take(self, word: u16) -> (Self, Step) {
-        let count = word & !CHANGED_AREA;
+        let count = word & !AREA;
         let len = count.min(BLOCK_BYTES);
         let job = Job { geem: self.geem + len, letzter_block: count <= BLOCK_BYTES, ..self };
         (job, Step::Take { to: self.geem, len, count: word })
@@ -109,12 +109,12 @@ impl Job {
 
     /// Length of the telegram, an offset before it included.
     fn bytes(self) -> u16 {
-        self.anz_int & !CHANGED_AREA
+        self.anz_int & !AREA
     }
 
     /// Bytes of the offset before the data: the telegram is a changed area, or it is none.
     fn offset_bytes(self) -> u16 {
-        if self.anz_int & CHANGED_AREA == 0 { 0 } else { OFFSET_BYTES }
+        if self.anz_int & AREA == 0 { 0 } else { OFFSET_BYTES }
     }
 
     /// Bytes not stored yet; `None` when GEEM and ANZ_INT are not ours.

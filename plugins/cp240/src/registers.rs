@@ -1,49 +1,26 @@
 //! The count words and what stands in them [S0 L1829-L1880], `docs/cp240-registers.md`.
 
 use ob1_sdk::{Abort, Cx, ModuleInfo, Refused, Reply};
+use ob1_words::cp240;
+pub(crate) use ob1_words::cp240::{
+    AREA, BROKEN_OFF, COUNT_BITS, FAILED, LINE, LINE_ANSWER, LINE_DTR, LINE_RTS, LINE_SET_DTR, LINE_SET_RTS, MORE,
+    NO_PARAMETERS, OUTSIDE, REGISTER_BYTES, RESET, STARTUP, SYSTEM,
+};
 
 use crate::settings::{self, Service};
 use crate::state::CpState;
 
-/// Bytes of the registers each way.
-pub(crate) const REGISTER_BYTES: usize = 16;
 /// Offset of the TX words; RX lies at 0.
 pub(crate) const TX: u32 = 2;
 /// Bytes of a telegram in one block.
-pub(crate) const BLOCK_BYTES: u16 = 12;
+pub(crate) const BLOCK_BYTES: u16 = cp240::BLOCK_BYTES as u16;
 /// Longest telegram: the CP's buffer.
-pub(crate) const TELEGRAM_MAX: u16 = 1024;
-/// `TX`: Modbus output area, `ANZ OR 4000h` [S0 L2311].
-pub(crate) const OUTPUT_AREA: u16 = 0x4000;
-/// `RX` and `RX echo`: a changed area of the Modbus slave "long"; the telegram begins with its offset in the receive
-/// area.
-pub(crate) const CHANGED_AREA: u16 = 0x4000;
-/// Bytes of that offset.
-pub(crate) const OFFSET_BYTES: u16 = 2;
-/// `RX echo`: the changed area does not lie inside of the receive data block.
-pub(crate) const OUTSIDE: u16 = FAILED | 0x02;
-/// `RX`, ASCII-fragmented: more of the telegram follows this block; without a count the telegram is complete. As
-/// `RX echo` it acknowledges the latter, and [`BROKEN_OFF`].
-pub(crate) const MORE: u16 = 0x2000;
-/// `RX`, ASCII-fragmented: the rest of the telegram is lost.
-pub(crate) const BROKEN_OFF: u16 = 0x27FF;
-/// `TX echo`: the order failed, the low byte says why. `TX`: that is understood.
-pub(crate) const FAILED: u16 = 0x2000;
-/// Bit of the system words; with the number of a start-up, that start-up in `TX echo` and its acknowledgement in `TX`.
-pub(crate) const SYSTEM: u16 = 0x8000;
-/// `RX`: start-up identifier. `RX echo`: acknowledged.
-pub(crate) const START_UP: u16 = 0x8001;
-/// `RX echo`: reset request.
-pub(crate) const RESET: u16 = 0x8002;
-/// `RX`: no valid parameters.
-pub(crate) const NO_PARAMETERS: u16 = 0x8003;
+pub(crate) const TELEGRAM_MAX: u16 = cp240::BUFFER_BYTES as u16;
+/// Bytes of the offset that a changed area begins with.
+pub(crate) const OFFSET_BYTES: u16 = cp240::OFFSET_BYTES as u16;
 
-/// `TX echo`: the answer to a line command, STATUS in bits 0 to 5, DELTA_STATUS in bits 6 to 9.
-pub(crate) const LINE_ANSWER: u16 = 0x1C00;
+/// All that marks an answer to a line command: everything but STATUS and DELTA_STATUS.
 const LINE_ANSWER_MASK: u16 = 0xFC00;
-
-/// Bits 0 to 10: a count.
-pub(crate) const COUNT_BITS: u16 = 0x07FF;
 
 /// The two words the CP writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,16 +59,16 @@ impl Count {
 
 /// Sorts `RX`; the bit of a changed area aside.
 pub(crate) fn rx_count(word: u16) -> Count {
-    if word & SYSTEM != 0 { Count::System } else { Count::bytes(word & !CHANGED_AREA) }
+    if word & SYSTEM != 0 { Count::System } else { Count::bytes(word & !AREA) }
 }
 
 /// Sorts `TX echo`. A CP that echoes the output-area bit with the count means the count.
 pub(crate) fn tx_count(word: u16) -> Count {
-    match word & !OUTPUT_AREA {
+    match word & !AREA {
         word if word & SYSTEM != 0 => Count::System,
         word if word & 0xFF00 == FAILED => Count::Failed(word as u8),
         word if word & LINE_ANSWER_MASK == LINE_ANSWER => {
-            Count::Line { status: word as u8 & 0x3F, delta: (word >> 6) as u8 & 0x0F }
+            Count::Line { status: word as u8 & 0x3F, delta: (word >> cp240::LINE_DELTA_SHIFT) as u8 & 0x0F }
         }
         word => Count::bytes(word),
     }
@@ -106,7 +83,7 @@ impl Words {
     /// The number of the start-up the CP shows, 1 to 255.
     pub(crate) fn start_up(self) -> Option<u8> {
         let number = self.tx_echo as u8;
-        (self.rx == START_UP && self.tx_echo & 0xFF00 == SYSTEM && number != 0).then_some(number)
+        (self.rx == STARTUP && self.tx_echo & 0xFF00 == SYSTEM && number != 0).then_some(number)
     }
 
     /// True while the CP takes no order: start-up not acknowledged, or no valid parameters.

@@ -2,7 +2,7 @@
 
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
-use crate::registers::{BLOCK_BYTES, Count, FAILED, Module, OUTPUT_AREA, Pafe, TELEGRAM_MAX, TX, Words, tx_count};
+use crate::registers::{AREA, BLOCK_BYTES, Count, FAILED, Module, Pafe, TELEGRAM_MAX, TX, Words, tx_count};
 use crate::settings;
 use crate::state::CpState;
 
@@ -73,7 +73,7 @@ pub(crate) enum Refusal {
 
 /// Bytes of a telegram, from ANZ or ANZ_INT without the option bit.
 pub(crate) fn telegram_bytes(anz: u16) -> Result<u16, Refusal> {
-    match anz & !OUTPUT_AREA {
+    match anz & !AREA {
         0 => Err(Refusal::Empty),
         bytes if bytes <= TELEGRAM_MAX => Ok(bytes),
         _ => Err(Refusal::TooLong),
@@ -140,11 +140,11 @@ impl Job {
 
     /// Counts 30, 18, 6, then 0: the telegram is complete [S0 L1846-L1862].
     fn next_block(self) -> (Self, Step) {
-        let rest = (self.anz_int & !OUTPUT_AREA).saturating_sub(self.gese);
+        let rest = (self.anz_int & !AREA).saturating_sub(self.gese);
         if rest == 0 {
             return (Job { ende_kom: true, ..self }, Step::Word(0));
         }
-        let (len, option) = (rest.min(BLOCK_BYTES), self.anz_int & OUTPUT_AREA);
+        let (len, option) = (rest.min(BLOCK_BYTES), self.anz_int & AREA);
         (Job { letzter_block: rest <= BLOCK_BYTES, ..self }, Step::Block { from: self.gese, len, word: rest | option })
     }
 }

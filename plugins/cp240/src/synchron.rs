@@ -3,7 +3,7 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, TimerKind, interface};
 
-use crate::registers::{Module, NO_PARAMETERS, RESET, START_UP, SYSTEM, Words};
+use crate::registers::{Module, NO_PARAMETERS, RESET, STARTUP, SYSTEM, Words};
 use crate::settings::{self, Service};
 use crate::state::CpState;
 
@@ -123,7 +123,7 @@ impl Block for SynchronReset {
                 module.write(cx, 0, &RESET.to_be_bytes())?;
             }
             Step::Acknowledge(number, start_delay) => {
-                let (rx, tx) = (START_UP.to_be_bytes(), (SYSTEM | u16::from(number)).to_be_bytes());
+                let (rx, tx) = (STARTUP.to_be_bytes(), (SYSTEM | u16::from(number)).to_be_bytes());
                 if !module.write(cx, 0, &[rx[0], rx[1], tx[0], tx[1]])? || (start_delay && !start_timer(cx)?) {
                     return Ok(());
                 }

@@ -6,11 +6,11 @@
 
 mod reset;
 
-use ob1_ptp::channel::ToCp;
 use ob1_ptp::print::{Name, Print};
 use ob1_ptp::send::{self, Data, Job};
 use ob1_ptp::{CpState, receive};
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_words::channels::Job as Order;
 
 interface! {
     /// The parameters of P_RCV, in the manual's order.
@@ -124,13 +124,8 @@ impl Job for Send {
         Ok(Ok(Data { db, byte, len: cx.get(snd::LEN)? as u16 }))
     }
 
-    fn header(_: &mut Cx<'_, CpState>, block: &mut ToCp) -> Result<(), Abort> {
-        block.0[8] = b'S';
-        Ok(())
-    }
-
-    fn has_data(_: &ToCp) -> bool {
-        true
+    fn order(_: &mut Cx<'_, CpState>) -> Result<Order, Abort> {
+        Ok(Order { sf: Order::SEND, ..Order::default() })
     }
 }
 

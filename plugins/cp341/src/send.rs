@@ -1,9 +1,10 @@
 //! FB 8 P_SND_RK: sends data of a DB, or fetches data of the partner into a DB (RK 512). [reference 1.1, 1.2]
 
 use ob1_ptp::CpState;
-use ob1_ptp::channel::{LEN_MAX, ToCp};
+use ob1_ptp::channel::LEN_MAX;
 use ob1_ptp::send::{self, Data, Job, Params};
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
+use ob1_words::channels::Job as Order;
 
 /// STATUS: LEN is not 1 to 4096. [reference 3.14]
 const LEN_WRONG: u16 = 0x1E41;
@@ -64,19 +65,21 @@ impl Job for SendRk {
         Ok(Ok(Data { db, byte, len: cx.get(snd::LEN)? as u16 }))
     }
 
-    fn header(cx: &mut Cx<'_, CpState>, block: &mut ToCp) -> Result<(), Abort> {
-        block.0[8] = cx.get(snd::SF)?;
-        block.0[9] = cx.get(snd::R_TYP)?;
-        block.set(12, cx.get(snd::R_CPU_NO)? as u16);
-        block.set(14, cx.get(snd::R_NO)? as u16);
-        block.set(16, cx.get(snd::R_OFFSET)? as u16);
-        block.set(18, cx.get(snd::R_CF_BYT)? as u16);
-        block.set(20, cx.get(snd::R_CF_BIT)? as u16);
-        Ok(())
+    fn order(cx: &mut Cx<'_, CpState>) -> Result<Order, Abort> {
+        Ok(Order {
+            sf: cx.get(snd::SF)?,
+            r_typ: cx.get(snd::R_TYP)?,
+            len: cx.get(snd::LEN)?,
+            r_cpu_no: cx.get(snd::R_CPU_NO)?,
+            r_no: cx.get(snd::R_NO)?,
+            r_offset: cx.get(snd::R_OFFSET)?,
+            r_cf_byt: cx.get(snd::R_CF_BYT)?,
+            r_cf_bit: cx.get(snd::R_CF_BIT)?,
+        })
     }
 
-    fn has_data(block: &ToCp) -> bool {
-        block.0[8] == b'S'
+    fn has_data(order: &Order) -> bool {
+        order.sf == Order::SEND
     }
 }
 

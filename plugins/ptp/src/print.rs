@@ -8,11 +8,10 @@ use std::marker::PhantomData;
 use ob1_sdk::{Abort, Area, Block, Cx, Kind, Param, interface};
 
 use crate::CpState;
-use crate::channel::ToCp;
-use crate::send::{self, Data, Job, Params, wrong_db};
 
-/// SF of a job that prints. (ours)
-const PRINT: u8 = b'P';
+use ob1_words::channels::Job as Order;
+
+use crate::send::{self, Data, Job, Params, wrong_db};
 
 /// Longest variable, and longest format string. [reference 1.8]
 const VARIABLE_MAX: u16 = 32;
@@ -124,13 +123,8 @@ impl<N: Name> Job for Print<N> {
         Ok(pointers::<N>(cx, db, byte)?.map(|pointers| Data { db, byte, len: bytes_of(&pointers) }))
     }
 
-    fn header(_: &mut Cx<'_, CpState>, block: &mut ToCp) -> Result<(), Abort> {
-        block.0[8] = PRINT;
-        Ok(())
-    }
-
-    fn has_data(_: &ToCp) -> bool {
-        true
+    fn order(_: &mut Cx<'_, CpState>) -> Result<Order, Abort> {
+        Ok(Order { sf: Order::PRINT, ..Order::default() })
     }
 
     /// The data are put together anew for each piece: the instance has no room for them. Pointers that change while a

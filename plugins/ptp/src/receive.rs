@@ -8,18 +8,15 @@
 use ob1_sdk::types::{Bool, Bytes, Int, Word};
 use ob1_sdk::{Abort, Area, Cx, Formal, In, Static};
 
-use crate::channel::{
-    self, FromCp, JOB, PIECE, RECEIVE, REFUSE, REST, START, State, ToCp, Unreachable, WAIT, next_start, pieces,
-};
+use ob1_words::channels::{Block, Channel, Command, NO_FLAG, Offered, PIECE, Refusal, State, pieces};
+
+use crate::channel::{self, LEN_MAX, Unreachable, next_start};
 use crate::send::{ABORTED, CP_RESTARTED, fault_of};
 use crate::state::CpState;
-use crate::target::{Refusal, Target};
+use crate::target::Target;
 
 /// STATUS: RD_REC failed; RET_VAL is in SFCERR. [reference 3.14]
 const READ_FAILED: u16 = 0x1E0E;
-
-/// No coordination flag. [reference 1.4]
-const NO_FLAG: u16 = 255;
 
 /// Where the job is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -190,7 +187,7 @@ fn run(cx: &mut Cx<'_, CpState>, params: &Params, memory: &mut Memory) -> Result
             return Ok(Some(Err(ABORTED)));
         }
     }
-    let cp = match channel::read(cx, laddr, RECEIVE)? {
+    let cp = match channel::read(cx, laddr, Channel::Receive)? {
         Ok(cp) => cp,
         Err(why) => {
             let had_job = memory.phase.has_job();
@@ -230,7 +227,7 @@ struct Call<'a, 'c> {
     memory: &'a mut Memory,
     laddr: i16,
     state: &'a CpState,
-    cp: FromCp,
+    cp: Block,
 }
 
 impl Call<'_, '_> {
@@ -245,7 +242,7 @@ impl Call<'_, '_> {
             Phase::Starting if !known => return Ok(None),
             Phase::Starting => {
                 self.memory.phase = Phase::Waiting;
-                self.show(WAIT)?;
+                self.show(Command::Wait)?;
             }
             // The CP has started again: everything it had is gone.
             _ if !known => {
@@ -261,14 +258,14 @@ impl Call<'_, '_> {
                 self.begin(false)?;
             } else if self.memory.phase != Phase::Rest {
                 self.memory.phase = Phase::Rest;
-                self.show(REST)?;
+                self.show(Command::Rest)?;
             }
             return Ok(had_job.then_some(Err(ABORTED)));
         }
         match self.memory.phase {
             Phase::Rest => {
                 self.memory.phase = Phase::Waiting;
-                self.show(WAIT)?;
+                self.show(Command::Wait)?;
                 Ok(None)
             }
             Phase::Waiting => self.wait(),
@@ -284,20 +281,16 @@ impl Call<'_, '_> {
         let start = next_start(self.cp.start(), self.memory.start);
         *self.memory = Memory { phase: Phase::Starting, start, ..Memory::default() };
         self.state.receive.start.set(start);
-        let mut block = ToCp::new(START, start, 0);
-        block.0[1] = u8::from(takes);
-        self.write(&block)
+        self.write(&Block::of_cpu(Command::Start, start, 0).with_takes(takes))
     }
 
-    fn show(&mut self, command: u8) -> Result<(), Abort> {
-        let mut block = ToCp::new(command, self.memory.start, self.memory.job);
-        block.piece(self.memory.piece);
-        self.write(&block)
+    fn show(&mut self, command: Command) -> Result<(), Abort> {
+        self.write(&Block::of_cpu(command, self.memory.start, self.memory.job).with_piece(self.memory.piece))
     }
 
-    fn write(&mut self, block: &ToCp) -> Result<(), Abort> {
+    fn write(&mut self, block: &Block) -> Result<(), Abort> {
         // A CP that has gone since it was read: the next call finds that.
-        let _told = channel::write(self.cx, self.laddr, RECEIVE, block)?;
+        let _told = channel::write(self.cx, self.laddr, Channel::Receive, block)?;
         Ok(())
     }
 
@@ -309,7 +302,7 @@ impl Call<'_, '_> {
         match self.cp.state() {
             State::Failed => {
                 self.memory.job = self.cp.job();
-                self.show(WAIT)?;
+                self.show(Command::Wait)?;
                 Ok(Some(Err(self.cp.status())))
             }
             State::Offered => self.accept(),
@@ -319,19 +312,19 @@ impl Call<'_, '_> {
 
     /// Looks at the header, and takes the job or refuses it.
     fn accept(&mut self) -> Result<End, Abort> {
-        let header = &self.cp;
-        let (is_fetch, letter) = (header.0[12] == 2, header.0[13]);
+        let header = self.cp.header();
+        let (is_fetch, letter) = (header.kind == Offered::Provide, header.letter);
         *self.memory = Memory {
             phase: Phase::Taking,
             unreachable: false,
             start: self.memory.start,
-            job: header.job(),
+            job: self.cp.job(),
             piece: 0,
-            len: header.len(),
+            len: self.cp.len().min(LEN_MAX),
             letter,
-            number: header.word(14),
-            offset: header.word(16),
-            flag: (header.word(18), header.word(20)),
+            number: header.number,
+            offset: header.offset,
+            flag: header.flag,
         };
         if letter == 0 {
             self.memory.flag = (NO_FLAG, 0);
@@ -361,7 +354,7 @@ impl Call<'_, '_> {
             self.memory.phase = Phase::Giving;
             return self.give();
         }
-        self.show(JOB)?;
+        self.show(Command::Job)?;
         Ok(None)
     }
 
@@ -376,8 +369,7 @@ impl Call<'_, '_> {
     }
 
     fn refuse(&mut self, refusal: Refusal) -> Result<End, Abort> {
-        let mut block = ToCp::new(REFUSE, self.memory.start, self.memory.job);
-        block.0[8] = refusal as u8;
+        let block = Block::of_cpu(Command::Refuse, self.memory.start, self.memory.job).with_refusal(refusal);
         // The CP ends the job with the STATUS that goes with the reason.
         self.memory.phase = Phase::Finishing;
         self.write(&block)?;
@@ -400,10 +392,10 @@ impl Call<'_, '_> {
             return self.refuse(Refusal::Range);
         }
         self.memory.piece += 1;
-        if self.memory.piece >= pieces(self.memory.len) {
+        if self.memory.piece >= pieces(usize::from(self.memory.len)) {
             self.memory.phase = Phase::Finishing;
         }
-        self.show(JOB)?;
+        self.show(Command::Job)?;
         Ok(None)
     }
 
@@ -424,10 +416,9 @@ impl Call<'_, '_> {
     fn give(&mut self) -> Result<End, Abort> {
         let from = self.memory.piece * PIECE;
         let len = usize::from(self.memory.len.saturating_sub(from).min(PIECE));
-        let mut block = ToCp::new(JOB, self.memory.start, self.memory.job);
-        block.piece(self.memory.piece);
+        let mut block = Block::of_cpu(Command::Job, self.memory.start, self.memory.job).with_piece(self.memory.piece);
         let Some(target) = self.memory.target() else { return self.refuse(Refusal::Area) };
-        if let Err(refusal) = target.read(self.cx, from, block.data(len))? {
+        if let Err(refusal) = target.read(self.cx, from, block.data_mut(len))? {
             return self.refuse(refusal);
         }
         self.write(&block)?;
@@ -453,7 +444,7 @@ impl Call<'_, '_> {
     /// The job is over, the block waits for the next.
     fn end(&mut self, outcome: Result<(), u16>) -> Result<End, Abort> {
         self.memory.phase = Phase::Waiting;
-        self.show(WAIT)?;
+        self.show(Command::Wait)?;
         Ok(Some(outcome))
     }
 }

@@ -7,7 +7,9 @@
 use ob1_sdk::types::{Bool, Bytes, Int, Word};
 use ob1_sdk::{Abort, Area, Cx, Formal, In, Refused, Static};
 
-use crate::channel::{self, FromCp, JOB, PIECE, REST, SEND, START, State, ToCp, Unreachable, next_start, pieces};
+use ob1_words::channels::{Block, Channel, Command, PIECE, State, pieces};
+
+use crate::channel::{self, Unreachable, next_start};
 use crate::state::CpState;
 
 /// STATUS: job aborted by restart or reset. [reference 3.14]
@@ -119,7 +121,7 @@ impl Memory {
     }
 
     /// A call while R is 0; `cp`: what the CP shows.
-    pub(crate) fn step(&mut self, cp: &FromCp) -> Act {
+    pub(crate) fn step(&mut self, cp: &Block) -> Act {
         let known = self.start != 0 && cp.start() == self.start;
         match self.phase {
             Phase::Off => Act::Start,
@@ -188,14 +190,16 @@ pub trait Job {
     /// The call ends.
     fn begin(cx: &mut Cx<'_, CpState>) -> Result<Result<Data, u16>, Abort>;
 
-    /// Writes the header of the job, from byte 8 on; LEN is written already.
+    /// What the CP is to do; its length comes from [`begin`](Self::begin).
     ///
     /// # Errors
     /// The call ends.
-    fn header(cx: &mut Cx<'_, CpState>, block: &mut ToCp) -> Result<(), Abort>;
+    fn order(cx: &mut Cx<'_, CpState>) -> Result<ob1_words::channels::Job, Abort>;
 
     /// Whether the CPU gives data with the job.
-    fn has_data(block: &ToCp) -> bool;
+    fn has_data(_: &ob1_words::channels::Job) -> bool {
+        true
+    }
 
     /// Reads a piece of the data that begins `from` bytes behind the first.
     ///
@@ -272,7 +276,7 @@ fn run<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory) -> Result<End, Abo
         }
         memory.latched = true;
     }
-    let cp = match channel::read(cx, laddr, SEND)? {
+    let cp = match channel::read(cx, laddr, Channel::Send)? {
         Ok(cp) => cp,
         Err(why) => return absent::<J>(cx, memory, why),
     };
@@ -327,7 +331,7 @@ type Done = Result<Result<(), Unreachable>, Wrong>;
 fn reset_block(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state: &CpState) -> Result<End, Abort> {
     let aborted = memory.phase.has_job() || memory.latched;
     (memory.latched, memory.absent_since) = (false, None);
-    if let Ok(cp) = channel::read(cx, laddr, SEND)? {
+    if let Ok(cp) = channel::read(cx, laddr, Channel::Send)? {
         match memory.phase {
             Phase::Starting if memory.start != 0 && cp.start() == memory.start => memory.phase = Phase::Idle,
             Phase::Off | Phase::Giving | Phase::Running | Phase::Taking => {
@@ -371,43 +375,43 @@ fn unreachable<J: Job>(cx: &mut Cx<'_, CpState>, why: Unreachable) -> Result<Res
 }
 
 /// Asks for the start-up coordination with a new number.
-fn ask(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state: &CpState, cp: &FromCp) -> Result<Done, Abort> {
+fn ask(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, state: &CpState, cp: &Block) -> Result<Done, Abort> {
     memory.start = next_start(cp.start(), memory.start);
     state.send.start.set(memory.start);
     (memory.phase, memory.job) = (Phase::Starting, 0);
-    Ok(Ok(channel::write(cx, laddr, SEND, &ToCp::new(START, memory.start, 0))?))
+    Ok(Ok(channel::write(cx, laddr, Channel::Send, &Block::of_cpu(Command::Start, memory.start, 0))?))
 }
 
 /// The job has ended: the CP may forget it.
 fn rest(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16) -> Result<(), Abort> {
     memory.phase = Phase::Idle;
     // A CP that is gone by now has forgotten it anyway.
-    let _told = channel::write(cx, laddr, SEND, &ToCp::new(REST, memory.start, memory.job))?;
+    let _told = channel::write(cx, laddr, Channel::Send, &Block::of_cpu(Command::Rest, memory.start, memory.job))?;
     Ok(())
 }
 
 /// Gives the next piece; a FETCH has none.
 fn give<J: Job>(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16) -> Result<Done, Abort> {
-    let mut block = ToCp::new(JOB, memory.start, memory.job);
-    block.set(10, memory.data.len);
-    J::header(cx, &mut block)?;
-    block.piece(memory.piece);
+    let order = J::order(cx)?;
+    let mut block =
+        Block::of_cpu(Command::Job, memory.start, memory.job).with_piece(memory.piece).with_len(memory.data.len);
+    block.set_order(&order);
     let from = memory.piece * PIECE;
     let len = usize::from(memory.data.len.saturating_sub(from).min(PIECE));
     // SF counts when the job begins: only a SEND is asked for more.
-    if (J::has_data(&block) || memory.piece > 0)
-        && let Err(status) = J::read(cx, memory.data, from, block.data(len))?
+    if (J::has_data(&order) || memory.piece > 0)
+        && let Err(status) = J::read(cx, memory.data, from, block.data_mut(len))?
     {
         return Ok(Err(Wrong(status)));
     }
-    if memory.piece < pieces(memory.data.len) {
+    if memory.piece < pieces(usize::from(memory.data.len)) {
         memory.piece += 1;
     }
-    Ok(Ok(channel::write(cx, laddr, SEND, &block)?))
+    Ok(Ok(channel::write(cx, laddr, Channel::Send, &block)?))
 }
 
 /// Takes a piece of fetched data.
-fn take(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, cp: &FromCp) -> Result<Done, Abort> {
+fn take(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, cp: &Block) -> Result<Done, Abort> {
     memory.phase = Phase::Taking;
     let from = memory.piece * PIECE;
     let Data { db, byte, len } = memory.data;
@@ -417,9 +421,8 @@ fn take(cx: &mut Cx<'_, CpState>, memory: &mut Memory, laddr: i16, cp: &FromCp) 
         return wrong_db(cx, refused, db, at, true).map(|status| Err(Wrong(status)));
     }
     memory.piece += 1;
-    let mut block = ToCp::new(JOB, memory.start, memory.job);
-    block.piece(memory.piece);
-    Ok(Ok(channel::write(cx, laddr, SEND, &block)?))
+    let block = Block::of_cpu(Command::Job, memory.start, memory.job).with_piece(memory.piece);
+    Ok(Ok(channel::write(cx, laddr, Channel::Send, &block)?))
 }
 
 /// "Wrong parameters can drive the CPU into STOP": the same events as for a statement with that operand.

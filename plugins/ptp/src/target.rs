@@ -2,26 +2,12 @@
 
 use ob1_sdk::{Abort, Area, Cx, Refused};
 
+use ob1_words::channels::Refusal;
+
 use crate::state::CpState;
 
 /// Timers and counters fetched from a CP 341, at most so many bytes. [reference 1.5]
 const TIMERS_MAX: u16 = 32;
-
-/// Why a job cannot be, as the CP is told. `docs/cp341-channels.md`
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub(crate) enum Refusal {
-    /// The coordination flag is set.
-    Locked = 1,
-    /// The data block is missing.
-    Db = 2,
-    /// The area is too short.
-    Range = 3,
-    /// This area cannot be had.
-    Area = 4,
-    /// R = 1, EN_R = 0, or nowhere to put the data.
-    Reset = 5,
-}
 
 /// A place of the CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,6 +5,8 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, interface};
 
+use ob1_words::channels::v24::{CTS, DCD, DRIVES, DSR, DTR, RI, RTS};
+
 use crate::channel::address;
 use crate::state::CpState;
 
@@ -39,16 +41,6 @@ interface! {
         in     DTR: Bool;
     }
 }
-
-/// Bits of the byte the CP shows.
-const DTR: u8 = 1 << 0;
-const DSR: u8 = 1 << 1;
-const RTS: u8 = 1 << 2;
-const CTS: u8 = 1 << 3;
-const DCD: u8 = 1 << 4;
-const RI: u8 = 1 << 5;
-/// The program drives RTS and DTR.
-const DRIVES: u8 = 1 << 7;
 
 /// FC 5.
 pub struct Stat;

@@ -14,9 +14,10 @@ mod receive;
 mod send;
 mod wire;
 
+pub use ob1_words::cp040::{ACKNOWLEDGE_SHIFT, IDLE, IO_BYTES, RESET, TELEGRAM_MAX};
 pub use receive::{ReceiveJob, ReceiveStep, Received, Take};
 pub use send::{Piece, SendJob, SendStep};
-pub use wire::{ACKNOWLEDGE_SHIFT, IDLE, IO_BYTES, RESET, TELEGRAM_MAX, fragments};
+pub use wire::fragments;
 
 /// Why a job has ended badly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,9 @@
 //! CP -> host. [S3 "Receiving data"]
 
 use crate::Failure;
-use crate::wire::{FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, LAST, TELEGRAM_MAX, is_absent, nibble};
+use ob1_words::cp040::{FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, LAST, TELEGRAM_MAX, nibble};
+
+use crate::wire::is_absent;
 
 /// Return value, in front of the data.
 const RETURN_BYTES: usize = 2;
@@ -114,7 +116,7 @@ impl ReceiveJob {
             return failed;
         };
         let job = Self { phase: Phase::Taking, piece: 0, length, offset };
-        if info != nibble(0, job.stream(), inputs.len()) {
+        if info != nibble(0, job.stream(), inputs.len() - 1) {
             return failed;
         }
         let return_value = u16::from_be_bytes([*value_high, *value_low]);
@@ -124,10 +126,10 @@ impl ReceiveJob {
     fn follow(self, info: u8, inputs: &[u8]) -> (Self, ReceiveStep) {
         let n = usize::from(self.piece);
         let stream = self.stream();
-        if info == nibble(n, stream, inputs.len()) {
+        if info == nibble(n, stream, inputs.len() - 1) {
             return (self, ReceiveStep::Wait);
         }
-        if info == nibble(n + 1, stream, inputs.len()) {
+        if info == nibble(n + 1, stream, inputs.len() - 1) {
             return Self { piece: self.piece.wrapping_add(1), ..self }.take(info, inputs.len(), 0);
         }
         match info {

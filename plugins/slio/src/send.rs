@@ -1,9 +1,9 @@
 //! Host -> CP. [S3 "Sending data"]
 
 use crate::Failure;
-use crate::wire::{
-    BAD_LENGTH, FAILED, HEAD_BYTES, IDLE, RESET, RESET_DONE, TELEGRAM_MAX, fragments, is_absent, nibble,
-};
+use ob1_words::cp040::{BAD_LENGTH, FAILED, HEAD_BYTES, IDLE, RESET, RESET_DONE, TELEGRAM_MAX, nibble};
+
+use crate::wire::{fragments, is_absent};
 
 /// Where a job is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -127,8 +127,8 @@ impl SendJob {
 
     fn answered(self, answer: u8, io_bytes: usize) -> (Self, SendStep) {
         let n = usize::from(self.piece);
-        let before = if n == 0 { IDLE } else { nibble(n - 1, self.stream(), io_bytes) };
-        if answer == nibble(n, self.stream(), io_bytes) {
+        let before = if n == 0 { IDLE } else { nibble(n - 1, self.stream(), io_bytes - 1) };
+        if answer == nibble(n, self.stream(), io_bytes - 1) {
             if n + 1 == fragments(self.stream(), io_bytes) {
                 return (Self::default(), SendStep::Done);
             }
@@ -150,7 +150,7 @@ impl SendJob {
         let room = if n == 0 { payload - HEAD_BYTES } else { payload };
         let count = room.min(usize::from(self.length).saturating_sub(from));
         let length = (n == 0).then_some(self.length);
-        let piece = Piece { command: nibble(n, self.stream(), io_bytes), from, count, length };
+        let piece = Piece { command: nibble(n, self.stream(), io_bytes - 1), from, count, length };
         (Self { phase: Phase::Waiting, piece: n as u8, ..self }, SendStep::Put(piece))
     }
 

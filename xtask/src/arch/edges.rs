@@ -119,13 +119,15 @@ const TABLE: &[Row] = &[
     ),
     row("ob1-abi", "invariant 9", &[]),
     row("ob1-sdk", "invariant 9", &["ob1-abi"]),
-    row("ob1-backplane", "invariant 7", &["loom", "memmap2", "rustix", "thiserror"]),
-    row("ob1-cp240", "invariant 9", &["ob1-sdk"]),
+    // What a handling block and its CP say to each other, each word once.
+    row("ob1-words", "invariant 9", &[]),
+    row("ob1-backplane", "invariant 7", &["ob1-words", "loom", "memmap2", "rustix", "thiserror"]),
+    row("ob1-cp240", "invariant 9", &["ob1-sdk", "ob1-words"]),
     row("ob1-cp040", "invariant 9", &["ob1-sdk", "ob1-slio"]),
-    row("ob1-slio", "invariant 9", &[]),
-    row("ob1-cp341", "invariant 9", &["ob1-ptp", "ob1-sdk"]),
-    row("ob1-cp340", "invariant 9", &["ob1-ptp", "ob1-sdk"]),
-    row("ob1-ptp", "invariant 9", &["ob1-sdk"]),
+    row("ob1-slio", "invariant 9", &["ob1-words"]),
+    row("ob1-cp341", "invariant 9", &["ob1-ptp", "ob1-sdk", "ob1-words"]),
+    row("ob1-cp340", "invariant 9", &["ob1-ptp", "ob1-sdk", "ob1-words"]),
+    row("ob1-ptp", "invariant 9", &["ob1-sdk", "ob1-words"]),
     // The tables of DIF and VIF.
     row("ob1-mbus-records", "invariant 9", &["m-bus-application-layer"]),
     row("ob1-mbus", "invariant 9", &["ob1-mbus-records", "ob1-sdk"]),
@@ -134,9 +136,9 @@ const TABLE: &[Row] = &[
     row("ob1-panicking-plugin", "invariant 9", &["ob1-sdk"]),
     row("ob1-params", "invariant 11", &["strsim", "thiserror"]),
     row("ob1-protocols", "invariant 1", &[]),
-    row("ob1-firmware", "invariant 1", &["ob1-params", "ob1-protocols"]),
     // What a bus is made of goes from the runtime to its process: serde; JSON is the affair of both ends.
     row("ob1-coupler", "invariant 11", &["ob1-protocols", "serde"]),
+    row("ob1-firmware", "invariant 1", &["ob1-params", "ob1-protocols", "ob1-words"]),
     row("ob1-line", "invariant 4", &["libc", "rustix", "serialport", "thiserror"]),
     row(
         "ob1-cp",

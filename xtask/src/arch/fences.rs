@@ -145,6 +145,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("plugins/mbus", ALL),
     ("plugins/mbus-records", ALL),
     ("plugins/sdk", ALL),
+    ("plugins/words", ALL),
     ("runtime/cpu", ALL),
     // It maps files that others made, through rustix.
     ("plugins/backplane", &[Clock, Threads, Locks, Disk, Net, Hash]),

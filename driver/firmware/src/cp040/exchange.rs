@@ -2,7 +2,7 @@
 
 use super::receive::{self, ReceiveSide};
 use super::send::{self, SendSide};
-use super::wire::{Area, IO_BYTES, RESET, nibbles};
+use ob1_words::cp040::{Area, IO_BYTES, RESET, nibbles};
 
 /// What the host's output bytes have brought about; at most one thing in each direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -88,7 +88,7 @@ impl Exchange {
     /// The input bytes; those behind the IO size are 0.
     pub(crate) fn inputs(&self) -> Area {
         let mut inputs = *self.receive.shown();
-        let answer = if self.reset { super::wire::RESET_DONE } else { self.send.nibble() };
+        let answer = if self.reset { ob1_words::cp040::RESET_DONE } else { self.send.nibble() };
         inputs[0] = answer << 4 | self.receive.nibble();
         inputs
     }
@@ -96,8 +96,8 @@ impl Exchange {
 
 #[cfg(test)]
 mod tests {
-    use super::super::wire::{IDLE, LAST};
     use super::*;
+    use ob1_words::cp040::{IDLE, LAST};
 
     fn cp(io_bytes: usize) -> Exchange {
         let mut cp = Exchange::new(io_bytes);

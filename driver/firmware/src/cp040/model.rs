@@ -8,8 +8,8 @@ use ob1_slio::{ReceiveJob, ReceiveStep, SendJob, SendStep};
 use proptest::prelude::*;
 
 use super::exchange::{Exchange, Step};
-use super::wire::{Area, IDLE, IO_BYTES};
 use super::{receive, send};
+use ob1_words::cp040::{Area, IDLE, IO_BYTES};
 
 /// What can happen.
 #[derive(Debug, Clone)]

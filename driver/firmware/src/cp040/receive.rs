@@ -1,8 +1,8 @@
 //! CP -> host: received telegrams, each cut into fragments that the host acknowledges [S3 "Receiving data"].
 
-use super::wire::{Area, FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, INFO_PLAIN, IO_BYTES, LAST, nibble};
-use crate::registers::BUFFER_BYTES;
 use crate::ring::{Capacity, Ring};
+use ob1_words::cp040::{Area, FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, INFO_PLAIN, IO_BYTES, LAST, nibble};
+use ob1_words::cp240::BUFFER_BYTES;
 
 /// Telegrams that wait are kept with what stands between their length and their data: info, offset if there is one,
 /// return value.

@@ -1,7 +1,7 @@
 //! Host -> CP: a telegram collected fragment by fragment, and how its order ends [S3 "Sending data"].
 
-use super::wire::{BAD_LENGTH, FAILED, FIRST, HEAD_BYTES, IDLE, INFO_PLAIN, LAST, RESET, RESET_DONE, nibble};
-use crate::registers::BUFFER_BYTES;
+use ob1_words::cp040::{BAD_LENGTH, FAILED, FIRST, HEAD_BYTES, IDLE, INFO_PLAIN, LAST, RESET, RESET_DONE, nibble};
+use ob1_words::cp240::BUFFER_BYTES;
 
 /// Where host and CP are with an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

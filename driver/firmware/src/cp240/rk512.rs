@@ -4,10 +4,10 @@ use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
 use ob1_protocols::{Nanos, Sink};
 
 use super::{Cp240, Outlet, rx_word};
+use crate::cp240::rk512_side::{Handed, Offer};
 use crate::port::{CpCounter, CpEvent, CpPort};
 use crate::protocol::Protocol;
-use crate::registers::OWN_ORDER;
-use crate::rk512::{Handed, Offer};
+use ob1_words::cp240::OWN_ORDER;
 
 impl Cp240 {
     /// The CPU has handed over an order, or the answer to the partner's. `TX` is free again as soon as it has been

@@ -3,7 +3,6 @@
 //!
 //! As the CP 240 it is pure in its inputs and their times. The channels are described in `docs/cp341-channels.md`.
 
-mod channel;
 mod diagnosis;
 mod leds;
 mod loadable;
@@ -16,7 +15,7 @@ mod request;
 mod send;
 mod v24;
 
-pub use channel::{Channel, ChannelBlock, Job};
+pub use ob1_words::channels::{Channel, ChannelBlock, Job};
 
 use ob1_params::{Cp341 as Parameters, CpKind, ParamError, Protocol341};
 use ob1_protocols::modbus_master_32;
@@ -25,15 +24,15 @@ use ob1_protocols::{Input, LineFault, MS, Nanos, Order};
 
 use crate::leds::Leds;
 use crate::port::{CpCounter, CpEvent, CpPort, LineInput, ParameterFault};
-use crate::registers::Registers;
 use crate::ring::Capacity;
-use channel::Reason;
 use diagnosis::{Diagnosis, Faults};
 use model::{JOB_MAX, Model};
+use ob1_words::channels::{Offered as Kind, Refusal as Reason};
+use ob1_words::cp240::Registers;
 use outlet::{Collected, Outlet, Parts};
 use patience::Patience;
 use protocol::Protocol;
-use receive::{Kind, Offer, ReceiveChannel};
+use receive::{Offer, ReceiveChannel};
 use send::SendChannel;
 use v24::V24;
 
@@ -346,7 +345,7 @@ impl Cp341 {
             self.drive(now, Input::Order(Order::Send(telegram)), port);
             return self.break_off(now, port);
         }
-        match job.request() {
+        match request::request(&job) {
             Err(status) => self.job_ended(now, Err(status), port),
             Ok(request) => {
                 port.event(now, CpEvent::Order(telegram));

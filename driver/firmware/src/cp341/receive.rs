@@ -1,7 +1,7 @@
 //! The receive channel: telegrams and jobs of the partner for P_RCV_RK, piece by piece. [reference 1.5]
 
-use super::channel::{ChannelBlock, Command, FromCpu, Reason, State, ToCpu, pieces, range};
 use super::model::JOB_MAX;
+use ob1_words::channels::{Block, ChannelBlock, Command, Header, Offered as Kind, Refusal, State, pieces, range};
 
 /// Where what was offered is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,17 +26,6 @@ enum Phase {
     Finishing,
     Done,
     Failed(u16),
-}
-
-/// What is offered.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
-    /// A telegram without header: ASCII, 3964(R).
-    Telegram = 0,
-    /// RK 512: data of the partner.
-    Receive = 1,
-    /// RK 512: data for the partner.
-    Provide = 2,
 }
 
 /// The header of what is offered.
@@ -72,7 +61,7 @@ pub(crate) enum Step {
     /// It takes nothing for the moment (EN_R = 0), and the same holds; whether data were on their way.
     Interrupted(bool),
     /// The block refuses it.
-    Refused(Reason),
+    Refused(Refusal),
     /// The CPU has all data, or has given all.
     Complete,
 }
@@ -161,7 +150,7 @@ impl ReceiveChannel {
 
     /// Looks at what the CPU shows.
     pub(crate) fn look(&mut self, block: &ChannelBlock) -> Step {
-        let cpu = FromCpu(block);
+        let cpu = Block(*block);
         if cpu.command() == Command::Start && cpu.start() != 0 {
             if cpu.start() == self.start {
                 return Step::Nothing;
@@ -193,14 +182,14 @@ impl ReceiveChannel {
                 if cpu.job() == self.number =>
             {
                 self.phase = Phase::Finishing;
-                Step::Refused(cpu.reason())
+                Step::Refused(cpu.refusal())
             }
-            (Command::Job, _) if cpu.job() == self.number => self.work(cpu),
+            (Command::Job, _) if cpu.job() == self.number => self.work(&cpu),
             _ => Step::Nothing,
         }
     }
 
-    fn work(&mut self, cpu: FromCpu<'_>) -> Step {
+    fn work(&mut self, cpu: &Block) -> Step {
         let all = pieces(self.offer.len);
         if self.phase == Phase::Offered {
             self.phase = match self.offer.kind {
@@ -236,27 +225,25 @@ impl ReceiveChannel {
 
     /// What the CPU is shown.
     pub(crate) fn show(&self) -> ChannelBlock {
+        let bare = |state| Block::of_cp(state, self.start, self.number);
         let block = |state| {
-            let mut block = ToCpu::new(state, self.start, self.number).len(self.offer.len);
-            block.0[12] = self.offer.kind as u8;
-            block.0[13] = self.offer.l_typ;
-            block.set(14, u16::from(self.offer.l_no));
-            block.set(16, self.offer.l_offset);
-            block.set(18, u16::from(self.offer.flag.0));
-            block.set(20, u16::from(self.offer.flag.1));
+            let Offer { kind, len, l_typ, l_no, l_offset, flag } = self.offer;
+            let flag = (u16::from(flag.0), u16::from(flag.1));
+            let mut block = bare(state).with_len(len as u16);
+            block.set_header(&Header { kind, letter: l_typ, number: u16::from(l_no), offset: l_offset, flag });
             block
         };
         match self.phase {
-            Phase::Off => ToCpu::new(State::Off, 0, 0).0,
-            Phase::Rest | Phase::Ready => ToCpu::new(State::Ready, self.start, self.number).0,
+            Phase::Off => Block::of_cp(State::Off, 0, 0).0,
+            Phase::Rest | Phase::Ready => bare(State::Ready).0,
             Phase::Offered => block(State::Offered).0,
             Phase::Giving { given } => {
-                block(State::Giving).piece(given).data(&self.data[range(given, self.offer.len)]).0
+                block(State::Giving).with_piece(given).with_data(&self.data[range(given, self.offer.len)]).0
             }
-            Phase::Collecting { taken } => block(State::Collecting).piece(taken).0,
+            Phase::Collecting { taken } => block(State::Collecting).with_piece(taken).0,
             Phase::Finishing => block(State::Running).0,
             Phase::Done => block(State::Done).0,
-            Phase::Failed(status) => ToCpu::new(State::Failed, self.start, self.number).status(status).0,
+            Phase::Failed(status) => bare(State::Failed).with_status(status).0,
         }
     }
 }

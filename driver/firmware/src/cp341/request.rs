@@ -2,8 +2,8 @@
 
 use ob1_protocols::rk512::{Area, Command, Coordination, Flag, Request};
 
-use super::channel::Job;
-use super::receive::{Kind, Offer};
+use super::receive::Offer;
+use ob1_words::channels::{Job, NO_FLAG, Offered as Kind};
 
 /// STATUS numbers of parameters that cannot be. [reference 3.5, 3.7]
 const TYPE: u16 = 0x0301;
@@ -12,54 +12,49 @@ const FLAG_BIT: u16 = 0x0515;
 const CPU: u16 = 0x0516;
 const LENGTH: u16 = 0x0518;
 
-/// No coordination flag. [reference 1.1]
-const NO_FLAG: i16 = 255;
-
-impl Job {
-    /// The header of its telegram.
-    ///
-    /// # Errors
-    /// STATUS: 0301h type or SF, 0514h start address or number, 0515h flag bit, 0516h CPU number, 0518h length.
-    pub(crate) fn request(&self) -> Result<Request, u16> {
-        let command = match self.sf {
-            b'S' => Command::Send,
-            b'F' => Command::Fetch,
-            _ => return Err(TYPE),
-        };
-        let area = area(self.r_typ).ok_or(TYPE)?;
-        let is_block = matches!(area, Area::Db | Area::Dx);
-        if command == Command::Send && !is_block {
-            return Err(TYPE);
-        }
-        let (db, start) = if is_block {
-            // Words; an odd byte is rounded down: 7 is 6.
-            let db = u8::try_from(self.r_no).ok().filter(|db| *db > 0);
-            (db.ok_or(ADDRESS)?, (0..=510).contains(&self.r_offset).then_some(self.r_offset / 2).ok_or(ADDRESS)?)
-        } else {
-            (0, (0..=255).contains(&self.r_offset).then_some(self.r_offset).ok_or(ADDRESS)?)
-        };
-        let units = usize::try_from(self.len).unwrap_or(0).div_ceil(area.unit());
-        let length = u16::try_from(units).map_err(|_| LENGTH)?;
-        let coordination = Coordination::new(self.flag()?, self.cpu()?);
-        Ok(Request { command, area, db, start: start as u8, length, coordination })
+/// The header of its telegram.
+///
+/// # Errors
+/// STATUS: 0301h type or SF, 0514h start address or number, 0515h flag bit, 0516h CPU number, 0518h length.
+pub(crate) fn request(job: &Job) -> Result<Request, u16> {
+    let command = match job.sf {
+        b'S' => Command::Send,
+        b'F' => Command::Fetch,
+        _ => return Err(TYPE),
+    };
+    let area = area(job.r_typ).ok_or(TYPE)?;
+    let is_block = matches!(area, Area::Db | Area::Dx);
+    if command == Command::Send && !is_block {
+        return Err(TYPE);
     }
+    let (db, start) = if is_block {
+        // Words; an odd byte is rounded down: 7 is 6.
+        let db = u8::try_from(job.r_no).ok().filter(|db| *db > 0);
+        (db.ok_or(ADDRESS)?, (0..=510).contains(&job.r_offset).then_some(job.r_offset / 2).ok_or(ADDRESS)?)
+    } else {
+        (0, (0..=255).contains(&job.r_offset).then_some(job.r_offset).ok_or(ADDRESS)?)
+    };
+    let units = usize::try_from(job.len).unwrap_or(0).div_ceil(area.unit());
+    let length = u16::try_from(units).map_err(|_| LENGTH)?;
+    let coordination = Coordination::new(flag(job)?, cpu(job)?);
+    Ok(Request { command, area, db, start: start as u8, length, coordination })
+}
 
-    fn flag(&self) -> Result<Option<Flag>, u16> {
-        if self.r_cf_byt == NO_FLAG {
-            return Ok(None);
-        }
-        let byte = u8::try_from(self.r_cf_byt).map_err(|_| TYPE)?;
-        let bit = u8::try_from(self.r_cf_bit).ok().filter(|bit| *bit <= 7).ok_or(FLAG_BIT)?;
-        Ok(Some(Flag { byte, bit }))
+fn flag(job: &Job) -> Result<Option<Flag>, u16> {
+    if job.r_cf_byt as u16 == NO_FLAG {
+        return Ok(None);
     }
+    let byte = u8::try_from(job.r_cf_byt).map_err(|_| TYPE)?;
+    let bit = u8::try_from(job.r_cf_bit).ok().filter(|bit| *bit <= 7).ok_or(FLAG_BIT)?;
+    Ok(Some(Flag { byte, bit }))
+}
 
-    /// "Without coordination flag and R_CPU_NO <= 1" FFh is sent: the default of R_CPU_NO is 1. [reference 4.2]
-    fn cpu(&self) -> Result<Option<u8>, u16> {
-        match self.r_cpu_no {
-            0 | 1 => Ok(None),
-            number @ 2..=4 => Ok(Some(number as u8)),
-            _ => Err(CPU),
-        }
+/// "Without coordination flag and R_CPU_NO <= 1" FFh is sent: the default of R_CPU_NO is 1. [reference 4.2]
+fn cpu(job: &Job) -> Result<Option<u8>, u16> {
+    match job.r_cpu_no {
+        0 | 1 => Ok(None),
+        number @ 2..=4 => Ok(Some(number as u8)),
+        _ => Err(CPU),
     }
 }
 
@@ -124,7 +119,7 @@ mod tests {
             (Job { r_typ: b'T', len: 20, ..fetch }, *b"\0\0ET\0\x07\0\x0A\xFF\xFF"),
             (Job { len: 4096, r_offset: 510, r_no: 255, ..JOB }, *b"\0\0AD\xFF\xFF\x08\0\xFF\xFF"),
         ] {
-            assert_eq!(job.request().map(|request| request.header()), Ok(header), "{job:?}");
+            assert_eq!(request(&job).map(|request| request.header()), Ok(header), "{job:?}");
         }
     }
 
@@ -144,7 +139,7 @@ mod tests {
             (Job { r_cf_byt: 6, r_cf_bit: 8, ..JOB }, 0x0515),
             (Job { r_cpu_no: 5, ..JOB }, 0x0516),
         ] {
-            assert_eq!(job.request().map(|_| ()), Err(status), "{job:?}");
+            assert_eq!(request(&job).map(|_| ()), Err(status), "{job:?}");
         }
     }
 }

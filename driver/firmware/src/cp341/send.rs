@@ -1,7 +1,7 @@
 //! The send channel: jobs of P_SND_RK, piece by piece. [reference 1.2]
 
-use super::channel::{ChannelBlock, Command, FromCpu, Job, State, ToCpu, pieces, range};
 use super::model::{JOB_MAX, Model};
+use ob1_words::channels::{Block, ChannelBlock, Command, Job, State, pieces, range};
 
 /// Where the job is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,7 +85,7 @@ impl SendChannel {
 
     /// Looks at what the CPU shows.
     pub(crate) fn look(&mut self, block: &ChannelBlock) -> Step {
-        let cpu = FromCpu(block);
+        let cpu = Block(*block);
         if cpu.command() == Command::Start && cpu.start() != 0 {
             if cpu.start() == self.start {
                 return Step::Nothing;
@@ -102,11 +102,11 @@ impl SendChannel {
                 Step::Nothing
             }
             (Command::Job, _) if cpu.job() != self.number => {
-                (self.number, self.job, self.fetched) = (cpu.job(), Job::of(block), 0);
+                (self.number, self.job, self.fetched) = (cpu.job(), cpu.order(), 0);
                 self.phase = Phase::Collecting { taken: 0 };
-                self.collect(cpu)
+                self.collect(&cpu)
             }
-            (Command::Job, Phase::Collecting { .. }) => self.collect(cpu),
+            (Command::Job, Phase::Collecting { .. }) => self.collect(&cpu),
             (Command::Job, Phase::Giving { given }) if cpu.piece() == given + 1 => {
                 self.phase = if cpu.piece() >= pieces(self.fetched) {
                     Phase::Done
@@ -119,7 +119,7 @@ impl SendChannel {
         }
     }
 
-    fn collect(&mut self, cpu: FromCpu<'_>) -> Step {
+    fn collect(&mut self, cpu: &Block) -> Step {
         let Phase::Collecting { taken } = self.phase else { return Step::Nothing };
         let len = self.len();
         if len == 0 || usize::try_from(self.job.len) != Ok(len) {
@@ -164,18 +164,18 @@ impl SendChannel {
 
     /// What the CPU is shown.
     pub(crate) fn show(&self) -> ChannelBlock {
-        let block = |state| ToCpu::new(state, self.start, self.number);
+        let block = |state| Block::of_cp(state, self.start, self.number);
         match self.phase {
-            Phase::Off => ToCpu::new(State::Off, 0, 0).0,
+            Phase::Off => Block::of_cp(State::Off, 0, 0).0,
             Phase::Ready => block(State::Ready).0,
-            Phase::Collecting { taken } => block(State::Collecting).piece(taken).0,
-            Phase::Running => block(State::Running).piece(pieces(self.len())).0,
+            Phase::Collecting { taken } => block(State::Collecting).with_piece(taken).0,
+            Phase::Running => block(State::Running).with_piece(pieces(self.len())).0,
             Phase::Giving { given } => {
                 let data = &self.data[range(given, self.fetched)];
-                block(State::Giving).piece(given).len(self.fetched).data(data).0
+                block(State::Giving).with_piece(given).with_len(self.fetched as u16).with_data(data).0
             }
-            Phase::Done => block(State::Done).len(self.fetched).0,
-            Phase::Failed(status) => block(State::Failed).status(status).0,
+            Phase::Done => block(State::Done).with_len(self.fetched as u16).0,
+            Phase::Failed(status) => block(State::Failed).with_status(status).0,
         }
     }
 }

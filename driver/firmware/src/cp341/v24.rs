@@ -2,21 +2,13 @@
 
 use ob1_protocols::{MS, ModemLines, Nanos};
 
+use ob1_words::channels::v24::{CTS, DCD, DRIVES, DSR, DTR, RI, RTS};
+
 use crate::port::CpPort;
-use crate::registers::Registers;
+use ob1_words::cp240::Registers;
 
 /// "The CP refreshes its status image every 20 ms". [reference 2.1]
 const REFRESH: Nanos = 20 * MS;
-
-/// Bits of the image.
-const DTR: u8 = 1 << 0;
-const DSR: u8 = 1 << 1;
-const RTS: u8 = 1 << 2;
-const CTS: u8 = 1 << 3;
-const DCD: u8 = 1 << 4;
-const RI: u8 = 1 << 5;
-/// V24_SET: the program drives RTS and DTR.
-const DRIVES: u8 = 1 << 7;
 
 /// The signals and what of them is on show.
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! The CP's side of the handshake, written from the register document, without a line.
 
-use crate::registers::{FAILED, RESET, START_UP, SYSTEM, Words};
+use crate::registers::{FAILED, RESET, STARTUP, SYSTEM, Words};
 
 /// What the CP does in the send direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +77,7 @@ impl FakeCp {
         self.starting = true;
         (self.collected, self.offered, self.send) = (Vec::new(), Vec::new(), Send::Collecting);
         self.input = [0; 16];
-        self.set(0, START_UP);
+        self.set(0, STARTUP);
         self.set(2, SYSTEM | u16::from(self.number));
     }
 
@@ -90,7 +90,7 @@ impl FakeCp {
             }
         } else if self.starting {
             let shown = Self::word(&self.input, 0) != 0;
-            if shown && (rx_echo, tx) == (START_UP, SYSTEM | u16::from(self.number)) {
+            if shown && (rx_echo, tx) == (STARTUP, SYSTEM | u16::from(self.number)) {
                 self.input = [0; 16];
             } else if !shown && (rx_echo, tx) == (0, 0) {
                 self.starting = false;

@@ -2,7 +2,7 @@
 
 use super::fake_cp::FakeCp;
 use crate::line::{Step, command, step};
-use crate::registers::{FAILED, NO_PARAMETERS, START_UP, SYSTEM, Words};
+use crate::registers::{FAILED, NO_PARAMETERS, STARTUP, SYSTEM, Words};
 
 const IDLE: Words = Words { rx: 0, tx_echo: 0 };
 
@@ -52,7 +52,7 @@ fn it_waits_for_fc_0() {
 
 #[test]
 fn a_cp_that_was_reset_or_lost_has_forgotten_the_command() {
-    for words in [Words { rx: START_UP, tx_echo: SYSTEM | 3 }, Words { rx: NO_PARAMETERS, tx_echo: SYSTEM }] {
+    for words in [Words { rx: STARTUP, tx_echo: SYSTEM | 3 }, Words { rx: NO_PARAMETERS, tx_echo: SYSTEM }] {
         assert_eq!(step(words, true, true, false), Step::Lost);
         assert_eq!(step(words, false, false, false), Step::Wait);
     }

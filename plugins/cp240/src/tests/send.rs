@@ -1,7 +1,7 @@
 //! FC 0.
 
 use super::fake_cp::FakeCp;
-use crate::registers::{FAILED, NO_PARAMETERS, OUTPUT_AREA, START_UP, SYSTEM, Words};
+use crate::registers::{AREA, FAILED, NO_PARAMETERS, STARTUP, SYSTEM, Words};
 use crate::send::{Job, Refusal, Step, telegram_bytes};
 
 /// FC 0's call with FRG = 1, without parameters and data blocks.
@@ -91,11 +91,11 @@ fn every_length_arrives_whole() {
 #[test]
 fn the_output_area_goes_with_every_count_but_0() {
     let (mut cp, mut fc0, data) = (FakeCp::working(), Caller::new(), telegram(14));
-    assert_eq!(fc0.call(&mut cp, &data, OUTPUT_AREA), Step::Block { from: 0, len: 12, word: 0x400E });
+    assert_eq!(fc0.call(&mut cp, &data, AREA), Step::Block { from: 0, len: 12, word: 0x400E });
     cp.input[2..4].copy_from_slice(&14u16.to_be_bytes());
-    assert_eq!(fc0.call(&mut cp, &data, OUTPUT_AREA), Step::Block { from: 12, len: 2, word: 0x4002 });
+    assert_eq!(fc0.call(&mut cp, &data, AREA), Step::Block { from: 12, len: 2, word: 0x4002 });
     cp.input[2..4].copy_from_slice(&0x4002u16.to_be_bytes());
-    assert_eq!(fc0.call(&mut cp, &data, OUTPUT_AREA), Step::Word(0));
+    assert_eq!(fc0.call(&mut cp, &data, AREA), Step::Word(0));
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn an_error_may_come_in_the_middle_of_the_blocks() {
 
 #[test]
 fn a_start_up_in_mid_job_fails_it_and_leaves_the_registers_to_fc_9() {
-    for visible in [Words { rx: START_UP, tx_echo: SYSTEM | 7 }, Words { rx: NO_PARAMETERS, tx_echo: SYSTEM | 3 }] {
+    for visible in [Words { rx: STARTUP, tx_echo: SYSTEM | 7 }, Words { rx: NO_PARAMETERS, tx_echo: SYSTEM | 3 }] {
         for gese in [0, 12, 24, 30] {
             let job = Job { gese, anz_int: 30, senden_laeuft: true, ende_kom: gese == 30, ..Job::default() };
             assert_eq!(job.go_on(visible).1, Step::Failed(None));
@@ -197,9 +197,9 @@ fn a_start_takes_back_what_an_abandoned_job_left() {
 #[test]
 fn lengths_that_are_none() {
     assert_eq!(telegram_bytes(0), Err(Refusal::Empty));
-    assert_eq!(telegram_bytes(OUTPUT_AREA), Err(Refusal::Empty));
+    assert_eq!(telegram_bytes(AREA), Err(Refusal::Empty));
     assert_eq!(telegram_bytes(1024), Ok(1024));
-    assert_eq!(telegram_bytes(OUTPUT_AREA | 5), Ok(5));
+    assert_eq!(telegram_bytes(AREA | 5), Ok(5));
     for anz in [1025, 0x2001, 0x8005, u16::MAX] {
         assert_eq!(telegram_bytes(anz), Err(Refusal::TooLong), "{anz:04X}h");
     }

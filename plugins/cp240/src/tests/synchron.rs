@@ -1,7 +1,7 @@
 //! FC 9, each row of the table in `docs/cp240-registers.md`.
 
 use super::fake_cp::FakeCp;
-use crate::registers::{NO_PARAMETERS, RESET, START_UP, SYSTEM, Words};
+use crate::registers::{NO_PARAMETERS, RESET, STARTUP, SYSTEM, Words};
 use crate::state::CpState;
 use crate::synchron::{Bits, Step};
 
@@ -23,7 +23,7 @@ fn fresh() -> CpState {
 }
 
 fn start_up(number: u8) -> Words {
-    Words { rx: START_UP, tx_echo: SYSTEM | u16::from(number) }
+    Words { rx: STARTUP, tx_echo: SYSTEM | u16::from(number) }
 }
 
 #[test]
@@ -59,9 +59,9 @@ fn anl_asks_for_a_reset_until_the_identifier_is_visible() {
 #[test]
 fn words_that_only_look_like_a_start_up_are_none() {
     for words in [
-        Words { rx: START_UP, tx_echo: SYSTEM },
-        Words { rx: START_UP, tx_echo: 0x8101 },
-        Words { rx: START_UP, tx_echo: 1 },
+        Words { rx: STARTUP, tx_echo: SYSTEM },
+        Words { rx: STARTUP, tx_echo: 0x8101 },
+        Words { rx: STARTUP, tx_echo: 1 },
         Words { rx: 0x8002, tx_echo: SYSTEM | 1 },
     ] {
         assert_eq!(IDLE.step(words, true, &fresh()), (IDLE, Step::Wait), "{words:04X?}");

@@ -3,18 +3,7 @@
 
 use ob1_protocols::ModemLines;
 
-use crate::registers::LINE;
-
-/// Bits of a command: new states, and which of them to take over.
-const COMMAND_RTS: u16 = 1 << 0;
-const COMMAND_DTR: u16 = 1 << 1;
-const COMMAND_SET_RTS: u16 = 1 << 2;
-const COMMAND_SET_DTR: u16 = 1 << 3;
-
-/// Marks an answer.
-const ANSWER: u16 = 1 << 10;
-/// First bit of DELTA_STATUS in an answer; STATUS begins at bit 0.
-const DELTA_SHIFT: u16 = 6;
+use ob1_words::cp240::{LINE_ANSWER, LINE_DELTA_SHIFT, LINE_DTR, LINE_RTS, LINE_SET_DTR, LINE_SET_RTS};
 
 /// The lines as the module sees and drives them; `true` is ON.
 #[derive(Debug)]
@@ -64,17 +53,17 @@ impl Modem {
     /// where that has hardware flow control.
     pub(crate) fn command(&mut self, command: u16, rts_is_free: bool) -> (Switched, u16) {
         let mut switched = Switched::default();
-        if command & COMMAND_SET_RTS != 0 && rts_is_free {
-            self.rts = command & COMMAND_RTS != 0;
+        if command & LINE_SET_RTS != 0 && rts_is_free {
+            self.rts = command & LINE_RTS != 0;
             switched.rts = Some(self.rts);
         }
-        if command & COMMAND_SET_DTR != 0 {
-            self.dtr = command & COMMAND_DTR != 0;
+        if command & LINE_SET_DTR != 0 {
+            self.dtr = command & LINE_DTR != 0;
             switched.dtr = Some(self.dtr);
         }
         let status = self.lines.map_or(0, bits) | u16::from(self.dtr) << 4 | u16::from(self.rts) << 5;
-        let delta = std::mem::take(&mut self.delta) << DELTA_SHIFT;
-        (switched, LINE | ANSWER | delta | status)
+        let delta = std::mem::take(&mut self.delta) << LINE_DELTA_SHIFT;
+        (switched, LINE_ANSWER | delta | status)
     }
 }
 

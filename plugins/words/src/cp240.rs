@@ -1,4 +1,4 @@
-//! The sixteen bytes each way, and what their count words mean (docs/cp240-registers.md).
+//! CP 240: the sixteen bytes each way, and what their count words mean (docs/cp240-registers.md).
 
 /// Register bytes each way. [S0 L1839]
 pub const REGISTER_BYTES: usize = 16;
@@ -48,32 +48,55 @@ pub const PARTNER_ORDER: u16 = 0x1000;
 /// Framing bits of a line command in `TX` and of its answer in `TX echo`.
 pub const LINE: u16 = 0x1800;
 
+/// Line command: the state wanted for RTS.
+pub const LINE_RTS: u16 = 1 << 0;
+/// Line command: the state wanted for DTR.
+pub const LINE_DTR: u16 = 1 << 1;
+/// Line command: RTS is to take the state wanted.
+pub const LINE_SET_RTS: u16 = 1 << 2;
+/// Line command: DTR is to take the state wanted.
+pub const LINE_SET_DTR: u16 = 1 << 3;
+
+/// `TX echo`: the answer to a line command. STATUS lies in bits 0 to 5, DELTA_STATUS in bits 6 to 9. [S0 "STATUS,
+/// DELTA_STATUS"]
+pub const LINE_ANSWER: u16 = LINE | 1 << 10;
+
+/// First bit of DELTA_STATUS in the answer to a line command; STATUS begins at bit 0.
+pub const LINE_DELTA_SHIFT: u16 = 6;
+
+/// Bytes of the offset that a changed area of the Modbus slave "long" begins with.
+pub const OFFSET_BYTES: usize = 2;
+
 /// The five bits above a count: what kind of word it is.
 const KIND: u16 = 0xF800;
 
 /// Bits 0 to 10 hold a count; a word with any other bit set is none.
-const COUNT_BITS: u16 = 0x07FF;
+pub const COUNT_BITS: u16 = 0x07FF;
 
 /// The register bytes of one direction.
 pub type Registers = [u8; REGISTER_BYTES];
 
 /// First word (`RX`, `RX echo`), big-endian.
-pub(crate) const fn rx_word(registers: &Registers) -> u16 {
+#[must_use]
+pub const fn rx_word(registers: &Registers) -> u16 {
     u16::from_be_bytes([registers[0], registers[1]])
 }
 
 /// Second word (`TX echo`, `TX`), big-endian.
-pub(crate) const fn tx_word(registers: &Registers) -> u16 {
+#[must_use]
+pub const fn tx_word(registers: &Registers) -> u16 {
     u16::from_be_bytes([registers[2], registers[3]])
 }
 
 /// The block behind the words.
-pub(crate) fn block(registers: &Registers) -> &[u8] {
+#[must_use]
+pub fn block(registers: &Registers) -> &[u8] {
     &registers[REGISTER_BYTES - BLOCK_BYTES..]
 }
 
 /// The registers with these words and this block, zeros behind it.
-pub(crate) fn compose(rx: u16, tx: u16, block: &[u8]) -> Registers {
+#[must_use]
+pub fn compose(rx: u16, tx: u16, block: &[u8]) -> Registers {
     let mut registers = [0; REGISTER_BYTES];
     registers[..2].copy_from_slice(&rx.to_be_bytes());
     registers[2..4].copy_from_slice(&tx.to_be_bytes());
@@ -84,12 +107,14 @@ pub(crate) fn compose(rx: u16, tx: u16, block: &[u8]) -> Registers {
 }
 
 /// A word as a line command: its bits 0 to 10.
-pub(crate) const fn line_command(word: u16) -> Option<u16> {
+#[must_use]
+pub const fn line_command(word: u16) -> Option<u16> {
     if word & KIND == LINE { Some(word & COUNT_BITS) } else { None }
 }
 
 /// A word as framing and count of RK 512; a word 0 has none.
-pub(crate) const fn framed_count(word: u16) -> Option<(u16, usize)> {
+#[must_use]
+pub const fn framed_count(word: u16) -> Option<(u16, usize)> {
     match word & KIND {
         framing @ (OWN_ORDER | PARTNER_ORDER) => Some((framing, (word & COUNT_BITS) as usize)),
         0 if word == 0 => Some((0, 0)),
@@ -98,11 +123,13 @@ pub(crate) const fn framed_count(word: u16) -> Option<(u16, usize)> {
 }
 
 /// A word as a first count that some protocol understands: a count, possibly framed or for the Modbus output area.
-pub(crate) const fn is_telegram_of_any_kind(word: u16) -> bool {
+#[must_use]
+pub const fn is_telegram_of_any_kind(word: u16) -> bool {
     word & COUNT_BITS != 0 && matches!(word & KIND, 0 | AREA | OWN_ORDER | PARTNER_ORDER)
 }
 
 /// A word as a count of bytes, possibly one that is too large for a telegram.
-pub(crate) const fn count(word: u16) -> Option<usize> {
+#[must_use]
+pub const fn count(word: u16) -> Option<usize> {
     if word & !COUNT_BITS == 0 { Some(word as usize) } else { None }
 }

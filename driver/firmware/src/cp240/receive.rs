@@ -2,8 +2,8 @@
 
 use ob1_protocols::Part;
 
-use crate::registers::{AREA, BLOCK_BYTES, BROKEN_OFF, MORE, OUTSIDE, count};
 use crate::ring::{Capacity, Ring};
+use ob1_words::cp240::{AREA, BLOCK_BYTES, BROKEN_OFF, MORE, OUTSIDE, count};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {

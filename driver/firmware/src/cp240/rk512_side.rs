@@ -3,7 +3,7 @@
 
 use ob1_protocols::rk512::{Answer, Command, OrderError, Request};
 
-use crate::registers::{BLOCK_BYTES, BUFFER_BYTES, OWN_ORDER, PARTNER_ORDER, framed_count};
+use ob1_words::cp240::{BLOCK_BYTES, BUFFER_BYTES, OWN_ORDER, PARTNER_ORDER, framed_count};
 
 /// Bytes of a header; what an order has in the send buffer beside its data.
 pub(crate) const HEADER_BYTES: usize = 10;

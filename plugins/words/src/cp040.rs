@@ -1,4 +1,4 @@
-//! What both directions of the host protocol share: byte 0 with its two nibbles, and how a telegram is cut into
+//! CP 040: what both directions of the host protocol share: byte 0 with its two nibbles, and how a telegram is cut into
 //! fragments.
 //!
 //! A telegram is one stream of bytes: telegram info, length (high, low), then the rest. It is cut into pieces of IO
@@ -6,43 +6,52 @@
 //! [S3 L313]
 
 /// Smallest and largest number of bytes the CP occupies each way.
-pub const IO_BYTES: std::ops::RangeInclusive<usize> = 8..=60;
+pub const IO_BYTES: core::ops::RangeInclusive<usize> = 8..=60;
+
+/// Longest telegram, in user bytes. [S3 L303]
+pub const TELEGRAM_MAX: u16 = 1024;
+
+/// Output byte 0: the acknowledgement of what is received lies in the high nibble, the command in the low one. In input
+/// byte 0 it is the other way about: the answer to the command is high, the fragment info low. [S3 L315]
+pub const ACKNOWLEDGE_SHIFT: u8 = 4;
 
 /// Telegram info and length, in front of every telegram.
-pub(crate) const HEAD_BYTES: usize = 3;
+pub const HEAD_BYTES: usize = 3;
 
 /// Telegram info: no offset.
-pub(crate) const INFO_PLAIN: u8 = 0x00;
-/// Telegram info: an offset word follows the length.
-pub(crate) const INFO_OFFSET: u8 = 0x04;
+pub const INFO_PLAIN: u8 = 0x00;
+/// Telegram info: an offset word follows the length. [S3 L321]
+pub const INFO_OFFSET: u8 = 0x04;
 
 /// Idle, in every nibble.
-pub(crate) const IDLE: u8 = 0x8;
+pub const IDLE: u8 = 0x8;
 /// First piece of several.
-pub(crate) const FIRST: u8 = 0x9;
+pub const FIRST: u8 = 0x9;
 /// The only piece, or the last one.
-pub(crate) const LAST: u8 = 0xA;
+pub const LAST: u8 = 0xA;
 /// Command of the host in either nibble: reset.
-pub(crate) const RESET: u8 = 0xB;
+pub const RESET: u8 = 0xB;
 /// Answer of the CP: the reset was executed.
-pub(crate) const RESET_DONE: u8 = 0xC;
+pub const RESET_DONE: u8 = 0xC;
 /// Answer of the CP: the length is not valid.
-pub(crate) const BAD_LENGTH: u8 = 0xD;
+pub const BAD_LENGTH: u8 = 0xD;
 /// Answer of the CP: error in the communication.
-pub(crate) const FAILED: u8 = 0xE;
+pub const FAILED: u8 = 0xE;
 
 /// The registers of one direction; the first IO-size bytes count.
-pub(crate) type Area = [u8; *IO_BYTES.end()];
+pub type Area = [u8; *IO_BYTES.end()];
 
 /// High and low nibble of byte 0.
-pub(crate) fn nibbles(area: &[u8]) -> (u8, u8) {
+#[must_use]
+pub fn nibbles(area: &[u8]) -> (u8, u8) {
     let byte = area.first().copied().unwrap_or(0);
     (byte >> 4, byte & 0x0F)
 }
 
 /// Nibble of piece `n` (from 0) of a stream of `total` bytes cut into pieces of `piece` bytes. Fragments between the
 /// first and the last count 0 to 7 and begin again. [S3 L315]
-pub(crate) const fn nibble(n: usize, total: usize, piece: usize) -> u8 {
+#[must_use]
+pub const fn nibble(n: usize, total: usize, piece: usize) -> u8 {
     if (n + 1) * piece >= total {
         LAST
     } else if n == 0 {

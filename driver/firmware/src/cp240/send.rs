@@ -1,9 +1,9 @@
 //! CPU -> CP: a telegram collected block by block, and how its order ends [S0 "Example SEND data"].
 
-use crate::registers::{
+use crate::cp240::rk512_side::HEADER_BYTES;
+use ob1_words::cp240::{
     AREA, BLOCK_BYTES, BUFFER_BYTES, FAILED, count, framed_count, is_telegram_of_any_kind, line_command,
 };
-use crate::rk512::HEADER_BYTES;
 
 /// Error code of a telegram that is longer than the buffer. [S0 L1298]
 const TOO_LONG: u8 = 0x17;

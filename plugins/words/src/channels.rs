@@ -1,0 +1,463 @@
+//! CP 340 and CP 341: the two channels, and the registers beside them (docs/cp341-channels.md).
+
+/// Bytes of a block.
+pub const BLOCK_BYTES: usize = 64;
+
+/// What one side shows the other in a channel, as bytes.
+pub type ChannelBlock = [u8; BLOCK_BYTES];
+
+/// Which of the two channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// P_SEND, P_SND_RK, P_PRINT: jobs of the CPU.
+    Send,
+    /// P_RCV, P_RCV_RK: telegrams and jobs of the partner.
+    Receive,
+}
+
+impl Channel {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Send, Self::Receive];
+
+    /// Number of the data record by which the CPU reads and writes the channel (RD_REC, WR_REC).
+    #[must_use]
+    pub const fn record(self) -> u8 {
+        match self {
+            Self::Send => 0x80,
+            Self::Receive => 0x81,
+        }
+    }
+
+    /// The channel of a data record.
+    #[must_use]
+    pub fn of_record(number: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|channel| channel.record() == number)
+    }
+}
+
+/// User data in a block. [reference 1.0]
+pub const PIECE: u16 = 32;
+
+/// Where user data begin.
+const DATA: usize = BLOCK_BYTES - PIECE as usize;
+
+/// Pieces of so many bytes.
+#[must_use]
+pub const fn pieces(bytes: usize) -> u16 {
+    bytes.div_ceil(PIECE as usize) as u16
+}
+
+/// The bytes of a piece in data of this length; empty behind them.
+#[must_use]
+pub fn range(piece: u16, bytes: usize) -> core::ops::Range<usize> {
+    let from = (usize::from(piece) * usize::from(PIECE)).min(bytes);
+    from..(from + usize::from(PIECE)).min(bytes)
+}
+
+/// What the CPU says in a channel (byte 0).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Command {
+    /// Nothing, or nothing this CP knows.
+    None = 0,
+    /// Begin with this start number: everything before is forgotten.
+    Start = 1,
+    /// Send channel: no job. Receive channel: nothing is taken.
+    Rest = 2,
+    /// Receive channel: the block waits for something.
+    Wait = 3,
+    /// A job is under way.
+    Job = 4,
+    /// Receive channel: the job offered is refused.
+    Refuse = 5,
+}
+
+/// What the CP says in a channel (byte 0).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum State {
+    /// No start number has been acknowledged, or a state this block does not know.
+    Off = 0,
+    /// No job.
+    Ready = 1,
+    /// Data of the job come: so many pieces are there.
+    Collecting = 2,
+    /// The job is under way.
+    Running = 3,
+    /// Data of the job go to the CPU: this piece.
+    Giving = 4,
+    /// It has ended without error.
+    Done = 5,
+    /// It has ended with this STATUS.
+    Failed = 6,
+    /// Receive channel: a telegram, or a job of the partner.
+    Offered = 7,
+}
+
+/// Why P_RCV or P_RCV_RK refuses what it is offered (byte 8).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Refusal {
+    /// The coordination flag is set.
+    Locked = 1,
+    /// The data block is missing.
+    Db = 2,
+    /// The area is too short.
+    Range = 3,
+    /// This area cannot be had.
+    Area = 4,
+    /// R = 1, EN_R = 0, or nowhere to put the data.
+    Reset = 5,
+}
+
+/// What the receive channel offers (byte 12).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Offered {
+    /// A telegram.
+    Telegram = 0,
+    /// RK 512: data of the partner.
+    Receive = 1,
+    /// RK 512: data for the partner.
+    Provide = 2,
+}
+
+/// What the receive channel has, as its block has it from byte 12 on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Header {
+    /// What it is.
+    pub kind: Offered,
+    /// RK 512: letter of the area; 0: no header.
+    pub letter: u8,
+    /// Number of the data block.
+    pub number: u16,
+    /// First byte, timer or counter.
+    pub offset: u16,
+    /// Coordination flag: byte, bit; byte 255: none.
+    pub flag: (u16, u16),
+}
+
+/// No coordination flag. [reference 1.1]
+pub const NO_FLAG: u16 = 255;
+
+/// A job of P_SEND, P_SND_RK or P_PRINT, as its block has it from byte 8 on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Job {
+    /// 'S' send, 'F' fetch, 'P' print.
+    pub sf: u8,
+    /// Area in the partner.
+    pub r_typ: u8,
+    /// Bytes.
+    pub len: i16,
+    /// Partner's CPU number.
+    pub r_cpu_no: i16,
+    /// DB in the partner.
+    pub r_no: i16,
+    /// First byte, timer or counter in the partner.
+    pub r_offset: i16,
+    /// Coordination flag byte; 255: none.
+    pub r_cf_byt: i16,
+    /// Coordination flag bit.
+    pub r_cf_bit: i16,
+}
+
+impl Job {
+    /// SF of P_SEND, and of P_SND_RK that sends.
+    pub const SEND: u8 = b'S';
+    /// SF of P_SND_RK that fetches.
+    pub const FETCH: u8 = b'F';
+    /// SF of P_PRINT. (ours)
+    pub const PRINT: u8 = b'P';
+
+    /// Whether the CPU gives data with it.
+    #[must_use]
+    pub const fn has_data(&self) -> bool {
+        matches!(self.sf, Self::SEND | Self::PRINT)
+    }
+}
+
+/// What one side shows the other in a channel. Words are big-endian.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Block(pub ChannelBlock);
+
+impl Block {
+    fn new(code: u8, start: u16, job: u16) -> Self {
+        let mut block = Self([0; BLOCK_BYTES]);
+        block.0[0] = code;
+        block.set(2, start);
+        block.set(4, job);
+        block
+    }
+
+    /// A block of the CPU: the command, its start number and its job.
+    #[must_use]
+    pub fn of_cpu(command: Command, start: u16, job: u16) -> Self {
+        Self::new(command as u8, start, job)
+    }
+
+    /// A block of the CP: the state, the start number acknowledged and the job.
+    #[must_use]
+    pub fn of_cp(state: State, start: u16, job: u16) -> Self {
+        Self::new(state as u8, start, job)
+    }
+
+    /// Of the CPU: what it says.
+    #[must_use]
+    pub const fn command(&self) -> Command {
+        match self.0[0] {
+            1 => Command::Start,
+            2 => Command::Rest,
+            3 => Command::Wait,
+            4 => Command::Job,
+            5 => Command::Refuse,
+            _ => Command::None,
+        }
+    }
+
+    /// Of the CP: what it says.
+    #[must_use]
+    pub const fn state(&self) -> State {
+        match self.0[0] {
+            1 => State::Ready,
+            2 => State::Collecting,
+            3 => State::Running,
+            4 => State::Giving,
+            5 => State::Done,
+            6 => State::Failed,
+            7 => State::Offered,
+            _ => State::Off,
+        }
+    }
+
+    /// A word.
+    #[must_use]
+    pub const fn word(&self, at: usize) -> u16 {
+        u16::from_be_bytes([self.0[at], self.0[at + 1]])
+    }
+
+    /// Sets a word.
+    pub fn set(&mut self, at: usize, word: u16) {
+        self.0[at..at + 2].copy_from_slice(&word.to_be_bytes());
+    }
+
+    /// With [`Command::Start`] in the receive channel: the block waits for something at once.
+    #[must_use]
+    pub const fn takes(&self) -> bool {
+        self.0[1] & 1 == 1
+    }
+
+    /// The block that says so, or not.
+    #[must_use]
+    pub const fn with_takes(mut self, takes: bool) -> Self {
+        self.0[1] = takes as u8;
+        self
+    }
+
+    /// Start number; of the CP: the one it has acknowledged, 0: none.
+    #[must_use]
+    pub const fn start(&self) -> u16 {
+        self.word(2)
+    }
+
+    /// Number of the job.
+    #[must_use]
+    pub const fn job(&self) -> u16 {
+        self.word(4)
+    }
+
+    /// Who gives data shows the piece in [`data`](Self::data), who takes them the pieces it has.
+    #[must_use]
+    pub const fn piece(&self) -> u16 {
+        self.word(6)
+    }
+
+    /// The block with it.
+    #[must_use]
+    pub fn with_piece(mut self, piece: u16) -> Self {
+        self.set(6, piece);
+        self
+    }
+
+    /// Of the CP, with [`State::Failed`].
+    #[must_use]
+    pub const fn status(&self) -> u16 {
+        self.word(8)
+    }
+
+    /// The block with it.
+    #[must_use]
+    pub fn with_status(mut self, status: u16) -> Self {
+        self.set(8, status);
+        self
+    }
+
+    /// Of the CPU, with [`Command::Refuse`].
+    #[must_use]
+    pub const fn refusal(&self) -> Refusal {
+        match self.0[8] {
+            1 => Refusal::Locked,
+            2 => Refusal::Db,
+            3 => Refusal::Range,
+            4 => Refusal::Area,
+            _ => Refusal::Reset,
+        }
+    }
+
+    /// The block with it.
+    #[must_use]
+    pub const fn with_refusal(mut self, refusal: Refusal) -> Self {
+        self.0[8] = refusal as u8;
+        self
+    }
+
+    /// Bytes of the job.
+    #[must_use]
+    pub const fn len(&self) -> u16 {
+        self.word(10)
+    }
+
+    /// Whether the job has no byte.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The block with it.
+    #[must_use]
+    pub fn with_len(mut self, len: u16) -> Self {
+        self.set(10, len);
+        self
+    }
+
+    /// Of the CPU in the send channel: its job.
+    #[must_use]
+    pub const fn order(&self) -> Job {
+        Job {
+            sf: self.0[8],
+            r_typ: self.0[9],
+            len: self.word(10) as i16,
+            r_cpu_no: self.word(12) as i16,
+            r_no: self.word(14) as i16,
+            r_offset: self.word(16) as i16,
+            r_cf_byt: self.word(18) as i16,
+            r_cf_bit: self.word(20) as i16,
+        }
+    }
+
+    /// Sets all of it but the length, which the data have.
+    pub fn set_order(&mut self, job: &Job) {
+        (self.0[8], self.0[9]) = (job.sf, job.r_typ);
+        let words = [job.r_cpu_no, job.r_no, job.r_offset, job.r_cf_byt, job.r_cf_bit];
+        for (at, word) in (12..).step_by(2).zip(words) {
+            self.set(at, word as u16);
+        }
+    }
+
+    /// Of the CP in the receive channel: what it has.
+    #[must_use]
+    pub const fn header(&self) -> Header {
+        let kind = match self.0[12] {
+            1 => Offered::Receive,
+            2 => Offered::Provide,
+            _ => Offered::Telegram,
+        };
+        let flag = (self.word(18), self.word(20));
+        Header { kind, letter: self.0[13], number: self.word(14), offset: self.word(16), flag }
+    }
+
+    /// Sets it.
+    pub fn set_header(&mut self, header: &Header) {
+        (self.0[12], self.0[13]) = (header.kind as u8, header.letter);
+        let words = [header.number, header.offset, header.flag.0, header.flag.1];
+        for (at, word) in (14..).step_by(2).zip(words) {
+            self.set(at, word);
+        }
+    }
+
+    /// The piece, with what lies behind its end.
+    #[must_use]
+    pub fn data(&self) -> &[u8] {
+        &self.0[DATA..]
+    }
+
+    /// The block with this piece, of which it takes what it has room for.
+    #[must_use]
+    pub fn with_data(mut self, data: &[u8]) -> Self {
+        let room = self.data_mut(data.len());
+        room.copy_from_slice(&data[..room.len()]);
+        self
+    }
+
+    /// Where a piece of so many bytes lies, at most what a block has.
+    pub fn data_mut(&mut self, len: usize) -> &mut [u8] {
+        &mut self.0[DATA..DATA + len.min(usize::from(PIECE))]
+    }
+}
+
+/// The accompanying signals: input byte 0 (V24_STAT), and bits of output byte 0 (V24_SET).
+pub mod v24 {
+    /// DTR.
+    pub const DTR: u8 = 1 << 0;
+    /// DSR; inputs only.
+    pub const DSR: u8 = 1 << 1;
+    /// RTS.
+    pub const RTS: u8 = 1 << 2;
+    /// CTS; inputs only.
+    pub const CTS: u8 = 1 << 3;
+    /// DCD; inputs only.
+    pub const DCD: u8 = 1 << 4;
+    /// RI; inputs only.
+    pub const RI: u8 = 1 << 5;
+    /// Outputs: the program drives RTS and DTR.
+    pub const DRIVES: u8 = 1 << 7;
+}
+
+/// Byte of the inputs and outputs with the number of P_RESET.
+pub const RESET_AT: usize = 1;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_code_is_read_as_it_is_written() {
+        use Command::{None, Refuse, Rest, Start, Wait};
+        for command in [None, Start, Rest, Wait, Command::Job, Refuse] {
+            assert_eq!(Block::of_cpu(command, 1, 2).command(), command);
+        }
+        use State::{Collecting, Done, Failed, Giving, Off, Offered, Ready, Running};
+        for state in [Off, Ready, Collecting, Running, Giving, Done, Failed, Offered] {
+            assert_eq!(Block::of_cp(state, 1, 2).state(), state);
+        }
+        for refusal in [Refusal::Locked, Refusal::Db, Refusal::Range, Refusal::Area, Refusal::Reset] {
+            let block = Block::of_cpu(Refuse, 1, 2).with_refusal(refusal);
+            assert_eq!((block.refusal(), block.start(), block.job()), (refusal, 1, 2));
+        }
+    }
+
+    #[test]
+    fn a_job_lies_where_the_table_says() {
+        let job = Job { sf: b'S', r_typ: b'D', len: 7, r_cpu_no: 1, r_no: 2, r_offset: 3, r_cf_byt: 4, r_cf_bit: 5 };
+        let mut block = Block::of_cpu(Command::Job, 0x0102, 0x0304).with_len(7);
+        block.set_order(&job);
+        assert_eq!(block.0[..22], [4, 0, 1, 2, 3, 4, 0, 0, b'S', b'D', 0, 7, 0, 1, 0, 2, 0, 3, 0, 4, 0, 5]);
+        assert_eq!(block.order(), job);
+    }
+
+    #[test]
+    fn a_header_lies_where_the_table_says() {
+        for kind in [Offered::Telegram, Offered::Receive, Offered::Provide] {
+            let header = Header { kind, letter: b'X', number: 0x0102, offset: 0x0304, flag: (5, 6) };
+            let mut block = Block::of_cp(State::Offered, 1, 2);
+            block.set_header(&header);
+            assert_eq!(block.0[12..22], [kind as u8, b'X', 1, 2, 3, 4, 0, 5, 0, 6]);
+            assert_eq!(block.header(), header);
+        }
+    }
+
+    #[test]
+    fn pieces_are_32_bytes() {
+        assert_eq!([0, 1, 32, 33, 4096].map(pieces), [0, 1, 1, 2, 128]);
+        assert_eq!((range(0, 40), range(1, 40), range(2, 40)), (0..32, 32..40, 40..40));
+    }
+}
