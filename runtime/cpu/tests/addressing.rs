@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::source::bench;
+use common::{on_each_engine, source::bench};
 
 /// How an operand is prepared and named, as bit, byte, word and double word; `-` where there is no such form. Each
 /// means byte 24 and, as a bit, 24.5 of its area.
@@ -66,59 +66,63 @@ fn around(area: &str, out: bool) -> String {
 
 #[test]
 fn what_an_operand_reads_and_writes() {
-    for (area, prepare, names) in FORMS {
-        for (name, (bits, value, written)) in names.iter().zip([
-            // 22h has bit 5: it is read, then reset.
-            (1, 1, "110233445566"),
-            (8, 0x22, "11A533445566"),
-            (16, 0x2233, "11B7A5445566"),
-            (32, 0x2233_4455, "11D9C8B7A566"),
-        ]) {
-            if *name == "-" {
-                continue;
+    on_each_engine(|| {
+        for (area, prepare, names) in FORMS {
+            for (name, (bits, value, written)) in names.iter().zip([
+                // 22h has bit 5: it is read, then reset.
+                (1, 1, "110233445566"),
+                (8, 0x22, "11A533445566"),
+                (16, 0x2233, "11B7A5445566"),
+                (32, 0x2233_4455, "11D9C8B7A566"),
+            ]) {
+                if *name == "-" {
+                    continue;
+                }
+                let (read, write) = if bits == 1 {
+                    (format!("U {name}; = M 0.0; L MB 0; T MD 4;"), format!("CLR; = {name};"))
+                } else {
+                    (format!("L {name}; T MD 4;"), format!("L DW#16#D9C8B7A5; T {name};"))
+                };
+                let source = format!(
+                    "DATA_BLOCK DB 10 STRUCT a : ARRAY[0..63] OF BYTE; END_STRUCT BEGIN END_DATA_BLOCK
+                     FUNCTION FC 1 : VOID VAR_TEMP t : ARRAY[0..63] OF BYTE; END_VAR BEGIN
+                     {} {prepare} {read} {prepare} {write} {} END_FUNCTION
+                     ORGANIZATION_BLOCK OB 1 BEGIN CALL FC 1; END_ORGANIZATION_BLOCK",
+                    around(area, false),
+                    around(area, true),
+                );
+                let mut bench = bench(&source, &[]);
+                bench.run();
+                assert_eq!(bench.md(4), value, "{prepare} L {name}");
+                let after: String = bench.cpu.bit_memory()[100..106].iter().map(|b| format!("{b:02X}")).collect();
+                assert_eq!(after, written, "{prepare} T {name}");
             }
-            let (read, write) = if bits == 1 {
-                (format!("U {name}; = M 0.0; L MB 0; T MD 4;"), format!("CLR; = {name};"))
-            } else {
-                (format!("L {name}; T MD 4;"), format!("L DW#16#D9C8B7A5; T {name};"))
-            };
-            let source = format!(
-                "DATA_BLOCK DB 10 STRUCT a : ARRAY[0..63] OF BYTE; END_STRUCT BEGIN END_DATA_BLOCK
-                 FUNCTION FC 1 : VOID VAR_TEMP t : ARRAY[0..63] OF BYTE; END_VAR BEGIN
-                 {} {prepare} {read} {prepare} {write} {} END_FUNCTION
-                 ORGANIZATION_BLOCK OB 1 BEGIN CALL FC 1; END_ORGANIZATION_BLOCK",
-                around(area, false),
-                around(area, true),
-            );
-            let mut bench = bench(&source, &[]);
-            bench.run();
-            assert_eq!(bench.md(4), value, "{prepare} L {name}");
-            let after: String = bench.cpu.bit_memory()[100..106].iter().map(|b| format!("{b:02X}")).collect();
-            assert_eq!(after, written, "{prepare} T {name}");
         }
-    }
+    });
 }
 
 #[test]
 fn numbers_in_memory() {
-    let source = "
-        DATA_BLOCK DB 10 STRUCT a : WORD := W#16#10AA; END_STRUCT BEGIN END_DATA_BLOCK
-        DATA_BLOCK DB 11 STRUCT a : WORD := W#16#11BB; END_STRUCT BEGIN END_DATA_BLOCK
-        FUNCTION FC 8 : VOID BEGIN L MW 30; + 1; T MW 30; END_FUNCTION
-        FUNCTION FC 9 : VOID VAR_INPUT t : TIMER; c : COUNTER; d : BLOCK_DB; f : BLOCK_FC; END_VAR BEGIN
-        U #t; = M 32.0; L #c; T MW 34; AUF #d; L DBW 0; T MW 36; UC #f; SET; CC #f; END_FUNCTION
-        ORGANIZATION_BLOCK OB 1 VAR_TEMP info : ARRAY[0..19] OF BYTE; n : WORD; END_VAR BEGIN
-        L 5; T MW 0; L 6; T #n; L 11; T MW 2; L 8; T MW 4;
-        CLR; SI T [MW 0]; L S5T#3S; SET; SI T [MW 0]; L T [MW 0]; T MW 10; L T 5; T MW 12;
-        L C#42; CLR; S Z [#n]; SET; S Z [#n]; L Z 6; T MW 14; ZV Z [#n]; LC Z [#n]; T MW 16;
-        AUF DB [MW 2]; L DBW 0; T MW 18; AUF DI [MW 2]; L DIW 0; T MW 20; L DINO; T MW 22;
-        UC FC [MW 4]; CLR; CC FC [MW 4]; SET; CC FC [MW 4];
-        CALL FC 9 (t := T 5, c := Z 6, d := DB 10, f := FC 8);
-        END_ORGANIZATION_BLOCK";
-    let mut bench = bench(source, &[]);
-    bench.run();
-    assert_eq!([10, 12, 14, 16].map(|at| bench.mw(at)), [300, 300, 42, 0x43]);
-    assert_eq!([18, 20, 22].map(|at| bench.mw(at)), [0x11BB, 0x11BB, 11]);
-    assert_eq!((bench.m(32, 0), bench.mw(34), bench.mw(36)), (true, 43, 0x10AA));
-    assert_eq!(bench.mw(30), 4, "UC and CC, twice each");
+    on_each_engine(|| {
+        let source = "
+            DATA_BLOCK DB 10 STRUCT a : WORD := W#16#10AA; END_STRUCT BEGIN END_DATA_BLOCK
+            DATA_BLOCK DB 11 STRUCT a : WORD := W#16#11BB; END_STRUCT BEGIN END_DATA_BLOCK
+            FUNCTION FC 8 : VOID BEGIN L MW 30; + 1; T MW 30; END_FUNCTION
+            FUNCTION FC 9 : VOID VAR_INPUT t : TIMER; c : COUNTER; d : BLOCK_DB; f : BLOCK_FC; END_VAR BEGIN
+            U #t; = M 32.0; L #c; T MW 34; AUF #d; L DBW 0; T MW 36; UC #f; SET; CC #f; END_FUNCTION
+            ORGANIZATION_BLOCK OB 1 VAR_TEMP info : ARRAY[0..19] OF BYTE; n : WORD; END_VAR BEGIN
+            L 5; T MW 0; L 6; T #n; L 11; T MW 2; L 8; T MW 4;
+            CLR; SI T [MW 0]; L S5T#3S; SET; SI T [MW 0]; L T [MW 0]; T MW 10; L T 5; T MW 12;
+            L C#42; CLR; S Z [#n]; SET; S Z [#n]; L Z 6; T MW 14; ZV Z [#n]; LC Z [#n]; T MW 16;
+            AUF DB [MW 2]; L DBW 0; T MW 18; AUF DI [MW 2]; L DIW 0; T MW 20; L DINO; T MW 22;
+            UC FC [MW 4]; CLR; CC FC [MW 4]; SET; CC FC [MW 4];
+            CALL FC 9 (t := T 5, c := Z 6, d := DB 10, f := FC 8);
+            END_ORGANIZATION_BLOCK";
+        let mut bench = bench(source, &[]);
+        bench.run();
+        assert_eq!([10, 12, 14, 16].map(|at| bench.mw(at)), [300, 300, 42, 0x43]);
+        assert_eq!([18, 20, 22].map(|at| bench.mw(at)), [0x11BB, 0x11BB, 11]);
+        assert_eq!((bench.m(32, 0), bench.mw(34), bench.mw(36)), (true, 43, 0x10AA));
+        assert_eq!(bench.mw(30), 4, "UC and CC, twice each");
+    });
 }

@@ -3,8 +3,8 @@
 
 mod common;
 
-use common::Bench;
 use common::source::bench;
+use common::{Bench, on_each_engine};
 
 /// An elementary type: how a callee changes it, and what it is before and after, as the hexadecimal constant of its
 /// width.
@@ -151,67 +151,71 @@ fn value(bench: &mut Bench, ty: &Type, byte: u32) -> u32 {
 
 #[test]
 fn elementary_actuals_of_every_kind_for_every_kind_of_block() {
-    for ty in &TYPES {
-        for actual in &ACTUALS {
-            for (callee, call) in CALLEES {
-                if callee == "multi-instance" && actual.caller == Caller::Fc {
-                    continue;
+    on_each_engine(|| {
+        for ty in &TYPES {
+            for actual in &ACTUALS {
+                for (callee, call) in CALLEES {
+                    if callee == "multi-instance" && actual.caller == Caller::Fc {
+                        continue;
+                    }
+                    let name = format!("{} {} {callee}", ty.name, actual.name);
+                    let mut bench = bench(&elementary(ty, actual, call), &[]);
+                    bench.run();
+                    match ty.width {
+                        'X' => bench.set_m(0, 3, ty.before == 1),
+                        'B' => bench.set(0, ob1_cpu::CellWidth::Byte, ty.before),
+                        'W' => bench.set(0, ob1_cpu::CellWidth::Word, ty.before),
+                        _ => bench.set(0, ob1_cpu::CellWidth::DWord, ty.before),
+                    }
+                    bench.run();
+                    let got = (value(&mut bench, ty, 10), value(&mut bench, ty, 20));
+                    assert_eq!(got, (ty.after, ty.after), "{name}");
+                    // A call leaves the data block registers and AR2 as they were.
+                    assert_eq!((bench.md(30), bench.md(34)), (bench.md(38), bench.md(42)), "{name}: registers");
                 }
-                let name = format!("{} {} {callee}", ty.name, actual.name);
-                let mut bench = bench(&elementary(ty, actual, call), &[]);
-                bench.run();
-                match ty.width {
-                    'X' => bench.set_m(0, 3, ty.before == 1),
-                    'B' => bench.set(0, ob1_cpu::CellWidth::Byte, ty.before),
-                    'W' => bench.set(0, ob1_cpu::CellWidth::Word, ty.before),
-                    _ => bench.set(0, ob1_cpu::CellWidth::DWord, ty.before),
-                }
-                bench.run();
-                let got = (value(&mut bench, ty, 10), value(&mut bench, ty, 20));
-                assert_eq!(got, (ty.after, ty.after), "{name}");
-                // A call leaves the data block registers and AR2 as they were.
-                assert_eq!((bench.md(30), bench.md(34)), (bench.md(38), bench.md(42)), "{name}: registers");
             }
         }
-    }
+    });
 }
 
 #[test]
 fn constants_for_inputs_of_functions_and_function_blocks() {
-    for (ty, constant, value) in [
-        ("BOOL", "TRUE", 1),
-        ("BYTE", "B#16#A5", 0xA5),
-        ("CHAR", "'x'", 0x78),
-        ("INT", "-2", 0xFFFE),
-        ("WORD", "W#16#1234", 0x1234),
-        ("S5TIME", "S5T#3S", 0x0300),
-        ("DATE", "D#1990-1-3", 2),
-        ("DINT", "L#-3", 0xFFFF_FFFD),
-        ("DWORD", "DW#16#12345678", 0x1234_5678),
-        ("REAL", "1.5", 0x3FC0_0000),
-        ("TIME", "T#1S500MS", 1500),
-        ("TIME_OF_DAY", "TOD#0:0:2.5", 2500),
-    ] {
-        let move_it = if ty == "BOOL" { "U #i; = M 3.0; L MB 3; T MD 0;" } else { "L #i; T MD 0;" };
-        for (head, end, call, data) in [
-            ("FUNCTION FC 5 : VOID", "END_FUNCTION", "CALL FC 5", ""),
-            (
-                "FUNCTION_BLOCK FB 5",
-                "END_FUNCTION_BLOCK",
-                "CALL FB 5 , DB 5",
-                "DATA_BLOCK DB 5 FB 5 BEGIN END_DATA_BLOCK",
-            ),
+    on_each_engine(|| {
+        for (ty, constant, value) in [
+            ("BOOL", "TRUE", 1),
+            ("BYTE", "B#16#A5", 0xA5),
+            ("CHAR", "'x'", 0x78),
+            ("INT", "-2", 0xFFFE),
+            ("WORD", "W#16#1234", 0x1234),
+            ("S5TIME", "S5T#3S", 0x0300),
+            ("DATE", "D#1990-1-3", 2),
+            ("DINT", "L#-3", 0xFFFF_FFFD),
+            ("DWORD", "DW#16#12345678", 0x1234_5678),
+            ("REAL", "1.5", 0x3FC0_0000),
+            ("TIME", "T#1S500MS", 1500),
+            ("TIME_OF_DAY", "TOD#0:0:2.5", 2500),
         ] {
-            let source = format!(
-                "{head} VAR_INPUT i : {ty}; END_VAR BEGIN {move_it} {end} {data}
-                 ORGANIZATION_BLOCK OB 1 BEGIN {call} (i := {constant}); END_ORGANIZATION_BLOCK"
-            );
-            let mut bench = bench(&source, &[]);
-            bench.run();
-            let sign = if ty == "INT" { 0xFFFF } else { u32::MAX };
-            assert_eq!(bench.md(0) & sign, value, "{call} {ty} {constant}");
+            let move_it = if ty == "BOOL" { "U #i; = M 3.0; L MB 3; T MD 0;" } else { "L #i; T MD 0;" };
+            for (head, end, call, data) in [
+                ("FUNCTION FC 5 : VOID", "END_FUNCTION", "CALL FC 5", ""),
+                (
+                    "FUNCTION_BLOCK FB 5",
+                    "END_FUNCTION_BLOCK",
+                    "CALL FB 5 , DB 5",
+                    "DATA_BLOCK DB 5 FB 5 BEGIN END_DATA_BLOCK",
+                ),
+            ] {
+                let source = format!(
+                    "{head} VAR_INPUT i : {ty}; END_VAR BEGIN {move_it} {end} {data}
+                     ORGANIZATION_BLOCK OB 1 BEGIN {call} (i := {constant}); END_ORGANIZATION_BLOCK"
+                );
+                let mut bench = bench(&source, &[]);
+                bench.run();
+                let sign = if ty == "INT" { 0xFFFF } else { u32::MAX };
+                assert_eq!(bench.md(0) & sign, value, "{call} {ty} {constant}");
+            }
         }
-    }
+    });
 }
 
 /// Composed types, told apart by their first word; some no longer than an elementary one.
@@ -229,76 +233,79 @@ const COMPOSED: [(&str, &str, &str); 7] = [
 /// in/out.
 #[test]
 fn composed_actuals_of_every_kind_for_every_kind_of_block() {
-    // Name, caller's kind, actual of the nth parameter, first word of it for the caller.
-    type Place = fn(u32) -> String;
-    let actuals: [(&str, Caller, Place); 7] = [
-        ("of a data block", Caller::Fc, |n| format!("DB10.v{n}")),
-        ("of a data block", Caller::Fb, |n| format!("DB10.v{n}")),
-        ("temp of an FC", Caller::Fc, |n| format!("#t{n}")),
-        ("temp of an FB", Caller::Fb, |n| format!("#t{n}")),
-        ("static", Caller::Fb, |n| format!("#s{n}")),
-        ("formal of an FC", Caller::Fc, |n| format!("#f{n}")),
-        ("input of an FB", Caller::Fb, |n| format!("#g{n}")),
-    ];
-    for (ty, input, in_out) in COMPOSED {
-        let suffix = input.trim_start_matches("#i");
-        let output = format!("#o{suffix}");
-        for (name, caller, place) in actuals {
-            for (callee, call) in CALLEES {
-                if callee == "multi-instance" && caller == Caller::Fc {
-                    continue;
+    on_each_engine(|| {
+        // Name, caller's kind, actual of the nth parameter, first word of it for the caller.
+        type Place = fn(u32) -> String;
+        let actuals: [(&str, Caller, Place); 7] = [
+            ("of a data block", Caller::Fc, |n| format!("DB10.v{n}")),
+            ("of a data block", Caller::Fb, |n| format!("DB10.v{n}")),
+            ("temp of an FC", Caller::Fc, |n| format!("#t{n}")),
+            ("temp of an FB", Caller::Fb, |n| format!("#t{n}")),
+            ("static", Caller::Fb, |n| format!("#s{n}")),
+            ("formal of an FC", Caller::Fc, |n| format!("#f{n}")),
+            ("input of an FB", Caller::Fb, |n| format!("#g{n}")),
+        ];
+        for (ty, input, in_out) in COMPOSED {
+            let suffix = input.trim_start_matches("#i");
+            let output = format!("#o{suffix}");
+            for (name, caller, place) in actuals {
+                for (callee, call) in CALLEES {
+                    if callee == "multi-instance" && caller == Caller::Fc {
+                        continue;
+                    }
+                    if name == "formal of an FC" && callee == "FB" {
+                        // Where it lies is known at run time only: refused by the compiler.
+                        continue;
+                    }
+                    let body = format!(
+                        "L MW 0; T {p0}{suffix}; T {p2}{suffix}; AUF DB 11; {call} (i := {p0}, o := {p1}, x := {p2});
+                         L {p1}{suffix}; T MW 10; L {p2}{suffix}; T MW 20; L {p0}{suffix}; T MW 30;",
+                        p0 = place(0),
+                        p1 = place(1),
+                        p2 = place(2)
+                    );
+                    let block = |head: &str, end: &str| {
+                        format!(
+                            "{head} VAR_INPUT i : {ty}; END_VAR VAR_OUTPUT o : {ty}; END_VAR VAR_IN_OUT x : {ty}; END_VAR
+                             BEGIN L {input}; + 1; T {output}; L {in_out}; + 2; T {in_out}; {end} "
+                        )
+                    };
+                    let three = |prefix: &str| (0..3).map(|n| format!("{prefix}{n} : {ty};")).collect::<String>();
+                    let caller = match caller {
+                        Caller::Fc => format!(
+                            "FUNCTION FC 6 : VOID VAR_IN_OUT {} END_VAR VAR_TEMP {} END_VAR BEGIN {body} END_FUNCTION
+                             ORGANIZATION_BLOCK OB 1 BEGIN
+                             CALL FC 6 (f0 := DB11.v0, f1 := DB11.v1, f2 := DB11.v2); END_ORGANIZATION_BLOCK",
+                            three("f"),
+                            three("t")
+                        ),
+                        Caller::Fb => format!(
+                            "FUNCTION_BLOCK FB 6 VAR_INPUT {} END_VAR VAR {} sub : FB 5; END_VAR VAR_TEMP {} END_VAR
+                             BEGIN {body} END_FUNCTION_BLOCK DATA_BLOCK DB 6 FB 6 BEGIN END_DATA_BLOCK
+                             ORGANIZATION_BLOCK OB 1 BEGIN CALL FB 6 , DB 6; END_ORGANIZATION_BLOCK",
+                            three("g"),
+                            three("s"),
+                            three("t")
+                        ),
+                    };
+                    let data =
+                        |n: u32| format!("DATA_BLOCK DB {n} STRUCT {} END_STRUCT BEGIN END_DATA_BLOCK ", three("v"));
+                    let source = format!(
+                        "TYPE UDT 7 STRUCT in : STRUCT a : INT; b : DINT; END_STRUCT; END_STRUCT END_TYPE
+                         {} {} DATA_BLOCK DB 5 FB 5 BEGIN END_DATA_BLOCK {} {} {caller}",
+                        block("FUNCTION FC 5 : VOID", "END_FUNCTION"),
+                        block("FUNCTION_BLOCK FB 5", "END_FUNCTION_BLOCK"),
+                        data(10),
+                        data(11),
+                    );
+                    let mut bench = bench(&source, &[]);
+                    bench.run();
+                    bench.set(0, ob1_cpu::CellWidth::Word, 0x1200);
+                    bench.run();
+                    let got = (bench.mw(10), bench.mw(20), bench.mw(30));
+                    assert_eq!(got, (0x1201, 0x1202, 0x1200), "{ty} {name} {callee}");
                 }
-                if name == "formal of an FC" && callee == "FB" {
-                    // Where it lies is known at run time only: refused by the compiler.
-                    continue;
-                }
-                let body = format!(
-                    "L MW 0; T {p0}{suffix}; T {p2}{suffix}; AUF DB 11; {call} (i := {p0}, o := {p1}, x := {p2});
-                     L {p1}{suffix}; T MW 10; L {p2}{suffix}; T MW 20; L {p0}{suffix}; T MW 30;",
-                    p0 = place(0),
-                    p1 = place(1),
-                    p2 = place(2)
-                );
-                let block = |head: &str, end: &str| {
-                    format!(
-                        "{head} VAR_INPUT i : {ty}; END_VAR VAR_OUTPUT o : {ty}; END_VAR VAR_IN_OUT x : {ty}; END_VAR
-                         BEGIN L {input}; + 1; T {output}; L {in_out}; + 2; T {in_out}; {end} "
-                    )
-                };
-                let three = |prefix: &str| (0..3).map(|n| format!("{prefix}{n} : {ty};")).collect::<String>();
-                let caller = match caller {
-                    Caller::Fc => format!(
-                        "FUNCTION FC 6 : VOID VAR_IN_OUT {} END_VAR VAR_TEMP {} END_VAR BEGIN {body} END_FUNCTION
-                         ORGANIZATION_BLOCK OB 1 BEGIN
-                         CALL FC 6 (f0 := DB11.v0, f1 := DB11.v1, f2 := DB11.v2); END_ORGANIZATION_BLOCK",
-                        three("f"),
-                        three("t")
-                    ),
-                    Caller::Fb => format!(
-                        "FUNCTION_BLOCK FB 6 VAR_INPUT {} END_VAR VAR {} sub : FB 5; END_VAR VAR_TEMP {} END_VAR
-                         BEGIN {body} END_FUNCTION_BLOCK DATA_BLOCK DB 6 FB 6 BEGIN END_DATA_BLOCK
-                         ORGANIZATION_BLOCK OB 1 BEGIN CALL FB 6 , DB 6; END_ORGANIZATION_BLOCK",
-                        three("g"),
-                        three("s"),
-                        three("t")
-                    ),
-                };
-                let data = |n: u32| format!("DATA_BLOCK DB {n} STRUCT {} END_STRUCT BEGIN END_DATA_BLOCK ", three("v"));
-                let source = format!(
-                    "TYPE UDT 7 STRUCT in : STRUCT a : INT; b : DINT; END_STRUCT; END_STRUCT END_TYPE
-                     {} {} DATA_BLOCK DB 5 FB 5 BEGIN END_DATA_BLOCK {} {} {caller}",
-                    block("FUNCTION FC 5 : VOID", "END_FUNCTION"),
-                    block("FUNCTION_BLOCK FB 5", "END_FUNCTION_BLOCK"),
-                    data(10),
-                    data(11),
-                );
-                let mut bench = bench(&source, &[]);
-                bench.run();
-                bench.set(0, ob1_cpu::CellWidth::Word, 0x1200);
-                bench.run();
-                let got = (bench.mw(10), bench.mw(20), bench.mw(30));
-                assert_eq!(got, (0x1201, 0x1202, 0x1200), "{ty} {name} {callee}");
             }
         }
-    }
+    });
 }

@@ -62,113 +62,125 @@ fn start(config: CpuConfig, program: &Program) -> Bench {
 
 #[test]
 fn a_warm_restart_keeps_the_ranges_and_a_cold_one_nothing() {
-    for (command, expected) in [(Command::Warm, KEPT), (Command::Cold, NOTHING)] {
-        let mut bench = start(config(only()), &station());
-        fill(&mut bench);
-        bench.cpu.request(Command::Stop);
-        bench.cycle();
-        bench.clock.now += 60_000 * MS;
-        bench.cycle();
-        bench.cpu.request(command);
-        bench.run();
-        assert_eq!(state(&mut bench), expected, "{command:?}: the timer stood still in STOP");
-    }
+    on_each_engine(|| {
+        for (command, expected) in [(Command::Warm, KEPT), (Command::Cold, NOTHING)] {
+            let mut bench = start(config(only()), &station());
+            fill(&mut bench);
+            bench.cpu.request(Command::Stop);
+            bench.cycle();
+            bench.clock.now += 60_000 * MS;
+            bench.cycle();
+            bench.cpu.request(command);
+            bench.run();
+            assert_eq!(state(&mut bench), expected, "{command:?}: the timer stood still in STOP");
+        }
+    });
 }
 
 #[test]
 fn an_image_survives_a_power_cycle() {
-    let mut bench = start(config(only()), &station());
-    fill(&mut bench);
-    let (mut image, mut again) = (Vec::new(), Vec::new());
-    bench.cpu.retentive_image(&mut image);
-    assert_eq!(image.len(), bench.cpu.retentive_len());
+    on_each_engine(|| {
+        let mut bench = start(config(only()), &station());
+        fill(&mut bench);
+        let (mut image, mut again) = (Vec::new(), Vec::new());
+        bench.cpu.retentive_image(&mut image);
+        assert_eq!(image.len(), bench.cpu.retentive_len());
 
-    let mut other = start(config(only()), &station());
-    assert_eq!(other.cpu.restore_retentive(&image), Ok(()));
-    other.cpu.retentive_image(&mut again);
-    assert_eq!(image, again);
-    other.run();
-    assert_eq!(state(&mut other), KEPT);
-    assert_eq!(other.cpu.restore_retentive(&image), Err(Why::NotInStop));
-    other.cpu.request(Command::Reset);
-    other.cycle();
-    assert_eq!(state(&mut other), NOTHING, "a memory reset keeps nothing");
+        let mut other = start(config(only()), &station());
+        assert_eq!(other.cpu.restore_retentive(&image), Ok(()));
+        other.cpu.retentive_image(&mut again);
+        assert_eq!(image, again);
+        other.run();
+        assert_eq!(state(&mut other), KEPT);
+        assert_eq!(other.cpu.restore_retentive(&image), Err(Why::NotInStop));
+        other.cpu.request(Command::Reset);
+        other.cycle();
+        assert_eq!(state(&mut other), NOTHING, "a memory reset keeps nothing");
+    });
 }
 
 #[test]
 fn the_default_keeps_all_data_blocks() {
-    let mut bench = start(CpuConfig::default(), &station());
-    fill(&mut bench);
-    let mut image = Vec::new();
-    bench.cpu.retentive_image(&mut image);
-    let mut other = start(CpuConfig::default(), &station());
-    assert_eq!(other.cpu.restore_retentive(&image), Ok(()));
-    other.run();
-    assert_eq!(state(&mut other), ([0; 3], [0; 2], [0; 3], 0x1111, [0x1111; 3]));
+    on_each_engine(|| {
+        let mut bench = start(CpuConfig::default(), &station());
+        fill(&mut bench);
+        let mut image = Vec::new();
+        bench.cpu.retentive_image(&mut image);
+        let mut other = start(CpuConfig::default(), &station());
+        assert_eq!(other.cpu.restore_retentive(&image), Ok(()));
+        other.run();
+        assert_eq!(state(&mut other), ([0; 3], [0; 2], [0; 3], 0x1111, [0x1111; 3]));
+    });
 }
 
 #[test]
 fn foreign_and_damaged_images_are_refused_and_change_nothing() {
-    let mut bench = start(config(only()), &station());
-    fill(&mut bench);
-    let mut image = Vec::new();
-    bench.cpu.retentive_image(&mut image);
-    let mut other = start(config(only()), &station());
-    for byte in 0..image.len() {
-        let mut broken = image.clone();
-        broken[byte] ^= 0x10;
-        let why = match byte {
-            0..8 => Why::NoImage,
-            8..12 => Why::Version(u32::from_le_bytes([broken[8], broken[9], broken[10], broken[11]])),
-            _ => Why::Damaged,
-        };
-        assert_eq!(other.cpu.restore_retentive(&broken), Err(why), "byte {byte}");
-        let why = if byte < 8 { Why::NoImage } else { Why::Damaged };
-        assert_eq!(other.cpu.restore_retentive(&image[..byte]), Err(why), "cut at {byte}");
-    }
-    assert_eq!(state(&mut other), NOTHING);
+    on_each_engine(|| {
+        let mut bench = start(config(only()), &station());
+        fill(&mut bench);
+        let mut image = Vec::new();
+        bench.cpu.retentive_image(&mut image);
+        let mut other = start(config(only()), &station());
+        for byte in 0..image.len() {
+            let mut broken = image.clone();
+            broken[byte] ^= 0x10;
+            let why = match byte {
+                0..8 => Why::NoImage,
+                8..12 => Why::Version(u32::from_le_bytes([broken[8], broken[9], broken[10], broken[11]])),
+                _ => Why::Damaged,
+            };
+            assert_eq!(other.cpu.restore_retentive(&broken), Err(why), "byte {byte}");
+            let why = if byte < 8 { Why::NoImage } else { Why::Damaged };
+            assert_eq!(other.cpu.restore_retentive(&image[..byte]), Err(why), "cut at {byte}");
+        }
+        assert_eq!(state(&mut other), NOTHING);
 
-    let changed = program(vec![], vec![db(2, &[2; 6]), db(9, &[9; 6])]);
-    assert_eq!(start(config(only()), &changed).cpu.restore_retentive(&image), Err(Why::OtherProgram));
-    let ranges = start(config(RetentiveData::All), &station()).cpu.restore_retentive(&image);
-    assert_eq!(ranges, Err(Why::OtherRanges));
-    let mut statements = station();
-    statements.blocks[0].code.pop();
-    assert_eq!(start(config(only()), &statements).cpu.restore_retentive(&image), Ok(()), "statements may change");
+        let changed = program(vec![], vec![db(2, &[2; 6]), db(9, &[9; 6])]);
+        assert_eq!(start(config(only()), &changed).cpu.restore_retentive(&image), Err(Why::OtherProgram));
+        let ranges = start(config(RetentiveData::All), &station()).cpu.restore_retentive(&image);
+        assert_eq!(ranges, Err(Why::OtherRanges));
+        let mut statements = station();
+        statements.blocks[0].code.pop();
+        assert_eq!(start(config(only()), &statements).cpu.restore_retentive(&image), Ok(()), "statements may change");
+    });
 }
 
 #[test]
 fn ranges_that_do_not_exist_are_refused() {
-    let retentive = Retentive {
-        memory: vec![250..300],
-        timers: vec![0..257],
-        counters: vec![],
-        data: RetentiveData::Only(vec![DataRange { db: 3, bytes: None }, DataRange { db: 2, bytes: Some(0..5) }]),
-    };
-    let config = CpuConfig { retentive, ..CpuConfig::default() };
-    let errors = Cpu::new(config, &station(), vec![], vec![], common::engine()).err().unwrap_or_default();
-    let messages: Vec<_> = errors.iter().map(ToString::to_string).collect();
-    assert_eq!(
-        messages,
-        [
-            "L001: CPU setting retentive.memory = 300: at most 256",
-            "L001: CPU setting retentive.timers = 257: at most 256",
-            "L012: DB 3 is to be retentive, but is not loaded",
-            "L001: CPU setting retentive.data = 5: at most 4",
-        ]
-    );
+    on_each_engine(|| {
+        let retentive = Retentive {
+            memory: vec![250..300],
+            timers: vec![0..257],
+            counters: vec![],
+            data: RetentiveData::Only(vec![DataRange { db: 3, bytes: None }, DataRange { db: 2, bytes: Some(0..5) }]),
+        };
+        let config = CpuConfig { retentive, ..CpuConfig::default() };
+        let errors = Cpu::new(config, &station(), vec![], vec![], common::engine()).err().unwrap_or_default();
+        let messages: Vec<_> = errors.iter().map(ToString::to_string).collect();
+        assert_eq!(
+            messages,
+            [
+                "L001: CPU setting retentive.memory = 300: at most 256",
+                "L001: CPU setting retentive.timers = 257: at most 256",
+                "L012: DB 3 is to be retentive, but is not loaded",
+                "L001: CPU setting retentive.data = 5: at most 4",
+            ]
+        );
+    });
 }
 
 #[test]
 fn the_image_is_taken_in_stop_as_it_was_at_the_stop() {
-    let mut bench = start(config(only()), &station());
-    fill(&mut bench);
-    bench.cpu.request(Command::Stop);
-    assert_eq!(bench.cycle().state, OperatingState::Stop);
-    let (mut before, mut after) = (Vec::new(), Vec::new());
-    bench.cpu.retentive_image(&mut before);
-    bench.clock.now += 60_000 * MS;
-    bench.cycle();
-    bench.cpu.retentive_image(&mut after);
-    assert_eq!(before, after);
+    on_each_engine(|| {
+        let mut bench = start(config(only()), &station());
+        fill(&mut bench);
+        bench.cpu.request(Command::Stop);
+        assert_eq!(bench.cycle().state, OperatingState::Stop);
+        let (mut before, mut after) = (Vec::new(), Vec::new());
+        bench.cpu.retentive_image(&mut before);
+        bench.clock.now += 60_000 * MS;
+        bench.cycle();
+        bench.cpu.retentive_image(&mut after);
+        assert_eq!(before, after);
+    });
 }

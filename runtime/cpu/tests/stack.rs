@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 
 use common::rack::TestModule;
-use common::{MS, block, call, fc, ob, program};
+use common::{MS, block, call, fc, ob, on_each_engine, program};
 use ob1_cpu::{
     Abort, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, Interrupt, Module, ModuleSlot, Nanos, NativeBlock,
     NativeContext, NativeError, OperatingState, PLUGIN_STACK_BYTES, TimeOfDay,
@@ -139,61 +139,64 @@ fn delay(ob: u32, ms: u32) -> Op {
 
 #[test]
 fn the_deepest_nesting_fits_the_stack() {
-    let shared = Arc::new(Shared { lowest: AtomicUsize::new(usize::MAX), ..Shared::default() });
-    let mut config = CpuConfig {
-        watchdog: WATCHDOG_MS * MS,
-        // The minute of OB 10 is full when its time comes.
-        date_at_start: 60_000 * MS - TIMES_MS[0] * MS,
-        time_of_day: vec![TimeOfDay {
-            ob: 10,
-            start: Moment::from_ms(60_000).expect("a moment"),
-            period: Period::Once,
-        }],
-        ..CpuConfig::of(Family::S7_400)
-    };
-    for (ob, ms) in (30..39).zip(&TIMES_MS[5..]) {
-        let phase = (ms - 60_000) * MS;
-        config.cyclic.push(CyclicInterrupt { phase, ..CyclicInterrupt::new(ob, 60_000 * MS) });
-    }
-    let mut next: Vec<Next> = TIMES_MS.iter().map(|ms| Next::Time(*ms)).collect();
-    next.extend([Next::Diagnosis, Next::Time(WATCHDOG_MS + 1000), Next::Error, Next::Error]);
-    next.reverse();
-    *shared.next.lock().expect("one thread") = next;
+    on_each_engine(|| {
+        let shared = Arc::new(Shared { lowest: AtomicUsize::new(usize::MAX), ..Shared::default() });
+        let mut config = CpuConfig {
+            watchdog: WATCHDOG_MS * MS,
+            // The minute of OB 10 is full when its time comes.
+            date_at_start: 60_000 * MS - TIMES_MS[0] * MS,
+            time_of_day: vec![TimeOfDay {
+                ob: 10,
+                start: Moment::from_ms(60_000).expect("a moment"),
+                period: Period::Once,
+            }],
+            ..CpuConfig::of(Family::S7_400)
+        };
+        for (ob, ms) in (30..39).zip(&TIMES_MS[5..]) {
+            let phase = (ms - 60_000) * MS;
+            config.cyclic.push(CyclicInterrupt { phase, ..CyclicInterrupt::new(ob, 60_000 * MS) });
+        }
+        let mut next: Vec<Next> = TIMES_MS.iter().map(|ms| Next::Time(*ms)).collect();
+        next.extend([Next::Diagnosis, Next::Time(WATCHDOG_MS + 1000), Next::Error, Next::Error]);
+        next.reverse();
+        *shared.next.lock().expect("one thread") = next;
 
-    let interrupts: Vec<u16> = std::iter::once(10).chain(20..24).chain(30..39).collect();
-    let deep = || call(fc(100), vec![]);
-    let mut first: Vec<Op> = (20..24).zip(&TIMES_MS[1..5]).map(|(ob, ms)| delay(ob, *ms as u32)).collect();
-    first.push(deep());
-    let mut blocks = vec![block(ob(1), Interface::default(), first)];
-    let others = interrupts.iter().copied().chain([80, 82, 88, 121]);
-    blocks.extend(others.map(|number| block(ob(number), Interface::default(), vec![deep()])));
-    let most = usize::from(config.nesting_depth);
-    let native = Deep { interface: Interface::default(), shared: Arc::clone(&shared), most: most - 1 };
-    let mut natives = ob1_cpu::system_blocks();
-    natives.push(Box::new(native));
-    let modules: Vec<(ModuleSlot, Box<dyn Module>)> = vec![(ModuleSlot::new("io", 256), Box::new(TestModule::new(4)))];
-    let mut cpu = Cpu::new(config, &program(blocks, vec![]), natives, modules, common::engine()).expect("it loads");
-    let _ = shared.interrupt.set(cpu.interrupt());
-    let stack = cpu.stack_bytes();
-    let clock = SharedClock(Arc::clone(&shared));
+        let interrupts: Vec<u16> = std::iter::once(10).chain(20..24).chain(30..39).collect();
+        let deep = || call(fc(100), vec![]);
+        let mut first: Vec<Op> = (20..24).zip(&TIMES_MS[1..5]).map(|(ob, ms)| delay(ob, *ms as u32)).collect();
+        first.push(deep());
+        let mut blocks = vec![block(ob(1), Interface::default(), first)];
+        let others = interrupts.iter().copied().chain([80, 82, 88, 121]);
+        blocks.extend(others.map(|number| block(ob(number), Interface::default(), vec![deep()])));
+        let most = usize::from(config.nesting_depth);
+        let native = Deep { interface: Interface::default(), shared: Arc::clone(&shared), most: most - 1 };
+        let mut natives = ob1_cpu::system_blocks();
+        natives.push(Box::new(native));
+        let modules: Vec<(ModuleSlot, Box<dyn Module>)> =
+            vec![(ModuleSlot::new("io", 256), Box::new(TestModule::new(4)))];
+        let mut cpu = Cpu::new(config, &program(blocks, vec![]), natives, modules, common::engine()).expect("it loads");
+        let _ = shared.interrupt.set(cpu.interrupt());
+        let stack = cpu.stack_bytes();
+        let clock = SharedClock(Arc::clone(&shared));
 
-    let run = std::thread::Builder::new().stack_size(stack).spawn(move || {
-        let mut clock = clock;
-        let top = std::ptr::from_ref(&clock) as usize;
-        cpu.request(Command::Run);
-        let state = cpu.cycle(&mut clock).state;
-        (top, state, cpu.diagnostics().map(|entry| entry.event.0).take(4).collect::<Vec<_>>())
+        let run = std::thread::Builder::new().stack_size(stack).spawn(move || {
+            let mut clock = clock;
+            let top = std::ptr::from_ref(&clock) as usize;
+            cpu.request(Command::Run);
+            let state = cpu.cycle(&mut clock).state;
+            (top, state, cpu.diagnostics().map(|entry| entry.event.0).take(4).collect::<Vec<_>>())
+        });
+        let (top, state, events) = run.expect("a thread").join().expect("no panic");
+
+        let mut expected: Vec<u16> = std::iter::once(1).chain(interrupts).chain([82, 80, 88]).collect();
+        expected = expected.into_iter().flat_map(|ob| [ob, 121]).collect();
+        assert_eq!(*shared.seen.lock().expect("one thread"), expected);
+        assert_eq!((state, &events[..3]), (OperatingState::Stop, &[0x4570, 0x3573, 0x2522][..]));
+        let used = top - shared.lowest.load(Ordering::Relaxed);
+        // With room to spare, for compilers to come.
+        assert!(used + used / 16 < stack, "{used} of {stack} bytes");
+        // And not twice what is needed: the blocks themselves take the most.
+        assert!(used > stack / 2, "{used} of {stack} bytes");
+        println!("{used} of {stack} bytes");
     });
-    let (top, state, events) = run.expect("a thread").join().expect("no panic");
-
-    let mut expected: Vec<u16> = std::iter::once(1).chain(interrupts).chain([82, 80, 88]).collect();
-    expected = expected.into_iter().flat_map(|ob| [ob, 121]).collect();
-    assert_eq!(*shared.seen.lock().expect("one thread"), expected);
-    assert_eq!((state, &events[..3]), (OperatingState::Stop, &[0x4570, 0x3573, 0x2522][..]));
-    let used = top - shared.lowest.load(Ordering::Relaxed);
-    // With room to spare, for compilers to come.
-    assert!(used + used / 16 < stack, "{used} of {stack} bytes");
-    // And not twice what is needed: the blocks themselves take the most.
-    assert!(used > stack / 2, "{used} of {stack} bytes");
-    println!("{used} of {stack} bytes");
 }

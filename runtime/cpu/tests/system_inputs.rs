@@ -7,7 +7,7 @@ mod common;
 
 use common::random::Random;
 use common::source::{bench_with, blocks};
-use common::{Bench, MS, block, db, instance_db, mw, ob, ob1, operand, program, transfer};
+use common::{Bench, MS, block, db, instance_db, mw, ob, ob1, on_each_engine, operand, program, transfer};
 use ob1_cpu::{Cell, CellWidth, Command, Cpu, CpuConfig, CyclicInterrupt, OperatingState, TimeOfDay};
 use ob1_ir::{Arg, Call, CallMode, Number, Op, Place, Target, Width};
 use ob1_model::{BitAddr, DataType, Interface, Layout};
@@ -120,10 +120,12 @@ fn write(bench: &mut Bench, db: u16, bytes: &[u8]) {
 /// The stack of a CPU with one organization block is enough for each of them.
 #[test]
 fn random_parameters_of_every_block() {
-    let one = Cpu::new(CpuConfig::default(), &program(vec![ob1(vec![])], vec![]), vec![], vec![], common::engine())
-        .expect("it loads");
-    let thread = std::thread::Builder::new().stack_size(one.stack_bytes()).spawn(call_every_block);
-    thread.expect("a thread").join().expect("no panic");
+    on_each_engine(|| {
+        let one = Cpu::new(CpuConfig::default(), &program(vec![ob1(vec![])], vec![]), vec![], vec![], common::engine())
+            .expect("it loads");
+        let thread = std::thread::Builder::new().stack_size(one.stack_bytes()).spawn(call_every_block);
+        thread.expect("a thread").join().expect("no panic");
+    });
 }
 
 fn call_every_block() {
@@ -167,47 +169,49 @@ fn call_every_block() {
 /// time is. OB 10 waits for its minute all the time.
 #[test]
 fn the_clock_at_every_date() {
-    let source = "
-        DATA_BLOCK DB 10
-        STRUCT set : DATE_AND_TIME; now : DATE_AND_TIME; shown : DATE_AND_TIME; END_STRUCT
-        BEGIN
-        END_DATA_BLOCK
-        ORGANIZATION_BLOCK OB 10 BEGIN L MW 20; + 1; T MW 20; END_ORGANIZATION_BLOCK
-        ORGANIZATION_BLOCK OB 1
-        VAR_TEMP info : ARRAY[0..11] OF BYTE; at : DATE_AND_TIME; END_VAR
-        BEGIN
-        L LD 12; T DB10.DBD 16; L LD 16; T DB10.DBD 20;
-        CALL SFC 0 (PDT := DB10.set, RET_VAL := MW 10);
-        CALL SFC 1 (RET_VAL := MW 12, CDT := DB10.now);
-        END_ORGANIZATION_BLOCK";
-    let config = CpuConfig {
-        time_of_day: vec![TimeOfDay { ob: 10, start: Moment::MIN, period: Period::EveryMinute }],
-        date_at_start: 1_000_000_000_000_000_000,
-        watchdog: 0,
-        ..CpuConfig::default()
-    };
-    let mut bench = bench_with(source, &[], config, vec![]);
-    bench.clock.ns_per_statement = 0;
-    bench.clock.now = 12_345_678_901;
-    let mut before = None;
-    let last = u64::from(Moment::MAX.days());
-    // Upwards, and to and fro between the ends of time.
-    for day in (0..=last).flat_map(|day| [day, if day % 2 == 0 { 0 } else { last }]) {
-        for ms in [0, 45_296_789, DAY_MS - 1] {
-            let moment = Moment::from_ms(day * DAY_MS + ms).expect("a moment");
-            write(&mut bench, 10, &moment.to_bytes());
-            bench.run();
-            let bytes = |at: usize| {
-                let block = bench.cpu.data_block(10).expect("DB 10");
-                <[u8; 8]>::try_from(&block[at..at + 8]).expect("eight bytes")
-            };
-            assert_eq!((bytes(8), bench.cpu.bit_memory()[10..14].to_vec()), (moment.to_bytes(), vec![0; 4]));
-            if let Some(before) = before.replace(moment.to_bytes()) {
-                assert_eq!(bytes(16), before, "the start information, before {moment:?} was set");
+    on_each_engine(|| {
+        let source = "
+            DATA_BLOCK DB 10
+            STRUCT set : DATE_AND_TIME; now : DATE_AND_TIME; shown : DATE_AND_TIME; END_STRUCT
+            BEGIN
+            END_DATA_BLOCK
+            ORGANIZATION_BLOCK OB 10 BEGIN L MW 20; + 1; T MW 20; END_ORGANIZATION_BLOCK
+            ORGANIZATION_BLOCK OB 1
+            VAR_TEMP info : ARRAY[0..11] OF BYTE; at : DATE_AND_TIME; END_VAR
+            BEGIN
+            L LD 12; T DB10.DBD 16; L LD 16; T DB10.DBD 20;
+            CALL SFC 0 (PDT := DB10.set, RET_VAL := MW 10);
+            CALL SFC 1 (RET_VAL := MW 12, CDT := DB10.now);
+            END_ORGANIZATION_BLOCK";
+        let config = CpuConfig {
+            time_of_day: vec![TimeOfDay { ob: 10, start: Moment::MIN, period: Period::EveryMinute }],
+            date_at_start: 1_000_000_000_000_000_000,
+            watchdog: 0,
+            ..CpuConfig::default()
+        };
+        let mut bench = bench_with(source, &[], config, vec![]);
+        bench.clock.ns_per_statement = 0;
+        bench.clock.now = 12_345_678_901;
+        let mut before = None;
+        let last = u64::from(Moment::MAX.days());
+        // Upwards, and to and fro between the ends of time.
+        for day in (0..=last).flat_map(|day| [day, if day % 2 == 0 { 0 } else { last }]) {
+            for ms in [0, 45_296_789, DAY_MS - 1] {
+                let moment = Moment::from_ms(day * DAY_MS + ms).expect("a moment");
+                write(&mut bench, 10, &moment.to_bytes());
+                bench.run();
+                let bytes = |at: usize| {
+                    let block = bench.cpu.data_block(10).expect("DB 10");
+                    <[u8; 8]>::try_from(&block[at..at + 8]).expect("eight bytes")
+                };
+                assert_eq!((bytes(8), bench.cpu.bit_memory()[10..14].to_vec()), (moment.to_bytes(), vec![0; 4]));
+                if let Some(before) = before.replace(moment.to_bytes()) {
+                    assert_eq!(bytes(16), before, "the start information, before {moment:?} was set");
+                }
             }
         }
-    }
-    // From the last moment on it stands still, and nothing else does.
-    bench.clock.now += 86_400_000 * MS;
-    bench.run();
+        // From the last moment on it stands still, and nothing else does.
+        bench.clock.now += 86_400_000 * MS;
+        bench.run();
+    });
 }

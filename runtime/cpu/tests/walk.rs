@@ -8,8 +8,8 @@ mod common;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use common::Bench;
 use common::source::blocks;
+use common::{Bench, on_each_engine};
 use ob1_cpu::{CellWidth, Cpu, CpuConfig};
 use ob1_stl::{Library, Mnemonics, Options, Source, compile};
 
@@ -376,90 +376,96 @@ fn run(text: &str, set: Mnemonics, before: [u32; 3], accumulators: u8) -> [u32; 
 
 #[test]
 fn every_instruction_in_both_sets() {
-    let (words, identifiers) = (pairs(MNEMONICS), pairs(IDENTIFIERS));
-    let mut seen = BTreeSet::new();
-    let mut wrong = Vec::new();
-    for (german, before, after) in [BIT_LOGIC, LOADS, ACCUMULATORS, TIMERS, JUMPS, BLOCKS].into_iter().flatten() {
-        let english = international(german, &words, &identifiers);
-        for (text, set) in [(*german, Mnemonics::German), (english.as_str(), Mnemonics::International)] {
-            for accumulators in [2, 4] {
-                let [a1, a2, stw] = run(text, set, *before, accumulators);
-                // An S7-300 does not show /FC, STA and OR in L STW. Four accumulators move up after arithmetic.
-                let mask = if accumulators == 4 { ALL } else { BR | CC | OS | RLO };
-                let a1_out = if *german == "L STW" { after[0] & mask } else { after[0] };
-                let good = a1 == a1_out && stw == after[2] & mask && (accumulators == 4 || a2 == after[1]);
-                if !good {
-                    wrong.push(format!(
-                        "{text} ({accumulators}): {a1:08X} {a2:08X} {stw:03X} instead of {:08X} {:08X} {:03X}",
-                        after[0],
-                        after[1],
-                        after[2] & mask
-                    ));
+    on_each_engine(|| {
+        let (words, identifiers) = (pairs(MNEMONICS), pairs(IDENTIFIERS));
+        let mut seen = BTreeSet::new();
+        let mut wrong = Vec::new();
+        for (german, before, after) in [BIT_LOGIC, LOADS, ACCUMULATORS, TIMERS, JUMPS, BLOCKS].into_iter().flatten() {
+            let english = international(german, &words, &identifiers);
+            for (text, set) in [(*german, Mnemonics::German), (english.as_str(), Mnemonics::International)] {
+                for accumulators in [2, 4] {
+                    let [a1, a2, stw] = run(text, set, *before, accumulators);
+                    // An S7-300 does not show /FC, STA and OR in L STW. Four accumulators move up after arithmetic.
+                    let mask = if accumulators == 4 { ALL } else { BR | CC | OS | RLO };
+                    let a1_out = if *german == "L STW" { after[0] & mask } else { after[0] };
+                    let good = a1 == a1_out && stw == after[2] & mask && (accumulators == 4 || a2 == after[1]);
+                    if !good {
+                        wrong.push(format!(
+                            "{text} ({accumulators}): {a1:08X} {a2:08X} {stw:03X} instead of {:08X} {:08X} {:03X}",
+                            after[0],
+                            after[1],
+                            after[2] & mask
+                        ));
+                    }
                 }
             }
+            for statement in german.split(';') {
+                let word = statement.split_whitespace().find(|word| !word.ends_with(':'));
+                seen.extend(word.and_then(|word| words.get_key_value(word)).map(|(german, _)| *german));
+            }
         }
-        for statement in german.split(';') {
-            let word = statement.split_whitespace().find(|word| !word.ends_with(':'));
-            seen.extend(word.and_then(|word| words.get_key_value(word)).map(|(german, _)| *german));
-        }
-    }
-    assert!(wrong.is_empty(), "{wrong:#?}");
-    // In the called blocks, and on four accumulators only.
-    seen.extend(["BE", "BEB", "BEA", "ENT", "LEAVE"]);
-    let missing: Vec<_> = words.keys().filter(|word| !seen.contains(*word)).collect();
-    assert!(missing.is_empty(), "not walked: {missing:?}");
+        assert!(wrong.is_empty(), "{wrong:#?}");
+        // In the called blocks, and on four accumulators only.
+        seen.extend(["BE", "BEB", "BEA", "ENT", "LEAVE"]);
+        let missing: Vec<_> = words.keys().filter(|word| !seen.contains(*word)).collect();
+        assert!(missing.is_empty(), "not walked: {missing:?}");
+    });
 }
 
 /// `T STW` on an S7-300 leaves /FC, STA and OR as they are: the scan behind it begins or goes on as if it were not
 /// there ["Statement List (STL) for S7-300 and S7-400 Programming", "T STW", note]. M 100.0 is 1, M 100.1 is 0.
 #[test]
 fn what_t_stw_writes() {
-    for (text, rlo_300, rlo_400) in [
-        // All bits 1. /FC = 0 on the 300: the scan is the first one. On the 400 it goes on, and OR takes part.
-        ("CLR; L W#16#1FF; T STW; U M 100.1", 0, RLO),
-        // /FC = 1 stays on the 300, and the RLO written is combined.
-        ("U M 100.0; L W#16#0; T STW; U M 100.0", 0, RLO),
-        ("U M 100.1; L W#16#2; T STW; UN M 100.0", 0, 0),
-        ("U M 100.1; L W#16#2; T STW; U M 100.0", RLO, RLO),
-        // OR stays on the 300.
-        ("U M 100.0; O; L W#16#1; T STW; U M 100.1", RLO, 0),
-    ] {
-        for (accumulators, rlo) in [(2, rlo_300), (4, rlo_400)] {
-            assert_eq!(run(text, Mnemonics::German, [0; 3], accumulators)[2] & RLO, rlo, "{text} {accumulators}");
+    on_each_engine(|| {
+        for (text, rlo_300, rlo_400) in [
+            // All bits 1. /FC = 0 on the 300: the scan is the first one. On the 400 it goes on, and OR takes part.
+            ("CLR; L W#16#1FF; T STW; U M 100.1", 0, RLO),
+            // /FC = 1 stays on the 300, and the RLO written is combined.
+            ("U M 100.0; L W#16#0; T STW; U M 100.0", 0, RLO),
+            ("U M 100.1; L W#16#2; T STW; UN M 100.0", 0, 0),
+            ("U M 100.1; L W#16#2; T STW; U M 100.0", RLO, RLO),
+            // OR stays on the 300.
+            ("U M 100.0; O; L W#16#1; T STW; U M 100.1", RLO, 0),
+        ] {
+            for (accumulators, rlo) in [(2, rlo_300), (4, rlo_400)] {
+                assert_eq!(run(text, Mnemonics::German, [0; 3], accumulators)[2] & RLO, rlo, "{text} {accumulators}");
+            }
         }
-    }
+    });
 }
 
 /// What moves between four accumulators. ACCU1 to ACCU4 are 1, 2, 3, 4 before.
 #[test]
 fn four_accumulators() {
-    for (text, after) in [
-        ("TAK", [2, 1, 3, 4]),
-        ("PUSH", [1, 1, 2, 3]),
-        ("POP", [2, 3, 4, 4]),
-        ("ENT", [1, 2, 2, 3]),
-        ("LEAVE", [1, 3, 4, 4]),
-        ("+I", [3, 3, 4, 4]),
-        ("-D", [1, 3, 4, 4]),
-        ("*D", [2, 3, 4, 4]),
-        ("/I", [2, 3, 4, 4]),
-        ("MOD", [0, 3, 4, 4]),
-        ("+R", [3, 3, 4, 4]),
-        ("L 9", [9, 1, 3, 4]),
-        ("+ 5", [6, 2, 3, 4]),
-        ("==I", [1, 2, 3, 4]),
-        ("UW", [0, 2, 3, 4]),
-        ("SLW", [4, 2, 3, 4]),
-        ("TAR1", [0, 1, 3, 4]),
-    ] {
-        let source = format!(
-            "ORGANIZATION_BLOCK OB 1 BEGIN L 4; PUSH; PUSH; PUSH; L 3; L 2; ENT; L 1; {text};
-             T MD 0; POP; T MD 4; POP; T MD 8; POP; T MD 12; END_ORGANIZATION_BLOCK"
-        );
-        let mut bench =
-            common::source::bench_with(&source, &[], CpuConfig { accumulators: 4, ..CpuConfig::default() }, vec![]);
-        bench.run();
-        let got = [0, 4, 8, 12].map(|byte| bench.md(byte));
-        assert_eq!(got, after, "{text}");
-    }
+    on_each_engine(|| {
+        for (text, after) in [
+            ("TAK", [2, 1, 3, 4]),
+            ("PUSH", [1, 1, 2, 3]),
+            ("POP", [2, 3, 4, 4]),
+            ("ENT", [1, 2, 2, 3]),
+            ("LEAVE", [1, 3, 4, 4]),
+            ("+I", [3, 3, 4, 4]),
+            ("-D", [1, 3, 4, 4]),
+            ("*D", [2, 3, 4, 4]),
+            ("/I", [2, 3, 4, 4]),
+            ("MOD", [0, 3, 4, 4]),
+            ("+R", [3, 3, 4, 4]),
+            ("L 9", [9, 1, 3, 4]),
+            ("+ 5", [6, 2, 3, 4]),
+            ("==I", [1, 2, 3, 4]),
+            ("UW", [0, 2, 3, 4]),
+            ("SLW", [4, 2, 3, 4]),
+            ("TAR1", [0, 1, 3, 4]),
+        ] {
+            let source = format!(
+                "ORGANIZATION_BLOCK OB 1 BEGIN L 4; PUSH; PUSH; PUSH; L 3; L 2; ENT; L 1; {text};
+                 T MD 0; POP; T MD 4; POP; T MD 8; POP; T MD 12; END_ORGANIZATION_BLOCK"
+            );
+            let mut bench =
+                common::source::bench_with(&source, &[], CpuConfig { accumulators: 4, ..CpuConfig::default() }, vec![]);
+            bench.run();
+            let got = [0, 4, 8, 12].map(|byte| bench.md(byte));
+            assert_eq!(got, after, "{text}");
+        }
+    });
 }

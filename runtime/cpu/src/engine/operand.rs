@@ -239,7 +239,8 @@ pub(crate) fn based(base: Base, at: BitAddr, bits: u32, write: bool, r: &Regs, m
         Base::Instance => in_db(r.di, DbRegister::Di, (r.ar2 & POINTER_BITS).wrapping_add(at.0), bits, write),
         Base::Ar1(code) => register_indirect(r.ar1, code, at.0, bits, write, r, m),
         Base::Ar2(code) => register_indirect(r.ar2, code, at.0, bits, write, r, m),
-        Base::Pointer { code, from } => {
+        Base::Pointer { code, md } => {
+            let from = m.memory.memory.at.plus(u32::from(md));
             let pointer = m.memory.read_bits(from.bit(0), 32);
             register_indirect(pointer & POINTER_BITS, code, 0, bits, write, r, m)
         }

@@ -224,8 +224,8 @@ fn based(place: Place, l: &Lowering<'_>) -> Option<(Base, BitAddr)> {
             )
         }
         Place::Memory(area, pointer) if pointer.area == Area::Memory && area != Area::Peripheral => {
-            let from = l.memory.memory.locate(pointer.at.byte(), 4)?;
-            (Base::Pointer { code: area.pointer_code(), from }, BitAddr(0))
+            l.memory.memory.locate(pointer.at.byte(), 4)?;
+            (Base::Pointer { code: area.pointer_code(), md: pointer.at.byte() as u16 }, BitAddr(0))
         }
         _ => return None,
     })

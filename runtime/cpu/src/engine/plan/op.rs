@@ -37,8 +37,8 @@ pub enum Base {
     Pointer {
         /// The area's pointer code.
         code: u8,
-        /// The pointer's four bytes.
-        from: ArenaByte,
+        /// The pointer's first byte in bit memory; all four lie in it.
+        md: u16,
     },
 }
 
@@ -225,7 +225,7 @@ pub enum Op {
     Slow,
 }
 
-const _: () = assert!(size_of::<Op>() <= 16);
+const _: () = assert!(size_of::<Op>() <= 12);
 
 impl Op {
     /// Jumps, calls and ends: what moves the program counter. Every other statement can be executed straight from the

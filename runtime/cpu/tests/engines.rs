@@ -1,0 +1,80 @@
+//! Engines are exchanged between two scans: the program goes on where it was.
+
+mod common;
+
+use std::sync::Arc;
+
+use common::*;
+use ob1_cpu::engine::{PLAIN, REFERENCE};
+use ob1_cpu::{Cpu, CpuConfig};
+use ob1_ir::{Arg, NumberFormat, Op, Program, Width};
+use ob1_model::{BlockKind, DataType, Interface, Section};
+
+/// OB 1 counts in MW 10 through a function block with an instance.
+fn counting() -> Program {
+    let own = |width| operand(width, ob1_ir::Place::Instance(ob1_model::BitAddr(0)));
+    let body =
+        vec![load(own(Width::Word)), Op::AddConst { format: NumberFormat::Int, value: 1 }, transfer(own(Width::Word))];
+    let counter = interface(BlockKind::Fb, &[("N", Section::InOut, DataType::Int)], 0);
+    let blocks = vec![
+        ob1(vec![call_fb(fb(1), 5, vec![Arg::Operand(mw(10))])]),
+        block(fb(1), counter, body),
+        block(ob(100), Interface::default(), vec![c(0), transfer(mw(10))]),
+    ];
+    program(blocks, vec![instance_db(5, fb(1), 2)])
+}
+
+#[test]
+fn an_engine_is_exchanged_between_two_scans() {
+    let cpu = Cpu::new(CpuConfig::default(), &counting(), vec![], vec![], REFERENCE).expect("loads");
+    let mut bench = Bench::with(cpu);
+    let mut expected = 0;
+    for (name, factory) in ENGINES {
+        let engine = factory.engine(bench.cpu.plan()).expect("it runs the program");
+        let before = bench.cpu.engine();
+        let statements = bench.cpu.statistics().statements;
+        let old = bench.cpu.exchange_engine(engine).unwrap_or_else(|_| panic!("{name} was made of this plan"));
+        assert_eq!((bench.cpu.engine(), old.name()), (*name, before));
+        assert_eq!(bench.cpu.statistics().statements, statements);
+        for _ in 0..3 {
+            bench.run();
+            expected += 1;
+            assert_eq!(bench.mw(10), expected, "{name}");
+        }
+    }
+}
+
+#[test]
+fn an_engine_of_another_plan_comes_back() {
+    let of = |program: &Program| Cpu::new(CpuConfig::default(), program, vec![], vec![], REFERENCE).expect("loads");
+    let (mut one, other) = (of(&counting()), of(&counting()));
+    let foreign = PLAIN.engine(other.plan()).expect("it runs the program");
+    let Err(back) = one.exchange_engine(foreign) else { panic!("it was made of another plan") };
+    assert_eq!((back.name(), one.engine()), ("plain", "reference"));
+    assert!(Arc::ptr_eq(back.plan(), other.plan()) && !Arc::ptr_eq(back.plan(), one.plan()));
+}
+
+/// What an engine keeps for blocks that an abort has left is forgotten: STOP out of nested blocks, again and again.
+#[test]
+fn an_abort_leaves_no_frames_behind() {
+    on_each_engine(|| {
+        let depth = CpuConfig::default().nesting_depth;
+        // FC 1 calls FC 2, and so on; the innermost makes a mistake without OB 121.
+        let innermost = u16::from(depth) - 1;
+        let fault = vec![Op::OpenDb(ob1_ir::DbRegister::Db, ob1_ir::Number::Fixed(99))];
+        let mut blocks = vec![ob1(vec![call(fc(1), vec![])]), block(fc(innermost), Interface::default(), fault)];
+        blocks.extend((1..innermost).map(|n| block(fc(n), Interface::default(), vec![call(fc(n + 1), vec![])])));
+        let mut bench = Bench::new(&program(blocks, vec![]));
+        for _ in 0..3 {
+            bench.cycle();
+            assert_eq!(bench.cpu.state(), ob1_cpu::OperatingState::Stop);
+            assert_eq!(
+                bench.events().get(1),
+                Some(&ob1_model::FaultKind::DbNotLoaded.number()),
+                "{:04X?}",
+                bench.events()
+            );
+            bench.cpu.request(ob1_cpu::Command::Run);
+        }
+    });
+}
