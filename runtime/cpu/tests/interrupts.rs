@@ -383,7 +383,8 @@ fn the_process_image_is_not_touched_by_an_interrupt_between_cycles() {
 #[test]
 fn a_due_time_is_seen_at_the_first_safe_point_behind_it() {
     on_each_engine(|| {
-        // A loop of two statements, 200 ns a round: OB 35 at 3.1 us, and every 3.1 us, begins within 200 ns of its time.
+        // A loop of two statements, 200 ns a round: OB 35 at 3.1 us, and every 3.1 us, begins within 200 ns of its
+        // time.
         let interval = 3_100;
         let code = vec![c(500), Op::Nop, Op::Loop(1)];
         let ob35 = CyclicInterrupt::new(35, interval);
