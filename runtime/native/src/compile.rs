@@ -1,0 +1,221 @@
+//! Blocks to machine code.
+
+use std::fmt;
+
+use cranelift_codegen::control::ControlPlane;
+use cranelift_codegen::ir::{AbiParam, Function, Signature, UserFuncName, types};
+use cranelift_codegen::isa::{self, CallConv, OwnedTargetIsa};
+use cranelift_codegen::settings::{self, Configurable};
+use cranelift_frontend::FunctionBuilderContext;
+use ob1_cpu::engine::Plan;
+
+use crate::translate::{Made, translate};
+
+/// How much time compiling may take.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tier {
+    /// Quickly: no optimisation, registers allotted in one pass.
+    Fast,
+    /// Optimised.
+    #[default]
+    Optimised,
+}
+
+/// Why nothing is compiled.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CompileError(pub String);
+
+impl fmt::Display for CompileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for CompileError {}
+
+/// A compiled block.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Compiled {
+    /// Where its code begins in the image; `None`: the reference runs the block.
+    pub(crate) at: Option<u32>,
+    pub(crate) made: Made,
+}
+
+/// The code of all blocks, as bytes that run wherever they lie.
+#[derive(Clone, Debug, Default)]
+pub struct Image {
+    pub(crate) bytes: Vec<u8>,
+    pub(crate) functions: Vec<Compiled>,
+    /// Bytes of stack that one block takes at most.
+    pub(crate) stack: u32,
+}
+
+impl Image {
+    /// Bytes of machine code.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.bytes.len()
+    }
+
+    /// There is no code.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+}
+
+/// The processors code can be made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// The one this runs on.
+    Host,
+    /// x86-64.
+    X86_64,
+    /// AArch64.
+    Aarch64,
+}
+
+/// The signature of helpers: the run and two numbers; a number.
+pub(crate) fn helper_signature(convention: CallConv) -> Signature {
+    let mut signature = Signature::new(convention);
+    signature.params = vec![AbiParam::new(types::I64), AbiParam::new(types::I32), AbiParam::new(types::I32)];
+    signature.returns = vec![AbiParam::new(types::I32)];
+    signature
+}
+
+/// Makes the code of processors.
+pub struct Compiler {
+    isa: OwnedTargetIsa,
+}
+
+impl fmt::Debug for Compiler {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Compiler").field("target", &self.isa.triple().to_string()).finish_non_exhaustive()
+    }
+}
+
+impl Compiler {
+    /// For a processor.
+    ///
+    /// # Errors
+    /// There is no code for it.
+    pub fn new(target: Target, tier: Tier) -> Result<Self, CompileError> {
+        let wrong = |error: &dyn fmt::Display| CompileError(error.to_string());
+        let mut flags = settings::builder();
+        let mut set = |name: &str, value: &str| flags.set(name, value).map_err(|error| wrong(&error));
+        let fast = tier == Tier::Fast;
+        set("opt_level", if fast { "none" } else { "speed" })?;
+        set("regalloc_algorithm", if fast { "single_pass" } else { "backtracking" })?;
+        set("enable_verifier", if cfg!(debug_assertions) { "true" } else { "false" })?;
+        set("is_pic", "true")?;
+        set("unwind_info", "false")?;
+        set("enable_probestack", "false")?;
+        let triple = match target {
+            Target::Host => target_lexicon::HOST,
+            Target::X86_64 => target_lexicon::triple!("x86_64-unknown-linux-gnu"),
+            Target::Aarch64 => target_lexicon::triple!("aarch64-unknown-linux-gnu"),
+        };
+        let mut builder = isa::lookup(triple).map_err(|error| wrong(&error))?;
+        if target != Target::Aarch64 {
+            for feature in host_features() {
+                builder.enable(feature).map_err(|error| wrong(&error))?;
+            }
+        }
+        let isa = builder.finish(settings::Flags::new(flags)).map_err(|error| wrong(&error))?;
+        Ok(Self { isa })
+    }
+
+    /// The code of all blocks of a plan. A block that has none is run by the reference.
+    #[must_use]
+    pub fn image(&self, plan: &Plan) -> Image {
+        let mut image = Image::default();
+        let mut context = cranelift_codegen::Context::new();
+        let mut frontend = FunctionBuilderContext::new();
+        for block in 0..plan.blocks.len() as u32 {
+            let compiled = self.block(plan, block, &mut context, &mut frontend, &mut image).unwrap_or_default();
+            image.functions.push(compiled);
+        }
+        image
+    }
+
+    fn block(
+        &self,
+        plan: &Plan,
+        block: u32,
+        context: &mut cranelift_codegen::Context,
+        frontend: &mut FunctionBuilderContext,
+        image: &mut Image,
+    ) -> Result<Compiled, CompileError> {
+        let made = self.translated(plan, block, context, frontend);
+        let compiled = context
+            .compile(&*self.isa, &mut ControlPlane::default())
+            .map_err(|error| CompileError(format!("{:?}", error.inner)))?;
+        // Whatever would have to be found elsewhere is not there.
+        if !compiled.buffer.relocs().is_empty() {
+            return Err(CompileError("the code needs what is not in it".into()));
+        }
+        let alignment = (self.isa.function_alignment().minimum as usize).max(16);
+        image.bytes.resize(image.bytes.len().next_multiple_of(alignment), 0);
+        let at = image.bytes.len() as u32;
+        image.bytes.extend_from_slice(compiled.buffer.data());
+        image.stack = image.stack.max(frame(compiled));
+        Ok(Compiled { at: Some(at), made })
+    }
+
+    fn translated(
+        &self,
+        plan: &Plan,
+        block: u32,
+        context: &mut cranelift_codegen::Context,
+        frontend: &mut FunctionBuilderContext,
+    ) -> Made {
+        context.clear();
+        let convention = self.isa.default_call_conv();
+        let mut signature = Signature::new(convention);
+        signature.params.push(AbiParam::new(types::I64));
+        signature.returns.push(AbiParam::new(types::I32));
+        context.func = Function::with_name_signature(UserFuncName::user(0, block), signature);
+        translate(plan, block, &mut context.func, frontend, self.isa.frontend_config())
+    }
+
+    /// Cranelift's intermediate form and the machine code of a block, for a reader.
+    ///
+    /// # Errors
+    /// It cannot be compiled.
+    pub fn listing(&self, plan: &Plan, block: u32) -> Result<(String, String), CompileError> {
+        let mut context = cranelift_codegen::Context::new();
+        let mut frontend = FunctionBuilderContext::new();
+        self.translated(plan, block, &mut context, &mut frontend);
+        let form = context.func.display().to_string();
+        context.set_disasm(true);
+        let compiled = context
+            .compile(&*self.isa, &mut ControlPlane::default())
+            .map_err(|error| CompileError(error.inner.to_string()))?;
+        Ok((form, compiled.vcode.clone().unwrap_or_default()))
+    }
+}
+
+/// Bytes of stack that compiled code takes.
+fn frame(compiled: &cranelift_codegen::CompiledCode) -> u32 {
+    compiled.buffer.frame_layout().map_or(0, |layout| layout.frame_to_fp_offset) + 64
+}
+
+#[cfg(target_arch = "x86_64")]
+fn host_features() -> Vec<&'static str> {
+    let mut list = Vec::new();
+    macro_rules! feature {
+        ($($name:tt $flag:literal),*) => {$(
+            if std::arch::is_x86_feature_detected!($name) {
+                list.push($flag);
+            }
+        )*};
+    }
+    feature!("sse3" "has_sse3", "ssse3" "has_ssse3", "sse4.1" "has_sse41", "sse4.2" "has_sse42", "popcnt" "has_popcnt");
+    feature!("bmi1" "has_bmi1", "bmi2" "has_bmi2", "lzcnt" "has_lzcnt", "avx" "has_avx", "avx2" "has_avx2", "fma" "has_fma");
+    list
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn host_features() -> Vec<&'static str> {
+    Vec::new()
+}

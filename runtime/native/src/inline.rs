@@ -1,0 +1,272 @@
+//! Small blocks become part of their callers: no frame, parameters and instance at places known at load.
+
+use std::mem::offset_of;
+
+use cranelift_codegen::ir::{InstBuilder, Value, condcodes::IntCC, types};
+use ob1_cpu::engine::{Call, CallTarget, Callee, Hot, InSource, InstanceOf, OutTarget, Plan, RefArg};
+use ob1_ir::{CallMode, Number, Op, Place};
+use ob1_model::{Area, BlockKind};
+
+use crate::flow::{self, Env, Facts, How};
+use crate::place;
+use crate::translate::operand::{BitAt, Spot};
+use crate::translate::state::{Bit, Data, Reg};
+use crate::translate::{Body, Inlined, Reference, Translation};
+
+/// Most statements of a block that becomes part of its callers.
+const STATEMENTS: usize = 48;
+/// AR2 of a function block with an instance of its own.
+const INSTANCE: u32 = (Area::Db.pointer_code() as u32) << 24;
+
+/// Bytes of the instance of a function block.
+pub(crate) fn instance_bytes(plan: &Plan, block: u32) -> u32 {
+    let id = plan.blocks[block as usize].id;
+    plan.signatures.find(id).map_or(0, |signature| signature.instance_bytes)
+}
+
+/// A call whose block becomes part of the caller: its index, and where its instance lies.
+fn candidate(plan: &Plan, call: &Call) -> Option<(u32, Option<ob1_cpu::engine::Db>)> {
+    let CallTarget::Known(Callee::Code(block)) = call.target else { return None };
+    if call.mode != CallMode::Call || call.list.is_some() {
+        return None;
+    }
+    let instance = match call.instance {
+        InstanceOf::None => {
+            let simple = call.patches.iter().all(|(_, patch)| matches!(patch, RefArg::Local(_)));
+            if !simple || call.copies_out {
+                return None;
+            }
+            None
+        }
+        InstanceOf::Db(Number::Fixed(n)) => {
+            let db = place::data(plan, n)?;
+            let fits = call.instance_bytes <= db.len && (db.writable > 0 || call.instance_bytes == 0);
+            let local = |place: &Place| matches!(place, Place::Fixed(Area::Local, _));
+            let ins = call.ins.iter().all(|input| {
+                input.bits <= 32
+                    && match &input.from {
+                        InSource::Const(_) | InSource::Arena(_) => true,
+                        InSource::Place(place) => local(place),
+                        _ => false,
+                    }
+            });
+            let outs = call.outs.iter().all(|out| {
+                out.bits <= 32
+                    && match &out.to {
+                        OutTarget::Arena(_) => true,
+                        OutTarget::Place(place) => local(place),
+                    }
+            });
+            if !fits || !ins || !outs {
+                return None;
+            }
+            Some(db)
+        }
+        _ => return None,
+    };
+    leaf(plan, block, instance.is_some()).then_some((block, instance))
+}
+
+/// The block can become part of another: short, without loops and calls, and nothing in it can fail.
+fn leaf(plan: &Plan, block: u32, instance: bool) -> bool {
+    let code = &plan.blocks[block as usize];
+    let id = code.id.kind;
+    if code.stmts.len() > STATEMENTS || !matches!(id, BlockKind::Fc | BlockKind::Fb) || (id == BlockKind::Fb) != instance
+    {
+        return false;
+    }
+    let env = Env { plan, mcr: code.stmts.iter().any(|s| matches!(s.op, Op::McrActivate)), organization: false };
+    let marks = flow::targets(&code.stmts);
+    let mut open = 0u32;
+    for (pc, stmt) in code.stmts.iter().enumerate() {
+        if marks[pc] && open > 0 {
+            return false;
+        }
+        match &stmt.op {
+            Op::Open { .. } => open += 1,
+            Op::Close => open = open.saturating_sub(1),
+            // Its list would be a table for each call.
+            Op::JumpList { .. } => return false,
+            _ => {}
+        }
+        let mut back = false;
+        flow::successors(&stmt.op, pc, &mut |next| back |= next <= pc);
+        let mut reachable = true;
+        stmt.op.places(&mut |place, width| {
+            reachable &= match place {
+                Place::Param { .. } | Place::Fixed(Area::Local, _) => true,
+                Place::Instance(_) => instance,
+                other => matches!(place::class(&other, place::bits(width), plan), place::Class::Fixed(_)),
+            };
+        });
+        let sets_ar2 = matches!(
+            stmt.op,
+            Op::LoadAr(ob1_ir::AddressRegister::Ar2)
+                | Op::LoadArConst(ob1_ir::AddressRegister::Ar2, _)
+                | Op::LoadArFrom(ob1_ir::AddressRegister::Ar2, _)
+                | Op::CopyAr1ToAr2
+                | Op::ExchangeArs
+                | Op::AddAr(ob1_ir::AddressRegister::Ar2)
+                | Op::AddArConst(ob1_ir::AddressRegister::Ar2, _)
+        );
+        let how = env.how(&stmt.op);
+        if back || !reachable || how == How::Step || how == How::Call || flow::opens_data(&stmt.op) || instance && sets_ar2
+        {
+            return false;
+        }
+    }
+    open == 0
+}
+
+/// Whether there is room for the blocks that become part of this one: nesting, local data, references. Nothing when
+/// there is none such.
+pub(crate) fn room(t: &mut Translation<'_, '_>) -> Option<Value> {
+    let block = &t.plan.blocks[t.block as usize];
+    let (mut any, mut local, mut refs) = (false, 0, 0);
+    for call in &block.calls {
+        if let Some((callee, _)) = candidate(t.plan, call) {
+            any = true;
+            local = local.max(t.plan.blocks[callee as usize].local_len);
+            refs = refs.max(call.refs.len() as u32);
+        }
+    }
+    if !any {
+        return None;
+    }
+    let mut check = |at: usize, more: u32, most: u32| {
+        let used = t.load_state(types::I32, t.hot, at);
+        let more = t.word(more);
+        let needed = t.b.ins().iadd(used, more);
+        let most = t.word(most);
+        t.b.ins().icmp(IntCC::UnsignedLessThanOrEqual, needed, most)
+    };
+    let depth = check(offset_of!(Hot, depth), 1, u32::from(t.plan.nesting_depth));
+    let local = check(offset_of!(Hot, local_top), local, t.plan.areas.local.len);
+    let used = t.load_state(types::I32, t.hot, offset_of!(Hot, refs_top));
+    let more = t.word(refs);
+    let needed = t.b.ins().iadd(used, more);
+    let most = t.load_state(types::I32, t.hot, offset_of!(Hot, refs_len));
+    let refs = t.b.ins().icmp(IntCC::UnsignedLessThanOrEqual, needed, most);
+    let both = t.b.ins().band(depth, local);
+    Some(t.b.ins().band(both, refs))
+}
+
+impl Translation<'_, '_> {
+    /// The call at `pc`, when its block becomes part of this one.
+    pub(crate) fn inlined_call(&mut self, pc: usize) -> bool {
+        let Some(room) = self.room else { return false };
+        if self.body.inlined.is_some() {
+            return false;
+        }
+        let plan = self.plan;
+        let index = match self.body.ops[pc] {
+            ob1_cpu::engine::Op::Call { call } | ob1_cpu::engine::Op::CallNative { call, .. } => call,
+            _ => return false,
+        };
+        let call = &plan.blocks[self.block as usize].calls[index as usize];
+        let Some((callee, instance)) = candidate(plan, call) else { return false };
+        self.now.uncounted += 1;
+        let full = crate::translate::state::not(Bit::Val(room), &mut self.b);
+        let full = full.value(self.vars.rlo, &mut self.b);
+        self.leave_if(full, pc);
+        self.safe_point(pc + 1);
+        let base = plan.blocks[self.block as usize].local_len;
+        let mut refs: Vec<Reference> = call.refs.iter().map(|bit| Reference::Arena(*bit)).collect();
+        for (index, patch) in &call.patches {
+            if let (RefArg::Local(at), Some(slot)) = (patch, refs.get_mut(usize::from(*index))) {
+                *slot = Reference::Local(at.0);
+            }
+        }
+        if let Some(db) = instance {
+            for input in &call.ins {
+                let value = match &input.from {
+                    InSource::Const(value) => self.word(*value),
+                    InSource::Arena(bit) => self.read_at(self.arena, bit.0, input.bits),
+                    InSource::Place(Place::Fixed(_, at)) => self.read_at(self.local, at.0, input.bits),
+                    _ => continue,
+                };
+                self.write_at(self.arena, db.at.0 * 8 + input.at.0, input.bits, value);
+            }
+        }
+        let entry = Facts {
+            fc: Some(false),
+            or: Some(false),
+            db: if let Data::Known(db) = self.now.db { Some(db.number) } else { None },
+            di: None,
+        };
+        let mut body = Body::new(plan, callee, entry, call.instance_bytes);
+        body.inlined = Some(Inlined { local: base, refs, instance: instance.map(|db| db.at.0) });
+        body.ends_within();
+        let outer = std::mem::replace(&mut self.body, body);
+        let brackets = std::mem::take(&mut self.now.brackets);
+        let (di, ar2) = (self.now.di, self.now.ar[1]);
+        let checked = self.checked.clone();
+        if let Some(db) = instance {
+            self.now.di = Data::Known(db);
+            self.now.ar[1] = Reg::Known(INSTANCE);
+        }
+        self.called();
+        self.statements();
+        self.called();
+        let inner = std::mem::replace(&mut self.body, outer);
+        drop(inner);
+        self.now.brackets = brackets;
+        self.now.di = di;
+        if instance.is_some() {
+            self.now.ar[1] = ar2;
+        }
+        // What was checked of the caller's registers still holds: the block opens no data block.
+        self.checked = checked;
+        self.checked.instance = None;
+        if let Some(db) = instance {
+            for out in &call.outs {
+                let value = self.read_at(self.arena, db.at.0 * 8 + out.at.0, out.bits);
+                match &out.to {
+                    OutTarget::Arena(bit) => self.write_at(self.arena, bit.0, out.bits, value),
+                    OutTarget::Place(Place::Fixed(_, at)) => self.write_at(self.local, at.0, out.bits, value),
+                    OutTarget::Place(_) => {}
+                }
+            }
+        }
+        true
+    }
+
+    /// The status word at the beginning of a called block and behind the call.
+    fn called(&mut self) {
+        self.now.os = Bit::Known(false);
+        self.end_chain(Bit::Known(true));
+    }
+
+    /// The end of a block that has become part of its caller.
+    pub(crate) fn end_inlined(&mut self) {
+        let end = self.body.stmts.len();
+        if self.body.marks[end] {
+            let start = self.start_of(end);
+            self.flush(end);
+            self.b.ins().jump(start, &[]);
+        }
+    }
+
+    fn read_at(&mut self, base: Value, bit: u32, bits: u32) -> Value {
+        let spot = Spot { base, offset: bit / 8, bit: BitAt::Known((bit % 8) as u8) };
+        if bits > 1 {
+            return self.read(spot, bits);
+        }
+        let byte = self.byte_of(spot);
+        let bit = self.bit_of(byte, spot).value(self.vars.rlo, &mut self.b);
+        self.b.ins().uextend(types::I32, bit)
+    }
+
+    fn write_at(&mut self, base: Value, bit: u32, bits: u32, value: Value) {
+        let spot = Spot { base, offset: bit / 8, bit: BitAt::Known((bit % 8) as u8) };
+        if bits > 1 {
+            self.write(spot, bits, value);
+            return;
+        }
+        let byte = self.byte_of(spot);
+        let low = self.b.ins().ireduce(types::I8, value);
+        let one = self.b.ins().iconst(types::I8, 1);
+        let low = self.b.ins().band(low, one);
+        self.put_bit(byte, spot, Bit::Val(low));
+    }
+}

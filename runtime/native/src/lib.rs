@@ -1,0 +1,20 @@
+//! The native engine: blocks of statements as machine code, made by Cranelift.
+//!
+//! The reference engine of `ob1-cpu` defines what every statement means; here the same is done faster. What is rare,
+//! and whatever fails, is left to the reference's own functions, so that there is one meaning.
+
+mod code;
+mod compile;
+mod engine;
+mod flow;
+mod inline;
+mod place;
+mod run;
+mod translate;
+
+pub use code::sealed;
+pub use compile::{CompileError, Compiler, Image, Target, Tier};
+pub use engine::{AtLoad, Native};
+
+/// Bytes of stack that a nested block takes at most: its code's frame and the helpers between.
+const STACK_PER_BLOCK: usize = 4096;

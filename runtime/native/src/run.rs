@@ -1,0 +1,210 @@
+//! What compiled code and the reference hand each other, and the helpers that compiled code calls.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use ob1_cpu::engine::{Caller, Callee, Context, Hot, Prepared, Regs};
+use ob1_cpu::Abort;
+use ob1_ir::Op;
+
+use crate::engine::Code;
+
+/// A helper of compiled code: this run, and two numbers.
+pub(crate) type Helper = extern "C" fn(*mut Run, u32, u32) -> i32;
+
+/// Compiled code of a block: 0 when it has ended, else it was aborted.
+pub(crate) type Entry = unsafe extern "C" fn(*mut Run) -> i32;
+
+/// The run of one block of statements, in memory.
+#[repr(C)]
+pub(crate) struct Run {
+    pub(crate) regs: Regs,
+    pub(crate) hot: *mut Hot,
+    pub(crate) safe_point: Helper,
+    pub(crate) step: Helper,
+    pub(crate) leave: Helper,
+    pub(crate) call: Helper,
+    /// The CPU. Only helpers look here.
+    pub(crate) cpu: *mut Context<'static>,
+    /// The code of all blocks.
+    pub(crate) code: *const Code,
+    /// A helper has panicked.
+    pub(crate) panicked: bool,
+}
+
+/// The answers of helpers.
+const DONE: i32 = 0;
+/// A call was not made: an error organization block has run.
+const FAILED: i32 = 1;
+const ABORTED: i32 = -1;
+/// The reference has come to the end of the block; other places are numbered from 1.
+const ENDED: i32 = 0;
+
+impl Run {
+    pub(crate) fn new(regs: Regs, code: &Code, cx: &mut Context<'_>) -> Self {
+        let hot = std::ptr::from_mut(cx.hot());
+        Self {
+            regs,
+            hot,
+            safe_point,
+            step,
+            leave,
+            call,
+            cpu: std::ptr::from_mut(cx).cast(),
+            code,
+            panicked: false,
+        }
+    }
+}
+
+/// The parts of a run that helpers work with. The registers are compiled code's own until it asks.
+struct Parts<'a> {
+    regs: &'a mut Regs,
+    cx: &'a mut Context<'static>,
+    code: &'a Code,
+}
+
+/// Runs a helper's work; a panic ends the run as an abort does and is raised again behind compiled code.
+fn guarded(run: *mut Run, work: impl FnOnce(Parts<'_>) -> Result<i32, Abort>) -> i32 {
+    let done = catch_unwind(AssertUnwindSafe(|| {
+        // SAFETY: compiled code hands on the pointer that `enter` gave it, which is valid until that returns; compiled
+        // code holds no reference into it, and nobody else uses the registers, the CPU and the code meanwhile.
+        let parts = unsafe { Parts { regs: &mut (*run).regs, cx: &mut *(*run).cpu, code: &*(*run).code } };
+        work(parts)
+    }));
+    match done {
+        Ok(Ok(answer)) => answer,
+        Ok(Err(Abort)) => ABORTED,
+        Err(_) => {
+            // SAFETY: as above.
+            unsafe { (*run).panicked = true };
+            ABORTED
+        }
+    }
+}
+
+/// A safe point at which it is time to look.
+extern "C" fn safe_point(run: *mut Run, block: u32, statement: u32) -> i32 {
+    guarded(run, |parts| parts.cx.safe_point(Caller { block, statement }).map(|()| DONE))
+}
+
+/// One statement by the reference.
+extern "C" fn step(run: *mut Run, block: u32, statement: u32) -> i32 {
+    guarded(run, |parts| parts.cx.step(Caller { block, statement }, parts.regs).map(|()| DONE))
+}
+
+/// A call. Statement, safe point and count are behind it.
+extern "C" fn call(run: *mut Run, block: u32, statement: u32) -> i32 {
+    guarded(run, |parts| make_call(parts.code, block, statement, parts.regs, parts.cx))
+}
+
+fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Context<'_>) -> Result<i32, Abort> {
+    use ob1_cpu::engine::{InstanceOf, Op as PlanOp};
+    let at = Caller { block, statement };
+    let caller = &code.plan.blocks[block as usize];
+    let (PlanOp::Call { call } | PlanOp::CallNative { call, .. }) = caller.ops[statement as usize] else {
+        return Ok(DONE);
+    };
+    let call = &caller.calls[call as usize];
+    let tops = cx.tops();
+    let prepared = match cx.prepare(call, r) {
+        Ok(prepared) => prepared,
+        Err(fault) => {
+            cx.release(tops);
+            return cx.fault_at(at, fault, r).map(|()| FAILED);
+        }
+    };
+    let (callee, entry) = match prepared {
+        Prepared::Skipped => return Ok(DONE),
+        Prepared::Ready(callee, entry) => (callee, entry),
+    };
+    let copied = match callee {
+        Callee::Native(native) => cx.run_native(native, at, call, &entry, tops, r)?,
+        Callee::Code(next) => {
+            let instance = !matches!(call.instance, InstanceOf::None);
+            let local_len = code.plan.blocks[next as usize].local_len;
+            let saved = match cx.enter(instance, &entry, local_len, r) {
+                Ok(saved) => saved,
+                Err(fault) => {
+                    cx.release(tops);
+                    return cx.fault_at(at, fault, r).map(|()| FAILED);
+                }
+            };
+            code.run(next, r, cx)?;
+            cx.leave(&saved, r);
+            let copied = if call.copies_out { cx.copy_out(call, tops, r) } else { Ok(()) };
+            cx.release(tops);
+            copied
+        }
+    };
+    match copied {
+        Ok(()) => Ok(DONE),
+        Err(fault) => cx.fault_at(at, fault, r).map(|()| FAILED),
+    }
+}
+
+/// The reference executes statements from `statement` on, up to the next place where compiled code can be entered; its
+/// number is the answer.
+extern "C" fn leave(run: *mut Run, block: u32, statement: u32) -> i32 {
+    guarded(run, |parts| interpret(parts.code, block, statement, parts.regs, parts.cx))
+}
+
+pub(crate) fn interpret(code: &Code, block: u32, from: u32, r: &mut Regs, cx: &mut Context<'_>) -> Result<i32, Abort> {
+    let body = &code.plan.blocks[block as usize];
+    let resume = &code.functions[block as usize].made.resume;
+    let mut pc = from as usize;
+    let mut first = true;
+    loop {
+        if !first && let Ok(i) = resume.binary_search_by_key(&(pc as u32), |(at, _)| *at) {
+            return Ok(resume[i].1 as i32);
+        }
+        first = false;
+        cx.hot().pending += 1;
+        let Some(stmt) = body.stmts.get(pc) else { return Ok(ENDED) };
+        let at = Caller { block, statement: pc as u32 };
+        pc += 1;
+        let target = match &stmt.op {
+            Op::Jump(on, to) => ob1_cpu::engine::condition(*on, r).then_some(*to),
+            Op::Loop(to) => {
+                let left = (r.a1 as u16).wrapping_sub(1);
+                r.a1 = r.a1 & 0xFFFF_0000 | u32::from(left);
+                (left != 0).then_some(*to)
+            }
+            Op::JumpList { targets, otherwise } => {
+                Some(targets.get((r.a1 & 0xFF) as usize).copied().unwrap_or(*otherwise))
+            }
+            Op::Call(_) => {
+                let hot = cx.hot();
+                if hot.pending >= hot.look_after || is_due(hot) {
+                    cx.safe_point(Caller { block, statement: pc as u32 })?;
+                }
+                make_call(code, block, at.statement, r, cx)?;
+                None
+            }
+            Op::EndIf if !r.rlo => {
+                r.rlo = true;
+                (r.fc, r.or, r.sta) = (false, false, true);
+                None
+            }
+            Op::End | Op::EndIf => return Ok(ENDED),
+            _ => {
+                cx.step(at, r)?;
+                None
+            }
+        };
+        if let Some(target) = target {
+            let back = (target as usize) < pc;
+            pc = target as usize;
+            let hot = cx.hot();
+            if back && (hot.pending >= hot.look_after || is_due(hot)) {
+                cx.safe_point(Caller { block, statement: target })?;
+            }
+        }
+    }
+}
+
+/// Another thread wants the next safe point to look.
+fn is_due(hot: &mut Hot) -> bool {
+    let due = *hot.due.get_mut();
+    // SAFETY: `Context::hot` has filled the pointer in; the flag lives as long as the CPU.
+    !due.is_null() && unsafe { (*due).load(std::sync::atomic::Ordering::Relaxed) }
+}

@@ -1,0 +1,581 @@
+//! The accumulators: arithmetic, comparison, logic, shifts, conversions. What each gives stands in the reference
+//! (`ob1_cpu::engine::arith`, `convert`, `shift`).
+
+use std::mem::offset_of;
+
+use cranelift_codegen::ir::{
+    InstBuilder, Value,
+    condcodes::{FloatCC, IntCC},
+    types,
+};
+use ob1_cpu::engine::{CC0, CC1, Regs};
+use ob1_ir::{AccuOp, Compare, Convert, MathFn, NumberFormat, Op, Shift, WordLogic};
+
+use super::Translation;
+use super::state::{self, Accu, Bit, Cc};
+use crate::flow;
+
+impl Translation<'_, '_> {
+    /// CC1 and CC0 of a result, and OV, which also sets OS.
+    fn set_cc(&mut self, cc: Cc, ov: Bit) {
+        self.now.cc = cc;
+        self.set_ov(ov);
+    }
+
+    /// OV, which also sets OS.
+    fn set_ov(&mut self, ov: Bit) {
+        self.now.ov = ov;
+        if ov != Bit::Known(false) && self.wanted & flow::OS != 0 {
+            let os = self.now.os;
+            let os = self.read_bit(os, self.vars.os);
+            self.now.os = state::or(os, ov, &mut self.b);
+        }
+    }
+
+    /// CC1 = `bit`, CC0 = 0, OV = 0; OS stays.
+    fn set_cc1(&mut self, bit: Value) {
+        let zero = self.b.ins().iconst(types::I8, 0);
+        self.now.cc = Cc::Pair(bit, zero);
+        self.now.ov = Bit::Known(false);
+    }
+
+    fn is_zero(&mut self, v: Value, how: IntCC) -> Value {
+        let ty = self.b.func.dfg.value_type(v);
+        let zero = self.b.ins().iconst(ty, 0);
+        self.b.ins().icmp(how, v, zero)
+    }
+
+    fn signed(&mut self, i: usize) -> Value {
+        state::signed(self.now.a[i], self.vars.a[i], &mut self.b)
+    }
+
+    fn set_low(&mut self, lo: Value) {
+        let hi = state::high(self.now.a[0], self.vars.a[0], &mut self.b);
+        self.now.a[0] = Accu::Split { hi, lo };
+    }
+
+    fn set_full(&mut self, v: Value) {
+        self.now.a[0] = Accu::Full(v);
+    }
+
+    /// A register of the accumulators that only memory has: ACCU3, ACCU4.
+    fn third(&mut self, at: usize) -> Value {
+        self.load_state(types::I32, self.run, Self::reg(at))
+    }
+
+    fn set_third(&mut self, at: usize, v: Value) {
+        self.store_state(v, self.run, Self::reg(at));
+    }
+
+    fn four(&self) -> bool {
+        self.plan.accumulators == 4
+    }
+
+    /// Every statement that works on the accumulators alone.
+    pub(crate) fn accumulators(&mut self, op: &Op) {
+        match op {
+            Op::Arithmetic(format, op) => {
+                match format {
+                    NumberFormat::Int => self.int(*op),
+                    NumberFormat::DInt => self.dint(*op),
+                    NumberFormat::Real => self.real(*op),
+                }
+                if self.four() {
+                    let (a3, a4) = (self.third(offset_of!(Regs, a3)), self.third(offset_of!(Regs, a4)));
+                    self.now.a[1] = Accu::Full(a3);
+                    self.set_third(offset_of!(Regs, a3), a4);
+                }
+            }
+            Op::AddConst { format: NumberFormat::Int, value } => {
+                let low = self.accu_low(0);
+                let value = self.word(*value as u32);
+                let sum = self.b.ins().iadd(low, value);
+                self.set_low(sum);
+            }
+            Op::AddConst { value, .. } => {
+                let v = self.accu(0);
+                let value = self.word(*value as u32);
+                let sum = self.b.ins().iadd(v, value);
+                self.set_full(sum);
+            }
+            Op::Compare(format, compare) => self.compare(*format, *compare),
+            Op::WordLogic(op, with) => {
+                let x = self.accu_low(0);
+                let y = match with {
+                    Some(value) => self.word(u32::from(*value)),
+                    None => self.accu_low(1),
+                };
+                let result = self.logic(*op, x, y);
+                self.set_low(result);
+                let word = self.b.ins().ireduce(types::I16, result);
+                let any = self.is_zero(word, IntCC::NotEqual);
+                self.set_cc1(any);
+            }
+            Op::DWordLogic(op, with) => {
+                let x = self.accu(0);
+                let y = match with {
+                    Some(value) => self.word(*value),
+                    None => self.accu(1),
+                };
+                let result = self.logic(*op, x, y);
+                self.set_full(result);
+                let any = self.is_zero(result, IntCC::NotEqual);
+                self.set_cc1(any);
+            }
+            Op::Shift(kind, Some(count)) => self.shift(*kind, *count),
+            Op::RotateLeftCc1 | Op::RotateRightCc1 => self.rotate_cc1(*op == Op::RotateLeftCc1),
+            Op::Convert(kind) => self.convert(*kind),
+            Op::Math(function) => {
+                let x = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
+                let result = match function {
+                    MathFn::Sqr => self.b.ins().fmul(x, x),
+                    _ => self.b.ins().sqrt(x),
+                };
+                self.set_real(result);
+            }
+            Op::ExchangeAccus => {
+                for i in 0..2 {
+                    if self.now.a[i] == Accu::Var {
+                        let v = self.b.use_var(self.vars.a[i]);
+                        self.now.a[i] = Accu::Full(v);
+                    }
+                }
+                self.now.a.swap(0, 1);
+            }
+            Op::Push => {
+                let a3 = self.third(offset_of!(Regs, a3));
+                let a2 = self.accu(1);
+                self.set_third(offset_of!(Regs, a4), a3);
+                self.set_third(offset_of!(Regs, a3), a2);
+                let a1 = self.accu(0);
+                self.now.a[1] = Accu::Full(a1);
+            }
+            Op::Pop => {
+                let a2 = self.accu(1);
+                let a3 = self.third(offset_of!(Regs, a3));
+                let a4 = self.third(offset_of!(Regs, a4));
+                self.set_full(a2);
+                self.now.a[1] = Accu::Full(if self.four() { a3 } else { a2 });
+                self.set_third(offset_of!(Regs, a3), a4);
+            }
+            Op::Enter => {
+                let a3 = self.third(offset_of!(Regs, a3));
+                let a2 = self.accu(1);
+                self.set_third(offset_of!(Regs, a4), a3);
+                self.set_third(offset_of!(Regs, a3), a2);
+            }
+            Op::Leave => {
+                let (a3, a4) = (self.third(offset_of!(Regs, a3)), self.third(offset_of!(Regs, a4)));
+                self.now.a[1] = Accu::Full(a3);
+                self.set_third(offset_of!(Regs, a3), a4);
+            }
+            Op::Increment(n) => self.add_byte(u32::from(*n)),
+            Op::Decrement(n) => self.add_byte(u32::from(*n).wrapping_neg()),
+            other => debug_assert!(false, "{other:?} is not compiled"),
+        }
+    }
+
+    fn add_byte(&mut self, n: u32) {
+        let low = self.accu_low(0);
+        let n = self.word(n);
+        let sum = self.b.ins().iadd(low, n);
+        let byte = self.word(0xFF);
+        let sum = self.b.ins().band(sum, byte);
+        let rest = self.b.ins().band_not(low, byte);
+        let result = self.b.ins().bor(rest, sum);
+        self.set_low(result);
+    }
+
+    fn logic(&mut self, op: WordLogic, x: Value, y: Value) -> Value {
+        match op {
+            WordLogic::And => self.b.ins().band(x, y),
+            WordLogic::Or => self.b.ins().bor(x, y),
+            WordLogic::Xor => self.b.ins().bxor(x, y),
+        }
+    }
+
+    fn int(&mut self, op: AccuOp) {
+        let (x, y) = (self.signed(1), self.signed(0));
+        match op {
+            AccuOp::Add | AccuOp::Sub => {
+                let sum = if op == AccuOp::Add { self.b.ins().iadd(x, y) } else { self.b.ins().isub(x, y) };
+                let word = self.b.ins().ireduce(types::I16, sum);
+                let kept = self.b.ins().sextend(types::I32, word);
+                let ov = self.b.ins().icmp(IntCC::NotEqual, kept, sum);
+                self.set_low(sum);
+                self.set_cc(Cc::Sign(kept), Bit::Val(ov));
+            }
+            AccuOp::Mul => {
+                let product = self.b.ins().imul(x, y);
+                let word = self.b.ins().ireduce(types::I16, product);
+                let kept = self.b.ins().sextend(types::I32, word);
+                let ov = self.b.ins().icmp(IntCC::NotEqual, kept, product);
+                self.set_full(product);
+                self.set_cc(Cc::Sign(product), Bit::Val(ov));
+            }
+            AccuOp::Div | AccuOp::Mod => {
+                let (zero, divisor) = self.divisor(y);
+                let quotient = self.b.ins().sdiv(x, divisor);
+                let back = self.b.ins().imul(quotient, divisor);
+                let rest = self.b.ins().isub(x, back);
+                let sixteen = self.word(16);
+                let hi = self.b.ins().ishl(rest, sixteen);
+                let most = self.word(0x7FFF);
+                let ov = self.b.ins().icmp(IntCC::SignedGreaterThan, quotient, most);
+                let Some(zero) = zero else {
+                    self.now.a[0] = Accu::Split { hi, lo: quotient };
+                    self.set_cc(Cc::Sign(quotient), Bit::Val(ov));
+                    return;
+                };
+                let made = state::full(Accu::Split { hi, lo: quotient }, self.vars.a[0], &mut self.b);
+                self.divided(zero, made, quotient, ov);
+            }
+        }
+    }
+
+    /// Whether a divisor is 0, when that is not known, and one that never is.
+    fn divisor(&mut self, y: Value) -> (Option<Value>, Value) {
+        if state::constant(&self.b, y).is_some_and(|c| c as i32 != 0) {
+            return (None, y);
+        }
+        let zero = self.is_zero(y, IntCC::Equal);
+        let ty = self.b.func.dfg.value_type(y);
+        let one = self.b.ins().iconst(ty, 1);
+        (Some(zero), self.b.ins().select(zero, one, y))
+    }
+
+    /// The result of a division: by 0 leaves ACCU1 and sets all of CC1, CC0 and OV.
+    fn divided(&mut self, zero: Value, result: Value, sign: Value, ov: Value) {
+        let before = self.accu(0);
+        let kept = self.b.ins().select(zero, before, result);
+        self.set_full(kept);
+        let word = state::word(Cc::Sign(sign), self.vars.cc, &mut self.b);
+        let both = self.word(CC1 | CC0);
+        let cc = self.b.ins().select(zero, both, word);
+        let ov = self.b.ins().bor(ov, zero);
+        self.set_cc(Cc::Word(cc), Bit::Val(ov));
+    }
+
+    fn dint(&mut self, op: AccuOp) {
+        let (x, y) = (self.accu(1), self.accu(0));
+        match op {
+            AccuOp::Add | AccuOp::Sub => {
+                let sum = if op == AccuOp::Add { self.b.ins().iadd(x, y) } else { self.b.ins().isub(x, y) };
+                // Overflow: the signs of the operands demand another sign than the sum's.
+                let (p, q) = (self.b.ins().bxor(sum, x), if op == AccuOp::Add {
+                    self.b.ins().bxor(sum, y)
+                } else {
+                    self.b.ins().bxor(x, y)
+                });
+                let both = self.b.ins().band(p, q);
+                let ov = self.is_zero(both, IntCC::SignedLessThan);
+                self.set_full(sum);
+                self.set_cc(Cc::Sign(sum), Bit::Val(ov));
+            }
+            AccuOp::Mul => {
+                let (x, y) = (self.b.ins().sextend(types::I64, x), self.b.ins().sextend(types::I64, y));
+                let product = self.b.ins().imul(x, y);
+                let low = self.b.ins().ireduce(types::I32, product);
+                let kept = self.b.ins().sextend(types::I64, low);
+                let ov = self.b.ins().icmp(IntCC::NotEqual, kept, product);
+                self.set_full(low);
+                self.set_cc(Cc::Sign(product), Bit::Val(ov));
+            }
+            AccuOp::Div | AccuOp::Mod => {
+                // In 64 bits the quotient always fits.
+                let (x, y) = (self.b.ins().sextend(types::I64, x), self.b.ins().sextend(types::I64, y));
+                let (zero, divisor) = self.divisor(y);
+                let quotient = self.b.ins().sdiv(x, divisor);
+                let (sign, ov) = if op == AccuOp::Div {
+                    let most = self.b.ins().iconst(types::I64, i64::from(i32::MAX));
+                    (quotient, self.b.ins().icmp(IntCC::SignedGreaterThan, quotient, most))
+                } else {
+                    let back = self.b.ins().imul(quotient, divisor);
+                    (self.b.ins().isub(x, back), self.b.ins().iconst(types::I8, 0))
+                };
+                let result = self.b.ins().ireduce(types::I32, sign);
+                match zero {
+                    Some(zero) => self.divided(zero, result, sign, ov),
+                    None => {
+                        self.set_full(result);
+                        self.set_cc(Cc::Sign(sign), Bit::Val(ov));
+                    }
+                }
+            }
+        }
+    }
+
+    fn real(&mut self, op: AccuOp) {
+        let x = state::real(self.now.a[1], self.vars.a[1], &mut self.b);
+        let y = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
+        let result = match op {
+            AccuOp::Add => self.b.ins().fadd(x, y),
+            AccuOp::Sub => self.b.ins().fsub(x, y),
+            AccuOp::Mul => self.b.ins().fmul(x, y),
+            AccuOp::Div | AccuOp::Mod => self.b.ins().fdiv(x, y),
+        };
+        self.set_real(result);
+    }
+
+    /// A floating-point result: 0 and denormalised numbers have no sign, what is no number has both codes.
+    fn set_real(&mut self, result: Value) {
+        self.now.a[0] = Accu::Real(result);
+        let least = self.b.ins().f32const(f32::MIN_POSITIVE);
+        let negative = self.b.ins().f32const(-f32::MIN_POSITIVE);
+        let most = self.b.ins().f32const(f32::MAX);
+        let zero = self.b.ins().f32const(0.0);
+        let cc1 = self.b.ins().fcmp(FloatCC::UnorderedOrGreaterThanOrEqual, result, least);
+        let cc0 = self.b.ins().fcmp(FloatCC::UnorderedOrLessThanOrEqual, result, negative);
+        let size = self.b.ins().fabs(result);
+        let large = self.b.ins().fcmp(FloatCC::GreaterThanOrEqual, size, least);
+        let finite = self.b.ins().fcmp(FloatCC::LessThanOrEqual, size, most);
+        let normal = self.b.ins().band(large, finite);
+        let none = self.b.ins().fcmp(FloatCC::Equal, result, zero);
+        let good = self.b.ins().bor(normal, none);
+        let ov = state::not(Bit::Val(good), &mut self.b);
+        self.set_cc(Cc::Pair(cc1, cc0), ov);
+    }
+
+    fn compare(&mut self, format: NumberFormat, compare: Compare) {
+        let how = match compare {
+            Compare::Equal => IntCC::Equal,
+            Compare::NotEqual => IntCC::NotEqual,
+            Compare::Greater => IntCC::SignedGreaterThan,
+            Compare::Less => IntCC::SignedLessThan,
+            Compare::GreaterEqual => IntCC::SignedGreaterThanOrEqual,
+            Compare::LessEqual => IntCC::SignedLessThanOrEqual,
+        };
+        let (x, y) = match format {
+            NumberFormat::Int => (self.signed(1), self.signed(0)),
+            NumberFormat::DInt => (self.accu(1), self.accu(0)),
+            NumberFormat::Real => {
+                self.compare_real(compare);
+                return;
+            }
+        };
+        let rlo = self.b.ins().icmp(how, x, y);
+        let greater = self.b.ins().icmp(IntCC::SignedGreaterThan, x, y);
+        let less = self.b.ins().icmp(IntCC::SignedLessThan, x, y);
+        self.set_cc(Cc::Pair(greater, less), Bit::Known(false));
+        self.set_result(Bit::Val(rlo));
+    }
+
+    /// Of what is no number every comparison is false.
+    fn compare_real(&mut self, compare: Compare) {
+        let x = state::real(self.now.a[1], self.vars.a[1], &mut self.b);
+        let y = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
+        let how = match compare {
+            Compare::Equal => FloatCC::Equal,
+            Compare::NotEqual => FloatCC::OrderedNotEqual,
+            Compare::Greater => FloatCC::GreaterThan,
+            Compare::Less => FloatCC::LessThan,
+            Compare::GreaterEqual => FloatCC::GreaterThanOrEqual,
+            Compare::LessEqual => FloatCC::LessThanOrEqual,
+        };
+        let rlo = self.b.ins().fcmp(how, x, y);
+        let cc1 = self.b.ins().fcmp(FloatCC::UnorderedOrGreaterThan, x, y);
+        let cc0 = self.b.ins().fcmp(FloatCC::UnorderedOrLessThan, x, y);
+        let ov = self.b.ins().fcmp(FloatCC::Unordered, x, y);
+        self.set_cc(Cc::Pair(cc1, cc0), Bit::Val(ov));
+        self.set_result(Bit::Val(rlo));
+    }
+
+    fn shift(&mut self, kind: Shift, count: u8) {
+        if count == 0 {
+            return;
+        }
+        let n = u32::from(count);
+        let mask16 = |t: &mut Self, v: Value| {
+            let mask = t.word(0xFFFF);
+            t.b.ins().band(v, mask)
+        };
+        // The result, and a value whose bit 0 was shifted out last.
+        let (result, out) = match kind {
+            Shift::LeftWord => {
+                let low = self.accu_low(0);
+                let low = mask16(self, low);
+                if n > 16 {
+                    (self.word(0), self.word(0))
+                } else {
+                    let wide = self.shifted(low, n, Shift::LeftDWord);
+                    (wide, self.shifted(wide, 16, Shift::RightDWord))
+                }
+            }
+            Shift::RightWord => {
+                let low = self.accu_low(0);
+                let low = mask16(self, low);
+                let n = n.min(17);
+                (self.shifted(low, n, Shift::RightDWord), self.shifted(low, n - 1, Shift::RightDWord))
+            }
+            Shift::RightInt => {
+                let low = self.signed(0);
+                let n = n.min(16);
+                (self.shifted(low, n, Shift::RightDInt), self.shifted(low, n - 1, Shift::RightDInt))
+            }
+            Shift::LeftDWord => {
+                let v = self.accu(0);
+                match n {
+                    0..=31 => (self.shifted(v, n, kind), self.shifted(v, 32 - n, Shift::RightDWord)),
+                    32 => (self.word(0), v),
+                    _ => (self.word(0), self.word(0)),
+                }
+            }
+            Shift::RightDWord => {
+                let v = self.accu(0);
+                match n {
+                    0..=31 => (self.shifted(v, n, kind), self.shifted(v, n - 1, kind)),
+                    32 => (self.word(0), self.shifted(v, 31, kind)),
+                    _ => (self.word(0), self.word(0)),
+                }
+            }
+            Shift::RightDInt => {
+                let v = self.accu(0);
+                let (n, last) = if n > 31 { (31, 31) } else { (n, n - 1) };
+                (self.shifted(v, n, kind), self.shifted(v, last, kind))
+            }
+            Shift::RotateLeft => {
+                let v = self.accu(0);
+                let count = self.word(n % 32);
+                let result = self.b.ins().rotl(v, count);
+                (result, result)
+            }
+            Shift::RotateRight => {
+                let v = self.accu(0);
+                let count = self.word(n % 32);
+                let result = self.b.ins().rotr(v, count);
+                (result, self.shifted(result, 31, Shift::RightDWord))
+            }
+        };
+        match kind {
+            Shift::LeftWord | Shift::RightWord | Shift::RightInt => self.set_low(result),
+            _ => self.set_full(result),
+        }
+        let one = self.word(1);
+        let out = self.b.ins().band(out, one);
+        let out = self.b.ins().ireduce(types::I8, out);
+        self.set_cc1(out);
+    }
+
+    /// A shift of 32 bits by fewer than 32.
+    fn shifted(&mut self, v: Value, n: u32, kind: Shift) -> Value {
+        let n = self.word(n);
+        match kind {
+            Shift::LeftDWord => self.b.ins().ishl(v, n),
+            Shift::RightDInt => self.b.ins().sshr(v, n),
+            _ => self.b.ins().ushr(v, n),
+        }
+    }
+
+    fn rotate_cc1(&mut self, left: bool) {
+        let v = self.accu(0);
+        let (cc1, _) = state::pair(self.now.cc, self.vars.cc, &mut self.b);
+        let cc1 = state::placed(cc1, 1, &mut self.b);
+        let (moved, out, last) = if left {
+            (self.shifted(v, 1, Shift::LeftDWord), self.shifted(v, 31, Shift::RightDWord), cc1)
+        } else {
+            (self.shifted(v, 1, Shift::RightDWord), v, self.shifted(cc1, 31, Shift::LeftDWord))
+        };
+        let result = self.b.ins().bor(moved, last);
+        self.set_full(result);
+        let one = self.word(1);
+        let out = self.b.ins().band(out, one);
+        let out = self.b.ins().ireduce(types::I8, out);
+        self.set_cc1(out);
+    }
+
+    fn convert(&mut self, kind: Convert) {
+        match kind {
+            Convert::Itd => {
+                let v = self.signed(0);
+                self.set_full(v);
+            }
+            Convert::Dtr => {
+                let v = self.accu(0);
+                let real = self.b.ins().fcvt_from_sint(types::F32, v);
+                self.now.a[0] = Accu::Real(real);
+            }
+            Convert::Rnd | Convert::RndPlus | Convert::RndMinus | Convert::Trunc => self.round(kind),
+            Convert::Invi => {
+                let v = self.accu_low(0);
+                let v = self.b.ins().bnot(v);
+                self.set_low(v);
+            }
+            Convert::Invd => {
+                let v = self.accu(0);
+                let v = self.b.ins().bnot(v);
+                self.set_full(v);
+            }
+            Convert::Negi => {
+                let v = self.signed(0);
+                let negated = self.b.ins().ineg(v);
+                let word = self.b.ins().ireduce(types::I16, negated);
+                let kept = self.b.ins().sextend(types::I32, word);
+                let ov = self.b.ins().icmp(IntCC::NotEqual, kept, negated);
+                self.set_low(negated);
+                self.set_cc(Cc::Sign(kept), Bit::Val(ov));
+            }
+            Convert::Negd => {
+                let v = self.accu(0);
+                let negated = self.b.ins().ineg(v);
+                let least = self.word(0x8000_0000);
+                let ov = self.b.ins().icmp(IntCC::Equal, v, least);
+                self.set_full(negated);
+                self.set_cc(Cc::Sign(negated), Bit::Val(ov));
+            }
+            Convert::Negr => {
+                let v = self.accu(0);
+                let sign = self.word(0x8000_0000);
+                let v = self.b.ins().bxor(v, sign);
+                self.set_full(v);
+            }
+            Convert::Abs => {
+                // Of what is no number the known one is left, whose sign is 0.
+                if let Accu::Real(v) = self.now.a[0] {
+                    let v = self.b.ins().fabs(v);
+                    self.now.a[0] = Accu::Real(v);
+                    return;
+                }
+                let v = self.accu(0);
+                let mask = self.word(0x7FFF_FFFF);
+                let v = self.b.ins().band(v, mask);
+                self.set_full(v);
+            }
+            Convert::Taw => {
+                let v = self.accu_low(0);
+                let word = self.b.ins().ireduce(types::I16, v);
+                let word = self.b.ins().bswap(word);
+                let v = self.b.ins().uextend(types::I32, word);
+                self.set_low(v);
+            }
+            Convert::Tad => {
+                let v = self.accu(0);
+                let v = self.b.ins().bswap(v);
+                self.set_full(v);
+            }
+            other => debug_assert!(false, "{other:?} is not compiled"),
+        }
+    }
+
+    /// Out of range or no number: ACCU1 stays, OV and OS are set. CC1 and CC0 stay.
+    fn round(&mut self, kind: Convert) {
+        let x = state::real(self.now.a[0], self.vars.a[0], &mut self.b);
+        let before = self.accu(0);
+        let whole = match kind {
+            Convert::Rnd => self.b.ins().nearest(x),
+            Convert::RndPlus => self.b.ins().ceil(x),
+            Convert::RndMinus => self.b.ins().floor(x),
+            _ => self.b.ins().trunc(x),
+        };
+        // Of the numbers of this format, those from -2^31 to below 2^31 have an answer.
+        let least = self.b.ins().f32const(-2_147_483_648.0);
+        let beyond = self.b.ins().f32const(2_147_483_648.0);
+        let low = self.b.ins().fcmp(FloatCC::GreaterThanOrEqual, whole, least);
+        let high = self.b.ins().fcmp(FloatCC::LessThan, whole, beyond);
+        let good = self.b.ins().band(low, high);
+        let number = self.b.ins().fcvt_to_sint_sat(types::I32, whole);
+        let result = self.b.ins().select(good, number, before);
+        self.set_full(result);
+        let ov = state::not(Bit::Val(good), &mut self.b);
+        self.set_ov(ov);
+    }
+}

@@ -1,0 +1,204 @@
+//! Jumps, ends, safe points, calls.
+
+use std::mem::offset_of;
+
+use cranelift_codegen::ir::{self, BlockArg, InstBuilder, JumpTableData, Value, condcodes::IntCC, types};
+use ob1_cpu::engine::Hot;
+use ob1_ir::{Jump, StatusBit};
+
+use super::Translation;
+use super::state::{self, Bit, State};
+use crate::run::Run;
+
+impl Translation<'_, '_> {
+    /// False when nothing falls through.
+    pub(crate) fn jump(&mut self, on: Jump, to: usize, pc: usize) -> bool {
+        let taken = match on {
+            Jump::Always => Bit::Known(true),
+            Jump::IfRlo | Jump::IfNotRlo | Jump::IfRloSaveBr | Jump::IfNotRloSaveBr => {
+                let rlo = self.rlo();
+                if matches!(on, Jump::IfRloSaveBr | Jump::IfNotRloSaveBr) {
+                    self.now.br = rlo;
+                }
+                self.now.rlo = Bit::Known(true);
+                self.end_chain(Bit::Known(true));
+                if matches!(on, Jump::IfRlo | Jump::IfRloSaveBr) { rlo } else { state::not(rlo, &mut self.b) }
+            }
+            Jump::IfBr | Jump::IfNotBr => {
+                let br = self.status(StatusBit::BinaryResult);
+                self.end_chain(Bit::Known(true));
+                if on == Jump::IfBr { br } else { state::not(br, &mut self.b) }
+            }
+            Jump::IfStoredOverflow => {
+                let os = self.status(StatusBit::StoredOverflow);
+                self.now.os = Bit::Known(false);
+                os
+            }
+            Jump::IfOverflow => self.status(StatusBit::Overflow),
+            Jump::IfZero => self.status(StatusBit::Zero),
+            Jump::IfNotZero => self.status(StatusBit::NotZero),
+            Jump::IfPositive => self.status(StatusBit::Positive),
+            Jump::IfNegative => self.status(StatusBit::Negative),
+            Jump::IfNotNegative => self.status(StatusBit::NotNegative),
+            Jump::IfNotPositive => self.status(StatusBit::NotPositive),
+            Jump::IfUnordered => self.status(StatusBit::Unordered),
+        };
+        match taken {
+            Bit::Known(true) => {
+                self.go(to, pc);
+                false
+            }
+            Bit::Known(false) => true,
+            taken => {
+                let condition = taken.value(self.vars.rlo, &mut self.b);
+                self.branch(condition, |t| t.go(to, pc));
+                true
+            }
+        }
+    }
+
+    /// Another way when `condition` is not 0, which does not come back here.
+    fn branch(&mut self, condition: Value, other: impl FnOnce(&mut Self)) {
+        let taken = self.b.create_block();
+        let next = self.b.create_block();
+        self.b.ins().brif(condition, taken, &[], next, &[]);
+        self.b.seal_block(taken);
+        self.b.seal_block(next);
+        self.b.switch_to_block(taken);
+        let (before, checked) = (self.now.clone(), self.checked.clone());
+        other(self);
+        (self.now, self.checked) = (before, checked);
+        self.b.switch_to_block(next);
+    }
+
+    /// Goes to statement `to`; backwards there is a safe point.
+    fn go(&mut self, to: usize, pc: usize) {
+        if to <= pc {
+            self.safe_point(to);
+        }
+        let start = self.start_of(to);
+        self.flush(to);
+        self.b.ins().jump(start, &[]);
+    }
+
+    /// `LOOP`.
+    pub(crate) fn count_down(&mut self, to: usize, pc: usize) {
+        let low = self.accu_low(0);
+        let one = self.word(1);
+        let left = self.b.ins().isub(low, one);
+        let hi = state::high(self.now.a[0], self.vars.a[0], &mut self.b);
+        self.now.a[0] = super::state::Accu::Split { hi, lo: left };
+        let word = self.b.ins().ireduce(types::I16, left);
+        let zero = self.b.ins().iconst(types::I16, 0);
+        let more = self.b.ins().icmp(IntCC::NotEqual, word, zero);
+        self.branch(more, |t| t.go(to, pc));
+    }
+
+    /// `SPL`.
+    pub(crate) fn jump_list(&mut self, targets: &[u32], otherwise: u32, pc: usize) {
+        let low = self.accu_low(0);
+        let mask = self.word(0xFF);
+        let index = self.b.ins().band(low, mask);
+        let ways: Vec<ir::Block> = (0..=targets.len()).map(|_| self.b.create_block()).collect();
+        let calls: Vec<_> = ways.iter().map(|way| self.b.func.dfg.block_call(*way, &[])).collect();
+        let (last, listed) = calls.split_last().expect("at least the last one");
+        let table = self.b.create_jump_table(JumpTableData::new(*last, listed));
+        self.b.ins().br_table(index, table);
+        for (way, to) in ways.into_iter().zip(targets.iter().chain([&otherwise])) {
+            self.b.seal_block(way);
+            self.b.switch_to_block(way);
+            let (before, checked) = (self.now.clone(), self.checked.clone());
+            self.go(*to as usize, pc);
+            (self.now, self.checked) = (before, checked);
+        }
+    }
+
+    /// Looks at the clock and at what is due when it is time, before statement `statement`.
+    pub(crate) fn safe_point(&mut self, statement: usize) {
+        self.count();
+        let executed = self.executed();
+        let look_after = self.load_state(types::I32, self.hot, offset_of!(Hot, look_after));
+        let late = self.b.ins().icmp(IntCC::UnsignedGreaterThanOrEqual, executed, look_after);
+        let flags = self.state_flags();
+        let due = self.b.ins().load(types::I8, flags, self.due, 0);
+        let look = self.b.ins().bor(late, due);
+        let looks = self.b.create_block();
+        let next = self.b.create_block();
+        self.b.set_cold_block(looks);
+        self.b.ins().brif(look, looks, &[], next, &[]);
+        self.b.seal_block(looks);
+        self.b.switch_to_block(looks);
+        self.tell_count();
+        let (block, at) = (self.word(self.block), self.word(statement as u32));
+        let answer = self.call_helper(offset_of!(Run, safe_point), block, at);
+        self.abort_if(answer);
+        self.take_count();
+        self.b.ins().jump(next, &[]);
+        self.b.seal_block(next);
+        self.b.switch_to_block(next);
+    }
+
+    /// The end of the block. It counts as the statement it is on the CPU.
+    pub(crate) fn end(&mut self) {
+        self.now.uncounted += 1;
+        if self.body.inlined.is_some() {
+            self.end_inlined();
+            return;
+        }
+        let seen = self.body.env.at_end();
+        self.spill(seen);
+        self.tell_count();
+        let done = self.word(0);
+        self.b.ins().return_(&[done]);
+    }
+
+    /// `BEB`.
+    pub(crate) fn end_if(&mut self) {
+        let rlo = self.rlo();
+        let condition = rlo.value(self.vars.rlo, &mut self.b);
+        self.branch(condition, |t| {
+            // The statement counts as the end.
+            t.now.uncounted -= 1;
+            t.end();
+        });
+        self.now.rlo = Bit::Known(true);
+        self.end_chain(Bit::Known(true));
+    }
+
+    /// A call. All registers are in memory, for the helper and for the reference, which may come here.
+    pub(crate) fn call(&mut self, pc: usize) {
+        if self.inlined_call(pc) {
+            return;
+        }
+        let live = self.body.live[pc];
+        self.spill(live);
+        self.count();
+        let here = self.b.create_block();
+        self.b.ins().jump(here, &[]);
+        let (db, di) = (self.now.db, self.now.di);
+        self.resume.push((pc as u32, self.landings.len() as u32 + 1));
+        self.landings.push((here, 0, crate::flow::Facts::NONE));
+        self.b.switch_to_block(here);
+        self.now = State { db, di, uncounted: 1, ..State::variables() };
+        self.safe_point(pc + 1);
+        self.tell_count();
+        let (block, at) = (self.word(self.block), self.word(pc as u32));
+        let answer = self.call_helper(offset_of!(Run, call), block, at);
+        let other = self.b.create_block();
+        let next = self.b.create_block();
+        self.b.set_cold_block(other);
+        self.b.ins().brif(answer, other, &[], next, &[]);
+        self.b.seal_block(other);
+        self.b.seal_block(next);
+        self.b.switch_to_block(other);
+        // Less than 0: aborted. Else an error organization block has run, and the chain is as it was.
+        let zero = self.word(0);
+        let aborted = self.b.ins().icmp(IntCC::SignedLessThan, answer, zero);
+        let behind = self.word(pc as u32 + 1);
+        self.b.ins().brif(aborted, self.abort, &[], self.leave, &[BlockArg::from(behind)]);
+        self.b.switch_to_block(next);
+        self.take_count();
+        self.from_memory(pc + 1);
+        self.end_chain(Bit::Known(true));
+    }
+}

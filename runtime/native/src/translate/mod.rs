@@ -1,0 +1,395 @@
+//! From the statements of a block to Cranelift's intermediate form.
+//!
+//! Accumulators, address registers and status bits are values while a stretch of statements runs; they go to memory
+//! only where somebody else looks at them. A statement whose operand cannot be reached goes, with all registers, to the
+//! reference, which executes it and what follows up to the next place where compiled code can be entered again.
+
+mod arithmetic;
+mod bits;
+mod control;
+mod memory;
+pub(crate) mod operand;
+mod spill;
+pub(crate) mod state;
+mod words;
+
+use cranelift_codegen::ir::{
+    self, AliasRegion, AliasRegionData, InstBuilder, MemFlagsData, SigRef, Value, types,
+};
+use cranelift_frontend::FunctionBuilder;
+use ob1_cpu::engine::{Op as PlanOp, Plan, Regs};
+use ob1_ir::{Op, Stmt};
+use ob1_model::BlockKind;
+
+use crate::flow::{self, Env, Facts, How, Set};
+use crate::run::Run;
+use state::{Bit, Data, State, Vars};
+
+/// A place where compiled code can be entered from the reference: the statement, and its number among these places.
+pub(crate) type Resume = (u32, u32);
+
+/// The function being made.
+pub(crate) struct Translation<'a, 'f> {
+    pub(crate) b: FunctionBuilder<'f>,
+    pub(crate) plan: &'a Plan,
+    pub(crate) vars: Vars,
+    pub(crate) run: Value,
+    pub(crate) hot: Value,
+    pub(crate) arena: Value,
+    /// The block's local data.
+    pub(crate) local: Value,
+    /// The references to its actual parameters.
+    pub(crate) refs: Value,
+    /// The flag other threads set.
+    pub(crate) due: Value,
+    /// The arena is one alias region: every area can be reached through a pointer.
+    pub(crate) arena_region: AliasRegion,
+    /// Registers and hot state are the other.
+    pub(crate) state_region: AliasRegion,
+    pub(crate) now: State,
+    /// What has been checked on the way to here.
+    pub(crate) checked: Checked,
+    /// The block, or the one that has become part of it.
+    pub(crate) body: Body<'a>,
+    /// Index of the block in the plan.
+    pub(crate) block: u32,
+    /// Registers that some statement changes.
+    pub(crate) changed: Set,
+    /// Entries from the reference: where they lead and what they need.
+    pub(crate) landings: Vec<(ir::Block, Set, Facts)>,
+    pub(crate) resume: Vec<Resume>,
+    /// Where the reference is asked to go on; its argument is the statement.
+    pub(crate) leave: ir::Block,
+    /// Where its answer is looked at.
+    pub(crate) dispatch: ir::Block,
+    /// Where an abort returns.
+    pub(crate) abort: ir::Block,
+    pub(crate) helper: SigRef,
+    /// There is room for a block that has become part of this one; made at the entry when it is needed.
+    pub(crate) room: Option<Value>,
+    /// Registers that are needed behind the statement being translated.
+    pub(crate) wanted: Set,
+}
+
+/// Checks that hold until the registers they are about change, or jumps meet.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Checked {
+    /// Bytes of the opened data blocks that can be read, and written.
+    pub(crate) db: [u32; 2],
+    pub(crate) di: [u32; 2],
+    /// The instance's first byte.
+    pub(crate) instance: Option<Value>,
+    /// References to actual parameters that are no pointers.
+    pub(crate) params: Vec<(u16, Value)>,
+}
+
+/// A block's statements with what is known of them.
+pub(crate) struct Body<'a> {
+    pub(crate) stmts: &'a [Stmt],
+    pub(crate) ops: &'a [PlanOp],
+    pub(crate) env: Env<'a>,
+    pub(crate) live: Vec<Set>,
+    pub(crate) marks: Vec<bool>,
+    pub(crate) facts: Vec<Option<Facts>>,
+    /// Code of the statements jumps lead to.
+    pub(crate) starts: Vec<Option<ir::Block>>,
+    /// Set when the block has become part of its caller.
+    pub(crate) inlined: Option<Inlined>,
+    pub(crate) instance_bytes: u32,
+}
+
+/// What is known of a block that has become part of its caller.
+#[derive(Clone, Debug)]
+pub(crate) struct Inlined {
+    /// Where its local data begins in that of the function.
+    pub(crate) local: u32,
+    /// References to its actual parameters.
+    pub(crate) refs: Vec<Reference>,
+    /// Its instance in the arena: first byte.
+    pub(crate) instance: Option<u32>,
+}
+
+/// An actual parameter that is known when the call is translated.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Reference {
+    /// This bit of the arena.
+    Arena(u32),
+    /// This bit of the function's local data.
+    Local(u32),
+}
+
+impl<'a> Body<'a> {
+    pub(crate) fn new(plan: &'a Plan, block: u32, entry: Facts, instance_bytes: u32) -> Self {
+        let code = &plan.blocks[block as usize];
+        let mcr = code.stmts.iter().any(|s| matches!(s.op, Op::McrActivate));
+        let env = Env { plan, mcr, organization: code.id.kind == BlockKind::Ob };
+        let marks = flow::targets(&code.stmts);
+        Self {
+            live: flow::liveness(&code.stmts, &env),
+            facts: flow::facts(&code.stmts, entry, &marks, &env),
+            starts: vec![None; code.stmts.len() + 1],
+            stmts: &code.stmts,
+            ops: &code.ops,
+            env,
+            marks,
+            inlined: None,
+            instance_bytes,
+        }
+    }
+
+    /// Ends within the block meet at its end.
+    pub(crate) fn ends_within(&mut self) {
+        let end = self.stmts.len();
+        let early = |(i, stmt): (usize, &Stmt)| matches!(stmt.op, Op::End | Op::EndIf) && i + 1 < end;
+        if self.stmts.iter().enumerate().any(early) || self.stmts.last().is_some_and(|s| s.op == Op::EndIf) {
+            self.marks[end] = true;
+        }
+        if self.marks[end] {
+            self.facts[end] = None;
+        }
+    }
+}
+
+/// What a function is made of besides its code.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Made {
+    /// Entries from the reference, by ascending statement.
+    pub(crate) resume: Vec<Resume>,
+}
+
+/// Fills `func` with the code of block `block`.
+pub(crate) fn translate<'a>(
+    plan: &'a Plan,
+    block: u32,
+    func: &mut ir::Function,
+    context: &mut cranelift_frontend::FunctionBuilderContext,
+    target: cranelift_codegen::isa::TargetFrontendConfig,
+) -> Made {
+    let arena_region = func.dfg.alias_regions.insert(AliasRegionData { user_id: 1, description: "arena".into() });
+    let state_region = func.dfg.alias_regions.insert(AliasRegionData { user_id: 2, description: "state".into() });
+    let mut b = FunctionBuilder::new(func, context);
+    let vars = Vars::declare(&mut b);
+    let helper = crate::compile::helper_signature(target.default_call_conv);
+    let helper = b.import_signature(helper);
+    let entry = b.create_block();
+    b.append_block_params_for_function_params(entry);
+    b.switch_to_block(entry);
+    let run = b.block_params(entry)[0];
+    let [leave, dispatch, abort] = [(); 3].map(|()| b.create_block());
+    for cold in [leave, dispatch, abort] {
+        b.set_cold_block(cold);
+    }
+    let facts = Facts { fc: Some(false), or: Some(false), ..Facts::NONE };
+    let body = Body::new(plan, block, facts, crate::inline::instance_bytes(plan, block));
+    let unknown = b.ins().iconst(types::I64, 0);
+    let mut t = Translation {
+        b,
+        plan,
+        vars,
+        run,
+        hot: unknown,
+        arena: unknown,
+        local: unknown,
+        refs: unknown,
+        due: unknown,
+        arena_region,
+        state_region,
+        now: State::variables(),
+        checked: Checked::default(),
+        changed: spill::changed(plan, block),
+        body,
+        block,
+        landings: Vec::new(),
+        resume: Vec::new(),
+        leave,
+        dispatch,
+        abort,
+        helper,
+        room: None,
+        wanted: flow::ALL,
+    };
+    t.enter();
+    t.statements();
+    t.ways_back();
+    let mut resume = std::mem::take(&mut t.resume);
+    resume.sort_unstable();
+    t.b.seal_all_blocks();
+    t.b.finalize(target);
+    Made { resume }
+}
+
+impl Translation<'_, '_> {
+    /// The entry: pointers, and the registers that are needed.
+    fn enter(&mut self) {
+        use std::mem::offset_of;
+        self.hot = self.load_pointer(self.run, offset_of!(Run, hot));
+        self.arena = self.load_pointer(self.hot, offset_of!(ob1_cpu::engine::Hot, arena));
+        self.due = self.load_pointer(self.hot, offset_of!(ob1_cpu::engine::Hot, due));
+        let local = self.load_state(types::I32, self.run, offset_of!(Run, regs) + offset_of!(Regs, local));
+        let local = self.b.ins().uextend(types::I64, local);
+        self.local = self.b.ins().iadd(self.arena, local);
+        let refs = self.load_pointer(self.hot, offset_of!(ob1_cpu::engine::Hot, refs));
+        let first = self.load_state(types::I32, self.run, offset_of!(Run, regs) + offset_of!(Regs, refs));
+        let first = self.b.ins().uextend(types::I64, first);
+        let two = self.b.ins().iconst(types::I64, 2);
+        let first = self.b.ins().ishl(first, two);
+        self.refs = self.b.ins().iadd(refs, first);
+        let executed = self.load_state(types::I32, self.hot, offset_of!(ob1_cpu::engine::Hot, pending));
+        self.b.def_var(self.vars.executed, executed);
+        let live = self.body.live[0];
+        self.reload(live);
+        self.reload_data();
+        self.now.fc = Bit::Known(false);
+        self.now.or = Bit::Known(false);
+        self.room = crate::inline::room(self);
+    }
+
+    /// Every statement of the body.
+    pub(crate) fn statements(&mut self) {
+        let mut reachable = true;
+        for pc in 0..self.body.stmts.len() {
+            if self.body.marks[pc] {
+                reachable |= self.meet(pc, reachable);
+            }
+            if reachable {
+                reachable = self.statement(pc);
+            }
+        }
+        let end = self.body.stmts.len();
+        if self.body.inlined.is_some() {
+            // Every end has counted itself.
+            if reachable {
+                self.end();
+            }
+            if self.body.marks[end] {
+                self.meet(end, false);
+            }
+            return;
+        }
+        if self.body.marks[end] {
+            reachable |= self.meet(end, reachable);
+        }
+        if reachable {
+            self.end();
+        }
+    }
+
+    /// Jumps meet before statement `pc`; `falls`: the statement before it leads here too.
+    fn meet(&mut self, pc: usize, falls: bool) -> bool {
+        let start = self.start_of(pc);
+        if falls {
+            self.flush(pc);
+            self.b.ins().jump(start, &[]);
+        }
+        self.b.switch_to_block(start);
+        self.now = self.at_start(pc);
+        self.checked = Checked::default();
+        true
+    }
+
+    /// What is known where jumps meet.
+    fn at_start(&self, pc: usize) -> State {
+        let facts = self.body.facts[pc].unwrap_or(Facts::NONE);
+        let bit = |known: Option<bool>| known.map_or(Bit::Var, Bit::Known);
+        let data = |known: Option<u16>| known.map_or(Data::Var, |n| self.known_data(n));
+        State {
+            fc: bit(facts.fc),
+            or: bit(facts.or),
+            db: data(facts.db),
+            di: data(facts.di),
+            ..State::variables()
+        }
+    }
+
+    /// The code of statement `pc`, which jumps lead to. The reference can go on there, too.
+    pub(crate) fn start_of(&mut self, pc: usize) -> ir::Block {
+        if let Some(block) = self.body.starts[pc] {
+            return block;
+        }
+        let block = self.b.create_block();
+        self.body.starts[pc] = Some(block);
+        if self.body.inlined.is_none() {
+            self.landing(pc, block);
+        }
+        block
+    }
+
+    /// One statement. False when nothing falls through to the next.
+    fn statement(&mut self, pc: usize) -> bool {
+        let body_stmts = self.body.stmts;
+        let op = &body_stmts[pc].op;
+        self.wanted = self.body.live[pc + 1];
+        if !matches!(op, Op::Call(_)) {
+            self.now.uncounted += 1;
+        }
+        match self.body.env.how(op) {
+            How::Call => {
+                self.call(pc);
+                true
+            }
+            How::Step => {
+                self.step(pc);
+                true
+            }
+            How::Plain | How::Checked => self.compiled(op, pc),
+        }
+    }
+
+    fn compiled(&mut self, op: &Op, pc: usize) -> bool {
+        match op {
+            Op::Jump(on, to) => return self.jump(*on, *to as usize, pc),
+            Op::Loop(to) => self.count_down(*to as usize, pc),
+            Op::JumpList { targets, otherwise } => {
+                self.jump_list(targets, *otherwise, pc);
+                return false;
+            }
+            Op::End => {
+                // The end counts itself.
+                self.now.uncounted -= 1;
+                self.end();
+                return false;
+            }
+            Op::EndIf => self.end_if(),
+            Op::Nop => {}
+            _ => {
+                if !self.bit_statement(op, pc) && !self.word_statement(op, pc) {
+                    self.accumulators(op);
+                }
+            }
+        }
+        true
+    }
+
+    /// Memory nobody but the CPU looks at.
+    pub(crate) fn state_flags(&self) -> MemFlagsData {
+        MemFlagsData::trusted().with_alias_region(Some(self.state_region))
+    }
+
+    pub(crate) fn arena_flags(&self) -> MemFlagsData {
+        MemFlagsData::new().with_notrap().with_alias_region(Some(self.arena_region))
+    }
+
+    fn load_pointer(&mut self, base: Value, offset: usize) -> Value {
+        let flags = self.state_flags();
+        self.b.ins().load(types::I64, flags, base, offset as i32)
+    }
+
+    pub(crate) fn load_state(&mut self, ty: ir::Type, base: Value, offset: usize) -> Value {
+        let flags = self.state_flags();
+        self.b.ins().load(ty, flags, base, offset as i32)
+    }
+
+    pub(crate) fn store_state(&mut self, value: Value, base: Value, offset: usize) {
+        let flags = self.state_flags();
+        self.b.ins().store(flags, value, base, offset as i32);
+    }
+
+    pub(crate) fn word(&mut self, value: u32) -> Value {
+        self.b.ins().iconst(types::I32, i64::from(value))
+    }
+
+    /// The place of a register in memory.
+    pub(crate) const fn reg(offset: usize) -> usize {
+        std::mem::offset_of!(Run, regs) + offset
+    }
+}

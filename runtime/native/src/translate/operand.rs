@@ -1,0 +1,381 @@
+//! Where an operand lies: an address, behind the checks that are needed.
+
+use std::mem::offset_of;
+
+use cranelift_codegen::ir::{InstBuilder, Value, condcodes::IntCC, types};
+use ob1_cpu::engine::{Db, Hot, Regs};
+use ob1_ir::{AddressRegister, Place, Pointer};
+use ob1_model::Area;
+
+use super::state::{Data, Reg};
+use super::{Reference, Translation};
+use crate::place;
+
+/// The part of a pointer that is an address.
+const POINTER_BITS: u32 = 0x7_FFFF;
+
+/// Address of an operand: a pointer and bytes behind it, and the bit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spot {
+    pub(crate) base: Value,
+    pub(crate) offset: u32,
+    pub(crate) bit: BitAt,
+}
+
+/// The place of a bit in its byte.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum BitAt {
+    Known(u8),
+    Computed(Value),
+}
+
+/// Which data block register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Which {
+    Db,
+    Di,
+}
+
+impl Translation<'_, '_> {
+    /// The place of `bits` bits for statement `pc`.
+    pub(crate) fn spot(&mut self, at: &Place, bits: u32, write: bool, pc: usize) -> Spot {
+        match *at {
+            Place::Fixed(area, at) => self.in_area(area, at.0, bits, write, pc),
+            Place::InDb(n, at) => {
+                self.open(Which::Db, n);
+                self.in_data(Which::Db, at.0, bits, write, pc)
+            }
+            Place::InDi(n, at) => {
+                self.open(Which::Di, n);
+                self.in_data(Which::Di, at.0, bits, write, pc)
+            }
+            Place::Param { index, at } => self.param(index, at.0, bits, pc),
+            Place::Instance(at) => self.instance(at.0, bits, pc),
+            Place::Memory(area, pointer) => {
+                let at = self.pointer(pointer);
+                let mask = self.word(POINTER_BITS);
+                let at = self.b.ins().band(at, mask);
+                self.computed(area, at, bits, write, pc)
+            }
+            Place::Register(area, register, offset) => self.indirect(area, register, offset.0, bits, write, pc),
+        }
+    }
+
+    /// A place at a known address of an area.
+    fn in_area(&mut self, area: Area, at: u32, bits: u32, write: bool, pc: usize) -> Spot {
+        let bit = BitAt::Known((at % 8) as u8);
+        match area {
+            Area::Local => {
+                let offset = at / 8 + self.body.inlined.as_ref().map_or(0, |inlined| inlined.local);
+                Spot { base: self.local, offset, bit }
+            }
+            Area::Db => self.in_data(Which::Db, at, bits, write, pc),
+            Area::Di => self.in_data(Which::Di, at, bits, write, pc),
+            _ => {
+                let fixed = Place::Fixed(area, ob1_model::BitAddr(at));
+                let offset = match place::class(&fixed, bits, self.plan) {
+                    place::Class::Fixed(Some(byte)) => byte,
+                    _ => {
+                        self.never(pc);
+                        0
+                    }
+                };
+                Spot { base: self.arena, offset, bit }
+            }
+        }
+    }
+
+    /// The reference executes statement `pc`, always.
+    pub(crate) fn never(&mut self, pc: usize) {
+        let always = self.b.ins().iconst(types::I8, 1);
+        self.leave_if(always, pc);
+    }
+
+    /// A data block of the program, or none, as a register holds it.
+    pub(crate) fn known_data(&self, number: u16) -> Data {
+        match place::data(self.plan, number) {
+            Some(db) => Data::Known(db),
+            None => Data::Known(Db::default()),
+        }
+    }
+
+    /// Opens a data block of the program: memory always has what the registers hold.
+    pub(crate) fn open(&mut self, which: Which, number: u16) {
+        let data = self.known_data(number);
+        let (place, checked, at) = match which {
+            Which::Db => (&mut self.now.db, &mut self.checked.db, offset_of!(Regs, db)),
+            Which::Di => (&mut self.now.di, &mut self.checked.di, offset_of!(Regs, di)),
+        };
+        if *place == data {
+            return;
+        }
+        *place = data;
+        *checked = [0; 2];
+        if which == Which::Di {
+            self.checked.instance = None;
+        }
+        let Data::Known(db) = data else { return };
+        let first = u64::from(db.at.0) | u64::from(db.len) << 32;
+        let second = u64::from(db.writable) | u64::from(db.number) << 32;
+        let at = Self::reg(at);
+        for (value, at) in [(first, at), (second, at + 8)] {
+            let v = self.b.ins().iconst(types::I64, value as i64);
+            self.store_state(v, self.run, at);
+        }
+    }
+
+    /// A place at a known address of an opened data block.
+    fn in_data(&mut self, which: Which, at: u32, bits: u32, write: bool, pc: usize) -> Spot {
+        let bit = BitAt::Known((at % 8) as u8);
+        let end = at / 8 + bits.div_ceil(8);
+        let (data, vars) = match which {
+            Which::Db => (self.now.db, self.vars.db),
+            Which::Di => (self.now.di, self.vars.di),
+        };
+        if let Data::Known(db) = data {
+            if end > if write { db.writable } else { db.len } {
+                self.never(pc);
+                return Spot { base: self.arena, offset: 0, bit };
+            }
+            return Spot { base: self.arena, offset: db.at.0 + at / 8, bit };
+        }
+        let how = usize::from(write);
+        let known = match which {
+            Which::Db => self.checked.db[how],
+            Which::Di => self.checked.di[how],
+        };
+        if known < end {
+            let room = self.b.use_var(vars[1 + how]);
+            let end_value = self.word(end);
+            let short = self.b.ins().icmp(IntCC::UnsignedLessThan, room, end_value);
+            self.leave_if(short, pc);
+            let checked = match which {
+                Which::Db => &mut self.checked.db,
+                Which::Di => &mut self.checked.di,
+            };
+            // What can be written can be read.
+            checked[how] = checked[how].max(end);
+            checked[0] = checked[0].max(end);
+        }
+        let first = self.b.use_var(vars[0]);
+        let base = self.arena_at(first);
+        Spot { base, offset: at / 8, bit }
+    }
+
+    /// Address of a byte of the arena.
+    fn arena_at(&mut self, byte: Value) -> Value {
+        let byte = self.b.ins().uextend(types::I64, byte);
+        self.b.ins().iadd(self.arena, byte)
+    }
+
+    /// The reference to an actual parameter; pointers are left to the reference engine.
+    fn param(&mut self, index: u16, at: u32, bits: u32, pc: usize) -> Spot {
+        if let Some(inlined) = &self.body.inlined {
+            let (base, bit) = match inlined.refs.get(usize::from(index)).copied() {
+                Some(Reference::Local(bit)) => (self.local, bit + at),
+                Some(Reference::Arena(bit)) => (self.arena, bit + at),
+                None => (self.arena, 0),
+            };
+            return Spot { base, offset: bit / 8, bit: BitAt::Known((bit % 8) as u8) };
+        }
+        let known = self.checked.params.iter().find(|(i, _)| *i == index).map(|(_, v)| *v);
+        let reference = known.unwrap_or_else(|| {
+            let flags = self.state_flags();
+            let reference = self.b.ins().load(types::I32, flags, self.refs, i32::from(index) * 4);
+            let zero = self.word(0);
+            let pointer = self.b.ins().icmp(IntCC::SignedLessThan, reference, zero);
+            self.leave_if(pointer, pc);
+            self.checked.params.push((index, reference));
+            reference
+        });
+        let three = self.word(3);
+        if bits == 1 {
+            let offset = self.word(at);
+            let bit = self.b.ins().iadd(reference, offset);
+            let byte = self.b.ins().ushr(bit, three);
+            let base = self.arena_at(byte);
+            let seven = self.word(7);
+            let bit = self.b.ins().band(bit, seven);
+            return Spot { base, offset: 0, bit: BitAt::Computed(bit) };
+        }
+        let byte = self.b.ins().ushr(reference, three);
+        if at > 0 {
+            // The actual may be shorter than its formal, and the arena end behind it.
+            let length = self.load_state(types::I32, self.hot, offset_of!(Hot, arena_len));
+            let behind = self.word(at / 8 + bits / 8);
+            let end = self.b.ins().iadd(byte, behind);
+            let outside = self.b.ins().icmp(IntCC::UnsignedGreaterThan, end, length);
+            self.leave_if(outside, pc);
+        }
+        let base = self.arena_at(byte);
+        Spot { base, offset: at / 8, bit: BitAt::Known(0) }
+    }
+
+    /// A variable of the instance. The whole instance is checked once.
+    fn instance(&mut self, at: u32, bits: u32, pc: usize) -> Spot {
+        let bit = BitAt::Known((at % 8) as u8);
+        if let Some(first) = self.body.inlined.as_ref().and_then(|inlined| inlined.instance) {
+            return Spot { base: self.arena, offset: first + at / 8, bit };
+        }
+        debug_assert!(at / 8 + bits.div_ceil(8) <= self.body.instance_bytes, "verified");
+        if let Some(base) = self.checked.instance {
+            return Spot { base, offset: at / 8, bit };
+        }
+        let ar2 = self.address(1);
+        let mask = self.word(POINTER_BITS);
+        let place = self.b.ins().band(ar2, mask);
+        let seven = self.word(7);
+        let within = self.b.ins().band(place, seven);
+        let three = self.word(3);
+        let byte = self.b.ins().ushr(place, three);
+        let bytes = self.word(self.body.instance_bytes);
+        let end = self.b.ins().iadd(byte, bytes);
+        let (first, room) = self.data_values(Which::Di, true);
+        let short = self.b.ins().icmp(IntCC::UnsignedGreaterThan, end, room);
+        let zero = self.word(0);
+        let odd = self.b.ins().icmp(IntCC::NotEqual, within, zero);
+        let bad = self.b.ins().bor(short, odd);
+        self.leave_if(bad, pc);
+        let byte = self.b.ins().iadd(first, byte);
+        let base = self.arena_at(byte);
+        self.checked.instance = Some(base);
+        Spot { base, offset: at / 8, bit }
+    }
+
+    /// First byte and length of an opened data block.
+    fn data_values(&mut self, which: Which, write: bool) -> (Value, Value) {
+        let (data, vars) = match which {
+            Which::Db => (self.now.db, self.vars.db),
+            Which::Di => (self.now.di, self.vars.di),
+        };
+        match data {
+            Data::Known(db) => (self.word(db.at.0), self.word(if write { db.writable } else { db.len })),
+            Data::Var => (self.b.use_var(vars[0]), self.b.use_var(vars[1 + usize::from(write)])),
+        }
+    }
+
+    /// The double word of a pointer.
+    fn pointer(&mut self, pointer: Pointer) -> Value {
+        let spot = self.in_area(pointer.area, pointer.at.0, 32, false, 0);
+        self.read(spot, 32)
+    }
+
+    fn indirect(
+        &mut self,
+        area: Option<Area>,
+        register: AddressRegister,
+        offset: u32,
+        bits: u32,
+        write: bool,
+        pc: usize,
+    ) -> Spot {
+        let index = usize::from(register == AddressRegister::Ar2);
+        if let Reg::Known(pointer) = self.now.ar[index] {
+            let at = pointer.wrapping_add(offset) & POINTER_BITS;
+            let area = area.or_else(|| Area::from_pointer_code((pointer >> 24) as u8));
+            let reachable =
+                area.filter(|area| !matches!(area, Area::Peripheral | Area::PreviousLocal) && (bits == 1 || at % 8 == 0));
+            return match reachable {
+                // What is verified of a fixed operand is not of this one.
+                Some(Area::Local) if at / 8 + bits.div_ceil(8) > self.local_len() => {
+                    self.never(pc);
+                    self.in_area(Area::Local, 0, bits, write, pc)
+                }
+                Some(area) => self.in_area(area, at, bits, write, pc),
+                None => {
+                    self.never(pc);
+                    self.in_area(Area::Local, 0, bits, write, pc)
+                }
+            };
+        }
+        let pointer = self.address(index);
+        let offset = self.word(offset);
+        let at = self.b.ins().iadd(pointer, offset);
+        let mask = self.word(POINTER_BITS);
+        let at = self.b.ins().band(at, mask);
+        match area {
+            Some(area) => self.computed(area, at, bits, write, pc),
+            None => self.crossing(pointer, at, bits, write, pc),
+        }
+    }
+
+    /// Bytes of the local data of the block.
+    fn local_len(&self) -> u32 {
+        self.plan.blocks[self.block as usize].local_len
+    }
+
+    /// First byte in the arena and length of an area.
+    fn area_values(&mut self, area: Area, write: bool) -> (Value, Value) {
+        let range = match area {
+            Area::Db => return self.data_values(Which::Db, write),
+            Area::Di => return self.data_values(Which::Di, write),
+            Area::Local => {
+                let first = self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, local)));
+                let length = self.word(self.local_len());
+                return (first, length);
+            }
+            Area::Input => self.plan.areas.inputs,
+            Area::Output => self.plan.areas.outputs,
+            _ => self.plan.areas.memory,
+        };
+        (self.word(range.at.0), self.word(range.len))
+    }
+
+    /// A place at a computed bit address of an area.
+    fn computed(&mut self, area: Area, at: Value, bits: u32, write: bool, pc: usize) -> Spot {
+        let (first, length) = self.area_values(area, write);
+        self.bounded(first, length, at, bits, pc)
+    }
+
+    fn bounded(&mut self, first: Value, length: Value, at: Value, bits: u32, pc: usize) -> Spot {
+        let three = self.word(3);
+        let byte = self.b.ins().ushr(at, three);
+        let width = self.word(bits.div_ceil(8));
+        let end = self.b.ins().iadd(byte, width);
+        let mut bad = self.b.ins().icmp(IntCC::UnsignedGreaterThan, end, length);
+        let seven = self.word(7);
+        let bit = self.b.ins().band(at, seven);
+        if bits > 1 {
+            let zero = self.word(0);
+            let odd = self.b.ins().icmp(IntCC::NotEqual, bit, zero);
+            bad = self.b.ins().bor(bad, odd);
+        }
+        self.leave_if(bad, pc);
+        let byte = self.b.ins().iadd(first, byte);
+        let base = self.arena_at(byte);
+        let bit = if bits > 1 { BitAt::Known(0) } else { BitAt::Computed(bit) };
+        Spot { base, offset: 0, bit }
+    }
+
+    /// An area-crossing pointer: the areas programs use; the others are left to the reference.
+    fn crossing(&mut self, pointer: Value, at: Value, bits: u32, write: bool, pc: usize) -> Spot {
+        let shift = self.word(24);
+        let code = self.b.ins().ushr(pointer, shift);
+        let (mut first, mut length) = (self.word(0), self.word(0));
+        for area in [Area::Output, Area::Input, Area::Local, Area::Di, Area::Memory, Area::Db] {
+            let (area_first, area_length) = self.area_values(area, write);
+            let wanted = self.word(u32::from(area.pointer_code()));
+            let same = self.b.ins().icmp(IntCC::Equal, code, wanted);
+            first = self.b.ins().select(same, area_first, first);
+            length = self.b.ins().select(same, area_length, length);
+        }
+        self.bounded(first, length, at, bits, pc)
+    }
+
+    /// An address register: 0 is AR1, 1 is AR2.
+    pub(crate) fn address(&mut self, index: usize) -> Value {
+        match self.now.ar[index] {
+            Reg::Var => self.b.use_var(self.vars.ar[index]),
+            Reg::Known(value) => self.word(value),
+            Reg::Val(v) => v,
+        }
+    }
+
+    /// AR2 has changed: what was checked of the instance no longer holds.
+    pub(crate) fn set_address(&mut self, index: usize, value: Reg) {
+        self.now.ar[index] = value;
+        if index == 1 {
+            self.checked.instance = None;
+        }
+    }
+}

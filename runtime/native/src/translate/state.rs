@@ -1,0 +1,374 @@
+//! What the translation knows of the registers at a place of the code: values in machine registers, parts of them, or
+//! constants. A `Var` is in the variable of its register, as at places where jumps meet.
+
+use cranelift_codegen::ir::{InstBuilder, Type, Value, condcodes::{FloatCC, IntCC}, types};
+use cranelift_frontend::{FunctionBuilder, Variable};
+use ob1_cpu::engine::{CC0, CC1, Db};
+use ob1_ir::StatusBit;
+
+/// A bit of the status word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Bit {
+    Var,
+    Known(bool),
+    /// 0 or 1 in eight bits.
+    Val(Value),
+}
+
+/// An accumulator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Accu {
+    Var,
+    Full(Value),
+    /// The high word of one value and the low word of another.
+    Split { hi: Value, lo: Value },
+    /// A floating-point result. What is no number is made the one that the CPU knows when the bits are needed.
+    Real(Value),
+}
+
+/// An address register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reg {
+    Var,
+    Known(u32),
+    Val(Value),
+}
+
+/// CC1 and CC0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cc {
+    Var,
+    /// Those of a number: greater than 0, less than 0.
+    Sign(Value),
+    /// CC1 and CC0 as bits.
+    Pair(Value, Value),
+    /// In their places of the status word.
+    Word(Value),
+}
+
+/// A data block register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Data {
+    Var,
+    Known(Db),
+}
+
+/// An open bracket.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bracket {
+    pub(crate) rlo: Bit,
+    pub(crate) or: Bit,
+    pub(crate) negate: bool,
+    pub(crate) logic: ob1_ir::Logic,
+}
+
+/// Everything.
+#[derive(Clone, Debug)]
+pub(crate) struct State {
+    pub(crate) a: [Accu; 2],
+    pub(crate) ar: [Reg; 2],
+    pub(crate) rlo: Bit,
+    pub(crate) fc: Bit,
+    pub(crate) or: Bit,
+    pub(crate) sta: Bit,
+    pub(crate) cc: Cc,
+    pub(crate) ov: Bit,
+    pub(crate) os: Bit,
+    pub(crate) br: Bit,
+    pub(crate) db: Data,
+    pub(crate) di: Data,
+    /// Brackets opened since the last place where jumps meet; others are in the variable.
+    pub(crate) brackets: Vec<Bracket>,
+    /// Statements that the variable does not count yet.
+    pub(crate) uncounted: u32,
+}
+
+impl State {
+    /// Everything in its variable.
+    pub(crate) fn variables() -> Self {
+        Self {
+            a: [Accu::Var; 2],
+            ar: [Reg::Var; 2],
+            rlo: Bit::Var,
+            fc: Bit::Var,
+            or: Bit::Var,
+            sta: Bit::Var,
+            cc: Cc::Var,
+            ov: Bit::Var,
+            os: Bit::Var,
+            br: Bit::Var,
+            db: Data::Var,
+            di: Data::Var,
+            brackets: Vec::new(),
+            uncounted: 0,
+        }
+    }
+}
+
+/// The variables of the registers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Vars {
+    pub(crate) a: [Variable; 2],
+    pub(crate) ar: [Variable; 2],
+    pub(crate) rlo: Variable,
+    pub(crate) fc: Variable,
+    pub(crate) or: Variable,
+    pub(crate) sta: Variable,
+    pub(crate) cc: Variable,
+    pub(crate) ov: Variable,
+    pub(crate) os: Variable,
+    pub(crate) br: Variable,
+    pub(crate) nest: Variable,
+    /// Place, length and writable length of the opened data blocks.
+    pub(crate) db: [Variable; 3],
+    pub(crate) di: [Variable; 3],
+    pub(crate) executed: Variable,
+}
+
+impl Vars {
+    pub(crate) fn declare(b: &mut FunctionBuilder<'_>) -> Self {
+        let mut word = |ty: Type| b.declare_var(ty);
+        let (i8, i32, i64) = (types::I8, types::I32, types::I64);
+        Self {
+            a: [word(i32), word(i32)],
+            ar: [word(i32), word(i32)],
+            rlo: word(i8),
+            fc: word(i8),
+            or: word(i8),
+            sta: word(i8),
+            cc: word(i32),
+            ov: word(i8),
+            os: word(i8),
+            br: word(i8),
+            nest: word(i64),
+            db: [word(i32), word(i32), word(i32)],
+            di: [word(i32), word(i32), word(i32)],
+            executed: word(i32),
+        }
+    }
+}
+
+/// A constant, when the value is one.
+pub(crate) fn constant(b: &FunctionBuilder<'_>, v: Value) -> Option<i64> {
+    use cranelift_codegen::ir::{InstructionData, Opcode, ValueDef};
+    let ValueDef::Result(inst, 0) = b.func.dfg.value_def(v) else { return None };
+    match b.func.dfg.insts[inst] {
+        InstructionData::UnaryImm { opcode: Opcode::Iconst, imm } => Some(imm.bits()),
+        _ => None,
+    }
+}
+
+impl Bit {
+    /// The value.
+    pub(crate) fn value(self, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+        match self {
+            Bit::Var => b.use_var(var),
+            Bit::Known(bit) => b.ins().iconst(types::I8, i64::from(bit)),
+            Bit::Val(v) => v,
+        }
+    }
+}
+
+/// `a & b`.
+pub(crate) fn and(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
+    match (x, y) {
+        (Bit::Known(false), _) | (_, Bit::Known(false)) => Bit::Known(false),
+        (Bit::Known(true), other) | (other, Bit::Known(true)) => other,
+        (Bit::Val(x), Bit::Val(y)) => Bit::Val(b.ins().band(x, y)),
+        _ => unreachable_bit(),
+    }
+}
+
+/// `a | b`.
+pub(crate) fn or(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
+    match (x, y) {
+        (Bit::Known(true), _) | (_, Bit::Known(true)) => Bit::Known(true),
+        (Bit::Known(false), other) | (other, Bit::Known(false)) => other,
+        (Bit::Val(x), Bit::Val(y)) => Bit::Val(b.ins().bor(x, y)),
+        _ => unreachable_bit(),
+    }
+}
+
+/// `a ^ b`.
+pub(crate) fn xor(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
+    match (x, y) {
+        (Bit::Known(x), Bit::Known(y)) => Bit::Known(x != y),
+        (Bit::Known(false), other) | (other, Bit::Known(false)) => other,
+        (Bit::Known(true), other) | (other, Bit::Known(true)) => not(other, b),
+        (Bit::Val(x), Bit::Val(y)) => Bit::Val(b.ins().bxor(x, y)),
+        _ => unreachable_bit(),
+    }
+}
+
+/// `!a`.
+pub(crate) fn not(x: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
+    match x {
+        Bit::Known(x) => Bit::Known(!x),
+        Bit::Val(x) => {
+            let one = b.ins().iconst(types::I8, 1);
+            Bit::Val(b.ins().bxor(x, one))
+        }
+        Bit::Var => unreachable_bit(),
+    }
+}
+
+/// Variables are read before bits are combined.
+fn unreachable_bit() -> Bit {
+    debug_assert!(false, "a bit in its variable");
+    Bit::Known(false)
+}
+
+/// CC1 and CC0 as bits.
+pub(crate) fn pair(cc: Cc, var: Variable, b: &mut FunctionBuilder<'_>) -> (Bit, Bit) {
+    let word = match cc {
+        Cc::Sign(v) => {
+            let ty = b.func.dfg.value_type(v);
+            let zero = b.ins().iconst(ty, 0);
+            let positive = b.ins().icmp(IntCC::SignedGreaterThan, v, zero);
+            let negative = b.ins().icmp(IntCC::SignedLessThan, v, zero);
+            return (Bit::Val(positive), Bit::Val(negative));
+        }
+        Cc::Pair(cc1, cc0) => {
+            let bit = |b: &FunctionBuilder<'_>, v| match constant(b, v) {
+                Some(c) => Bit::Known(c & 1 == 1),
+                None => Bit::Val(v),
+            };
+            return (bit(b, cc1), bit(b, cc0));
+        }
+        Cc::Word(v) => v,
+        Cc::Var => b.use_var(var),
+    };
+    let bit = |b: &mut FunctionBuilder<'_>, mask: u32| {
+        let shift = b.ins().iconst(types::I32, i64::from(mask.trailing_zeros()));
+        let shifted = b.ins().ushr(word, shift);
+        let one = b.ins().iconst(types::I32, 1);
+        let one_bit = b.ins().band(shifted, one);
+        Bit::Val(b.ins().ireduce(types::I8, one_bit))
+    };
+    (bit(b, CC1), bit(b, CC0))
+}
+
+/// CC1 and CC0 in their places of the status word.
+pub(crate) fn word(cc: Cc, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+    match cc {
+        Cc::Var => b.use_var(var),
+        Cc::Word(v) => v,
+        _ => {
+            let (cc1, cc0) = pair(cc, var, b);
+            let high = placed(cc1, CC1, b);
+            let low = placed(cc0, CC0, b);
+            b.ins().bor(high, low)
+        }
+    }
+}
+
+/// A bit at its place of the status word.
+pub(crate) fn placed(bit: Bit, mask: u32, b: &mut FunctionBuilder<'_>) -> Value {
+    match bit {
+        Bit::Known(bit) => b.ins().iconst(types::I32, i64::from(if bit { mask } else { 0 })),
+        Bit::Val(v) => {
+            let wide = b.ins().uextend(types::I32, v);
+            let shift = b.ins().iconst(types::I32, i64::from(mask.trailing_zeros()));
+            b.ins().ishl(wide, shift)
+        }
+        Bit::Var => b.ins().iconst(types::I32, 0),
+    }
+}
+
+/// A condition of CC1 and CC0.
+pub(crate) fn condition(bit: StatusBit, cc: Cc, var: Variable, b: &mut FunctionBuilder<'_>) -> Bit {
+    if let Cc::Sign(v) = cc {
+        let how = match bit {
+            StatusBit::Zero => IntCC::Equal,
+            StatusBit::Positive => IntCC::SignedGreaterThan,
+            StatusBit::Negative => IntCC::SignedLessThan,
+            StatusBit::NotZero => IntCC::NotEqual,
+            StatusBit::NotNegative => IntCC::SignedGreaterThanOrEqual,
+            StatusBit::NotPositive => IntCC::SignedLessThanOrEqual,
+            _ => return Bit::Known(false),
+        };
+        let ty = b.func.dfg.value_type(v);
+        let zero = b.ins().iconst(ty, 0);
+        return Bit::Val(b.ins().icmp(how, v, zero));
+    }
+    let (cc1, cc0) = pair(cc, var, b);
+    match bit {
+        StatusBit::Zero => {
+            let any = or(cc1, cc0, b);
+            not(any, b)
+        }
+        StatusBit::Positive => {
+            let other = not(cc0, b);
+            and(cc1, other, b)
+        }
+        StatusBit::Negative => {
+            let other = not(cc1, b);
+            and(cc0, other, b)
+        }
+        StatusBit::NotZero => xor(cc1, cc0, b),
+        StatusBit::NotNegative => not(cc0, b),
+        StatusBit::NotPositive => not(cc1, b),
+        _ => and(cc1, cc0, b),
+    }
+}
+
+/// All 32 bits of an accumulator.
+pub(crate) fn full(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+    match accu {
+        Accu::Var => b.use_var(var),
+        Accu::Full(v) => v,
+        Accu::Split { hi, lo } => {
+            let mask = b.ins().iconst(types::I32, 0xFFFF);
+            let low = b.ins().band(lo, mask);
+            if constant(b, hi).is_some_and(|hi| hi & 0xFFFF_0000 == 0) {
+                return low;
+            }
+            let mask = b.ins().iconst(types::I32, 0xFFFF_0000);
+            let high = b.ins().band(hi, mask);
+            b.ins().bor(high, low)
+        }
+        Accu::Real(v) => {
+            let bits = b.ins().bitcast(types::I32, cranelift_codegen::ir::MemFlagsData::new(), v);
+            let no_number = b.ins().fcmp(FloatCC::Unordered, v, v);
+            let known = b.ins().iconst(types::I32, 0x7FFF_FFFF);
+            b.ins().select(no_number, known, bits)
+        }
+    }
+}
+
+/// An accumulator whose low word is right.
+pub(crate) fn low(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+    match accu {
+        Accu::Split { lo, .. } => lo,
+        other => full(other, var, b),
+    }
+}
+
+/// The low word with its sign.
+pub(crate) fn signed(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+    let v = low(accu, var, b);
+    if let Some(c) = constant(b, v) {
+        return b.ins().iconst(types::I32, i64::from(c as i16));
+    }
+    let word = b.ins().ireduce(types::I16, v);
+    b.ins().sextend(types::I32, word)
+}
+
+/// An accumulator as floating-point number.
+pub(crate) fn real(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+    match accu {
+        Accu::Real(v) => v,
+        other => {
+            let bits = full(other, var, b);
+            b.ins().bitcast(types::F32, cranelift_codegen::ir::MemFlagsData::new(), bits)
+        }
+    }
+}
+
+/// Where a value's high word comes from.
+pub(crate) fn high(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+    match accu {
+        Accu::Split { hi, .. } => hi,
+        other => full(other, var, b),
+    }
+}
