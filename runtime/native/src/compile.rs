@@ -57,6 +57,12 @@ impl Image {
         self.bytes.len()
     }
 
+    /// Blocks that have code, and all blocks.
+    #[must_use]
+    pub fn blocks(&self) -> (usize, usize) {
+        (self.functions.iter().filter(|function| function.at.is_some()).count(), self.functions.len())
+    }
+
     /// There is no code.
     #[must_use]
     pub fn is_empty(&self) -> bool {

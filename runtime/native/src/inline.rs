@@ -133,6 +133,7 @@ pub(crate) fn room(t: &mut Translation<'_, '_>) -> Option<Value> {
     if !any {
         return None;
     }
+    let (depth, room) = (u32::from(t.plan.nesting_depth), t.plan.areas.local.len);
     let mut check = |at: usize, more: u32, most: u32| {
         let used = t.load_state(types::I32, t.hot, at);
         let more = t.word(more);
@@ -140,8 +141,8 @@ pub(crate) fn room(t: &mut Translation<'_, '_>) -> Option<Value> {
         let most = t.word(most);
         t.b.ins().icmp(IntCC::UnsignedLessThanOrEqual, needed, most)
     };
-    let depth = check(offset_of!(Hot, depth), 1, u32::from(t.plan.nesting_depth));
-    let local = check(offset_of!(Hot, local_top), local, t.plan.areas.local.len);
+    let depth = check(offset_of!(Hot, depth), 1, depth);
+    let local = check(offset_of!(Hot, local_top), local, room);
     let used = t.load_state(types::I32, t.hot, offset_of!(Hot, refs_top));
     let more = t.word(refs);
     let needed = t.b.ins().iadd(used, more);
@@ -174,7 +175,7 @@ impl Translation<'_, '_> {
         let mut refs: Vec<Reference> = call.refs.iter().map(|bit| Reference::Arena(*bit)).collect();
         for (index, patch) in &call.patches {
             if let (RefArg::Local(at), Some(slot)) = (patch, refs.get_mut(usize::from(*index))) {
-                *slot = Reference::Local(at.0);
+                *slot = Reference::Local(*at);
             }
         }
         if let Some(db) = instance {
@@ -185,7 +186,7 @@ impl Translation<'_, '_> {
                     InSource::Place(Place::Fixed(_, at)) => self.read_at(self.local, at.0, input.bits),
                     _ => continue,
                 };
-                self.write_at(self.arena, db.at.0 * 8 + input.at.0, input.bits, value);
+                self.write_at(self.arena, db.at.0 * 8 + input.at, input.bits, value);
             }
         }
         let entry = Facts {
@@ -220,7 +221,7 @@ impl Translation<'_, '_> {
         self.checked.instance = None;
         if let Some(db) = instance {
             for out in &call.outs {
-                let value = self.read_at(self.arena, db.at.0 * 8 + out.at.0, out.bits);
+                let value = self.read_at(self.arena, db.at.0 * 8 + out.at, out.bits);
                 match &out.to {
                     OutTarget::Arena(bit) => self.write_at(self.arena, bit.0, out.bits, value),
                     OutTarget::Place(Place::Fixed(_, at)) => self.write_at(self.local, at.0, out.bits, value),

@@ -3,6 +3,8 @@
 //! The reference engine of `ob1-cpu` defines what every statement means; here the same is done faster. What is rare,
 //! and whatever fails, is left to the reference's own functions, so that there is one meaning.
 
+#![allow(unsafe_code)]
+
 mod code;
 mod compile;
 mod engine;

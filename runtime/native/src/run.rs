@@ -118,7 +118,8 @@ fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Con
         Prepared::Ready(callee, entry) => (callee, entry),
     };
     let copied = match callee {
-        Callee::Native(native) => cx.run_native(native, at, call, &entry, tops, r)?,
+        // What fails behind it has left the chain ended.
+        Callee::Native(native) => return cx.run_native(native, at, call, &entry, tops, r).map(|()| DONE),
         Callee::Code(next) => {
             let instance = !matches!(call.instance, InstanceOf::None);
             let local_len = code.plan.blocks[next as usize].local_len;

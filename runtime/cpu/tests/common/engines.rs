@@ -3,9 +3,15 @@
 use std::cell::Cell;
 
 use ob1_cpu::engine::{Factory, PLAIN, REFERENCE};
+use ob1_native::{AtLoad, Tier};
 
 /// Every engine.
-pub const ENGINES: &[(&str, &dyn Factory)] = &[("reference", REFERENCE), ("plain", PLAIN)];
+pub const ENGINES: &[(&str, &dyn Factory)] = &[
+    ("reference", REFERENCE),
+    ("plain", PLAIN),
+    ("native", &AtLoad(Tier::Optimised)),
+    ("native, fast tier", &AtLoad(Tier::Fast)),
+];
 
 thread_local! {
     /// Row of the engine under test.
