@@ -36,7 +36,8 @@ fn program(path: &str) -> Result<ob1_ir::Program, String> {
 
 fn cpu(path: &str, program: &ob1_ir::Program, factory: &dyn Factory) -> Result<Cpu, String> {
     let config = CpuConfig { memory_bytes: 2048, ..CpuConfig::default() };
-    let mut cpu = Cpu::new(config, program, system_blocks(), Vec::new(), factory).map_err(|e| format!("{path}: {e:?}"))?;
+    let mut cpu =
+        Cpu::new(config, program, system_blocks(), Vec::new(), factory).map_err(|e| format!("{path}: {e:?}"))?;
     cpu.request(Command::Warm);
     Ok(cpu)
 }

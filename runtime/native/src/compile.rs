@@ -63,6 +63,12 @@ impl Image {
         (self.functions.iter().filter(|function| function.at.is_some()).count(), self.functions.len())
     }
 
+    /// Bytes of stack that a block's code takes at most, without the helpers it calls.
+    #[must_use]
+    pub fn stack_bytes(&self) -> usize {
+        self.stack as usize
+    }
+
     /// There is no code.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -3,7 +3,8 @@
 
 use ob1_cpu::engine::Plan;
 use ob1_ir::{
-    AccuOp, AddressRegister, BitTest, Convert, DbRegister, Jump, Logic, Number, NumberFormat, Op, Place, StatusBit, Stmt,
+    AccuOp, AddressRegister, BitTest, Convert, DbRegister, Jump, Logic, Number, NumberFormat, Op, Place, StatusBit,
+    Stmt,
 };
 
 use crate::place;
@@ -165,17 +166,11 @@ impl Env<'_> {
             Op::Transfer(o) => (A1 | place(&o.place), 0),
             Op::LoadStatus => (ALL, 0),
             Op::TransferStatus => (ALL, 0),
-            Op::Arithmetic(..) => {
-                (needed(A1 | CC | OV | OS, A1 | A2), A1 | CC | OV | if self.four() { A2 } else { 0 })
-            }
+            Op::Arithmetic(..) => (needed(A1 | CC | OV | OS, A1 | A2), A1 | CC | OV | if self.four() { A2 } else { 0 }),
             Op::AddConst { .. } | Op::Increment(_) | Op::Decrement(_) => (needed(A1, A1), A1),
             Op::Compare(..) => (needed(RLO | STA | CC | OV | OS, A1 | A2), RLO | CHAIN | CC | OV),
-            Op::WordLogic(_, with) => {
-                (needed(A1 | CC, A1 | if with.is_none() { A2 } else { 0 }), A1 | CC | OV)
-            }
-            Op::DWordLogic(_, with) => {
-                (needed(A1 | CC, A1 | if with.is_none() { A2 } else { 0 }), A1 | CC | OV)
-            }
+            Op::WordLogic(_, with) => (needed(A1 | CC, A1 | if with.is_none() { A2 } else { 0 }), A1 | CC | OV),
+            Op::DWordLogic(_, with) => (needed(A1 | CC, A1 | if with.is_none() { A2 } else { 0 }), A1 | CC | OV),
             Op::Shift(_, Some(0)) => (0, 0),
             Op::Shift(_, Some(_)) => (needed(A1 | CC, A1), A1 | CC | OV),
             Op::Shift(_, None) => (A1 | A2, 0),
@@ -296,7 +291,7 @@ impl Facts {
     pub(crate) const NONE: Self = Self { fc: None, or: None, db: None, di: None };
 
     fn meet(self, other: Self) -> Self {
-        fn same<T: PartialEq>(a: Option<T>, b: Option<T>) -> Option<T> {
+        fn same<T: PartialEq + Copy>(a: Option<T>, b: Option<T>) -> Option<T> {
             if a == b { a } else { None }
         }
         Self {
@@ -321,12 +316,7 @@ impl Facts {
                 set(no, no);
             }
             Op::Jump(
-                Jump::IfRlo
-                | Jump::IfNotRlo
-                | Jump::IfRloSaveBr
-                | Jump::IfNotRloSaveBr
-                | Jump::IfBr
-                | Jump::IfNotBr,
+                Jump::IfRlo | Jump::IfNotRlo | Jump::IfRloSaveBr | Jump::IfNotRloSaveBr | Jump::IfBr | Jump::IfNotBr,
                 _,
             ) => set(no, no),
             // A call that cannot be made leaves the chain as it is.
@@ -351,7 +341,10 @@ fn opened(op: &Op, env: &Env<'_>, facts: &mut Facts) {
         Place::InDi(n, _) => facts.di = place::data(env.plan, *n).map(|_| *n),
         _ => {}
     };
-    op.places(&mut |p, _| place(&p));
+    // A call gives both registers back.
+    if !matches!(op, Op::Call(_)) {
+        op.places(&mut |p, _| place(&p));
+    }
     match op {
         Op::OpenDb(register, n) => {
             let known = match n {

@@ -71,7 +71,9 @@ fn candidate(plan: &Plan, call: &Call) -> Option<(u32, Option<ob1_cpu::engine::D
 fn leaf(plan: &Plan, block: u32, instance: bool) -> bool {
     let code = &plan.blocks[block as usize];
     let id = code.id.kind;
-    if code.stmts.len() > STATEMENTS || !matches!(id, BlockKind::Fc | BlockKind::Fb) || (id == BlockKind::Fb) != instance
+    if code.stmts.len() > STATEMENTS
+        || !matches!(id, BlockKind::Fc | BlockKind::Fb)
+        || (id == BlockKind::Fb) != instance
     {
         return false;
     }
@@ -110,7 +112,12 @@ fn leaf(plan: &Plan, block: u32, instance: bool) -> bool {
                 | Op::AddArConst(ob1_ir::AddressRegister::Ar2, _)
         );
         let how = env.how(&stmt.op);
-        if back || !reachable || how == How::Step || how == How::Call || flow::opens_data(&stmt.op) || instance && sets_ar2
+        if back
+            || !reachable
+            || how == How::Step
+            || how == How::Call
+            || flow::opens_data(&stmt.op)
+            || instance && sets_ar2
         {
             return false;
         }
@@ -160,10 +167,7 @@ impl Translation<'_, '_> {
             return false;
         }
         let plan = self.plan;
-        let index = match self.body.ops[pc] {
-            ob1_cpu::engine::Op::Call { call } | ob1_cpu::engine::Op::CallNative { call, .. } => call,
-            _ => return false,
-        };
+        let ob1_cpu::engine::Op::Call { call: index } = self.body.ops[pc] else { return false };
         let call = &plan.blocks[self.block as usize].calls[index as usize];
         let Some((callee, instance)) = candidate(plan, call) else { return false };
         self.now.uncounted += 1;

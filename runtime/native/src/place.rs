@@ -44,14 +44,16 @@ pub(crate) fn class(place: &Place, bits: u32, plan: &Plan) -> Class {
             range.locate(at.byte(), bits.div_ceil(8)).map_or(Class::Slow, |byte| Class::Fixed(Some(byte.0)))
         }
         Place::InDb(n, _) | Place::InDi(n, _) => {
-            if data(plan, n).is_some() { Class::Checked } else { Class::Slow }
+            if data(plan, n).is_some() {
+                Class::Checked
+            } else {
+                Class::Slow
+            }
         }
         Place::Param { .. } | Place::Instance(_) => Class::Checked,
         Place::Memory(area, pointer) => {
-            let reachable = matches!(
-                area,
-                Area::Db | Area::Di | Area::Memory | Area::Input | Area::Output | Area::Local
-            );
+            let reachable =
+                matches!(area, Area::Db | Area::Di | Area::Memory | Area::Input | Area::Output | Area::Local);
             let pointer = match pointer.area {
                 Area::Memory => plan.areas.memory.locate(pointer.at.byte(), 4).is_some(),
                 Area::Local => true,

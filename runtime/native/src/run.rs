@@ -2,8 +2,8 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use ob1_cpu::engine::{Caller, Callee, Context, Hot, Prepared, Regs};
 use ob1_cpu::Abort;
+use ob1_cpu::engine::{Callee, Caller, Context, Hot, Prepared, Regs};
 use ob1_ir::Op;
 
 use crate::engine::Code;
@@ -42,17 +42,7 @@ const ENDED: i32 = 0;
 impl Run {
     pub(crate) fn new(regs: Regs, code: &Code, cx: &mut Context<'_>) -> Self {
         let hot = std::ptr::from_mut(cx.hot());
-        Self {
-            regs,
-            hot,
-            safe_point,
-            step,
-            leave,
-            call,
-            cpu: std::ptr::from_mut(cx).cast(),
-            code,
-            panicked: false,
-        }
+        Self { regs, hot, safe_point, step, leave, call, cpu: std::ptr::from_mut(cx).cast(), code, panicked: false }
     }
 }
 
@@ -106,9 +96,11 @@ fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Con
     };
     let call = &caller.calls[call as usize];
     let tops = cx.tops();
+    let before = *r;
     let prepared = match cx.prepare(call, r) {
         Ok(prepared) => prepared,
         Err(fault) => {
+            *r = before;
             cx.release(tops);
             return cx.fault_at(at, fault, r).map(|()| FAILED);
         }

@@ -28,6 +28,12 @@ const TABLE: &[Row] = &[
     // It runs the system blocks, which are pure functions, as native blocks.
     row("ob1-cpu", "invariant 2", &["ob1-model", "ob1-ir", "ob1-std", "hdrhistogram", "rtrb"]),
     row("ob1-log", "invariant 4", &["rustix"]),
+    // The one crate that makes machine code.
+    row(
+        "ob1-native",
+        "invariant 3",
+        &["ob1-cpu", "ob1-ir", "ob1-model", "cranelift-codegen", "cranelift-frontend", "rustix", "target-lexicon"],
+    ),
     // What every link shares; STATUS in words stands with the protocols.
     row(
         "ob1-access",
@@ -224,6 +230,8 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
         ],
     ),
     ("invariant 3", &["ob1-stl", "ob1-mc7"], &["ob1-cpu", "ob1-host", "ob1-rt"]),
+    ("invariant 3", &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-cp"], &["ob1-native", "cranelift-codegen"]),
+    ("invariant 3", &["ob1-native"], &["ob1-stl", "ob1-mc7", "ob1-host", "ob1-rt"]),
     ("invariant 3", &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-ir"], &["ob1-stl", "ob1-mc7"]),
     // A protocol machine, and the firmware around it, see nothing but bytes and times.
     (

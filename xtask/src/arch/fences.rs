@@ -147,6 +147,8 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("plugins/sdk", ALL),
     ("plugins/words", ALL),
     ("runtime/cpu", ALL),
+    // Its memory for code comes from the system, through rustix.
+    ("runtime/native", &[Clock, Threads, Locks, Disk, Net, Process, Hash]),
     // It maps files that others made, through rustix.
     ("plugins/backplane", &[Clock, Threads, Locks, Disk, Net, Hash]),
     // It is handed the time; its pty has a name on the disk, and TCP is one of its lines.

@@ -262,11 +262,10 @@ impl Translation<'_, '_> {
             AccuOp::Add | AccuOp::Sub => {
                 let sum = if op == AccuOp::Add { self.b.ins().iadd(x, y) } else { self.b.ins().isub(x, y) };
                 // Overflow: the signs of the operands demand another sign than the sum's.
-                let (p, q) = (self.b.ins().bxor(sum, x), if op == AccuOp::Add {
-                    self.b.ins().bxor(sum, y)
-                } else {
-                    self.b.ins().bxor(x, y)
-                });
+                let (p, q) = (
+                    self.b.ins().bxor(sum, x),
+                    if op == AccuOp::Add { self.b.ins().bxor(sum, y) } else { self.b.ins().bxor(x, y) },
+                );
                 let both = self.b.ins().band(p, q);
                 let ov = self.is_zero(both, IntCC::SignedLessThan);
                 self.set_full(sum);

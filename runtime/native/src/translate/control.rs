@@ -198,7 +198,7 @@ impl Translation<'_, '_> {
         self.b.ins().brif(aborted, self.abort, &[], self.leave, &[BlockArg::from(behind)]);
         self.b.switch_to_block(next);
         self.take_count();
-        self.from_memory(pc + 1);
+        self.take_registers(pc + 1);
         self.end_chain(Bit::Known(true));
     }
 }

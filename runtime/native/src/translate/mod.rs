@@ -13,9 +13,7 @@ mod spill;
 pub(crate) mod state;
 mod words;
 
-use cranelift_codegen::ir::{
-    self, AliasRegion, AliasRegionData, InstBuilder, MemFlagsData, SigRef, Value, types,
-};
+use cranelift_codegen::ir::{self, AliasRegion, AliasRegionData, InstBuilder, MemFlagsData, SigRef, Value, types};
 use cranelift_frontend::FunctionBuilder;
 use ob1_cpu::engine::{Op as PlanOp, Plan, Regs};
 use ob1_ir::{Op, Stmt};
@@ -158,8 +156,8 @@ pub(crate) struct Made {
 }
 
 /// Fills `func` with the code of block `block`.
-pub(crate) fn translate<'a>(
-    plan: &'a Plan,
+pub(crate) fn translate(
+    plan: &Plan,
     block: u32,
     func: &mut ir::Function,
     context: &mut cranelift_frontend::FunctionBuilderContext,
@@ -292,13 +290,7 @@ impl Translation<'_, '_> {
         let facts = self.body.facts[pc].unwrap_or(Facts::NONE);
         let bit = |known: Option<bool>| known.map_or(Bit::Var, Bit::Known);
         let data = |known: Option<u16>| known.map_or(Data::Var, |n| self.known_data(n));
-        State {
-            fc: bit(facts.fc),
-            or: bit(facts.or),
-            db: data(facts.db),
-            di: data(facts.di),
-            ..State::variables()
-        }
+        State { fc: bit(facts.fc), or: bit(facts.or), db: data(facts.db), di: data(facts.di), ..State::variables() }
     }
 
     /// The code of statement `pc`, which jumps lead to. The reference can go on there, too.

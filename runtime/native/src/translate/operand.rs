@@ -273,8 +273,9 @@ impl Translation<'_, '_> {
         if let Reg::Known(pointer) = self.now.ar[index] {
             let at = pointer.wrapping_add(offset) & POINTER_BITS;
             let area = area.or_else(|| Area::from_pointer_code((pointer >> 24) as u8));
-            let reachable =
-                area.filter(|area| !matches!(area, Area::Peripheral | Area::PreviousLocal) && (bits == 1 || at % 8 == 0));
+            let reachable = area.filter(|area| {
+                !matches!(area, Area::Peripheral | Area::PreviousLocal) && (bits == 1 || at.is_multiple_of(8))
+            });
             return match reachable {
                 // What is verified of a fixed operand is not of this one.
                 Some(Area::Local) if at / 8 + bits.div_ceil(8) > self.local_len() => {

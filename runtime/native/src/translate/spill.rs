@@ -18,7 +18,8 @@ pub(crate) fn changed(plan: &Plan, block: u32) -> Set {
     if code.stmts.iter().any(|s| matches!(s.op, Op::Call(_))) {
         return flow::ALL;
     }
-    let mut set = flow::RLO | flow::FC | flow::OR | flow::STA | flow::A1 | flow::A2 | flow::CC | flow::OV | flow::OS | flow::BR;
+    let mut set =
+        flow::RLO | flow::FC | flow::OR | flow::STA | flow::A1 | flow::A2 | flow::CC | flow::OV | flow::OS | flow::BR;
     for stmt in &code.stmts {
         set |= match &stmt.op {
             Op::LoadAr(_)
@@ -242,9 +243,7 @@ impl Translation<'_, '_> {
             let v = self.nest();
             self.b.def_var(self.vars.nest, v);
         }
-        for (data, vars, known) in
-            [(self.now.db, self.vars.db, facts.db), (self.now.di, self.vars.di, facts.di)]
-        {
+        for (data, vars, known) in [(self.now.db, self.vars.db, facts.db), (self.now.di, self.vars.di, facts.di)] {
             if let (Data::Known(db), None) = (data, known) {
                 for (value, var) in [db.at.0, db.len, db.writable].into_iter().zip(vars) {
                     let v = self.word(value);
@@ -339,11 +338,11 @@ impl Translation<'_, '_> {
         let answer = self.call_helper(offset_of!(Run, step), block, at);
         self.abort_if(answer);
         self.take_count();
-        self.from_memory(pc + 1);
+        self.take_registers(pc + 1);
     }
 
     /// Registers as memory has them, before statement `pc`.
-    pub(crate) fn from_memory(&mut self, pc: usize) {
+    pub(crate) fn take_registers(&mut self, pc: usize) {
         let (db, di) = (self.now.db, self.now.di);
         self.now = State { uncounted: self.now.uncounted, ..State::variables() };
         self.checked = Checked::default();

@@ -1,7 +1,11 @@
 //! What the translation knows of the registers at a place of the code: values in machine registers, parts of them, or
 //! constants. A `Var` is in the variable of its register, as at places where jumps meet.
 
-use cranelift_codegen::ir::{InstBuilder, Type, Value, condcodes::{FloatCC, IntCC}, types};
+use cranelift_codegen::ir::{
+    InstBuilder, Type, Value,
+    condcodes::{FloatCC, IntCC},
+    types,
+};
 use cranelift_frontend::{FunctionBuilder, Variable};
 use ob1_cpu::engine::{CC0, CC1, Db};
 use ob1_ir::StatusBit;
@@ -21,7 +25,10 @@ pub(crate) enum Accu {
     Var,
     Full(Value),
     /// The high word of one value and the low word of another.
-    Split { hi: Value, lo: Value },
+    Split {
+        hi: Value,
+        lo: Value,
+    },
     /// A floating-point result. What is no number is made the one that the CPU knows when the bits are needed.
     Real(Value),
 }

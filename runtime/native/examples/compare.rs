@@ -1,0 +1,28 @@
+//! Random programs on the reference engine and on the native one:
+//! `cargo run --release -p ob1-native --example compare -- PROGRAMS [FIRST SEED]`
+#![allow(clippy::disallowed_methods, clippy::print_stdout, reason = "a tool for a desk")]
+
+#[path = "../tests/random/mod.rs"]
+mod random;
+
+use ob1_native::{AtLoad, Tier};
+
+fn main() {
+    let mut numbers = std::env::args().skip(1).filter_map(|arg| arg.parse::<u64>().ok());
+    let (programs, first) = (numbers.next().unwrap_or(1000), numbers.next().unwrap_or(1 << 32));
+    let (mut loaded, mut differ) = (0u64, 0u64);
+    for seed in first..first + programs {
+        let tier = if seed % 2 == 0 { Tier::Optimised } else { Tier::Fast };
+        match random::compare(seed, 6, &AtLoad(tier)) {
+            Ok(runs) => loaded += u64::from(runs),
+            Err(difference) => {
+                differ += 1;
+                println!("{difference}");
+                if differ >= 3 {
+                    break;
+                }
+            }
+        }
+    }
+    println!("{programs} programs, {loaded} of them run, {differ} differences");
+}

@@ -1,0 +1,29 @@
+//! Random programs leave the same on the reference engine and on the native one.
+
+mod random;
+
+use ob1_native::{AtLoad, Tier};
+
+/// Programs of a run in CI. A campaign: `cargo run --release -p ob1-native --example compare -- 1000000`.
+const PROGRAMS: u64 = 2000;
+
+fn campaign(first: u64, programs: u64, tier: Tier) {
+    let mut loaded = 0;
+    for seed in first..first + programs {
+        match random::compare(seed, 6, &AtLoad(tier)) {
+            Ok(runs) => loaded += u64::from(runs),
+            Err(difference) => panic!("{difference}"),
+        }
+    }
+    assert!(loaded * 2 > programs, "only {loaded} of {programs} programs load");
+}
+
+#[test]
+fn random_programs_do_the_same_optimised() {
+    campaign(0, PROGRAMS / 2, Tier::Optimised);
+}
+
+#[test]
+fn random_programs_do_the_same_compiled_fast() {
+    campaign(PROGRAMS / 2, PROGRAMS / 2, Tier::Fast);
+}
