@@ -29,8 +29,8 @@ pub enum Rights {
     /// Look.
     #[default]
     Read,
-    /// Change values and the clock.
+    /// Change values.
     Write,
-    /// Change the operating state and the program.
+    /// Change the operating state, the clock and the program.
     Operate,
 }

@@ -268,7 +268,7 @@ fn the_clock_is_read_and_set() {
     let expected = DateTime { year: 2025, month: 1, day: 2, hour: 3, minute: 4, second: 5, ms: 607 };
     assert_eq!(desk.cpu.clock, expected);
     assert_eq!(desk.service(7, 2, &[0; 10])[0][20..22], [0xDC, 0x01]);
-    let mut reader = Desk::with(Rights::Read);
+    let mut reader = Desk::with(Rights::Write);
     assert_eq!(reader.service(7, 2, &set)[0][20..22], [0xD2, 0x41]);
 }
 

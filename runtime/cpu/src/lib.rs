@@ -36,6 +36,7 @@ mod settings;
 mod startup;
 mod system;
 mod szl;
+mod szl_outside;
 mod timers;
 mod wall;
 mod whereabouts;

@@ -10,19 +10,20 @@ use ob1_std::services::{RunTimes, StatusError, SystemStatus};
 use crate::interrupts::{priority_of, slot_of};
 use crate::machine::Machine;
 use crate::modules::{Plugged, SLOT};
+use crate::szl_outside;
 use crate::wall::Wall;
 use crate::{DiagEntry, Family, ModuleEntry};
 
 /// Who gets the records.
-type Each<'a> = &'a mut dyn FnMut(&[u8]);
+pub(crate) type Each<'a> = &'a mut dyn FnMut(&[u8]);
 /// Length of a record, or why there is none.
-type Length = Result<u16, StatusError>;
+pub(crate) type Length = Result<u16, StatusError>;
 
 /// The lists there are, for list 0000h.
-const LISTS: [u16; 29] = [
+const LISTS: [u16; 36] = [
     0x0000, 0x0011, 0x0111, 0x0012, 0x0112, 0x0013, 0x0113, 0x0014, 0x0015, 0x0115, 0x0019, 0x0119, 0x001C, 0x011C,
-    0x0222, 0x0124, 0x0424, 0x0074, 0x0174, 0x0091, 0x0A91, 0x0C91, 0x0D91, 0x00A0, 0x01A0, 0x00B1, 0x00B2, 0x00B3,
-    0xC0A0,
+    0x0222, 0x0025, 0x0131, 0x0132, 0x0232, 0x0124, 0x0424, 0x0074, 0x0174, 0x0091, 0x0A91, 0x0C91, 0x0D91, 0x0092,
+    0x0292, 0x0692, 0x00A0, 0x01A0, 0x00B1, 0x00B2, 0x00B3, 0xC0A0,
 ];
 /// LEDs of list xy74: SF, RUN, STOP, FRCE.
 const LEDS: [u16; 4] = [0x0001, 0x0004, 0x0005, 0x0006];
@@ -44,6 +45,10 @@ impl SystemStatus for Machine {
             0x0119 | 0x0174 => self.leds(Some(index), each),
             0x001C | 0x011C => self.components((id == 0x011C).then_some(index), each),
             0x0222 => self.interrupt_status(index, each),
+            0x0025 => szl_outside::partitions(),
+            0x0131 => szl_outside::capabilities(index, each),
+            0x0132 | 0x0232 => szl_outside::communication(index, each),
+            0x0092 | 0x0292 | 0x0692 => szl_outside::racks(index, each),
             0x0124 | 0x0424 => self.operating_state(each),
             0x0091 | 0x0A91 | 0x0D91 => self.module_status(None, each),
             0x0C91 => self.module_status(Some(index), each),
@@ -90,28 +95,28 @@ fn chosen(all: &[u16], index: Option<u16>, give: &mut dyn FnMut(u16)) -> Result<
 }
 
 /// A record that is filled piece by piece.
-struct Record<const N: usize> {
-    bytes: [u8; N],
+pub(crate) struct Record<const N: usize> {
+    pub(crate) bytes: [u8; N],
     at: usize,
 }
 
 impl<const N: usize> Record<N> {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { bytes: [0; N], at: 0 }
     }
 
-    fn put(mut self, bytes: &[u8]) -> Self {
+    pub(crate) fn put(mut self, bytes: &[u8]) -> Self {
         let end = (self.at + bytes.len()).min(N);
         self.bytes[self.at..end].copy_from_slice(&bytes[..end - self.at]);
         self.at = end;
         self
     }
 
-    fn word(self, word: u16) -> Self {
+    pub(crate) fn word(self, word: u16) -> Self {
         self.put(&word.to_be_bytes())
     }
 
-    fn long(self, long: u32) -> Self {
+    pub(crate) fn long(self, long: u32) -> Self {
         self.put(&long.to_be_bytes())
     }
 

@@ -41,6 +41,25 @@ const TABLE: &[Row] = &[
         &["ob1-backplane", "ob1-ir", "ob1-model", "ob1-protocols", "serde_json", "strsim", "thiserror"],
     ),
     row("ob1-s7", "invariant 1", &[]),
+    // It owns the sockets; the CPU is behind the broker.
+    row(
+        "ob1-s7-process",
+        "invariant 2",
+        &[
+            "ob1-access",
+            "ob1-log",
+            "ob1-model",
+            "ob1-rt",
+            "ob1-s7",
+            "clap",
+            "rustix",
+            "serde",
+            "serde_json",
+            "signal-hook",
+            "tracing",
+            "tracing-subscriber",
+        ],
+    ),
     row("ob1-rt", "invariant 4", &["ob1-cpu", "landlock", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"]),
     row(
         "ob1-host",

@@ -18,6 +18,10 @@ const PROTECTION: [u16; 2] = [0x0132, 0x0232];
 const PROTECTION_INDEX: u16 = 4;
 /// In the record: the level that is in force, a word.
 const LEVEL_AT: usize = 6;
+/// List of what communication can do, the index of its general record, and in it the PDU and the connections, words.
+const CAPABILITIES: u16 = 0x0131;
+const GENERAL_INDEX: u16 = 1;
+const PDU_AT: usize = 2;
 
 impl Connection {
     pub(super) fn szl(&mut self, reference: u16, service: &UserData<'_>) -> Step {
@@ -35,6 +39,13 @@ impl Connection {
             out.extend_from_slice(&word.to_be_bytes());
         }
         out.extend_from_slice(bytes.get(..MOST).unwrap_or(bytes));
+        if id == CAPABILITIES && index == GENERAL_INDEX {
+            let [a, b] = self.settings.pdu.to_be_bytes();
+            let [c, d] = self.settings.connections.to_be_bytes();
+            if let Some(place) = out.get_mut(8 + PDU_AT..12 + PDU_AT) {
+                place.copy_from_slice(&[a, b, c, d]);
+            }
+        }
         // The level in force is that of this connection: 1 all, 2 no changes of program and operating state.
         if PROTECTION.contains(&id) && index == PROTECTION_INDEX {
             let level: u16 = if self.may(Rights::Operate) { 1 } else { 2 };
@@ -109,7 +120,7 @@ impl Connection {
         let sub = service.sub;
         match sub {
             sub::CLOCK | sub::FOLLOWING_CLOCK => Self::later(Ask::Clock, Service::Clock { sub }),
-            sub::SET_CLOCK | sub::SET_FOLLOWING_CLOCK if !self.may(Rights::Write) => {
+            sub::SET_CLOCK | sub::SET_FOLLOWING_CLOCK if !self.may(Rights::Operate) => {
                 self.refuse_service(reference, service, Code::PROTECTED)
             }
             sub::SET_CLOCK | sub::SET_FOLLOWING_CLOCK => match DateTime::read(service.data) {

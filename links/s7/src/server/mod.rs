@@ -37,11 +37,13 @@ pub struct Settings {
     pub rights: Rights,
     /// There is a password.
     pub has_password: bool,
+    /// Connections there can be, all together.
+    pub connections: u16,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { pdu: 960, jobs: MAX_JOBS, rights: Rights::Read, has_password: false }
+        Self { pdu: 960, jobs: MAX_JOBS, rights: Rights::Read, has_password: false, connections: 1 }
     }
 }
 

@@ -1,0 +1,417 @@
+//! What a connection asks of the CPU, on its way through the broker.
+//!
+//! Requests of a connection are served in their order; reads that follow each other at the same time. So a read that
+//! comes after a write sees it, also when the client has not waited for the write.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use ob1_access::door::{Answer, Ask as Question, Command, Door, News, NotYet, Reading, Refusal, Ticket};
+use ob1_model::{BlockId, BlockKind, GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
+use ob1_s7::Rights;
+use ob1_s7::codes::{Code, ItemCode};
+use ob1_s7::server::{Ask, Control, Listed, Reply, Request};
+use ob1_s7::wire::{Address, BlockType, DateTime};
+
+use crate::cells;
+use crate::config::Config;
+
+/// A CPU that shows nothing for so long does not answer: longer than any cycle a watchdog allows.
+const PATIENCE: Duration = Duration::from_secs(6);
+/// While a snapshot could not be read, because the scan was faster in every try.
+const SOON: Duration = Duration::from_millis(1);
+/// So long a change of the operating state may take.
+const TRANSITION: Duration = Duration::from_secs(3);
+/// So often its end is looked for.
+const LOOK: Duration = Duration::from_millis(20);
+/// RET_VAL of SFC 51: no such list, no such index.
+const NO_LIST: u16 = 0x8082;
+const NO_INDEX: u16 = 0x8083;
+/// The list of the operating state; in its record the state is the low half of this byte.
+const OPERATING_STATE: u16 = 0x0424;
+const STATE_AT: usize = 3;
+const STARTUP: u8 = 0x06;
+const RUN: u8 = 0x08;
+
+/// The requests of one connection.
+#[derive(Debug, Default)]
+pub(crate) struct Asks {
+    waiting: VecDeque<Request>,
+    doing: Vec<Doing>,
+}
+
+/// A request under way.
+#[derive(Debug)]
+enum Doing {
+    Read {
+        id: u64,
+        addresses: Vec<Address>,
+        pieces: Vec<Piece>,
+        until: Instant,
+        again: Instant,
+    },
+    Write(Write),
+    /// One question, one answer; where it is about a password, what the connection may then.
+    Question {
+        id: u64,
+        ticket: Ticket,
+        rights: Option<Rights>,
+    },
+    Control(Transition),
+}
+
+/// Values on their way: a group at a time, each without what was refused before.
+#[derive(Debug)]
+struct Write {
+    id: u64,
+    ticket: Ticket,
+    /// What is left, with the item it belongs to.
+    left: Vec<(usize, Put)>,
+    /// Entries of the group that is under way.
+    sent: usize,
+    codes: Vec<ItemCode>,
+}
+
+/// A change of the operating state.
+#[derive(Debug)]
+struct Transition {
+    id: u64,
+    control: Control,
+    step: Step,
+}
+
+#[derive(Debug)]
+enum Step {
+    /// In which state is it?
+    Before(Ticket),
+    /// The command is given.
+    Commanded(Ticket),
+    /// Has it come to its end?
+    After { ticket: Option<Ticket>, look_at: Instant, until: Instant },
+}
+
+/// What all connections share.
+pub(crate) struct Surroundings<'s> {
+    pub(crate) door: &'s mut Door,
+    pub(crate) reading: &'s mut Reading,
+    pub(crate) config: &'s Config,
+    pub(crate) now: Instant,
+}
+
+impl Asks {
+    pub(crate) fn push(&mut self, request: Request) {
+        self.waiting.push_back(request);
+    }
+
+    /// Begins what can begin, and tries again what has to wait. Replies go to `reply`.
+    pub(crate) fn step(&mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) {
+        let mut still = Vec::with_capacity(self.doing.len());
+        for doing in self.doing.drain(..) {
+            still.extend(doing.again(client, around, reply));
+        }
+        self.doing = still;
+        while let Some(next) = self.waiting.front() {
+            let reads = |doing: &Doing| matches!(doing, Doing::Read { .. });
+            let turn = self.doing.is_empty() || matches!(next.ask, Ask::Read(_)) && self.doing.iter().all(reads);
+            if !turn {
+                return;
+            }
+            if let Some(Request { id, ask }) = self.waiting.pop_front() {
+                self.doing.extend(begin(id, ask, client, around, reply));
+            }
+        }
+    }
+
+    /// An answer of the broker to this connection.
+    pub(crate) fn news(
+        &mut self,
+        client: u32,
+        news: &News,
+        around: &mut Surroundings<'_>,
+        reply: &mut dyn FnMut(u64, Reply),
+    ) {
+        let came = match news {
+            News::Written { ticket, .. } | News::Answer { ticket, .. } => *ticket,
+            News::Watching | News::Event(_) => return,
+        };
+        let Some(index) = self.doing.iter().position(|doing| doing.waits_for(came)) else { return };
+        let doing = self.doing.swap_remove(index);
+        self.doing.extend(doing.came(news, client, around, reply));
+    }
+
+    /// When [`Asks::step`] is wanted, whatever comes before.
+    pub(crate) fn due(&self) -> Option<Instant> {
+        let due = |doing: &Doing| match doing {
+            Doing::Read { again, .. } => Some(*again),
+            Doing::Control(Transition { step: Step::After { ticket: None, look_at, .. }, .. }) => Some(*look_at),
+            _ => None,
+        };
+        self.doing.iter().filter_map(due).min()
+    }
+}
+
+/// Begins a request; what is left to do, if it cannot be answered at once.
+fn begin(
+    id: u64,
+    ask: Ask,
+    client: u32,
+    around: &mut Surroundings<'_>,
+    reply: &mut dyn FnMut(u64, Reply),
+) -> Option<Doing> {
+    let question = match ask {
+        Ask::Read(addresses) => {
+            let pieces = cells::pieces(&addresses);
+            let until = around.now + PATIENCE;
+            let read = Doing::Read { id, addresses, pieces, until, again: until };
+            return read.again(client, around, reply);
+        }
+        Ask::Write(puts) => {
+            let mut write = Write { id, ticket: 0, left: Vec::new(), sent: 0, codes: vec![ItemCode::DONE; puts.len()] };
+            for (index, put) in puts.iter().enumerate() {
+                match cells::puts(put) {
+                    Ok(entries) => write.left.extend(entries.into_iter().map(|entry| (index, entry))),
+                    Err(why) => write.codes[index] = why,
+                }
+            }
+            return write.send(client, around, reply);
+        }
+        Ask::Control(Control::Compress | Control::CopyRamToRom) => {
+            // The memory has no gaps, and what was loaded is kept already.
+            reply(id, Reply::Done);
+            return None;
+        }
+        Ask::Control(control) => {
+            let ticket = around.door.ask(client, Question::Szl { id: OPERATING_STATE, index: 0 });
+            return Some(Doing::Control(Transition { id, control, step: Step::Before(ticket) }));
+        }
+        Ask::Load(_) | Ask::Delete(_) => {
+            reply(id, Reply::Refused(Code::NO_SERVICE));
+            return None;
+        }
+        Ask::Szl { id, index } => Question::Szl { id, index },
+        Ask::Blocks => Question::Blocks,
+        Ask::Block { ty, number } => match kind(ty) {
+            Some(kind) => Question::Block(BlockId::new(kind, number)),
+            None => {
+                reply(id, Reply::Refused(Code::NO_BLOCK));
+                return None;
+            }
+        },
+        Ask::Clock => Question::Clock,
+        Ask::SetClock(time) => Question::SetClock(time.date_and_time()),
+        Ask::Login(password) => Question::Login(password),
+        Ask::Logout => Question::Logout,
+    };
+    let rights = match question {
+        Question::Login(_) => Some(around.config.unlocked),
+        Question::Logout => Some(around.config.settings.rights),
+        _ => None,
+    };
+    let ticket = around.door.ask(client, question);
+    Some(Doing::Question { id, ticket, rights })
+}
+
+impl Doing {
+    fn waits_for(&self, came: Ticket) -> bool {
+        match self {
+            Doing::Read { .. } => false,
+            Doing::Write(write) => write.ticket == came,
+            Doing::Question { ticket, .. } => *ticket == came,
+            Doing::Control(transition) => match transition.step {
+                Step::Before(ticket) | Step::Commanded(ticket) => ticket == came,
+                Step::After { ticket, .. } => ticket == Some(came),
+            },
+        }
+    }
+
+    /// Once more, without an answer having come.
+    fn again(self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Self> {
+        match self {
+            Doing::Read { id, addresses, pieces, until, .. } => {
+                let refused = match around.door.read(&pieces, around.reading) {
+                    Ok(()) => {
+                        reply(id, Reply::Values(cells::values(&addresses, around.reading)));
+                        return None;
+                    }
+                    Err(why @ (NotYet::Coming | NotYet::Busy)) if around.now < until => {
+                        // What is coming is announced; a snapshot that was too fast is looked for again soon.
+                        let again = if why == NotYet::Busy { around.now + SOON } else { until };
+                        return Some(Doing::Read { id, addresses, pieces, until, again });
+                    }
+                    Err(_) => ItemCode::HARDWARE,
+                };
+                reply(id, Reply::Values(vec![Err(refused); addresses.len()]));
+                None
+            }
+            Doing::Control(Transition { id, control, step: Step::After { ticket: None, look_at, until } })
+                if look_at <= around.now =>
+            {
+                let ticket = Some(around.door.ask(client, Question::Szl { id: OPERATING_STATE, index: 0 }));
+                Some(Doing::Control(Transition { id, control, step: Step::After { ticket, look_at, until } }))
+            }
+            other => Some(other),
+        }
+    }
+
+    /// The answer has come.
+    fn came(
+        self,
+        news: &News,
+        client: u32,
+        around: &mut Surroundings<'_>,
+        reply: &mut dyn FnMut(u64, Reply),
+    ) -> Option<Self> {
+        match (self, news) {
+            (Doing::Write(write), News::Written { outcome, .. }) => {
+                let refused = outcome.as_ref().err().map(|refused| (refused.entry as usize, refused.why));
+                write.written(refused, client, around, reply)
+            }
+            (Doing::Question { id, rights, .. }, News::Answer { answer, .. }) => {
+                reply(id, answered(answer, rights));
+                None
+            }
+            (Doing::Control(transition), News::Answer { answer, .. }) => transition.came(answer, client, around, reply),
+            _ => None,
+        }
+    }
+}
+
+impl Write {
+    /// The next group; the reply, when there is none.
+    fn send(mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Doing> {
+        let mut bytes = 0;
+        let fits = |(_, put): &&(usize, Put)| {
+            bytes += put.bytes();
+            bytes <= WRITE_BYTES
+        };
+        let group: Vec<Put> =
+            self.left.iter().take(GROUP_ENTRIES).take_while(fits).map(|(_, put)| put.clone()).collect();
+        self.sent = group.len();
+        let sent = if group.is_empty() { None } else { around.door.write(client, group).ok() };
+        let Some(ticket) = sent else {
+            self.left.iter().for_each(|(item, _)| self.codes[*item] = ItemCode::INCONSISTENT);
+            reply(self.id, Reply::Written(self.codes));
+            return None;
+        };
+        self.ticket = ticket;
+        Some(Doing::Write(self))
+    }
+
+    fn written(
+        mut self,
+        refused: Option<(usize, Refusal)>,
+        client: u32,
+        around: &mut Surroundings<'_>,
+        reply: &mut dyn FnMut(u64, Reply),
+    ) -> Option<Doing> {
+        match refused {
+            None => drop(self.left.drain(..self.sent.min(self.left.len()))),
+            // Nothing of the group was written: the rest goes without the item that cannot be.
+            Some((entry, why)) => {
+                let Some(item) = self.left.get(entry).or(self.left.first()).map(|(item, _)| *item) else {
+                    reply(self.id, Reply::Written(self.codes));
+                    return None;
+                };
+                self.codes[item] = cells::code(why);
+                self.left.retain(|(other, _)| *other != item);
+            }
+        }
+        self.send(client, around, reply)
+    }
+}
+
+impl Transition {
+    fn came(
+        self,
+        answer: &Answer,
+        client: u32,
+        around: &mut Surroundings<'_>,
+        reply: &mut dyn FnMut(u64, Reply),
+    ) -> Option<Doing> {
+        let Self { id, control, step } = self;
+        let state = match answer {
+            Answer::Szl { bytes, .. } => bytes.get(STATE_AT).map(|state| state & 0x0F),
+            _ => None,
+        };
+        let runs = state.map(|state| matches!(state, RUN | STARTUP));
+        let step = match step {
+            Step::Before(_) if runs == Some(control != Control::Stop) => {
+                reply(id, Reply::Already);
+                return None;
+            }
+            Step::Before(_) => {
+                let command = match control {
+                    Control::Stop => Command::Stop,
+                    Control::Cold => Command::Cold,
+                    _ => Command::Warm,
+                };
+                Step::Commanded(around.door.ask(client, Question::Command(command)))
+            }
+            Step::Commanded(_) if *answer != Answer::Done => {
+                reply(id, answered(answer, None));
+                return None;
+            }
+            Step::Commanded(_) => Step::After { ticket: None, look_at: around.now, until: around.now + TRANSITION },
+            Step::After { until, .. } => {
+                let reached = if control == Control::Stop { runs == Some(false) } else { state == Some(RUN) };
+                if reached || around.now >= until {
+                    reply(id, if reached { Reply::Done } else { Reply::Refused(Code::COORDINATION) });
+                    return None;
+                }
+                Step::After { ticket: None, look_at: around.now + LOOK, until }
+            }
+        };
+        Doing::Control(Transition { id, control, step }).again(client, around, reply)
+    }
+}
+
+/// What an answer of the broker means.
+fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
+    match answer {
+        Answer::Done => rights.map_or(Reply::Done, Reply::Rights),
+        Answer::Clock(bytes) => DateTime::of_date_and_time(*bytes).map_or(Reply::Refused(Code::NOT_NOW), Reply::Clock),
+        Answer::Szl { record, bytes } => Reply::Szl { record: *record, bytes: bytes.to_vec() },
+        Answer::NoSzl(NO_LIST) => Reply::Refused(Code::NO_LIST),
+        Answer::NoSzl(NO_INDEX) => Reply::Refused(Code::NO_INDEX),
+        Answer::NoSzl(_) => Reply::Refused(Code::NOT_NOW),
+        Answer::Blocks(facts) => {
+            let listed = |fact: &ob1_access::door::BlockFact| Listed {
+                ty: ty(fact.id.kind),
+                number: fact.id.number,
+                language: fact.language,
+            };
+            Reply::Blocks(facts.iter().map(listed).collect())
+        }
+        Answer::Block(bytes) => Reply::Block(bytes.to_vec()),
+        Answer::Refused(refusal) => Reply::Refused(match refusal {
+            Refusal::Right => Code::PROTECTED,
+            Refusal::Password => Code::PASSWORD,
+            Refusal::NotThere => Code::NO_BLOCK,
+            Refusal::Cell(_) | Refusal::Full | Refusal::Silent => Code::NOT_NOW,
+        }),
+        Answer::Diagnostics(_) | Answer::Modules(_) => Reply::Refused(Code::SERVICE),
+    }
+}
+
+fn kind(ty: BlockType) -> Option<BlockKind> {
+    Some(match ty {
+        BlockType::Ob => BlockKind::Ob,
+        BlockType::Db => BlockKind::Db,
+        BlockType::Fc => BlockKind::Fc,
+        BlockType::Sfc => BlockKind::Sfc,
+        BlockType::Fb => BlockKind::Fb,
+        BlockType::Sfb => BlockKind::Sfb,
+        BlockType::Sdb => return None,
+    })
+}
+
+const fn ty(kind: BlockKind) -> BlockType {
+    match kind {
+        BlockKind::Ob => BlockType::Ob,
+        BlockKind::Db => BlockType::Db,
+        BlockKind::Fc => BlockType::Fc,
+        BlockKind::Sfc => BlockType::Sfc,
+        BlockKind::Fb => BlockType::Fb,
+        BlockKind::Sfb => BlockType::Sfb,
+    }
+}

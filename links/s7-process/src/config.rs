@@ -1,0 +1,96 @@
+//! The keys of the station file's `[[link]]` table that the process needs.
+
+use std::time::Duration;
+
+use ob1_access::Right;
+use ob1_access::door::Welcome;
+use ob1_s7::Rights;
+use ob1_s7::iso::Place;
+use ob1_s7::server::Settings;
+use serde::Deserialize;
+
+/// Connections that may be served at the same time, where the file says nothing.
+const CLIENTS: usize = 16;
+/// More is not served, whatever the file says.
+const MOST_CLIENTS: usize = 128;
+
+/// The keys.
+#[derive(Debug, Deserialize)]
+#[serde(default)]
+struct Keys {
+    rack: u8,
+    slot: u8,
+    pdu: u16,
+    clients: usize,
+    idle: u64,
+    password_rights: Option<String>,
+}
+
+impl Default for Keys {
+    fn default() -> Self {
+        let pdu = Settings::default().pdu;
+        // Where the CPU of an S7-300 sits.
+        Self { rack: 0, slot: 2, pdu, clients: CLIENTS, idle: 0, password_rights: None }
+    }
+}
+
+/// What the process does.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Config {
+    pub(crate) place: Place,
+    pub(crate) settings: Settings,
+    /// What a connection may after its password.
+    pub(crate) unlocked: Rights,
+    pub(crate) clients: usize,
+    /// A connection that is silent for so long is closed.
+    pub(crate) idle: Option<Duration>,
+}
+
+impl Config {
+    /// Of what the broker has said first.
+    ///
+    /// # Errors
+    /// The keys are not those of this version.
+    pub(crate) fn of(welcome: &Welcome) -> Result<Self, serde_json::Error> {
+        let keys: Keys = serde_json::from_str(&welcome.config)?;
+        let unlocked = keys.password_rights.as_deref().and_then(Right::named);
+        let clients = keys.clients.clamp(1, MOST_CLIENTS);
+        let settings = Settings {
+            pdu: keys.pdu,
+            rights: rights(welcome.rights),
+            has_password: unlocked.is_some(),
+            connections: clients as u16,
+            ..Settings::default()
+        };
+        Ok(Self {
+            place: Place { rack: keys.rack, slot: keys.slot },
+            settings,
+            unlocked: unlocked.map_or(settings.rights, rights),
+            clients,
+            idle: (keys.idle > 0).then(|| Duration::from_secs(keys.idle)),
+        })
+    }
+}
+
+fn rights(right: Right) -> Rights {
+    match right {
+        Right::Read => Rights::Read,
+        Right::Write => Rights::Write,
+        Right::Operate => Rights::Operate,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_that_are_not_there_have_their_usual_values() {
+        let keys = |text| serde_json::from_str::<Keys>(text).expect("keys");
+        let plain = keys(r#"{"type":"s7","name":"panel","listen":"127.0.0.1:102"}"#);
+        assert_eq!((plain.rack, plain.slot, plain.pdu, plain.clients, plain.idle), (0, 2, 960, 16, 0));
+        let all = keys(r#"{"rack":1,"slot":3,"pdu":240,"clients":4,"idle":60,"password_rights":"operate"}"#);
+        assert_eq!((all.rack, all.slot, all.pdu, all.clients, all.idle), (1, 3, 240, 4, 60));
+        assert_eq!(all.password_rights.as_deref().and_then(Right::named), Some(Right::Operate));
+    }
+}

@@ -1,0 +1,108 @@
+//! `ob1-s7`: the sockets of S7 communication. It serves panels, SCADA systems and programming devices on behalf of one
+//! link of a station, and reaches the CPU only through the broker, whose socket is its standard input.
+
+// Everything goes through one place that neither panics nor waits for ever.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+mod asks;
+mod cells;
+mod config;
+mod server;
+mod session;
+mod slots;
+
+use std::os::fd::AsFd;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use clap::Parser;
+use ob1_access::door::{Door, DoorError};
+use ob1_rt::{Confinement, Network};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use tracing::{error, info, warn};
+use tracing_subscriber::EnvFilter;
+
+use server::Server;
+
+/// How long what is still to be logged may hold up the end.
+const LAST_WORDS: Duration = Duration::from_millis(200);
+/// Most data, in bytes: 128 connections, each with all it can hold.
+const MEMORY: u64 = 256 << 20;
+/// It comes back by itself, the runtime does not: when memory runs out, the link goes first.
+const OOM_SCORE: i16 = 500;
+
+const HELP: &str = "\
+The runtime starts it for each [[link]] with type = \"s7\". Standard input is the socket of the broker; everything else,
+the listening sockets too, comes through it. SIGINT and SIGHUP are ignored (the runtime decides); SIGTERM ends it.
+
+Exit codes:
+  0  the station has closed the door, or SIGTERM
+  1  the door cannot be used
+  2  wrong arguments
+
+Environment:
+  OB1_LOG    what to log on standard error: error, warn, info (default), debug (connections), trace";
+
+/// The S7 link of a station.
+#[derive(Debug, Parser)]
+#[command(name = "ob1-s7", version, after_help = HELP)]
+struct Arguments {
+    /// Name for the log.
+    #[arg(long, default_value = "s7")]
+    name: String,
+}
+
+fn main() -> ExitCode {
+    let exit = run(&Arguments::parse());
+    ob1_log::flush(LAST_WORDS);
+    exit
+}
+
+fn run(arguments: &Arguments) -> ExitCode {
+    // Before anything is opened, and before there is a thread. Sockets to listen on come through the door.
+    ob1_rt::close_inherited();
+    let refused = ob1_rt::confine(&Confinement {
+        network: Network::None,
+        memory: MEMORY,
+        oom_score: OOM_SCORE,
+        ..Confinement::default()
+    });
+    // Without the thread the log is written at once.
+    let _ = ob1_log::start();
+    ob1_log::tell_panics();
+    tracing_subscriber::fmt()
+        .with_env_filter(EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new("info")))
+        .with_writer(|| ob1_log::Log)
+        .with_ansi(ob1_log::is_terminal())
+        .with_target(false)
+        .init();
+    let _span = tracing::info_span!("s7", name = arguments.name).entered();
+    refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}"));
+
+    // Ctrl-C on a terminal reaches the whole group; the runtime is asked, and it ends us by closing the door.
+    let ignored = Arc::new(AtomicBool::new(false));
+    let terminate = Arc::new(AtomicBool::new(false));
+    for (signal, flag) in [(SIGINT, &ignored), (SIGHUP, &ignored), (SIGTERM, &terminate)] {
+        if let Err(error) = signal_hook::flag::register(signal, Arc::clone(flag)) {
+            error!("signal {signal}: {error}");
+        }
+    }
+    let door = rustix::stdio::stdin().as_fd().try_clone_to_owned().map_err(DoorError::from).and_then(Door::new);
+    let served = door.and_then(|door| Server::new(door, terminate).run());
+    match served {
+        Ok(()) => {
+            info!("terminated");
+            ExitCode::SUCCESS
+        }
+        Err(DoorError::Closed) => {
+            info!("the station has closed the door: end");
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            error!("{error}");
+            ExitCode::from(1)
+        }
+    }
+}

@@ -1,0 +1,340 @@
+//! The loop of the process: wait for the door, the listening sockets, the connections or a time, serve, wait again.
+
+use std::net::{SocketAddr, TcpStream};
+use std::os::fd::{AsFd as _, OwnedFd};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use ob1_access::door::{Answer, Ask, Door, DoorError, News, Reading, State, Ticket, What};
+use ob1_s7::iso::Refusal;
+use ob1_s7::server::{Connection, CpuEvent};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use rustix::net::sockopt;
+use rustix::net::{SocketAddrAny, SocketFlags, acceptfrom_with};
+use tracing::{debug, info, warn};
+
+use crate::asks::Surroundings;
+use crate::config::Config;
+use crate::session::Session;
+use crate::slots::{Verdict, admit};
+
+/// Between two signs of life.
+const BEAT: Duration = Duration::from_millis(200);
+const TICK: Duration = Duration::from_secs(1);
+/// Connections that have not said yet whom they want; the oldest goes for a new one.
+const HALF_OPEN: usize = 64;
+/// So long one may take to say it.
+const CALL: Duration = Duration::from_secs(10);
+/// Accepted in one round: those who are served come in between.
+const ACCEPTS: usize = 64;
+/// A partner that is gone is noticed after a minute.
+const KEEPALIVE_IDLE: Duration = Duration::from_secs(30);
+const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(10);
+const KEEPALIVE_COUNT: u32 = 3;
+/// Lines about connections in the log, of each [`TICK`].
+const LINES: u32 = 10;
+/// The newest entry of the diagnostic buffer.
+const DIAGNOSIS: Ask = Ask::Szl { id: 0x01A0, index: 1 };
+/// What the link asks for itself, not for a connection.
+const SELF: u32 = 0;
+
+pub(crate) struct Server {
+    door: Door,
+    terminate: Arc<AtomicBool>,
+    config: Option<Config>,
+    listeners: Vec<OwnedFd>,
+    sessions: Vec<Session>,
+    reading: Reading,
+    next: u32,
+    start: Instant,
+    beat: Instant,
+    tick: Instant,
+    buffer: Box<[u8; 16 * 1024]>,
+    /// Lines of the log that may still be written, and those that were not.
+    lines: u32,
+    unsaid: u64,
+    subscribed: bool,
+    /// Waiting for the newest entry of the diagnostic buffer.
+    diagnosis: Option<Ticket>,
+}
+
+/// What is ready after a wait.
+#[derive(Default)]
+struct Ready {
+    accept: Vec<usize>,
+    read: Vec<usize>,
+}
+
+impl Server {
+    pub(crate) fn new(door: Door, terminate: Arc<AtomicBool>) -> Self {
+        let now = Instant::now();
+        Self {
+            door,
+            terminate,
+            config: None,
+            listeners: Vec::new(),
+            sessions: Vec::new(),
+            reading: Reading::new(),
+            next: SELF,
+            start: now,
+            beat: now,
+            tick: now,
+            buffer: Box::new([0; 16 * 1024]),
+            lines: LINES,
+            unsaid: 0,
+            subscribed: false,
+            diagnosis: None,
+        }
+    }
+
+    /// Until SIGTERM, or until the door is closed.
+    pub(crate) fn run(&mut self) -> Result<(), DoorError> {
+        while !self.terminate.load(Ordering::Relaxed) {
+            let now = Instant::now();
+            self.times(now);
+            self.door.pump()?;
+            self.welcome();
+            self.news(now);
+            self.serve(now);
+            // What was asked in between goes out before the wait.
+            self.door.pump()?;
+            let ready = self.wait()?;
+            let now = Instant::now();
+            self.accept(&ready.accept, now);
+            for index in ready.read {
+                if let Some(session) = self.sessions.get_mut(index) {
+                    session.receive(&mut self.buffer, now);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn welcome(&mut self) {
+        if self.config.is_some() {
+            return;
+        }
+        let Some(welcome) = self.door.welcome() else { return };
+        match Config::of(welcome) {
+            Ok(config) => {
+                info!(link = welcome.link, rack = config.place.rack, slot = config.place.slot, "serving");
+                self.config = Some(config);
+                self.listeners = self.door.take_listeners();
+            }
+            Err(error) => {
+                warn!("the keys of the link: {error}");
+                self.terminate.store(true, Ordering::Relaxed);
+            }
+        }
+    }
+
+    fn times(&mut self, now: Instant) {
+        if now >= self.beat {
+            self.door.beat();
+            self.beat = now + BEAT;
+        }
+        if now >= self.tick {
+            self.door.tick();
+            self.tick = now + TICK;
+            self.lines = LINES;
+            if std::mem::take(&mut self.unsaid) > 0 {
+                warn!("more connections than can be told one by one");
+            }
+            let idle = self.config.and_then(|config| config.idle);
+            let late = |session: &Session| session.resource.is_none() && now.duration_since(session.since) >= CALL;
+            let silent = |session: &Session| idle.is_some_and(|idle| session.silent(now) >= idle);
+            let gone: Vec<u32> =
+                self.sessions.iter().filter(|s| late(s) || silent(s)).map(|session| session.number).collect();
+            gone.into_iter().for_each(|number| self.close(number, "it has been silent for too long"));
+        }
+    }
+
+    fn news(&mut self, now: Instant) {
+        let Some(config) = self.config else { return };
+        while let Some(news) = self.door.take_news() {
+            match &news {
+                News::Event(event) => self.event(&event.what),
+                News::Answer { client: SELF, ticket, answer } if self.diagnosis == Some(*ticket) => {
+                    self.diagnosis = None;
+                    if let Answer::Szl { bytes, .. } = answer
+                        && let Some(entry) = bytes.first_chunk::<20>()
+                    {
+                        self.sessions.iter_mut().for_each(|session| session.event(&CpuEvent::Diagnosis(*entry)));
+                    }
+                }
+                News::Watching => {}
+                News::Written { client, .. } | News::Answer { client, .. } => {
+                    let Some(session) = self.sessions.iter_mut().find(|session| session.number == *client) else {
+                        continue;
+                    };
+                    let mut around =
+                        Surroundings { door: &mut self.door, reading: &mut self.reading, config: &config, now };
+                    session.news(&news, &mut around);
+                }
+            }
+        }
+    }
+
+    fn event(&mut self, what: &What) {
+        match what {
+            What::State(state) => {
+                let mode = match state {
+                    State::Stop => 0,
+                    State::Startup => 1,
+                    State::Run => 2,
+                };
+                self.sessions.iter_mut().for_each(|session| session.event(&CpuEvent::Mode(mode)));
+            }
+            // One question at a time: the newest entry is what counts.
+            What::Diagnosis(_) if self.diagnosis.is_none() => self.diagnosis = Some(self.door.ask(SELF, DIAGNOSIS)),
+            _ => {}
+        }
+    }
+
+    fn serve(&mut self, now: Instant) {
+        let Some(config) = self.config else { return };
+        self.calls(&config, now);
+        let now_ms = u64::try_from(now.duration_since(self.start).as_millis()).unwrap_or(u64::MAX);
+        let mut over = Vec::new();
+        for session in &mut self.sessions {
+            let mut around = Surroundings { door: &mut self.door, reading: &mut self.reading, config: &config, now };
+            session.serve(&mut around, now_ms);
+            session.send(now);
+            if let Some(why) = session.over(now) {
+                over.push((session.number, why));
+            }
+        }
+        over.into_iter().for_each(|(number, why)| self.close(number, why));
+        if !self.subscribed && self.sessions.iter().any(Session::wants_events) {
+            self.door.ask(SELF, Ask::Events { after: u64::MAX });
+            self.subscribed = true;
+        }
+    }
+
+    /// Those who have said whom they want.
+    fn calls(&mut self, config: &Config, now: Instant) {
+        loop {
+            let caller = self.sessions.iter().position(|s| s.resource.is_none() && s.call().is_some());
+            let Some(index) = caller else { return };
+            let Some(called) = self.sessions.get(index).and_then(|s| s.call()).map(|call| call.called.clone()) else {
+                return;
+            };
+            let resource = called.resource();
+            let others: Vec<_> = self.sessions.iter().filter_map(|session| session.occupant(now)).collect();
+            let verdict = admit(config.clients, resource, &others);
+            let elsewhere = called.place().is_some_and(|place| place != config.place);
+            let Some(session) = self.sessions.get_mut(index) else { return };
+            let peer = session.peer;
+            if elsewhere {
+                session.refuse(Refusal::Unknown);
+                let place = config.place;
+                self.say(|| {
+                    info!("{peer} refused: it calls {called}, this CPU is in rack {} slot {}", place.rack, place.slot);
+                });
+                continue;
+            }
+            match verdict {
+                Verdict::Full => {
+                    session.refuse(Refusal::Full);
+                    self.say(|| info!("{peer} refused: all {} connections are taken", config.clients));
+                }
+                Verdict::Free | Verdict::InsteadOf(_) => {
+                    session.accept(resource);
+                    debug!("{peer} connected to {called}");
+                    if let Verdict::InsteadOf(number) = verdict {
+                        self.close(number, "silent, and its place is needed");
+                    }
+                }
+            }
+        }
+    }
+
+    fn say(&mut self, line: impl FnOnce()) {
+        match self.lines.checked_sub(1) {
+            Some(lines) => {
+                self.lines = lines;
+                line();
+            }
+            None => self.unsaid += 1,
+        }
+    }
+
+    fn close(&mut self, number: u32, why: &'static str) {
+        let Some(index) = self.sessions.iter().position(|session| session.number == number) else { return };
+        let session = self.sessions.swap_remove(index);
+        let (pdu, jobs, errors) = session.summary();
+        debug!(pdu, jobs, errors, "{} ended: {why}", session.peer);
+        self.door.client_gone(number);
+    }
+
+    fn accept(&mut self, ready: &[usize], now: Instant) {
+        let Some(config) = self.config else { return };
+        for index in ready {
+            for _ in 0..ACCEPTS {
+                let Some(listener) = self.listeners.get(*index) else { break };
+                let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
+                let (socket, peer) = match acceptfrom_with(listener, flags) {
+                    Ok((socket, Some(peer))) => (socket, peer),
+                    Ok((_, None)) | Err(Errno::CONNABORTED | Errno::INTR) => continue,
+                    // No more of them, or no more descriptors: the next round tries again.
+                    Err(_) => break,
+                };
+                self.open(socket, peer, &config, now);
+            }
+        }
+    }
+
+    fn open(&mut self, socket: OwnedFd, peer: SocketAddrAny, config: &Config, now: Instant) {
+        let Ok(peer) = SocketAddr::try_from(peer) else { return };
+        // Without them a connection works too, only a dead partner is noticed later.
+        let _ = sockopt::set_tcp_nodelay(&socket, true);
+        let _ = sockopt::set_socket_keepalive(&socket, true);
+        let _ = sockopt::set_tcp_keepidle(&socket, KEEPALIVE_IDLE);
+        let _ = sockopt::set_tcp_keepintvl(&socket, KEEPALIVE_INTERVAL);
+        let _ = sockopt::set_tcp_keepcnt(&socket, KEEPALIVE_COUNT);
+        let mut half_open = self.sessions.iter().filter(|session| session.resource.is_none());
+        if half_open.clone().count() >= HALF_OPEN
+            && let Some(oldest) = half_open.clone().map(|s| s.since).min()
+            && let Some(number) = half_open.find(|s| s.since == oldest).map(|s| s.number)
+        {
+            self.close(number, "it has not said whom it wants, and others wait");
+        }
+        // Each number once, so that nobody gets the rights of one before.
+        self.next = self.next.checked_add(1).unwrap_or(SELF + 1);
+        let connection = Connection::new(config.settings);
+        self.sessions.push(Session::new(self.next, TcpStream::from(socket), peer, connection, now));
+    }
+
+    fn wait(&self) -> Result<Ready, DoorError> {
+        let mut due = self.beat.min(self.tick);
+        let mut fds = Vec::with_capacity(1 + self.listeners.len() + self.sessions.len());
+        let door = if self.door.wants_write() { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
+        let door_fd = self.door.fd();
+        fds.push(PollFd::from_borrowed_fd(door_fd, door));
+        fds.extend(self.listeners.iter().map(|listener| PollFd::new(listener, PollFlags::IN)));
+        for session in &self.sessions {
+            let mut flags = PollFlags::empty();
+            flags.set(PollFlags::IN, session.wants_read());
+            flags.set(PollFlags::OUT, session.wants_write());
+            fds.push(PollFd::from_borrowed_fd(session.socket().as_fd(), flags));
+            due = session.due(self.start).map_or(due, |at| at.min(due));
+        }
+        let now = Instant::now();
+        let timeout = due.saturating_duration_since(now);
+        match poll(&mut fds, Timespec::try_from(timeout).ok().as_ref()) {
+            Ok(_) | Err(Errno::INTR) => {}
+            Err(error) => return Err(std::io::Error::from(error).into()),
+        }
+        let mut ready = Ready::default();
+        let listeners = 1 + self.listeners.len();
+        for (index, _) in fds.iter().enumerate().skip(1).filter(|(_, fd)| !fd.revents().is_empty()) {
+            match index.checked_sub(listeners) {
+                None => ready.accept.push(index - 1),
+                Some(session) => ready.read.push(session),
+            }
+        }
+        Ok(ready)
+    }
+}

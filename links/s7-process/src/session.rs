@@ -1,0 +1,194 @@
+//! One connection: its socket, its machine, its requests.
+
+use std::io::{ErrorKind, Read as _, Write as _};
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
+
+use ob1_access::door::News;
+use ob1_s7::iso::{Call, Refusal, Resource};
+use ob1_s7::server::{Connection, CpuEvent, End};
+
+use crate::asks::{Asks, Surroundings};
+use crate::slots::Occupant;
+
+/// Bytes read at a time.
+const READ: usize = 16 * 1024;
+/// A partner that takes nothing for so long is gone.
+const STUCK: Duration = Duration::from_secs(30);
+/// So long the end may take: the last answer goes out.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+#[derive(Debug)]
+pub(crate) struct Session {
+    pub(crate) number: u32,
+    pub(crate) peer: SocketAddr,
+    /// What it counts as, since it was let in.
+    pub(crate) resource: Option<Resource>,
+    pub(crate) since: Instant,
+    socket: TcpStream,
+    connection: Connection,
+    asks: Asks,
+    heard: Instant,
+    moved: Instant,
+    works: bool,
+    gone: bool,
+    ends_by: Option<Instant>,
+}
+
+impl Session {
+    pub(crate) fn new(number: u32, socket: TcpStream, peer: SocketAddr, connection: Connection, now: Instant) -> Self {
+        Self {
+            number,
+            peer,
+            resource: None,
+            since: now,
+            socket,
+            connection,
+            asks: Asks::default(),
+            heard: now,
+            moved: now,
+            works: false,
+            gone: false,
+            ends_by: None,
+        }
+    }
+
+    pub(crate) fn socket(&self) -> &TcpStream {
+        &self.socket
+    }
+
+    pub(crate) fn call(&self) -> Option<&Call> {
+        self.connection.call()
+    }
+
+    pub(crate) fn accept(&mut self, resource: Resource) {
+        self.resource = Some(resource);
+        self.connection.accept();
+    }
+
+    pub(crate) fn refuse(&mut self, why: Refusal) {
+        self.connection.refuse(why);
+    }
+
+    /// Something may be read.
+    pub(crate) fn wants_read(&self) -> bool {
+        self.connection.room() > 0
+    }
+
+    pub(crate) fn wants_write(&self) -> bool {
+        !self.connection.output().is_empty()
+    }
+
+    pub(crate) fn wants_events(&self) -> bool {
+        self.connection.wants_events()
+    }
+
+    pub(crate) fn occupant(&self, now: Instant) -> Option<Occupant> {
+        let waits = self.connection.wants_events() || self.connection.next_tick().is_some();
+        let silent = now.saturating_duration_since(self.heard);
+        self.resource.map(|resource| Occupant { number: self.number, resource, works: self.works, waits, silent })
+    }
+
+    pub(crate) fn silent(&self, now: Instant) -> Duration {
+        now.saturating_duration_since(self.heard)
+    }
+
+    /// For the log: the PDU, jobs, errors.
+    pub(crate) fn summary(&self) -> (u16, u64, u64) {
+        let counts = self.connection.counts();
+        (self.connection.pdu().unwrap_or(0), counts.jobs, counts.errors)
+    }
+
+    /// Takes what has come.
+    pub(crate) fn receive(&mut self, buffer: &mut [u8; READ], now: Instant) {
+        let room = self.connection.room().min(READ);
+        if room == 0 {
+            return;
+        }
+        match self.socket.read(&mut buffer[..room]) {
+            Ok(0) => self.gone = true,
+            Ok(len) => {
+                self.heard = now;
+                self.connection.receive(&buffer[..len]);
+                // Setup alone is no work.
+                self.works |= self.connection.counts().jobs > 1;
+            }
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
+            Err(_) => self.gone = true,
+        }
+    }
+
+    /// Serves the requests of the machine as far as that is possible now.
+    pub(crate) fn serve(&mut self, around: &mut Surroundings<'_>, now_ms: u64) {
+        if self.connection.next_tick().is_some_and(|due| due <= now_ms) {
+            self.connection.tick(now_ms);
+        }
+        loop {
+            let mut any = false;
+            while let Some(request) = self.connection.next_ask() {
+                self.asks.push(request);
+                any = true;
+            }
+            let connection = &mut self.connection;
+            self.asks.step(self.number, around, &mut |id, reply| {
+                connection.reply(id, reply);
+                any = true;
+            });
+            if !any {
+                return;
+            }
+        }
+    }
+
+    pub(crate) fn news(&mut self, news: &News, around: &mut Surroundings<'_>) {
+        let connection = &mut self.connection;
+        self.asks.news(self.number, news, around, &mut |id, reply| connection.reply(id, reply));
+    }
+
+    pub(crate) fn event(&mut self, event: &CpuEvent) {
+        self.connection.event(event);
+    }
+
+    /// Sends what it can.
+    pub(crate) fn send(&mut self, now: Instant) {
+        if self.connection.output().is_empty() {
+            self.moved = now;
+        }
+        while !self.connection.output().is_empty() && !self.gone {
+            match self.socket.write(self.connection.output()) {
+                Ok(0) => self.gone = true,
+                Ok(len) => {
+                    self.moved = now;
+                    self.connection.sent(len);
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(_) => self.gone = true,
+            }
+        }
+    }
+
+    /// Why it is over, when it is.
+    pub(crate) fn over(&mut self, now: Instant) -> Option<&'static str> {
+        if self.gone {
+            return Some("closed by the partner");
+        }
+        if let Some(end) = self.connection.end() {
+            let by = *self.ends_by.get_or_insert(now + FAREWELL);
+            return (self.connection.output().is_empty() || now >= by).then_some(match end {
+                End::Closed => "closed",
+                End::Broken(_) => "it does not speak ISO on TCP",
+                End::NotS7 => "it does not speak S7 communication",
+                End::Passwords => "three wrong passwords",
+            });
+        }
+        let stuck = !self.connection.output().is_empty() && now.saturating_duration_since(self.moved) >= STUCK;
+        stuck.then_some("it does not take its answers")
+    }
+
+    /// When [`Session::serve`] or [`Session::over`] is wanted, whatever comes before. Milliseconds count from `start`.
+    pub(crate) fn due(&self, start: Instant) -> Option<Instant> {
+        let tick = self.connection.next_tick().map(|ms| start + Duration::from_millis(ms));
+        [tick, self.asks.due(), self.ends_by].into_iter().flatten().min()
+    }
+}

@@ -1,0 +1,108 @@
+//! Who gets a connection when there are not enough.
+//!
+//! One connection is always kept free for a programming device: the engineer gets in, whatever the panels do. When none
+//! is free, one that has been silent is given up for the new one: first those that never asked for anything, then the
+//! longest silent.
+
+use std::time::Duration;
+
+use ob1_s7::iso::Resource;
+
+/// A connection that never asked for anything may be given up after so long,
+const NEVER: Duration = Duration::from_millis(500);
+/// and one that did after so long.
+const SILENT: Duration = Duration::from_secs(30);
+
+/// A connection that is served.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Occupant {
+    pub(crate) number: u32,
+    pub(crate) resource: Resource,
+    /// It has asked for something.
+    pub(crate) works: bool,
+    /// It waits for messages or cyclic data, so its silence means nothing.
+    pub(crate) waits: bool,
+    /// How long nothing has come from it.
+    pub(crate) silent: Duration,
+}
+
+impl Occupant {
+    fn can_go(&self) -> bool {
+        !self.waits && self.silent >= if self.works { SILENT } else { NEVER }
+    }
+}
+
+/// What becomes of a new one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// There is room.
+    Free,
+    /// There is, when this one goes.
+    InsteadOf(u32),
+    /// There is none.
+    Full,
+}
+
+/// Whether a new connection for `resource` gets in.
+pub(crate) fn admit(clients: usize, resource: Resource, others: &[Occupant]) -> Verdict {
+    let is_pg = |resource| resource == Resource::Pg;
+    let not_pg = others.iter().filter(|other| !is_pg(other.resource)).count();
+    // A link for one client keeps nothing free: it would serve nobody else.
+    let kept = usize::from(clients > 1);
+    let all_taken = others.len() >= clients;
+    let share_taken = !is_pg(resource) && not_pg + kept >= clients;
+    if !all_taken && !share_taken {
+        return Verdict::Free;
+    }
+    // Who may only use the shared part gets a place there.
+    let candidates =
+        others.iter().filter(|other| other.can_go() && (is_pg(resource) || !is_pg(other.resource) || !share_taken));
+    candidates.max_by_key(|other| (!other.works, other.silent)).map_or(Verdict::Full, |o| Verdict::InsteadOf(o.number))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn occupant(number: u32, resource: Resource, works: bool, silent_ms: u64) -> Occupant {
+        Occupant { number, resource, works, waits: false, silent: Duration::from_millis(silent_ms) }
+    }
+
+    #[test]
+    fn one_is_kept_for_a_programming_device() {
+        let panels: Vec<_> = (0..3).map(|n| occupant(n, Resource::Op, true, 10)).collect();
+        assert_eq!(admit(4, Resource::Op, &panels[..2]), Verdict::Free);
+        assert_eq!(admit(4, Resource::Op, &panels), Verdict::Full);
+        assert_eq!(admit(4, Resource::Basic, &panels), Verdict::Full);
+        assert_eq!(admit(4, Resource::Pg, &panels), Verdict::Free);
+        let with_pg = [&panels[..], &[occupant(9, Resource::Pg, true, 10)]].concat();
+        assert_eq!(admit(4, Resource::Pg, &with_pg), Verdict::Full);
+        assert_eq!(admit(1, Resource::Op, &[]), Verdict::Free);
+    }
+
+    #[test]
+    fn the_silent_ones_go_first_those_who_never_asked() {
+        let mut others = vec![
+            occupant(1, Resource::Op, true, 50_000),
+            occupant(2, Resource::Op, false, 700),
+            occupant(3, Resource::Op, true, 90_000),
+        ];
+        assert_eq!(admit(4, Resource::Op, &others), Verdict::InsteadOf(2));
+        others[1].waits = true;
+        assert_eq!(admit(4, Resource::Op, &others), Verdict::InsteadOf(3));
+        others[2].silent = SILENT - Duration::from_millis(1);
+        others[0].silent = Duration::ZERO;
+        assert_eq!(admit(4, Resource::Op, &others), Verdict::Full);
+        // A panel does not take the place of the engineer, an engineer that of a silent panel.
+        others.push(occupant(4, Resource::Pg, true, 90_000));
+        assert_eq!(admit(4, Resource::Op, &others), Verdict::Full);
+        assert_eq!(admit(4, Resource::Pg, &others), Verdict::InsteadOf(4));
+    }
+
+    /// A thousand that say nothing never keep one that works out for long.
+    #[test]
+    fn a_flood_of_silent_ones_keeps_nobody_out() {
+        let silent: Vec<_> = (0..15).map(|n| occupant(n, Resource::Op, false, 500 + u64::from(n))).collect();
+        assert_eq!(admit(16, Resource::Op, &silent), Verdict::InsteadOf(14));
+    }
+}

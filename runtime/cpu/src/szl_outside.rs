@@ -1,0 +1,62 @@
+//! System status lists that only links ask for: communication, protection, process image partitions, racks.
+//!
+//! What belongs to a connection (its PDU, its level of protection) the link puts in; a program that asks with SFC 51
+//! sees zeros there. ["System Status Lists (SSL)" of the system software reference]
+
+use ob1_std::services::StatusError;
+
+use crate::szl::{Each, Length, Record};
+
+/// Bytes of a record of lists xy31 and xy32.
+const COMMUNICATION: u16 = 40;
+/// Bytes of a record of list xy25.
+const PARTITION: u16 = 4;
+/// Bytes of a record of list xy92: a bit for each rack or station.
+const RACKS: u16 = 16;
+
+/// List 0131: what can be done by communication.
+pub(crate) fn capabilities(index: u16, each: Each<'_>) -> Length {
+    let record = Record::<40>::new().word(index);
+    let record = match index {
+        // PDU and connections: the link's. Data rates of MPI and K bus: there are none.
+        1 => record.word(0).word(0).long(0).long(0),
+        // Test functions: status and modify of variables; so many addresses in a job.
+        2 => record.put(&[0b0000_0100, 0b0000_0001, 0, 0, 0, 0]).word(64).word(64),
+        // Operator interface: reading once and cyclically; so many words at once and jobs, from 100 ms to 10 s * 255.
+        3 => record.put(&[0b0001_1111, 0, 0, 0]).word(480).word(8).word(1).word(25_500),
+        // Diagnosis: identification, status lists, buffer, messages.
+        4 => record.put(&[0b0001_1111, 0b0000_0011, 0, 0, 0, 0]).word(128).word(128).word(8),
+        _ => return Err(StatusError::Index),
+    };
+    each(&record.bytes);
+    Ok(COMMUNICATION)
+}
+
+/// Lists 0132 and 0232: how it stands.
+pub(crate) fn communication(index: u16, each: Each<'_>) -> Length {
+    let record = Record::<40>::new().word(index);
+    let record = match index {
+        // Connections kept for programming devices; the others are taken as they come.
+        1 => record.word(1).word(0),
+        // The levels by the mode selector and by parameters (none), that in force; the selector at RUN-P; no switch for
+        // the kind of restart.
+        4 => record.word(1).word(0).word(1).word(2).word(0),
+        _ => return Err(StatusError::Index),
+    };
+    each(&record.bytes);
+    Ok(COMMUNICATION)
+}
+
+/// List 0025: which organization block updates which partition of the process image. There is one image.
+pub(crate) const fn partitions() -> Length {
+    Ok(PARTITION)
+}
+
+/// Lists 0092, 0292, 0692: racks that are configured, there, and well. There is rack 0.
+pub(crate) fn racks(index: u16, each: Each<'_>) -> Length {
+    if index != 0 {
+        return Err(StatusError::Index);
+    }
+    each(&Record::<16>::new().put(&[0b1]).bytes);
+    Ok(RACKS)
+}
