@@ -14,6 +14,7 @@ pub mod modbus;
 pub mod modbus32;
 pub mod project;
 pub mod rk512;
+pub mod s7;
 pub mod serial;
 pub mod station;
 pub mod stl;
@@ -34,6 +35,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("modbus32", modbus32::run),
     ("project", project::run),
     ("rk512", rk512::run),
+    ("s7", s7::run),
     ("serial", serial::run),
     ("station", station::run),
     ("stl", stl::run),
