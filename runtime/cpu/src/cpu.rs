@@ -15,7 +15,7 @@ use crate::port::AccessPort;
 use crate::{
     AccessClient, Accounts, Answer, Ask, Cell, CellError, CellWidth, Command, DiagEntry, InterruptError, LogReader,
     ModuleCounters, ModuleSlot, ModuleStatus, Nanos, ObStatistics, OperatingState, ScanRecord, ScanStatistics,
-    ShortText, Whereabouts,
+    ShortText, Sums, Whereabouts,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -184,6 +184,12 @@ impl Cpu {
     #[must_use]
     pub fn accounts(&self) -> Arc<Accounts> {
         Arc::clone(&self.machine.trace.accounts)
+    }
+
+    /// The sums over all scans so far.
+    #[must_use]
+    pub fn sums(&self) -> Sums {
+        self.machine.trace.accounts.sums()
     }
 
     /// The last finished scan.

@@ -43,7 +43,7 @@ mod whereabouts;
 
 pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ObStatistics,
-    ScanRecord, ScanStatistics,
+    ScanRecord, ScanStatistics, Sums,
 };
 pub use config::{Command, CpuConfig, CycleEnd, ModuleSlot, OperatingState};
 pub use cpu::Cpu;

@@ -111,7 +111,7 @@ struct RunArgs {
     /// Print warnings and errors only
     #[arg(long, short)]
     quiet: bool,
-    /// Kill the process if the scan thread makes any system call but sleep, doorbell, getrusage, clock_gettime
+    /// Kill the process if the scan thread makes any system call but sleep, doorbell, pread64, clock_gettime
     ///
     /// A proof, not a mode of operation: a seccomp filter on the scan thread. A run that ends well has made no other
     /// call.

@@ -5,7 +5,7 @@
 //! Everything asked of the system answers with what was granted, what was refused and what would grant it ([`Grant`]);
 //! nothing here fails a run because a privilege is missing.
 
-// Fenced by the house rules: sched_setscheduler, getrusage(RUSAGE_THREAD), the signal mask of a thread and an action of
+// Fenced by the house rules: sched_setscheduler, the signal mask of a thread and an action of
 // our own for a signal have no safe wrapper.
 #![allow(unsafe_code)]
 
@@ -32,5 +32,5 @@ pub use stack::{
     PREFAULT_BYTES, THREAD_STACK_BYTES, block_signals, prefault_stack, spawn, spawn_with_stack, warm_heap, with_stack,
 };
 pub use system::{isolated_cores, keep_awake, system_facts};
-pub use usage::{Memory, ProcessState, ThreadUsage, memory, process_state, thread_id, thread_usage};
+pub use usage::{Memory, ProcessState, ThreadLook, ThreadTimes, memory, process_state, thread_id};
 pub use user::User;

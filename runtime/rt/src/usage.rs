@@ -1,6 +1,6 @@
 //! What the kernel knows about this process and its threads, for reports, and about a driver's, for its supervisor.
 
-use std::fs;
+use std::fs::{self, File};
 
 use ob1_cpu::Nanos;
 
@@ -72,33 +72,46 @@ pub fn thread_id() -> u32 {
     rustix::thread::gettid().as_raw_nonzero().get().unsigned_abs()
 }
 
-/// Kernel counters of one thread.
+/// What the scheduler has counted for a thread since its start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ThreadUsage {
-    /// Page faults that needed no disk.
-    pub minor_faults: u64,
-    /// Page faults that did.
-    pub major_faults: u64,
-    /// Times it went to sleep by itself.
-    pub voluntary_switches: u64,
-    /// Times it was taken off its core.
-    pub involuntary_switches: u64,
+pub struct ThreadTimes {
+    /// On a core. Of a thread that runs up to a tick of the kernel old.
+    pub ran: Nanos,
+    /// Ready to run, and waiting for a core. Entered when it gets one.
+    pub waited: Nanos,
 }
 
-/// The kernel counters of the calling thread: one `getrusage`.
-#[must_use]
-pub fn thread_usage() -> ThreadUsage {
-    let mut usage = std::mem::MaybeUninit::<libc::rusage>::zeroed();
-    // SAFETY: getrusage writes one rusage; all-zero is a valid one should the call fail.
-    let usage = unsafe {
-        libc::getrusage(libc::RUSAGE_THREAD, usage.as_mut_ptr());
-        usage.assume_init()
-    };
-    ThreadUsage {
-        minor_faults: usage.ru_minflt as u64,
-        major_faults: usage.ru_majflt as u64,
-        voluntary_switches: usage.ru_nvcsw as u64,
-        involuntary_switches: usage.ru_nivcsw as u64,
+impl ThreadTimes {
+    /// From the text of a `schedstat`: time on a core and on a run queue, in nanoseconds, and how often it ran.
+    #[must_use]
+    pub fn parse(schedstat: &[u8]) -> Option<Self> {
+        let text = std::str::from_utf8(schedstat).ok()?;
+        let mut figures = text.split_ascii_whitespace().map(str::parse);
+        let (ran, waited) = (figures.next()?.ok()?, figures.next()?.ok()?);
+        Some(Self { ran, waited })
+    }
+}
+
+/// A thread's own look at its [`ThreadTimes`]: one system call, nothing allocated.
+#[derive(Debug, Default)]
+pub struct ThreadLook(Option<File>);
+
+impl ThreadLook {
+    /// For the calling thread. Without `schedstat` in `/proc` it sees nothing.
+    #[must_use]
+    pub fn open() -> Self {
+        let look = Self(File::open("/proc/thread-self/schedstat").ok());
+        // The first look makes the kernel find the memory it writes the text in.
+        let _ = look.times();
+        look
+    }
+
+    /// The times up to now.
+    #[must_use]
+    pub fn times(&self) -> Option<ThreadTimes> {
+        let mut text = [0; 64];
+        let read = rustix::io::pread(self.0.as_ref()?, &mut text, 0).ok()?;
+        ThreadTimes::parse(text.get(..read)?)
     }
 }
 
@@ -124,11 +137,26 @@ mod tests {
     }
 
     #[test]
-    fn this_process_has_memory_and_this_thread_faults() {
+    fn times_of_a_thread() {
+        let (ran, waited) = (166_022, 6820);
+        assert_eq!(ThreadTimes::parse(b"166022 6820 2\n"), Some(ThreadTimes { ran, waited }));
+        assert_eq!(
+            (ThreadTimes::parse(b""), ThreadTimes::parse(b"5"), ThreadTimes::parse(b"\xff 1 2")),
+            (None, None, None)
+        );
+        assert_eq!(ThreadLook::default().times(), None);
+        // A look is the calling thread's own, and it goes on.
+        let look = ThreadLook::open();
+        let before = look.times().expect("a kernel with schedstat");
+        while look.times().expect("the same file").ran < before.ran + 1_000_000 {
+            std::hint::spin_loop();
+        }
+        let other = std::thread::spawn(ThreadLook::open).join().expect("a thread");
+        assert!(other.times().is_none_or(|other| other.ran < before.ran + 1_000_000), "of the thread that opened it");
+    }
+
+    #[test]
+    fn this_process_has_memory() {
         assert!(memory().resident_kib > 0);
-        let before = thread_usage();
-        let fresh = vec![1u8; 4 << 20];
-        let after = thread_usage();
-        assert!(after.minor_faults >= before.minor_faults && fresh.len() == 4 << 20);
     }
 }

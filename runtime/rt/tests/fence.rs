@@ -10,7 +10,7 @@ use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Command, ExitStatus, exit};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use ob1_rt::{MonotonicClock, block_signals, fence_scan, prefault_stack, spawn, thread_usage, warm_heap};
+use ob1_rt::{MonotonicClock, ThreadLook, block_signals, fence_scan, prefault_stack, spawn, warm_heap};
 
 const TRY: &str = "OB1_FENCE_TRY";
 static DONE: AtomicBool = AtomicBool::new(false);
@@ -29,11 +29,12 @@ fn fenced(forbidden: bool) -> ! {
         prefault_stack();
         warm_heap();
         block_signals();
+        let look = ThreadLook::open();
         fence_scan().expect("the kernel has seccomp");
         for _ in 0..3 {
             clock.sleep_until(clock.time() + 1_000_000);
             bell.write_all(&[1]).expect("the doorbell is allowed");
-            let _ = thread_usage();
+            look.times().expect("the look is allowed");
         }
         if forbidden {
             let _ = std::fs::File::open("/dev/null");

@@ -70,6 +70,11 @@ impl Recording {
         }
     }
 
+    /// All times together.
+    pub(crate) fn sum(&self) -> Nanos {
+        self.sum.get()
+    }
+
     pub(crate) fn read(&self) -> Histogram {
         let counts: Box<[u64]> = self.buckets.iter().map(|bucket| bucket.load(Ordering::Relaxed)).collect();
         Histogram { count: counts.iter().sum(), counts, sum: self.sum.get(), greatest: self.greatest.get() }

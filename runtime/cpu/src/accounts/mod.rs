@@ -100,6 +100,19 @@ pub(crate) struct BlockAccount {
     pub(crate) execution: Recording,
 }
 
+/// Sums over all scans since load: what two looks at them differ by is what came between.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sums {
+    /// Finished cycles in RUN.
+    pub scans: u64,
+    /// Those of them that were late.
+    pub late: u64,
+    /// From the deadlines of cycles to their starts.
+    pub wake: Nanos,
+    /// From the starts of cycles to their ends.
+    pub execution: Nanos,
+}
+
 /// All accounts of one CPU. Written by its scan alone.
 #[derive(Debug)]
 pub struct Accounts {
@@ -197,6 +210,12 @@ impl Accounts {
     #[must_use]
     pub fn scans(&self) -> u64 {
         self.scans.get()
+    }
+
+    /// The sums over all scans. May be read at any time from any thread; the scan that runs may be in one of them.
+    #[must_use]
+    pub fn sums(&self) -> Sums {
+        Sums { scans: self.scans.get(), late: self.late.get(), wake: self.wake.sum(), execution: self.execution.sum() }
     }
 
     /// From when on a scan is late: (beginning after its deadline, time it takes).

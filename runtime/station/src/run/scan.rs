@@ -200,7 +200,7 @@ impl Scan {
                 OperatingState::Run => 2,
             };
             if end.late {
-                self.late.send(self.cpu.last_scan());
+                self.late.send(self.cpu.last_scan(), self.cpu.sums());
             }
             if let Some(retentive) = &mut self.retentive {
                 retentive.after_cycle(&mut self.cpu);
@@ -214,6 +214,9 @@ impl Scan {
             }
             shared.state.store(state, Ordering::Release);
             shared.started.store(true, Ordering::Release);
+            if end.late {
+                self.late.ready(self.clock.time());
+            }
             if shared.finish.load(Ordering::Acquire) {
                 return;
             }

@@ -44,16 +44,23 @@ impl Class {
     }
 }
 
-/// What the kernel counted around a scan. A window: up to two looks of the observer wide, so these are upper bounds for
-/// the scan itself.
+/// What is known about the time around a scan. But for `measured`, it is of a window: up to two looks of the observer
+/// wide, so these are upper bounds for the scan itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Evidence {
+    /// The scan before was late too, and when it had been noted down this one was due: the thread had not slept.
+    pub no_sleep: bool,
     /// Width of the window.
     pub window_ns: Nanos,
-    /// Waiting for a core although ready to run, beyond what is usual in such a window.
-    pub wait_ns: Nanos,
+    /// What the scan's own look says, where the kernel has `schedstat`.
+    pub measured: Option<Measured>,
     /// Time the host took from the cores this process may use, in ticks of 10 ms.
     pub steal_ns: Nanos,
+    /// Time these cores were at interrupts, in ticks of 10 ms.
+    pub interrupts_ns: Nanos,
+    /// Time the quotas of control groups (`cpu.max`) held back threads of this process and its neighbours.
+    pub throttled_ns: Nanos,
     /// Times the scan thread was taken off its core.
     pub switches: u64,
     /// Page faults that needed no disk.
@@ -66,6 +73,30 @@ pub struct Evidence {
     pub observer_late_ns: Nanos,
     /// What a statement of this program usually takes.
     pub ns_per_statement: Nanos,
+}
+
+/// The scan thread's times between the last look before the scan began and the scan's own look at its end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Measured {
+    /// From that look to the scan's end.
+    pub window_ns: Nanos,
+    /// Waiting for a core although ready to run.
+    pub waited_ns: Nanos,
+    /// On a core.
+    pub ran_ns: Nanos,
+    /// Other scans that lie in this time.
+    pub others: u64,
+    /// What those can have had of the waiting: of the time they have lost, beginning late and off their core, as much
+    /// as is usual for scans on time.
+    pub others_ns: Nanos,
+}
+
+impl Measured {
+    /// So long at least this scan waited for a core.
+    #[must_use]
+    pub const fn waited_at_least(&self) -> Nanos {
+        self.waited_ns.saturating_sub(self.others_ns)
+    }
 }
 
 /// The answer.
@@ -81,6 +112,8 @@ pub struct Cause {
 
 /// A minor fault takes about so long.
 const MINOR_FAULT: Nanos = 1_000;
+/// A time on a core may be so old.
+const KERNEL_TICK: Nanos = 10_000_000;
 /// A program is believed to have taken a time when its statements usually take at least an eighth of it.
 const PLAUSIBLE: u64 = 8;
 
@@ -115,7 +148,7 @@ fn longest_part(record: &ScanRecord) -> (Part, Nanos) {
 #[must_use]
 pub fn explain(record: &ScanRecord, evidence: &Evidence) -> Cause {
     let (part, size) = longest_part(record);
-    let system = kernel(evidence, size, part);
+    let system = kernel(evidence, record, size, part);
     let (class, what) = match part {
         // These are exact: no counter says it better.
         Part::Carried => (Class::Carried, format!("scan {} had not ended", record.scan.saturating_sub(1))),
@@ -143,43 +176,76 @@ fn own(part: Part, record: &ScanRecord, evidence: &Evidence, size: Nanos) -> (Cl
             let (inputs, outputs) = (record.inputs as f64 / 1000.0, record.outputs as f64 / 1000.0);
             (Class::Driver, format!("inputs {inputs:.1} µs, outputs {outputs:.1} µs"))
         }
-        _ => unexplained(evidence, "it woke up late"),
+        _ => unexplained(evidence, "its wake-up came late"),
     }
 }
 
 /// What the kernel counted, when it explains at least half of the delay.
-fn kernel(evidence: &Evidence, size: Nanos, part: Part) -> Option<(Class, String)> {
+fn kernel(evidence: &Evidence, record: &ScanRecord, size: Nanos, part: Part) -> Option<(Class, String)> {
     let explains = |time: Nanos| time > 0 && time >= size / 2;
-    let us = |time: Nanos| time as f64 / 1000.0;
+    let ms = |time: Nanos| time as f64 / 1e6;
     let said = |text: String| Some((Class::Kernel, text));
     if evidence.stopped {
         return Some((Class::Stopped, "SIGSTOP and SIGCONT".into()));
     }
-    if explains(evidence.wait_ns) {
-        return said(format!("run-queue wait {:.1} µs", us(evidence.wait_ns)));
+    if explains(evidence.throttled_ns) {
+        return said(format!("the CPU quota of its control group was used up for {:.1} ms", ms(evidence.throttled_ns)));
     }
-    if explains(evidence.steal_ns) {
-        return said(format!("steal {:.0} ms", us(evidence.steal_ns) / 1000.0));
+    let measured = evidence.measured.unwrap_or_default();
+    if explains(measured.waited_at_least()) {
+        return said(format!("waited {:.3} ms for a core", ms(measured.waited_ns.min(size))));
     }
-    if evidence.major_faults > 0 {
+    // Neither on a core nor waiting for one: only a scan that runs can be held.
+    let held = match (part, evidence.measured) {
+        (Part::Wake, _) => 0,
+        (_, Some(m)) => record.execution().saturating_sub(m.ran_ns).saturating_sub(m.waited_ns).min(size),
+        (_, None) => size,
+    };
+    if evidence.major_faults > 0 && explains(held) {
         return said(format!("{} page faults from the disk", evidence.major_faults));
     }
-    if explains(evidence.minor_faults * MINOR_FAULT) {
-        return said(format!("{} page faults", evidence.minor_faults));
+    if part == Part::Program && evidence.measured.is_some() && explains(held.saturating_sub(KERNEL_TICK)) {
+        return said(format!("held by the kernel for {:.1} ms", ms(held)));
     }
-    if part == Part::Wake && evidence.switches > 0 {
-        return said(format!("{} involuntary switches", evidence.switches));
+    if part == Part::Wake && evidence.no_sleep {
+        let before = record.scan.saturating_sub(1);
+        return Some((Class::Carried, format!("scan {before} was late as well; this one began at once after it")));
+    }
+    if explains(evidence.steal_ns) {
+        return said(format!("steal {:.0} ms", ms(evidence.steal_ns)));
+    }
+    if part != Part::Wake && explains(evidence.minor_faults * MINOR_FAULT) {
+        return said(format!("{} page faults", evidence.minor_faults));
     }
     None
 }
 
+/// What was looked at, for a scan that nothing explains.
 fn unexplained(evidence: &Evidence, what: &str) -> (Class, String) {
-    let also = if evidence.observer_late_ns > 0 {
-        format!("; the observer was {:.1} ms late as well", evidence.observer_late_ns as f64 / 1e6)
-    } else {
-        String::new()
+    let mut looked = match evidence.measured {
+        Some(m) => format!(
+            "waited for a core {:.1} µs, of that {} other scans at most {:.1} µs; on a core {:.1} µs",
+            m.waited_ns as f64 / 1e3,
+            m.others,
+            m.others_ns as f64 / 1e3,
+            m.ran_ns as f64 / 1e3
+        ),
+        None => "no schedstat".to_owned(),
     };
-    (Class::Unexplained, format!("{what}, and no counter of the kernel says why{also}"))
+    let counts = [
+        ("steal", evidence.steal_ns, "ms", 1_000_000),
+        ("interrupts", evidence.interrupts_ns, "ms", 1_000_000),
+        ("quota", evidence.throttled_ns, "ms", 1_000_000),
+        ("page faults", evidence.minor_faults, "", 1),
+        ("page faults from the disk", evidence.major_faults, "", 1),
+        ("observer late", evidence.observer_late_ns, "ms", 1_000_000),
+    ];
+    for (name, count, unit, each) in counts {
+        if count > 0 {
+            looked += &format!("; {name} {} {unit}", count / each).trim_end();
+        }
+    }
+    (Class::Unexplained, format!("{what} ({looked})"))
 }
 
 /// Whether the statements that were executed can have taken that long.

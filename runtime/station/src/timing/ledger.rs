@@ -15,6 +15,7 @@ pub(super) struct Ledger {
     classes: BTreeMap<Class, ClassTotal>,
     worst: Vec<LateEntry>,
     newest: Vec<LateEntry>,
+    unexplained: Vec<LateEntry>,
     /// Late scans that came too fast to be told.
     lost: u64,
 }
@@ -26,10 +27,10 @@ impl Ledger {
         total.time_ns = total.time_ns.saturating_add(cause.size);
         total.worst_ns = total.worst_ns.max(cause.size);
         let entry = LateEntry::new(record, evidence, cause);
-        if self.newest.len() == KEPT {
-            self.newest.remove(0);
+        keep(&mut self.newest, &entry);
+        if entry.class == Class::Unexplained {
+            keep(&mut self.unexplained, &entry);
         }
-        self.newest.push(entry.clone());
         let at = self.worst.partition_point(|kept| kept.size_ns >= entry.size_ns);
         if at < KEPT {
             self.worst.insert(at, entry);
@@ -53,8 +54,17 @@ impl Ledger {
             classes: Class::ALL.iter().filter_map(|class| Some((*class, *self.classes.get(class)?))).collect(),
             worst: self.worst.clone(),
             newest: self.newest.clone(),
+            unexplained: self.unexplained.clone(),
         }
     }
+}
+
+/// The newest go last; the oldest go.
+fn keep(kept: &mut Vec<LateEntry>, entry: &LateEntry) {
+    if kept.len() == KEPT {
+        kept.remove(0);
+    }
+    kept.push(entry.clone());
 }
 
 #[cfg(test)]
@@ -76,6 +86,8 @@ mod tests {
         assert!((report.unexplained_share - 0.25).abs() < 1e-9);
         assert_eq!(report.classes[&Class::Program].scans, 75);
         assert_eq!((report.newest.len(), report.newest[KEPT - 1].scan), (KEPT, 100));
+        let unexplained: Vec<u64> = report.unexplained.iter().map(|entry| entry.scan).collect();
+        assert_eq!(unexplained, (1..=25).map(|fourth| fourth * 4).collect::<Vec<_>>());
         let sizes: Vec<u64> = report.worst.iter().map(|entry| entry.size_ns).collect();
         assert!(sizes.is_sorted_by(|a, b| a >= b) && sizes[0] == 100 && sizes.len() == KEPT, "{sizes:?}");
     }

@@ -7,11 +7,12 @@
 mod cause;
 mod kernel;
 mod ledger;
+mod looks;
 mod observer;
 pub mod snapshot;
 pub mod text;
 
-pub use cause::{Cause, Class, Evidence, explain};
+pub use cause::{Cause, Class, Evidence, Measured, explain};
 pub use observer::{LateSender, Observer, Unobserved};
 pub use snapshot::{Recorder, TIMING_SCHEMA, Timing};
 

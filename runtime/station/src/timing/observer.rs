@@ -1,34 +1,27 @@
 //! The observer thread: looks at the kernel's counters a few times a second, explains the late scans the scan thread
 //! has handed over, and takes frozen flights away.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use ob1_cpu::{Nanos, ScanRecord};
-use ob1_rt::{Continued, ThreadUsage};
+use ob1_cpu::{Nanos, ScanRecord, Sums};
+use ob1_rt::{Continued, ThreadLook};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::Timings;
-use super::cause::{Evidence, explain};
-use super::kernel::Sample;
+use super::cause::explain;
+use super::kernel::Sources;
+use super::looks::{LateScan, Look, Looks, Sample};
 
 /// Between two looks.
 const LOOK: Duration = Duration::from_millis(50);
-/// Samples kept: what a scan of some seconds is explained from.
-const SAMPLES: usize = 256;
+/// How often a look is tried while scans end.
+const TRIES: usize = 3;
 /// Late scans that can wait for a look.
 const ROOM: usize = 1024;
-
-/// A late scan and what the kernel had counted for its thread when it had ended.
-#[derive(Clone, Copy, Debug)]
-struct LateScan {
-    record: ScanRecord,
-    usage: ThreadUsage,
-}
 
 #[derive(Debug, Default)]
 struct Shared {
@@ -42,6 +35,9 @@ struct Shared {
 pub struct LateSender {
     ring: Producer<LateScan>,
     shared: Arc<Shared>,
+    look: ThreadLook,
+    /// The last late scan, and when it had been handed over.
+    ready: (u64, Nanos),
 }
 
 impl LateSender {
@@ -49,21 +45,29 @@ impl LateSender {
     #[must_use]
     pub fn pair() -> (Self, Unobserved) {
         let (ring, late) = RingBuffer::new(ROOM);
-        (Self { ring, shared: Arc::default() }, Unobserved(late))
+        (Self { ring, shared: Arc::default(), look: ThreadLook::open(), ready: (0, 0) }, Unobserved(late))
     }
 
     /// Names the calling thread as the one that scans.
-    pub fn this_is_the_scan(&self) {
+    pub fn this_is_the_scan(&mut self) {
+        self.look = ThreadLook::open();
         self.shared.thread.store(ob1_rt::thread_id(), Ordering::Release);
     }
 
-    /// Hands a late scan over: one `getrusage`.
+    /// Hands a late scan over, with the sums of the accounts at its end: one look at the thread's times.
     #[cold]
-    pub fn send(&mut self, record: &ScanRecord) {
-        let late = LateScan { record: *record, usage: ob1_rt::thread_usage() };
+    pub fn send(&mut self, record: &ScanRecord, sums: Sums) {
+        let ready = if self.ready.0 + 1 == record.scan { self.ready.1 } else { 0 };
+        let late = LateScan { record: *record, times: self.look.times(), sums, ready };
+        self.ready = (record.scan, 0);
         if self.ring.push(late).is_err() {
             self.shared.lost.fetch_add(1, Ordering::Relaxed);
         }
+    }
+
+    /// All that follows a late scan has been done.
+    pub fn ready(&mut self, now: Nanos) {
+        self.ready.1 = now;
     }
 }
 
@@ -97,13 +101,12 @@ impl Observer {
         let (stop, stopped) = mpsc::channel();
         let mut looking = Looking {
             timings,
-            cores,
+            sources: Sources::find(cores),
             late,
             shared: Arc::clone(&shared),
             continued,
-            samples: VecDeque::with_capacity(SAMPLES),
+            looks: Looks::new(LOOK.as_nanos() as Nanos),
             waiting: Vec::with_capacity(ROOM),
-            last: None,
         };
         let thread = ob1_rt::spawn("ob1-observer", move || {
             let mut planned = looking.timings.clock.time();
@@ -118,7 +121,10 @@ impl Observer {
             looking.look(Nanos::MAX);
             looking.look(Nanos::MAX);
         })?;
-        Ok((Self { stop: Some(stop), thread: Some(thread) }, LateSender { ring, shared }))
+        Ok((
+            Self { stop: Some(stop), thread: Some(thread) },
+            LateSender { ring, shared, look: ThreadLook::default(), ready: (0, 0) },
+        ))
     }
 }
 
@@ -133,15 +139,13 @@ impl Drop for Observer {
 
 struct Looking {
     timings: Timings,
-    cores: Vec<usize>,
+    sources: Sources,
     late: Consumer<LateScan>,
     shared: Arc<Shared>,
     continued: Continued,
-    samples: VecDeque<Sample>,
+    looks: Looks,
     /// Explained at the next look, when the counters of what came with them are there too.
     waiting: Vec<LateScan>,
-    /// The late scan before.
-    last: Option<(Nanos, ThreadUsage)>,
 }
 
 impl Looking {
@@ -150,23 +154,20 @@ impl Looking {
         if thread == 0 {
             return;
         }
-        let time = self.timings.clock.time();
-        let mut sample = Sample::read(thread, &self.cores, time);
-        sample.continued = self.continued.take();
-        sample.late = time.saturating_sub(planned);
-        if self.samples.len() == SAMPLES {
-            self.samples.pop_front();
-        }
-        self.samples.push_back(sample);
+        let from = self.timings.clock.time();
+        let look = (0..TRIES).find_map(|_| self.thread_look(thread));
+        let counters = self.sources.read(thread);
+        let to = self.timings.clock.time();
+        let (continued, late) = (self.continued.take(), from.saturating_sub(planned));
+        self.looks.enter(Sample { from, to, look, counters, continued, late });
         self.timings.keep_frozen();
         let waiting = std::mem::take(&mut self.waiting);
         if !waiting.is_empty() {
             let per_statement = self.ns_per_statement();
             for late in &waiting {
-                let evidence = self.evidence(late, per_statement);
+                let evidence = self.looks.evidence(late, per_statement);
                 let cause = explain(&late.record, &evidence);
                 self.timings.state.lock().ledger.enter(&late.record, &evidence, cause);
-                self.last = Some((late.record.end, late.usage));
             }
         }
         while let Ok(late) = self.late.pop() {
@@ -178,76 +179,18 @@ impl Looking {
         }
     }
 
+    /// The accounts and the thread's times, when no scan has ended between the two.
+    fn thread_look(&self, thread: u32) -> Option<Look> {
+        let sums = self.timings.accounts.sums();
+        let times = Sources::times(thread)?;
+        (self.timings.accounts.sums() == sums).then_some(Look { sums, times })
+    }
+
     /// What the program's statements usually take.
     fn ns_per_statement(&self) -> Nanos {
         let figures = self.timings.figures();
         let time: f64 = figures.obs.iter().map(|ob| ob.execution.mean() * ob.execution.count() as f64).sum();
         let plugins: f64 = figures.blocks.iter().map(|b| b.execution.mean() * b.execution.count() as f64).sum();
         ((time - plugins).max(0.0) / figures.statements.max(1) as f64) as Nanos
-    }
-
-    fn evidence(&self, late: &LateScan, ns_per_statement: Nanos) -> Evidence {
-        let record = &late.record;
-        let end = record.end.max(record.planned);
-        let after = self.samples.iter().find(|s| s.time >= end).or(self.samples.back()).copied().unwrap_or_default();
-        let before = self.samples.iter().rev().find(|s| s.time <= record.planned).or(self.samples.front());
-        let before = before.copied().unwrap_or_default();
-        // The scan's own look at the counters is closer than the observer's, and so is that of a late scan just before.
-        let last =
-            self.last.filter(|(time, _)| *time >= before.time && *time <= record.planned).map(|(_, usage)| usage);
-        let counted = |now: u64, last: Option<u64>, before: u64| now.saturating_sub(last.unwrap_or(before));
-        let usage = &late.usage;
-        let window = after.time.saturating_sub(before.time);
-        let within = |s: &&Sample| s.time > before.time && s.time <= after.time + LOOK.as_nanos() as Nanos;
-        let within: Vec<&Sample> = self.samples.iter().filter(within).collect();
-        Evidence {
-            window_ns: window,
-            wait_ns: after.wait.saturating_sub(before.wait).saturating_sub(self.usual_wait(window)),
-            steal_ns: after.steal.saturating_sub(before.steal),
-            switches: counted(usage.involuntary_switches, last.map(|l| l.involuntary_switches), before.switches),
-            minor_faults: counted(usage.minor_faults, last.map(|l| l.minor_faults), before.minor_faults),
-            major_faults: counted(usage.major_faults, last.map(|l| l.major_faults), before.major_faults),
-            stopped: self.samples.iter().filter_map(|s| s.continued).any(|at| was_stopped(record, at)),
-            observer_late_ns: within.iter().map(|s| s.late).filter(|late| *late > 1_000_000).max().unwrap_or(0),
-            ns_per_statement,
-        }
-    }
-
-    /// What the thread usually waits for a core in a window of this width: the median of the samples' differences.
-    fn usual_wait(&self, window: Nanos) -> Nanos {
-        let mut waits: Vec<Nanos> = self
-            .samples
-            .iter()
-            .zip(self.samples.iter().skip(1))
-            .map(|(a, b)| {
-                b.wait.saturating_sub(a.wait).saturating_mul(1000) / (b.time.saturating_sub(a.time) / 1000).max(1)
-            })
-            .collect();
-        waits.sort_unstable();
-        let per_ms = waits.get(waits.len() / 2).copied().unwrap_or(0);
-        per_ms.saturating_mul(window / 1000) / 1000
-    }
-}
-
-/// Whether the process was stopped in this scan, or before it began, when it was continued at this time.
-fn was_stopped(record: &ScanRecord, continued: Nanos) -> bool {
-    // The scan may have gone on, and ended, before the thread that takes the signals came to note it.
-    let noted_by = record.end.max(record.planned) + LOOK.as_nanos() as Nanos;
-    (record.planned..=noted_by).contains(&continued)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_a_scan_that_was_continued_was_stopped() {
-        const MS: Nanos = 1_000_000;
-        let record = ScanRecord { planned: 100 * MS, start: 400 * MS, end: 401 * MS, ..ScanRecord::default() };
-        for (continued, stopped) in
-            [(99, false), (100, true), (400, true), (401, true), (451, true), (452, false), (700, false)]
-        {
-            assert_eq!(was_stopped(&record, continued * MS), stopped, "continued at {continued} ms");
-        }
     }
 }

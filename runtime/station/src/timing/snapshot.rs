@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::cause::{Cause, Class, Evidence};
 
 /// Version of the form: raised when a field changes its meaning or goes. Fields may be added.
-pub const TIMING_SCHEMA: u32 = 1;
+pub const TIMING_SCHEMA: u32 = 2;
 
 /// The accounts of every scan since the start or the last reset. Times in nanoseconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -166,6 +166,9 @@ pub struct LateReport {
     pub worst: Vec<LateEntry>,
     /// The newest, newest last.
     pub newest: Vec<LateEntry>,
+    /// The newest of those that nothing explains, newest last.
+    #[serde(default)]
+    pub unexplained: Vec<LateEntry>,
 }
 
 /// The late scans of a class.

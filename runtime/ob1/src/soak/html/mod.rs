@@ -180,7 +180,7 @@ fn evidence(e: &ob1_station::timing::Evidence) -> String {
     format!(
         "window {}: waited {}, steal {}, switches {}, faults {}+{}",
         time(e.window_ns as f64),
-        time(e.wait_ns as f64),
+        time(e.measured.map_or(0, |measured| measured.waited_ns) as f64),
         time(e.steal_ns as f64),
         e.switches,
         e.minor_faults,
