@@ -7,11 +7,15 @@
 mod common;
 
 use std::fs;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use common::native;
 use common::site::{Site, replaced};
 use common::station::Running;
+use ob1_rt::Outcome;
 use ob1_station::access::protocol::Op;
 use ob1_station::timing::snapshot::LateEntry;
 use ob1_station::timing::{Class, Recorder, Timing};
@@ -23,19 +27,24 @@ const MS: u64 = 1_000_000;
 const TURNS: u64 = 200 * 60_000;
 
 /// OB 1 calls the slow block of statements when M 200.0 is set, and the slow block of a plugin when M 200.1 is, once
-/// each.
+/// each. With M 200.2 it never ends.
 fn station(site: &Site) -> Running {
+    station_with(site, "20s", "")
+}
+
+/// The same with this watchdog, and more tables.
+fn station_with(site: &Site, watchdog: &str, tables: &str) -> Running {
     let plugin = native::build(site, "tests/native/timing_blocks.c", "timing_blocks.so", &[]);
     let toml = format!(
-        "[station]\nname = \"timed\"\n\n[cpu]\nmin_cycle = \"10ms\"\nwatchdog = \"20s\"\nmissed = \"skip\"\n\n\
+        "[station]\nname = \"timed\"\n\n[cpu]\nmin_cycle = \"10ms\"\nwatchdog = \"{watchdog}\"\nmissed = \"skip\"\n\n\
          [timing]\nlate = \"5ms\"\nlong = \"3ms\"\nrecorder = 20\n\n[program]\nsources = [\"timed.awl\"]\n\n\
-         [[plugin]]\npath = \"{}\"\n",
+         [[plugin]]\npath = \"{}\"\n{tables}",
         plugin.display()
     );
     let awl = "FUNCTION FC 7 : VOID\nBEGIN\nNETWORK\nL 200;\nmore: T MW 210;\nL W#16#EA60;\nturn: T MW 212;\nL MW 212;\n\
                LOOP turn;\nL MW 210;\nLOOP more;\nEND_FUNCTION\n\
                ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\nU M 200.0;\nR M 200.0;\nSPBN next;\nCALL FC 7;\n\
-               next: U M 200.1;\nR M 200.1;\nSPBN end;\nCALL FC 233;\nend: NOP 0;\nEND_ORGANIZATION_BLOCK\n";
+               next: U M 200.1;\nR M 200.1;\nSPBN end;\nCALL FC 233;\nend: U M 200.2;\nSPB end;\nEND_ORGANIZATION_BLOCK\n";
     site.write("timed.toml", &toml);
     site.write("timed.awl", awl);
     site.run("timed.toml").until_run()
@@ -67,6 +76,9 @@ fn a_delay_in_a_block_is_the_programs() {
     assert!(entry.what.contains("OB 1") && entry.what.contains("FC 7"), "{entry:?}");
     // No statement takes less than a nanosecond.
     assert!(entry.size_ns >= TURNS * 3 && entry.execution_ns >= entry.size_ns, "{entry:?}");
+    // What is called the program's was not spent waiting.
+    let waited = entry.evidence.measured.map_or(0, |measured| measured.waited_at_least());
+    assert!(waited < entry.size_ns / 2, "{entry:?}");
     // The flight that ended in the worst overrun has been kept.
     let flight = station.until("a frozen flight", |station| recorder(station).worst).scans;
     let last = flight.last().expect("a scan");
@@ -88,6 +100,74 @@ fn a_delay_in_a_plugin_is_the_plugins() {
     assert_eq!(blocks.len(), 1);
     assert!(blocks[0].execution.count > 0 && blocks[0].execution.max_ns >= 10 * MS, "{blocks:?}");
     assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// Threads that compute on one core, until they are dropped.
+struct Hogs {
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Hogs {
+    fn on(core: usize, count: usize) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let hog = |_| {
+            let stop = Arc::clone(&stop);
+            std::thread::spawn(move || {
+                assert_eq!(ob1_rt::pin_to(&[core]).outcome, Outcome::Granted);
+                while !stop.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            })
+        };
+        Self { threads: (0..count).map(hog).collect(), stop }
+    }
+}
+
+impl Drop for Hogs {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}
+
+#[test]
+fn a_scan_that_waits_for_its_core_is_told_so_with_what_was_measured() {
+    let site = Site::new();
+    let station = station_with(&site, "20s", "\n[cpu.realtime]\naffinity = [0]\n");
+    let hogs = Hogs::on(0, 3);
+    let entry = station.until("a scan that waited", |station| {
+        // A program of its own length is taken off its core sooner than one that sleeps nearly always.
+        station.set("M200.0", 1);
+        let late = timing(station).late;
+        late.worst.iter().chain(&late.newest).find(|entry| entry.what.ends_with("for a core")).cloned()
+    });
+    drop(hogs);
+    let measured = entry.evidence.measured.expect("a kernel with schedstat");
+    assert_eq!(entry.class, Class::Kernel, "{entry:?}");
+    assert!(measured.waited_ns >= entry.size_ns / 2 && measured.window_ns >= entry.execution_ns, "{entry:?}");
+    assert!(measured.waited_at_least() >= entry.size_ns / 2, "not the waiting of other scans: {entry:?}");
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn the_watchdog_says_what_stood_in_the_way() {
+    let site = Site::new();
+    let station = station_with(&site, "100ms", "");
+    station.set("M200.2", 1);
+    let exceeded = station.until("the cycle that was too long is explained", |station| {
+        station.diagnostics().into_iter().find(|entry| entry.event == "3501h" && !entry.because.is_empty())
+    });
+    // On a busy machine the loop did not have the core for long.
+    let ours = exceeded.because.contains("program: OB 1") || exceeded.because.contains("for a core");
+    assert!(ours && exceeded.told().ends_with(&exceeded.because), "{exceeded:?}");
+    let worst = timing(&station).late.worst[0].clone();
+    assert!(worst.execution_ns >= 100 * MS, "the scan that was ended is in the ledger: {worst:?}");
+    let ended = station.interrupt();
+    let told = ended.err.lines().filter(|line| line.contains("the cycle that led to STOP: of "));
+    assert_eq!(told.count(), 1, "told once: {}", ended.err);
 }
 
 /// All threads of the process stand still.

@@ -33,7 +33,8 @@ usage: cargo xtask VERB [...]
                                   the whole station in virtual time, with line faults and driver kills
   bench [...]                     the figures of the README, next to the floor of this machine; bench stl: the engine beside awlsim;
                                   bench disturb: the scan while it is looked at and its driver is killed;
-                                  bench kill-runtime: how long the outputs of a killed runtime stay on
+                                  bench kill-runtime: how long the outputs of a killed runtime stay on;
+                                  bench causes: late scans by cause on a machine that is too busy
   compare [--seeds N] [--seed S]  random STL programs on our engine and on awlsim; what differs is written to tests/compare
   fuzz [TARGET] [--each 10m]      the fuzz targets (all: one after the other); cargo-fuzz is installed into .tools
   faults [PROTOCOL] [--telegrams 100000]

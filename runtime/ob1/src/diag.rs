@@ -120,6 +120,7 @@ mod tests {
             event: "253Ah".into(),
             text: "253Ah data block not loaded (OB 1, line 7, DB 99)".into(),
             place: "press.awl:7".into(),
+            because: String::new(),
             remedy: "Load it.".into(),
         };
         let run = Diagnostic { number: 2, text: "4302h RUN".into(), remedy: String::new(), ..stop.clone() };

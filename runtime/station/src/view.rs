@@ -8,7 +8,7 @@ use ob1_backplane::{BufferEntry, Counter, DriverState, Monitor};
 use ob1_cpu::{DiagEntry, Distribution, Family, OperatingState};
 use ob1_host::driver;
 use ob1_ir::{CodeBlock, Program};
-use ob1_model::BlockId;
+use ob1_model::{BlockId, Event};
 use ob1_params::CpKind;
 use ob1_rt::{Grant, MonotonicClock};
 
@@ -178,8 +178,15 @@ impl StationView {
             event: format!("{:04X}h", entry.event.0),
             text: entry.to_string(),
             place: self.places.of(entry).unwrap_or_default(),
+            because: self.stood_in_the_way(entry).unwrap_or_default(),
             remedy: entry.event.remedy().to_owned(),
         }
+    }
+
+    /// What made the cycle too long that this entry is about.
+    #[must_use]
+    pub fn stood_in_the_way(&self, entry: &DiagEntry) -> Option<String> {
+        if entry.event == Event::CYCLE_TIME_EXCEEDED { self.timings.watchdog(entry.time) } else { None }
     }
 
     /// Nanoseconds since 1970 at a time of this runtime, by the clock as it is set now.

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
-use ob1_tests::bench::{backplane, compile, disturb, driver, kill_runtime, line, memory, scan, stl, wake};
+use ob1_tests::bench::{backplane, causes, compile, disturb, driver, kill_runtime, line, memory, scan, stl, wake};
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
   names: scan, pair, backplane, driver, memory, line, compile (default: all of these)
@@ -13,6 +13,7 @@ const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds 
          line, named: also Modbus RTU transactions over a pty beside libmodbus and pymodbus (installed into .venv)
          disturb [--rounds N] [--seconds S]: the execution time of a scan while ob1 top is attached, reports are written, its driver is
          killed ten times a minute; N (9) rounds of five runs of S (6) seconds: 5 minutes
+         causes [--seconds S]: late scans by cause on a machine that is too busy; three stations of S (60) seconds each
          kill-runtime [--kills N]: N (200) times SIGKILL to a runtime; how long its outputs stay on: a minute
   scan, named: also our wake-up latency beside cyclictest, N (9) triples of runs of S (15) seconds at two intervals: 15 minutes
 
@@ -24,6 +25,8 @@ fn main() -> ExitCode {
         ["--peer", role, path] => answer(role, Path::new(path)).map(|()| true),
         ["stl"] => stl::measure(),
         ["disturb", ref words @ ..] => disturbed(words),
+        ["causes"] => caused(causes::SECONDS),
+        ["causes", "--seconds", number] => number.parse().map_err(|_| HELP.into()).and_then(caused),
         ["kill-runtime"] => killed(kill_runtime::KILLS),
         ["kill-runtime", "--kills", number] => number.parse().map_err(|_| HELP.into()).and_then(killed),
         ref words => options(words).and_then(|(names, plan)| {
@@ -52,6 +55,11 @@ fn killed(kills: usize) -> Result<bool, Failure> {
     let found = kill_runtime::campaign(&ob1, kills)?;
     println!("{}", found.line());
     Ok(found.is_kept())
+}
+
+/// `causes [--seconds S]`.
+fn caused(seconds: u64) -> Result<bool, Failure> {
+    causes::measure(&std::env::current_exe()?.with_file_name("ob1"), seconds)
 }
 
 /// `disturb [--rounds N] [--seconds S]`.

@@ -82,13 +82,14 @@ const COUNTS: [(&str, Counted); 12] = [
     ("drivers.lost", Counted::DriversLost),
 ];
 
-const CLASSES: [(&str, Class); 7] = [
+const CLASSES: [(&str, Class); 8] = [
     ("kernel", Class::Kernel),
     ("stopped", Class::Stopped),
     ("program", Class::Program),
     ("plugin", Class::Plugin),
     ("driver", Class::Driver),
     ("carried", Class::Carried),
+    ("timer", Class::Timer),
     ("unexplained", Class::Unexplained),
 ];
 

@@ -339,16 +339,27 @@ pub struct Diagnostic {
     /// File and line of the statement, `press.awl:14`; empty for an entry about none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub place: String,
+    /// What stood in the way, where the cycle monitoring expired and that is known: `of 182.0 ms 180.1 ms kernel: waited
+    /// 180.100 ms for a core`.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub because: String,
     /// What helps; empty for mere information.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub remedy: String,
 }
 
 impl Diagnostic {
-    /// The entry with its place, in a line.
+    /// The entry with its place and what stood in the way, in a line.
     #[must_use]
     pub fn told(&self) -> String {
-        if self.place.is_empty() { self.text.clone() } else { format!("{}, {}", self.text, self.place) }
+        let mut told = self.text.clone();
+        for (gap, more) in [(", ", &self.place), ("; ", &self.because)] {
+            if !more.is_empty() {
+                told += gap;
+                told += more;
+            }
+        }
+        told
     }
 }
 

@@ -215,6 +215,9 @@ impl AtWork {
             return Err(failure);
         }
         self.read_journal();
+        // Its last look explains what is not explained yet.
+        drop(self.observer.take());
+        self.journal.take(&self.view);
         let (diagnostics, fault) = (self.journal.diagnostics(&self.view), self.journal.fault());
         let exit = match ended {
             Ended::StoodStill => Exit::StoodStill,
@@ -222,8 +225,6 @@ impl AtWork {
             _ => Exit::Ok,
         };
         let status = self.view.status(self.scan.state(), &self.scan.present());
-        // Its last look explains what is not explained yet.
-        drop(self.observer.take());
         let timing = self.view.timings.snapshot(true);
         // The last image comes out of a cycle in STOP.
         drop(self.keeper.take());

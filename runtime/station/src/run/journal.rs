@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 
 use ob1_cpu::{Cpu, DIAG_ENTRIES, DiagEntry};
-use ob1_model::StateChange;
+use ob1_model::{Event, StateChange};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::access::protocol::Diagnostic;
@@ -44,12 +44,15 @@ pub(super) struct Journal {
     kept: VecDeque<DiagEntry>,
     /// The last change of the operating state.
     change: Option<DiagEntry>,
+    /// The cycle monitoring led to STOP; what stood in the way is told when it is known.
+    exceeded: Option<DiagEntry>,
 }
 
 /// Both ends.
 pub(super) fn journal() -> (Feed, Journal) {
     let (to_run, entries) = RingBuffer::new(RING);
-    (Feed { entries: to_run, sent: 0 }, Journal { entries, kept: VecDeque::with_capacity(DIAG_ENTRIES), change: None })
+    let kept = VecDeque::with_capacity(DIAG_ENTRIES);
+    (Feed { entries: to_run, sent: 0 }, Journal { entries, kept, change: None, exceeded: None })
 }
 
 impl Journal {
@@ -59,11 +62,18 @@ impl Journal {
             if let Some(change) = entry.event.state_change() {
                 tell(change, &entry, self.cause(&entry), view);
                 self.change = Some(entry);
+                if change == StateChange::Fault {
+                    self.exceeded = self.cause(&entry).filter(|e| e.event == Event::CYCLE_TIME_EXCEEDED).copied();
+                }
             }
             if self.kept.len() == DIAG_ENTRIES {
                 self.kept.pop_front();
             }
             self.kept.push_back(entry);
+        }
+        if let Some(text) = self.exceeded.and_then(|entry| view.stood_in_the_way(&entry)) {
+            tracing::error!("the cycle that led to STOP: {text}");
+            self.exceeded = None;
         }
     }
 

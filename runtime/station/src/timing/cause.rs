@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
-    /// The kernel gave the core to something else, or had to find memory: run-queue wait, involuntary switches, page
-    /// faults, steal.
+    /// The kernel gave the core to something else, or had to find memory: waiting for a core, a quota, page faults,
+    /// steal.
     Kernel,
     /// The process was stopped by a signal and continued.
     Stopped,
@@ -20,14 +20,26 @@ pub enum Class {
     Driver,
     /// The scan before, which is accounted for by itself.
     Carried,
+    /// The scan thread was asleep beyond its deadline, neither waiting for a core nor on one: the timer's interrupt came
+    /// late. Its core was waking from a deep sleep, or the kernel or the host held interrupts back; no counter tells
+    /// which.
+    Timer,
     /// Nothing here explains it: the host of a virtual machine, firmware or hardware is suspected.
     Unexplained,
 }
 
 impl Class {
     /// All, in the order of reports.
-    pub const ALL: [Self; 7] =
-        [Self::Kernel, Self::Stopped, Self::Program, Self::Plugin, Self::Driver, Self::Carried, Self::Unexplained];
+    pub const ALL: [Self; 8] = [
+        Self::Kernel,
+        Self::Stopped,
+        Self::Program,
+        Self::Plugin,
+        Self::Driver,
+        Self::Carried,
+        Self::Timer,
+        Self::Unexplained,
+    ];
 
     /// As printed.
     #[must_use]
@@ -39,6 +51,7 @@ impl Class {
             Self::Plugin => "plugin",
             Self::Driver => "driver",
             Self::Carried => "carried over",
+            Self::Timer => "timer late",
             Self::Unexplained => "unexplained (host suspected)",
         }
     }
@@ -176,7 +189,17 @@ fn own(part: Part, record: &ScanRecord, evidence: &Evidence, size: Nanos) -> (Cl
             let (inputs, outputs) = (record.inputs as f64 / 1000.0, record.outputs as f64 / 1000.0);
             (Class::Driver, format!("inputs {inputs:.1} µs, outputs {outputs:.1} µs"))
         }
-        _ => unexplained(evidence, "its wake-up came late"),
+        _ => match evidence.measured {
+            // What it waited at all is not half of it: it slept.
+            Some(m) if m.waited_ns < size / 2 => {
+                let (late, waited) = (size as f64 / 1e6, m.waited_ns as f64 / 1e6);
+                (
+                    Class::Timer,
+                    format!("woken {late:.3} ms after the deadline, of that at most {waited:.3} ms waiting for a core"),
+                )
+            }
+            _ => unexplained(evidence, "it began late"),
+        },
     }
 }
 
@@ -242,7 +265,7 @@ fn unexplained(evidence: &Evidence, what: &str) -> (Class, String) {
     ];
     for (name, count, unit, each) in counts {
         if count > 0 {
-            looked += &format!("; {name} {} {unit}", count / each).trim_end();
+            looked += format!("; {name} {} {unit}", count / each).trim_end();
         }
     }
     (Class::Unexplained, format!("{what} ({looked})"))
@@ -291,54 +314,100 @@ mod tests {
         record
     }
 
+    /// The scan was alone in its window, and the thread waited and ran so long.
+    fn alone(waited_ns: Nanos, ran_ns: Nanos) -> Evidence {
+        let measured = Some(Measured { window_ns: 100 * MS, waited_ns, ran_ns, ..Measured::default() });
+        Evidence { window_ns: 100 * MS, measured, ns_per_statement: 20, ..Evidence::default() }
+    }
+
     #[test]
-    fn each_class_by_its_evidence() {
-        let quiet = Evidence { window_ns: 100 * MS, ns_per_statement: 20, ..Evidence::default() };
-        let program = ScanRecord { statements: 400_000, ..took_long(|r| &mut r.program, 6 * MS) };
-        let plugin = |mut r: ScanRecord| {
-            (r.plugins, r.longest_plugin_time) = (r.program, r.program);
-            r.longest_plugin = Some(BlockId::new(BlockKind::Fc, 7));
-            r
+    fn a_scan_that_began_late() {
+        let quiet = alone(0, 0);
+        let blind = Evidence { measured: None, ..quiet };
+        let beside = |waited_ns, others_ns| {
+            let measured = Some(Measured { waited_ns, others: 9, others_ns, ..Measured::default() });
+            Evidence { measured, ..quiet }
         };
         let cases = [
-            ("nothing", woke_late(MS), quiet, Class::Unexplained, MS),
-            ("run queue", woke_late(MS), Evidence { wait_ns: MS / 2, ..quiet }, Class::Kernel, MS),
-            ("some wait", woke_late(MS), Evidence { wait_ns: MS / 3, ..quiet }, Class::Unexplained, MS),
-            ("steal", woke_late(MS), Evidence { steal_ns: 10 * MS, ..quiet }, Class::Kernel, MS),
-            ("disk", woke_late(MS), Evidence { major_faults: 1, ..quiet }, Class::Kernel, MS),
-            ("switched", woke_late(MS), Evidence { switches: 1, ..quiet }, Class::Kernel, MS),
-            ("stopped", woke_late(50 * MS), Evidence { stopped: true, ..quiet }, Class::Stopped, 50 * MS),
-            ("before", ScanRecord { carried: MS, ..woke_late(MS) }, quiet, Class::Carried, MS),
-            ("OB 35", ScanRecord { between: MS, between_ob: 35, ..woke_late(MS) }, quiet, Class::Program, MS),
-            ("program", program, quiet, Class::Program, 6 * MS),
-            ("few statements", ScanRecord { statements: 4000, ..program }, quiet, Class::Unexplained, 6 * MS),
-            ("program off its core", program, Evidence { wait_ns: 4 * MS, ..quiet }, Class::Kernel, 6 * MS),
-            ("plugin", plugin(took_long(|r| &mut r.program, 6 * MS)), quiet, Class::Plugin, 6 * MS),
-            ("inputs", took_long(|r| &mut r.inputs, 2 * MS), quiet, Class::Driver, 2 * MS),
-            ("outputs", took_long(|r| &mut r.outputs, 2 * MS), quiet, Class::Driver, 2 * MS),
-            (
-                "faults",
-                took_long(|r| &mut r.outputs, 2 * MS),
-                Evidence { minor_faults: 1500, ..quiet },
-                Class::Kernel,
-                2 * MS,
-            ),
+            ("asleep", quiet, Class::Timer),
+            ("run queue", alone(MS / 2, 0), Class::Kernel),
+            ("some wait", alone(MS / 3, 0), Class::Timer),
+            ("others waited", beside(MS, MS * 3 / 4), Class::Unexplained),
+            ("others waited less", beside(MS, MS / 4), Class::Kernel),
+            ("others waited, but not much", beside(MS / 3, MS / 4), Class::Timer),
+            ("no schedstat", blind, Class::Unexplained),
+            ("steal", Evidence { steal_ns: 10 * MS, ..quiet }, Class::Kernel),
+            ("quota", Evidence { throttled_ns: 30 * MS, ..quiet }, Class::Kernel),
+            ("stopped", Evidence { stopped: true, ..alone(MS, 0) }, Class::Stopped),
+            ("no sleep", Evidence { no_sleep: true, ..quiet }, Class::Carried),
+            ("no sleep, no core", Evidence { no_sleep: true, ..alone(MS, 0) }, Class::Kernel),
+            // A thread that sleeps touches no page.
+            ("disk", Evidence { major_faults: 3, ..quiet }, Class::Timer),
+            ("disk, no schedstat", Evidence { major_faults: 3, ..blind }, Class::Unexplained),
+            ("faults", Evidence { minor_faults: 5000, ..quiet }, Class::Timer),
         ];
-        for (name, record, evidence, class, size) in cases {
-            let cause = explain(&record, &evidence);
-            assert_eq!((cause.class, cause.size), (class, size), "{name}: {}", cause.what);
+        for (name, evidence, class) in cases {
+            let cause = explain(&woke_late(MS), &evidence);
+            assert_eq!((cause.class, cause.size), (class, MS), "{name}: {}", cause.what);
         }
+        let before = ScanRecord { carried: MS, ..woke_late(MS) };
+        assert_eq!(explain(&before, &alone(MS, 0)).class, Class::Carried, "the record says it exactly");
+        let between = ScanRecord { between: MS, between_ob: 35, ..woke_late(MS) };
+        assert_eq!(explain(&between, &alone(MS, 0)).class, Class::Program, "the record says it exactly");
+    }
+
+    #[test]
+    fn a_scan_that_took_long() {
+        let ran = alone(0, 6 * MS);
+        let blind = Evidence { measured: None, ..ran };
+        let program = ScanRecord { statements: 400_000, ..took_long(|r| &mut r.program, 6 * MS) };
+        let few = ScanRecord { statements: 4000, ..program };
+        let longer = ScanRecord { statements: 4_000_000, ..took_long(|r| &mut r.program, 60 * MS) };
+        let plugin = {
+            let mut record = took_long(|r| &mut r.program, 6 * MS);
+            (record.plugins, record.longest_plugin_time) = (record.program, record.program);
+            ScanRecord { longest_plugin: Some(BlockId::new(BlockKind::Fc, 7)), ..record }
+        };
+        let outputs = took_long(|r| &mut r.outputs, 2 * MS);
+        let cases = [
+            ("program", program, ran, Class::Program),
+            ("program, no schedstat", program, blind, Class::Program),
+            ("few statements", few, ran, Class::Unexplained),
+            ("program off its core", program, alone(4 * MS, 2 * MS), Class::Kernel),
+            ("program that waited a little", program, alone(2 * MS, 4 * MS), Class::Program),
+            ("program, faults", program, Evidence { major_faults: 2, ..alone(0, MS) }, Class::Kernel),
+            ("program, faults of others", program, Evidence { major_faults: 2, ..ran }, Class::Program),
+            ("program, faults, no schedstat", program, Evidence { major_faults: 2, ..blind }, Class::Kernel),
+            // A time on a core may be a tick old.
+            ("program, held a little", program, alone(0, MS), Class::Program),
+            ("program, held", longer, alone(0, 5 * MS), Class::Kernel),
+            ("plugin", plugin, ran, Class::Plugin),
+            ("plugin that sleeps", plugin, alone(0, 0), Class::Plugin),
+            ("plugin off its core", plugin, alone(5 * MS, MS), Class::Kernel),
+            ("inputs", took_long(|r| &mut r.inputs, 2 * MS), alone(0, 2 * MS), Class::Driver),
+            ("outputs", outputs, alone(0, 2 * MS), Class::Driver),
+            ("faults", outputs, Evidence { minor_faults: 1500, ..alone(0, 2 * MS) }, Class::Kernel),
+            ("quota", program, Evidence { throttled_ns: 5 * MS, ..ran }, Class::Kernel),
+            ("little quota", program, Evidence { throttled_ns: MS, ..ran }, Class::Program),
+            ("interrupts are looked at only", few, Evidence { interrupts_ns: 90 * MS, ..ran }, Class::Unexplained),
+        ];
+        for (name, record, evidence, class) in cases {
+            let cause = explain(&record, &evidence);
+            assert_eq!(cause.class, class, "{name}: {}", cause.what);
+        }
+        let looked = explain(&few, &Evidence { interrupts_ns: 90 * MS, ..ran }).what;
+        assert!(looked.contains("interrupts 90 ms") && looked.contains("on a core 6000.0"), "{looked}");
     }
 
     #[test]
     fn the_longest_part_decides() {
-        let quiet = Evidence { ns_per_statement: 20, ..Evidence::default() };
+        let quiet = alone(0, 0);
         let mut record = took_long(|r| &mut r.program, 3 * MS);
         (record.statements, record.inputs, record.start) = (1_000_000, MS, record.start + 2 * MS);
         record.flags.began_late = true;
         assert_eq!(explain(&record, &quiet).class, Class::Program);
         record.start += 4 * MS;
-        assert_eq!(explain(&record, &quiet).class, Class::Unexplained, "it woke up later than it ran");
+        assert_eq!(explain(&record, &quiet).class, Class::Timer, "it woke up later than it ran");
         let long_in = ScanRecord { long_in: Some(BlockId::new(BlockKind::Fc, 7)), long_at_line: 12, ..record };
         let long_in = ScanRecord { start: long_in.planned, ..long_in };
         assert!(explain(&long_in, &quiet).what.contains("FC 7 line 12"));

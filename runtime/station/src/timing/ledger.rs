@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ob1_cpu::ScanRecord;
+use ob1_cpu::{Nanos, ScanRecord};
 
 use super::cause::{Cause, Class, Evidence};
 use super::snapshot::{ClassTotal, LateEntry, LateReport};
@@ -16,6 +16,8 @@ pub(super) struct Ledger {
     worst: Vec<LateEntry>,
     newest: Vec<LateEntry>,
     unexplained: Vec<LateEntry>,
+    /// Those in which the watchdog expired.
+    watchdogs: Vec<LateEntry>,
     /// Late scans that came too fast to be told.
     lost: u64,
 }
@@ -31,11 +33,22 @@ impl Ledger {
         if entry.class == Class::Unexplained {
             keep(&mut self.unexplained, &entry);
         }
+        if record.flags.watchdog {
+            keep(&mut self.watchdogs, &entry);
+        }
         let at = self.worst.partition_point(|kept| kept.size_ns >= entry.size_ns);
         if at < KEPT {
             self.worst.insert(at, entry);
             self.worst.truncate(KEPT);
         }
+    }
+
+    /// What stood in the way of the scan in which the watchdog expired at this time, if that has been explained.
+    pub(super) fn watchdog(&self, expired: Nanos) -> Option<&LateEntry> {
+        self.watchdogs.iter().rev().find(|entry| {
+            let start = entry.planned_ns + entry.lateness_ns;
+            (start..=start + entry.execution_ns).contains(&expired)
+        })
     }
 
     pub(super) fn lose(&mut self, count: u64) {
@@ -70,6 +83,7 @@ fn keep(kept: &mut Vec<LateEntry>, entry: &LateEntry) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ob1_cpu::Flags;
 
     #[test]
     fn totals_and_the_longest() {
@@ -80,6 +94,14 @@ mod tests {
             let size = (scan * 37) % 101;
             ledger.enter(&record, &Evidence::default(), Cause { class, what: String::new(), size });
         }
+        let flags = Flags { watchdog: true, ..Flags::default() };
+        let record = ScanRecord { scan: 100, planned: 500, start: 600, end: 900, flags, ..ScanRecord::default() };
+        let cause = Cause { class: Class::Kernel, what: "no core".into(), size: 300 };
+        let mut expired = Ledger::default();
+        expired.enter(&record, &Evidence::default(), cause);
+        let found = |time| expired.watchdog(time).map(|entry| entry.what.as_str());
+        assert_eq!([found(599), found(600), found(900), found(901)], [None, Some("no core"), Some("no core"), None]);
+        assert!(ledger.watchdog(0).is_none(), "scans without a watchdog");
         ledger.lose(3);
         let report = ledger.report(105);
         assert_eq!((report.scans, report.pending, report.lost), (105, 2, 3));

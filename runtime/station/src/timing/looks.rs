@@ -119,21 +119,18 @@ impl Looks {
         })
     }
 
-    /// How much of what scans on time lose is waiting for a core: nine tenths of the samples without a late scan between
-    /// them have less. 1 where that is not known.
+    /// How much of what scans on time lose is waiting for a core: of all samples without a late scan between them. 1
+    /// where there are too few.
     fn waiting_share(&self) -> f64 {
         let looks = || self.samples.iter().filter_map(|s| s.look);
-        let pairs = looks().zip(looks().skip(1)).filter(|(a, b)| a.sums.late == b.sums.late);
-        let shares = pairs.filter_map(|(a, b)| {
-            let (_, time) = lost(&a, &b, &Sums::default());
-            (time > 0).then(|| b.times.waited.saturating_sub(a.times.waited) as f64 / time as f64)
-        });
-        let mut shares: Vec<f64> = shares.collect();
-        if shares.len() < ENOUGH {
-            return 1.0;
+        let on_time = looks().zip(looks().skip(1)).filter(|(a, b)| a.sums.late == b.sums.late);
+        let (mut waited, mut all, mut pairs) = (0, 0, 0);
+        for (a, b) in on_time {
+            waited += b.times.waited.saturating_sub(a.times.waited);
+            all += lost(&a, &b, &Sums::default()).1;
+            pairs += 1;
         }
-        shares.sort_by(f64::total_cmp);
-        shares[shares.len() * 9 / 10].min(1.0)
+        if pairs < ENOUGH || all == 0 { 1.0 } else { (waited as f64 / all as f64).min(1.0) }
     }
 
     /// Whether the process was stopped in this scan, or before it began, when it was continued at this time.
@@ -152,4 +149,93 @@ fn lost(was: &Look, is: &Look, own: &Sums) -> (u64, Nanos) {
     let execution = since(is.sums.execution, was.sums.execution, own.execution);
     let ran = since(is.times.ran, was.times.ran, own.execution);
     (since(is.sums.scans, was.sums.scans, own.scans), wake.saturating_add(execution.saturating_sub(ran)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Nanos = 1_000_000;
+
+    /// A look at this millisecond after so many scans, when the thread had waited so long and run for 10 µs a scan.
+    fn look(scans: u64, late: u64, wake: Nanos, waited: Nanos) -> Look {
+        let sums = Sums { scans, late, wake, execution: scans * 10_000 };
+        Look { sums, times: ThreadTimes { ran: scans * 10_000, waited } }
+    }
+
+    fn sample(at: u64, look: Look) -> Sample {
+        Sample { from: at * MS, to: at * MS, look: Some(look), ..Sample::default() }
+    }
+
+    /// Scan `scan` of a millisecond each was due at `scan` milliseconds and began so much later.
+    fn late(scan: u64, by: Nanos, is: Look) -> LateScan {
+        let (planned, start) = (scan * MS, scan * MS + by);
+        let record = ScanRecord { scan, planned, start, end: start + 10_000, ..ScanRecord::default() };
+        LateScan { record, times: Some(is.times), sums: is.sums, ready: 0 }
+    }
+
+    #[test]
+    fn the_window_begins_at_the_last_look_before_the_scan_was_due() {
+        let mut looks = Looks::new(50 * MS);
+        looks.enter(sample(100, look(100, 0, 0, 0)));
+        looks.enter(sample(150, look(150, 0, 0, MS)));
+        // Taken while the scan was waiting; of a wait that goes on a part may be counted.
+        looks.enter(sample(202, look(199, 0, 0, 2 * MS)));
+        looks.enter(sample(250, look(230, 1, 9 * MS, 9 * MS)));
+        let scan = late(200, 8 * MS, look(200, 1, 8 * MS, 8 * MS));
+        let measured = looks.evidence(&scan, 5).measured.expect("schedstat");
+        assert_eq!((measured.window_ns, measured.waited_ns), (58 * MS + 10_000, 7 * MS));
+        assert_eq!((measured.others, measured.others_ns, measured.ran_ns), (49, 0, 500_000));
+        // The late scan before is nearer than any sample, even if it ended after this one was due.
+        let before = late(201, 9 * MS, look(201, 2, 17 * MS, 10 * MS));
+        looks.evidence(&before, 5);
+        let scan = late(205, 6 * MS, look(202, 3, 23 * MS, 14 * MS));
+        let measured = looks.evidence(&scan, 5).measured.expect("schedstat");
+        assert_eq!((measured.window_ns, measured.waited_ns, measured.others), (MS, 4 * MS, 0));
+    }
+
+    #[test]
+    fn of_the_waiting_others_get_what_is_usual() {
+        let mut looks = Looks::new(50 * MS);
+        // Ten scans lose 200 µs together and wait 20 µs of it.
+        for pair in 0..=8 {
+            looks.enter(sample(pair * 10, look(pair * 10, 0, pair * 200_000, pair * 20_000)));
+        }
+        let scan = late(90, MS, look(90, 1, 9 * 200_000 + MS - 20_000, 160_000 + 900_000));
+        let evidence = looks.evidence(&scan, 5);
+        let measured = evidence.measured.expect("schedstat");
+        assert_eq!((measured.others, measured.waited_ns), (9, 900_000));
+        assert_eq!(measured.others_ns, 18_000, "a tenth of 180 µs");
+        // Where nothing is usual yet all they have lost may have been waiting.
+        let mut fresh = Looks::new(50 * MS);
+        fresh.enter(sample(80, look(80, 0, 8 * 200_000, 160_000)));
+        assert_eq!(fresh.evidence(&scan, 5).measured.expect("schedstat").others_ns, 180_000);
+    }
+
+    #[test]
+    fn counters_are_those_of_the_samples_around_the_scan() {
+        let mut looks = Looks::new(50 * MS);
+        let counters = |steal: u64| Counters { steal, major_faults: steal / 10, ..Counters::default() };
+        for (at, steal) in [(100, 0), (150, 10), (200, 50), (250, 90)] {
+            looks.enter(Sample { look: None, counters: counters(steal), ..sample(at, look(at, 0, 0, 0)) });
+        }
+        let scan = LateScan { times: None, ..late(160, MS, look(160, 1, 0, 0)) };
+        let evidence = looks.evidence(&scan, 5);
+        assert_eq!((evidence.steal_ns, evidence.major_faults, evidence.measured), (40, 4, None));
+        assert_eq!((evidence.window_ns, evidence.no_sleep), (50 * MS, false));
+        let at_once = LateScan { ready: 160 * MS, ..scan };
+        assert!(looks.evidence(&at_once, 5).no_sleep);
+        assert!(!looks.evidence(&LateScan { ready: 160 * MS - 1, ..scan }, 5).no_sleep);
+    }
+
+    #[test]
+    fn only_a_scan_that_was_continued_was_stopped() {
+        let record = ScanRecord { planned: 100 * MS, start: 400 * MS, end: 401 * MS, ..ScanRecord::default() };
+        for (continued, stopped) in
+            [(99, false), (100, true), (400, true), (401, true), (451, true), (452, false), (700, false)]
+        {
+            let looks = Looks::new(50 * MS);
+            assert_eq!(looks.was_stopped(&record, continued * MS), stopped, "continued at {continued} ms");
+        }
+    }
 }

@@ -114,6 +114,12 @@ impl Timings {
         }
     }
 
+    /// What stood in the way of the scan in which the watchdog expired at this time; known a tenth of a second later.
+    #[must_use]
+    pub fn watchdog(&self, expired: Nanos) -> Option<String> {
+        self.state.lock().ledger.watchdog(expired).map(text::cause)
+    }
+
     /// Takes the flight that an overrun has frozen, if there is one.
     fn keep_frozen(&self) {
         let Some(flight) = self.accounts.take_frozen() else { return };

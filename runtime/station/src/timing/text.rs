@@ -89,6 +89,12 @@ fn one(entry: &LateEntry) -> String {
     )
 }
 
+/// Who made a scan late, and what exactly.
+pub(super) fn cause(entry: &LateEntry) -> String {
+    let took = entry.lateness_ns.max(entry.execution_ns) as f64 / 1e6;
+    format!("of {took:.1} ms {:.1} ms {}: {}", entry.size_ns as f64 / 1e6, entry.class.name(), entry.what)
+}
+
 /// The flight recorder: the worst frozen flight, or the scans up to now.
 #[must_use]
 pub fn recorder(recorder: &Recorder) -> String {
