@@ -2,8 +2,8 @@
 //!
 //! A seccomp filter on the calling thread. Any call that is not on the list kills the whole process with SIGSYS, so a
 //! run that ends well is a proof. Allowed is what invariant 8 allows: the sleep, a doorbell, one look at kernel
-//! counters after a late scan (pread64 of a file that is open). The clock is read through the vDSO; its system call is allowed for machines whose clock
-//! source has no vDSO.
+//! counters after a late scan (pread64 of a file that is open). The clock is read through the vDSO; its system call is
+//! allowed for machines whose clock source has no vDSO.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};

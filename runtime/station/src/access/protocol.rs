@@ -339,8 +339,8 @@ pub struct Diagnostic {
     /// File and line of the statement, `press.awl:14`; empty for an entry about none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub place: String,
-    /// What stood in the way, where the cycle monitoring expired and that is known: `of 182.0 ms 180.1 ms kernel: waited
-    /// 180.100 ms for a core`.
+    /// What stood in the way, where the cycle monitoring expired and that is known: `of 182.0 ms 180.1 ms kernel:
+    /// waited 180.100 ms for a core`.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub because: String,
     /// What helps; empty for mere information.

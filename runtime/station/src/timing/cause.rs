@@ -20,9 +20,9 @@ pub enum Class {
     Driver,
     /// The scan before, which is accounted for by itself.
     Carried,
-    /// The scan thread was asleep beyond its deadline, neither waiting for a core nor on one: the timer's interrupt came
-    /// late. Its core was waking from a deep sleep, or the kernel or the host held interrupts back; no counter tells
-    /// which.
+    /// The scan thread was asleep beyond its deadline, neither waiting for a core nor on one: the timer's interrupt
+    /// came late. Its core was waking from a deep sleep, or the kernel or the host held interrupts back; no counter
+    /// tells which.
     Timer,
     /// Nothing here explains it: the host of a virtual machine, firmware or hardware is suspected.
     Unexplained,
