@@ -2,7 +2,7 @@
 
 use crate::codes;
 use crate::diagnostic::Sink;
-use crate::mnemonics::{IDENTIFIERS, Identifier, Mnemonics, ROWS, Words};
+use crate::mnemonics::{Identifier, Mnemonics, Words};
 use crate::parser::split_digits;
 use crate::token::{File, Kind, Token};
 
@@ -28,22 +28,17 @@ fn place_of<T>(german: Option<T>, international: Option<T>, same: impl Fn(&T, &T
     }
 }
 
-/// In which sets a mnemonic exists.
-fn belongs(word: &str) -> Belongs {
-    let german = ROWS.iter().position(|r| r.german.eq_ignore_ascii_case(word));
-    let international = ROWS.iter().position(|r| r.international.eq_ignore_ascii_case(word));
-    place_of(german, international, |de, en| de == en)
+/// In which sets a mnemonic of one part or two exists.
+fn belongs([german, international]: [&Words; 2], first: &str, second: &str) -> Belongs {
+    let of = |words: &Words| words.mnemonic_of(first, second);
+    place_of(of(german), of(international), |de, en| std::ptr::eq(*de, *en))
 }
 
 /// In which sets an operand identifier exists; `addressed`: a number or bracket follows, as it does with all but status
 /// bits.
-fn operand_belongs(word: &str, addressed: bool) -> Belongs {
-    let wanted = |i: &Identifier| addressed || matches!(i, Identifier::Status(_));
-    let find = |german: bool| {
-        let word_of = |(de, en, _): &(&'static str, &'static str, Identifier)| if german { *de } else { *en };
-        IDENTIFIERS.iter().find(|row| wanted(&row.2) && word_of(row).eq_ignore_ascii_case(word)).map(|row| row.2)
-    };
-    place_of(find(true), find(false), |de, en| de == en)
+fn operand_belongs([german, international]: [&Words; 2], word: &str, addressed: bool) -> Belongs {
+    let of = |words: &Words| words.identifier(word).filter(|i| addressed || matches!(i, Identifier::Status(_)));
+    place_of(of(german), of(international), |de, en| de == en)
 }
 
 /// The words of both sets, and which set each file is written in.
@@ -92,8 +87,8 @@ impl Votes {
 /// The set of one file. Words of one set only decide, the more numerous ones where a file mixes both (those of the
 /// other set are then reported as such). Where there is none, but a word of two meanings, the set is asked for. Where
 /// neither is, the sets do not differ.
-pub(crate) fn decide(index: usize, file: &File<'_>, sink: &mut Sink) -> Mnemonics {
-    let votes = count(file);
+pub(crate) fn decide(index: usize, file: &File<'_>, words: [&Words; 2], sink: &mut Sink) -> Mnemonics {
+    let votes = count(file, words);
     sink.steps += file.tokens.len() as u64;
     if votes.international > votes.german {
         return Mnemonics::International;
@@ -108,7 +103,7 @@ pub(crate) fn decide(index: usize, file: &File<'_>, sink: &mut Sink) -> Mnemonic
     Mnemonics::German
 }
 
-fn count(file: &File<'_>) -> Votes {
+fn count(file: &File<'_>, words: [&Words; 2]) -> Votes {
     let mut votes = Votes::default();
     let token = |at: usize| file.tokens.get(at).copied();
     let kind = |at: usize| token(at).map(|t| t.kind);
@@ -120,14 +115,14 @@ fn count(file: &File<'_>) -> Votes {
             let header = ["VERSION", "AUTHOR", "FAMILY", "NAME"].iter().any(|w| file.of(first).eq_ignore_ascii_case(w));
             at += 2;
             if !header {
-                head(file, at, &mut votes);
+                head(file, words, at, &mut votes);
             }
             continue;
         }
         if starts {
-            head(file, at, &mut votes);
+            head(file, words, at, &mut votes);
         } else if matches!(kind(at - 1), Some(Kind::Assign | Kind::LeftBracket | Kind::PointerSign)) {
-            operand(file, at, &mut votes);
+            operand(file, words, at, &mut votes);
         }
         at += 1;
     }
@@ -135,7 +130,7 @@ fn count(file: &File<'_>) -> Votes {
 }
 
 /// A statement's mnemonic and the operand behind it.
-fn head(file: &File<'_>, at: usize, votes: &mut Votes) {
+fn head(file: &File<'_>, words: [&Words; 2], at: usize, votes: &mut Votes) {
     let Some(first) = file.tokens.get(at).copied() else { return };
     let second = file.tokens.get(at + 1).copied();
     // Names before a comma, a colon or := are declared or supplied.
@@ -143,45 +138,53 @@ fn head(file: &File<'_>, at: usize, votes: &mut Votes) {
         return;
     }
     if second.is_some_and(|t| t.kind == Kind::LeftParen) {
-        let joined = format!("{}(", file.of(first));
-        return votes.count(belongs(&joined), first);
+        return votes.count(belongs(words, file.of(first), "("), first);
     }
     let word = file.of(first);
-    let own = if first.kind == Kind::Word { belongs(word) } else { Belongs::Neither };
+    let own = if first.kind == Kind::Word { belongs(words, word, "") } else { Belongs::Neither };
     votes.count(own, first);
     let takes_operand = own != Belongs::Neither || word == "=" || (first.kind == Kind::Operator && word == "+");
     if takes_operand {
-        operand(file, at + 1, votes);
+        operand(file, words, at + 1, votes);
     }
 }
 
 /// An operand: an identifier with its number or bracket, or a status bit.
-fn operand(file: &File<'_>, at: usize, votes: &mut Votes) {
+fn operand(file: &File<'_>, words: [&Words; 2], at: usize, votes: &mut Votes) {
     let Some(token) = file.tokens.get(at).copied().filter(|t| t.kind == Kind::Word) else { return };
     let (letters, digits) = split_digits(file.of(token));
     let addressed = !digits.is_empty()
         || file.tokens.get(at + 1).is_some_and(|t| matches!(t.kind, Kind::Number | Kind::LeftBracket));
-    votes.count(operand_belongs(letters, addressed), token);
+    votes.count(operand_belongs(words, letters, addressed), token);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::lexer;
+    use crate::mnemonics::{IDENTIFIERS, ROWS};
+
+    fn both() -> [Words; 2] {
+        [Mnemonics::German, Mnemonics::International].map(Words::new)
+    }
 
     fn decided(text: &str) -> (Mnemonics, usize) {
         let mut sink = Sink::new();
         let file = File { text, tokens: lexer::lex(0, text, &mut sink) };
-        let set = decide(0, &file, &mut sink);
+        let [german, international] = both();
+        let set = decide(0, &file, [&german, &international], &mut sink);
         (set, sink.finish(&[text]).len())
     }
 
     #[test]
     fn one_mnemonic_has_two_meanings_and_no_identifier_has() {
-        let two: Vec<_> = ROWS.iter().map(|r| r.german).filter(|w| belongs(w) == Belongs::Differently).collect();
+        let [german, international] = both();
+        let words = [&german, &international];
+        let differs = |w: &&str| belongs(words, w, "") == Belongs::Differently;
+        let two: Vec<_> = ROWS.iter().map(|r| r.german).filter(differs).collect();
         assert_eq!(two, ["SE"]);
         assert!(IDENTIFIERS.iter().all(|(de, en, _)| {
-            [de, en].iter().all(|w| !matches!(operand_belongs(w, true), Belongs::Differently | Belongs::Neither))
+            [de, en].iter().all(|w| !matches!(operand_belongs(words, w, true), Belongs::Differently | Belongs::Neither))
         }));
     }
 

@@ -90,7 +90,7 @@ fn is_word_start(c: char) -> bool {
 }
 
 fn is_word(c: char) -> bool {
-    c.is_alphanumeric() || c == '_'
+    c.is_ascii_alphanumeric() || c == '_' || !c.is_ascii() && c.is_alphanumeric()
 }
 
 impl<'a> Lexer<'a> {
@@ -99,11 +99,17 @@ impl<'a> Lexer<'a> {
     }
 
     fn peek(&self) -> Option<char> {
-        self.rest().chars().next()
+        match self.text.as_bytes().get(self.at) {
+            Some(byte) if byte.is_ascii() => Some(char::from(*byte)),
+            _ => self.rest().chars().next(),
+        }
     }
 
     fn peek_second(&self) -> Option<char> {
-        self.rest().chars().nth(1)
+        match self.text.as_bytes().get(self.at..self.at + 2) {
+            Some([first, second]) if first.is_ascii() && second.is_ascii() => Some(char::from(*second)),
+            _ => self.rest().chars().nth(1),
+        }
     }
 
     fn bump(&mut self) {
@@ -111,8 +117,21 @@ impl<'a> Lexer<'a> {
     }
 
     fn skip_while(&mut self, keep: impl Fn(char) -> bool) {
-        let rest = self.rest();
-        self.at += rest.find(|c| !keep(c)).unwrap_or(rest.len());
+        let bytes = self.text.as_bytes();
+        // Nearly every character is ASCII.
+        while bytes.get(self.at).is_some_and(|b| b.is_ascii() && keep(char::from(*b))) {
+            self.at += 1;
+        }
+        if bytes.get(self.at).is_some_and(|b| !b.is_ascii()) {
+            let rest = self.rest();
+            self.at += rest.find(|c| !keep(c)).unwrap_or(rest.len());
+        }
+    }
+
+    /// To the end of the line.
+    fn skip_line(&mut self) {
+        let rest = self.text.as_bytes().get(self.at..).unwrap_or_default();
+        self.at += rest.iter().position(|b| *b == b'\n').unwrap_or(rest.len());
     }
 
     fn eat(&mut self, c: char) -> bool {
@@ -143,7 +162,7 @@ impl<'a> Lexer<'a> {
                 self.skip_while(|c| c.is_whitespace() && c != '\n');
                 spaced = true;
             } else if c == '/' && self.peek_second() == Some('/') {
-                self.skip_while(|c| c != '\n');
+                self.skip_line();
                 spaced = true;
             } else if c == '(' && self.peek_second() == Some('*') {
                 if self.comment(start) {
@@ -209,7 +228,7 @@ impl<'a> Lexer<'a> {
             self.first_word(word);
         }
         if word.eq_ignore_ascii_case("TITLE") && self.title_follows() && self.title_may_stand() {
-            self.skip_while(|c| c != '\n');
+            self.skip_line();
             return Kind::Title;
         }
         if self.peek() != Some('#') {
@@ -363,7 +382,7 @@ impl<'a> Lexer<'a> {
             self.at += length;
             self.lines_within = lines as u32;
         } else {
-            self.skip_while(|c| c != '\n');
+            self.skip_line();
             let span = Span { start: start as u32, end: self.at as u32 };
             self.sink.report(self.file, span, &codes::NOT_CLOSED, "the list is not closed with }");
         }

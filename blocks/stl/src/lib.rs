@@ -139,7 +139,7 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     }
     let set = |(i, file): (usize, &File<'_>)| match foreign.get(i) {
         Some(Some(_)) => Mnemonics::German,
-        _ => set_of(i, file, options, &mut sink),
+        _ => set_of(i, file, words, options, &mut sink),
     };
     let sets = Sets::new(files.iter().enumerate().map(set).collect());
     let mut blocks = Vec::new();
@@ -180,9 +180,9 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
 }
 
 /// The set of mnemonics a file is written in.
-fn set_of(index: usize, file: &File<'_>, options: &Options, sink: &mut Sink) -> Mnemonics {
+fn set_of(index: usize, file: &File<'_>, words: [&Words; 2], options: &Options, sink: &mut Sink) -> Mnemonics {
     match options.mnemonics {
-        Mnemonics::Auto => auto::decide(index, file, sink),
+        Mnemonics::Auto => auto::decide(index, file, words, sink),
         set => set,
     }
 }

@@ -2,8 +2,6 @@
 //!
 //! Meaning and spelling: "Statement List (STL) for S7-300 and S7-400", Appendix A.
 
-use std::collections::BTreeMap;
-
 use ob1_ir::{
     AccuOp, AddressRegister, CallMode, Compare, Convert, DbRegister, Jump, Logic, MathFn, NumberFormat, Op, Shift,
     StatusBit, Width, WordLogic,
@@ -73,6 +71,13 @@ pub(crate) struct Row {
     pub(crate) german: &'static str,
     pub(crate) international: &'static str,
     pub(crate) shape: Shape,
+}
+
+impl Row {
+    /// Its word in one set.
+    fn word(&self, set: Mnemonics) -> &'static str {
+        if set == Mnemonics::International { self.international } else { self.german }
+    }
 }
 
 const fn both(word: &'static str, shape: Shape) -> Row {
@@ -435,45 +440,116 @@ pub(crate) const RELATIONS: [(&str, StatusBit); 6] = [
     ("<=", StatusBit::NotPositive),
 ];
 
+/// A word of at most eight letters in capitals, as one number: words are looked up far more often than anything else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Packed(u64);
+
+impl Packed {
+    /// `None` for a word longer than any of ours, and for none.
+    fn new(word: &str) -> Option<Self> {
+        Self::joined(word, "")
+    }
+
+    /// Two parts as one word.
+    fn joined(first: &str, second: &str) -> Option<Self> {
+        let length = first.len() + second.len();
+        if length > 8 || length == 0 {
+            return None;
+        }
+        let all = first.bytes().chain(second.bytes());
+        Some(Self(all.fold(0, |word, byte| word << 8 | u64::from(byte.to_ascii_uppercase()))))
+    }
+
+    /// Where the search for it begins in a table.
+    const fn slot(self) -> usize {
+        (self.0.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> (64 - Table::<()>::BITS)) as usize
+    }
+}
+
+/// Words with what they mean.
+#[derive(Debug)]
+struct Table<T> {
+    /// Two words that want one place lie side by side.
+    slots: Vec<Option<(Packed, T)>>,
+}
+
+impl<T: Copy> Table<T> {
+    fn new(words: impl Iterator<Item = (&'static str, T)>) -> Self {
+        let mut slots = vec![None; 1 << Table::<()>::BITS];
+        for (word, meaning) in words {
+            let Some(packed) = Packed::new(word) else { continue };
+            let place = (packed.slot()..slots.len())
+                .chain(0..packed.slot())
+                .find(|at| slots.get(*at).is_some_and(|slot: &Option<(Packed, T)>| slot.is_none_or(|s| s.0 == packed)));
+            if let Some(slot) = place.and_then(|at| slots.get_mut(at)) {
+                *slot = Some((packed, meaning));
+            }
+        }
+        Self { slots }
+    }
+
+    fn get(&self, word: Packed) -> Option<T> {
+        let mut at = word.slot();
+        // There are far more places than words, so that an empty one ends the search.
+        while let Some((known, meaning)) = self.slots.get(at)? {
+            if *known == word {
+                return Some(*meaning);
+            }
+            at = (at + 1) % self.slots.len();
+        }
+        None
+    }
+}
+
+impl Table<()> {
+    const BITS: u32 = 9;
+}
+
 /// The words of one set.
 #[derive(Debug)]
 pub(crate) struct Words {
-    mnemonics: BTreeMap<&'static str, &'static Row>,
-    identifiers: BTreeMap<&'static str, Identifier>,
+    mnemonics: Table<&'static Row>,
+    identifiers: Table<Identifier>,
     set: Mnemonics,
 }
 
 impl Words {
     pub(crate) fn new(set: Mnemonics) -> Self {
-        let german = set != Mnemonics::International;
-        let mnemonics = ROWS.iter().map(|r| (if german { r.german } else { r.international }, r)).collect();
-        let identifiers = IDENTIFIERS.iter().map(|(de, en, i)| (if german { *de } else { *en }, *i)).collect();
-        Self { mnemonics, identifiers, set }
+        let mnemonics = Table::new(ROWS.iter().map(|r| (r.word(set), r)));
+        let identifiers = IDENTIFIERS.iter().map(|row| (identifier_word(row, set), row.2));
+        Self { mnemonics, identifiers: Table::new(identifiers), set }
     }
 
     /// The mnemonics of one set with the identifiers of both, for addresses of symbol tables: an identifier that both
     /// sets have names the same in both.
     pub(crate) fn of_both() -> Self {
-        let identifiers = IDENTIFIERS.iter().flat_map(|(de, en, i)| [(*de, *i), (*en, *i)]).collect();
+        let identifiers = Table::new(IDENTIFIERS.iter().flat_map(|(de, en, i)| [(*de, *i), (*en, *i)]));
         Self { identifiers, ..Self::new(Mnemonics::German) }
     }
 
     /// The mnemonic written `word`, whatever its case.
     pub(crate) fn mnemonic(&self, word: &str) -> Option<&'static Row> {
-        lookup(&self.mnemonics, word).copied()
+        self.mnemonics.get(Packed::new(word)?)
+    }
+
+    /// The mnemonic that two parts make together.
+    pub(crate) fn mnemonic_of(&self, first: &str, second: &str) -> Option<&'static Row> {
+        self.mnemonics.get(Packed::joined(first, second)?)
     }
 
     /// The operand identifier written `word`, whatever its case.
     pub(crate) fn identifier(&self, word: &str) -> Option<Identifier> {
-        lookup(&self.identifiers, word).copied()
+        self.identifiers.get(Packed::new(word)?)
     }
 
     pub(crate) fn mnemonic_words(&self) -> impl Iterator<Item = &'static str> {
-        self.mnemonics.keys().copied()
+        let set = self.set;
+        ROWS.iter().map(move |r| r.word(set))
     }
 
     pub(crate) fn identifier_words(&self) -> impl Iterator<Item = &'static str> {
-        self.identifiers.keys().copied()
+        let set = self.set;
+        IDENTIFIERS.iter().map(move |row| identifier_word(row, set))
     }
 
     /// True when `word` is a mnemonic or identifier of the other set only; the caller already knows it is not of this
@@ -486,13 +562,9 @@ impl Words {
     }
 }
 
-/// Looks `word` up without regard to case; no word of ours is longer than 8 letters.
-fn lookup<'t, T>(table: &'t BTreeMap<&'static str, T>, word: &str) -> Option<&'t T> {
-    let mut upper = [0u8; 8];
-    let upper = upper.get_mut(..word.len())?;
-    upper.copy_from_slice(word.as_bytes());
-    upper.make_ascii_uppercase();
-    table.get(std::str::from_utf8(upper).ok()?)
+/// The word of an identifier in one set.
+fn identifier_word(row: &(&'static str, &'static str, Identifier), set: Mnemonics) -> &'static str {
+    if set == Mnemonics::International { row.1 } else { row.0 }
 }
 
 #[cfg(test)]
@@ -503,9 +575,16 @@ mod tests {
     fn every_word_of_a_set_is_there_once() {
         for set in [Mnemonics::German, Mnemonics::International] {
             let words = Words::new(set);
-            assert_eq!(words.mnemonics.len(), ROWS.len(), "{set:?}");
-            assert_eq!(words.identifiers.len(), IDENTIFIERS.len(), "{set:?}");
+            for row in ROWS {
+                let found = words.mnemonic(&row.word(set).to_lowercase());
+                assert!(found.is_some_and(|found| std::ptr::eq(found, row)), "{}", row.word(set));
+            }
+            for row in IDENTIFIERS {
+                assert_eq!(words.identifier(identifier_word(row, set)), Some(row.2), "{}", row.0);
+            }
             assert!(words.mnemonic_words().chain(words.identifier_words()).all(|w| w.len() <= 8));
+            assert!(words.mnemonic("").is_none() && words.mnemonic("RESETTING").is_none());
+            assert!(words.mnemonic_of("x", "(").is_some() && words.mnemonic_of("RND", "*").is_none());
         }
     }
 

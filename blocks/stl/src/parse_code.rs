@@ -63,8 +63,7 @@ impl Parser<'_, '_> {
     fn mnemonic(&mut self) -> Option<(&'static Row, Span)> {
         let first = self.peek()?;
         if let Some(second) = self.peek_at(1).filter(|t| joins(first, *t)) {
-            let joined = [self.text(first), self.text(second)].concat();
-            if let Some(row) = self.words.mnemonic(&joined) {
+            if let Some(row) = self.words.mnemonic_of(self.text(first), self.text(second)) {
                 self.bump();
                 self.bump();
                 return Some((row, first.span.to(second.span)));
@@ -209,7 +208,7 @@ impl Parser<'_, '_> {
 
     /// True where no actual parameter can stand any more: a keyword begins the line.
     fn ends_call(&self) -> bool {
-        let keyword = self.keyword().is_some_and(|w| w.starts_with("END_") || w == "NETWORK");
+        let keyword = self.keyword().is_some_and(|w| w.starts_with("END_") || &*w == "NETWORK");
         keyword && self.peek_at(1).is_none_or(|t| t.kind != Kind::Assign)
     }
 

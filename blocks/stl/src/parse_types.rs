@@ -65,7 +65,7 @@ impl Parser<'_, '_> {
             }
             let Some(token) = self.peek() else { break };
             match self.keyword() {
-                Some(word) if word == end => {
+                Some(word) if &*word == end => {
                     self.bump();
                     return out;
                 }
@@ -194,7 +194,7 @@ impl Parser<'_, '_> {
             self.report(span, &codes::UNKNOWN_TYPE, "a type should stand here");
             return Type::bad(span);
         };
-        let kind = match word.as_str() {
+        let kind = match &*word {
             "ARRAY" => self.array(depth),
             "STRUCT" => {
                 self.bump();

@@ -54,6 +54,39 @@ const HEADER_WORDS: [&str; 16] = [
 /// What may stand behind the word of a declaration section.
 const SECTION_WORDS: [&str; 4] = ["RETAIN", "NON_RETAIN", "DB_SPECIFIC", "CONSTANT"];
 
+/// A word in capitals, kept without allocation: nearly every statement is asked whether it is one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Keyword {
+    letters: [u8; Self::LONGEST],
+    length: usize,
+}
+
+impl Keyword {
+    const LONGEST: usize = 24;
+
+    /// `None` for what is longer than any keyword.
+    fn new(word: &str) -> Option<Self> {
+        let mut letters = [0; Self::LONGEST];
+        let length = word.len();
+        letters.get_mut(..length)?.copy_from_slice(word.as_bytes());
+        letters.make_ascii_uppercase();
+        Some(Self { letters, length })
+    }
+}
+
+impl std::ops::Deref for Keyword {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        self.letters.get(..self.length).and_then(|letters| std::str::from_utf8(letters).ok()).unwrap_or("")
+    }
+}
+
+/// What the first word of a block, in capitals, begins, and the word that ends it.
+fn frame_of(word: &str) -> Option<(&'static str, Frame)> {
+    FRAMES.iter().find(|(begin, _, _)| *begin == word).map(|(_, end, frame)| (*end, *frame))
+}
+
 /// True for the first word of a block.
 pub(crate) fn begins_block(word: &str) -> bool {
     FRAMES.iter().any(|(begin, _, _)| begin.eq_ignore_ascii_case(word))
@@ -157,14 +190,13 @@ impl<'s> Parser<'_, 's> {
     }
 
     /// The next token as a word in capitals, when it is a word that could be a keyword.
-    pub(crate) fn keyword(&self) -> Option<String> {
-        let token = self.peek().filter(|t| t.kind == Kind::Word && t.span.end - t.span.start <= 24)?;
-        Some(self.text(token).to_ascii_uppercase())
+    pub(crate) fn keyword(&self) -> Option<Keyword> {
+        let token = self.peek().filter(|t| t.kind == Kind::Word)?;
+        Keyword::new(self.text(token))
     }
 
     fn frame_here(&self) -> Option<(&'static str, Frame)> {
-        let word = self.keyword()?;
-        FRAMES.iter().find(|(begin, _, _)| *begin == word).map(|(_, end, frame)| (*end, *frame))
+        frame_of(&self.keyword()?)
     }
 
     fn file(&mut self) -> Vec<Block> {
@@ -319,16 +351,16 @@ impl<'s> Parser<'_, 's> {
                 }
                 return;
             };
-            if word == "BEGIN" {
+            if &*word == "BEGIN" {
                 self.bump();
                 return;
             }
-            if let Some((_, section)) = SECTIONS.iter().find(|(name, _)| *name == word) {
+            if let Some((_, section)) = SECTIONS.iter().find(|(name, _)| *name == &*word) {
                 self.section(block, *section);
-            } else if HEADER_WORDS.contains(&word.as_str()) {
-                block.read_only |= word == "READ_ONLY";
+            } else if HEADER_WORDS.contains(&&*word) {
+                block.read_only |= &*word == "READ_ONLY";
                 self.bump();
-            } else if HEADER_LINES.contains(&word.as_str()) && self.peek_at(1).is_some_and(|t| t.kind == Kind::Colon) {
+            } else if HEADER_LINES.contains(&&*word) && self.peek_at(1).is_some_and(|t| t.kind == Kind::Colon) {
                 self.header_line(block, &word);
             } else if data && block.shape.is_none() && self.begins_shape(&word) {
                 block.shape = Some(self.ty(0));
@@ -398,12 +430,12 @@ impl<'s> Parser<'_, 's> {
         let head = self.here();
         self.bump();
         let mut constant = false;
-        while let Some(word) = self.keyword().filter(|w| SECTION_WORDS.contains(&w.as_str())) {
+        while let Some(word) = self.keyword().filter(|w| SECTION_WORDS.contains(&&**w)) {
             // A variable may be called like that.
             if self.peek_at(1).is_some_and(|t| matches!(t.kind, Kind::Colon | Kind::Comma)) {
                 break;
             }
-            constant |= word == "CONSTANT";
+            constant |= &*word == "CONSTANT";
             self.bump();
         }
         let allowed = match (block.frame, section) {
@@ -448,10 +480,11 @@ impl<'s> Parser<'_, 's> {
                 self.bump();
                 continue;
             }
-            if self.frame_here().is_some() {
-                break;
-            }
-            match self.keyword().as_deref() {
+            // The words looked for have four letters at least, mnemonics mostly fewer.
+            let long = token.kind == Kind::Word && token.span.end - token.span.start >= 4;
+            let word = if long { self.keyword() } else { None };
+            match word.as_deref() {
+                Some(word) if frame_of(word).is_some() => break,
                 Some(word) if word == end => {
                     self.bump();
                     return;
