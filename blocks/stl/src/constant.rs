@@ -266,10 +266,24 @@ pub(crate) enum Encoded {
 }
 
 impl Constant {
+    /// Its value, when it is a whole number.
+    pub(crate) fn whole(&self) -> Option<i32> {
+        match self {
+            Constant::Integer(v) => i32::try_from(*v).ok(),
+            Constant::DInt(v) => Some(*v),
+            Constant::Bits(v, _) | Constant::Radix(v) => i32::try_from(*v).ok(),
+            _ => None,
+        }
+    }
+
     /// What `L` puts into ACCU1. An integer without prefix is 16 bits wide and not sign-extended.
     pub(crate) fn load(&self) -> Result<u32, String> {
         Ok(match self {
-            Constant::Integer(v) => u32::from(int16(*v)?),
+            Constant::Integer(v) => match i16::try_from(*v) {
+                Ok(v) => u32::from(v as u16),
+                // What does not fit an integer is a double integer, as STEP 7's editor takes it: L 100000 is L L#100000.
+                Err(_) => i32::try_from(*v).map_err(|_| format!("{v} does not fit 32 bits"))? as u32,
+            },
             Constant::DInt(v) | Constant::Time(v) => *v as u32,
             Constant::Bits(v, _) | Constant::Radix(v) | Constant::TimeOfDay(v) => *v,
             Constant::Count(v) | Constant::S5Time(v) | Constant::Date(v) => u32::from(*v),
@@ -427,7 +441,7 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_refused_with_its_range() {
         for (text, part) in [
-            ("40000", "L#40000"),
+            ("4000000000", "32 bits"),
             ("W#16#12345", "W#16#FFFF"),
             ("B#16#100", "B#16#FF"),
             ("S5T#3H", "2H46M30S"),

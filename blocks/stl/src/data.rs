@@ -1,10 +1,10 @@
 //! Data blocks: their components, and the values they begin with.
 
 use ob1_ir::DataKind;
-use ob1_model::{BitAddr, BlockId, Component, DataType, Layout, Section};
+use ob1_model::{BitAddr, BlockId, Component, DataType, Field, Layout, Section};
 
 use crate::codes;
-use crate::elaborate::{Elaborator, LONGEST};
+use crate::elaborate::{Elaborator, LONGEST, Resolved};
 use crate::initial;
 use crate::operand::Resolver;
 use crate::parser::unquote;
@@ -24,7 +24,10 @@ impl Elaborator<'_> {
             self.sink.report(block.file, block.span, &codes::NO_STRUCTURE, message);
             return;
         };
-        let Some(resolved) = self.ty(block.file, shape, 0) else {
+        // A data block may have nothing yet; no other structure may.
+        let empty = matches!(&shape.kind, TypeKind::Struct(declarations) if declarations.is_empty());
+        let resolved = if empty { Some(Resolved::nothing()) } else { self.ty(block.file, shape, 0) };
+        let Some(resolved) = resolved else {
             if let Some(of) = self.instance_of(&shape.kind) {
                 self.world.unmade.insert(number, of);
             }
@@ -32,6 +35,7 @@ impl Elaborator<'_> {
         };
         let data = match (resolved.fb, &resolved.ty) {
             (Some(fb), DataType::Struct(_)) => instance_data(&self.world, fb),
+            (None, DataType::Array(..)) => global_data(&this(&resolved.ty)),
             (_, ty) => global_data(ty),
         };
         let Some(mut data) = data else {
@@ -102,16 +106,21 @@ impl Elaborator<'_> {
             reader.sink.report_unknown(file, whole, &codes::COMPONENT, message, name, known);
             return None;
         };
-        let (ty, at) = path::follow(&mut reader, fields, &component.ty, component.at)?;
+        let resolver = Resolver::new(&self.world, self.sets.of(file), None);
+        let (ty, at) = path::follow(&resolver, &mut reader, fields, &component.ty, component.at)?;
         if !reader.finish(&codes::ASSIGNMENT) {
             return None;
         }
-        let resolver = Resolver::new(&self.world, self.sets.of(file), None);
         let mut reader = Reader::new(file, source, self.sink, assignment.value.clone(), whole);
         let bytes = initial::read(&resolver, &mut reader, ty)?;
         initial::put(image, at, ty, &bytes);
         Some(())
     }
+}
+
+/// The structure of TIA Portal's data block that is one array: its elements are `"data".THIS[1]`.
+fn this(array: &DataType) -> DataType {
+    DataType::Struct(vec![Field { name: "THIS".to_owned(), ty: array.clone(), initial: None }])
 }
 
 /// A global data block of a structure.
@@ -120,7 +129,7 @@ fn global_data(ty: &DataType) -> Option<Data> {
     let mut image = vec![0; initial::size(ty)];
     initial::write_default(ty, BitAddr(0), &mut image);
     let mut layout = Layout::new();
-    let component = |f: &ob1_model::Field, at| Component { path: f.name.clone(), ty: f.ty.clone(), at };
+    let component = |f: &Field, at| Component { path: f.name.clone(), ty: f.ty.clone(), at };
     let components = fields.iter().map(|f| component(f, layout.place(&f.ty))).collect();
     Some(Data::new(DataKind::Global, components, image))
 }

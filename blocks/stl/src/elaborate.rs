@@ -49,6 +49,13 @@ pub(crate) struct Resolved {
     pub(crate) depth: u32,
 }
 
+impl Resolved {
+    /// A structure without components.
+    pub(crate) const fn nothing() -> Self {
+        Self { ty: DataType::Struct(Vec::new()), fb: None, depth: 0 }
+    }
+}
+
 /// A block's number and the index of its syntax.
 pub(crate) type Named = (BlockWord, u16);
 
@@ -64,6 +71,8 @@ pub(crate) struct Elaborator<'e> {
     pub(crate) by_name: BTreeMap<Named, usize>,
     pub(crate) udts: BTreeMap<u16, State<Resolved>>,
     pub(crate) fbs: BTreeMap<u16, State<()>>,
+    /// `VAR CONSTANT` of the block whose declarations are read, by name in capitals.
+    pub(crate) constants: BTreeMap<String, Constant>,
     budget: u64,
     budget_reported: bool,
 }
@@ -89,6 +98,7 @@ impl<'e> Elaborator<'e> {
             by_name: BTreeMap::new(),
             udts: BTreeMap::new(),
             fbs: BTreeMap::new(),
+            constants: BTreeMap::new(),
             budget: BUDGET,
             budget_reported: false,
         }
@@ -289,10 +299,28 @@ impl<'e> Elaborator<'e> {
     /// The interface of a code block. `None` when a declaration has a mistake that moves the others.
     fn interface(&mut self, index: usize, nesting: u32) -> Option<Info> {
         let block = self.blocks.get(index)?;
+        let mut constants = BTreeMap::new();
+        for declaration in &block.constants {
+            if let Some(constant) = self.constant(block.file, declaration) {
+                constants.insert(declaration.name.to_uppercase(), constant);
+            }
+        }
+        let outer = std::mem::replace(&mut self.constants, constants);
+        let info = self.declarations(block, nesting);
+        let constants = std::mem::replace(&mut self.constants, outer);
+        info.map(|mut info| {
+            info.constants = constants;
+            info
+        })
+    }
+
+    /// The declarations of a code block.
+    fn declarations(&mut self, block: &Block, nesting: u32) -> Option<Info> {
         let has_instance = block.frame == Frame::Fb;
         let mut params = Vec::new();
         let mut fbs = Vec::new();
         let mut names = BTreeMap::new();
+        let mut overlays = Vec::new();
         let mut good = true;
         // Limits are held as declarations come: names of one declaration share a type that may be large.
         let (mut instance_bits, mut temp_bits, mut formals) = (0u64, 0u64, 0usize);
@@ -309,6 +337,13 @@ impl<'e> Elaborator<'e> {
             for declaration in declarations {
                 self.sink.steps += 1;
                 good &= self.not_twice(block.file, declaration, &mut names);
+                if let Some(over) = &declaration.over {
+                    match self.overlay(block.file, declaration, over, &params, nesting) {
+                        Some(ty) => overlays.push((declaration.name.to_uppercase(), over, ty)),
+                        None => good = false,
+                    }
+                    continue;
+                }
                 let Some((param, fb)) = self.param(block, *section, declaration, nesting) else {
                     good = false;
                     continue;
@@ -354,12 +389,42 @@ impl<'e> Elaborator<'e> {
         self.within_limits(block, instance, temp, formals)?;
         let mut info = Info::new(block.header_name.clone(), interface, instances);
         info.optimized = block.optimized;
-        for declaration in &block.constants {
-            if let Some(constant) = self.constant(block.file, declaration) {
-                info.constants.insert(declaration.name.to_uppercase(), constant);
+        for (name, over, ty) in overlays {
+            if let Some(index) = info.find(over) {
+                info.overlays.insert(name, (index, ty));
             }
         }
         Some(info)
+    }
+
+    /// `y AT x : TYPE`: the type `x` is seen with as well. `None` when there is no such variable, or it cannot be seen
+    /// so (reported).
+    fn overlay(
+        &mut self,
+        file: usize,
+        declaration: &Declaration,
+        over: &str,
+        before: &[Param],
+        nesting: u32,
+    ) -> Option<DataType> {
+        let Some(below) = before.iter().find(|p| p.is_called(over)).map(|p| p.ty.clone()) else {
+            let message = format!("{over} is not declared before it, so nothing can lie AT it");
+            self.sink.report(file, declaration.span, &codes::UNKNOWN_LOCAL, message);
+            return None;
+        };
+        let resolved = self.ty(file, &declaration.ty, nesting)?;
+        let special = |ty: &DataType| ty.is_parameter_type() || matches!(ty, DataType::Pointer);
+        if resolved.fb.is_some() || special(&resolved.ty) || special(&below) {
+            let message = "AT lays values over each other, no instances, timers, counters or blocks";
+            self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
+            return None;
+        }
+        if Layout::bits(&resolved.ty) > Layout::bits(&below) {
+            let message = format!("{} is longer than {over}, which it lies AT", declaration.name);
+            self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
+            return None;
+        }
+        Some(resolved.ty)
     }
 
     /// One of `VAR CONSTANT`. `None` when it has no value, or a mistake (reported).

@@ -4,9 +4,10 @@ use ob1_ir::Number;
 use ob1_model::{BitAddr, DataType, Layout, cells};
 
 use crate::codes;
-use crate::constant::Encoded;
+use crate::constant::{Constant, Encoded};
 use crate::mnemonics::BlockWord;
 use crate::operand::{Resolver, Value, with_article};
+use crate::parser::split_digits;
 use crate::reader::Reader;
 use crate::token::Kind;
 
@@ -84,7 +85,15 @@ fn constant(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType)
     if ty.is_parameter_type() {
         return number(resolver, reader, ty);
     }
-    let constant = resolver.constant(reader)?;
+    let constant = match (resolver.constant(reader)?, ty) {
+        // A number without its decimal point, as TIA Portal and hands write it.
+        (Constant::Integer(v), DataType::Real) => Constant::Real(v as f32),
+        (Constant::Text(text), DataType::Word | DataType::DWord) if text.len() == size(ty) => {
+            let value = text.iter().fold(0, |value, byte| value << 8 | u32::from(*byte));
+            Constant::Bits(value, size(ty) as u8 * 8)
+        }
+        (constant, _) => constant,
+    };
     match constant.encode(ty) {
         Ok(Encoded::Bytes(bytes)) => Some(bytes),
         Ok(Encoded::Bits(bits)) => {
@@ -101,6 +110,9 @@ fn constant(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType)
 /// The value of a TIMER, COUNTER or BLOCK parameter in an instance data block: `T 5`, `Z 3`, `FC 4`.
 fn number(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType) -> Option<Vec<u8>> {
     let span = reader.rest();
+    if let Some(number) = not_an_operand(reader, ty) {
+        return Some(number.to_be_bytes().to_vec());
+    }
     let value = resolver.operand(reader)?;
     let fits = match (&value, ty) {
         (Value::Timer(n), DataType::Timer | DataType::TimerOrWord)
@@ -123,6 +135,27 @@ fn number(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType) -
         reader.report(span, &codes::CONSTANT_TYPE, message);
     }
     fits.map(|n| n.to_be_bytes().to_vec())
+}
+
+/// `DB 0`, which stands for no data block, and `SDB 5`: start values that no statement can have.
+fn not_an_operand(reader: &mut Reader<'_, '_>, ty: &DataType) -> Option<u16> {
+    let token = reader.peek().filter(|t| t.kind == Kind::Word)?;
+    let (word, digits) = split_digits(reader.text(token));
+    let second = reader.peek_second().filter(|t| digits.is_empty() && t.kind == Kind::Number);
+    let number: u16 = second.map_or(digits, |t| reader.text(t)).parse().ok()?;
+    let fits = match ty {
+        DataType::BlockDb => word.eq_ignore_ascii_case("DB") && number == 0,
+        DataType::BlockSdb => word.eq_ignore_ascii_case("SDB"),
+        _ => false,
+    };
+    if !fits {
+        return None;
+    }
+    reader.next();
+    if second.is_some() {
+        reader.next();
+    }
+    Some(number)
 }
 
 fn array(

@@ -304,8 +304,10 @@ impl<'a> Lexer<'a> {
         (!text.trim().is_empty()).then_some(text.len())
     }
 
+    /// `= text` behind TITLE; or nothing, which is no title.
     fn title_follows(&self) -> bool {
-        self.rest().trim_start_matches([' ', '\t']).starts_with('=')
+        let rest = self.rest().trim_start_matches([' ', '\t', '\r']);
+        rest.is_empty() || rest.starts_with(['=', '\n'])
     }
 
     fn number(&mut self) -> Kind {

@@ -12,6 +12,9 @@ use crate::reader::Reader;
 use crate::token::{Kind, Span, Token};
 use crate::world::{Info, Symbolic, World};
 
+/// Letters of the longest operand identifier, `DBNO`.
+const LONGEST_IDENTIFIER: usize = 4;
+
 /// An operand.
 #[derive(Clone, Debug)]
 pub(crate) enum Value<'w> {
@@ -101,6 +104,11 @@ impl<'w> Resolver<'w> {
         Self { world, words, block, nested: false }
     }
 
+    /// A whole number of `VAR CONSTANT`.
+    pub(crate) fn whole_number(&self, name: &str) -> Option<i32> {
+        self.block?.1.constants.get(&name.to_uppercase())?.whole()
+    }
+
     /// Reads the operand within `[ ]`.
     pub(crate) fn inner(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Value<'w>> {
         if self.nested {
@@ -170,7 +178,7 @@ impl<'w> Resolver<'w> {
             return self.constant(reader).map(Value::Constant);
         }
         reader.next();
-        if self.block.is_some_and(|(_, info)| info.find(text).is_some()) {
+        if self.block.is_some_and(|(_, info)| info.declared(text).is_some()) {
             return self.local(reader, text, token.span);
         }
         if self.world.symbol(text).is_some() {
@@ -191,6 +199,9 @@ impl<'w> Resolver<'w> {
                 &codes::FOREIGN_MNEMONIC,
                 format!("{shown} belongs to the other set of mnemonics"),
             );
+        } else if reader.peek_kind() == Some(Kind::Dot) || text.len() > LONGEST_IDENTIFIER {
+            // No identifier is that long or has a component: it is a symbol without its quotes.
+            self.world.report_unknown_symbol(text, reader.index, token.span, reader.sink);
         } else {
             let message = format!("{shown} is no operand");
             let known = self.words.identifier_words();
@@ -238,8 +249,9 @@ impl<'w> Resolver<'w> {
                     reader.report(span, &codes::OPTIMIZED, message);
                     return None;
                 }
-                let place = self.at_periphery(reader, place, width);
-                Some(Value::Memory { operand: Operand { width, place }, ty: None })
+                let (operand, ty) = path::sliced(reader, Operand { width, place });
+                let place = self.at_periphery(reader, operand.place, operand.width);
+                Some(Value::Memory { operand: Operand { place, ..operand }, ty })
             }
             Identifier::Crossing(width) => {
                 if reader.peek_kind() != Some(Kind::LeftBracket) {
@@ -362,7 +374,7 @@ impl<'w> Resolver<'w> {
             reader.sink.report_unknown(reader.index, name_span, &codes::COMPONENT, message, name, known);
             return None;
         };
-        let (ty, at) = path::follow(reader, &self.world.fields, &component.ty, component.at)?;
+        let (ty, at) = path::follow(self, reader, &self.world.fields, &component.ty, component.at)?;
         let width = width_of(ty).unwrap_or(Width::Byte);
         Some(Value::Memory { operand: Operand { width, place: place(at) }, ty: Some(ty) })
     }
@@ -397,6 +409,9 @@ impl<'w> Resolver<'w> {
             Some(Symbolic::Memory(operand, ty)) => {
                 // A type of another width (from a careless table) does not change what the address says.
                 let ty = ty.as_ref().filter(|ty| width_of(ty) == Some(operand.width));
+                if let (operand, Some(ty)) = path::sliced(reader, *operand) {
+                    return Some(Value::Memory { operand, ty: Some(ty) });
+                }
                 let place = self.at_periphery(reader, operand.place, operand.width);
                 Some(Value::Memory { operand: Operand { place, ..*operand }, ty })
             }
@@ -417,8 +432,11 @@ impl<'w> Resolver<'w> {
 
     /// `#name` with its components.
     pub(crate) fn local(&self, reader: &mut Reader<'_, '_>, name: &str, span: Span) -> Option<Value<'w>> {
-        let declared = self.block.and_then(|(kind, info)| Some((kind, info, info.find(name)?)));
-        let Some((kind, info, index)) = declared else {
+        let declared = self.block.and_then(|(kind, info)| {
+            let (index, overlay) = info.declared(name)?;
+            Some((kind, info, index, overlay))
+        });
+        let Some((kind, info, index, overlay)) = declared else {
             let constant = self.block.and_then(|(_, info)| info.constants.get(&name.to_uppercase()));
             if let Some(constant) = constant {
                 return Some(Value::Constant(constant.clone()));
@@ -441,6 +459,7 @@ impl<'w> Resolver<'w> {
             return None;
         };
         let param = info.interface.params.get(index)?;
+        let ty = overlay.unwrap_or(&param.ty);
         if let Some(fb) = info.instances.get(&index) {
             return self.instance(reader, *fb, &param.ty, param.at);
         }
@@ -458,13 +477,13 @@ impl<'w> Resolver<'w> {
         }
         if in_instance && param.is_pointer() {
             let whole = !matches!(reader.peek_kind(), Some(Kind::Dot | Kind::LeftBracket));
-            let (ty, at) = path::follow(reader, &self.world.fields, &param.ty, BitAddr(0))?;
+            let (ty, at) = path::follow(self, reader, &self.world.fields, ty, BitAddr(0))?;
             let place = Place::Register(None, AddressRegister::Ar1, at);
             let operand = Operand { width: width_of(ty).unwrap_or(Width::Byte), place };
             return Some(Value::Through { pointer: param.at, operand, ty, whole });
         }
         let base = if param.section == Section::Temp || in_instance { param.at } else { BitAddr(0) };
-        let (ty, at) = path::follow(reader, &self.world.fields, &param.ty, base)?;
+        let (ty, at) = path::follow(self, reader, &self.world.fields, ty, base)?;
         let place = match formal {
             _ if param.section == Section::Temp => Place::Fixed(Area::Local, at),
             _ if in_instance => Place::Instance(at),
@@ -487,7 +506,7 @@ impl<'w> Resolver<'w> {
         while let DataType::Array(_, element) = one {
             one = element;
         }
-        let (ty, at) = path::follow(reader, &self.world.fields, declared, base)?;
+        let (ty, at) = path::follow(self, reader, &self.world.fields, declared, base)?;
         if std::ptr::eq(ty, one) {
             return Some(Value::Instance(fb, at));
         }

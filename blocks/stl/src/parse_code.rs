@@ -62,12 +62,12 @@ impl Parser<'_, '_> {
     /// The mnemonic here, of one token or joined from two: `U(`, `+I`, `<=D`, `RND+`, `)MCR`.
     fn mnemonic(&mut self) -> Option<(&'static Row, Span)> {
         let first = self.peek()?;
-        if let Some(second) = self.peek_at(1).filter(|t| joins(first, *t)) {
-            if let Some(row) = self.words.mnemonic_of(self.text(first), self.text(second)) {
-                self.bump();
-                self.bump();
-                return Some((row, first.span.to(second.span)));
-            }
+        if let Some(second) = self.peek_at(1).filter(|t| joins(first, *t))
+            && let Some(row) = self.words.mnemonic_of(self.text(first), self.text(second))
+        {
+            self.bump();
+            self.bump();
+            return Some((row, first.span.to(second.span)));
         }
         let row = self.words.mnemonic(self.text(first))?;
         self.bump();
@@ -267,8 +267,8 @@ impl Parser<'_, '_> {
 /// True for two tokens that may make one mnemonic together.
 fn joins(first: Token, second: Token) -> bool {
     match (first.kind, second.kind) {
-        (Kind::Word, Kind::LeftParen) | (Kind::Operator, Kind::Word) => true,
-        (Kind::Word, Kind::Operator) | (Kind::RightParen, Kind::Word) => !second.spaced,
+        (Kind::Word, Kind::LeftParen) | (Kind::Operator | Kind::RightParen, Kind::Word) => true,
+        (Kind::Word, Kind::Operator) => !second.spaced,
         _ => false,
     }
 }

@@ -7,7 +7,7 @@ use ob1_model::DataType;
 use crate::codes;
 use crate::mnemonics::BlockWord;
 use crate::parser::{Parser, is_frame_or_section, unquote};
-use crate::syntax::{Declaration, NameRef, Type, TypeKind};
+use crate::syntax::{Bound, Declaration, NameRef, Type, TypeKind};
 use crate::tia;
 use crate::token::{Kind, Span, Token};
 
@@ -93,6 +93,7 @@ impl Parser<'_, '_> {
     /// `a, b : TYPE := value;`
     fn declaration(&mut self, depth: u32, out: &mut Vec<Declaration>) {
         let mut names = Vec::new();
+        let mut over = None;
         let is_name = |t: &Token| matches!(t.kind, Kind::Word | Kind::Symbol | Kind::Local);
         while let Some(token) = self.peek().filter(is_name) {
             names.push((unquote(self.text(token)).to_owned(), token.span));
@@ -100,7 +101,8 @@ impl Parser<'_, '_> {
             if self.peek_kind() == Some(Kind::Attributes) {
                 self.bump();
             }
-            if !self.eat(Kind::Comma) {
+            over = self.overlaid();
+            if over.is_some() || !self.eat(Kind::Comma) {
                 break;
             }
             self.skip_newlines();
@@ -116,9 +118,19 @@ impl Parser<'_, '_> {
         let bad = matches!(ty.kind, TypeKind::Bad);
         let initial = self.initial();
         for (name, span) in names {
-            out.push(Declaration { name, span, ty: Rc::clone(&ty), initial: initial.clone() });
+            out.push(Declaration { name, span, ty: Rc::clone(&ty), over: over.clone(), initial: initial.clone() });
         }
         self.end_of_declaration(bad);
+    }
+
+    /// `AT x` behind a name.
+    fn overlaid(&mut self) -> Option<String> {
+        let at = self.peek().filter(|t| t.kind == Kind::Word && self.text(*t).eq_ignore_ascii_case("AT"));
+        let over = self.peek_at(1).filter(|t| matches!(t.kind, Kind::Word | Kind::Symbol | Kind::Local));
+        let over = at.and(over)?;
+        self.bump();
+        self.bump();
+        Some(unquote(self.text(over)).to_owned())
     }
 
     fn initial(&mut self) -> Option<std::ops::Range<usize>> {
@@ -249,7 +261,7 @@ impl Parser<'_, '_> {
             return TypeKind::Simple(DataType::String(254));
         }
         let span = self.here();
-        let length = self.bound().and_then(|n| u8::try_from(n).ok()).filter(|n| (1..=254).contains(n));
+        let length = self.number().and_then(|n| u8::try_from(n).ok()).filter(|n| (1..=254).contains(n));
         let closed = self.eat(Kind::RightBracket);
         match length.filter(|_| closed) {
             Some(n) => TypeKind::Simple(DataType::String(n)),
@@ -271,7 +283,8 @@ impl Parser<'_, '_> {
             good = self.eat(Kind::DotDot);
             let high = self.bound();
             match (low, high) {
-                (Some(low), Some(high)) if good && low <= high => dimensions.push((low, high)),
+                (Some(Bound::Number(low)), Some(Bound::Number(high))) if low > high => good = false,
+                (Some(low), Some(high)) if good => dimensions.push((low, high)),
                 _ => good = false,
             }
             if !self.eat(Kind::Comma) {
@@ -296,7 +309,16 @@ impl Parser<'_, '_> {
         }
     }
 
-    fn bound(&mut self) -> Option<i32> {
+    /// A bound of an array: a number, or the name of a constant.
+    fn bound(&mut self) -> Option<Bound> {
+        if let Some(name) = self.peek().filter(|t| matches!(t.kind, Kind::Symbol | Kind::Local | Kind::Word)) {
+            self.bump();
+            return Some(Bound::Named(unquote(self.text(name)).to_owned()));
+        }
+        self.number().map(Bound::Number)
+    }
+
+    fn number(&mut self) -> Option<i32> {
         let mut negative = false;
         if let Some(sign) = self.peek().filter(|t| t.kind == Kind::Operator) {
             negative = self.text(sign) == "-";

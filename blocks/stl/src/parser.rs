@@ -334,7 +334,9 @@ impl<'s> Parser<'_, 's> {
             if token.kind == Kind::Attributes {
                 block.optimized |= is_optimized(self.text(token));
             }
-            if matches!(token.kind, Kind::Newline | Kind::Semicolon | Kind::Title | Kind::Attributes) {
+            // `TYPE UDT 7 : STRUCT`, as other languages of the standard write it.
+            let colon = token.kind == Kind::Colon && block.frame == Frame::Udt && block.shape.is_none();
+            if colon || matches!(token.kind, Kind::Newline | Kind::Semicolon | Kind::Title | Kind::Attributes) {
                 self.bump();
                 continue;
             }

@@ -3,10 +3,11 @@
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
+use ob1_ir::{Operand, Place, Width};
 use ob1_model::{BitAddr, DataType, Field, Layout};
 
 use crate::codes;
-use crate::operand::with_article;
+use crate::operand::{Resolver, width_of, with_article};
 use crate::parser::unquote;
 use crate::reader::Reader;
 use crate::token::Kind;
@@ -37,6 +38,7 @@ fn index(fields: &[Field]) -> Places {
 
 /// Reads `.name` and `[i]` as far as they go, from `ty` at `base`. `None` when a step leads nowhere (reported).
 pub(crate) fn follow<'t>(
+    resolver: &Resolver<'_>,
     reader: &mut Reader<'_, '_>,
     fields: &FieldIndex,
     mut ty: &'t DataType,
@@ -50,7 +52,7 @@ pub(crate) fn follow<'t>(
                 (ty, base) = (inner, BitAddr(base.0 + at.0));
             }
             Some(Kind::LeftBracket) => {
-                let (inner, at) = element(reader, ty)?;
+                let (inner, at) = element(resolver, reader, ty)?;
                 (ty, base) = (inner, BitAddr(base.0 + at.0));
             }
             _ => return Some((ty, base)),
@@ -72,6 +74,9 @@ fn component<'t>(
         reader.report(span, &codes::COMPONENT, "the name of a component is missing after the point");
         return None;
     };
+    if let Some(found) = ty.elementary_bits().and_then(|bits| slice(bits, name)) {
+        return Some(found);
+    }
     let DataType::Struct(inner) = ty else {
         reader.report(span, &codes::COMPONENT, format!("{} has no component {name}", with_article(ty.name())));
         return None;
@@ -85,21 +90,68 @@ fn component<'t>(
     found
 }
 
+/// A part of an elementary value, as TIA Portal writes it: `X3` is bit 3, `B1` byte 1, `W0` word 0 of `bits` bits, all
+/// counted from the least significant one.
+fn slice(bits: u32, name: &str) -> Option<(&'static DataType, BitAddr)> {
+    let (kind, number) = (name.get(..1)?, name.get(1..)?);
+    let (ty, part) = match kind {
+        "X" | "x" => (&DataType::Bool, 1),
+        "B" | "b" => (&DataType::Byte, 8),
+        "W" | "w" => (&DataType::Word, 16),
+        _ => return None,
+    };
+    let number: u32 = number.parse().ok().filter(|n| bits > 1 && *n < bits / part)?;
+    let least = number * part;
+    // The least significant byte is the last.
+    let at = if part == 1 { bits - 8 - least / 8 * 8 + least % 8 } else { bits - least - part };
+    Some((ty, BitAddr(at)))
+}
+
+/// A slice of an address or tag of its own: `"Tag".%X3`. The operand as it is where none follows.
+pub(crate) fn sliced(reader: &mut Reader<'_, '_>, operand: Operand) -> (Operand, Option<&'static DataType>) {
+    let bits = if operand.width == Width::Bit { 1 } else { operand.width.bytes() * 8 };
+    let name = reader.peek_second().filter(|t| reader.peek_kind() == Some(Kind::Dot) && t.kind == Kind::Word);
+    let Some((ty, at)) = name.and_then(|t| slice(bits, reader.text(t))) else { return (operand, None) };
+    let beyond = |start: BitAddr| BitAddr(start.0 + at.0);
+    let place = match operand.place {
+        Place::Fixed(area, start) => Place::Fixed(area, beyond(start)),
+        Place::InDb(db, start) => Place::InDb(db, beyond(start)),
+        _ => return (operand, None),
+    };
+    reader.next();
+    reader.next();
+    (Operand { width: width_of(ty).unwrap_or(operand.width), place }, Some(ty))
+}
+
 /// What a STRING is made of.
 static CHARACTER: DataType = DataType::Char;
 
 /// `[1, -2]` on an array; `[3]` on a STRING.
-fn element<'t>(reader: &mut Reader<'_, '_>, ty: &'t DataType) -> Option<(&'t DataType, BitAddr)> {
+fn element<'t>(
+    resolver: &Resolver<'_>,
+    reader: &mut Reader<'_, '_>,
+    ty: &'t DataType,
+) -> Option<(&'t DataType, BitAddr)> {
     let span = reader.here();
     reader.next();
     let mut indices = Vec::new();
     loop {
         let negative = reader.eat(Kind::Operator).is_some_and(|t| reader.text(t) == "-");
-        let number = reader.eat(Kind::Number).and_then(|t| reader.text(t).parse::<i32>().ok());
+        let constant = reader.peek().filter(|t| t.kind == Kind::Local);
+        let number = match constant.and_then(|t| resolver.whole_number(unquote(reader.text(t)))) {
+            Some(number) => reader.next().and(Some(number)),
+            None => reader.eat(Kind::Number).and_then(|t| reader.text(t).parse::<i32>().ok()),
+        };
         // More indices than an array can have are counted, not kept.
         match number {
             Some(n) if indices.len() < 8 => indices.push(if negative { -n } else { n }),
             Some(_) => {}
+            None if matches!(reader.peek_kind(), Some(Kind::Local | Kind::Symbol | Kind::Word)) => {
+                let message = "STL here has no index that is known at run time only, as that of an S7-1500 has";
+                let remedy = "Compute the address: L index; L stride in bits; *D; LAR1; then [AR1,P#0.0] of the array.";
+                reader.sink.report_with(reader.index, span, &codes::ARRAY_INDEX, message, remedy);
+                return None;
+            }
             None => {
                 reader.report(span, &codes::ARRAY_INDEX, "the index of an array element is a number");
                 return None;
@@ -133,4 +185,34 @@ fn element<'t>(reader: &mut Reader<'_, '_>, ty: &'t DataType) -> Option<(&'t Dat
         reader.report(span, &codes::ARRAY_INDEX, message);
     }
     at.map(|at| (&**inner, at))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slices_count_from_the_least_significant_bit() {
+        for (bits, name, at) in [
+            (16, "X0", Some(8)),
+            (16, "X7", Some(15)),
+            (16, "X8", Some(0)),
+            (16, "X15", Some(7)),
+            (16, "x3", Some(11)),
+            (8, "X3", Some(3)),
+            (32, "X31", Some(7)),
+            (32, "B0", Some(24)),
+            (32, "B3", Some(0)),
+            (32, "W0", Some(16)),
+            (32, "W1", Some(0)),
+            (16, "B1", Some(0)),
+            (16, "X16", None),
+            (32, "W2", None),
+            (1, "X0", None),
+            (16, "Y0", None),
+            (16, "X", None),
+        ] {
+            assert_eq!(slice(bits, name).map(|(_, at)| at.0), at, "{bits} {name}");
+        }
+    }
 }

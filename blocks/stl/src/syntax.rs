@@ -82,12 +82,20 @@ pub(crate) struct Type {
 pub(crate) enum TypeKind {
     /// A type with a keyword of its own, STRING with its length included.
     Simple(DataType),
-    Array(Vec<(i32, i32)>, Box<Type>),
+    Array(Vec<(Bound, Bound)>, Box<Type>),
     Struct(Vec<Declaration>),
     /// `UDT 1`, `FB 5`, `SFB 4` or `"symbol"`.
     Named(NameRef),
     /// A mistake already reported.
     Bad,
+}
+
+/// A bound of an array.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Bound {
+    Number(i32),
+    /// A constant, by its name.
+    Named(String),
 }
 
 /// A declaration.
@@ -96,6 +104,8 @@ pub(crate) struct Declaration {
     pub(crate) name: String,
     pub(crate) span: Span,
     pub(crate) ty: Rc<Type>,
+    /// `AT x`: it is another view of that variable.
+    pub(crate) over: Option<String>,
     pub(crate) initial: Option<Tokens>,
 }
 

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use ob1_model::{BlockId, BlockKind, DataType, Dimension, Field, Layout};
 
 use crate::codes;
+use crate::constant::Constant;
 use crate::diagnostic::USES;
 use crate::elaborate::{Elaborator, LONGEST, Resolved, State, declared_type};
 use crate::mnemonics::BlockWord;
 use crate::parse_types::TYPE_DEPTH;
-use crate::syntax::{Declaration, NameRef, Type, TypeKind};
+use crate::syntax::{Bound, Declaration, NameRef, Type, TypeKind};
 use crate::token::Span;
 
 impl Elaborator<'_> {
@@ -45,7 +46,7 @@ impl Elaborator<'_> {
         &mut self,
         file: usize,
         span: Span,
-        dims: &[(i32, i32)],
+        dims: &[(Bound, Bound)],
         element: &Type,
         nesting: u32,
     ) -> Option<Resolved> {
@@ -55,7 +56,17 @@ impl Elaborator<'_> {
             self.sink.report(file, element.span, &codes::TYPE_NOT_HERE, message);
             return None;
         }
-        let dims: Vec<_> = dims.iter().map(|(low, high)| Dimension { low: *low, high: *high }).collect();
+        let mut numbers = Vec::with_capacity(dims.len());
+        for (low, high) in dims {
+            let (low, high) = (self.bound(file, span, low)?, self.bound(file, span, high)?);
+            if low > high {
+                let message = format!("an array from {low} to {high} has no elements");
+                self.sink.report(file, span, &codes::ARRAY_BOUNDS, message);
+                return None;
+            }
+            numbers.push(Dimension { low, high });
+        }
+        let dims = numbers;
         let count = dims.iter().fold(1u64, |n, d| n.saturating_mul(u64::from(d.len())));
         // Rows begin on even bytes, so the size is held against the limit row by row.
         let row = dims.last().map_or(0, |d| u64::from(d.len()).saturating_mul(u64::from(Layout::stride(&inner.ty))));
@@ -66,6 +77,25 @@ impl Elaborator<'_> {
             return None;
         }
         Some(Resolved { ty: DataType::Array(dims, Box::new(inner.ty)), fb: inner.fb, depth: inner.depth + 1 })
+    }
+
+    /// A bound as a number. `None` when it is the name of no constant of the block (reported).
+    fn bound(&mut self, file: usize, span: Span, bound: &Bound) -> Option<i32> {
+        let name = match bound {
+            Bound::Number(number) => return Some(*number),
+            Bound::Named(name) => name,
+        };
+        let number = self.constants.get(&name.to_uppercase()).and_then(Constant::whole);
+        let number = number.filter(|n| i16::try_from(*n).is_ok());
+        if number.is_none() {
+            let key = format!("bound {}", name.to_uppercase());
+            let shown: String = name.chars().take(64).collect();
+            self.sink.missing(&key, file, span, &codes::ARRAY_BOUNDS, |_| {
+                let message = format!("{shown} is no whole number of VAR CONSTANT in this block: {USES}");
+                (message, "Constants of a tag table are not exported with it: write the number instead.".to_owned())
+            });
+        }
+        number
     }
 
     /// The components of a structure. `None` when one has a mistake: the layout of the others would be wrong.
@@ -83,6 +113,12 @@ impl Elaborator<'_> {
         for declaration in declarations {
             self.sink.steps += 1;
             good &= self.not_twice(file, declaration, &mut names);
+            if declaration.over.is_some() {
+                let message = "AT lays one variable of a block over another; a structure has none";
+                self.sink.report(file, declaration.span, &codes::DECLARATION, message);
+                good = false;
+                continue;
+            }
             let Some(resolved) = self.ty(file, &declaration.ty, nesting) else {
                 good = false;
                 continue;

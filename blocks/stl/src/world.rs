@@ -27,6 +27,8 @@ pub(crate) struct Info {
     pub(crate) instances: BTreeMap<usize, BlockId>,
     /// `VAR CONSTANT`, by name in capitals.
     pub(crate) constants: BTreeMap<String, Constant>,
+    /// `y AT x : TYPE`, by name in capitals: the index of the variable that lies below, and how it is seen.
+    pub(crate) overlays: BTreeMap<String, (usize, DataType)>,
     /// Addresses into its instance are refused.
     pub(crate) optimized: bool,
 }
@@ -44,7 +46,17 @@ impl Info {
             formals.push(is_formal.then_some(next));
             next += u16::from(is_formal);
         }
-        Self { name, interface, names, formals, instances, constants: BTreeMap::new(), optimized: false }
+        let (constants, overlays) = (BTreeMap::new(), BTreeMap::new());
+        Self { name, interface, names, formals, instances, constants, overlays, optimized: false }
+    }
+
+    /// The index of what a name of the block means, and the type it is seen with where that is an overlay.
+    pub(crate) fn declared(&self, name: &str) -> Option<(usize, Option<&DataType>)> {
+        let name = name.to_uppercase();
+        match self.names.get(&name) {
+            Some(index) => Some((*index, None)),
+            None => self.overlays.get(&name).map(|(index, ty)| (*index, Some(ty))),
+        }
     }
 
     /// The index of a declaration by name or alias.
@@ -114,6 +126,8 @@ pub(crate) struct World {
     pub(crate) own: BTreeSet<BlockId>,
     /// Own data blocks that are not there because this is missing.
     pub(crate) unmade: BTreeMap<u16, BlockId>,
+    /// Blocks in sources of another language, by name or number in capitals, with where they begin.
+    pub(crate) elsewhere: BTreeMap<String, String>,
     /// Symbols of the peripheral area, in capitals: true for outputs.
     pub(crate) peripheral: BTreeMap<String, bool>,
 }
@@ -143,9 +157,19 @@ impl World {
             return;
         }
         sink.missing(&id.to_string(), file, span, &codes::NO_BLOCK, |_| {
+            if let Some(says) = self.in_another_language(&id.to_string()) {
+                return says;
+            }
             let missing = self.unknown_block(id);
             (missing.message, missing.remedy)
         });
+    }
+
+    /// What to say of a block whose source is there in a language that is not compiled.
+    fn in_another_language(&self, name: &str) -> Option<(String, String)> {
+        let place = self.elsewhere.get(&name.to_uppercase())?;
+        let remedy = "Generate the block from it in STEP 7 and export that as STL, or write it in STL.".to_owned();
+        Some((format!("{name}: {USES}; its source is SCL, which is not compiled: {place}"), remedy))
     }
 
     /// Reports a use of a data block that is not there, or of what it is made from.
@@ -166,6 +190,9 @@ impl World {
     pub(crate) fn report_unknown_symbol(&self, name: &str, file: usize, span: Span, sink: &mut Sink) {
         let shown: String = name.chars().take(64).collect();
         sink.missing(&format!("\"{}", name.to_uppercase()), file, span, &codes::UNKNOWN_SYMBOL, |sink| {
+            if let Some(says) = self.in_another_language(&shown) {
+                return says;
+            }
             let message = format!("the symbol \"{shown}\" is in no symbol table");
             if let Some(id) = self.names.get(&name.to_uppercase()) {
                 let remedy = format!("{shown} is the usual name of {id}: write {id}, or load the symbol table.");
