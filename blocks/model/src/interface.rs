@@ -124,18 +124,34 @@ impl Interface {
         self.temp_bytes = temps.bytes();
     }
 
-    /// An instance as a structure. Each section begins on an even byte: an empty structure between them, which takes no
-    /// room of its own, makes the layout do that.
+    /// Places the declarations of an instance at given addresses, in their order: system types of TIA Portal lie in
+    /// another order than they are declared in.
+    pub fn place_at(&mut self, addresses: &[BitAddr], bytes: u32) {
+        for (param, at) in self.params.iter_mut().zip(addresses) {
+            param.at = *at;
+        }
+        self.instance_bytes = bytes;
+    }
+
+    /// An instance as a structure, its components in the order of their addresses. Each section begins on an even byte:
+    /// an empty structure between them, which takes no room of its own, makes the layout do that.
     #[must_use]
     pub fn instance_type(&self) -> DataType {
+        let mut placed: Vec<&Param> = self.params.iter().filter(|p| p.section != Section::Temp).collect();
+        let in_order = placed.is_sorted_by_key(|p| p.at);
+        placed.sort_by_key(|p| p.at);
         let mut fields: Vec<Field> = Vec::new();
         let mut last = None;
-        for param in self.params.iter().filter(|p| p.section != Section::Temp) {
-            if last.is_some_and(|section| section != param.section) {
-                fields.push(Field { name: String::new(), ty: DataType::Struct(Vec::new()), initial: None });
-            }
-            last = Some(param.section);
+        let mut layout = Layout::new();
+        for param in placed {
             let ty = if param.is_pointer() { DataType::Pointer } else { param.ty.clone() };
+            let goes_on = !in_order && layout.clone().place(&ty) == param.at;
+            if last.is_some_and(|section| section != param.section) && !goes_on {
+                fields.push(Field { name: String::new(), ty: DataType::Struct(Vec::new()), initial: None });
+                layout.end_section();
+            }
+            layout.place(&ty);
+            last = Some(param.section);
             fields.push(Field { name: param.name.clone(), ty, initial: param.initial.clone() });
         }
         DataType::Struct(fields)

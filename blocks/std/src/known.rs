@@ -103,7 +103,7 @@ const SFC: &[(u16, &str)] = &[
     (127, "SYNC_PO"),
 ];
 
-/// SFB numbers and names, ascending.
+/// SFB numbers and names, ascending. Those from 1000 on are system types of TIA Portal, which have no number there.
 const SFB: &[(u16, &str)] = &[
     (0, "CTU"),
     (1, "CTD"),
@@ -156,6 +156,12 @@ const SFB: &[(u16, &str)] = &[
     (75, "SALRM"),
     (81, "RD_DPAR"),
     (104, "IP_CONF"),
+    (1000, "CTU_INT"),
+    (1001, "CTD_INT"),
+    (1002, "CTUD_INT"),
+    (1003, "TP_TIME"),
+    (1004, "TON_TIME"),
+    (1005, "TOF_TIME"),
 ];
 
 /// STEP 7's name of an SFC or SFB, whether it is here or not; `None` for other blocks and numbers STEP 7 does not use.

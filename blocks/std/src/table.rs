@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use ob1_model::{BlockId, BlockKind, Interface};
+use ob1_model::{BitAddr, BlockId, BlockKind, Interface};
 
 use crate::call::Call;
 use crate::declare::{self, Declared, Params};
@@ -61,6 +61,8 @@ pub(crate) struct Row {
     note: &'static str,
     needs: Option<Service>,
     declared: &'static [Declared],
+    /// The addresses of an instance by byte and bit, and its length, where they do not follow from the declaration.
+    places: Option<(&'static [(u32, u8)], u32)>,
     run: fn(&mut Call<'_>) -> Done,
 }
 
@@ -73,7 +75,7 @@ impl Row {
         run: fn(&mut Call<'_>) -> Done,
     ) -> Self {
         let id = BlockId::new(kind, number);
-        Self { origin, id, name, note: "", needs: None, declared: P::DECLARED, run }
+        Self { origin, id, name, note: "", needs: None, declared: P::DECLARED, places: None, run }
     }
 
     pub(crate) const fn sfc<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Done) -> Self {
@@ -86,6 +88,10 @@ impl Row {
 
     pub(crate) const fn needs(self, service: Service) -> Self {
         Self { needs: Some(service), ..self }
+    }
+
+    pub(crate) const fn places(self, places: &'static [(u32, u8)], bytes: u32) -> Self {
+        Self { places: Some((places, bytes)), ..self }
     }
 
     pub(crate) const fn note(self, note: &'static str) -> Self {
@@ -113,8 +119,13 @@ pub struct StandardBlock {
 
 impl StandardBlock {
     fn of(row: &Row) -> Self {
-        let &Row { origin, id, name, note, needs, declared, run } = row;
-        Self { origin, id, name, note, needs, interface: declare::interface(declared, id.kind.has_instance()), run }
+        let &Row { origin, id, name, note, needs, declared, places, run } = row;
+        let mut interface = declare::interface(declared, id.kind.has_instance());
+        if let Some((places, bytes)) = places {
+            let addresses: Vec<_> = places.iter().map(|(byte, bit)| BitAddr::new(*byte, *bit)).collect();
+            interface.place_at(&addresses, bytes);
+        }
+        Self { origin, id, name, note, needs, interface, run }
     }
 
     /// Runs the block: a pure function of parameters, instance, time and what the context answers.

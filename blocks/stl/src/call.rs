@@ -16,6 +16,7 @@ use crate::parser::unquote;
 use crate::reach::Reached;
 use crate::reader::Reader;
 use crate::syntax::{Actual, Statement};
+use crate::tia;
 use crate::token::{Kind, Span};
 use crate::world::Info;
 
@@ -32,7 +33,11 @@ impl<'l> Lowerer<'l, '_> {
             None => (target(&mut reader, value, mode, span)?, None),
         };
         if of_data.is_none() && reader.eat(Kind::Comma).is_some() {
-            match (instance_of(&resolver, &mut reader)?, target) {
+            let given = instance_of(&resolver, &mut reader)?;
+            if let (Target::Block(id), Some(of)) = (target, given.made_for(&resolver)) {
+                target = Target::Block(tia::called_with(id, of));
+            }
+            match (given, target) {
                 (Instance::Data(number), _) => instance = Some(number),
                 (Instance::Own(fb, at), Target::Block(id)) if fb == id || same_instance(&resolver, fb, id) => {
                     target = Target::Local(id, at);
@@ -252,7 +257,7 @@ fn target(reader: &mut Reader<'_, '_>, value: Value<'_>, mode: CallMode, span: S
 /// True for two blocks with instances of the same declarations, as the timers of IEC have them.
 fn same_instance(resolver: &Resolver<'_>, one: BlockId, other: BlockId) -> bool {
     let params = |id| resolver.world.blocks.get(&id).map(|info| &info.interface.params);
-    one.kind == BlockKind::Sfb && params(one) == params(other)
+    one.kind == BlockKind::Sfb && params(one) == params(other) || tia::same_instance(one, other)
 }
 
 /// `CALL "data"`: the function block that a data block is an instance of, as TIA Portal calls it.
@@ -269,6 +274,20 @@ enum Instance {
     Data(Number),
     /// A multi-instance of this block: `CALL TON, #timer` of TIA Portal.
     Own(BlockId, BitAddr),
+}
+
+impl Instance {
+    /// The function block it is an instance of, where that is known.
+    fn made_for(&self, resolver: &Resolver<'_>) -> Option<BlockId> {
+        match self {
+            Instance::Own(fb, _) => Some(*fb),
+            Instance::Data(Number::Fixed(db)) => match resolver.world.data.get(db)?.kind {
+                ob1_ir::DataKind::Instance(fb) => Some(fb),
+                ob1_ir::DataKind::Global => None,
+            },
+            Instance::Data(_) => None,
+        }
+    }
 }
 
 /// The instance after the comma.

@@ -234,7 +234,12 @@ pub(crate) fn text(quoted: &str) -> Result<Vec<u8>, String> {
     while let Some(c) = chars.next() {
         let c = match c {
             '$' => match chars.next() {
-                Some('L' | 'l' | 'N' | 'n') => '\n',
+                Some('L' | 'l') => '\n',
+                // A new line is two characters.
+                Some('N' | 'n') => {
+                    out.push(b'\r');
+                    '\n'
+                }
                 Some('P' | 'p') => '\u{c}',
                 Some('R' | 'r') => '\r',
                 Some('T' | 't') => '\t',
@@ -458,6 +463,7 @@ mod tests {
     #[test]
     fn texts_and_strings() {
         assert_eq!(text("'a$'b$0Aä'"), Ok(b"a'b\n\xE4".to_vec()));
+        assert_eq!(text("'$L$N$r$P$t$$'"), Ok(b"\n\r\n\r\x0C\t$".to_vec()));
         let string = Constant::Text(b"ab".to_vec()).encode(&DataType::String(3));
         assert_eq!(string, Ok(Encoded::Bytes(vec![3, 2, b'a', b'b', 0, 0])));
         assert!(Constant::Text(b"abcd".to_vec()).encode(&DataType::String(3)).is_err());

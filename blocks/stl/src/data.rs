@@ -147,5 +147,6 @@ pub(crate) fn instance_data(world: &World, fb: BlockId) -> Option<Data> {
         }
         components.push(Component { path: param.name.clone(), ty, at: param.at });
     }
+    components.sort_by_key(|c| c.at);
     Some(Data::new(DataKind::Instance(fb), components, image))
 }

@@ -7,7 +7,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ob1_model::{BlockId, BlockKind, DataType, Interface, Param, Section};
+use ob1_model::{BitAddr, BlockId, BlockKind, DataType, Interface, Param, Section};
 use ob1_stl::{Library, Mnemonics, Options, Output, Severity, Source, compile, listing, render_all};
 
 fn sources(folder: &str) -> Vec<PathBuf> {
@@ -39,6 +39,25 @@ fn scale() -> Interface {
     interface(&params, false)
 }
 
+/// A timer with the instance of an S7-1500: ST, PT, ET, RU, IN, Q.
+fn timer_of_1500() -> Interface {
+    use DataType::{Bool, Byte, Time, Word};
+    let params = [
+        ("IN", Section::Input, Bool),
+        ("PT", Section::Input, Time),
+        ("Q", Section::Output, Bool),
+        ("ET", Section::Output, Time),
+        ("ST", Section::Static, Time),
+        ("RU", Section::Static, Bool),
+        ("STATE", Section::Static, Byte),
+        ("PAD", Section::Static, Word),
+    ];
+    let mut timer = interface(&params, true);
+    let places = [(12, 1), (4, 0), (12, 2), (8, 0), (0, 0), (12, 0), (13, 0), (14, 0)];
+    timer.place_at(&places.map(|(byte, bit)| BitAddr::new(byte, bit)), 16);
+    timer
+}
+
 /// Some system functions, one block that is offered, one that is chosen, one that comes by its name.
 fn library() -> Library {
     use DataType::{Any, Bool, Int, Time};
@@ -57,6 +76,9 @@ fn library() -> Library {
     ];
     for (number, name) in [(3, "TP"), (4, "TON"), (5, "TOF")] {
         library.insert(BlockId::new(BlockKind::Sfb, number), name, interface(&timer, true));
+    }
+    for (number, name) in [(1003, "TP_TIME"), (1004, "TON_TIME"), (1005, "TOF_TIME")] {
+        library.insert(BlockId::new(BlockKind::Sfb, number), name, timer_of_1500());
     }
     library.offer(fc(105), "SCALE", scale());
     library.insert(fc(9), "EQ_DT", Interface::default());

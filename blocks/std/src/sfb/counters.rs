@@ -17,7 +17,7 @@ pub(super) const ROWS: &[Row] =
     &[Row::sfb::<Ctu>(0, "CTU", ctu), Row::sfb::<Ctd>(1, "CTD", ctd), Row::sfb::<Ctud>(2, "CTUD", ctud)];
 
 /// Counts rising edges at CU up to 32767.
-fn ctu(call: &mut Call<'_>) -> Done {
+pub(super) fn ctu(call: &mut Call<'_>) -> Done {
     let (signal, last, count) = (call.bool(Ctu::CU), call.bool(Ctu::CUO), call.int(Ctu::CV));
     let count = match (call.bool(Ctu::R), signal && !last) {
         (true, _) => 0,
@@ -32,7 +32,7 @@ fn ctu(call: &mut Call<'_>) -> Done {
 }
 
 /// Counts rising edges at CD down to -32768.
-fn ctd(call: &mut Call<'_>) -> Done {
+pub(super) fn ctd(call: &mut Call<'_>) -> Done {
     let (signal, last, count) = (call.bool(Ctd::CD), call.bool(Ctd::CDO), call.int(Ctd::CV));
     let count = match (call.bool(Ctd::LOAD), signal && !last) {
         (true, _) => call.int(Ctd::PV),
@@ -46,7 +46,7 @@ fn ctd(call: &mut Call<'_>) -> Done {
 }
 
 /// Counts both ways; edges at CU and CD together change nothing. R goes before LOAD.
-fn ctud(call: &mut Call<'_>) -> Done {
+pub(super) fn ctud(call: &mut Call<'_>) -> Done {
     let (up, down, preset) = (call.bool(Ctud::CU), call.bool(Ctud::CD), call.int(Ctud::PV));
     let (rises, falls) = (up && !call.bool(Ctud::CUO), down && !call.bool(Ctud::CDO));
     let count = call.int(Ctud::CV);

@@ -1,10 +1,11 @@
-//! System function blocks: IEC counters and timers, the drum, records.
+//! System function blocks: IEC counters and timers, also with the instances of TIA Portal, the drum, records.
 
 mod counters;
 mod drum;
 mod records;
+mod tia;
 mod timers;
 
 use crate::table::Row;
 
-pub(crate) const ROWS: &[&[Row]] = &[counters::ROWS, timers::ROWS, drum::ROWS, records::ROWS];
+pub(crate) const ROWS: &[&[Row]] = &[counters::ROWS, timers::ROWS, tia::ROWS, drum::ROWS, records::ROWS];

@@ -14,14 +14,14 @@ params!(Timer {
 });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfb::<Timer>(3, "TP", |call| run(call, pulse, |state| state == State::Running)),
-    Row::sfb::<Timer>(4, "TON", |call| run(call, on_delay, |state| state == State::Over)),
-    Row::sfb::<Timer>(5, "TOF", |call| run(call, off_delay, |state| matches!(state, State::Held | State::Running))),
+    Row::sfb::<Timer>(3, "TP", |call| run(call, pulse, State::runs)),
+    Row::sfb::<Timer>(4, "TON", |call| run(call, on_delay, State::is_over)),
+    Row::sfb::<Timer>(5, "TOF", |call| run(call, off_delay, State::holds)),
 ];
 
 /// Where a timer stands. The elapsed time itself wraps after 24 days, so that its end is kept.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum State {
+pub(super) enum State {
     /// Waits for its edge; a TOF with Q = 0.
     Idle,
     Running,
@@ -32,7 +32,7 @@ enum State {
 }
 
 impl State {
-    const fn from_byte(byte: u8) -> Self {
+    pub(super) const fn from_byte(byte: u8) -> Self {
         match byte {
             1 => State::Running,
             2 => State::Over,
@@ -40,39 +40,71 @@ impl State {
             _ => State::Idle,
         }
     }
+
+    /// The output of a pulse.
+    pub(super) fn runs(self) -> bool {
+        self == State::Running
+    }
+
+    /// The output of an on-delay.
+    pub(super) fn is_over(self) -> bool {
+        self == State::Over
+    }
+
+    /// The output of an off-delay.
+    pub(super) fn holds(self) -> bool {
+        matches!(self, State::Held | State::Running)
+    }
 }
 
 /// The timer's step: old state, IN, whether the time is over; the new state.
-type Step = fn(State, bool, bool) -> State;
+pub(super) type Step = fn(State, bool, bool) -> State;
 
 fn run(call: &mut Call<'_>, step: Step, output: fn(State) -> bool) -> Done {
     let now = time_tick(call.cx.now());
-    let (input, preset) = (call.bool(Timer::IN), call.dint(Timer::PT).max(0));
-    let old = State::from_byte(call.byte(Timer::STATE));
-    let elapsed = now.wrapping_sub(call.raw(Timer::STIME)) & 0x7FFF_FFFF;
-    let mut new = step(old, input, old == State::Running && elapsed as i32 >= preset);
-    if new == State::Running && old != State::Running {
-        call.set(Timer::STIME, now);
-        // A time of 0 is over at once.
-        if preset == 0 {
-            new = step(new, input, true);
-        }
-    }
-    let shown = match new {
-        State::Idle | State::Held => 0,
-        State::Running if old == State::Running => elapsed as i32,
-        State::Running => 0,
-        State::Over => preset,
-    };
-    call.set(Timer::STATE, new as u32);
+    let (input, preset) = (call.bool(Timer::IN), call.dint(Timer::PT));
+    let before = Moment { state: State::from_byte(call.byte(Timer::STATE)), start: call.raw(Timer::STIME) };
+    let (after, elapsed) = before.next(step, now, input, preset);
+    call.set(Timer::STATE, after.state as u32);
+    call.set(Timer::STIME, after.start);
     call.set(Timer::ATIME, now);
-    call.set_dint(Timer::ET, shown);
-    call.set_bool(Timer::Q, output(new));
+    call.set_dint(Timer::ET, elapsed);
+    call.set_bool(Timer::Q, output(after.state));
     Ok(())
 }
 
+/// Where a timer stands, and since when it runs.
+#[derive(Clone, Copy)]
+pub(super) struct Moment {
+    pub(super) state: State,
+    pub(super) start: u32,
+}
+
+impl Moment {
+    /// The next moment, with the elapsed time shown.
+    pub(super) fn next(self, step: Step, now: u32, input: bool, preset: i32) -> (Self, i32) {
+        let (Self { state: old, mut start }, preset) = (self, preset.max(0));
+        let elapsed = now.wrapping_sub(start) & 0x7FFF_FFFF;
+        let mut new = step(old, input, old == State::Running && elapsed as i32 >= preset);
+        if new == State::Running && old != State::Running {
+            start = now;
+            // A time of 0 is over at once.
+            if preset == 0 {
+                new = step(new, input, true);
+            }
+        }
+        let shown = match new {
+            State::Idle | State::Held => 0,
+            State::Running if old == State::Running => elapsed as i32,
+            State::Running => 0,
+            State::Over => preset,
+        };
+        (Self { state: new, start }, shown)
+    }
+}
+
 /// A pulse of PT, whatever IN does meanwhile.
-const fn pulse(state: State, input: bool, over: bool) -> State {
+pub(super) const fn pulse(state: State, input: bool, over: bool) -> State {
     match state {
         State::Running if !over => State::Running,
         State::Running | State::Over if input => State::Over,
@@ -83,7 +115,7 @@ const fn pulse(state: State, input: bool, over: bool) -> State {
 }
 
 /// Q follows IN's rise after PT.
-const fn on_delay(state: State, input: bool, over: bool) -> State {
+pub(super) const fn on_delay(state: State, input: bool, over: bool) -> State {
     match state {
         _ if !input => State::Idle,
         State::Running if over => State::Over,
@@ -93,7 +125,7 @@ const fn on_delay(state: State, input: bool, over: bool) -> State {
 }
 
 /// Q follows IN's fall after PT.
-const fn off_delay(state: State, input: bool, over: bool) -> State {
+pub(super) const fn off_delay(state: State, input: bool, over: bool) -> State {
     match state {
         _ if input => State::Held,
         State::Held => State::Running,
@@ -107,9 +139,9 @@ mod tests {
     use crate::testing::Fake;
 
     /// Time in ms, IN; Q and ET after the call.
-    type Moment = (u64, u8, u32, i32);
+    type Row = (u64, u8, u32, i32);
 
-    fn check(key: &str, pt: i32, moments: &[Moment]) {
+    fn check(key: &str, pt: i32, moments: &[Row]) {
         let mut fake = Fake::new(key).with("PT", pt.to_be_bytes());
         for (ms, input, q, et) in moments {
             fake.now = ms * 1_000_000;

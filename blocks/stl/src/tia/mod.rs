@@ -38,22 +38,57 @@ const WITHOUT_STL: [&str; 15] = [
     "ERROR_STRUCT",
 ];
 
-/// The IEC timers and counters by the words that declare an instance.
-const INSTANCES: [(&str, u16); 13] = [
+/// The IEC timers and counters by the words that declare an instance: those of an S7-300 are SFB 0 to 5, those of an
+/// S7-1500, which have another layout, lie [`OF_1500`] beyond.
+const INSTANCES: [(&str, u16); 14] = [
     ("CTU", 0),
-    ("CTU_INT", 0),
+    ("CTU_INT", OF_1500),
     ("CTD", 1),
-    ("CTD_INT", 1),
+    ("CTD_INT", OF_1500 + 1),
     ("CTUD", 2),
-    ("CTUD_INT", 2),
-    ("IEC_COUNTER", 2),
+    ("CTUD_INT", OF_1500 + 2),
+    ("IEC_COUNTER", OF_1500 + 2),
     ("TP", 3),
-    ("TP_TIME", 3),
+    ("TP_TIME", OF_1500 + 3),
     ("TON", 4),
-    ("TON_TIME", 4),
-    ("IEC_TIMER", 4),
+    ("TON_TIME", OF_1500 + 4),
+    ("IEC_TIMER", OF_1500 + 4),
     ("TOF", 5),
+    ("TOF_TIME", OF_1500 + 5),
 ];
+
+/// Between the numbers of IEC timers and counters with instances of an S7-300 and of an S7-1500.
+const OF_1500: u16 = 1000;
+
+/// What an instance of the IEC timers and counters is made for.
+#[derive(Clone, Copy, PartialEq)]
+enum Family {
+    Counter,
+    Timer,
+}
+
+/// The family of one with an instance of an S7-1500, or of an S7-300.
+fn family(id: BlockId, of_1500: bool) -> Option<Family> {
+    let number = if of_1500 { id.number.checked_sub(OF_1500)? } else { id.number };
+    match (id.kind, number) {
+        (BlockKind::Sfb, 0..=2) => Some(Family::Counter),
+        (BlockKind::Sfb, 3..=5) => Some(Family::Timer),
+        _ => None,
+    }
+}
+
+/// The block that is meant by a call of an IEC timer or counter with an instance: `CALL TON` with an IEC_TIMER.
+pub(crate) fn called_with(called: BlockId, instance: BlockId) -> BlockId {
+    match family(called, false) {
+        Some(one) if family(instance, true) == Some(one) => BlockId::new(called.kind, called.number + OF_1500),
+        _ => called,
+    }
+}
+
+/// True for blocks that can run with each other's instance: IEC_TIMER and IEC_COUNTER are one type each.
+pub(crate) fn same_instance(one: BlockId, other: BlockId) -> bool {
+    family(one, true).is_some_and(|family_of_one| family(other, true) == Some(family_of_one))
+}
 
 /// The type of one word in capitals.
 pub(crate) fn simple(word: &str) -> Option<DataType> {
@@ -75,7 +110,6 @@ pub(crate) fn without_stl(word: &str) -> bool {
 
 /// The block that an instance type in capitals belongs to.
 pub(crate) fn instance(word: &str) -> Option<BlockId> {
-    let word = if word == "TOF_TIME" { "TOF" } else { word };
     let number = INSTANCES.iter().find(|(name, _)| *name == word)?.1;
     Some(BlockId::new(BlockKind::Sfb, number))
 }
@@ -99,5 +133,15 @@ mod tests {
         let bits = |word| simple(word).map(|ty| ob1_model::Layout::bits(&ty));
         assert_eq!([bits("USINT"), bits("UINT"), bits("UDINT"), bits("DTL")], [Some(8), Some(16), Some(32), Some(96)]);
         assert!(without_stl("LREAL") && without_stl("CTU_DINT") && instance("CTU_INT").is_some());
+    }
+
+    #[test]
+    fn blocks_and_instances() {
+        let sfb = |n| BlockId::new(BlockKind::Sfb, n);
+        assert_eq!(called_with(sfb(4), sfb(1003)), sfb(1004));
+        assert_eq!(called_with(sfb(4), sfb(4)), sfb(4));
+        assert_eq!(called_with(sfb(4), sfb(1000)), sfb(4));
+        assert!(same_instance(sfb(1003), sfb(1005)) && same_instance(sfb(1000), sfb(1002)));
+        assert!(!same_instance(sfb(1000), sfb(1003)) && !same_instance(sfb(4), sfb(1004)));
     }
 }
