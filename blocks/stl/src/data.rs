@@ -107,7 +107,7 @@ impl Elaborator<'_> {
             return None;
         };
         let resolver = Resolver::new(&self.world, self.sets.of(file), None);
-        let (ty, at) = path::follow(&resolver, &mut reader, fields, &component.ty, component.at)?;
+        let (ty, at) = path::follow(&resolver, &mut reader, fields, &component.ty, component.at, &mut Vec::new())?;
         if !reader.finish(&codes::ASSIGNMENT) {
             return None;
         }

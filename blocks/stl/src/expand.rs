@@ -9,10 +9,13 @@
 
 use std::collections::BTreeMap;
 
-use ob1_ir::{AddressRegister, Arg, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width, WordLogic};
+use ob1_ir::{
+    AccuOp, AddressRegister, Arg, Convert, DbRegister, Number, NumberFormat, Op, Operand, Place, Stmt, Width, WordLogic,
+};
 use ob1_model::{Area, BitAddr};
 
 use crate::constant::ToParam;
+use crate::path::Term;
 
 /// The operations that one statement becomes: those before, itself, those after.
 #[derive(Debug, Default)]
@@ -164,6 +167,70 @@ impl Callee {
 /// An operand in the hidden local data.
 pub(crate) fn hidden_operand(width: Width, byte: u32) -> Operand {
     local(width, byte)
+}
+
+/// Loads AR1 for an element whose index is known at run time only, with everything else kept but the DB register where
+/// the array lies in a data block. Gives the operand of the element, relative to AR1.
+pub(crate) fn index(
+    hidden: &mut Hidden,
+    operand: Operand,
+    through: Option<BitAddr>,
+    terms: &[Term],
+    ops: &mut Vec<Op>,
+) -> Indexed {
+    use NumberFormat::DInt;
+    let at = hidden.take(20);
+    let [accu1, accu2, status, ar1, sum] = [0, 4, 8, 12, 16].map(|byte| local(Width::DWord, at + byte));
+    let status = Operand { width: Width::Word, ..status };
+    ops.extend([Op::Transfer(accu1), Op::ExchangeAccus, Op::Transfer(accu2)]);
+    ops.extend([Op::LoadStatus, Op::Transfer(status), Op::TransferArTo(AddressRegister::Ar1, ar1)]);
+    for (count, term) in terms.iter().enumerate() {
+        ops.push(Op::Load(term.index));
+        if term.int {
+            ops.push(Op::Convert(Convert::Itd));
+        }
+        ops.push(Op::AddConst { format: DInt, value: term.low.saturating_neg() });
+        ops.extend([Op::LoadConst(term.stride), Op::Arithmetic(DInt, AccuOp::Mul)]);
+        if count > 0 {
+            ops.extend([Op::Load(sum), Op::Arithmetic(DInt, AccuOp::Add)]);
+        }
+        ops.push(Op::Transfer(sum));
+    }
+    // Where AR1 counts from: an address that is known at run time only is added.
+    let (area, first, base) = match (operand.place, through) {
+        (Place::Register(_, _, first), Some(pointer)) => {
+            ops.push(Op::OpenDb(DbRegister::Db, Number::Instance(pointer)));
+            (None, first, Some(Op::Load(instance(Width::DWord, pointer, 2))))
+        }
+        // AR2 says where in the data block of the DI register the instance begins.
+        (Place::Instance(first), _) => (Some(Area::Di), first, Some(Op::TransferAr(AddressRegister::Ar2))),
+        (Place::InDb(db, first), _) => {
+            ops.push(Op::OpenDb(DbRegister::Db, Number::Fixed(db)));
+            (Some(Area::Db), first, None)
+        }
+        (Place::InDi(db, first), _) => {
+            ops.push(Op::OpenDb(DbRegister::Di, Number::Fixed(db)));
+            (Some(Area::Di), first, None)
+        }
+        (Place::Fixed(area, first), _) => (Some(area), first, None),
+        (other, _) => return Indexed { operand: Operand { place: other, ..operand }, restore: None },
+    };
+    if let Some(base) = base {
+        ops.extend([base, Op::Load(sum), Op::Arithmetic(DInt, AccuOp::Add), Op::Transfer(sum)]);
+    }
+    ops.push(Op::LoadArFrom(AddressRegister::Ar1, sum));
+    ops.extend([Op::Load(status), Op::TransferStatus, Op::Load(accu2), Op::Load(accu1)]);
+    let place = Place::Register(area, AddressRegister::Ar1, first);
+    let restore = Some(Op::LoadArFrom(AddressRegister::Ar1, ar1));
+    Indexed { operand: Operand { place, ..operand }, restore }
+}
+
+/// An element whose address AR1 has.
+#[derive(Debug)]
+pub(crate) struct Indexed {
+    pub(crate) operand: Operand,
+    /// What gives AR1 back.
+    pub(crate) restore: Option<Op>,
 }
 
 /// Moves a value between the place behind a POINTER and the hidden local data; `out` from there to the place. Bits move

@@ -121,11 +121,13 @@ impl Lowerer<'_, '_> {
             _ => {}
         }
         let resolver = self.resolver;
+        let mut hidden = std::mem::take(&mut self.hidden);
         let mut reader = self.reader(statement.operand.clone(), statement.span);
         let mut around = Around::default();
-        let op = operation(resolver, &mut reader, row, statement.span, &mut around)?;
-        let complete = reader.finish(&codes::TOO_MUCH);
-        let op = self.pointing(op, &mut around);
+        let op = operation(resolver, &mut reader, row, statement.span, &mut hidden, &mut around);
+        let complete = op.is_some() && reader.finish(&codes::TOO_MUCH);
+        self.hidden = hidden;
+        let op = self.pointing(op?, &mut around);
         self.around = around;
         complete.then_some(op)
     }
@@ -167,6 +169,7 @@ fn operation(
     reader: &mut Reader<'_, '_>,
     row: &Row,
     head: Span,
+    hidden: &mut Hidden,
     around: &mut Around,
 ) -> Option<Lowered> {
     if let Shape::Plain(op) = &row.shape {
@@ -192,10 +195,16 @@ fn operation(
         (Value::Constant(Constant::ToParam { index, kind }), Shape::LoadAr(register)) => {
             return Some(Lowered::LoadPointer(Some(*register), index, kind));
         }
-        (Value::Through { .. }, Shape::TransferAr(AddressRegister::Ar1)) => {
-            let message = "AR1 is needed to reach this, and lost; TAR1 into a temp first";
+        (Value::Indexed { .. }, Shape::LoadAr(AddressRegister::Ar1))
+        | (Value::Through { .. } | Value::Indexed { .. }, Shape::TransferAr(AddressRegister::Ar1)) => {
+            let message = "AR1 is needed to reach this, and lost; use a temp in between";
             reader.report(span, &codes::NOT_SUPPORTED, message);
             return None;
+        }
+        (Value::Indexed { operand, through, terms, ty }, _) => {
+            let element = expand::index(hidden, operand, through, &terms, &mut around.before);
+            around.after.extend(element.restore);
+            Value::Memory { operand: element.operand, ty: Some(ty) }
         }
         (Value::Through { pointer, operand, ty, .. }, _) => {
             around.before.extend(expand::open(pointer));

@@ -7,7 +7,7 @@ use crate::codes;
 use crate::constant::Constant;
 use crate::mnemonics::{BlockWord, Identifier, RELATIONS, Words};
 use crate::parser::{split_digits, unquote};
-use crate::path;
+use crate::path::{self, Term};
 use crate::reader::Reader;
 use crate::token::{Kind, Span, Token};
 use crate::world::{Info, Symbolic, World};
@@ -33,6 +33,14 @@ pub(crate) enum Value<'w> {
     DbNumber(DbRegister),
     Register(AddressRegister),
     Constant(Constant),
+    /// An element of an array whose index is known at run time only: the operand is that of the first element, `terms`
+    /// lead from there on. `through`: the operand lies behind the POINTER at this address of the instance.
+    Indexed {
+        operand: Operand,
+        through: Option<BitAddr>,
+        terms: Vec<Term>,
+        ty: &'w DataType,
+    },
     /// A multi-instance: its FB and where it lies within the caller's instance.
     Instance(BlockId, BitAddr),
     /// A composed in/out of a function block, or a component of one. The instance keeps a POINTER to it: the operand
@@ -51,7 +59,9 @@ impl Value<'_> {
     /// What it is, for messages.
     pub(crate) fn describe(&self) -> String {
         match self {
-            Value::Memory { ty: Some(ty), .. } | Value::Through { ty, .. } => with_article(ty.name()),
+            Value::Memory { ty: Some(ty), .. } | Value::Through { ty, .. } | Value::Indexed { ty, .. } => {
+                with_article(ty.name())
+            }
             Value::Memory { operand, .. } => match operand.width {
                 Width::Bit => "a bit".into(),
                 Width::Byte => "a byte".into(),
@@ -374,9 +384,10 @@ impl<'w> Resolver<'w> {
             reader.sink.report_unknown(reader.index, name_span, &codes::COMPONENT, message, name, known);
             return None;
         };
-        let (ty, at) = path::follow(self, reader, &self.world.fields, &component.ty, component.at)?;
+        let mut terms = Vec::new();
+        let (ty, at) = path::follow(self, reader, &self.world.fields, &component.ty, component.at, &mut terms)?;
         let width = width_of(ty).unwrap_or(Width::Byte);
-        Some(Value::Memory { operand: Operand { width, place: place(at) }, ty: Some(ty) })
+        Some(at_index(Operand { width, place: place(at) }, ty, None, terms))
     }
 
     /// An optimised data block has no addresses. `None`: reported.
@@ -477,13 +488,23 @@ impl<'w> Resolver<'w> {
         }
         if in_instance && param.is_pointer() {
             let whole = !matches!(reader.peek_kind(), Some(Kind::Dot | Kind::LeftBracket));
-            let (ty, at) = path::follow(self, reader, &self.world.fields, ty, BitAddr(0))?;
+            let mut terms = Vec::new();
+            let (ty, at) = path::follow(self, reader, &self.world.fields, ty, BitAddr(0), &mut terms)?;
             let place = Place::Register(None, AddressRegister::Ar1, at);
             let operand = Operand { width: width_of(ty).unwrap_or(Width::Byte), place };
+            if !terms.is_empty() {
+                return Some(at_index(operand, ty, Some(param.at), terms));
+            }
             return Some(Value::Through { pointer: param.at, operand, ty, whole });
         }
         let base = if param.section == Section::Temp || in_instance { param.at } else { BitAddr(0) };
-        let (ty, at) = path::follow(self, reader, &self.world.fields, ty, base)?;
+        let mut terms = Vec::new();
+        let (ty, at) = path::follow(self, reader, &self.world.fields, ty, base, &mut terms)?;
+        if !terms.is_empty() && formal.is_some() && !in_instance {
+            let message = "a parameter of a function lies at a place known at run time only, and so does its element";
+            reader.report(span, &codes::NOT_SUPPORTED, message);
+            return None;
+        }
         let place = match formal {
             _ if param.section == Section::Temp => Place::Fixed(Area::Local, at),
             _ if in_instance => Place::Instance(at),
@@ -491,7 +512,7 @@ impl<'w> Resolver<'w> {
             None => return None,
         };
         let width = width_of(ty).unwrap_or(Width::Byte);
-        Some(Value::Memory { operand: Operand { width, place }, ty: Some(ty) })
+        Some(at_index(Operand { width, place }, ty, None, terms))
     }
 
     /// What `#pump` or `#pumps[2]` names: an instance, or with a component behind it a place within one.
@@ -506,11 +527,27 @@ impl<'w> Resolver<'w> {
         while let DataType::Array(_, element) = one {
             one = element;
         }
-        let (ty, at) = path::follow(self, reader, &self.world.fields, declared, base)?;
+        let mut terms = Vec::new();
+        let span = reader.here();
+        let (ty, at) = path::follow(self, reader, &self.world.fields, declared, base, &mut terms)?;
         if std::ptr::eq(ty, one) {
+            if !terms.is_empty() {
+                let message =
+                    "an instance is called by a fixed index; one known at run time has no instance of its own";
+                reader.report(span, &codes::NOT_SUPPORTED, message);
+                return None;
+            }
             return Some(Value::Instance(fb, at));
         }
         let operand = Operand { width: width_of(ty).unwrap_or(Width::Byte), place: Place::Instance(at) };
-        Some(Value::Memory { operand, ty: Some(ty) })
+        Some(at_index(operand, ty, None, terms))
     }
+}
+
+/// A place in memory, or with indices known at run time only what leads to it.
+fn at_index<'w>(operand: Operand, ty: &'w DataType, through: Option<BitAddr>, terms: Vec<Term>) -> Value<'w> {
+    if terms.is_empty() {
+        return Value::Memory { operand, ty: Some(ty) };
+    }
+    Value::Indexed { operand, through, terms, ty }
 }

@@ -4,10 +4,10 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use ob1_ir::{Operand, Place, Width};
-use ob1_model::{BitAddr, DataType, Field, Layout};
+use ob1_model::{BitAddr, DataType, Dimension, Field, Layout};
 
 use crate::codes;
-use crate::operand::{Resolver, width_of, with_article};
+use crate::operand::{Resolver, Value, width_of, with_article};
 use crate::parser::unquote;
 use crate::reader::Reader;
 use crate::token::Kind;
@@ -36,13 +36,25 @@ fn index(fields: &[Field]) -> Places {
     fields.iter().enumerate().map(|(i, f)| (f.name.to_uppercase(), (i, layout.place(&f.ty)))).collect()
 }
 
-/// Reads `.name` and `[i]` as far as they go, from `ty` at `base`. `None` when a step leads nowhere (reported).
+/// An index that is known at run time only: `(index - low) * stride` bits are added to the address.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Term {
+    pub(crate) index: Operand,
+    /// It is a signed integer of 16 bits.
+    pub(crate) int: bool,
+    pub(crate) low: i32,
+    pub(crate) stride: u32,
+}
+
+/// Reads `.name` and `[i]` as far as they go, from `ty` at `base`. Indices that are known at run time only go to
+/// `terms`. `None` when a step leads nowhere (reported).
 pub(crate) fn follow<'t>(
     resolver: &Resolver<'_>,
     reader: &mut Reader<'_, '_>,
     fields: &FieldIndex,
     mut ty: &'t DataType,
     mut base: BitAddr,
+    terms: &mut Vec<Term>,
 ) -> Option<(&'t DataType, BitAddr)> {
     loop {
         match reader.peek_kind() {
@@ -52,7 +64,7 @@ pub(crate) fn follow<'t>(
                 (ty, base) = (inner, BitAddr(base.0 + at.0));
             }
             Some(Kind::LeftBracket) => {
-                let (inner, at) = element(resolver, reader, ty)?;
+                let (inner, at) = element(resolver, reader, ty, terms)?;
                 (ty, base) = (inner, BitAddr(base.0 + at.0));
             }
             _ => return Some((ty, base)),
@@ -88,6 +100,48 @@ fn component<'t>(
         reader.sink.report_unknown(reader.index, span, &codes::COMPONENT, message, name, known);
     }
     found
+}
+
+/// An index of the dimension `at` that is known at run time only, as STL of an S7-1500 has it: a variable. Gives the
+/// lowest index too. `None`: reported.
+fn at_run_time(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType, at: usize) -> Option<(Term, i32)> {
+    let span = reader.here();
+    let value = resolver.inner(reader, span)?;
+    let (DataType::Array(_, element), Some((dim, inner))) = (ty, dims_from(ty, at)) else {
+        reader.report(span, &codes::ARRAY_INDEX, "an index that is known at run time is one of an array");
+        return None;
+    };
+    // Rows begin on even bytes, as `Layout` places them.
+    let stride = match inner.split_last() {
+        None => Layout::stride(element),
+        Some((last, outer)) => {
+            let row = ob1_model::align_to(last.len() * Layout::stride(element), 16);
+            outer.iter().map(|d| d.len()).product::<u32>() * row
+        }
+    };
+    let fits = match &value {
+        Value::Memory { operand, ty } if operand.width != Width::Bit => {
+            let whole = matches!(
+                ty,
+                None | Some(DataType::Int | DataType::DInt | DataType::Byte | DataType::Word | DataType::DWord)
+            );
+            whole.then(|| (*operand, operand.width == Width::Word && !matches!(ty, Some(DataType::Word))))
+        }
+        _ => None,
+    };
+    let Some((index, int)) = fits else {
+        let message = format!("an index is a number, an INT or a DINT, this is {}", value.describe());
+        reader.report(span, &codes::ARRAY_INDEX, message);
+        return None;
+    };
+    Some((Term { index, int, low: dim.low, stride }, dim.low))
+}
+
+/// A dimension of an array, and those within it.
+fn dims_from(ty: &DataType, at: usize) -> Option<(Dimension, &[Dimension])> {
+    let DataType::Array(dims, _) = ty else { return None };
+    let (dim, inner) = dims.get(at..)?.split_first()?;
+    Some((*dim, inner))
 }
 
 /// A part of an elementary value, as TIA Portal writes it: `X3` is bit 3, `B1` byte 1, `W0` word 0 of `bits` bits, all
@@ -131,6 +185,7 @@ fn element<'t>(
     resolver: &Resolver<'_>,
     reader: &mut Reader<'_, '_>,
     ty: &'t DataType,
+    terms: &mut Vec<Term>,
 ) -> Option<(&'t DataType, BitAddr)> {
     let span = reader.here();
     reader.next();
@@ -146,11 +201,11 @@ fn element<'t>(
         match number {
             Some(n) if indices.len() < 8 => indices.push(if negative { -n } else { n }),
             Some(_) => {}
-            None if matches!(reader.peek_kind(), Some(Kind::Local | Kind::Symbol | Kind::Word)) => {
-                let message = "STL here has no index that is known at run time only, as that of an S7-1500 has";
-                let remedy = "Compute the address: L index; L stride in bits; *D; LAR1; then [AR1,P#0.0] of the array.";
-                reader.sink.report_with(reader.index, span, &codes::ARRAY_INDEX, message, remedy);
-                return None;
+            None if !negative && matches!(reader.peek_kind(), Some(Kind::Local | Kind::Symbol | Kind::Word)) => {
+                let (term, low) = at_run_time(resolver, reader, ty, indices.len())?;
+                terms.push(term);
+                // Its dimension counts from its first element.
+                indices.push(low);
             }
             None => {
                 reader.report(span, &codes::ARRAY_INDEX, "the index of an array element is a number");

@@ -1,7 +1,7 @@
 //! Actual parameters that have no fixed address: instance data for POINTER and ANY, and what lies behind the POINTER of
 //! a function block's composed in/out.
 
-use ob1_ir::{Arg, Operand, Place, Width};
+use ob1_ir::{Arg, Op, Operand, Place, Width};
 use ob1_model::{Area, BitAddr, DataType, Param, Section};
 
 use crate::codes;
@@ -9,6 +9,7 @@ use crate::expand::{self, Pointee};
 use crate::fit::{any_length, same_layout};
 use crate::lower::Lowerer;
 use crate::operand::{Value, width_of, with_article};
+use crate::path::Term;
 use crate::token::Span;
 
 /// What became of an actual.
@@ -42,6 +43,9 @@ impl Lowerer<'_, '_> {
                 }
                 let Place::Register(_, _, offset) = operand.place else { return Some(Reached::Value(value)) };
                 Pointee::Through(*pointer, offset)
+            }
+            Value::Indexed { operand, through, terms, ty } => {
+                return self.indexed(formal, *operand, *through, terms, ty, span).map(Reached::Arg);
             }
             Value::Memory { operand: Operand { place, .. }, ty } if typed || by_pointer => {
                 // A POINTER or ANY of the caller's own is handed on as it is.
@@ -83,6 +87,45 @@ impl Lowerer<'_, '_> {
         let place = |width, byte| expand::hidden_operand(width, start + byte);
         expand::pointer(&place, to, any, &mut self.around.before);
         Some(Reached::Arg(hidden_operand(Width::Byte, start, 0)))
+    }
+
+    /// An element whose index is known at run time only, for a formal that takes its value: by way of the local data.
+    fn indexed(
+        &mut self,
+        formal: &Param,
+        operand: Operand,
+        through: Option<BitAddr>,
+        terms: &[Term],
+        ty: &DataType,
+        span: Span,
+    ) -> Option<Arg> {
+        if ty.is_composed() || formal.ty.is_composed() || operand.width == Width::Bit {
+            let message = "an element with an index known at run time is supplied as value only: copy it into a temp, and \
+                           a bit with U and =";
+            self.sink.report(self.index, span, &codes::NOT_SUPPORTED, message);
+            return None;
+        }
+        if width_of(&formal.ty) != Some(operand.width) {
+            let message =
+                format!("{} is {}, this is {}", formal.name, with_article(formal.ty.name()), with_article(ty.name()));
+            self.sink.report(self.index, span, &codes::PARAMETER_TYPE, message);
+            return None;
+        }
+        let hidden_at = self.hidden.take(operand.width.bytes());
+        let here = expand::hidden_operand(operand.width, hidden_at);
+        let mut move_it = |out: bool, ops: &mut Vec<Op>| {
+            let element = expand::index(&mut self.hidden, operand, through, terms, ops);
+            ops.push(Op::Load(if out { here } else { element.operand }));
+            ops.push(Op::Transfer(if out { element.operand } else { here }));
+            ops.extend(element.restore);
+        };
+        if !matches!(formal.section, Section::Output | Section::Return) {
+            move_it(false, &mut self.around.before);
+        }
+        if matches!(formal.section, Section::Output | Section::InOut | Section::Return) {
+            move_it(true, &mut self.around.after);
+        }
+        Some(hidden_operand(operand.width, hidden_at, 0))
     }
 
     /// What lies behind a POINTER, for a formal that takes the value itself or a reference to it.

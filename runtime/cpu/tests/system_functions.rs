@@ -257,6 +257,12 @@ const CALLS: &[Row] = &[
     ("SFB 3", ", DB 103 (IN := TRUE, PT := T#1S, Q := M 20.0, ET := MD 22)", 0, true, &[1]),
     ("SFB 4", ", DB 104 (IN := TRUE, PT := T#1S, Q := M 20.0, ET := MD 22)", 0, true, &[0]),
     ("SFB 5", ", DB 105 (IN := TRUE, PT := T#1S, Q := M 20.0, ET := MD 22)", 0, true, &[1]),
+    ("SFB 1000", ", DB 106 (CU := TRUE, R := FALSE, PV := 5, Q := M 12.0, CV := MW 20)", 0, true, &[0, 1]),
+    ("SFB 1001", ", DB 107 (CD := TRUE, LD := FALSE, PV := 5, Q := M 12.0, CV := MW 20)", 0, true, &[0xFF, 0xFF]),
+    ("SFB 1002", ", DB 108 (CU := TRUE, PV := 1, QU := M 20.0, CV := MW 22)", 0, true, &[1, 0, 0, 1]),
+    ("SFB 1003", ", DB 109 (IN := TRUE, PT := T#1S, Q := M 20.0, ET := MD 22)", 0, true, &[1]),
+    ("SFB 1004", ", DB 110 (IN := TRUE, PT := T#1S, Q := M 20.0, ET := MD 22)", 0, true, &[0]),
+    ("SFB 1005", ", DB 111 (IN := TRUE, PT := T#1S, Q := M 20.0, ET := MD 22)", 0, true, &[1]),
     ("SFB 32", ", DB 132 (RESET := TRUE, ERR_CODE := MW 20)", 0, false, &[]),
     (
         "SFB 52",
