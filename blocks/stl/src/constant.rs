@@ -3,7 +3,7 @@
 use ob1_model::{Area, BitAddr, DataType, Layout, S5Time};
 
 use crate::operand::with_article;
-use crate::source::to_cp1252;
+use crate::source::to_byte;
 use crate::time;
 
 /// A constant as written.
@@ -256,7 +256,7 @@ pub(crate) fn text(quoted: &str) -> Result<Vec<u8>, String> {
             },
             c => c,
         };
-        out.push(to_cp1252(c).ok_or_else(|| format!("{c} is no character of the S7 (CP1252)"))?);
+        out.push(to_byte(c).ok_or_else(|| format!("{c} is no character of the S7 (CP1252, CP1250 or CP1251)"))?);
     }
     Ok(out)
 }

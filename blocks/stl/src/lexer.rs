@@ -86,11 +86,16 @@ struct Lexer<'a> {
 }
 
 fn is_word_start(c: char) -> bool {
-    c.is_alphabetic() || c == '_'
+    c.is_alphabetic() || c == '_' || is_letter_elsewhere(c)
+}
+
+/// Signs of CP1252 that are letters in the code pages of other countries, whose sources are read as CP1252 too.
+fn is_letter_elsewhere(c: char) -> bool {
+    ('\u{A1}'..='\u{FF}').contains(&c)
 }
 
 fn is_word(c: char) -> bool {
-    c.is_ascii_alphanumeric() || c == '_' || !c.is_ascii() && c.is_alphanumeric()
+    c.is_ascii_alphanumeric() || c == '_' || !c.is_ascii() && (c.is_alphanumeric() || is_letter_elsewhere(c))
 }
 
 impl<'a> Lexer<'a> {
@@ -164,8 +169,10 @@ impl<'a> Lexer<'a> {
             } else if c == '/' && self.peek_second() == Some('/') {
                 self.skip_line();
                 spaced = true;
-            } else if c == '(' && self.peek_second() == Some('*') {
-                if self.comment(start) {
+            } else if c == '('
+                && let Some(comment) = self.comment_form()
+            {
+                if self.comment(start, comment) {
                     self.push(Kind::Newline, self.at, true);
                 }
                 spaced = true;
@@ -182,13 +189,19 @@ impl<'a> Lexer<'a> {
         self.push(Kind::Newline, self.at, spaced);
     }
 
-    /// `(* .. *)`, over any number of lines; true when it ends a line.
-    fn comment(&mut self, start: usize) -> bool {
+    /// The comment that begins here with a bracket: `(* .. *)`, or `(/* .. */)`, TIA Portal's in several languages.
+    fn comment_form(&self) -> Option<(&'static str, &'static str)> {
+        [("(*", "*)"), ("(/*", "*/)")].into_iter().find(|(open, _)| self.rest().starts_with(open))
+    }
+
+    /// A comment over any number of lines; true when it ends a line.
+    fn comment(&mut self, start: usize, (open, close): (&str, &str)) -> bool {
         let text = self.rest();
-        let length = text.get(2..).and_then(|inner| inner.find("*)")).map(|at| at + 4);
+        let inner = text.get(open.len()..).unwrap_or("");
+        let length = inner.find(close).map(|at| at + open.len() + close.len());
         if length.is_none() {
-            let span = Span { start: start as u32, end: start as u32 + 2 };
-            self.sink.report(self.file, span, &codes::NOT_CLOSED, "the comment is not closed with *)");
+            let span = Span { start: start as u32, end: (start + open.len()) as u32 };
+            self.sink.report(self.file, span, &codes::NOT_CLOSED, format!("the comment is not closed with {close}"));
         }
         let length = length.unwrap_or(text.len());
         let lines = text.get(..length).unwrap_or("").matches('\n').count() as u32;
@@ -483,7 +496,14 @@ mod tests {
     }
 
     #[test]
+    fn names_of_other_countries() {
+        // As bytes of CP1251 look when they are read as CP1252.
+        assert_eq!(words("L #\u{EF}\u{F3}\u{F7}\u{B8}\u{EA}; L 1"), "L #\u{EF}\u{F3}\u{F7}\u{B8}\u{EA} ; L 1");
+    }
+
+    #[test]
     fn comments_go_over_lines() {
+        assert_eq!(words("L 1 (/* a; \n b */) T MW 2"), "L 1 T MW 2");
         assert_eq!(words("L 1 (* a\n b *) T MW 2 // c\n(* d *) U M 1.0"), "L 1 T MW 2 U M 1.0");
         let mut sink = Sink::new();
         let tokens = lex(0, "(*\n*)\nL 1", &mut sink);

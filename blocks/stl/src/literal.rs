@@ -1,6 +1,6 @@
 //! Constants in operands: signs, byte lists, and what `P#` points to.
 
-use ob1_ir::{Operand, Place, Width};
+use ob1_ir::{Number, Operand, Place, Width};
 use ob1_model::{Area, BitAddr, DataType};
 
 use crate::address::bit_address;
@@ -205,6 +205,15 @@ impl Resolver<'_> {
             Value::Memory { .. } | Value::Through { .. } => {
                 let message =
                     "where this lies is known at run time only; P## takes whole parameters, temps and instance data";
+                reader.report(span, &codes::NOT_SUPPORTED, message);
+                return None;
+            }
+            // The number lies in the instance.
+            Value::Timer(Number::Instance(at))
+            | Value::Counter(Number::Instance(at))
+            | Value::Block(_, Number::Instance(at)) => (Area::Di, at),
+            Value::Timer(_) | Value::Counter(_) | Value::Block(..) => {
+                let message = "a TIMER, COUNTER or BLOCK parameter of a function is a number, which lies nowhere";
                 reader.report(span, &codes::NOT_SUPPORTED, message);
                 return None;
             }

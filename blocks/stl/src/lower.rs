@@ -380,7 +380,8 @@ fn with_operand(shape: &Shape, value: Value<'_>) -> Result<Op, Wrong> {
             Op::AddArConst(*register, p.at)
         }
         (Shape::OpenDb, Value::Block(BlockWord::Db, n)) => Op::OpenDb(DbRegister::Db, n),
-        (Shape::OpenDb, Value::Block(BlockWord::Di, n)) => Op::OpenDb(DbRegister::Di, n),
+        (Shape::OpenDb | Shape::OpenDi, Value::Block(BlockWord::Di, n))
+        | (Shape::OpenDi, Value::Block(BlockWord::Db, n)) => Op::OpenDb(DbRegister::Di, n),
         (Shape::StartTimer(kind), Value::Timer(n)) => Op::StartTimer(*kind, n),
         (Shape::Enable, Value::Timer(n)) => Op::EnableTimer(n),
         (Shape::Enable, Value::Counter(n)) => Op::EnableCounter(n),
@@ -417,7 +418,7 @@ fn takes(shape: &Shape) -> &'static str {
         Shape::LoadAr(_) => "a pointer P#, a double word or nothing",
         Shape::TransferAr(_) => "a double word or nothing",
         Shape::AddAr(_) => "a pointer without area, P#2.0, or nothing",
-        Shape::OpenDb => "a data block",
+        Shape::OpenDb | Shape::OpenDi => "a data block",
         Shape::StartTimer(_) => "a timer",
         Shape::CountUp | Shape::CountDown => "a counter",
         _ => "another operand",

@@ -52,6 +52,8 @@ pub(crate) enum Shape {
     AddAr(AddressRegister),
     /// `AUF`.
     OpenDb,
+    /// `AUFDI` of TIA Portal: the data block into the DI register.
+    OpenDi,
     StartTimer(TimerKind),
     /// `FR`: timers and counters.
     Enable,
@@ -237,6 +239,7 @@ pub(crate) static ROWS: &[Row] = &[
     both("+AR2", Shape::AddAr(AddressRegister::Ar2)),
     // Data blocks
     row("AUF", "OPN", Shape::OpenDb),
+    row("AUFDI", "OPNDI", Shape::OpenDi),
     row("TDB", "CDB", Shape::Plain(Op::ExchangeDbs)),
     // Timers and counters
     row("SI", "SP", Shape::StartTimer(TimerKind::Pulse)),
@@ -588,6 +591,9 @@ mod tests {
         }
     }
 
+    /// What TIA Portal has beyond the reference.
+    const OF_TIA: [(&str, &str); 1] = [("AUFDI", "OPNDI")];
+
     /// Appendix A of the reference, "STL Instructions Sorted According to the German Mnemonics": German, then
     /// international where it differs.
     const APPENDIX: &str = "+ = ) +AR1 +AR2 +D -D *D /D ==D <>D >D <D >=D <=D +I -I *I /I ==I <>I >I <I >=I <=I \
@@ -602,6 +608,7 @@ mod tests {
     fn the_table_is_that_of_the_reference() {
         let mut expected: Vec<_> = APPENDIX.split_whitespace().map(|w| w.split_once(':').unwrap_or((w, w))).collect();
         let mut rows: Vec<_> = ROWS.iter().map(|r| (r.german, r.international)).collect();
+        expected.extend(OF_TIA);
         expected.sort_unstable();
         rows.sort_unstable();
         assert_eq!(rows, expected);

@@ -308,12 +308,16 @@ impl<'w> Resolver<'w> {
         span: Span,
     ) -> Option<Value<'w>> {
         let data = matches!(word, BlockWord::Db | BlockWord::Di);
-        if data
-            && digits.is_empty()
-            && let Some(local) = reader.eat(Kind::Local)
-        {
-            // `AUF DI #db`: a parameter says which data block, the word before it the register.
-            return match self.local(reader, unquote(reader.text(local)), local.span)? {
+        let named = reader.peek().filter(|t| data && digits.is_empty() && matches!(t.kind, Kind::Local | Kind::Symbol));
+        if let Some(token) = named {
+            // `AUF DI #db`, `AUF DI "data"`: the name says which data block, the word before it the register.
+            reader.next();
+            let name = unquote(reader.text(token));
+            let value = match token.kind {
+                Kind::Local => self.local(reader, name, token.span),
+                _ => self.symbol(reader, name, token.span),
+            };
+            return match value? {
                 Value::Block(BlockWord::Db, number) => Some(Value::Block(word, number)),
                 other => {
                     reader.report(

@@ -75,11 +75,41 @@ fn cp1252(byte: u8) -> char {
 }
 
 /// The CP1252 byte of a character, as a CHAR or STRING stores it; `None` when it has none.
-pub(crate) fn to_cp1252(c: char) -> Option<u8> {
+fn to_cp1252(c: char) -> Option<u8> {
     match u8::try_from(u32::from(c)) {
         Ok(byte) if !(0x80..=0x9F).contains(&byte) => Some(byte),
         _ => (0x80u8..).zip(CP1252_HIGH).find(|(_, high)| *high == c).map(|(byte, _)| byte),
     }
+}
+
+/// Letters of Central Europe with their byte in CP1250.
+#[rustfmt::skip]
+const CP1250: [(char, u8); 44] = [
+    ('Ą', 0xA5), ('ą', 0xB9), ('Ć', 0xC6), ('ć', 0xE6), ('Ę', 0xCA), ('ę', 0xEA), ('Ł', 0xA3), ('ł', 0xB3), ('Ń', 0xD1),
+    ('ń', 0xF1), ('Ś', 0x8C), ('ś', 0x9C), ('Ź', 0x8F), ('ź', 0x9F), ('Ż', 0xAF), ('ż', 0xBF), ('Č', 0xC8), ('č', 0xE8),
+    ('Ď', 0xCF), ('ď', 0xEF), ('Ě', 0xCC), ('ě', 0xEC), ('Ň', 0xD2), ('ň', 0xF2), ('Ř', 0xD8), ('ř', 0xF8), ('Ť', 0x8D),
+    ('ť', 0x9D), ('Ů', 0xD9), ('ů', 0xF9), ('Ő', 0xD5), ('ő', 0xF5), ('Ű', 0xDB), ('ű', 0xFB), ('Ľ', 0xBC), ('ľ', 0xBE),
+    ('Ĺ', 0xC5), ('ĺ', 0xE5), ('Ŕ', 0xC0), ('ŕ', 0xE0), ('Ă', 0xC3), ('ă', 0xE3), ('Đ', 0xD0), ('đ', 0xF0),
+];
+
+/// The byte of a character as a CPU stores it: that of CP1252, else of the code page of the countries that write it,
+/// CP1250 or CP1251.
+pub(crate) fn to_byte(c: char) -> Option<u8> {
+    let cyrillic = || match c {
+        'А'..='я' => u8::try_from(u32::from(c) - u32::from('А') + 0xC0).ok(),
+        'Ё' => Some(0xA8),
+        'ё' => Some(0xB8),
+        '№' => Some(0xB9),
+        'Є' => Some(0xAA),
+        'є' => Some(0xBA),
+        'І' => Some(0xB2),
+        'і' => Some(0xB3),
+        'Ї' => Some(0xAF),
+        'ї' => Some(0xBF),
+        _ => None,
+    };
+    let central = || CP1250.iter().find(|(letter, _)| *letter == c).map(|(_, byte)| *byte);
+    to_cp1252(c).or_else(cyrillic).or_else(central)
 }
 
 #[cfg(test)]
@@ -107,5 +137,9 @@ mod tests {
             assert_eq!(to_cp1252(cp1252(byte)), Some(byte));
         }
         assert_eq!(to_cp1252('Ж'), None);
+        assert_eq!(
+            ['Ж', 'я', 'ё', 'ł', 'ä', '中'].map(to_byte),
+            [Some(0xC6), Some(0xFF), Some(0xB8), Some(0xB3), Some(0xE4), None]
+        );
     }
 }
