@@ -286,7 +286,8 @@ impl Constant {
         Ok(match self {
             Constant::Integer(v) => match i16::try_from(*v) {
                 Ok(v) => u32::from(v as u16),
-                // What does not fit an integer is a double integer, as STEP 7's editor takes it: L 100000 is L L#100000.
+                // What does not fit an integer is a double integer, as STEP 7's editor takes it: L 100000 is
+                // L L#100000.
                 Err(_) => i32::try_from(*v).map_err(|_| format!("{v} does not fit 32 bits"))? as u32,
             },
             Constant::DInt(v) | Constant::Time(v) => *v as u32,
