@@ -16,6 +16,7 @@ use ob1_params::Value;
 use ob1_rt::MonotonicClock;
 use serde_json::json;
 
+use crate::engine::EngineChoice;
 use crate::fence;
 use crate::finding::{Finding, Level};
 use crate::io::{Panel, ProcessIo, Stimulus};
@@ -143,8 +144,9 @@ pub fn load_cpu(
     loaded: &Loaded,
     natives: Vec<Box<dyn ob1_cpu::NativeBlock>>,
     modules: Vec<(ModuleSlot, Box<dyn Module>)>,
+    engine: EngineChoice,
 ) -> Result<Cpu, LoadFailure> {
-    Cpu::new(config, &loaded.program, natives, modules, ob1_cpu::engine::REFERENCE).map_err(|errors| {
+    Cpu::new(config, &loaded.program, natives, modules, engine.factory()).map_err(|errors| {
         LoadFailure::Rejected(Unserved::new(&loaded.standard, &loaded.plugins).findings(&errors, &loaded.program))
     })
 }
@@ -203,7 +205,7 @@ pub fn assemble(
     let mut config = station.cpu.clone();
     config.date_at_start = date_now();
     let rules = config.clone();
-    let cpu = load_cpu(config, loaded, natives, building.modules).map_err(AssemblyError::Load)?;
+    let cpu = load_cpu(config, loaded, natives, building.modules, station.engine).map_err(AssemblyError::Load)?;
     let view = StationView {
         name: station.name.clone(),
         family: station.cpu.family,

@@ -11,6 +11,7 @@ pub mod out;
 
 pub mod access;
 pub mod assembly;
+pub mod engine;
 pub mod exit;
 pub mod fence;
 pub mod finding;

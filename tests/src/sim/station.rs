@@ -61,7 +61,7 @@ impl SimStation {
         let modules = modules(&station, plug, drivers, &mut own, rng, spoil)?;
         let seen: Vec<_> = station.modules.iter().map(assembly::plugin_module).collect();
         let natives = loaded.native_blocks(&seen).map_err(|failure| texts(failure.findings()))?;
-        let mut cpu = Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, ob1_cpu::engine::REFERENCE)
+        let mut cpu = Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, station.engine.factory())
             .map_err(|errors| errors.iter().map(|e| format!("{e}\n")).collect::<String>())?;
         cpu.request(Command::Run);
         Ok(Self { name: station.name, cpu, drivers: own, due: 0, logged: 0 })

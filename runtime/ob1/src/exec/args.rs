@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::dump::Dump;
 use crate::cli::Language;
+use ob1_station::engine::EngineChoice;
 use ob1_station::library::{Choice, Chosen};
 use ob1_station::station_file;
 
@@ -61,9 +62,10 @@ pub struct ExecArgs {
     /// End after this time; where time is virtual, also after 120 s of real time
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = station_file::parse_duration)]
     pub limit: Duration,
-    /// The engine: reference, or plain (the same without its short forms)
-    #[arg(long, value_name = "NAME", value_enum, default_value_t = Engine::Reference)]
-    pub engine: Engine,
+    /// The engine: auto, native, reference, both (the one held against the other), or plain (reference without its
+    /// short forms)
+    #[arg(long, value_name = "NAME", default_value = "auto", value_parser = EngineChoice::parse)]
+    pub engine: EngineChoice,
     /// Time is virtual (this is the default)
     #[arg(long, conflicts_with = "real_time")]
     pub virtual_time: bool,
@@ -100,26 +102,6 @@ pub enum Switch {
     On,
     /// It is not
     Off,
-}
-
-/// Who executes the statements.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Engine {
-    /// The reference engine.
-    Reference,
-    /// The reference engine without its short forms: slower, for comparing the two.
-    Plain,
-}
-
-impl Engine {
-    /// As on the command line.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Engine::Reference => "reference",
-            Engine::Plain => "plain",
-        }
-    }
 }
 
 /// How the CPU starts.

@@ -13,7 +13,7 @@ use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, DiagEntry, Family, OperatingS
 use ob1_ir::Program;
 use ob1_model::Event;
 
-pub use args::{Engine, ExecArgs, Start, Switch};
+pub use args::{ExecArgs, Start, Switch};
 pub use dump::{Dump, DumpArea};
 pub use stats::{STATS_SCHEMA, Stats};
 
@@ -61,7 +61,7 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     let meter = Meter::start();
     let exit = ob1_rt::with_stack(cpu.stack_bytes(), || run(&mut cpu, &mut clock, args.start));
     let exit = exit.map_err(|e| (ExecExit::Other(Exit::System), format!("ob1: a thread for the program: {e}\n")))?;
-    let stats = meter.stop(&cpu, clock.now(), exit, args);
+    let stats = meter.stop(&cpu, clock.now(), exit);
     match exit {
         ExecExit::Fault => errs!("{}", fault_text(&cpu, &Places::new(&program))),
         ExecExit::Limit if clock.wall_is_over() => {
@@ -124,10 +124,7 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<Cpu, 
         ..CpuConfig::default()
     };
     let natives = program::native_standard_blocks(standard);
-    let cpu = match args.engine {
-        Engine::Reference => Cpu::new(config, program, natives, Vec::new(), ob1_cpu::engine::REFERENCE),
-        Engine::Plain => Cpu::new(config, program, natives, Vec::new(), ob1_cpu::engine::PLAIN),
-    };
+    let cpu = Cpu::new(config, program, natives, Vec::new(), args.engine.factory());
     cpu.map_err(|errors| rejected(&Unserved::new(standard, &[]).findings(&errors, program)))
 }
 

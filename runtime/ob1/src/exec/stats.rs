@@ -8,7 +8,6 @@ use ob1_cpu::{Cpu, Nanos};
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 
-use super::ExecArgs;
 use crate::exit::ExecExit;
 
 /// Version of the form of the figures: raised when a field changes its meaning or goes.
@@ -59,14 +58,14 @@ impl Meter {
         Self { wall: Instant::now(), cpu_seconds: cpu_seconds() }
     }
 
-    pub(super) fn stop(&self, cpu: &Cpu, now: Nanos, exit: ExecExit, args: &ExecArgs) -> Stats {
+    pub(super) fn stop(&self, cpu: &Cpu, now: Nanos, exit: ExecExit) -> Stats {
         let (wall_seconds, cpu_seconds) = (self.wall.elapsed().as_secs_f64(), cpu_seconds() - self.cpu_seconds);
         let statistics = cpu.statistics();
         Stats {
             schema: STATS_SCHEMA,
             exit: exit.code(),
             ended: exit.name(),
-            engine: args.engine.name(),
+            engine: cpu.engine(),
             scans: statistics.scans,
             statements: statistics.statements,
             cpu_seconds,

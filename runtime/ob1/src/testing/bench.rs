@@ -10,6 +10,7 @@ use super::cells::Set;
 use crate::check::dummy;
 use crate::virtual_clock::VirtualClock;
 use ob1_station::assembly;
+use ob1_station::engine::EngineChoice;
 use ob1_station::finding::Finding;
 use ob1_station::io::{ProcessIo, Stimulus};
 use ob1_station::program::{LoadFailure, Loaded};
@@ -104,7 +105,7 @@ impl Bench {
         let field = image.field();
         let io = ProcessIo::new(image, Stimulus::default());
         let slots = modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, name, m)?))).collect();
-        let cpu = assembly::load_cpu(config, loaded, natives, slots).map_err(of_load)?;
+        let cpu = assembly::load_cpu(config, loaded, natives, slots, EngineChoice::Auto).map_err(of_load)?;
         let clock = BenchClock { time: VirtualClock::new(NS_PER_STATEMENT), scan: 0, interrupt: cpu.interrupt() };
         let inputs = modules.iter().filter_map(|m| match m.kind {
             ModuleKind::Inputs { bytes } => Some(m.input_address..m.input_address + u32::from(bytes)),

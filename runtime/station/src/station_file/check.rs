@@ -10,6 +10,7 @@ use super::findings::{CONTRADICTION, Findings, TWICE, UNREADABLE, VALUE};
 use super::tables::{CpuTable, Placed, PluginTable, StationFile, TimingTable};
 use super::types::{Mnemonics, Plugin, Realtime, Station};
 use super::{interrupts, modules, parse_duration, retentive, simulated};
+use crate::engine::EngineChoice;
 use crate::finding::{Finding, Text, nearest};
 use crate::library::{self, Choice};
 use crate::program::Sources;
@@ -23,6 +24,7 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
     let station = Station {
         name: name(f, "station", &file.station.name),
         cpu,
+        engine: choice(f, "engine", file.cpu.engine.as_ref(), &EngineChoice::WORDS).unwrap_or_default(),
         retentive,
         realtime: realtime(f, &file.cpu),
         program: Sources {

@@ -98,6 +98,7 @@ pub(super) struct CpuTable {
     pub(super) family: Option<Placed<i64>>,
     pub(super) accumulators: Option<Placed<i64>>,
     pub(super) nesting_depth: Option<Placed<i64>>,
+    pub(super) engine: Option<Placed<String>>,
     pub(super) clock_memory: Option<Placed<i64>>,
     pub(super) db_pool_bytes: Option<Placed<i64>>,
     #[serde(default)]

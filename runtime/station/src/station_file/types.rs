@@ -7,6 +7,7 @@ use ob1_model::BlockId;
 use ob1_params::{Cp040, Cp240, Cp341, CpKind};
 
 use super::Line;
+use crate::engine::EngineChoice;
 use crate::program::Sources;
 use crate::retentive::RetentiveFile;
 
@@ -17,6 +18,8 @@ pub struct Station {
     pub name: String,
     /// Sizes and rules of the CPU.
     pub cpu: CpuConfig,
+    /// The engine that runs its program.
+    pub engine: EngineChoice,
     /// What is asked of the operating system for the scan thread.
     pub realtime: Realtime,
     /// The program: sources and symbol tables in the order of the file.

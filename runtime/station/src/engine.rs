@@ -1,0 +1,76 @@
+//! Which engine runs the program: `[cpu] engine`, `ob1 exec --engine`.
+
+use std::sync::Arc;
+
+use ob1_cpu::engine::{Engine, Factory, PLAIN, Plan, REFERENCE};
+
+/// The engine asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EngineChoice {
+    /// The fastest there is for this machine and this program.
+    #[default]
+    Auto,
+    /// The one that compiles to machine code.
+    Native,
+    /// The one that defines what a statement means.
+    Reference,
+    /// The reference engine runs, the native one is held against it.
+    Both,
+    /// The reference engine without short forms; for comparisons.
+    Plain,
+}
+
+impl EngineChoice {
+    /// What a station file may say.
+    pub const WORDS: [(&str, EngineChoice); 4] = [
+        ("auto", EngineChoice::Auto),
+        ("native", EngineChoice::Native),
+        ("reference", EngineChoice::Reference),
+        ("both", EngineChoice::Both),
+    ];
+
+    /// The choice of a word on a command line: that of a station file, or `plain`.
+    ///
+    /// # Errors
+    /// Which words there are.
+    pub fn parse(word: &str) -> Result<Self, String> {
+        let mut words = Self::WORDS.into_iter().chain([("plain", EngineChoice::Plain)]);
+        words
+            .find(|(name, _)| *name == word)
+            .map(|(_, choice)| choice)
+            .ok_or_else(|| "one of auto, native, reference, both, plain".to_owned())
+    }
+
+    /// What makes the engine.
+    #[must_use]
+    pub fn factory(self) -> &'static dyn Factory {
+        match self {
+            EngineChoice::Auto | EngineChoice::Reference => REFERENCE,
+            EngineChoice::Plain => PLAIN,
+            EngineChoice::Native | EngineChoice::Both => &Missing,
+        }
+    }
+}
+
+/// An engine that this build does not have.
+struct Missing;
+
+impl Factory for Missing {
+    fn engine(&self, _plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
+        Err("this ob1 was built without the native engine; take engine = \"auto\" or \"reference\"".into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_word_has_its_choice() {
+        for (word, choice) in EngineChoice::WORDS {
+            assert_eq!(EngineChoice::parse(word), Ok(choice));
+        }
+        assert_eq!(EngineChoice::parse("plain"), Ok(EngineChoice::Plain));
+        assert!(EngineChoice::parse("Reference").is_err_and(|remedy| remedy.contains("reference")));
+    }
+}
