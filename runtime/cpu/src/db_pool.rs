@@ -110,7 +110,7 @@ mod tests {
     #[test]
     fn deleted_bytes_are_reused_between_scans_only() {
         let config = CpuConfig { db_pool_bytes: 64, ..CpuConfig::default() };
-        let mut memory = Memory::new(&config, &[], &[]).unwrap();
+        let mut memory = Memory::new(&config, &[], &[], &ob1_arena::Arena::new).unwrap();
         assert_eq!(memory.make_db(5, 6, 20, false), Ok(5));
         assert_eq!(memory.make_db(5, 6, 30, true), Ok(6));
         assert_eq!(memory.make_db(5, 6, 2, false), Err(NoDb::Number));

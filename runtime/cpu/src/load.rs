@@ -64,7 +64,8 @@ impl Cpu {
                 collect(call, &signatures, &mut constants);
             }
         }
-        let memory = Memory::new(&config, &program.data, &constants.bytes).map_err(|error| vec![error])?;
+        let arena = |bytes| engine.arena(bytes);
+        let memory = Memory::new(&config, &program.data, &constants.bytes, &arena).map_err(|error| vec![error])?;
         let keep = Keep::new(&config, &program, &memory, &mut errors);
         let lowering =
             Lowering { config: &config, memory: &memory, program, signatures: &signatures, constants: &constants };
@@ -91,6 +92,7 @@ impl Cpu {
             signatures,
             areas: memory.areas(),
             data: memory.dbs[..memory.program_dbs].into(),
+            arena_reserved: memory.bytes.reserved(),
             accumulators: config.accumulators,
             timers: config.timers,
             counters: config.counters,

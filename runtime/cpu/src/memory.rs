@@ -3,6 +3,7 @@
 //! Order: inputs, outputs, bit memory, local data stack, call scratch, constants, data blocks. A bit address in the
 //! arena (byte * 8 + bit) fits 32 bits; references to actual parameters are such addresses.
 
+use ob1_arena::Arena;
 use ob1_ir::DataBlock;
 use ob1_model::cells;
 
@@ -18,9 +19,9 @@ const TAIL: usize = 8;
 const MAX_BYTES: usize = 256 << 20;
 
 /// The areas and their offsets.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Memory {
-    pub(crate) bytes: Box<[u8]>,
+    pub(crate) bytes: Arena,
     pub(crate) inputs: Range,
     pub(crate) outputs: Range,
     pub(crate) memory: Range,
@@ -44,8 +45,13 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// Lays out all areas; `constants` are the constants of calls.
-    pub(crate) fn new(config: &CpuConfig, data: &[DataBlock], constants: &[u8]) -> Result<Self, LoadError> {
+    /// Lays out all areas; `constants` are the constants of calls, `arena` gives so many bytes of 0.
+    pub(crate) fn new(
+        config: &CpuConfig,
+        data: &[DataBlock],
+        constants: &[u8],
+        arena: &dyn Fn(usize) -> Arena,
+    ) -> Result<Self, LoadError> {
         let mut next = 0u32;
         let mut area = |len: u32| {
             let range = Range { at: ArenaByte(next), len };
@@ -84,7 +90,7 @@ impl Memory {
         let program_dbs = dbs.len();
         let made = if pool_len > 0 { MADE } else { 0 };
         dbs.resize(program_dbs + made, Db::default());
-        let mut bytes = vec![0u8; whole + TAIL].into_boxed_slice();
+        let mut bytes = arena(whole + TAIL);
         bytes[constants_range.bytes()].copy_from_slice(constants);
         let all_dbs = Range { at: ArenaByte(first_db), len: u32::try_from(load_values.len()).unwrap_or(0) };
         bytes[all_dbs.bytes()].copy_from_slice(&load_values);
@@ -216,7 +222,8 @@ mod tests {
     fn areas_do_not_touch_and_dbs_get_their_load_values() {
         let config = CpuConfig { input_bytes: 3, ..CpuConfig::default() };
         let mut memory =
-            Memory::new(&config, &[db(20, &[1, 2, 3], true), db(3, &[9; 10], false)], &[0xAA, 0xBB]).unwrap();
+            Memory::new(&config, &[db(20, &[1, 2, 3], true), db(3, &[9; 10], false)], &[0xAA, 0xBB], &Arena::new)
+                .unwrap();
         assert_eq!(memory.outputs.at, ArenaByte(8), "areas begin on multiples of 8");
         let (d3, d20) = (memory.db(3).unwrap(), memory.db(20).unwrap());
         assert_eq!((d3.len, d3.writable, d20.len, d20.writable), (10, 10, 3, 0));

@@ -1,6 +1,7 @@
 //! The fenced operating-system calls of the runtime: the clock and the sleep to a deadline, locking memory, scheduling
-//! of the scan thread, its stack, what the kernel says about it, when it was continued after a stop, what a process
-//! that crashes still does, the system-call fence, what a child denies itself, and the user it all runs as.
+//! of the scan thread, its stack, the reservation its memory lies in, what the kernel says about it, when it was
+//! continued after a stop, what a process that crashes still does, the system-call fence, what a child denies itself,
+//! and the user it all runs as.
 //!
 //! Everything asked of the system answers with what was granted, what was refused and what would grant it ([`Grant`]);
 //! nothing here fails a run because a privilege is missing.
@@ -16,6 +17,7 @@ mod crash;
 mod exit;
 mod fence;
 mod posture;
+mod reservation;
 mod stack;
 mod system;
 mod usage;
@@ -28,6 +30,7 @@ pub use crash::{LastWords, Place, take_handler_stack};
 pub use exit::{ExitGuard, lower_exit_guard};
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
 pub use posture::{Grant, Outcome, Posture, lock_memory, pin_to, raise_priority, set_timer_slack};
+pub use reservation::{RESERVED_BYTES, reserve};
 pub use stack::{
     PREFAULT_BYTES, THREAD_STACK_BYTES, block_signals, prefault_stack, spawn, spawn_with_stack, warm_heap, with_stack,
 };

@@ -26,7 +26,9 @@ const TABLE: &[Row] = &[
     row("ob1-std", "invariant 2", &["ob1-model"]),
     row("ob1-project", "invariant 3", &["ob1-model", "ob1-ir", "ob1-stl", "ob1-mc7", "encoding_rs", "zip"]),
     // It runs the system blocks, which are pure functions, as native blocks.
-    row("ob1-cpu", "invariant 2", &["ob1-model", "ob1-ir", "ob1-std", "hdrhistogram", "rtrb"]),
+    // The bytes of a memory, wherever they come from.
+    row("ob1-arena", "invariant 2", &[]),
+    row("ob1-cpu", "invariant 2", &["ob1-arena", "ob1-model", "ob1-ir", "ob1-std", "hdrhistogram", "rtrb"]),
     row("ob1-log", "invariant 4", &["rustix"]),
     // The one crate that makes machine code.
     row(
@@ -60,7 +62,11 @@ const TABLE: &[Row] = &[
             "tracing-subscriber",
         ],
     ),
-    row("ob1-rt", "invariant 4", &["ob1-cpu", "landlock", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"]),
+    row(
+        "ob1-rt",
+        "invariant 4",
+        &["ob1-arena", "ob1-cpu", "landlock", "libc", "rustix", "seccompiler", "signal-hook", "thiserror"],
+    ),
     row(
         "ob1-host",
         "invariant 4",
@@ -228,7 +234,7 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
     // The CPU, the language and the system blocks know no plugin, no driver, no operating system.
     (
         "invariant 2",
-        &["ob1-cpu", "ob1-ir", "ob1-mc7", "ob1-model", "ob1-std", "ob1-stl"],
+        &["ob1-arena", "ob1-cpu", "ob1-ir", "ob1-mc7", "ob1-model", "ob1-std", "ob1-stl"],
         &[
             "libc",
             "rustix",

@@ -146,6 +146,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("plugins/mbus-records", ALL),
     ("plugins/sdk", ALL),
     ("plugins/words", ALL),
+    ("runtime/arena", ALL),
     ("runtime/cpu", ALL),
     // Its memory for code comes from the system, through rustix.
     ("runtime/native", &[Clock, Threads, Locks, Disk, Net, Process, Hash]),

@@ -49,6 +49,8 @@ mod statement;
 
 use std::sync::Arc;
 
+use ob1_arena::Arena;
+
 use crate::Abort;
 
 pub use crate::arena::{ArenaBit, ArenaByte, Db, Range};
@@ -112,6 +114,12 @@ pub trait Factory {
     /// # Errors
     /// Why it cannot.
     fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String>;
+
+    /// The memory of the CPU: so many bytes of 0. One that covers offsets of 32 bits lets the engine leave checks to
+    /// the hardware.
+    fn arena(&self, bytes: usize) -> Arena {
+        Arena::new(bytes)
+    }
 
     /// Bytes of the thread's stack that a nested block of statements takes at most, in this engine or any that may take
     /// its place.

@@ -91,6 +91,8 @@ pub struct Plan {
     /// The data blocks of the program in ascending order of their numbers. They stay where they are, as long and as
     /// writable as they are; a program makes and deletes only others.
     pub data: Box<[Db]>,
+    /// Bytes of address space from the arena's first on in which an access reaches the arena or traps.
+    pub arena_reserved: u64,
     /// 2 or 4.
     pub accumulators: u8,
     /// Timers T 0 to T n-1.
