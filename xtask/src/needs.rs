@@ -19,6 +19,10 @@ pub(crate) struct Need {
 pub(crate) const PYTHON: Need =
     Need { what: "Python 3.8 with venv", packages: &["python3", "python3-venv"], here: python_with_venv };
 
+/// The interpreter of nodes7, with its package manager.
+pub(crate) const NODE: Need =
+    Need { what: "Node.js with npm", packages: &["nodejs", "npm"], here: || on_path("node") && on_path("npm") };
+
 /// libmodbus as a master.
 pub(crate) const MBPOLL: Need =
     Need { what: "mbpoll, a Modbus master", packages: &["mbpoll"], here: || on_path("mbpoll") };

@@ -10,6 +10,8 @@
 //! | `OB1_PLUGIN_DIR`  | folder of `libob1_cp240.so` and the example plugins            |
 //! | `OB1_BIN_DIR`     | folder of `ob1` and `ob1-cp`                                   |
 //! | `OB1_PYTHON`      | interpreter for `tests/peers`, with their packages             |
+//! | `OB1_SNAP7_NATIVE`| folder of the python-snap7 that brings the C++ library         |
+//! | `NODE_PATH`       | packages for the partners that run under Node.js               |
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -36,7 +38,7 @@ struct Wish {
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
     // What is missing is told, or installed, before anything is built.
-    needs::satisfy(&[needs::PYTHON, needs::MBPOLL, needs::LIBMODBUS])?;
+    needs::satisfy(&[needs::PYTHON, needs::NODE, needs::MBPOLL, needs::LIBMODBUS])?;
     let python = python::interpreter()?;
     shell::run(cargo(&["build", "--workspace", "--all-targets"]).args(wish.profile.flags()))?;
     let folder = wish.profile.folder()?;
@@ -45,7 +47,9 @@ pub(crate) fn run(args: &[String]) -> Outcome {
             .env("OB1_UNDER_XTASK", "1")
             .env("OB1_PLUGIN_DIR", &folder)
             .env("OB1_BIN_DIR", &folder)
-            .env("OB1_PYTHON", &python);
+            .env("OB1_PYTHON", &python)
+            .env("OB1_SNAP7_NATIVE", python::native())
+            .env("NODE_PATH", python::node_modules());
     };
 
     let mut summary = Vec::new();

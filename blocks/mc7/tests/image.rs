@@ -1,0 +1,120 @@
+//! A program's blocks as a CPU holds them: what goes up is what was loaded.
+
+use ob1_ir::{CodeBlock, Program};
+use ob1_mc7::{BlockImage, CompiledInterface, MachineBlock, Segments, decode, image};
+use ob1_model::{BlockId, BlockKind};
+
+const SOURCE: &str = r#"
+FUNCTION_BLOCK FB 3
+VAR_INPUT
+  speed : INT;
+  go : BOOL;
+END_VAR
+VAR
+  count : DINT;
+END_VAR
+VAR_TEMP
+  helper : WORD;
+END_VAR
+BEGIN
+NETWORK
+      U     #go;
+      SPBN  out;
+      L     #count;
+      +     L#1;
+      T     #count;
+out:  L     #speed;
+      T     #helper;
+END_FUNCTION_BLOCK
+
+FUNCTION FC 5 : VOID
+VAR_INPUT
+  a : INT;
+END_VAR
+BEGIN
+NETWORK
+      L     #a;
+      T     MW 10;
+NETWORK
+      L     DB10.DBW 2;
+      T     MW 12;
+END_FUNCTION
+
+DATA_BLOCK DB 10
+STRUCT
+  a : INT := 5;
+  b : ARRAY[1..3] OF WORD := W#16#1, W#16#2, W#16#3;
+  text : STRING[6] := 'abc';
+END_STRUCT
+BEGIN
+END_DATA_BLOCK
+
+DATA_BLOCK DB 11
+FB 3
+BEGIN
+END_DATA_BLOCK
+
+ORGANIZATION_BLOCK OB 1
+VAR_TEMP
+  info : ARRAY[0..19] OF BYTE;
+END_VAR
+BEGIN
+NETWORK
+      CALL  FC 5 (a := MW 0);
+      CALL  FB 3, DB 11 (speed := MW 2, go := M 4.0);
+END_ORGANIZATION_BLOCK
+"#;
+
+fn program() -> Program {
+    let sources = [ob1_stl::Source::new("a.awl", SOURCE)];
+    let compiled = ob1_stl::compile(&sources, &ob1_stl::Library::default(), &ob1_stl::Options::default());
+    assert!(compiled.is_good(), "{:?}", compiled.diagnostics);
+    compiled.program
+}
+
+#[test]
+fn every_block_has_an_image_that_says_what_the_program_says() {
+    let program = program();
+    for block in &program.blocks {
+        let image = image(&program, block.id, &|_| None).unwrap_or_else(|| panic!("{} has no image", block.id));
+        let bytes = image.bytes().expect("short");
+        let (back, length) = BlockImage::read(&bytes).expect("a block");
+        assert_eq!((length, &back), (bytes.len(), &image));
+        let has_instance = block.id.kind.has_instance();
+        let compiled = CompiledInterface::read(&back.interface).expect("an interface");
+        let mut interface = compiled.interface(has_instance);
+        // Local data that no declaration has.
+        interface.temp_bytes = interface.temp_bytes.max(block.interface.temp_bytes);
+        let segments = Segments::read(&back.segments).expect("segments");
+        let machine = MachineBlock {
+            id: block.id,
+            name: None,
+            interface: &interface,
+            code: &back.code,
+            segments: &segments,
+            multi_instance: has_instance && back.head.version == 1,
+        };
+        let callees = |id| program.blocks.iter().find(|b| b.id == id).map(|b: &CodeBlock| &b.interface);
+        let decoded = decode(&machine, &callees).expect("code");
+        let ops = |block: &CodeBlock| block.code.iter().map(|stmt| stmt.op.to_string()).collect::<Vec<_>>();
+        assert_eq!(ops(&decoded.block), ops(block), "{}", block.id);
+    }
+}
+
+#[test]
+fn a_data_block_goes_up_with_its_values() {
+    let program = program();
+    let db = |number| image(&program, BlockId::new(BlockKind::Db, number), &|_| None);
+    let global = db(10).expect("there");
+    assert_eq!(global.code[..8], [0, 5, 0, 1, 0, 2, 0, 3]);
+    assert_eq!(global.code[8..13], [6, 3, b'a', b'b', b'c']);
+    let components = CompiledInterface::read(&global.interface).expect("an interface").components();
+    let places: Vec<_> = components.iter().map(|component| component.at.byte()).collect();
+    assert_eq!(places, [0, 2, 8]);
+    let instance = db(11).expect("there");
+    assert_eq!(instance.code.len(), 8);
+    let compiled = CompiledInterface::read(&instance.interface).expect("an interface");
+    assert_eq!((compiled.number, compiled.entries.len()), (3, 4));
+    assert_eq!(db(12), None);
+    assert_eq!(image(&program, BlockId::new(BlockKind::Fc, 99), &|_| None), None);
+}
