@@ -18,8 +18,9 @@ const DB: u8 = 5;
 /// Version of the head: instances are addressed through AR2.
 const VERSION: u8 = 1;
 
-/// The block of this name; `None` where the program does not have it, or no machine code can be made of it. A data block
-/// has its load values. `known` gives the interfaces of the blocks that are called and do not stand in the program.
+/// The block of this name; `None` where the program does not have it, or no machine code can be made of it. A data
+/// block has its load values. `known` gives the interfaces of the blocks that are called and do not stand in the
+/// program.
 #[must_use]
 pub fn image<'c>(
     program: &'c Program,
