@@ -5,6 +5,7 @@ mod common;
 use std::path::PathBuf;
 
 use common::pair::{self, run};
+use common::site::replaced;
 use ob1_line::sim::FaultRates;
 use ob1_tests::sim::{SECOND, Scenario};
 
@@ -86,4 +87,33 @@ fn without_a_cable_no_order_is_ever_done() {
     }
     assert!(errors > 3, "orders failed:\n{}", outcome.log);
     assert!(outcome.verdict.broken.is_empty(), "and it came back:\n{}", outcome.verdict);
+}
+
+/// B takes seconds for the echo of a long telegram, longer than A waits for it: the echoes of the short ones that follow
+/// come when A is two telegrams further. That is late, and nothing is wrong with them.
+#[test]
+fn late_echoes_of_short_telegrams_are_known_as_such() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["a.awl", "b.awl", "station-a.toml", "station-b.toml"] {
+        let text = std::fs::read_to_string(self::folder().join(name)).expect("a file of the example");
+        // Telegram 249 is the longest, 250 to 252 have one to three bytes.
+        let begun = "END_STRUCT;\nBEGIN\nNUMBER := L#246;\nCONFIRMED := L#246;\n";
+        let text = match name {
+            "a.awl" => {
+                let (before, ledger) = text.split_once("TITLE = Ledger of station A").expect("DB 20");
+                let ledger = ledger.replacen("END_STRUCT;\nBEGIN\n", begun, 1);
+                format!("{before}TITLE = Ledger of station A{ledger}")
+            }
+            "station-b.toml" => {
+                replaced(&text, "min_cycle = \"1ms\"", "min_cycle = \"200ms\"").replace("150ms", "500ms")
+            }
+            _ => text,
+        };
+        std::fs::write(folder.path().join(name), text).expect("room for a file");
+    }
+    let demo = Scenario::demo(folder.path(), 7);
+    let outcome = run(&Scenario { faults: FaultRates::NONE, kill_every: 0, duration: 60 * SECOND, ..demo });
+    let [lost, late] = ["lost", "late"].map(|column| outcome.verdict.get(column));
+    assert!(lost > 2 && late > 2, "{}", outcome.log);
+    assert_eq!((outcome.verdict.get("wrong"), outcome.verdict.get("undetectable")), (0, 0), "{}", outcome.log);
 }
