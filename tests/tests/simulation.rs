@@ -89,8 +89,8 @@ fn without_a_cable_no_order_is_ever_done() {
     assert!(outcome.verdict.broken.is_empty(), "and it came back:\n{}", outcome.verdict);
 }
 
-/// B takes seconds for the echo of a long telegram, longer than A waits for it: the echoes of the short ones that follow
-/// come when A is two telegrams further. That is late, and nothing is wrong with them.
+/// B takes seconds for the echo of a long telegram, longer than A waits for it: the echoes of the short ones that
+/// follow come when A is two telegrams further. That is late, and nothing is wrong with them.
 #[test]
 fn late_echoes_of_short_telegrams_are_known_as_such() {
     let folder = tempfile::tempdir().expect("a folder");
