@@ -2,6 +2,7 @@
 //! compiled interface, segment table, 36 bytes of foot. All big-endian.
 
 use ob1_model::BlockKind;
+use ob1_model::calendar::{self, DAYS_TO_1984};
 
 use crate::error::{Mc7Error, Problem};
 
@@ -38,22 +39,7 @@ impl Stamp {
     /// Year, month, day.
     #[must_use]
     pub fn date(self) -> (u32, u32, u32) {
-        let mut left = u32::from(self.days);
-        let mut year = 1984;
-        let leap = |y: u32| u32::from(y.is_multiple_of(4) && (!y.is_multiple_of(100) || y.is_multiple_of(400)));
-        while left >= 365 + leap(year) {
-            left -= 365 + leap(year);
-            year += 1;
-        }
-        let mut month = 1;
-        for days in [31, 28 + leap(year), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31] {
-            if left < days {
-                break;
-            }
-            left -= days;
-            month += 1;
-        }
-        (year, month, left + 1)
+        calendar::date_of(u32::from(self.days) + DAYS_TO_1984)
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod address;
 mod block;
+pub mod calendar;
 mod cell;
 pub mod cells;
 mod fault;

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use ob1_model::calendar::{self, DAYS_TO_1990};
+
 /// Milliseconds of a day.
 pub const DAY_MS: u64 = 86_400_000;
 
@@ -24,24 +26,14 @@ impl Date {
     /// Days of a month.
     #[must_use]
     pub const fn days_of_month(year: u32, month: u32) -> u32 {
-        match month {
-            2 if year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400)) => 29,
-            2 => 28,
-            4 | 6 | 9 | 11 => 30,
-            _ => 31,
-        }
+        calendar::days_of_month(year, month)
     }
 
     /// Days since 1990-01-01; `None` for a date that does not exist or lies outside the years of DATE_AND_TIME.
     #[must_use]
     pub fn days(self) -> Option<u32> {
-        let Date { year, month, day } = self;
-        let exists = (1990..=2089).contains(&year)
-            && (1..=12).contains(&month)
-            && (1..=Self::days_of_month(year, month)).contains(&day);
-        let leap_days = (1990..year).filter(|y| Self::days_of_month(*y, 2) == 29).count() as u32;
-        let months: u32 = (1..month).map(|m| Self::days_of_month(year, m)).sum();
-        exists.then(|| (year - 1990) * 365 + leap_days + months + day - 1)
+        let days = calendar::days_of(self.year, self.month, self.day)?.checked_sub(DAYS_TO_1990)?;
+        (days <= Moment::MAX.days()).then_some(days)
     }
 
     /// The date so many days after 1990-01-01; `None` after 2089.
@@ -50,16 +42,8 @@ impl Date {
         if days > Moment::MAX.days() {
             return None;
         }
-        // Eras of 400 years from March 1600, so that a leap day ends its year.
-        const MARCH_1600_TO_1990: u32 = 142_385;
-        let day = days + MARCH_1600_TO_1990;
-        let (era, day) = (day / 146_097, day % 146_097);
-        let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-        let day = day - (365 * year + year / 4 - year / 100);
-        let shifted = (5 * day + 2) / 153;
-        let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
-        let day = day - (153 * shifted + 2) / 5 + 1;
-        Some(Self { year: 1600 + era * 400 + year + (month <= 2) as u32, month, day })
+        let (year, month, day) = calendar::date_of(days + DAYS_TO_1990);
+        Some(Self { year, month, day })
     }
 }
 
@@ -93,10 +77,10 @@ impl Moment {
         (self.0 % DAY_MS) as u32
     }
 
-    /// The day of the week, 1 = Sunday. 1990-01-01 was a Monday.
+    /// The day of the week, 1 = Sunday.
     #[must_use]
     pub const fn weekday(self) -> u32 {
-        (self.days() + 1) % 7 + 1
+        calendar::weekday_of(self.days() + DAYS_TO_1990)
     }
 
     /// The moment plus a TIME; limited to what DATE_AND_TIME can show, then the second value is false.

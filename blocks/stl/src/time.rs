@@ -1,5 +1,7 @@
 //! Times, dates and times of day as constants write them.
 
+use ob1_model::calendar::{self, DAYS_TO_1990};
+
 /// `1D_2H_3M_4S_5MS`, each unit at most once and in this order, in milliseconds.
 pub(crate) fn duration(text: &str) -> Option<u64> {
     const UNITS: [(&str, u64); 5] = [("D", 86_400_000), ("H", 3_600_000), ("M", 60_000), ("S", 1_000), ("MS", 1)];
@@ -43,27 +45,10 @@ pub(crate) fn signed_duration(text: &str) -> Option<i32> {
     i32::try_from(if negative { -ms } else { ms }).ok()
 }
 
-const fn leap(year: u32) -> bool {
-    year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400)
-}
-
-const fn month_days(year: u32, month: u32) -> u32 {
-    match month {
-        2 if leap(year) => 29,
-        2 => 28,
-        4 | 6 | 9 | 11 => 30,
-        _ => 31,
-    }
-}
-
 /// Days since 1990-01-01 of a date up to 2168-12-31.
 fn days(year: u32, month: u32, day: u32) -> Option<u16> {
-    if !(1990..=2168).contains(&year) || !(1..=12).contains(&month) || day == 0 || day > month_days(year, month) {
-        return None;
-    }
-    let years: u32 = (1990..year).map(|y| if leap(y) { 366 } else { 365 }).sum();
-    let months: u32 = (1..month).map(|m| month_days(year, m)).sum();
-    u16::try_from(years + months + day - 1).ok()
+    let days = calendar::days_of(year, month, day)?.checked_sub(DAYS_TO_1990)?;
+    u16::try_from(days).ok().filter(|_| year <= 2168)
 }
 
 fn numbers<const N: usize>(text: &str, separator: char) -> Option<[u32; N]> {
@@ -105,15 +90,10 @@ pub(crate) fn dtl(text: &str) -> Option<[u8; 12]> {
     let (clock, fraction) = clock.split_once('.').unwrap_or((clock, ""));
     let [hour, minute, second]: [u32; 3] = numbers(clock, ':')?;
     let digits = fraction.len() <= 9 && fraction.bytes().all(|b| b.is_ascii_digit());
-    let valid =
-        (1970..=2554).contains(&year) && (1..=12).contains(&month) && day >= 1 && day <= month_days(year, month);
-    if !digits || !valid || hour > 23 || minute > 59 || second > 59 {
+    if !digits || year > 2554 || hour > 23 || minute > 59 || second > 59 {
         return None;
     }
-    let years: u32 = (1970..year).map(|y| if leap(y) { 366 } else { 365 }).sum();
-    let days = years + (1..month).map(|m| month_days(year, m)).sum::<u32>() + day - 1;
-    // 1970-01-01 was a Thursday.
-    let weekday = (days + 4) % 7 + 1;
+    let weekday = calendar::weekday_of(calendar::days_of(year, month, day)?);
     let nanoseconds: u32 = format!("{fraction:0<9}").parse().ok()?;
     let mut bytes = [0; 12];
     bytes[..2].copy_from_slice(&(year as u16).to_be_bytes());
@@ -137,8 +117,7 @@ pub(crate) fn date_and_time(text: &str) -> Option<[u8; 8]> {
     let days = u32::from(days(year, month, day)?);
     let ms = time_of_day(clock)?;
     let byte = |v: u32| bcd(v) as u8;
-    // 1990-01-01 was a Monday, day 2.
-    let weekday = (days + 1) % 7 + 1;
+    let weekday = calendar::weekday_of(days + DAYS_TO_1990);
     let (seconds, thousandths) = (ms / 1_000, ms % 1_000);
     Some([
         byte(year),
@@ -154,19 +133,8 @@ pub(crate) fn date_and_time(text: &str) -> Option<[u8; 8]> {
 
 /// A date as [`date`] reads it: `1994-3-15`.
 pub(crate) fn written_date(days: u16) -> Option<String> {
-    let mut left = u32::from(days);
-    let mut year = 1990;
-    let long = |year| if leap(year) { 366 } else { 365 };
-    while left >= long(year) {
-        left -= long(year);
-        year += 1;
-    }
-    let mut month = 1;
-    while left >= month_days(year, month) {
-        left -= month_days(year, month);
-        month += 1;
-    }
-    (year <= 2168).then(|| format!("{year}-{month}-{}", left + 1))
+    let (year, month, day) = calendar::date_of(u32::from(days) + DAYS_TO_1990);
+    (year <= 2168).then(|| format!("{year}-{month}-{day}"))
 }
 
 /// A time of day as [`time_of_day`] reads it: `12:30:10.500`.

@@ -14,4 +14,4 @@ mod translate;
 pub use keys::{CpType, KeyedParameters};
 pub use line_port::{LinePort, Refused};
 pub use pump::{CpPump, HEARTBEAT};
-pub use translate::{EventCode, LINE_TEXT_RECORD, to_line_settings};
+pub use translate::{EventCode, LINE_TEXT_RECORD};

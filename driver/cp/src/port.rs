@@ -1,6 +1,6 @@
 //! The process's line: a real one, once the configuration has named it, and the log.
 
-use ob1_cp::{CpType, LinePort, Refused, to_line_settings};
+use ob1_cp::{CpType, LinePort, Refused};
 use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{CpEvent, LineSettings, Nanos};
 use ob1_line::{Line, RealLine};
@@ -74,7 +74,7 @@ impl LinePort for Port {
         if let Some(line) = &mut self.line {
             info!(%settings, "line settings");
             // Refused settings also come as an event of the line, with their reason.
-            let _ = line.apply(&to_line_settings(settings));
+            let _ = line.apply(settings);
         }
     }
 

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use ob1_backplane::CpSide;
 use ob1_cp::{CpPump, HEARTBEAT};
-use ob1_firmware::trace::record::Kind;
+use ob1_firmware::trace::record::{Kind, number_of};
 use ob1_firmware::{LineFault, LineInput, ModemLines, Nanos};
 use ob1_line::{Line, LineEvent, PollFds};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -197,12 +197,7 @@ impl Process {
                     LineInput::TxDone
                 }
                 LineEvent::Fault(fault) => {
-                    let (fault, number) = match fault {
-                        ob1_line::LineFault::Parity => (LineFault::Parity, 1),
-                        ob1_line::LineFault::Framing => (LineFault::Framing, 2),
-                        ob1_line::LineFault::Break => (LineFault::Break, 4),
-                    };
-                    self.port.tap().tell(now, Kind::Fault, &[number]);
+                    self.port.tap().tell(now, Kind::Fault, &[number_of(fault)]);
                     LineInput::Fault(fault)
                 }
                 LineEvent::Up(warnings) => {
@@ -255,7 +250,6 @@ impl Process {
         }
         self.modem_at = now + HEARTBEAT;
         let Some(lines) = self.port.line().and_then(Line::modem_lines) else { return };
-        let lines = ModemLines { cts: lines.cts, dsr: lines.dsr, ri: lines.ri, cd: lines.dcd };
         if self.modem != Some(lines) {
             self.modem = Some(lines);
             let bits = [lines.cts, lines.dsr, lines.ri, lines.cd];

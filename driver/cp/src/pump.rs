@@ -139,7 +139,7 @@ impl CpPump {
 
     /// A text about the line, where the module has not its own record in that place.
     fn write_text(&mut self, text: &str) {
-        if !self.module.has_record() {
+        if !self.module.kind().row().has_record {
             self.end.write_text(text);
         }
     }
@@ -158,7 +158,7 @@ impl CpPump {
             if self.end.segment.read_channel(channel, &mut block) == Freshness::Stale {
                 self.look_again = true;
             }
-            self.module.channel(now, name, &block, &mut Plug { end: &mut self.end, line, now });
+            self.module.step(now, CpInput::Channel(name, &block), &mut Plug { end: &mut self.end, line, now });
         }
     }
 
@@ -177,7 +177,7 @@ impl CpPump {
         if self.end.segment.params_changed() {
             self.look_params(now, line);
         }
-        if self.module.has_channels() {
+        if self.module.kind().row().has_channels {
             self.look_channels(now, line);
         }
         self.end.show_state();
@@ -205,7 +205,7 @@ impl CpPump {
         if let Some(running) = self.cpu_running {
             self.step(now, CpInput::CpuRun(running), line);
         }
-        if self.module.wants_outputs_first() {
+        if self.module.kind().row().outputs_first {
             self.look_outputs(now, line);
         }
     }
@@ -244,7 +244,7 @@ impl CpPump {
         self.module.enable_diagnostics(line.diagnostics());
         self.end.parameters = Parameters::Valid;
         self.module.parametrise(now, &bytes, &kind, &mut Plug { end: &mut self.end, line, now });
-        if !self.module.wants_outputs_first() {
+        if !self.module.kind().row().outputs_first {
             self.look_outputs(now, line);
         }
         if let Err(refused) = configured {

@@ -1,8 +1,7 @@
-//! One thing, two names: the firmware's words in those of the back plane and of the line.
+//! One thing, two names: the firmware's words in those of the back plane.
 
 use ob1_backplane::{Counter, Leds as SegmentLeds, ModemInputs};
-use ob1_firmware::{CpCounter, Leds, LineSettings, ModemLines};
-use ob1_line::{Flow, Parity, StopBits};
+use ob1_firmware::{CpCounter, Leds, ModemLines};
 
 /// Number of the diagnostic record with the text of the last line error (UTF-8, at most 240 bytes; empty: the line is
 /// up).
@@ -59,27 +58,4 @@ pub(crate) const fn leds(leds: Leds) -> SegmentLeds {
 
 pub(crate) fn modem(lines: ModemLines, rts: bool, dtr: bool) -> ModemInputs {
     ModemInputs { cts: lines.cts, dsr: lines.dsr, ri: lines.ri, cd: lines.cd, dtr, rts }
-}
-
-/// The settings of a parameter record as the real line takes them.
-pub const fn to_line_settings(settings: &LineSettings) -> ob1_line::LineSettings {
-    ob1_line::LineSettings {
-        baud: settings.baud,
-        data_bits: settings.data_bits,
-        parity: match settings.parity {
-            ob1_params::Parity::None => Parity::None,
-            ob1_params::Parity::Odd => Parity::Odd,
-            ob1_params::Parity::Even => Parity::Even,
-        },
-        stop_bits: match settings.stop_bits {
-            ob1_params::StopBits::One => StopBits::One,
-            ob1_params::StopBits::OneAndHalf => StopBits::OneAndHalf,
-            ob1_params::StopBits::Two => StopBits::Two,
-        },
-        flow: match settings.flow {
-            ob1_params::Flow::None => Flow::None,
-            ob1_params::Flow::Hardware => Flow::Hardware,
-            ob1_params::Flow::XonXoff => Flow::XonXoff,
-        },
-    }
 }

@@ -103,6 +103,7 @@ impl Cp040 {
                 }
             }
             CpInput::Parameters(bytes) => self.parametrise(now, bytes, port),
+            CpInput::Keys(_) | CpInput::Channel(..) => {}
         }
         self.publish(port);
         let leds = self.leds_at(now);

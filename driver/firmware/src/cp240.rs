@@ -164,6 +164,7 @@ impl Cp240 {
                 }
             }
             CpInput::Parameters(bytes) => self.parametrise(now, bytes, port),
+            CpInput::Keys(_) | CpInput::Channel(..) => {}
         }
         self.publish(port);
         let leds = self.leds.at(now);

@@ -9,6 +9,7 @@
 //! The registers are described in `docs/cp240-registers.md` and `docs/cp040-registers.md`.
 #![forbid(unsafe_code)]
 
+mod cp;
 mod cp040;
 mod cp240;
 pub mod cp341;
@@ -20,8 +21,10 @@ mod printer;
 mod protocol;
 mod ring;
 
+pub use cp::{Cp, of};
 pub use cp040::{Cp040, DiagnosticRecord, IO_BYTES};
 pub use cp240::Cp240;
+pub use cp341::Cp341;
 pub use diagnosis::DiagnosticBytes;
 pub use leds::Leds;
 pub use ob1_params::LineSettings;

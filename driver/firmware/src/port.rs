@@ -1,6 +1,6 @@
 //! What goes into a CP and what comes out: the plugs of the module.
 
-use ob1_params::{LineSettings, ParamError};
+use ob1_params::{Cp341 as Keys, LineSettings, ParamError};
 use ob1_protocols::{Event, Input, LineFault, ModemLines, Nanos, rk512};
 
 use crate::cp040::DiagnosticRecord;
@@ -21,6 +21,10 @@ pub enum CpInput<'a> {
     CpuRun(bool),
     /// Parameters: the CP starts anew with them. Sixteen zeros stand for "none", see [`crate::Cp240`].
     Parameters(&'a [u8; 16]),
+    /// CP 340 and CP 341: their parameters, or what is wrong with them, as sent at each start-up of the CPU.
+    Keys(Result<&'a Keys, &'a ParamError>),
+    /// CP 340 and CP 341: what the CPU shows in a channel.
+    Channel(Channel, &'a ChannelBlock),
 }
 
 /// Everything that can happen on the line.

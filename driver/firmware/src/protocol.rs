@@ -1,7 +1,7 @@
 //! From the parameters to the protocol machine.
 
 use ob1_params::{
-    Ascii as AsciiParams, Cp040, Cp240 as Parameters, Flow, Priority, Protocol as Chosen, S3964 as S3964Params,
+    Ascii as AsciiParams, Cp040, Cp240 as Parameters, Priority, Protocol as Chosen, S3964 as S3964Params,
     StxEtx as StxEtxParams,
 };
 use ob1_protocols::modbus::{Master, Slave};
@@ -93,7 +93,7 @@ impl Setup {
 fn ascii_config(p: &AsciiParams, char_time: Nanos) -> ascii::Config {
     ascii::Config {
         criterion: if p.fragmented { ascii::Criterion::Fragments } else { ascii::Criterion::Silence },
-        flow: flow(p.flow),
+        flow: p.flow,
         zna: Nanos::from(p.zna_ms) * MS,
         zvz: Nanos::from(p.zvz_ms) * MS,
         ..ascii::Config::cp240(char_time)
@@ -104,18 +104,10 @@ fn stx_etx_config(p: &StxEtxParams, char_time: Nanos) -> stx_etx::Config {
     stx_etx::Config {
         start: stx_etx::Flags::new(p.start, p.start_flags),
         end: stx_etx::Flags::new(p.end, p.end_flags),
-        flow: flow(p.flow),
+        flow: p.flow,
         zna: Nanos::from(p.zna_ms) * MS,
         tmo: Nanos::from(p.tmo_ms) * MS,
         ..stx_etx::Config::cp240(char_time)
-    }
-}
-
-const fn flow(flow: Flow) -> ascii::Flow {
-    match flow {
-        Flow::None => ascii::Flow::None,
-        Flow::Hardware => ascii::Flow::Hardware,
-        Flow::XonXoff => ascii::Flow::XonXoff,
     }
 }
 

@@ -6,9 +6,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use common::{Log, MS, s3964r, word};
-use ob1_firmware::{
-    Cp240, CpCounter, CpEvent, CpInput, CpPort, Leds, LineFault, LineInput, LineSettings, Nanos, Registers,
-};
+use ob1_firmware::{Cp240, CpCounter, CpEvent, CpInput, CpPort, Leds, LineInput, LineSettings, Nanos, Registers};
 use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine};
 
 /// A CP's port with one end of the simulated line.
@@ -187,11 +185,7 @@ fn run(faults: FaultRates, seed: u64, a: Vec<Vec<u8>>, b: Vec<Vec<u8>>) -> (Stat
             let input = match event {
                 SimEvent::Rx(n) => LineInput::Rx(&buffer[..n]),
                 SimEvent::TxDone => LineInput::TxDone,
-                SimEvent::Fault(fault) => LineInput::Fault(match fault {
-                    ob1_line::LineFault::Parity => LineFault::Parity,
-                    ob1_line::LineFault::Framing => LineFault::Framing,
-                    ob1_line::LineFault::Break => LineFault::Break,
-                }),
+                SimEvent::Fault(fault) => LineInput::Fault(fault),
                 SimEvent::Cts(_) => continue,
             };
             stations[end as usize].step(now, CpInput::Line(input));

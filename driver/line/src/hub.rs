@@ -240,7 +240,7 @@ impl Hub {
                     FromHub::Received(&marked)
                 }
                 BusEvent::Fault(LineFault::Break) => FromHub::Received(&[0xFF, 0, 0]),
-                BusEvent::Fault(LineFault::Parity | LineFault::Framing) => FromHub::Received(&[0xFF, 0, 1]),
+                BusEvent::Fault(_) => FromHub::Received(&[0xFF, 0, 1]),
                 // More was written meanwhile: its end is told by another one.
                 BusEvent::TxDone if self.bus.is_sending(who, now) => continue,
                 BusEvent::TxDone => FromHub::Done(guest.written),

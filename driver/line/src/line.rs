@@ -6,32 +6,7 @@ use rustix::event::{PollFd, PollFlags};
 
 use crate::settings::{LineSettings, SettingsError};
 
-/// Nanoseconds since a start that the owner of the line chooses.
-pub type Nanos = u64;
-
-/// A fault on the received signal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LineFault {
-    /// A character with wrong parity (or a framing fault on a line with parity: a tty does not tell them apart).
-    Parity,
-    /// A character without a stop bit.
-    Framing,
-    /// A break.
-    Break,
-}
-
-/// Levels of the RS232 modem lines; true = ON.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct ModemLines {
-    /// Clear to send (input).
-    pub cts: bool,
-    /// Data set ready (input).
-    pub dsr: bool,
-    /// Ring indicator (input).
-    pub ri: bool,
-    /// Carrier detect (input).
-    pub dcd: bool,
-}
+pub use ob1_serial::{LineFault, ModemLines, Nanos};
 
 /// What a line has to tell.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use std::io;
 use crate::line::{Line, LineEvent, LineFault, ModemLines, Nanos, PollFds};
 use crate::link::{self, Link, Opened};
 use crate::parmrk::{Mark, ParmrkDecoder};
-use crate::settings::{LineSettings, Parity, SettingsError, Warning};
+use crate::settings::{LineSettings, Parity, SettingsError, Warning, check};
 use crate::spec::LineSpec;
 
 /// Pause between two attempts to open a line, in nanoseconds. A TCP client doubles it up to 2 s.
@@ -256,7 +256,7 @@ impl Line for RealLine {
     fn apply(&mut self, settings: &LineSettings) -> Result<(), SettingsError> {
         let odd_stop_bits = self.link.does_odd_stop_bits();
         if let Err(error) =
-            settings.check().or_else(|e| if e == SettingsError::StopBits && odd_stop_bits { Ok(()) } else { Err(e) })
+            check(settings).or_else(|e| if e == SettingsError::StopBits && odd_stop_bits { Ok(()) } else { Err(e) })
         {
             self.link.close();
             self.forget();

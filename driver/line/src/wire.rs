@@ -103,8 +103,8 @@ impl<'a> FromHub<'a> {
         Some(match (*kind, rest) {
             (b'R', bytes) => Self::Received(bytes),
             (b'D', &[a, b, c, d]) => Self::Done(u32::from_le_bytes([a, b, c, d])),
-            (b'M', &[cts, dsr, ri, dcd]) => {
-                Self::Modem(ModemLines { cts: cts != 0, dsr: dsr != 0, ri: ri != 0, dcd: dcd != 0 })
+            (b'M', &[cts, dsr, ri, cd]) => {
+                Self::Modem(ModemLines { cts: cts != 0, dsr: dsr != 0, ri: ri != 0, cd: cd != 0 })
             }
             _ => return None,
         })
@@ -121,7 +121,7 @@ impl<'a> FromHub<'a> {
                 into.push(b'D');
                 into.extend(writes.to_le_bytes());
             }
-            Self::Modem(m) => into.extend([b'M', m.cts.into(), m.dsr.into(), m.ri.into(), m.dcd.into()]),
+            Self::Modem(m) => into.extend([b'M', m.cts.into(), m.dsr.into(), m.ri.into(), m.cd.into()]),
         }
     }
 }

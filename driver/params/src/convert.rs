@@ -2,9 +2,9 @@
 
 use crate::cp240::{Ascii, Cp240, Modbus, ModbusKind, Priority, Protocol, S3964, StxEtx};
 use crate::error::ParamError;
-use crate::line::{Flow, Parity, StopBits};
 use crate::record::{self, Record, Value};
 use crate::table::{Field, Layout};
+use ob1_serial::{Flow, Parity, StopBits};
 
 impl Cp240 {
     /// Layout and the values of its rows in the order of the table.

@@ -2,9 +2,9 @@
 
 use crate::convert::Reader;
 use crate::error::ParamError;
-use crate::line::{Flow, LineSettings, Parity, StopBits};
 use crate::record::{self, Value};
 use crate::table::{Layout, PROTOCOLS};
+use ob1_serial::{Flow, LineSettings, Parity, StopBits};
 
 /// The parameters of a CP 240. Only [`Cp240::decode`] and [`Cp240::from_keys`] check the ranges given at the fields;
 /// [`Cp240::encode`] cuts a value outside of them to what fits its byte.

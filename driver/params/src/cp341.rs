@@ -5,8 +5,8 @@
 //! station file and in the configuration of the driver alike.
 
 use crate::error::ParamError;
-use crate::line::{Flow, LineSettings, Parity, StopBits};
 use crate::record::{Value, nearest};
+use ob1_serial::{Flow, LineSettings, Parity, StopBits};
 
 use crate::cp240::Priority;
 use crate::cp341_ascii::{self, AsciiOf341};

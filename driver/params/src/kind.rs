@@ -29,6 +29,11 @@ pub struct CpRow {
     /// Its handling blocks talk to it in channels (`docs/cp341-channels.md`), its parameters are keys without another
     /// form, and it has a diagnostic buffer of its own.
     pub has_channels: bool,
+    /// The place of the diagnostic record is its own: there is none for the text of a line error.
+    pub has_record: bool,
+    /// It wants the outputs as they stand before its first parameters. A CP 341 wants them behind: its driver says
+    /// whose RTS and DTR are. [reference 2.2]
+    pub outputs_first: bool,
 }
 
 /// On the front of a CP 240 and a CP 040.
@@ -46,6 +51,8 @@ impl CpKind {
             io_bytes: Some(16),
             leds: VIPA_LEDS,
             has_channels: false,
+            has_record: false,
+            outputs_first: true,
         },
         CpRow {
             kind: Self::Cp341,
@@ -54,6 +61,8 @@ impl CpKind {
             io_bytes: Some(16),
             leds: SIEMENS_LEDS,
             has_channels: true,
+            has_record: true,
+            outputs_first: false,
         },
         CpRow {
             kind: Self::Cp340,
@@ -62,6 +71,8 @@ impl CpKind {
             io_bytes: Some(16),
             leds: SIEMENS_LEDS,
             has_channels: true,
+            has_record: true,
+            outputs_first: false,
         },
         CpRow {
             kind: Self::Cp040,
@@ -70,6 +81,8 @@ impl CpKind {
             io_bytes: None,
             leds: VIPA_LEDS,
             has_channels: false,
+            has_record: true,
+            outputs_first: true,
         },
     ];
 

@@ -7,16 +7,7 @@ pub const XON: u8 = 0x11;
 /// Stops. [S0 L2010]
 pub const XOFF: u8 = 0x13;
 
-/// Who may stop the other, and how.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Flow {
-    /// Nobody.
-    None,
-    /// RTS and CTS.
-    Hardware,
-    /// The characters XON and XOFF.
-    XonXoff,
-}
+pub use ob1_serial::Flow;
 
 /// How often a free receive buffer is looked for while the partner is stopped.
 const ROOM_POLL: Nanos = 20 * MS;

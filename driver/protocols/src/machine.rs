@@ -1,7 +1,6 @@
 //! The contract between a protocol and whoever pumps it: inputs, outputs, time.
 
-/// Nanoseconds since the start of the CP. Virtual in tests and simulations, monotonic in the driver process.
-pub type Nanos = u64;
+pub use ob1_serial::{LineFault, ModemLines, Nanos};
 
 /// One millisecond in [`Nanos`].
 pub const MS: Nanos = 1_000_000;
@@ -62,36 +61,6 @@ pub enum Order<'a> {
     /// Drop the running order (if any: [`Sink::sent`] with [`SendError::Aborted`]) and what is being received, and go
     /// back to idle. The RESET of the CPU, or new parameters.
     Abort,
-}
-
-/// What a line can suffer. The first four stand in the place of a character.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LineFault {
-    /// Wrong parity bit.
-    Parity,
-    /// Stop bit missing.
-    Framing,
-    /// Characters were lost because nobody fetched them.
-    Overrun,
-    /// The line was at 0 for longer than a character.
-    Break,
-    /// The device was pulled or the connection ended (open circuit). What is written from now on is swallowed.
-    Gone,
-    /// The device or the connection is there again.
-    Back,
-}
-
-/// Modem lines as the CP sees them; `true` is ON.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ModemLines {
-    /// Clear to send: the partner (or modem) accepts characters.
-    pub cts: bool,
-    /// Data set ready.
-    pub dsr: bool,
-    /// Ring indicator.
-    pub ri: bool,
-    /// Carrier detect.
-    pub cd: bool,
 }
 
 /// Where a machine puts its results. Called only inside [`Machine::step`].

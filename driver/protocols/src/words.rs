@@ -3,7 +3,7 @@
 use core::fmt;
 
 use crate::cp341_events;
-use crate::machine::{Event, LineFault, Phase, What};
+use crate::machine::{Event, Phase, What};
 use crate::modbus::Failure;
 use crate::rk512;
 
@@ -15,19 +15,6 @@ impl fmt::Display for Phase {
             Phase::Output => "while a telegram is sent",
             Phase::Acknowledge => "while the acknowledgement is awaited",
             Phase::Receive => "while a telegram is received",
-        })
-    }
-}
-
-impl fmt::Display for LineFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            LineFault::Parity => "parity error",
-            LineFault::Framing => "framing error",
-            LineFault::Overrun => "overrun",
-            LineFault::Break => "BREAK",
-            LineFault::Gone => "the line is gone",
-            LineFault::Back => "the line is back",
         })
     }
 }
@@ -102,6 +89,7 @@ mod tests {
     use std::string::ToString as _;
 
     use super::*;
+    use crate::machine::LineFault;
 
     #[test]
     fn an_event_is_a_sentence_and_no_structure() {

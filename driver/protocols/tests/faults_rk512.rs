@@ -26,7 +26,7 @@ use ob1_protocols::rk512::{
     Answer, AnswerError, Area, Command, Config, Coordination, Event, Input, Order, OrderError, Owner, Request, Rk512,
 };
 use ob1_protocols::s3964::{self, Priority};
-use ob1_protocols::{LineFault, MS, Nanos, SECOND};
+use ob1_protocols::{MS, Nanos, SECOND};
 use s3964_frame::{Incoming, checked};
 
 /// Virtual time with faults.
@@ -372,9 +372,7 @@ fn run(seed: u64, faults: bool, trace: bool) -> Sum {
             let input = match event {
                 SimEvent::Rx(n) => Input::Rx(&buffer[..n]),
                 SimEvent::TxDone => Input::TxDone,
-                SimEvent::Fault(ob1_line::LineFault::Parity) => Input::LineFault(LineFault::Parity),
-                SimEvent::Fault(ob1_line::LineFault::Framing) => Input::LineFault(LineFault::Framing),
-                SimEvent::Fault(_) => Input::LineFault(LineFault::Break),
+                SimEvent::Fault(fault) => Input::LineFault(fault),
                 SimEvent::Cts(_) => continue,
             };
             stations[end as usize].step(now, input, &mut line, trace);

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_cpu::Module;
 use ob1_model::Section;
+use ob1_params::CpKind;
 
 use crate::exit::Exit;
 use ob1_station::assembly;
@@ -234,8 +235,8 @@ fn describe(station: &Station) -> String {
             }
             ModuleKind::Cp240 { bytes, line, .. } | ModuleKind::Cp040 { bytes, line, .. } => {
                 let (name, keys) = match &module.kind {
-                    ModuleKind::Cp040 { params, .. } => ("cp040", params.to_keys()),
-                    ModuleKind::Cp240 { params, .. } => ("cp240", params.to_keys()),
+                    ModuleKind::Cp040 { params, .. } => (CpKind::Cp040.name(), params.to_keys()),
+                    ModuleKind::Cp240 { params, .. } => (CpKind::Cp240.name(), params.to_keys()),
                     _ => continue,
                 };
                 let inputs = span(module.input_address, module.input_bytes());

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use ob1_host::plugin::Plugin;
 use ob1_ir::{Arg, Op, Program, Target};
 use ob1_model::{BlockId, BlockKind};
-use ob1_params::{Cp240, ModbusKind, Protocol};
+use ob1_params::{Cp240, CpKind, ModbusKind, Protocol};
 
 use crate::finding::{Finding, Level};
 use crate::station_file::{ModuleConfig, ModuleKind};
@@ -42,7 +42,7 @@ pub(crate) fn without_use(
 ) -> Vec<Finding> {
     let blocks: BTreeMap<BlockId, BlockId> = plugins
         .iter()
-        .filter(|(plugin, _)| plugin.info().name == "cp240")
+        .filter(|(plugin, _)| plugin.info().name == CpKind::Cp240.name())
         .flat_map(|(plugin, renumber)| {
             plugin.info().blocks.iter().map(|block| (renumber.get(&block.id).copied().unwrap_or(block.id), block.id))
         })

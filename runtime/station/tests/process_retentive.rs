@@ -4,6 +4,7 @@
 //! killed.
 #![allow(clippy::print_stdout, reason = "its output is what the parent reads")]
 
+use fastrand::Rng;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -35,10 +36,10 @@ fn main() {
 
 /// The image with this number: its number, then bytes that follow from it, of a length that follows from it.
 fn image(number: u64) -> Vec<u8> {
-    let mut random = Random(number);
-    let len = 100 + random.below(20_000);
+    let mut random = Rng::with_seed(number);
+    let len = 100 + random.u64(..20_000);
     let mut bytes = number.to_le_bytes().to_vec();
-    bytes.extend((0..len).map(|_| random.next() as u8));
+    bytes.extend((0..len).map(|_| random.u64(..) as u8));
     bytes
 }
 
@@ -55,17 +56,17 @@ fn write_for_ever(folder: &Path, mut number: u64) {
 fn killed_at_random() {
     let kills = std::env::var("OB1_SIEGE_ROUNDS").map_or(KILLS, |text| text.parse().expect("a number"));
     let folder = tempfile::tempdir().expect("a directory");
-    let mut random = Random(0x0B1);
+    let mut random = Rng::with_seed(0x0B1);
     let mut last = 0;
     for kill in 0..kills {
         let mut child = start(folder.path(), last);
         let mut lines = BufReader::new(child.stdout.take().expect("piped")).lines();
         // So many writings are waited for; the kill comes somewhere in the next one, or in the opening.
         let mut said = last;
-        for _ in 0..random.below(3) {
+        for _ in 0..random.u64(..3) {
             said = lines.next().expect("it lives").expect("text").parse().expect("a number");
         }
-        for _ in 0..random.below(200_000) {
+        for _ in 0..random.u64(..200_000) {
             std::hint::spin_loop();
         }
         child.kill().expect("it lives");
@@ -92,21 +93,4 @@ fn start(folder: &Path, number: u64) -> Child {
     let mut command = Command::new(std::env::current_exe().expect("this test"));
     command.arg("child").arg(folder).arg(number.to_string());
     command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn().expect("it starts")
-}
-
-/// splitmix64, seeded: the same kills every time, as far as the machine allows.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        let mut x = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        self.0 = x;
-        x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        x ^ (x >> 31)
-    }
-
-    fn below(&mut self, limit: u64) -> u64 {
-        self.next() % limit
-    }
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use ob1_command::soak::statistics::{quantile, since};
+use ob1_command::statistics::{quantile, since};
 use ob1_station::access::client::Client;
 use ob1_station::access::protocol::{Op, Response};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};

@@ -5,7 +5,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use ob1_backplane::{IoField, Owner};
-use ob1_command::soak::statistics::quantile;
+use ob1_command::statistics::quantile;
 
 use super::peer::Failure;
 

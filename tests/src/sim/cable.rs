@@ -102,7 +102,7 @@ impl Cable {
             }
             SimEvent::Fault(fault) => {
                 self.arrived[end as usize].spoil(now);
-                LineInput::Fault(fault_of(fault))
+                LineInput::Fault(fault)
             }
             SimEvent::TxDone => {
                 self.arrived[end as usize].answers(false);
@@ -126,16 +126,6 @@ impl Cable {
 #[must_use]
 pub fn buffer() -> [u8; BURST] {
     [0; BURST]
-}
-
-fn fault_of(fault: ob1_line::LineFault) -> ob1_firmware::LineFault {
-    use ob1_firmware::LineFault as To;
-    use ob1_line::LineFault as From;
-    match fault {
-        From::Parity => To::Parity,
-        From::Framing => To::Framing,
-        From::Break => To::Break,
-    }
 }
 
 /// One end of a cable.

@@ -139,6 +139,8 @@ const TABLE: &[Row] = &[
             // `ob1 trace` reads what is spoken on a line.
             "ob1-protocols",
             "clap",
+            // Loads of a soak.
+            "fastrand",
             // `ob1 top`.
             "ratatui",
             "rustix",
@@ -165,12 +167,15 @@ const TABLE: &[Row] = &[
     row("ob1-example-rust-blocks", "invariant 9", &["ob1-sdk"]),
     row("ob1-example-rust-ob1", "invariant 9", &["ob1-sdk"]),
     row("ob1-panicking-plugin", "invariant 9", &["ob1-sdk"]),
-    row("ob1-params", "invariant 11", &["strsim", "thiserror"]),
-    row("ob1-protocols", "invariant 1", &[]),
+    row("ob1-params", "invariant 11", &["ob1-serial", "strsim", "thiserror"]),
+    // What a serial line is, in words.
+    row("ob1-serial", "invariant 1", &[]),
+    row("ob1-protocols", "invariant 1", &["ob1-serial"]),
     // What a bus is made of goes from the runtime to its process: serde; JSON is the affair of both ends.
     row("ob1-coupler", "invariant 11", &["ob1-protocols", "serde"]),
-    row("ob1-firmware", "invariant 1", &["ob1-params", "ob1-protocols", "ob1-words"]),
-    row("ob1-line", "invariant 4", &["libc", "rustix", "serialport", "thiserror"]),
+    // The printer shows S7 values: the calendar of DATE.
+    row("ob1-firmware", "invariant 1", &["ob1-model", "ob1-params", "ob1-protocols", "ob1-words"]),
+    row("ob1-line", "invariant 4", &["ob1-serial", "libc", "rustix", "serialport", "thiserror"]),
     row(
         "ob1-cp",
         "invariant 4",

@@ -131,6 +131,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("driver/firmware", ALL),
     ("driver/params", ALL),
     ("driver/protocols", ALL),
+    ("driver/serial", ALL),
     ("examples/rust-blocks", ALL),
     ("examples/rust-ob1", ALL),
     ("links/access", ALL),

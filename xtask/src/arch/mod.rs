@@ -9,6 +9,7 @@ mod edges;
 mod fences;
 mod house_rules;
 mod mask;
+mod owners;
 mod purity;
 mod tree;
 
@@ -52,6 +53,9 @@ const GUARDS: &[Guard] = &[
     guard("statics", purity::plugin_statics),
     guard("citations", citations::check),
     guard("conformance", conformance::check),
+    guard("words", owners::words),
+    guard("module-types", owners::module_types),
+    guard("verifier", owners::verifier),
     guard("tests", house_rules::tests),
     guard("lints", house_rules::workspace_lints),
     guard("merges", house_rules::merge_marks),

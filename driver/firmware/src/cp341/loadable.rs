@@ -4,7 +4,7 @@
 //! P_RCV_RK has it. When the job ends without that, the reply is taken out again: "no receive data are transferred to
 //! the CPU" [S4 L1652].
 
-use ob1_params::{LineSettings, ModbusMaster32, Parity, StopBits};
+use ob1_params::{LineSettings, ModbusMaster32, StopBits};
 use ob1_protocols::Nanos;
 use ob1_protocols::modbus_master_32::{self as driver, Driver, Owner, Parameters, Signals, Wiring};
 
@@ -17,11 +17,7 @@ pub(super) fn of(p: &ModbusMaster32, line: &LineSettings, late: Nanos) -> Driver
         baud: line.baud,
         data_bits: line.data_bits,
         stop_bits: if line.stop_bits == StopBits::One { 1 } else { 2 },
-        parity: match line.parity {
-            Parity::None => driver::Parity::None,
-            Parity::Odd => driver::Parity::Odd,
-            Parity::Even => driver::Parity::Even,
-        },
+        parity: line.parity,
         character_delay_ms: p.character_delay_ms,
         response_timeout_ms: p.response_timeout_ms,
         turnaround_ms: p.turnaround_ms,

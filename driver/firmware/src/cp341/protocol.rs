@@ -2,9 +2,7 @@
 
 use std::fmt;
 
-use ob1_params::{
-    AsciiOf341, Cp341 as Parameters, CpKind, EndOf341, Flow, Priority, Protocol341, S3964Of341, SendingOf341,
-};
+use ob1_params::{AsciiOf341, Cp341 as Parameters, CpKind, EndOf341, Priority, Protocol341, S3964Of341, SendingOf341};
 use ob1_protocols::modbus_master_32::{self, Driver};
 use ob1_protocols::rk512::{self, Rk512};
 use ob1_protocols::{Ascii, LineFault, MS, Machine, Nanos, Order, S3964, Sink, ascii, machine, s3964, signals};
@@ -97,7 +95,7 @@ impl Protocol {
             Protocol341::Printer(p) => {
                 let config = ascii::Config {
                     criterion: ascii::Criterion::Silence,
-                    flow: flow(parameters),
+                    flow: parameters.line.flow,
                     flow_wait: Nanos::from(p.flow_wait_ms) * MS,
                     ..ascii::Config::cp240(char_time)
                 };
@@ -207,7 +205,7 @@ fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Nanos) -> ascii::
     };
     ascii::Config {
         criterion,
-        flow: flow(parameters),
+        flow: parameters.line.flow,
         // Where ZVZ only watches over a telegram, characters that the line hands over late are none that came late.
         zvz: if criterion == ascii::Criterion::Silence { zvz } else { zvz + late },
         pause: if p.send_pause { zvz } else { 0 },
@@ -217,14 +215,6 @@ fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Nanos) -> ascii::
             output_wait: Nanos::from(output_wait_ms) * MS,
         }),
         ..ascii::Config::cp240(parameters.line_settings().char_time_ns())
-    }
-}
-
-const fn flow(parameters: &Parameters) -> ascii::Flow {
-    match parameters.line.flow {
-        Flow::None => ascii::Flow::None,
-        Flow::Hardware => ascii::Flow::Hardware,
-        Flow::XonXoff => ascii::Flow::XonXoff,
     }
 }
 

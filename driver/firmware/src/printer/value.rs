@@ -1,5 +1,7 @@
 //! One variable as its display type shows it. [CP 341 manual 09/2008, p. 101]
 
+use ob1_model::calendar;
+
 use super::Fault;
 
 /// What a display type makes of a variable.
@@ -95,30 +97,13 @@ fn date(display: u8, bytes: &[u8], precision: Option<usize>) -> Result<Vec<u8>, 
     if days > LAST {
         return Err(Fault::Value);
     }
-    let (year, month, day) = calendar(days);
+    let (year, month, day) = calendar::date_of(u32::from(days) + calendar::DAYS_TO_1990);
     let year = if precision == Some(2) { format!("{:02}", year % 100) } else { year.to_string() };
     Ok(match display {
         b'A' => format!("{day:02}.{month:02}.{year}"),
         _ => format!("{year}-{month:02}-{day:02}"),
     }
     .into_bytes())
-}
-
-/// Year, month and day of so many days after 1990-01-01.
-fn calendar(days: u16) -> (u16, u16, u16) {
-    let leap = |year: u16| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
-    let (mut rest, mut year) = (days, 1990);
-    while rest >= 365 + u16::from(leap(year)) {
-        rest -= 365 + u16::from(leap(year));
-        year += 1;
-    }
-    for (month, length) in (1..).zip([31, 28 + u16::from(leap(year)), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31]) {
-        if rest < length {
-            return (year, month, rest + 1);
-        }
-        rest -= length;
-    }
-    (year, 12, 31)
 }
 
 fn real(display: u8, value: f32, precision: Option<usize>) -> Result<Vec<u8>, Fault> {

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341, Input341};
-use ob1_firmware::{CpCounter, CpEvent, CpPort, Leds, LineFault, LineInput, LineSettings, ModemLines, Nanos};
+use ob1_firmware::{CpCounter, CpEvent, CpPort, Leds, LineInput, LineSettings, Nanos};
 use ob1_line::sim::{BusConfig, BusEvent, Frame, SimBus};
 use ob1_params::{Cp341 as Parameters, Value};
 
@@ -187,14 +187,8 @@ impl Bench {
                     let input = match event {
                         BusEvent::Rx(n) => LineInput::Rx(&buffer[..n]),
                         BusEvent::TxDone => LineInput::TxDone,
-                        BusEvent::Fault(fault) => LineInput::Fault(match fault {
-                            ob1_line::LineFault::Parity => LineFault::Parity,
-                            ob1_line::LineFault::Framing => LineFault::Framing,
-                            ob1_line::LineFault::Break => LineFault::Break,
-                        }),
-                        BusEvent::Modem(l) => {
-                            LineInput::Modem(ModemLines { cts: l.cts, dsr: l.dsr, ri: l.ri, cd: l.dcd })
-                        }
+                        BusEvent::Fault(fault) => LineInput::Fault(fault),
+                        BusEvent::Modem(lines) => LineInput::Modem(lines),
                     };
                     self.step(Input341::Line(input));
                 }

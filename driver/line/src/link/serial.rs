@@ -123,7 +123,7 @@ impl Link for SerialLink {
             cts: port.tty.read_clear_to_send().ok()?,
             dsr: port.tty.read_data_set_ready().ok()?,
             ri: port.tty.read_ring_indicator().ok()?,
-            dcd: port.tty.read_carrier_detect().ok()?,
+            cd: port.tty.read_carrier_detect().ok()?,
         })
     }
 

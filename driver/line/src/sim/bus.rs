@@ -136,7 +136,7 @@ struct Member {
 impl Member {
     /// The modem lines that another's RTS and DTR are here.
     fn see(&mut self, rts: bool, dtr: bool) {
-        let lines = ModemLines { cts: rts, dsr: dtr, ri: false, dcd: dtr };
+        let lines = ModemLines { cts: rts, dsr: dtr, ri: false, cd: dtr };
         if self.modem != lines {
             self.modem = lines;
             self.news.push_back(News::Other(BusEvent::Modem(lines)));
@@ -451,8 +451,8 @@ impl SimBus {
         let draw = self.rng.next_u64();
         match what {
             What::Byte(byte) if draw & 3 == 0 => What::Byte(byte & (draw >> 8) as u8),
-            What::Byte(_) | What::Fault(LineFault::Framing | LineFault::Parity) => What::Fault(LineFault::Framing),
             What::Fault(LineFault::Break) => What::Fault(LineFault::Break),
+            What::Byte(_) | What::Fault(_) => What::Fault(LineFault::Framing),
         }
     }
 }

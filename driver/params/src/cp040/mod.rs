@@ -8,9 +8,9 @@ pub mod table;
 use crate::convert::Reader;
 use crate::cp240::{Cp240, Protocol};
 use crate::error::ParamError;
-use crate::line::Flow;
 use crate::record::{self, Value};
 use crate::table::{Field, Layout};
+use ob1_serial::Flow;
 
 /// The parameters of a CP 040.
 #[derive(Clone, Debug, PartialEq, Eq)]

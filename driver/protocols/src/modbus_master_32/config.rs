@@ -15,24 +15,13 @@ const TRANSFER: Nanos = 10 * SECOND;
 /// Longest times the parameters may name, ms. [S4 "3.6.3 RS232 Secondary Signals"]
 const SIGNAL_MS_MAX: u32 = 655_350;
 
-/// Completion of the data bits. [S4 "Parity"]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Parity {
-    /// To an even number of ones.
-    Even,
-    /// To an odd number of ones.
-    Odd,
-    /// No parity bit.
-    None,
-}
+pub use ob1_serial::Parity;
 
-impl Parity {
-    /// "With even or odd parity 1 stop bit is pre-defined. None parity effects two stop bits." [S4 L500]
-    pub const fn stop_bits(self) -> u8 {
-        match self {
-            Self::Even | Self::Odd => 1,
-            Self::None => 2,
-        }
+/// "With even or odd parity 1 stop bit is pre-defined. None parity effects two stop bits." [S4 L500]
+pub(super) const fn stop_bits_of(parity: Parity) -> u8 {
+    match parity {
+        Parity::Even | Parity::Odd => 1,
+        Parity::None => 2,
     }
 }
 
@@ -155,7 +144,7 @@ impl Parameters {
         }
         // The driver's own list has no number for these; the CP has one (ours to choose it). [reference 3.4]
         let signals_fit = self.signals.is_none_or(|s| s.rts_off_ms.max(s.output_wait_ms) <= SIGNAL_MS_MAX);
-        if !BAUD_RATES.contains(&self.baud) || self.stop_bits != self.parity.stop_bits() || !signals_fit {
+        if !BAUD_RATES.contains(&self.baud) || self.stop_bits != stop_bits_of(self.parity) || !signals_fit {
             refuse(number::PARAMETERS);
         }
         // "The driver is operating with a default value of 1000 milliseconds." [S4 L1777]

@@ -6,7 +6,7 @@
 //! All numbers are little-endian. A stream and a file begin with a [`Kind::Hello`], and there may be more of them: the
 //! CP has got other parameters.
 
-use crate::machine::Nanos;
+use crate::machine::{LineFault, Nanos};
 
 /// The first bytes of a recording.
 pub const MAGIC: [u8; 8] = *b"OB1TRACE";
@@ -88,5 +88,27 @@ impl<'a> Record<'a> {
         head[..8].copy_from_slice(&time.to_le_bytes());
         head[8] = kind as u8;
         head
+    }
+}
+
+/// The byte of a [`Kind::Fault`]. Lines that go and come have records of their own.
+#[must_use]
+pub const fn number_of(fault: LineFault) -> u8 {
+    match fault {
+        LineFault::Parity => 1,
+        LineFault::Framing => 2,
+        LineFault::Overrun => 3,
+        LineFault::Break | LineFault::Gone | LineFault::Back => 4,
+    }
+}
+
+/// The fault of such a byte.
+#[must_use]
+pub const fn fault_of(number: u8) -> LineFault {
+    match number {
+        1 => LineFault::Parity,
+        2 => LineFault::Framing,
+        3 => LineFault::Overrun,
+        _ => LineFault::Break,
     }
 }

@@ -19,7 +19,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine, SplitMix64};
-use ob1_protocols::{Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, SECOND, SendError, Sink};
+use ob1_protocols::{Event, Input, MS, Machine, ModemLines, Nanos, Order, SECOND, SendError, Sink};
 
 /// Virtual time with faults.
 const FAULTY: Nanos = 30 * SECOND;
@@ -281,9 +281,7 @@ fn run<D: Duet>(seed: u64, worst: FaultRates, trace: bool) -> Sum {
             let input = match event {
                 SimEvent::Rx(n) => Input::Rx(&buffer[..n]),
                 SimEvent::TxDone => Input::TxDone,
-                SimEvent::Fault(ob1_line::LineFault::Parity) => Input::LineFault(LineFault::Parity),
-                SimEvent::Fault(ob1_line::LineFault::Framing) => Input::LineFault(LineFault::Framing),
-                SimEvent::Fault(_) => Input::LineFault(LineFault::Break),
+                SimEvent::Fault(fault) => Input::LineFault(fault),
                 SimEvent::Cts(cts) => Input::Modem(ModemLines { cts, ..ModemLines::default() }),
             };
             stations[end as usize].step(now, input, &mut line, trace);

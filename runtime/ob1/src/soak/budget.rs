@@ -6,7 +6,7 @@ use std::str::FromStr;
 use ob1_station::station_file::parse_duration;
 use ob1_station::timing::Class;
 
-use super::statistics::PERCENTILES;
+use crate::statistics::PERCENTILES;
 
 /// One limit. Printed and parsed in the same form.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,9 +7,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use super::report::Report;
-use super::statistics::{INTERVALS, Ratio, Shift, beyond, compare as shift, needed, quantile, ratio};
-use super::text::time;
 use crate::exit::SoakExit;
+use crate::statistics::{INTERVALS, Ratio, Shift, beyond, compare as shift, needed, quantile, ratio};
+use crate::units::time;
 
 /// The series that are compared by their intervals.
 const SERIES: [&str; 6] = ["wake.p50", "wake.p99", "execution.p50", "execution.p99", "cycle.p50", "cycle.p99"];

@@ -2,10 +2,10 @@
 
 use super::budget::{Budget, Counted, SERIES, What};
 use super::report::{CpLedger, NamedSlope, Report, Role};
-use super::statistics::Percentile;
-use super::statistics::{BEYOND, SLOPE_NEEDS, beyond, hourly, needed, percentile, quantile};
-use super::text::{amount, time};
 use super::verdict::{Ended, Finding, Verdict};
+use crate::statistics::Percentile;
+use crate::statistics::{BEYOND, SLOPE_NEEDS, beyond, hourly, needed, percentile, quantile};
+use crate::units::{amount, time};
 use ob1_station::access::protocol::Diagnostic;
 use ob1_station::timing::Class;
 

@@ -1,8 +1,8 @@
 //! From readings of a station to its report: differences, intervals, ledgers. Pure.
 
 use super::report::{Brief, CellLedger, CpLedger, Interval, Report, Role, percentiles};
-use super::statistics::{quantile, since};
 use super::verdict::Ended;
+use crate::statistics::{quantile, since};
 use ob1_station::access::protocol::Status;
 use ob1_station::timing::Timing;
 use ob1_station::timing::snapshot::Spread;

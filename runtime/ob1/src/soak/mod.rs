@@ -14,7 +14,6 @@ mod load;
 mod measure;
 pub mod report;
 mod station;
-pub mod statistics;
 pub mod text;
 pub mod verdict;
 

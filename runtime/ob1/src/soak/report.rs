@@ -6,8 +6,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::load::LoadReport;
-use super::statistics::{PERCENTILES, Percentile, Slope, percentile};
 use super::verdict::{Ended, Finding, Verdict};
+use crate::statistics::{PERCENTILES, Percentile, Slope, percentile};
 use ob1_station::access::protocol::{Diagnostic, GrantStatus, ModuleStatus};
 use ob1_station::timing::snapshot::{Spread, Timing};
 

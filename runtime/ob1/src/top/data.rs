@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::watch::Watched;
-use crate::soak::statistics::{quantile, since};
+use crate::statistics::{quantile, since};
 use ob1_station::access::protocol::{CellValue, CpBuffer, Diagnostic, ModuleStatus, Status};
 use ob1_station::timing::Timing;
 use ob1_station::timing::snapshot::Spread;

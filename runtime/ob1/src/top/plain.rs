@@ -6,7 +6,7 @@ use ob1_params::CpKind;
 
 use super::data::{Data, counter, rows};
 use crate::diag;
-use crate::soak::text::time;
+use crate::units::time;
 use ob1_station::access::protocol::ModuleStatus;
 
 /// Entries of each diagnostic buffer.

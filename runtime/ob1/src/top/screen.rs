@@ -9,7 +9,7 @@ use ratatui::widgets::{Bar, BarChart, BarGroup, Block, Borders, Paragraph, Tabs}
 use super::data::{Data, bins};
 use super::keys::{Keys, Tab};
 use super::plain;
-use crate::soak::text::time;
+use crate::units::time;
 use ob1_station::timing::Timing;
 use ob1_station::timing::snapshot::Spread;
 

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use ob1_params::{Cp040, Cp240, Cp341, CpKind, Protocol, Protocol341};
-use ob1_protocols::trace::record::{Kind, Record};
+use ob1_protocols::trace::record::{Kind, Record, fault_of};
 use ob1_protocols::trace::{Dialect, Meaning, Reader, Unit, Way};
-use ob1_protocols::{LineFault, MS, Nanos, stx_etx};
+use ob1_protocols::{MS, Nanos, stx_etx};
 use serde_json::Value;
 
 use super::source::News;
@@ -61,13 +61,7 @@ impl Cp {
             (Kind::In, bytes) => self.reader.characters(record.time, Way::In, bytes, out),
             (Kind::Done, _) => self.reader.done(record.time, out),
             (Kind::Fault, &[number]) => {
-                let fault = match number {
-                    1 => LineFault::Parity,
-                    2 => LineFault::Framing,
-                    3 => LineFault::Overrun,
-                    _ => LineFault::Break,
-                };
-                self.reader.fault(record.time, fault, out);
+                self.reader.fault(record.time, fault_of(number), out);
             }
             // What is open will not go on.
             (Kind::Gone | Kind::Lost, _) => self.reader.finish(out),

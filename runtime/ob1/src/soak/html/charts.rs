@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use super::super::budget::{Budget, What};
 use super::super::report::{Interval, Report};
-use super::super::statistics::quantile;
-use super::super::text::{amount, time};
 use super::chart::{Axis, Chart};
+use crate::statistics::quantile;
+use crate::units::{amount, time};
 use ob1_station::timing::snapshot::Spread;
 
 /// Bars to a decade.

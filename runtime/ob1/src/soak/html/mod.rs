@@ -6,9 +6,9 @@ mod charts;
 use std::fmt::Write as _;
 
 use super::report::{Report, Role};
-use super::statistics::{Percentile, SLOPE_NEEDS};
-use super::text::{amount, time};
 use super::verdict::Verdict;
+use crate::statistics::{Percentile, SLOPE_NEEDS};
+use crate::units::{amount, time};
 
 /// The page.
 #[must_use]

@@ -1,5 +1,6 @@
 //! The generators at work: threads that compute, write memory, write files.
 
+use fastrand::Rng;
 use std::fs::{self, File, OpenOptions};
 use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
@@ -7,7 +8,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
-use super::kills::Random;
 use super::{Load, LoadReport};
 
 /// Bytes written and flushed at once.
@@ -39,22 +39,22 @@ impl Generators {
     pub(in super::super) fn start(load: &Load, seed: u64, folder: &Path) -> std::io::Result<Self> {
         let (stop, counts) = (Arc::new(AtomicBool::new(false)), Arc::new(Counts::default()));
         let mut all = Self { stop, counts, threads: Vec::new(), load: load.clone(), seed, kills: 0 };
-        let mut seeds = Random::new(seed);
+        let mut seeds = Rng::with_seed(seed);
         for _ in 0..load.cpu {
-            let mut random = Random::new(seeds.next());
+            let mut random = Rng::with_seed(seeds.u64(..));
             all.thread("ob1-load-cpu", move |counts| {
                 for _ in 0..100_000 {
-                    std::hint::black_box(random.next());
+                    std::hint::black_box(random.u64(..));
                 }
                 counts.cpu.fetch_add(1, Ordering::Relaxed);
             })?;
         }
         if load.memory > 0 {
-            let mut random = Random::new(seeds.next());
+            let mut random = Rng::with_seed(seeds.u64(..));
             let mut memory = vec![0u8; load.memory as usize];
             all.thread("ob1-load-memory", move |counts| {
                 for _ in 0..1000 {
-                    let at = random.below(memory.len() as u64) as usize;
+                    let at = random.u64(..memory.len() as u64) as usize;
                     if let Some(byte) = memory.get_mut(at) {
                         *byte = byte.wrapping_add(1);
                     }
@@ -63,13 +63,13 @@ impl Generators {
             })?;
         }
         for number in 0..load.io {
-            let mut random = Random::new(seeds.next());
+            let mut random = Rng::with_seed(seeds.u64(..));
             let mut file = nameless(folder, number)?;
             let mut block = vec![0u8; BLOCK];
             let mut blocks = 0;
             all.thread("ob1-load-io", move |counts| {
                 for bytes in block.chunks_exact_mut(8) {
-                    bytes.copy_from_slice(&random.next().to_le_bytes());
+                    bytes.copy_from_slice(&random.u64(..).to_le_bytes());
                 }
                 let rewound = if blocks % BLOCKS == 0 { file.seek(SeekFrom::Start(0)).map(drop) } else { Ok(()) };
                 blocks += 1;

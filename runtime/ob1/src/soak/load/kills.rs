@@ -1,11 +1,13 @@
 //! When a driver is killed, and which: drawn from the seed.
 
+use fastrand::Rng;
+
 use super::Load;
 
 /// Moments of driver kills and whom they meet, from a seed: half to one and a half of the mean apart.
 #[derive(Debug)]
 pub(in super::super) struct Kills {
-    random: Random,
+    random: Rng,
     mean_ns: u64,
     next_ns: u64,
 }
@@ -14,13 +16,13 @@ impl Kills {
     /// None without kills.
     pub(in super::super) fn new(load: &Load, seed: u64) -> Option<Self> {
         let mean_ns = 60_000_000_000u64.checked_div(load.kills)?;
-        let mut kills = Self { random: Random::new(!seed), mean_ns, next_ns: 0 };
+        let mut kills = Self { random: Rng::with_seed(!seed), mean_ns, next_ns: 0 };
         kills.plan();
         Some(kills)
     }
 
     fn plan(&mut self) {
-        self.next_ns += self.mean_ns / 2 + self.random.below(self.mean_ns);
+        self.next_ns += self.mean_ns / 2 + self.random.u64(..self.mean_ns);
     }
 
     /// Which of so many drivers is due.
@@ -31,29 +33,7 @@ impl Kills {
         while self.next_ns <= now_ns {
             self.plan();
         }
-        Some(self.random.below(drivers as u64) as usize)
-    }
-}
-
-/// SplitMix64.
-#[derive(Debug)]
-pub(super) struct Random(u64);
-
-impl Random {
-    pub(super) const fn new(seed: u64) -> Self {
-        Self(seed)
-    }
-
-    pub(super) const fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    /// Less than `end`, which is not 0.
-    pub(super) const fn below(&mut self, end: u64) -> u64 {
-        ((self.next() as u128 * end as u128) >> 64) as u64
+        Some(self.random.u64(..drivers as u64) as usize)
     }
 }
 

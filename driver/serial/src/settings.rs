@@ -1,0 +1,133 @@
+//! The character frame, and the time a character takes on the wire.
+
+use core::fmt;
+
+use crate::Nanos;
+
+/// Parity bit of a character.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Parity {
+    /// No parity bit.
+    #[default]
+    None,
+    /// Odd number of ones.
+    Odd,
+    /// Even number of ones.
+    Even,
+}
+
+/// Stop bits of a character.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum StopBits {
+    /// 1.
+    #[default]
+    One,
+    /// 1.5: a parameter of the CPs has it, Linux has not.
+    OneAndHalf,
+    /// 2.
+    Two,
+}
+
+/// Flow control.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Flow {
+    /// None.
+    #[default]
+    None,
+    /// RTS and CTS.
+    Hardware,
+    /// XON = 11h, XOFF = 13h.
+    XonXoff,
+}
+
+/// How characters travel on the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct LineSettings {
+    /// Bits per second.
+    pub baud: u32,
+    /// Data bits, 5..8.
+    pub data_bits: u8,
+    /// Parity bit.
+    pub parity: Parity,
+    /// Stop bits.
+    pub stop_bits: StopBits,
+    /// Flow control.
+    pub flow: Flow,
+}
+
+impl LineSettings {
+    /// Length of a character in half bits: start bit, data bits, parity bit, stop bits.
+    #[must_use]
+    pub const fn half_bits(&self) -> u32 {
+        let parity = if matches!(self.parity, Parity::None) { 0 } else { 2 };
+        let stop = match self.stop_bits {
+            StopBits::One => 2,
+            StopBits::OneAndHalf => 3,
+            StopBits::Two => 4,
+        };
+        2 + 2 * self.data_bits as u32 + parity + stop
+    }
+
+    /// Time of so many characters on the line in nanoseconds, rounded up.
+    #[must_use]
+    pub const fn time_of(&self, characters: usize) -> Nanos {
+        let half_bits = (self.half_bits() as u64).saturating_mul(characters as u64);
+        let baud = if self.baud == 0 { 1 } else { self.baud as u64 };
+        half_bits.saturating_mul(500_000_000).div_ceil(baud)
+    }
+
+    /// Time of one character.
+    #[must_use]
+    pub const fn char_time_ns(&self) -> Nanos {
+        self.time_of(1)
+    }
+}
+
+impl Default for LineSettings {
+    /// 9600 8N1, the default of the parameter tables. [S0 "Structure of the parameter bytes of ASCII"]
+    fn default() -> Self {
+        Self { baud: 9600, data_bits: 8, parity: Parity::None, stop_bits: StopBits::One, flow: Flow::None }
+    }
+}
+
+impl fmt::Display for LineSettings {
+    /// `9600 8E1`, with the flow control behind it where there is one.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parity = match self.parity {
+            Parity::None => 'N',
+            Parity::Odd => 'O',
+            Parity::Even => 'E',
+        };
+        let stop = match self.stop_bits {
+            StopBits::One => "1",
+            StopBits::OneAndHalf => "1.5",
+            StopBits::Two => "2",
+        };
+        write!(f, "{} {}{parity}{stop}", self.baud, self.data_bits)?;
+        match self.flow {
+            Flow::None => Ok(()),
+            Flow::Hardware => write!(f, " RTS/CTS"),
+            Flow::XonXoff => write!(f, " XON/XOFF"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::ToString as _;
+
+    use super::*;
+
+    #[test]
+    fn a_character_lasts_as_long_as_its_frame() {
+        let s = LineSettings::default();
+        assert_eq!(s.time_of(1), 1_041_667, "10 bits at 9600 baud");
+        assert_eq!(s.time_of(0), 0);
+        let e = LineSettings { parity: Parity::Even, ..s };
+        assert_eq!(e.time_of(96), 110_000_000, "96 x 11 bits at 9600 baud");
+        let h = LineSettings { stop_bits: StopBits::OneAndHalf, ..s };
+        assert_eq!(h.time_of(2), 2_187_500, "2 x 10.5 bits");
+        assert_eq!(e.to_string(), "9600 8E1");
+    }
+}

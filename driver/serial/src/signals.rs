@@ -1,0 +1,46 @@
+//! The signals of a line, and what can be wrong with them.
+
+use core::fmt;
+
+/// What a line can suffer. The first four stand in the place of a character.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineFault {
+    /// Wrong parity bit.
+    Parity,
+    /// Stop bit missing.
+    Framing,
+    /// Characters were lost because nobody fetched them.
+    Overrun,
+    /// The line was at 0 for longer than a character.
+    Break,
+    /// The device was pulled or the connection ended (open circuit). What is written from now on is swallowed.
+    Gone,
+    /// The device or the connection is there again.
+    Back,
+}
+
+/// Modem lines as the CP sees them; `true` is ON.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ModemLines {
+    /// Clear to send: the partner (or modem) accepts characters.
+    pub cts: bool,
+    /// Data set ready.
+    pub dsr: bool,
+    /// Ring indicator.
+    pub ri: bool,
+    /// Carrier detect.
+    pub cd: bool,
+}
+
+impl fmt::Display for LineFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            LineFault::Parity => "parity error",
+            LineFault::Framing => "framing error",
+            LineFault::Overrun => "overrun",
+            LineFault::Break => "BREAK",
+            LineFault::Gone => "the line is gone",
+            LineFault::Back => "the line is back",
+        })
+    }
+}

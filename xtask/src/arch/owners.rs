@@ -1,0 +1,159 @@
+//! Things that have one owner: the verifier, the table of module types, the words between a handling block and its CP.
+
+use std::collections::BTreeMap;
+
+use super::Finding;
+use super::tree::{File, Tree};
+
+/// The crate of the words, and those that may not define one anew.
+const WORDS: &str = "plugins/words/src";
+const BOTH_SIDES: &[&str] = &[
+    "driver/firmware/src",
+    "plugins/backplane/src",
+    "plugins/cp040/src",
+    "plugins/cp240/src",
+    "plugins/cp340/src",
+    "plugins/cp341/src",
+    "plugins/ptp/src",
+    "plugins/slio/src",
+];
+
+/// The table of module types.
+const KINDS: &str = "driver/params/src/kind.rs";
+
+/// Where a module's type counts. A plugin has a name of its own, which may be that of its CP.
+const TYPES_COUNT: &[&str] = &["driver", "links", "runtime"];
+
+/// The verifier.
+const VERIFIER: &str = "blocks/ir/src/verify.rs";
+
+/// No wire constant has a second definition: of a name that stands in the words, neither side has one with a value of
+/// its own.
+pub(super) fn words(tree: &Tree) -> Vec<Finding> {
+    let mut owned: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for file in tree.rust().filter(|file| file.is_in(&[WORDS])) {
+        for (_, line, _) in file.code_lines().filter(|(_, _, test)| !test) {
+            if let Some((name, value)) = constant(line) {
+                owned.entry(name.to_owned()).or_default().push(value.to_owned());
+            }
+        }
+    }
+    let mut findings = Vec::new();
+    for file in tree.rust().filter(|file| file.is_in(BOTH_SIDES)) {
+        for (number, line, _) in file.code_lines().filter(|(_, _, test)| !test) {
+            let Some((name, value)) = constant(line) else { continue };
+            // Another thing of that name, such as a STATUS, has another value.
+            let is_copy = owned.get(name).is_some_and(|values| values.iter().any(|own| own == value));
+            if is_copy && value.starts_with(|c: char| c.is_ascii_digit()) {
+                findings.push(Finding {
+                    place: format!("{}:{number}", file.path),
+                    rule: "one owner",
+                    what: format!("`{name} = {value}` stands in {WORDS} already: take it from there"),
+                });
+            }
+        }
+    }
+    findings
+}
+
+/// `const NAME: T = VALUE;` in one line.
+fn constant(line: &str) -> Option<(&str, &str)> {
+    let rest = line.trim_start();
+    let rest = rest.strip_prefix("pub(crate) ").or_else(|| rest.strip_prefix("pub ")).unwrap_or(rest);
+    let (name, rest) = rest.strip_prefix("const ")?.split_once(':')?;
+    let (_, value) = rest.split_once(" = ")?;
+    Some((name.trim(), value.strip_suffix(';')?.trim()))
+}
+
+/// Nothing but the table tells module types apart by their names.
+pub(super) fn module_types(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for file in tree.rust().filter(|file| file.is_in(TYPES_COUNT) && is_product(file) && file.path != KINDS) {
+        for ((number, code, test), text) in file.code_lines().zip(file.text.split('\n')) {
+            let is_comment = code.trim().is_empty();
+            if !test && !is_comment && (text.contains("type_name ==") && text.contains("cp") || names_a_cp(text)) {
+                findings.push(Finding {
+                    place: format!("{}:{number}", file.path),
+                    rule: "one owner",
+                    what: format!("a module type by its name: ask its row in {KINDS}"),
+                });
+            }
+        }
+    }
+    findings
+}
+
+fn is_product(file: &File) -> bool {
+    file.path.contains("/src/") && !file.path.ends_with("tests.rs") && !file.path.contains("/tests/")
+}
+
+/// A text that is a type's name as the station file has it.
+fn names_a_cp(line: &str) -> bool {
+    line.split("\"cp").skip(1).any(|rest| {
+        let mut digits = rest.chars();
+        digits.by_ref().take(3).filter(char::is_ascii_digit).count() == 3 && digits.next() == Some('"')
+    })
+}
+
+/// One verifier: nobody else makes a `Verified`, and nobody else has a function that verifies a program.
+pub(super) fn verifier(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for file in tree.rust().filter(|file| file.is_in(&["blocks", "runtime"]) && file.path != VERIFIER) {
+        for (number, line, test) in file.code_lines() {
+            let second = line.contains("struct Verified") || line.contains("fn verify(") || line.contains("fn verify<");
+            if second && !test {
+                findings.push(Finding {
+                    place: format!("{}:{number}", file.path),
+                    rule: "one owner",
+                    what: format!("a second verifier: what a program may be is decided in {VERIFIER}"),
+                });
+            }
+        }
+    }
+    findings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn places(findings: &[Finding]) -> Vec<&str> {
+        findings.iter().map(|finding| finding.place.as_str()).collect()
+    }
+
+    #[test]
+    fn a_wire_constant_of_ones_own_is_found() {
+        let tree = Tree::of(&[
+            ("plugins/words/src/cp240.rs", "pub const BLOCK_BYTES: usize = 12;\npub const FAILED: u16 = 0x2000;\n"),
+            ("plugins/cp240/src/a.rs", "pub(crate) const BLOCK_BYTES: u16 = 12;\nconst FAILED: u16 = 0x1E0F;\n"),
+            ("driver/firmware/src/a.rs", "const BLOCK_BYTES: u16 = cp240::BLOCK_BYTES as u16;\n"),
+            ("driver/firmware/src/b.rs", "// const FAILED: u16 = 0x2000;\npub const FAILED: u16 = 0x2000;\n"),
+        ]);
+        assert_eq!(places(&words(&tree)), ["plugins/cp240/src/a.rs:1", "driver/firmware/src/b.rs:2"]);
+    }
+
+    #[test]
+    fn a_module_type_by_its_name_is_found() {
+        let tree = Tree::of(&[
+            ("driver/params/src/kind.rs", "name: \"cp240\",\n"),
+            ("runtime/ob1/src/a.rs", "// \"cp341\"\nif view.type_name == \"cp341\" {}\n"),
+            (
+                "runtime/station/src/b.rs",
+                "let a = \"cp240_1\";\n#[cfg(test)]\nmod tests { const A: &str = \"cp240\"; }\n",
+            ),
+            ("runtime/station/tests/b.rs", "let a = \"cp240\";\n"),
+            ("driver/cp/src/a.rs", "match name { \"cp040\" => 1, _ => 2 }\n"),
+        ]);
+        assert_eq!(places(&module_types(&tree)), ["runtime/ob1/src/a.rs:2", "driver/cp/src/a.rs:1"]);
+    }
+
+    #[test]
+    fn a_second_verifier_is_found() {
+        let tree = Tree::of(&[
+            ("blocks/ir/src/verify.rs", "pub struct Verified<T>(T);\npub fn verify<T>() {}\n"),
+            ("runtime/cpu/src/engine/verify.rs", "fn verify(program: &Program) {}\n"),
+            ("runtime/cpu/src/a.rs", "fn verify_later() {}\n"),
+        ]);
+        assert_eq!(places(&verifier(&tree)), ["runtime/cpu/src/engine/verify.rs:1"]);
+    }
+}
