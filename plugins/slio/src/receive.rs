@@ -1,14 +1,9 @@
 //! CP -> host. [S3 "Receiving data"]
 
 use crate::Failure;
-use ob1_words::cp040::{FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, LAST, TELEGRAM_MAX, nibble};
+use ob1_words::cp040::{FIRST, HEAD_BYTES, IDLE, INFO_OFFSET, LAST, OFFSET_BYTES, RETURN_BYTES, TELEGRAM_MAX, nibble};
 
 use crate::wire::is_absent;
-
-/// Return value, in front of the data.
-const RETURN_BYTES: usize = 2;
-/// Offset, between length and return value, if there is one.
-const OFFSET_BYTES: usize = 2;
 
 /// Where a job is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -23,6 +23,12 @@ pub const INFO_PLAIN: u8 = 0x00;
 /// Telegram info: an offset word follows the length. [S3 L321]
 pub const INFO_OFFSET: u8 = 0x04;
 
+/// Offset, between length and return value, if there is one.
+pub const OFFSET_BYTES: usize = 2;
+
+/// Return value of the CP, in front of the data.
+pub const RETURN_BYTES: usize = 2;
+
 /// Idle, in every nibble.
 pub const IDLE: u8 = 0x8;
 /// First piece of several.

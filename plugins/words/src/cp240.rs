@@ -68,7 +68,13 @@ pub const LINE_DELTA_SHIFT: u16 = 6;
 pub const OFFSET_BYTES: usize = 2;
 
 /// The five bits above a count: what kind of word it is.
-const KIND: u16 = 0xF800;
+pub const KIND: u16 = 0xF800;
+
+/// RK 512: bytes of a header.
+pub const RK512_HEADER_BYTES: usize = 10;
+
+/// RK 512: bytes before the data of a result and of an answer.
+pub const RK512_RESULT_BYTES: usize = 4;
 
 /// Bits 0 to 10 hold a count; a word with any other bit set is none.
 pub const COUNT_BITS: u16 = 0x07FF;

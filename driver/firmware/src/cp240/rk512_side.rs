@@ -3,13 +3,10 @@
 
 use ob1_protocols::rk512::{Answer, Command, OrderError, Request};
 
-use ob1_words::cp240::{BLOCK_BYTES, BUFFER_BYTES, OWN_ORDER, PARTNER_ORDER, framed_count};
-
-/// Bytes of a header; what an order has in the send buffer beside its data.
-pub(crate) const HEADER_BYTES: usize = 10;
-
-/// Bytes before the data in a result and in an answer.
-const RESULT_BYTES: usize = 4;
+pub(crate) use ob1_words::cp240::RK512_HEADER_BYTES as HEADER_BYTES;
+use ob1_words::cp240::{
+    BLOCK_BYTES, BUFFER_BYTES, OWN_ORDER, PARTNER_ORDER, RK512_RESULT_BYTES as RESULT_BYTES, framed_count,
+};
 
 /// Third byte of a result: the error number is the partner's.
 const BY_PARTNER: u8 = 0;

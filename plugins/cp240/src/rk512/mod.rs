@@ -23,19 +23,14 @@ pub(crate) use all::{Evaluated, Header, evaluate};
 #[cfg(test)]
 pub(crate) use job::{Job, Phase, Step};
 
-/// Framing of an own order and of its result.
-pub(crate) const OWN: u16 = 0x0800;
-/// Framing of an order of the partner and of the answer; without a count, in `RX echo`: FC 4 is at work.
-pub(crate) const PARTNER: u16 = 0x1000;
-/// Bits 0 to 10: the count.
-const COUNT: u16 = crate::registers::COUNT_BITS;
-/// All bits above them: the framing, and what makes a word none of ours.
-const KIND: u16 = 0xF800;
+pub(crate) use ob1_words::cp240::{OWN_ORDER as OWN, PARTNER_ORDER as PARTNER};
+
+use ob1_words::cp240::{COUNT_BITS as COUNT, KIND, RK512_HEADER_BYTES, RK512_RESULT_BYTES};
 
 /// Bytes of a header.
-pub(crate) const HEADER_BYTES: u16 = 10;
+pub(crate) const HEADER_BYTES: u16 = RK512_HEADER_BYTES as u16;
 /// Bytes before the data of a result and of an answer.
-pub(crate) const RESULT_BYTES: u16 = 4;
+pub(crate) const RESULT_BYTES: u16 = RK512_RESULT_BYTES as u16;
 /// Longest order in words: 1024 bytes [S0 "Error message CP Byte 0"].
 pub(crate) const WORDS_MAX: i16 = 512;
 
