@@ -32,11 +32,10 @@ pub(crate) fn place(m: &Machine, cell: Cell, len: u32, write: bool) -> Result<st
     Ok(byte..byte + len as usize)
 }
 
-/// The same, as many as there are.
-pub(crate) fn upto(m: &Machine, cell: Cell, len: u32) -> Result<std::ops::Range<usize>, CellError> {
-    let (range, at) = range(m, cell, false)?.ok_or(CellError::Outside)?;
-    let there = range.len.checked_sub(at / 8).ok_or(CellError::Outside)?;
-    place(m, cell, len.min(there), false)
+/// All bytes of the area or data block a cell lies in.
+pub(crate) fn block(m: &Machine, cell: Cell) -> Result<&[u8], CellError> {
+    let (range, _) = range(m, cell, false)?.ok_or(CellError::Outside)?;
+    m.memory.bytes.get(range.bytes()).ok_or(CellError::Outside)
 }
 
 /// Whether a value can be written, without writing it. A module's answer is known only then.

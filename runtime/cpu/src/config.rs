@@ -124,6 +124,24 @@ pub enum OperatingState {
     Run,
 }
 
+impl OperatingState {
+    /// As a number: 0 STOP, 1 STARTUP, 2 RUN.
+    #[must_use]
+    pub const fn number(self) -> u8 {
+        self as u8
+    }
+
+    /// Of that number; any other is RUN.
+    #[must_use]
+    pub const fn of(number: u8) -> Self {
+        match number {
+            0 => Self::Stop,
+            1 => Self::Startup,
+            _ => Self::Run,
+        }
+    }
+}
+
 /// What an operator can ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {

@@ -4,6 +4,8 @@
 use std::sync::Arc;
 
 use ob1_model::Event;
+use ob1_std::moment::Moment;
+use ob1_std::services::WallClock as _;
 
 use crate::cells;
 use crate::context::Blocks;
@@ -15,7 +17,7 @@ use crate::port::AccessPort;
 use crate::{
     AccessClient, Accounts, Answer, Ask, Cell, CellError, CellWidth, Command, DiagEntry, InterruptError, LogReader,
     ModuleCounters, ModuleSlot, ModuleStatus, Nanos, ObStatistics, OperatingState, ScanRecord, ScanStatistics,
-    ShortText, Sums, Whereabouts,
+    ShortText, Sums, Whereabouts, Window,
 };
 
 /// A CPU with its program, modules and native blocks.
@@ -59,7 +61,7 @@ impl Cpu {
             machine,
             blocks,
             port,
-            exchange: Exchange::new(),
+            exchange: Exchange::default(),
             client: Some(client),
             log: Some(log),
             state: OperatingState::Stop,
@@ -78,9 +80,10 @@ impl Cpu {
         self.client.take()
     }
 
-    /// A link that reads and writes at the cycle control point; there are [`crate::LINKS`].
-    pub fn link(&mut self) -> Option<Link> {
-        self.exchange.link()
+    /// A link that reads and writes at the cycle control point, and the window its snapshots go to; there are
+    /// [`crate::LINKS`].
+    pub fn link(&mut self, window: Box<dyn Window>) -> Option<Link> {
+        self.exchange.link(window)
     }
 
     /// The reading end of the log; there is one.
@@ -289,6 +292,12 @@ impl Cpu {
             Ask::Diag(back) => Answer::Diag(*self.machine.diag.get(back as usize).ok_or(CellError::NoEntry)?),
             Ask::HardwareInterrupt { ob, address, point } => {
                 Answer::Interrupt(self.fire_hardware_interrupt(ob, address, point))
+            }
+            Ask::Clock => Answer::Clock(self.machine.wall.bytes(self.machine.hot.now)),
+            Ask::SetClock(bytes) => {
+                let moment = Moment::from_bytes(bytes).map_err(|_| CellError::Value)?;
+                self.machine.set_moment(moment);
+                Answer::Done
             }
             Ask::Module(index) => {
                 Answer::Module(self.machine.modules.status(index as usize).ok_or(CellError::NoModule)?)

@@ -39,10 +39,7 @@ impl Cpu {
         match self.state {
             OperatingState::Run if now < self.due && self.machine.interrupts.wants(now) => self.between_cycles(clock),
             // After a start-up the first cycle begins now: OB 100 is not part of it.
-            OperatingState::Run => {
-                self.exchange.serve(&mut self.machine, self.state);
-                self.run_cycle(now, clock)
-            }
+            OperatingState::Run => self.run_cycle(now, clock),
             _ => {
                 self.exchange.serve(&mut self.machine, self.state);
                 self.stop_cycle(clock)
@@ -63,6 +60,7 @@ impl Cpu {
             self.cycle_ms = [ms, least, most.max(ms)];
         }
         self.machine.cycle_start = start;
+        self.serve_links(clock);
         self.watch(start);
         self.machine.modules.begin_scan(start);
         let mut outputs_from = None;
@@ -107,6 +105,18 @@ impl Cpu {
             return CycleEnd { late, ..self.stop_cycle(clock) };
         }
         CycleEnd { next_deadline: self.next_deadline(), state: self.state, whole: true, late }
+    }
+
+    /// The exchange with the links, in the account of its own.
+    fn serve_links(&mut self, clock: &mut dyn Clock) {
+        if self.exchange.is_idle() {
+            self.exchange.serve(&mut self.machine, self.state);
+            return;
+        }
+        let began = clock.now();
+        self.exchange.serve(&mut self.machine, self.state);
+        let took = clock.now().saturating_sub(began);
+        self.machine.trace.exchanged(took);
     }
 
     /// Interrupts that come while the minimum cycle time is waited for.

@@ -1,53 +1,30 @@
 //! The exchange: what links read and write in the CPU, at the cycle control point.
 //!
-//! In this order: the outputs are out, then writes, then the snapshot, then the inputs come in; in STOP too. A link
-//! says which pieces of memory it watches; they are copied once, together, into a buffer it has brought. Its writes
-//! come in groups that land whole; a group's answer leaves after the snapshot that contains it. Everything goes through
-//! two rings of a link; what it brings goes back to it: the scan allocates and frees nothing, and waits for nobody.
+//! In this order: the outputs are out, then writes, then the snapshots, then the inputs come in; in STOP too. A link
+//! says which pieces of memory it watches; they are copied once, together, into its window ([`crate::Window`]). Its
+//! writes come in groups that land whole; a group's answer leaves after the snapshot that contains it. Everything else
+//! goes through two rings of a link; what it brings goes back to it: the scan allocates and frees nothing, and waits for
+//! nobody.
 
-use ob1_model::{Cell, CellError, CellWidth, Piece};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use ob1_model::{CellError, Frame, GROUP_ENTRIES, Head, Piece, Put, WRITE_BYTES, fits_a_share};
+use ob1_std::services::{StatusError, SystemStatus as _};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::cells;
 use crate::machine::Machine;
-use crate::{Nanos, OperatingState};
+use crate::{Mark, OperatingState, Window};
 
-/// Most entries of a group of writes.
-pub const GROUP_ENTRIES: usize = 64;
-/// Bytes of a group, and bytes of writes that one cycle control point takes from all links together.
-pub const WRITE_BYTES: usize = 4096;
-/// Bytes a link may watch.
-pub const WATCH_BYTES: usize = 64 * 1024;
-/// Cache lines a link may watch: scattered cells cost more than their bytes.
-pub const WATCH_LINES: usize = 4096;
 /// Links that can be had.
 pub const LINKS: usize = 8;
+/// Bytes of a system status list that a link can be given.
+pub const LIST_BYTES: usize = 8 * 1024;
 
-const LINE: u32 = 64;
-/// Snapshots under way: one that is filled, one that waits, one that is read.
-const BUFFERS: usize = 3;
 /// Orders and groups under way, of a link.
 const RING: usize = 32;
 /// Groups of a link that one cycle control point takes.
 const GROUPS: usize = 8;
-
-/// One thing to write.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Put {
-    /// A value into a cell; a bit changes no other bit of its byte.
-    Value(Cell, CellWidth, u32),
-    /// Bytes, from the byte of a cell in an area or a data block on.
-    Bytes(Cell, Box<[u8]>),
-}
-
-impl Put {
-    fn bytes(&self) -> usize {
-        match self {
-            Put::Value(_, width, _) => usize::from(width.bytes()),
-            Put::Bytes(_, bytes) => bytes.len(),
-        }
-    }
-}
 
 /// Writes that land together, or not at all.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -55,6 +32,7 @@ pub struct Group {
     id: u64,
     puts: Box<[Put]>,
     bytes: usize,
+    scan: u64,
     /// Which could not be written, and why; then none was.
     refused: Option<(usize, CellError)>,
 }
@@ -64,7 +42,7 @@ pub struct Group {
 pub enum TooMuch {
     /// More than [`GROUP_ENTRIES`] or [`WRITE_BYTES`].
     Group,
-    /// More than [`WATCH_BYTES`] or [`WATCH_LINES`].
+    /// More than a link's share: [`ob1_model::WATCH_BYTES`] or [`ob1_model::WATCH_LINES`].
     Watch,
     /// So many are under way already.
     UnderWay,
@@ -80,13 +58,19 @@ impl Group {
         if puts.len() > GROUP_ENTRIES || bytes > WRITE_BYTES {
             return Err(TooMuch::Group);
         }
-        Ok(Self { id, puts: puts.into(), bytes, refused: None })
+        Ok(Self { id, puts: puts.into(), bytes, scan: 0, refused: None })
     }
 
     /// The number it was given.
     #[must_use]
     pub const fn id(&self) -> u64 {
         self.id
+    }
+
+    /// The cycle control point at which it landed; the snapshot of that number contains it.
+    #[must_use]
+    pub const fn scan(&self) -> u64 {
+        self.scan
     }
 
     /// What became of it: `Err` names the entry that could not be written; then none was.
@@ -129,125 +113,140 @@ impl Group {
     }
 }
 
-/// What a link watches, with room for it.
+/// A system status list that a link asks for, as SFC 51 reads it.
+#[derive(Debug)]
+pub struct Listing {
+    id: u64,
+    list: u16,
+    index: u16,
+    bytes: Vec<u8>,
+    found: Result<u16, StatusError>,
+    whole: bool,
+}
+
+impl Listing {
+    /// List and index, with the link's own number.
+    #[must_use]
+    pub fn new(id: u64, list: u16, index: u16) -> Self {
+        Self { id, list, index, bytes: Vec::with_capacity(LIST_BYTES), found: Err(StatusError::NotNow), whole: true }
+    }
+
+    /// The number it was given.
+    #[must_use]
+    pub const fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// Length of a record, and the records; or why there are none.
+    ///
+    /// # Errors
+    /// What SFC 51 would answer.
+    pub fn found(&self) -> Result<(u16, &[u8]), StatusError> {
+        self.found.map(|record| (record, self.bytes.as_slice()))
+    }
+
+    /// Whether all of it is there; otherwise it is cut behind [`LIST_BYTES`].
+    #[must_use]
+    pub const fn is_whole(&self) -> bool {
+        self.whole
+    }
+
+    fn ask(&mut self, m: &mut Machine, state: OperatingState) {
+        let (bytes, whole) = (&mut self.bytes, &mut self.whole);
+        // Lists are made for a program that runs; whoever looks from outside sees STOP too.
+        m.seen_from_outside = Some(state);
+        self.found = m.list(self.list, self.index, &mut |record| {
+            if *whole && bytes.len() + record.len() <= bytes.capacity() {
+                bytes.extend_from_slice(record);
+            } else {
+                *whole = false;
+            }
+        });
+        m.seen_from_outside = None;
+    }
+}
+
+/// What a link watches.
 #[derive(Debug)]
 struct Watch {
     generation: u64,
-    pieces: Box<[Piece]>,
-    /// Filled by nobody at the moment.
-    free: [Option<Box<Snapshot>>; BUFFERS],
+    frame: Frame,
 }
 
-/// What a piece of a snapshot holds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Filled {
-    /// So many of its bytes exist.
-    pub len: u32,
-    /// Why not all of them.
-    pub error: Option<CellError>,
-}
-
-/// The watched pieces, one behind the other, as they were at one cycle control point.
-#[derive(Debug)]
-pub struct Snapshot {
-    generation: u64,
-    scan: u64,
-    time: Nanos,
-    state: OperatingState,
-    bytes: Box<[u8]>,
-    filled: Box<[Filled]>,
-}
-
-impl Snapshot {
-    /// The number [`Link::watch`] has given for what is in it.
-    #[must_use]
-    pub const fn generation(&self) -> u64 {
-        self.generation
-    }
-
-    /// Counts the cycle control points, those in STOP included.
-    #[must_use]
-    pub const fn scan(&self) -> u64 {
-        self.scan
-    }
-
-    /// When.
-    #[must_use]
-    pub const fn time(&self) -> Nanos {
-        self.time
-    }
-
-    /// The operating state then.
-    #[must_use]
-    pub const fn state(&self) -> OperatingState {
-        self.state
-    }
-
-    /// The bytes of all pieces, one behind the other.
-    #[must_use]
-    pub const fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-
-    /// What each piece holds.
-    #[must_use]
-    pub const fn filled(&self) -> &[Filled] {
-        &self.filled
-    }
-
-    fn fill(&mut self, m: &mut Machine, pieces: &[Piece]) {
-        let mut rest = &mut *self.bytes;
-        for (piece, filled) in pieces.iter().zip(&mut self.filled) {
-            let (into, behind) = rest.split_at_mut((piece.len() as usize).min(rest.len()));
-            rest = behind;
-            *filled = copy(m, piece, into);
-            if let Some(missing) = into.get_mut(filled.len as usize..) {
-                missing.fill(0);
+/// Fills the words of a window; a data block is found by its number, because it may have been made or deleted since.
+fn fill(m: &mut Machine, frame: &Frame, words: &[AtomicU64]) {
+    let put = |at: usize, word: u64| {
+        if let Some(cell) = words.get(at) {
+            cell.store(word, Ordering::Relaxed);
+        }
+    };
+    for run in frame.runs() {
+        let Some(pieces) = frame.pieces().get(run.first..run.end) else { continue };
+        match pieces.first() {
+            Some(Piece::Value(cell, width)) => put(run.head, Head::of(cells::read(m, *cell, *width)).word()),
+            Some(Piece::Bytes { at, .. }) => {
+                let block = cells::block(m, *at);
+                put(run.head, Head::of(block.map(|bytes| bytes.len() as u32)).word());
+                let Ok(block) = block else { continue };
+                let mut rest = words.get(run.head + 1..).unwrap_or_default();
+                for piece in pieces {
+                    let Piece::Bytes { at, len } = *piece else { continue };
+                    let (into, behind) = rest.split_at((len.div_ceil(8) as usize).min(rest.len()));
+                    rest = behind;
+                    let from = at.byte() as usize;
+                    // As many as there are: the head says how many that is.
+                    let there = block.get(from..block.len().min(from.saturating_add(len as usize)));
+                    copy(there.unwrap_or_default(), into);
+                }
             }
+            None => {}
         }
     }
 }
 
-/// One piece; a data block is found by its number, because it may have been made or deleted since.
-fn copy(m: &mut Machine, piece: &Piece, into: &mut [u8]) -> Filled {
-    match *piece {
-        Piece::Bytes { at, .. } => match cells::upto(m, at, into.len() as u32) {
-            Ok(place) => {
-                let there = m.memory.bytes.get(place).unwrap_or_default();
-                let len = there.len().min(into.len());
-                into[..len].copy_from_slice(&there[..len]);
-                let error = (len < into.len()).then_some(CellError::Outside);
-                Filled { len: len as u32, error }
-            }
-            Err(error) => Filled { len: 0, error: Some(error) },
-        },
-        Piece::Value(cell, width) => match cells::read(m, cell, width) {
-            Ok(value) => {
-                let bytes = value.to_be_bytes();
-                let len = into.len().min(bytes.len());
-                into[..len].copy_from_slice(&bytes[bytes.len() - len..]);
-                Filled { len: len as u32, error: None }
-            }
-            Err(error) => Filled { len: 0, error: Some(error) },
-        },
+/// Bytes into whole words.
+#[inline]
+fn copy(bytes: &[u8], into: &[AtomicU64]) {
+    let (whole, rest) = bytes.as_chunks::<8>();
+    for (word, bytes) in into.iter().zip(whole) {
+        word.store(u64::from_ne_bytes(*bytes), Ordering::Relaxed);
     }
+    if rest.is_empty() {
+        return;
+    }
+    let Some(last) = into.get(whole.len()) else { return };
+    let mut bytes = [0; 8];
+    // The usual lengths without a loop.
+    match rest {
+        [a, b] => bytes[..2].copy_from_slice(&[*a, *b]),
+        [a, b, c, d] => bytes[..4].copy_from_slice(&[*a, *b, *c, *d]),
+        _ => bytes.iter_mut().zip(rest).for_each(|(to, from)| *to = *from),
+    }
+    last.store(u64::from_ne_bytes(bytes), Ordering::Relaxed);
 }
 
 /// To the CPU.
 enum Order {
     Watch(Box<Watch>),
-    /// A buffer that has been read.
-    Read(Box<Snapshot>),
     Group(Box<Group>),
+    List(Box<Listing>),
 }
 
 /// From the CPU.
 enum Back {
-    Snapshot(Box<Snapshot>),
     Group(Box<Group>),
-    /// A watch that is no more, and a buffer of such a one: to be freed.
+    List(Box<Listing>),
+    /// A watch that is no more: to be freed.
     OldWatch(#[expect(dead_code, reason = "it comes back to be freed")] Box<Watch>),
-    OldSnapshot(#[expect(dead_code, reason = "it comes back to be freed")] Box<Snapshot>),
+}
+
+/// What comes back to a link.
+#[derive(Debug)]
+pub enum Returned {
+    /// A group has landed or was refused. The newest snapshot contains it.
+    Group(Box<Group>),
+    /// A list.
+    List(Box<Listing>),
 }
 
 /// A link's end. It belongs to one thread.
@@ -255,8 +254,6 @@ enum Back {
 pub struct Link {
     orders: Producer<Order>,
     back: Consumer<Back>,
-    newest: Option<Box<Snapshot>>,
-    answers: std::collections::VecDeque<Box<Group>>,
     generation: u64,
 }
 
@@ -273,35 +270,28 @@ impl std::fmt::Debug for Back {
 }
 
 impl Link {
-    /// Watches these pieces from the next cycle control point on, instead of those before. The number its snapshots
-    /// have.
+    /// Watches these pieces from the next cycle control point on, instead of those before. Their snapshots carry
+    /// `generation`.
     ///
     /// # Errors
     /// [`TooMuch`].
-    pub fn watch(&mut self, pieces: &[Piece]) -> Result<u64, TooMuch> {
-        let bytes: usize = pieces.iter().map(|piece| piece.len() as usize).sum();
-        let lines: usize = pieces.iter().map(|piece| (piece.len().div_ceil(LINE) + 1) as usize).sum();
-        if bytes > WATCH_BYTES || lines > WATCH_LINES {
+    pub fn watch(&mut self, generation: u64, frame: Frame) -> Result<(), TooMuch> {
+        if !fits_a_share(frame.pieces().iter().copied()) {
             return Err(TooMuch::Watch);
         }
-        let generation = self.generation + 1;
-        let buffer = || {
-            Some(Box::new(Snapshot {
-                generation,
-                scan: 0,
-                time: 0,
-                state: OperatingState::Stop,
-                bytes: vec![0; bytes].into(),
-                filled: vec![Filled::default(); pieces.len()].into(),
-            }))
-        };
-        let watch = Watch { generation, pieces: pieces.into(), free: [buffer(), buffer(), buffer()] };
-        self.orders.push(Order::Watch(Box::new(watch))).map_err(|_| TooMuch::UnderWay)?;
+        let watch = Box::new(Watch { generation, frame });
+        self.orders.push(Order::Watch(watch)).map_err(|_| TooMuch::UnderWay)?;
         self.generation = generation;
-        Ok(generation)
+        Ok(())
     }
 
-    /// Hands a group over; its answer comes with [`Link::answer`].
+    /// The generation that was watched last.
+    #[must_use]
+    pub const fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Hands a group over; it comes back with [`Link::take`].
     ///
     /// # Errors
     /// Too much is under way: the group.
@@ -313,37 +303,23 @@ impl Link {
         }
     }
 
-    /// Takes what the CPU has sent. A snapshot that is not the newest goes back at once.
-    pub fn take(&mut self) {
-        while let Ok(back) = self.back.pop() {
-            match back {
-                Back::Snapshot(snapshot) => {
-                    if let Some(read) = self.newest.replace(snapshot) {
-                        self.give_back(read);
-                    }
-                }
-                Back::Group(group) => self.answers.push_back(group),
-                Back::OldWatch(_) | Back::OldSnapshot(_) => {}
+    /// Asks for a system status list; it comes back with [`Link::take`].
+    ///
+    /// # Errors
+    /// Too much is under way.
+    pub fn list(&mut self, listing: Listing) -> Result<(), TooMuch> {
+        self.orders.push(Order::List(Box::new(listing))).map_err(|_| TooMuch::UnderWay)
+    }
+
+    /// The next thing that has come back.
+    pub fn take(&mut self) -> Option<Returned> {
+        loop {
+            match self.back.pop().ok()? {
+                Back::Group(group) => return Some(Returned::Group(group)),
+                Back::List(listing) => return Some(Returned::List(listing)),
+                Back::OldWatch(_) => {}
             }
         }
-    }
-
-    fn give_back(&mut self, read: Box<Snapshot>) {
-        if read.generation == self.generation {
-            // A ring without room: this link has one buffer less until it watches anew.
-            let _ = self.orders.push(Order::Read(read));
-        }
-    }
-
-    /// The newest snapshot that [`Link::take`] has found.
-    #[must_use]
-    pub fn newest(&self) -> Option<&Snapshot> {
-        self.newest.as_deref()
-    }
-
-    /// The next answer to a group. The newest snapshot contains it.
-    pub fn answer(&mut self) -> Option<Group> {
-        self.answers.pop_front().map(|group| *group)
     }
 
     /// True when the CPU is gone.
@@ -354,20 +330,19 @@ impl Link {
 }
 
 /// The CPU's end of a link.
-#[derive(Debug)]
 struct End {
     orders: Consumer<Order>,
     back: Producer<Back>,
+    window: Box<dyn Window>,
     watch: Option<Box<Watch>>,
     /// Groups that have landed and whose answers wait for the snapshot.
     landed: [Option<Box<Group>>; GROUPS],
 }
 
 /// The CPU's end of all links.
-#[derive(Debug)]
+#[derive(Default)]
 pub(crate) struct Exchange {
     ends: Vec<End>,
-    links: Vec<Link>,
     /// Cycle control points so far.
     scan: u64,
     /// Whose group comes first this time.
@@ -375,45 +350,42 @@ pub(crate) struct Exchange {
 }
 
 impl Exchange {
-    /// With [`LINKS`] links that can be handed out.
-    pub(crate) fn new() -> Self {
-        let (mut ends, mut links) = (Vec::with_capacity(LINKS), Vec::with_capacity(LINKS));
-        for _ in 0..LINKS {
-            let (to_cpu, orders) = RingBuffer::new(RING);
-            // For all groups, all snapshots and a watch that goes.
-            let (back, from_cpu) = RingBuffer::new(2 * RING);
-            ends.push(End { orders, back, watch: None, landed: [const { None }; GROUPS] });
-            let answers = std::collections::VecDeque::new();
-            links.push(Link { orders: to_cpu, back: from_cpu, newest: None, answers, generation: 0 });
+    /// Another link, unless there are [`LINKS`].
+    pub(crate) fn link(&mut self, window: Box<dyn Window>) -> Option<Link> {
+        if self.ends.len() == LINKS {
+            return None;
         }
-        Self { ends, links, scan: 0, first: 0 }
+        let (to_cpu, orders) = RingBuffer::new(RING);
+        // For all orders, and the watch that goes with each.
+        let (back, from_cpu) = RingBuffer::new(2 * RING);
+        self.ends.push(End { orders, back, window, watch: None, landed: [const { None }; GROUPS] });
+        Some(Link { orders: to_cpu, back: from_cpu, generation: 0 })
     }
 
-    /// A link that nobody has yet.
-    pub(crate) fn link(&mut self) -> Option<Link> {
-        self.links.pop()
+    /// Whether there is anything to do for a link at this cycle control point.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.ends.iter().all(|end| end.watch.is_none() && end.orders.is_empty())
     }
 
     /// The cycle control point: writes, then the snapshots, then the answers.
     pub(crate) fn serve(&mut self, m: &mut Machine, state: OperatingState) {
         self.scan += 1;
-        self.writes(m);
+        self.writes(m, state);
         for end in &mut self.ends {
-            if end.snapshot(m, self.scan, state) {
-                end.answers();
-            }
+            end.snapshot(m, self.scan, state);
+            end.answers(self.scan);
         }
     }
 
     /// One group of each link in turn, until there is none or the bytes of this scan are used up.
-    fn writes(&mut self, m: &mut Machine) {
-        let mut left = WRITE_BYTES;
-        self.first = (self.first + 1) % LINKS;
+    fn writes(&mut self, m: &mut Machine, state: OperatingState) {
+        let (mut left, links) = (WRITE_BYTES, self.ends.len().max(1));
+        self.first = (self.first + 1) % links;
         for _ in 0..GROUPS {
             let mut any = false;
-            for turn in 0..LINKS {
-                let end = &mut self.ends[(self.first + turn) % LINKS];
-                any |= end.one_group(m, &mut left);
+            for turn in 0..self.ends.len() {
+                let end = &mut self.ends[(self.first + turn) % links];
+                any |= end.one_group(m, state, &mut left);
             }
             if !any {
                 return;
@@ -424,17 +396,19 @@ impl Exchange {
 
 impl End {
     /// Takes orders up to the next group, and lands that; false when there is none for this scan.
-    fn one_group(&mut self, m: &mut Machine, left: &mut usize) -> bool {
+    fn one_group(&mut self, m: &mut Machine, state: OperatingState, left: &mut usize) -> bool {
         let Some(place) = self.landed.iter().position(Option::is_none) else { return false };
+        let mut listed = false;
         loop {
             // What is taken must find room on its way back.
-            if self.back.slots() < GROUPS + BUFFERS + 1 {
+            if self.back.slots() < GROUPS + 1 {
                 return false;
             }
-            if let Ok(Order::Group(group)) = self.orders.peek()
-                && group.bytes > *left
-            {
-                return false;
+            match self.orders.peek() {
+                Ok(Order::Group(group)) if group.bytes > *left => return false,
+                // One list at a time: each is work.
+                Ok(Order::List(_)) if listed => return false,
+                _ => {}
             }
             match self.orders.pop() {
                 Ok(Order::Group(mut group)) => {
@@ -448,42 +422,26 @@ impl End {
                         let _ = self.back.push(Back::OldWatch(old));
                     }
                 }
-                Ok(Order::Read(snapshot)) => self.keep(snapshot),
+                Ok(Order::List(mut listing)) => {
+                    listing.ask(m, state);
+                    listed = true;
+                    let _ = self.back.push(Back::List(listing));
+                }
                 Err(_) => return false,
             }
         }
     }
 
-    /// A buffer is free again, or belongs to a watch that is no more and goes back to be freed.
-    fn keep(&mut self, snapshot: Box<Snapshot>) {
-        let watch = self.watch.as_mut().filter(|watch| watch.generation == snapshot.generation);
-        match watch.and_then(|watch| watch.free.iter_mut().find(|place| place.is_none())) {
-            Some(place) => *place = Some(snapshot),
-            None => {
-                let _ = self.back.push(Back::OldSnapshot(snapshot));
-            }
-        }
+    fn snapshot(&mut self, m: &mut Machine, scan: u64, state: OperatingState) {
+        let Some(watch) = self.watch.as_deref().filter(|watch| !watch.frame.pieces().is_empty()) else { return };
+        let mark = Mark { generation: watch.generation, scan, time: m.hot.now, state };
+        self.window.put(mark, &mut |words| fill(m, &watch.frame, words));
     }
 
-    /// Fills a snapshot; false when the link has no buffer free and its answers have to wait.
-    fn snapshot(&mut self, m: &mut Machine, scan: u64, state: OperatingState) -> bool {
-        let Some(watch) = &mut self.watch else { return true };
-        if watch.pieces.is_empty() {
-            return true;
-        }
-        if self.back.slots() < GROUPS + 1 {
-            return false;
-        }
-        let Some(mut snapshot) = watch.free.iter_mut().find_map(Option::take) else { return false };
-        (snapshot.scan, snapshot.time, snapshot.state) = (scan, m.hot.now, state);
-        snapshot.fill(m, &watch.pieces);
-        let _ = self.back.push(Back::Snapshot(snapshot));
-        true
-    }
-
-    fn answers(&mut self) {
+    fn answers(&mut self, scan: u64) {
         for place in &mut self.landed {
-            if let Some(group) = place.take() {
+            if let Some(mut group) = place.take() {
+                group.scan = scan;
                 let _ = self.back.push(Back::Group(group));
             }
         }

@@ -50,13 +50,14 @@ pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagEntry, ShortText};
 pub use error::LoadError;
 pub use events::InterruptError;
-pub use exchange::{
-    Filled, GROUP_ENTRIES, Group, LINKS, Link, Put, Snapshot, TooMuch, WATCH_BYTES, WATCH_LINES, WRITE_BYTES,
-};
+pub use exchange::{Group, LINKS, LIST_BYTES, Link, Listing, Returned, TooMuch};
 pub use log::{LOG_TEXT, LogLine, LogReader};
 pub use machine::Interrupt;
 pub use nesting::{MOST_STACK_BYTES, PLUGIN_STACK_BYTES};
-pub use ob1_model::{Cell, CellError, CellWidth, Piece};
+pub use ob1_model::{
+    Cell, CellError, CellWidth, Frame, GROUP_ENTRIES, Piece, Put, WATCH_BYTES, WATCH_LINES, WRITE_BYTES,
+};
+pub use ob1_std::services::StatusError;
 pub use port::{AccessClient, Answer, Ask, Request, Response};
 pub use ports::*;
 pub use retentive::{DataRange, Retentive, RetentiveData, Why};

@@ -116,6 +116,7 @@ impl Cpu {
             log,
             interrupt,
             wall: Wall::new(config.date_at_start),
+            seen_from_outside: None,
             statements: 0,
             hot: Hot::default(),
             pace: 0,

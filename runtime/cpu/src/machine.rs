@@ -14,7 +14,7 @@ use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
 use crate::whereabouts::Whereabouts;
-use crate::{CpuConfig, DiagBuffer, IoError, Memory, Modules, Nanos, ObInfo};
+use crate::{CpuConfig, DiagBuffer, IoError, Memory, Modules, Nanos, ObInfo, OperatingState};
 
 /// Flags that other threads may set; the scan looks at them at safe points.
 #[derive(Clone, Debug, Default)]
@@ -90,6 +90,8 @@ pub(crate) struct Machine {
     pub(crate) class_ob: u16,
     /// The date behind `now`.
     pub(crate) wall: Wall,
+    /// While a link asks for a list: the operating state it sees.
+    pub(crate) seen_from_outside: Option<OperatingState>,
     /// When the last start-up began.
     pub(crate) started: Nanos,
     /// Where the scan is, for others.

@@ -31,6 +31,10 @@ pub enum Ask {
     },
     /// The module with this index in the order they were given to the CPU.
     Module(u32),
+    /// Date and time of day of the CPU.
+    Clock,
+    /// Sets them, as SFC 0 does: the eight bytes of a DATE_AND_TIME.
+    SetClock([u8; 8]),
 }
 
 /// What the CPU answers.
@@ -46,6 +50,8 @@ pub enum Answer {
     Interrupt(Result<(), InterruptError>),
     /// A module's state.
     Module(ModuleStatus),
+    /// The eight bytes of a DATE_AND_TIME.
+    Clock([u8; 8]),
     /// Refused.
     Refused(CellError),
 }

@@ -1,6 +1,9 @@
 //! What the CPU is given: a clock, modules, and native blocks, all as trait objects. It knows nothing of plugins,
 //! drivers or operating systems.
 
+use std::sync::atomic::AtomicU64;
+
+use crate::OperatingState;
 use ob1_model::{BlockId, Event, FaultKind, Interface, TimerKind};
 
 /// Nanoseconds since the runtime started.
@@ -24,6 +27,25 @@ pub trait Clock {
     /// A block waits inside the scan (SFC 47) until `deadline`, or until something is due before. A virtual clock moves
     /// there. A real one has nothing to do: its time goes on by itself, and a scan does not sleep.
     fn wait(&mut self, _deadline: Nanos) {}
+}
+
+/// What is said of a snapshot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mark {
+    /// The number that [`crate::Link::watch`] was given.
+    pub generation: u64,
+    /// Counts the cycle control points, those in STOP included.
+    pub scan: u64,
+    /// When.
+    pub time: Nanos,
+    /// The operating state then.
+    pub state: OperatingState,
+}
+
+/// Where the snapshots of a link go. Called by the scan: it allocates nothing and waits for nobody.
+pub trait Window: Send {
+    /// Makes the next snapshot: calls `fill` once, with room for [`ob1_model::FRAME_WORDS`] words.
+    fn put(&mut self, mark: Mark, fill: &mut dyn FnMut(&[AtomicU64]));
 }
 
 /// Why a module cannot be accessed.

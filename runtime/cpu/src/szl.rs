@@ -4,7 +4,7 @@
 //! Layouts are those of the reference. An ID is list (low byte), extract (bits 8 to 11) and module class (bits 12 to
 //! 15, 0: CPU). ["System Status Lists (SSL)" of the system software reference]
 
-use ob1_model::BlockKind;
+use ob1_model::{BlockKind, StateChange};
 use ob1_std::services::{RunTimes, StatusError, SystemStatus};
 
 use crate::interrupts::{priority_of, slot_of};
@@ -12,7 +12,7 @@ use crate::machine::Machine;
 use crate::modules::{Plugged, SLOT};
 use crate::szl_outside;
 use crate::wall::Wall;
-use crate::{DiagEntry, Family, ModuleEntry};
+use crate::{DiagEntry, Family, ModuleEntry, OperatingState};
 
 /// Who gets the records.
 pub(crate) type Each<'a> = &'a mut dyn FnMut(&[u8]);
@@ -238,17 +238,31 @@ impl Machine {
 
     fn leds(&self, index: Option<u16>, each: Each<'_>) -> Length {
         let fault = self.modules.list.iter().any(|plugged| plugged.lost || !plugged.module.status().present);
-        let start_up = matches!(self.class_ob, 100..=102);
+        let state = self.state_shown();
         chosen(&LEDS, index, &mut |led| {
-            // The program runs: RUN, flashing at 2 Hz in the start-up.
+            // RUN flashes at 2 Hz in the start-up.
             let (on, blink) = match led {
                 0x0001 => (fault, 0),
-                0x0004 => (true, u8::from(start_up)),
+                0x0004 => (state != OperatingState::Stop, u8::from(state == OperatingState::Startup)),
+                0x0005 => (state == OperatingState::Stop, 0),
                 _ => (false, 0),
             };
             each(&Record::<4>::new().word(led).put(&[u8::from(on), blink]).bytes);
         })?;
         Ok(4)
+    }
+
+    /// The event of the last transition to STOP that is still in the buffer.
+    fn last_stop(&self) -> u16 {
+        let is_stop =
+            |entry: &&DiagEntry| matches!(entry.event.state_change(), Some(StateChange::Stop | StateChange::Fault));
+        self.diag.iter().find(is_stop).map_or(0x4304, |entry| entry.event.0)
+    }
+
+    /// For a program that asks: it runs, or its start-up does.
+    fn state_shown(&self) -> OperatingState {
+        let inside = if matches!(self.class_ob, 100..=102) { OperatingState::Startup } else { OperatingState::Run };
+        self.seen_from_outside.unwrap_or(inside)
     }
 
     /// Names: of the station and of the module, the plant's (none), copyright, module type.
@@ -296,8 +310,12 @@ impl Machine {
 
     /// The last transition: its event, this state (6: STARTUP, 8: RUN) and that before.
     fn operating_state(&self, each: Each<'_>) -> Length {
-        let start_up = matches!(self.class_ob, 100..=102);
-        let (event, now, before) = if start_up { (0x4301, 0x06, 0x04) } else { (0x4302, 0x08, 0x06) };
+        let (event, now, before) = match self.state_shown() {
+            // What led to STOP, if it is still in the buffer.
+            OperatingState::Stop => (self.last_stop(), 0x04, 0x08),
+            OperatingState::Startup => (0x4301, 0x06, 0x04),
+            OperatingState::Run => (0x4302, 0x08, 0x06),
+        };
         // Request of the start-up, and its OB10x_STRT_INFO but for the first byte.
         let start = &self.services.start_up;
         let record = Record::<20>::new().word(event).put(&[0xFF, before << 4 | now]).long(0);

@@ -5,6 +5,7 @@ mod common;
 use std::alloc::System;
 
 use common::rack::TestModule;
+use common::window::Looker;
 use common::*;
 use ob1_cpu::{
     Ask, Cell, CellWidth, Cpu, CpuConfig, CyclicInterrupt, Module, ModuleSlot, Piece, Request, system_blocks,
@@ -55,7 +56,7 @@ fn ten_thousand_cycles_allocate_nothing() {
     let cpu = Cpu::new(config, &program, system_blocks(), modules, common::engine()).expect("loads");
     let mut bench = Bench::with(cpu);
     let mut client = bench.cpu.access_client().expect("the first");
-    let mut link = bench.cpu.link().expect("the first");
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
     let pieces = [Piece::Bytes { at: Cell::Db(3, 0), len: 4 }, Piece::Value(Cell::Counter(1), CellWidth::Word)];
     link.watch(&pieces).expect("little");
     bench.run();
@@ -68,13 +69,13 @@ fn ten_thousand_cycles_allocate_nothing() {
             bench.cpu.fire_hardware_interrupt(40, 256, id).expect("room");
             bench.cycle();
             while client.take().is_some() {}
-            link.take();
+            while link.link.take().is_some() {}
         }
         let change = region.change();
         (change.allocations, change.reallocations, change.deallocations) == (0, 0, 0)
     });
     assert!(quiet, "each of five rounds of 10,000 cycles allocated");
-    assert!(link.newest().is_some_and(|snapshot| snapshot.scan() > 9_000), "snapshots were taken all the while");
+    assert!(link.mark().is_some_and(|mark| mark.scan > 9_000), "snapshots were taken all the while");
     assert_ne!(bench.dbw(3, 0), 0, "the program ran");
     assert_eq!(bench.cpu.state(), ob1_cpu::OperatingState::Run);
     let figures: Vec<_> = bench.cpu.ob_statistics().filter(|o| [35, 40].contains(&o.ob)).collect();

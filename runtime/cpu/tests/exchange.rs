@@ -2,10 +2,11 @@
 
 mod common;
 
+use common::window::Looker;
 use common::*;
 use ob1_cpu::{
-    Cell, CellError, CellWidth, Command, Cpu, CpuConfig, GROUP_ENTRIES, Group, LINKS, Link, OperatingState, Piece, Put,
-    TooMuch, WATCH_BYTES, WRITE_BYTES,
+    Cell, CellError, CellWidth, Command, Cpu, CpuConfig, GROUP_ENTRIES, Group, LINKS, Listing, OperatingState, Piece,
+    Put, StatusError, TooMuch, WATCH_BYTES, WRITE_BYTES,
 };
 use ob1_ir::{NumberFormat, Op};
 use ob1_model::Area;
@@ -38,11 +39,6 @@ fn bytes(at: Cell, len: u32) -> Piece {
     Piece::Bytes { at, len }
 }
 
-fn word(link: &Link, at: usize) -> u16 {
-    let bytes = link.newest().expect("a snapshot").bytes();
-    u16::from_be_bytes([bytes[at], bytes[at + 1]])
-}
-
 fn group(id: u64, puts: &[Put]) -> Group {
     Group::new(id, puts.to_vec()).expect("little")
 }
@@ -50,18 +46,17 @@ fn group(id: u64, puts: &[Put]) -> Group {
 #[test]
 fn everything_watched_is_of_one_scan() {
     let mut bench = bench();
-    let mut link = bench.cpu.link().expect("the first");
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
     let generation =
         link.watch(&[bytes(memory(0), 2), bytes(Cell::Db(7, 0), 2), bytes(memory(100), 2)]).expect("little");
     let mut last = 0;
     for _ in 0..200 {
         bench.cycle();
-        link.take();
-        let snapshot = link.newest().expect("a snapshot");
-        assert!(snapshot.scan() > last && snapshot.generation() == generation);
-        last = snapshot.scan();
-        let count = word(&link, 0);
-        assert_eq!((word(&link, 2), word(&link, 4)), (count, count), "of one scan");
+        let mark = link.mark().expect("a snapshot");
+        assert!(mark.scan > last && mark.generation == generation);
+        last = mark.scan;
+        let count = link.word(0);
+        assert_eq!((link.word(1), link.word(2)), (count, count), "of one scan");
         // It is taken before the program runs.
         assert_eq!(bench.mw(0), u32::from(count) + 1);
     }
@@ -70,7 +65,7 @@ fn everything_watched_is_of_one_scan() {
 #[test]
 fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
     let mut bench = bench();
-    let mut link = bench.cpu.link().expect("the first");
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
     link.watch(&[bytes(memory(20), 4), bytes(Cell::Db(7, 100 * 8), 4)]).expect("little");
     let puts = [
         Put::Value(memory(20), CellWidth::Word, 0x1234),
@@ -78,13 +73,13 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
         Put::Value(Cell::Area(Area::Memory, 24 * 8 + 3), CellWidth::Bit, 1),
     ];
     bench.set(24, CellWidth::Byte, 0x80);
-    link.write(group(5, &puts)).expect("room");
+    link.link.write(group(5, &puts)).expect("room");
     bench.cycle();
-    link.take();
     let answer = link.answer().expect("landed");
     assert_eq!((answer.id(), answer.outcome()), (5, Ok(())));
+    assert_eq!(link.mark().map(|mark| mark.scan), Some(answer.scan()), "the snapshot that contains it");
     // Before the program: MW 22 is the old one, MW 20 the new one.
-    assert_eq!(link.newest().expect("it came first").bytes(), [0x12, 0x34, 0, 0, 1, 2, 3, 4]);
+    assert_eq!((link.piece(0), link.piece(1)), (Ok(vec![0x12, 0x34, 0, 0]), Ok(vec![1, 2, 3, 4])));
     assert_eq!(bench.mw(22), 0x1234, "the program of the same cycle sees it");
     assert_eq!(bench.mb(24), 0x88, "a bit changes no other");
 
@@ -99,9 +94,8 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
         (Put::Value(Cell::Timer(1), CellWidth::Word, 0), CellError::ReadOnly),
         (Put::Bytes(Cell::Counter(1), Box::from([1])), CellError::Outside),
     ] {
-        link.write(group(6, &[Put::Value(memory(20), CellWidth::Word, 0xFFFF), wrong.clone()])).expect("room");
+        link.link.write(group(6, &[Put::Value(memory(20), CellWidth::Word, 0xFFFF), wrong.clone()])).expect("room");
         bench.cycle();
-        link.take();
         assert_eq!(link.answer().expect("an answer").outcome(), Err((1, error)), "{wrong:?}");
         assert_eq!(bench.mw(20), 0x1234, "{wrong:?}: nothing was written");
     }
@@ -110,28 +104,27 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
 #[test]
 fn in_stop_too() {
     let mut bench = bench();
-    let mut link = bench.cpu.link().expect("the first");
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
     bench.cpu.request(Command::Stop);
     bench.cycle();
     link.watch(&[bytes(memory(20), 2)]).expect("little");
-    link.write(group(1, &[Put::Value(memory(20), CellWidth::Word, 7)])).expect("room");
+    link.link.write(group(1, &[Put::Value(memory(20), CellWidth::Word, 7)])).expect("room");
     assert_eq!(bench.cycle().state, OperatingState::Stop);
-    link.take();
     assert_eq!(link.answer().map(|answer| answer.outcome()), Some(Ok(())));
-    assert_eq!((word(&link, 0), link.newest().map(|s| s.state())), (7, Some(OperatingState::Stop)));
+    assert_eq!((link.word(0), link.mark().map(|mark| mark.state)), (7, Some(OperatingState::Stop)));
 }
 
 /// Each link writes in turn, none more than its share, all together no more than the bytes of one scan.
 #[test]
 fn links_take_turns_within_the_bytes_of_a_scan() {
     let mut bench = bench();
-    let mut links: Vec<Link> = (0..LINKS).map(|_| bench.cpu.link().expect("there are so many")).collect();
-    assert!(bench.cpu.link().is_none());
+    let mut links: Vec<Looker> = (0..LINKS).map(|_| Looker::of(&mut bench.cpu).expect("there are so many")).collect();
+    assert!(Looker::of(&mut bench.cpu).is_none());
     let half = |fill: u8| Put::Bytes(Cell::Db(7, 0), vec![fill; 500].into());
     for (number, link) in links.iter_mut().enumerate() {
         for id in 0..4 {
             let puts: Vec<Put> = (0..3).map(|_| half(number as u8)).collect();
-            link.write(group(id, &puts)).expect("room");
+            link.link.write(group(id, &puts)).expect("room");
         }
     }
     let mut landed = vec![0; LINKS];
@@ -141,7 +134,6 @@ fn links_take_turns_within_the_bytes_of_a_scan() {
         scans += 1;
         let mut now = 0;
         for (link, landed) in links.iter_mut().zip(&mut landed) {
-            link.take();
             while let Some(answer) = link.answer() {
                 assert_eq!((answer.id(), answer.outcome()), (*landed as u64, Ok(())), "in order");
                 *landed += 1;
@@ -155,14 +147,15 @@ fn links_take_turns_within_the_bytes_of_a_scan() {
     assert!(scans >= 4 * LINKS * 1500 / WRITE_BYTES, "{scans}");
 }
 
-/// It has its snapshot as soon as it reads again; until then the CPU goes on, and the answers wait.
+/// It has the newest snapshot when it looks again; until then the CPU goes on, and what finds no room on its way back
+/// waits.
 #[test]
 fn a_reader_that_sleeps_changes_nothing() {
     let mut bench = bench();
-    let mut link = bench.cpu.link().expect("the first");
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
     link.watch(&[bytes(memory(0), 2)]).expect("little");
     for id in 0..20 {
-        link.write(group(id, &[Put::Value(memory(20), CellWidth::Word, id as u32)])).expect("room");
+        link.link.write(group(id, &[Put::Value(memory(20), CellWidth::Word, id as u32)])).expect("room");
     }
     let before = bench.mw(0);
     for _ in 0..100 {
@@ -171,53 +164,43 @@ fn a_reader_that_sleeps_changes_nothing() {
     assert_eq!(bench.mw(0), before + 100);
     let mut answers = 0;
     for _ in 0..20 {
-        link.take();
         while link.answer().is_some() {
             answers += 1;
         }
         bench.cycle();
     }
     assert_eq!((answers, bench.mw(20)), (20, 19));
-    bench.cycle();
-    link.take();
-    assert!(u32::from(word(&link, 0)) >= before + 110, "fresh again");
+    assert_eq!(u32::from(link.word(0)), bench.mw(0) - 1, "fresh");
 }
 
 #[test]
 fn what_is_missing_is_told_of_its_piece() {
     let mut bench = bench();
-    let mut link = bench.cpu.link().expect("the first");
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
     link.watch(&[
         bytes(Cell::Db(99, 0), 4),
         bytes(Cell::Db(7, 598 * 8), 4),
         Piece::Value(Cell::Counter(3), CellWidth::Word),
         Piece::Value(Cell::Peripheral(0), CellWidth::DWord),
         bytes(memory(300), 2),
+        bytes(Cell::Db(7, 598 * 8), 2),
     ])
     .expect("little");
     bench.cpu.write(Cell::Counter(3), CellWidth::Word, 42).expect("a counter");
     bench.cpu.write(Cell::Db(7, 598 * 8), CellWidth::Word, 0xABCD).expect("there");
     bench.cycle();
-    link.take();
-    let snapshot = link.newest().expect("a snapshot");
-    let filled: Vec<_> = snapshot.filled().iter().map(|filled| (filled.len, filled.error)).collect();
-    assert_eq!(
-        filled,
-        [
-            (0, Some(CellError::NoDb)),
-            (2, Some(CellError::Outside)),
-            (2, None),
-            (0, Some(CellError::NoModule)),
-            (0, Some(CellError::Outside)),
-        ]
-    );
-    assert_eq!(snapshot.bytes(), [0, 0, 0, 0, 0xAB, 0xCD, 0, 0, 0, 42, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(link.piece(0), Err(CellError::NoDb));
+    assert_eq!(link.piece(1), Err(CellError::Outside));
+    assert_eq!(link.piece(2), Ok(vec![0, 42]));
+    assert_eq!(link.piece(3), Err(CellError::NoModule));
+    assert_eq!(link.piece(4), Err(CellError::Outside));
+    assert_eq!(link.piece(5), Ok(vec![0xAB, 0xCD]));
 }
 
 #[test]
 fn bounds() {
     let mut bench = bench();
-    let mut link = bench.cpu.link().expect("the first");
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
     let put = Put::Value(memory(0), CellWidth::Byte, 0);
     assert!(Group::new(1, vec![put.clone(); GROUP_ENTRIES]).is_ok());
     assert_eq!(Group::new(1, vec![put; GROUP_ENTRIES + 1]).err(), Some(TooMuch::Group));
@@ -229,9 +212,49 @@ fn bounds() {
     for round in 1..500u64 {
         assert_eq!(link.watch(&[bytes(memory(0), 1 + (round % 7) as u32)]), Ok(round));
         bench.cycle();
-        link.take();
-        assert_eq!(link.newest().map(|snapshot| snapshot.generation()), Some(round));
+        assert_eq!(link.mark().map(|mark| mark.generation), Some(round));
+        assert!(link.answer().is_none());
     }
     drop(bench);
-    assert!(link.is_closed());
+    assert!(link.link.is_closed());
+}
+
+/// The lists SFC 51 reads; from outside they show STOP too.
+#[test]
+fn lists() {
+    let mut bench = bench();
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
+    let mut list = |bench: &mut Bench, list, index| {
+        link.link.list(Listing::new(7, list, index)).expect("room");
+        bench.cycle();
+        let listing = link.listing().expect("it comes back");
+        assert!(listing.id() == 7 && listing.is_whole());
+        listing.found().map(|(record, bytes)| (record, bytes.to_vec()))
+    };
+    let leds = |run: u8, stop: u8| Ok((4, vec![0, 1, 0, 0, 0, 4, run, 0, 0, 5, stop, 0, 0, 6, 0, 0]));
+    assert_eq!(list(&mut bench, 0x0019, 0), leds(1, 0));
+    assert_eq!(list(&mut bench, 0x0424, 0).map(|(_, bytes)| bytes[3]), Ok(0x68));
+    assert_eq!(list(&mut bench, 0x0999, 0), Err(StatusError::Id));
+    bench.cpu.request(Command::Stop);
+    bench.cycle();
+    assert_eq!(list(&mut bench, 0x0019, 0), leds(0, 1));
+    assert_eq!(list(&mut bench, 0x0424, 0).map(|(_, bytes)| bytes[3]), Ok(0x84));
+}
+
+/// The copy is accounted while somebody looks, and not before.
+#[test]
+fn the_exchange_has_an_account_of_its_own() {
+    let mut bench = bench();
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
+    let accounts = bench.cpu.accounts();
+    for _ in 0..10 {
+        bench.cycle();
+    }
+    assert_eq!(accounts.figures().links.distribution().count, 0);
+    link.watch(&[bytes(memory(0), 2)]).expect("little");
+    for _ in 0..10 {
+        bench.cycle();
+    }
+    let figures = accounts.figures();
+    assert_eq!((figures.links.distribution().count, figures.execution.distribution().count), (10, figures.scans));
 }

@@ -32,6 +32,8 @@ pub struct Figures {
     pub inputs: Histogram,
     /// Process image and back plane after OB 1: outputs, doorbells.
     pub outputs: Histogram,
+    /// The exchange with links that read or write: their writes and the copy of what they watch. Part of `inputs`.
+    pub links: Histogram,
     /// Each loaded organization block, in ascending order.
     pub obs: Vec<ObFigures>,
     /// Each block of a plugin, where their times are taken.
@@ -61,6 +63,7 @@ impl Figures {
             deadlines: self.deadlines.since(&earlier.deadlines),
             inputs: self.inputs.since(&earlier.inputs),
             outputs: self.outputs.since(&earlier.outputs),
+            links: self.links.since(&earlier.links),
             obs: self.obs.iter().enumerate().map(|(i, now)| ob((now, earlier.obs.get(i)))).collect(),
             blocks: self.blocks.iter().enumerate().map(|(i, now)| block((now, earlier.blocks.get(i)))).collect(),
         }

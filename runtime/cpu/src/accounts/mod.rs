@@ -128,6 +128,7 @@ pub struct Accounts {
     pub(crate) deadlines: Recording,
     pub(crate) inputs: Recording,
     pub(crate) outputs: Recording,
+    pub(crate) links: Recording,
     pub(crate) obs: Box<[ObAccount]>,
     pub(crate) blocks: Box<[BlockAccount]>,
     recorder: Recorder,
@@ -164,6 +165,7 @@ impl Accounts {
             deadlines: Recording::new(),
             inputs: Recording::new(),
             outputs: Recording::new(),
+            links: Recording::new(),
             obs: obs.iter().map(ob).collect(),
             blocks: blocks.map(|(block, name)| BlockAccount { block, name, execution: Recording::new() }).collect(),
             recorder: Recorder::new(config.recorder),
@@ -190,6 +192,7 @@ impl Accounts {
             deadlines: self.deadlines.read(),
             inputs: self.inputs.read(),
             outputs: self.outputs.read(),
+            links: self.links.read(),
             obs: self.obs.iter().map(|account| self.ob(account)).collect(),
             blocks: self.blocks.iter().map(BlockFigures::of).collect(),
         }

@@ -89,6 +89,13 @@ impl Trace {
         }
     }
 
+    /// The exchange with the links has taken so long.
+    pub(crate) fn exchanged(&mut self, time: Nanos) {
+        if !self.accounts.off {
+            self.accounts.links.record(time);
+        }
+    }
+
     /// OB 1 has begun, after `inside` nanoseconds of interrupts in this scan.
     pub(crate) fn ob1_began(&mut self, at: Nanos, inside: Nanos) {
         let interrupts = inside.saturating_sub(self.inside);

@@ -5,6 +5,7 @@ pub mod engines;
 pub mod rack;
 pub mod random;
 pub mod source;
+pub mod window;
 
 pub use engines::{ENGINES, engine, on_each_engine};
 use ob1_cpu::{Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CycleEnd, Nanos, OperatingState};
