@@ -27,9 +27,9 @@ impl Cell {
         match self {
             Cell::Area(Area::Input, _) => Some((0, 0)),
             Cell::Area(Area::Output, _) => Some((1, 0)),
-            Cell::Area(..) => Some((2, 0)),
+            Cell::Area(Area::Memory, _) => Some((2, 0)),
             Cell::Db(number, _) => Some((3, number)),
-            Cell::Peripheral(_) | Cell::Timer(_) | Cell::Counter(_) => None,
+            Cell::Area(..) | Cell::Peripheral(_) | Cell::Timer(_) | Cell::Counter(_) => None,
         }
     }
 

@@ -61,6 +61,10 @@ const TABLE: &[Row] = &[
             "tracing",
             "tracing-subscriber",
         ],
+    row(
+        "ob1-broker",
+        "invariant 2",
+        &["ob1-access", "ob1-backplane", "ob1-cpu", "ob1-model", "ob1-rt", "rtrb", "rustix", "tracing"],
     ),
     row(
         "ob1-rt",
@@ -100,6 +104,7 @@ const TABLE: &[Row] = &[
             "ob1-rt",
             "ob1-log",
             "ob1-access",
+            "ob1-broker",
             "ob1-host",
             "ob1-backplane",
             "ob1-params",

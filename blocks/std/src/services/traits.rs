@@ -162,6 +162,18 @@ pub enum StatusError {
     NotNow,
 }
 
+impl StatusError {
+    /// RET_VAL of SFC 51.
+    #[must_use]
+    pub const fn code(self) -> u16 {
+        match self {
+            Self::Id => 0x8082,
+            Self::Index => 0x8083,
+            Self::NotNow => 0x8085,
+        }
+    }
+}
+
 /// Run times of an OB in microseconds (SFC 78).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RunTimes {

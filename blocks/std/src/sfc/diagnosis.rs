@@ -2,7 +2,6 @@
 
 use crate::call::{Call, write_error};
 use crate::declare::params;
-use crate::services::StatusError;
 use crate::table::Row;
 use crate::{Done, Interrupted, Refused, Service};
 
@@ -63,9 +62,7 @@ fn rdsysst(call: &mut Call<'_>) -> Done {
         }
     });
     let code = match (result, target) {
-        (Err(StatusError::Id), _) => 0x8082,
-        (Err(StatusError::Index), _) => 0x8083,
-        (Err(StatusError::NotNow), _) => 0x8085,
+        (Err(error), _) => error.code(),
         (Ok(length), _) if header_only => {
             let [[a, b], [c, d]] = [length.to_be_bytes(), records.to_be_bytes()];
             let _ = call.cx.write(RdSysSt::SZL_HEADER as u32, 0, &[a, b, c, d]);

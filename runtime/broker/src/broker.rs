@@ -1,0 +1,334 @@
+//! The broker itself: takes what links say, does what they may, tells them what has come of it.
+
+use std::io;
+use std::os::fd::OwnedFd;
+
+use ob1_access::Right;
+use ob1_access::door::{
+    Answer, Ask, Command as Wanted, MESSAGE_BYTES, Refusal, Refused, State, ToBroker, ToLink, What,
+};
+use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, Nanos};
+use ob1_model::StateChange;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use crate::client::Job;
+use crate::connection::Received;
+use crate::events::Stream;
+use crate::joint::Joint;
+use crate::port::{Asker, Port};
+use crate::{Beats, DriverState, Facts, FeedEnd, LinkConfig};
+
+const MS: Nanos = 1_000_000;
+/// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
+const ANSWER_TIME: Nanos = 3_000 * MS;
+/// Pause between two looks while the scan has something to answer, and while it has not.
+const LOOK: Nanos = MS / 5;
+const IDLE_LOOK: Nanos = 20 * MS;
+/// What the scan has not answered after so many looks is looked at more slowly.
+const PATIENT_LOOKS: u32 = 500;
+/// Messages of one link that are taken before the next link's turn.
+const MESSAGES: usize = 64;
+/// Packets that may wait for a link while it still gets events.
+const EVENTS_WAITING: usize = 64;
+
+/// See [the crate](crate).
+pub struct Broker {
+    port: Port,
+    feed: FeedEnd,
+    facts: Box<dyn Facts>,
+    joints: Vec<Joint>,
+    events: Stream,
+    drivers: Vec<DriverState>,
+    answer_time: Nanos,
+    looks: u32,
+    buffer: Vec<u8>,
+}
+
+impl std::fmt::Debug for Broker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Broker").field("joints", &self.joints).finish_non_exhaustive()
+    }
+}
+
+impl Broker {
+    /// The broker of a CPU, with a share of its exchange for each link. `feed` is where its diagnostic entries come.
+    ///
+    /// # Errors
+    /// No shared memory, another broker has the CPU already, or it has no share for so many links.
+    pub fn new(cpu: &mut Cpu, links: Vec<LinkConfig>, feed: FeedEnd, facts: Box<dyn Facts>) -> io::Result<Self> {
+        let client = cpu.access_client().ok_or_else(|| io::Error::other("the access port is taken already"))?;
+        let mut joints = Vec::with_capacity(links.len());
+        for config in links {
+            let joint = Joint::new(cpu, config).map_err(io::Error::other)?;
+            joints.push(joint.ok_or_else(|| io::Error::other("more links than the CPU has shares for"))?);
+        }
+        Ok(Self {
+            port: Port::new(client),
+            feed,
+            answer_time: ANSWER_TIME.saturating_add(facts.min_cycle().saturating_mul(2)),
+            drivers: facts.drivers(),
+            facts,
+            joints,
+            events: Stream::default(),
+            looks: 0,
+            buffer: vec![0; MESSAGE_BYTES],
+        })
+    }
+
+    /// The signs of life of each link, in the order they were given.
+    #[must_use]
+    pub fn beats(&self) -> Vec<Beats> {
+        self.joints.iter().map(|joint| joint.beats.clone()).collect()
+    }
+
+    /// The process of a link has been started, with the other end of this socket.
+    pub fn connect(&mut self, link: usize, socket: OwnedFd, now: Nanos) {
+        self.lost(link, now);
+        if let Some(joint) = self.joints.get_mut(link) {
+            joint.connect(socket, &*self.facts, now);
+        }
+    }
+
+    fn lost(&mut self, link: usize, now: Nanos) {
+        let Some(joint) = self.joints.get_mut(link).filter(|joint| joint.connection.is_some()) else { return };
+        let was_up = joint.up;
+        joint.disconnect();
+        if was_up {
+            let name = joint.config.name.clone();
+            self.events.push(now, What::Link { name, up: false });
+        }
+    }
+
+    /// Waits until a link says something, `wake` can be read, or it is time to look at the scan.
+    pub(crate) fn wait(&mut self, wake: &OwnedFd) {
+        let busy = !self.port.is_idle() || self.joints.iter().any(|joint| !joint.is_idle());
+        self.looks = if busy { self.looks.saturating_add(1) } else { 0 };
+        let time = if busy && self.looks < PATIENT_LOOKS { LOOK } else { IDLE_LOOK };
+        let timeout = Timespec { tv_sec: 0, tv_nsec: time as i64 };
+        let mut fds = vec![PollFd::new(wake, PollFlags::IN)];
+        fds.extend(self.joints.iter().filter_map(|joint| joint.connection.as_ref()).map(|connection| {
+            let flags = if connection.wants_write() { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
+            PollFd::from_borrowed_fd(connection.fd(), flags)
+        }));
+        // An interrupted poll is a short sleep.
+        let _ = poll(&mut fds, Some(&timeout));
+    }
+
+    /// Everything that can be done now. Waits for nobody.
+    pub fn step(&mut self, now: Nanos) {
+        for link in 0..self.joints.len() {
+            self.listen(link, now);
+        }
+        self.watch_station(now);
+        self.port.step();
+        while let Some((asker, answers)) = self.port.answered(now) {
+            let answer = answers.map_or_else(|silent| silent, |answers| self.told(&answers));
+            if let Some(joint) = self.joints.get_mut(asker.link) {
+                if let Some(client) = joint.clients.known(asker.client) {
+                    client.out = client.out.saturating_sub(1);
+                }
+                joint.answer(asker.client, asker.ticket, answer);
+            }
+        }
+        for link in 0..self.joints.len() {
+            if let Some(joint) = self.joints.get_mut(link) {
+                joint.step(&*self.facts, now, self.answer_time);
+            }
+            self.tell_events(link);
+            let gone = self.joints.get_mut(link).and_then(|joint| {
+                let connection = joint.connection.as_mut()?;
+                connection.flush(now);
+                Some((connection.gone()?, joint.config.name.clone()))
+            });
+            if let Some((why, name)) = gone {
+                tracing::info!(link = %name, "let go: {why}");
+                self.lost(link, now);
+            }
+        }
+    }
+
+    /// What a link says, up to a bound.
+    fn listen(&mut self, link: usize, now: Nanos) {
+        let mut buffer = std::mem::take(&mut self.buffer);
+        for _ in 0..MESSAGES {
+            let Some(joint) = self.joints.get_mut(link) else { break };
+            let Some(connection) = joint.connection.as_mut() else { break };
+            match connection.receive(&mut buffer) {
+                Received::Message(message) => {
+                    joint.beats.beat();
+                    if !std::mem::replace(&mut joint.up, true) {
+                        let name = joint.config.name.clone();
+                        self.events.push(now, What::Link { name, up: true });
+                    }
+                    self.obey(link, message, now);
+                }
+                Received::Nothing | Received::Gone => break,
+            }
+        }
+        self.buffer = buffer;
+    }
+
+    fn obey(&mut self, link: usize, message: ToBroker, now: Nanos) {
+        let Some(joint) = self.joints.get_mut(link) else { return };
+        match message {
+            ToBroker::Beat => {}
+            ToBroker::Watch { generation, pieces } => joint.watch(generation, pieces),
+            ToBroker::Gone(client) => joint.client_gone(client),
+            ToBroker::Write { client, ticket, puts } => {
+                let bytes: usize = puts.iter().map(ob1_access::Put::bytes).sum();
+                let too_much = puts.len() > ob1_cpu::GROUP_ENTRIES || bytes > ob1_cpu::WRITE_BYTES;
+                let refuse = |why| Refused { entry: 0, why };
+                let taken = match joint.clients.of(client, &joint.config) {
+                    _ if too_much => Err(refuse(Refusal::Full)),
+                    None => Err(refuse(Refusal::Full)),
+                    Some(known) => known
+                        .may_write(&puts, &joint.config)
+                        .and_then(|()| known.take(Job::Group(ticket, puts)).map_err(refuse)),
+                };
+                if let Err(refused) = taken {
+                    joint.written(client, ticket, Err(refused));
+                }
+            }
+            ToBroker::Ask { client, ticket, ask } => {
+                let asker = Asker { link, client, ticket };
+                match self.ask(asker, ask, now) {
+                    Ok(None) => {}
+                    Ok(Some(answer)) => self.answer(asker, answer),
+                    Err(refusal) => self.answer(asker, Answer::Refused(refusal)),
+                }
+            }
+        }
+    }
+
+    fn answer(&mut self, asker: Asker, answer: Answer) {
+        if let Some(joint) = self.joints.get_mut(asker.link) {
+            joint.answer(asker.client, asker.ticket, answer);
+        }
+    }
+
+    /// The answer, if it can be given at once.
+    fn ask(&mut self, asker: Asker, ask: Ask, now: Nanos) -> Result<Option<Answer>, Refusal> {
+        let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
+        let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
+        let asks: Vec<PortAsk> = match ask {
+            Ask::Login(password) => {
+                joint.clients.login(asker.client, &password, &joint.config, now)?;
+                return Ok(Some(Answer::Done));
+            }
+            Ask::Logout => {
+                client.right = joint.config.rights;
+                return Ok(Some(Answer::Done));
+            }
+            Ask::Szl { id, index } => {
+                client.take(Job::List(asker.ticket, id, index))?;
+                return Ok(None);
+            }
+            Ask::Blocks => return Ok(Some(Answer::Blocks(self.facts.blocks()))),
+            Ask::Block(id) => {
+                let block = self.facts.block(id).filter(|bytes| bytes.len() + 64 < MESSAGE_BYTES);
+                return block.map(|bytes| Some(Answer::Block(bytes))).ok_or(Refusal::NotThere);
+            }
+            Ask::Events { after } => {
+                joint.events_after = Some(after);
+                return Ok(Some(Answer::Done));
+            }
+            Ask::NoEvents => {
+                joint.events_after = None;
+                return Ok(Some(Answer::Done));
+            }
+            Ask::Command(command) => {
+                client.may_operate()?;
+                vec![PortAsk::Command(self.command(command)?)]
+            }
+            Ask::SetClock(clock) => {
+                client.may_operate()?;
+                vec![PortAsk::SetClock(clock)]
+            }
+            Ask::Clock => vec![PortAsk::Clock],
+            Ask::Diagnostics(count) => {
+                let count = u32::from(count).min((DIAG_ENTRIES + DIAG_STOPS) as u32);
+                (0..count).map(PortAsk::Diag).collect()
+            }
+            Ask::Modules => (0..self.facts.modules()).map(PortAsk::Module).collect(),
+        };
+        let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
+        joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?.count()?;
+        self.port.ask(asker, asks, now.saturating_add(self.answer_time));
+        Ok(None)
+    }
+
+    fn command(&self, command: Wanted) -> Result<Command, Refusal> {
+        Ok(match command {
+            Wanted::Run => Command::Run,
+            Wanted::Stop => Command::Stop,
+            Wanted::Warm => Command::Warm,
+            Wanted::Cold => Command::Cold,
+            // An S7-300 has none.
+            Wanted::Hot if self.facts.family() != 400 => return Err(Refusal::NotThere),
+            Wanted::Hot => Command::Hot,
+            Wanted::Reset => Command::Reset,
+        })
+    }
+
+    /// What the port has answered to one question.
+    fn told(&self, answers: &[PortAnswer]) -> Answer {
+        match answers {
+            [PortAnswer::Done] => Answer::Done,
+            [PortAnswer::Clock(clock)] => Answer::Clock(*clock),
+            [PortAnswer::Module(_), ..] => Answer::Modules(
+                answers.iter().map(|answer| matches!(answer, PortAnswer::Module(module) if module.present)).collect(),
+            ),
+            [PortAnswer::Refused(error)] if *error != ob1_cpu::CellError::NoEntry => {
+                Answer::Refused(Refusal::Cell(*error))
+            }
+            entries => {
+                let entries = entries.iter().map_while(|answer| match answer {
+                    PortAnswer::Diag(entry) => Some(self.facts.diagnosis(entry)),
+                    _ => None,
+                });
+                Answer::Diagnostics(entries.collect())
+            }
+        }
+    }
+
+    /// Diagnostic entries, changes of state, drivers.
+    fn watch_station(&mut self, now: Nanos) {
+        while let Some(entry) = self.feed.take() {
+            self.events.push(entry.time, What::Diagnosis(self.facts.diagnosis(&entry)));
+            let state = match entry.event.state_change() {
+                Some(StateChange::Startup) => State::Startup,
+                Some(StateChange::Run) => State::Run,
+                Some(StateChange::Stop | StateChange::Fault) => State::Stop,
+                None => continue,
+            };
+            self.events.push(entry.time, What::State(state));
+        }
+        let drivers = self.facts.drivers();
+        if drivers != self.drivers {
+            for driver in drivers.iter().filter(|driver| !self.drivers.contains(driver)) {
+                self.events.push(now, What::Driver { name: driver.name.clone(), up: driver.up });
+            }
+            self.drivers = drivers;
+        }
+    }
+
+    /// Events that a link has not got, as long as it takes them.
+    fn tell_events(&mut self, link: usize) {
+        let Some(joint) = self.joints.get_mut(link) else { return };
+        let Some(connection) = &mut joint.connection else { return };
+        while let Some(after) = joint.events_after
+            && connection.waiting() < EVENTS_WAITING
+            && after != self.events.newest()
+        {
+            let Some(event) = self.events.after(after) else { return };
+            joint.events_after = Some(event.number);
+            connection.say(&ToLink::Event(event));
+        }
+    }
+
+    /// What the clients of a link may do. For tests and lists.
+    #[must_use]
+    pub fn rights(&self, link: usize) -> Option<Right> {
+        self.joints.get(link).map(|joint| joint.config.rights)
+    }
+}

@@ -1,0 +1,190 @@
+//! The clients of a link: rights, and what of each is under way.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use ob1_access::door::{OUTSTANDING, Refusal, Refused, Ticket};
+use ob1_access::{Put, Right};
+use ob1_cpu::Nanos;
+
+use crate::LinkConfig;
+
+/// Clients of one link at a time.
+const CLIENTS: usize = 4096;
+/// After a wrong password nobody is let in for so long.
+const WRONG_PASSWORD: Nanos = 250_000_000;
+
+/// Something of a client that waits for its turn at the scan.
+#[derive(Debug)]
+pub(crate) enum Job {
+    Group(Ticket, Vec<Put>),
+    List(Ticket, u16, u16),
+}
+
+/// One client.
+#[derive(Debug)]
+pub(crate) struct Client {
+    pub(crate) right: Right,
+    jobs: VecDeque<Job>,
+    /// Handed over, not answered.
+    pub(crate) out: usize,
+}
+
+/// All clients of a link.
+#[derive(Debug, Default)]
+pub(crate) struct Clients {
+    list: BTreeMap<u32, Client>,
+    /// The one whose turn was last.
+    last: u32,
+    locked_until: Nanos,
+}
+
+impl Clients {
+    /// The client with this number; made when it is new.
+    pub(crate) fn of(&mut self, number: u32, config: &LinkConfig) -> Option<&mut Client> {
+        if self.list.len() >= CLIENTS && !self.list.contains_key(&number) {
+            return None;
+        }
+        let new = || Client { right: config.rights, jobs: VecDeque::new(), out: 0 };
+        Some(self.list.entry(number).or_insert_with(new))
+    }
+
+    /// One that is there.
+    pub(crate) fn known(&mut self, number: u32) -> Option<&mut Client> {
+        self.list.get_mut(&number)
+    }
+
+    pub(crate) fn gone(&mut self, number: u32) {
+        self.list.remove(&number);
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.list.clear();
+    }
+
+    /// Whether somebody waits for a turn.
+    pub(crate) fn wait(&self) -> bool {
+        self.list.values().any(|client| !client.jobs.is_empty())
+    }
+
+    /// The next job: each client in turn.
+    pub(crate) fn next(&mut self) -> Option<(u32, Job)> {
+        let after = self.last.checked_add(1);
+        let found = after.and_then(|after| first_job(self.list.range_mut(after..)));
+        let found = found.or_else(|| first_job(self.list.iter_mut()));
+        if let Some((number, _)) = &found {
+            self.last = *number;
+        }
+        found
+    }
+
+    /// A job that found no room: it comes first again.
+    pub(crate) fn put_back(&mut self, number: u32, job: Job) {
+        if let Some(client) = self.list.get_mut(&number) {
+            client.jobs.push_front(job);
+        }
+    }
+
+    /// The right that this password gives.
+    pub(crate) fn login(&mut self, number: u32, given: &str, config: &LinkConfig, now: Nanos) -> Result<(), Refusal> {
+        let known = config.password.as_deref().filter(|_| now >= self.locked_until).ok_or(Refusal::Password)?;
+        if !same(known.as_bytes(), given.as_bytes()) {
+            self.locked_until = now.saturating_add(WRONG_PASSWORD);
+            return Err(Refusal::Password);
+        }
+        let client = self.of(number, config).ok_or(Refusal::Full)?;
+        client.right = config.rights.max(config.password_rights);
+        Ok(())
+    }
+}
+
+impl Client {
+    /// Takes a job, unless too much of this client is under way.
+    pub(crate) fn take(&mut self, job: Job) -> Result<(), Refusal> {
+        if self.jobs.len() + self.out >= OUTSTANDING {
+            return Err(Refusal::Full);
+        }
+        self.jobs.push_back(job);
+        Ok(())
+    }
+
+    /// Counts something that is under way elsewhere.
+    pub(crate) fn count(&mut self) -> Result<(), Refusal> {
+        if self.jobs.len() + self.out >= OUTSTANDING {
+            return Err(Refusal::Full);
+        }
+        self.out += 1;
+        Ok(())
+    }
+
+    /// Whether it may write all of this.
+    pub(crate) fn may_write(&self, puts: &[Put], config: &LinkConfig) -> Result<(), Refused> {
+        let may = |put: &Put| self.right >= Right::Write && config.allowed.has(put.cell());
+        match puts.iter().position(|put| !may(put)) {
+            None if self.right >= Right::Write => Ok(()),
+            entry => Err(Refused { entry: entry.unwrap_or(0) as u32, why: Refusal::Right }),
+        }
+    }
+
+    /// Whether it may operate.
+    pub(crate) fn may_operate(&self) -> Result<(), Refusal> {
+        if self.right >= Right::Operate { Ok(()) } else { Err(Refusal::Right) }
+    }
+}
+
+fn first_job<'c>(mut clients: impl Iterator<Item = (&'c u32, &'c mut Client)>) -> Option<(u32, Job)> {
+    clients.find_map(|(number, client)| Some((*number, client.jobs.pop_front()?)))
+}
+
+/// Compared to the end, so that the time it takes tells nothing.
+fn same(known: &[u8], given: &[u8]) -> bool {
+    let differ = given
+        .iter()
+        .enumerate()
+        .fold(0, |differ, (at, byte)| differ | (byte ^ known.get(at % known.len().max(1)).copied().unwrap_or(!byte)));
+    differ == 0 && known.len() == given.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config() -> LinkConfig {
+        let password = Some("secret".to_owned());
+        LinkConfig { password, password_rights: Right::Operate, ..LinkConfig::default() }
+    }
+
+    #[test]
+    fn each_client_in_turn() {
+        let (config, mut clients) = (config(), Clients::default());
+        for number in [5, 9, 2] {
+            let client = clients.of(number, &config).expect("room");
+            for ticket in 0..OUTSTANDING as u64 {
+                assert_eq!(client.take(Job::List(ticket, 0, 0)), Ok(()));
+            }
+            assert_eq!(client.take(Job::List(99, 0, 0)), Err(Refusal::Full));
+        }
+        let order: Vec<u32> = (0..7).filter_map(|_| clients.next().map(|(number, _)| number)).collect();
+        assert_eq!(order, [2, 5, 9, 2, 5, 9, 2]);
+        let (number, job) = clients.next().expect("more");
+        clients.put_back(number, job);
+        clients.gone(9);
+        assert!(std::iter::from_fn(|| clients.next()).all(|(number, _)| number != 9));
+        assert!(!clients.wait());
+    }
+
+    #[test]
+    fn a_password_raises_one_client_and_a_wrong_one_makes_wait() {
+        let (config, mut clients) = (config(), Clients::default());
+        assert_eq!(clients.login(1, "secre", &config, 0), Err(Refusal::Password));
+        assert_eq!(clients.login(1, "secret", &config, WRONG_PASSWORD - 1), Err(Refusal::Password), "too soon");
+        assert_eq!(clients.login(1, "secret", &config, WRONG_PASSWORD), Ok(()));
+        assert_eq!(clients.known(1).map(|client| client.right), Some(Right::Operate));
+        assert_eq!(clients.of(2, &config).map(|client| client.right), Some(Right::Read));
+        for wrong in ["", "secretsecret", "Secret", "secret "] {
+            let mut clients = Clients::default();
+            assert_eq!(clients.login(1, wrong, &config, 0), Err(Refusal::Password), "{wrong}");
+        }
+        let without = LinkConfig::default();
+        assert_eq!(clients.login(3, "", &without, WRONG_PASSWORD * 9), Err(Refusal::Password));
+    }
+}

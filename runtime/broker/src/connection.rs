@@ -1,0 +1,110 @@
+//! The socket of a link: packets in, packets out, and nobody waits.
+
+use std::collections::VecDeque;
+use std::io;
+use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
+
+use ob1_access::door::{MESSAGE_BYTES, ToBroker, ToLink};
+use ob1_backplane::handover;
+use ob1_cpu::Nanos;
+
+/// Packets that wait for a link to take them; one that lets more come is gone.
+const OUTBOX: usize = 4096;
+/// A link that has taken nothing for so long is gone.
+const PATIENCE: Nanos = 5_000_000_000;
+
+/// A link's process at the other end.
+#[derive(Debug)]
+pub(crate) struct Connection {
+    socket: OwnedFd,
+    outbox: VecDeque<Vec<u8>>,
+    /// When it took something last, or when there was nothing to take.
+    took: Nanos,
+    gone: Option<&'static str>,
+}
+
+/// What has come.
+pub(crate) enum Received {
+    Message(ToBroker),
+    Nothing,
+    Gone,
+}
+
+impl Connection {
+    pub(crate) fn new(socket: OwnedFd, now: Nanos) -> Self {
+        Self { socket, outbox: VecDeque::new(), took: now, gone: None }
+    }
+
+    pub(crate) fn fd(&self) -> BorrowedFd<'_> {
+        self.socket.as_fd()
+    }
+
+    pub(crate) fn wants_write(&self) -> bool {
+        !self.outbox.is_empty()
+    }
+
+    /// How many packets wait.
+    pub(crate) fn waiting(&self) -> usize {
+        self.outbox.len()
+    }
+
+    /// Why it is to be closed.
+    pub(crate) const fn gone(&self) -> Option<&'static str> {
+        self.gone
+    }
+
+    /// The first message, with descriptors.
+    pub(crate) fn welcome(&mut self, message: &ToLink, descriptors: &[BorrowedFd<'_>]) -> io::Result<()> {
+        handover::send(&self.socket, &message.encode(), descriptors)
+    }
+
+    /// Sends when there is room, and keeps it otherwise.
+    pub(crate) fn say(&mut self, message: &ToLink) {
+        let packet = message.encode();
+        // What is longer than a message may be comes of the station's own size; the link is told that there is none.
+        debug_assert!(packet.len() <= MESSAGE_BYTES);
+        self.outbox.push_back(packet);
+        if self.outbox.len() > OUTBOX {
+            self.gone = Some("it takes nothing of what it has asked for");
+        }
+    }
+
+    pub(crate) fn receive(&mut self, buffer: &mut [u8]) -> Received {
+        match handover::receive(&self.socket, buffer) {
+            Ok(None) => Received::Nothing,
+            Ok(Some((0, _))) => self.is_gone("its socket is closed"),
+            Ok(Some((len, _))) => match buffer.get(..len).and_then(ToBroker::decode) {
+                Some(message) => Received::Message(message),
+                None => self.is_gone("it does not speak as this version does"),
+            },
+            Err(_) => self.is_gone("its socket is broken"),
+        }
+    }
+
+    fn is_gone(&mut self, why: &'static str) -> Received {
+        self.gone = Some(why);
+        Received::Gone
+    }
+
+    /// Sends what waits.
+    pub(crate) fn flush(&mut self, now: Nanos) {
+        while let Some(packet) = self.outbox.front() {
+            match handover::send(&self.socket, packet, &[]) {
+                Ok(()) => {
+                    self.outbox.pop_front();
+                    self.took = now;
+                }
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+                Err(_) => {
+                    self.gone = Some("its socket is broken");
+                    return;
+                }
+            }
+        }
+        if self.outbox.is_empty() {
+            self.took = now;
+        } else if now.saturating_sub(self.took) >= PATIENCE {
+            self.gone = Some("it takes nothing of what it has asked for");
+        }
+    }
+}

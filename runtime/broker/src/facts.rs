@@ -1,0 +1,62 @@
+//! What the broker is told of the station and of each link.
+
+use std::os::fd::OwnedFd;
+
+use ob1_access::door::{BlockFact, Diagnosis};
+use ob1_access::{Allowed, Put, Right};
+use ob1_cpu::DiagEntry;
+use ob1_model::BlockId;
+
+/// A driver, and whether it is up.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DriverState {
+    /// The module's name.
+    pub name: String,
+    /// It is up.
+    pub up: bool,
+}
+
+/// What the broker needs to know of the station. Asked by its thread, never by the scan.
+pub trait Facts: Send {
+    /// The station's name.
+    fn name(&self) -> &str;
+    /// 300 or 400.
+    fn family(&self) -> u16;
+    /// Bytes of inputs, outputs and bit memory.
+    fn areas(&self) -> [u32; 3];
+    /// Timers and counters.
+    fn timers_and_counters(&self) -> [u16; 2];
+    /// Minimum cycle time in nanoseconds.
+    fn min_cycle(&self) -> u64;
+    /// Modules.
+    fn modules(&self) -> u32;
+    /// The drivers.
+    fn drivers(&self) -> Vec<DriverState>;
+    /// An entry of the diagnostic buffer in words.
+    fn diagnosis(&self, entry: &DiagEntry) -> Diagnosis;
+    /// The blocks of the program.
+    fn blocks(&self) -> Vec<BlockFact>;
+    /// One of them as a block folder has it.
+    fn block(&self, id: BlockId) -> Option<Box<[u8]>>;
+    /// An input that a module feeds is written where the module reads it: true when this was done.
+    fn take_input(&self, put: &Put) -> bool;
+}
+
+/// A link, as the station file has it.
+#[derive(Debug, Default)]
+pub struct LinkConfig {
+    /// Its name.
+    pub name: String,
+    /// What its clients may do.
+    pub rights: Right,
+    /// Which cells they may touch.
+    pub allowed: Allowed,
+    /// With this password a client may do more.
+    pub password: Option<String>,
+    /// Namely that.
+    pub password_rights: Right,
+    /// The keys of its table as JSON, without passwords.
+    pub config: String,
+    /// Its listening sockets.
+    pub listeners: Vec<OwnedFd>,
+}

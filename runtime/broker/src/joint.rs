@@ -1,0 +1,289 @@
+//! One link as the broker sees it: its share of the exchange, its connection, its clients.
+
+use std::collections::BTreeMap;
+use std::os::fd::{AsFd as _, OwnedFd};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use ob1_access::door::{Answer, Refusal, Refused, Ticket, ToLink, VERSION, Welcome};
+use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
+use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, Nanos, Piece, Put, Returned, TooMuch, Window};
+
+use crate::client::{Clients, Job};
+use crate::connection::Connection;
+use crate::{Facts, LinkConfig};
+
+/// Signs of life of a link's process: a number that changes with each.
+#[derive(Clone, Debug, Default)]
+pub struct Beats(Arc<AtomicU64>);
+
+impl Beats {
+    /// The number.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn beat(&self) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// The scan's end of a window.
+struct Glass(WindowWriter);
+
+impl Window for Glass {
+    #[inline]
+    fn put(&mut self, mark: Mark, fill: &mut dyn FnMut(&[AtomicU64])) {
+        let head = WindowHead {
+            generation: mark.generation,
+            scan: mark.scan,
+            time: mark.time,
+            state: mark.state.number().into(),
+        };
+        self.0.put(head, fill);
+    }
+}
+
+// What a frame needs, a window has.
+const _: () = assert!(ob1_model::FRAME_WORDS <= ob1_backplane::WINDOW_WORDS);
+
+/// Something at the scan.
+#[derive(Clone, Copy, Debug)]
+struct Out {
+    client: u32,
+    ticket: Ticket,
+    is_group: bool,
+    give_up: Nanos,
+}
+
+/// See above.
+#[derive(Debug)]
+pub(crate) struct Joint {
+    pub(crate) config: LinkConfig,
+    link: Link,
+    window: WindowReader,
+    pub(crate) connection: Option<Connection>,
+    pub(crate) clients: Clients,
+    pub(crate) beats: Beats,
+    /// It has given a sign of life since it was connected.
+    pub(crate) up: bool,
+    /// Events up to this number have been sent; none are wanted otherwise.
+    pub(crate) events_after: Option<u64>,
+    /// The generation that was watched, until its first snapshot is there.
+    awaited: Option<u64>,
+    /// A list that found no room in the ring.
+    postponed: Option<(u64, Vec<Piece>)>,
+    /// Generations of this process begin above this.
+    generation: u64,
+    number: u64,
+    out: BTreeMap<u64, Out>,
+}
+
+impl Joint {
+    /// A link with its window.
+    pub(crate) fn new(cpu: &mut Cpu, config: LinkConfig) -> Result<Option<Self>, SegmentError> {
+        let writer = WindowWriter::create_shared()?;
+        let window = writer.reader();
+        let Some(link) = cpu.link(Box::new(Glass(writer))) else { return Ok(None) };
+        Ok(Some(Self {
+            config,
+            link,
+            window,
+            connection: None,
+            clients: Clients::default(),
+            beats: Beats::default(),
+            up: false,
+            events_after: None,
+            awaited: None,
+            postponed: None,
+            generation: 0,
+            number: 0,
+            out: BTreeMap::new(),
+        }))
+    }
+
+    /// Whether something is under way that the scan has to answer.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.out.is_empty() && self.awaited.is_none() && self.postponed.is_none() && !self.clients.wait()
+    }
+
+    /// A process has come: it is welcomed, and what was of the one before is gone.
+    pub(crate) fn connect(&mut self, socket: OwnedFd, facts: &dyn Facts, now: Nanos) {
+        self.disconnect();
+        let [inputs, outputs, memory] = facts.areas();
+        let [timers, counters] = facts.timers_and_counters();
+        let welcome = ToLink::Welcome(Welcome {
+            version: VERSION,
+            station: facts.name().to_owned(),
+            link: self.config.name.clone(),
+            family: facts.family(),
+            config: self.config.config.clone(),
+            rights: self.config.rights,
+            inputs,
+            outputs,
+            memory,
+            timers,
+            counters,
+            min_cycle: facts.min_cycle(),
+            generation: self.generation,
+            listeners: self.config.listeners.len() as u8,
+        });
+        let descriptors: Vec<_> = self
+            .window
+            .descriptor()
+            .into_iter()
+            .chain(self.config.listeners.iter().map(|listener| listener.as_fd()))
+            .collect();
+        let mut connection = Connection::new(socket, now);
+        match connection.welcome(&welcome, &descriptors) {
+            Ok(()) => self.connection = Some(connection),
+            Err(error) => tracing::error!(link = %self.config.name, "cannot be welcomed: {error}"),
+        }
+    }
+
+    /// The process is gone: nothing is copied for it any more.
+    pub(crate) fn disconnect(&mut self) {
+        self.connection = None;
+        self.clients.clear();
+        self.out.clear();
+        (self.up, self.events_after, self.awaited, self.postponed) = (false, None, None, None);
+        self.generation = self.link.generation().max(self.generation) + 1;
+        self.postponed = Some((self.generation, Vec::new()));
+        self.watch_postponed();
+    }
+
+    fn say(&mut self, message: &ToLink) {
+        if let Some(connection) = &mut self.connection {
+            connection.say(message);
+        }
+    }
+
+    pub(crate) fn answer(&mut self, client: u32, ticket: Ticket, answer: Answer) {
+        self.say(&ToLink::Answer { client, ticket, answer });
+    }
+
+    pub(crate) fn written(&mut self, client: u32, ticket: Ticket, outcome: Result<u64, Refused>) {
+        self.say(&ToLink::Written { client, ticket, outcome });
+    }
+
+    /// Another list of pieces, if all of them are allowed.
+    pub(crate) fn watch(&mut self, generation: u64, pieces: Vec<Piece>) {
+        let allowed = |piece: &Piece| match piece {
+            Piece::Bytes { at, .. } => self.config.allowed.has(*at),
+            Piece::Value(cell, _) => self.config.allowed.has(*cell),
+        };
+        let refused: Vec<u32> =
+            (0..).zip(&pieces).filter(|(_, piece)| !allowed(piece)).map(|(index, _)| index).collect();
+        let fits = ob1_model::fits_a_share(pieces.iter().copied());
+        if !refused.is_empty() || !fits || generation <= self.link.generation().max(self.generation) {
+            return self.say(&ToLink::Unwatched { generation, refused });
+        }
+        self.postponed = Some((generation, pieces));
+        self.watch_postponed();
+    }
+
+    fn watch_postponed(&mut self) {
+        let Some((generation, pieces)) = self.postponed.take() else { return };
+        let empty = pieces.is_empty();
+        match self.link.watch(generation, Frame::of(pieces.clone())) {
+            // No snapshot of nothing will come.
+            Ok(()) if empty => self.say(&ToLink::Watching(generation)),
+            Ok(()) => self.awaited = Some(generation),
+            Err(TooMuch::UnderWay) => self.postponed = Some((generation, pieces)),
+            Err(TooMuch::Watch | TooMuch::Group) => {
+                self.say(&ToLink::Unwatched { generation, refused: Vec::new() });
+            }
+        }
+    }
+
+    /// Hands jobs over, each client in turn, as long as there is room.
+    fn hand_over(&mut self, facts: &dyn Facts, give_up: Nanos) {
+        while let Some((client, job)) = self.clients.next() {
+            self.number += 1;
+            let number = self.number;
+            let is_group = matches!(job, Job::Group(..));
+            let (ticket, full) = match job {
+                Job::Group(ticket, puts) => {
+                    let left: Vec<Put> = puts.iter().filter(|put| !facts.take_input(put)).cloned().collect();
+                    // Whoever sends it has been held to the bounds of a group.
+                    let Ok(group) = Group::new(number, left) else { continue };
+                    (ticket, self.link.write(group).is_err().then(|| Job::Group(ticket, puts)))
+                }
+                Job::List(ticket, list, index) => {
+                    let full = self.link.list(Listing::new(number, list, index)).is_err();
+                    (ticket, full.then_some(Job::List(ticket, list, index)))
+                }
+            };
+            if let Some(job) = full {
+                self.clients.put_back(client, job);
+                return;
+            }
+            self.out.insert(number, Out { client, ticket, is_group, give_up });
+            if let Some(client) = self.clients.known(client) {
+                client.out += 1;
+            }
+        }
+    }
+
+    /// What the scan has given back.
+    fn take_back(&mut self) {
+        while let Some(returned) = self.link.take() {
+            match returned {
+                Returned::Group(group) => {
+                    let Some(out) = self.done(group.id()) else { continue };
+                    let outcome = group.outcome().map(|()| group.scan());
+                    let outcome =
+                        outcome.map_err(|(entry, error)| Refused { entry: entry as u32, why: Refusal::Cell(error) });
+                    self.written(out.client, out.ticket, outcome);
+                }
+                Returned::List(listing) => {
+                    let Some(out) = self.done(listing.id()) else { continue };
+                    let answer = match listing.found() {
+                        Ok((record, bytes)) => Answer::Szl { record, bytes: bytes.into() },
+                        Err(error) => Answer::NoSzl(error.code()),
+                    };
+                    self.answer(out.client, out.ticket, answer);
+                }
+            }
+        }
+    }
+
+    fn done(&mut self, number: u64) -> Option<Out> {
+        let out = self.out.remove(&number)?;
+        if let Some(client) = self.clients.known(out.client) {
+            client.out = client.out.saturating_sub(1);
+        }
+        Some(out)
+    }
+
+    /// A client is gone: what it waited for goes nowhere.
+    pub(crate) fn client_gone(&mut self, number: u32) {
+        self.clients.gone(number);
+        self.out.retain(|_, out| out.client != number);
+    }
+
+    /// Everything that can be done now.
+    pub(crate) fn step(&mut self, facts: &dyn Facts, now: Nanos, answer_time: Nanos) {
+        self.watch_postponed();
+        // First what has come back: a write's answer never overtakes its snapshot.
+        self.take_back();
+        if let Some(generation) = self.awaited
+            && self.window.newest().is_some_and(|head| head.generation >= generation)
+        {
+            self.awaited = None;
+            self.say(&ToLink::Watching(generation));
+        }
+        self.hand_over(facts, now.saturating_add(answer_time));
+        let silent: Vec<u64> = self.out.iter().filter(|(_, out)| now >= out.give_up).map(|(n, _)| *n).collect();
+        for number in silent {
+            match self.done(number) {
+                Some(out) if out.is_group => {
+                    self.written(out.client, out.ticket, Err(Refused { entry: 0, why: Refusal::Silent }));
+                }
+                Some(out) => self.answer(out.client, out.ticket, Answer::Refused(Refusal::Silent)),
+                None => {}
+            }
+        }
+    }
+}
