@@ -93,7 +93,7 @@ impl Broker {
         let Some(joint) = self.joints.get_mut(link).filter(|joint| joint.connection.is_some()) else { return };
         let was_up = joint.up;
         joint.disconnect();
-        if was_up {
+        if was_up && !joint.config.name.is_empty() {
             let name = joint.config.name.clone();
             self.events.push(now, What::Link { name, up: false });
         }
@@ -156,7 +156,7 @@ impl Broker {
             match connection.receive(&mut buffer) {
                 Received::Message(message) => {
                     joint.beats.beat();
-                    if !std::mem::replace(&mut joint.up, true) {
+                    if !std::mem::replace(&mut joint.up, true) && !joint.config.name.is_empty() {
                         let name = joint.config.name.clone();
                         self.events.push(now, What::Link { name, up: true });
                     }
@@ -249,7 +249,9 @@ impl Broker {
                 let count = u32::from(count).min((DIAG_ENTRIES + DIAG_STOPS) as u32);
                 (0..count).map(PortAsk::Diag).collect()
             }
-            Ask::Modules => (0..self.facts.modules()).map(PortAsk::Module).collect(),
+            Ask::Modules => {
+                std::iter::once(PortAsk::State).chain((0..self.facts.modules()).map(PortAsk::Module)).collect()
+            }
         };
         let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
         joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?.count()?;
@@ -275,9 +277,11 @@ impl Broker {
         match answers {
             [PortAnswer::Done] => Answer::Done,
             [PortAnswer::Clock(clock)] => Answer::Clock(*clock),
-            [PortAnswer::Module(_), ..] => Answer::Modules(
-                answers.iter().map(|answer| matches!(answer, PortAnswer::Module(module) if module.present)).collect(),
-            ),
+            [PortAnswer::State(state), modules @ ..] => {
+                let present = |answer: &PortAnswer| matches!(answer, PortAnswer::Module(module) if module.present);
+                let state = State::of(state.number().into());
+                Answer::Modules { state, present: modules.iter().map(present).collect() }
+            }
             [PortAnswer::Refused(error)] if *error != ob1_cpu::CellError::NoEntry => {
                 Answer::Refused(Refusal::Cell(*error))
             }

@@ -45,7 +45,7 @@ pub trait Facts: Send {
 /// A link, as the station file has it.
 #[derive(Debug, Default)]
 pub struct LinkConfig {
-    /// Its name.
+    /// Its name; without one it is part of the runtime, and nobody is told of it.
     pub name: String,
     /// What its clients may do.
     pub rights: Right,

@@ -113,7 +113,8 @@ impl Station {
         }
         let output = compile(&[source], &library, &Options::default());
         assert!(output.is_good(), "{:#?}", output.diagnostics);
-        let mut cpu = Cpu::new(CpuConfig::default(), &output.program, natives, vec![]).expect("loads");
+        let mut cpu = Cpu::new(CpuConfig::default(), &output.program, natives, vec![], ob1_cpu::engine::REFERENCE)
+            .expect("loads");
         let (scan, end) = feed();
         let driver_up = Arc::new(AtomicBool::new(false));
         let facts = Box::new(Plant { up: Arc::clone(&driver_up) });
@@ -339,6 +340,8 @@ fn questions() {
     assert_eq!(station.ask(&mut door, 1, Ask::Szl { id: 0xFFFF, index: 0 }), Answer::NoSzl(0x8082));
     let Answer::Diagnostics(entries) = station.ask(&mut door, 1, Ask::Diagnostics(100)) else { panic!("no buffer") };
     assert!(entries.iter().any(|entry| entry.event == 0x4302), "{entries:?}");
+    let modules = Answer::Modules { state: State::Run, present: Vec::new() };
+    assert_eq!(station.ask(&mut door, 1, Ask::Modules), modules);
     assert!(matches!(station.ask(&mut door, 1, Ask::Blocks), Answer::Blocks(blocks) if blocks.len() == 1));
     let block = |kind, number| Ask::Block(BlockId::new(kind, number));
     assert_eq!(station.ask(&mut door, 1, block(BlockKind::Ob, 1)), Answer::Block(Box::from([1, 2, 3])));

@@ -211,6 +211,7 @@ pub fn assemble(
         family: station.cpu.family,
         names: Arc::new(Names::new(&loaded.program)),
         places: Arc::new(Places::new(&loaded.program)),
+        blocks: crate::access::facts::blocks(&loaded.program),
         modules: building.views,
         panel: building.io.as_ref().and_then(|io| Panel::new(io, &station.modules)),
         posture: Arc::new(OnceLock::new()),

@@ -20,6 +20,7 @@ use crate::retentive::health::Health;
 use crate::station_file::{ModuleConfig, ModuleKind};
 use crate::timing::Timings;
 use ob1_access::Names;
+use ob1_access::door::BlockFact;
 
 /// Where the blocks of a program stand.
 #[derive(Debug, Default)]
@@ -65,6 +66,8 @@ pub struct StationView {
     pub names: Arc<Names>,
     /// Where its blocks stand.
     pub places: Arc<Places>,
+    /// Its blocks.
+    pub blocks: Arc<[BlockFact]>,
     /// Its modules, in the order of the CPU.
     pub modules: Vec<ModuleView>,
     /// The inputs of its process I/O modules.
@@ -175,7 +178,7 @@ impl StationView {
             number: entry.number,
             time_ns: entry.time,
             unix_ns: self.unix_at(entry.time),
-            event: format!("{:04X}h", entry.event.0),
+            event: event_number(entry.event.0),
             text: entry.to_string(),
             place: self.places.of(entry).unwrap_or_default(),
             because: self.stood_in_the_way(entry).unwrap_or_default(),
@@ -190,7 +193,7 @@ impl StationView {
     }
 
     /// Nanoseconds since 1970 at a time of this runtime, by the clock as it is set now.
-    fn unix_at(&self, time: u64) -> u64 {
+    pub(crate) fn unix_at(&self, time: u64) -> u64 {
         crate::assembly::unix_now().saturating_sub(self.clock.time().saturating_sub(time))
     }
 
@@ -242,6 +245,11 @@ pub const fn state_name(state: OperatingState) -> &'static str {
         OperatingState::Startup => "STARTUP",
         OperatingState::Run => "RUN",
     }
+}
+
+/// `4302h`.
+pub(crate) fn event_number(event: u16) -> String {
+    format!("{event:04X}h")
 }
 
 fn times(d: &Distribution) -> Times {

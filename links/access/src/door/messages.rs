@@ -76,7 +76,7 @@ pub enum Ask {
     },
     /// The diagnostic buffer: so many entries at most.
     Diagnostics(u16),
-    /// Which modules answer, in the order of the station file.
+    /// The operating state, and which modules answer, in the order of the station file.
     Modules,
     /// The blocks of the program.
     Blocks,
@@ -109,8 +109,13 @@ pub enum Answer {
     NoSzl(u16),
     /// Newest first.
     Diagnostics(Vec<Diagnosis>),
-    /// Which modules answer.
-    Modules(Vec<bool>),
+    /// The operating state, and which modules answer.
+    Modules {
+        /// The state.
+        state: State,
+        /// Of each module: it answers.
+        present: Vec<bool>,
+    },
     /// In ascending order.
     Blocks(Vec<BlockFact>),
     /// Its bytes.
@@ -394,7 +399,7 @@ wire!(enum Ask {
 });
 wire!(enum Answer {
     0 => Done, 1 => Clock(clock), 2 => Szl { record, bytes }, 3 => NoSzl(code), 4 => Diagnostics(entries),
-    5 => Modules(present), 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),
+    5 => Modules { state, present }, 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),
 });
 wire!(enum Refusal { 0 => Cell(error), 1 => Right, 2 => Password, 3 => NotThere, 4 => Full, 5 => Silent });
 wire!(struct Refused { entry, why });
@@ -504,7 +509,7 @@ mod tests {
             Answer::Done,
             Answer::Szl { record: 4, bytes: Box::from([0; 12]) },
             Answer::Diagnostics(vec![entry.clone(), Diagnosis::default()]),
-            Answer::Modules(vec![true, false]),
+            Answer::Modules { state: State::Run, present: vec![true, false] },
             Answer::Blocks(vec![BlockFact {
                 id: BlockId::new(BlockKind::Ob, 1),
                 bytes: 0,

@@ -150,13 +150,13 @@ fn parse(name: &str, limit: &str) -> Result<(What, f64), String> {
     }
     let (distribution, what) = distribution(name).ok_or_else(|| {
         "nothing is called that; DISTRIBUTION.p99.9=TIME (p50 p90 p99 p99.9 p99.99 p99.999 max mean; cycle wake deadlines execution inputs \
-         outputs ob1 ob35 ob35.late fc0), a count (missed overruns watchdog late late.CLASS telegrams.lost telegrams.errors \
+         outputs links ob1 ob35 ob35.late fc0), a count (missed overruns watchdog late late.CLASS telegrams.lost telegrams.errors \
          telegrams.aborted telegrams.doubled telegrams.wrong receive.lost receive.errors drivers.lost cell.NAME), unexplained=5%, or SERIES.slope (rss fds drivers.rss wake.p99)"
             .to_owned()
     })?;
     if !is_distribution(&distribution) {
         return Err(format!(
-            "\"{distribution}\" is no distribution; there are cycle, wake, deadlines, execution, inputs, outputs, ob1 (any OB), ob35.late \
+            "\"{distribution}\" is no distribution; there are cycle, wake, deadlines, execution, inputs, outputs, links, ob1 (any OB), ob35.late \
              and the blocks of plugins (fc0, fb65)"
         ));
     }
@@ -180,7 +180,7 @@ fn is_distribution(name: &str) -> bool {
     let numbered = |rest: &str| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit());
     let ob = name.strip_prefix("ob").map(|rest| rest.strip_suffix(".late").unwrap_or(rest));
     let block = ["sfc", "sfb", "fc", "fb"].iter().find_map(|kind| name.strip_prefix(kind));
-    ["cycle", "wake", "deadlines", "execution", "inputs", "outputs"].contains(&name)
+    ["cycle", "wake", "deadlines", "execution", "inputs", "outputs", "links"].contains(&name)
         || ob.is_some_and(numbered)
         || block.is_some_and(numbered)
 }

@@ -273,6 +273,7 @@ pub(super) fn distributions(timing: &Timing) -> Vec<(String, &Spread)> {
         ("execution".to_owned(), &timing.execution),
         ("inputs".to_owned(), &timing.inputs),
         ("outputs".to_owned(), &timing.outputs),
+        ("links".to_owned(), &timing.links),
     ];
     for ob in &timing.obs {
         all.push((format!("ob{}", ob.ob), &ob.execution));

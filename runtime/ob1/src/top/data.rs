@@ -108,6 +108,9 @@ pub(super) fn rows(data: &Data) -> Vec<(String, Figures, Figures)> {
         row("inputs", &t.inputs, data.newest(|t| &t.inputs)),
         row("outputs", &t.outputs, data.newest(|t| &t.outputs)),
     ];
+    if t.links.count > 0 {
+        rows.push(row("links", &t.links, data.newest(|t| &t.links)));
+    }
     for (at, ob) in t.obs.iter().enumerate().filter(|(_, ob)| ob.execution.count > 0) {
         let newest = data.newest(|t| t.obs.get(at).map_or(&t.cycle, |ob| &ob.execution));
         rows.push(row(&format!("OB {}", ob.ob), &ob.execution, newest));

@@ -19,6 +19,8 @@ const CLIENTS: usize = 32;
 const WRITE_TIME: Duration = Duration::from_secs(5);
 /// Without a free descriptor the next look for a client waits so long, and twice as long each time.
 const PAUSE: Duration = Duration::from_millis(10);
+/// Longest time between two looks.
+const LOOK: Duration = Duration::from_secs(1);
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
 /// How long nobody is let in, after the system had no descriptor left.
@@ -165,7 +167,8 @@ impl Clients {
         }
         let stuck = self.list.iter().filter(|client| !client.output.is_empty());
         let stuck = stuck.map(|client| (client.active + WRITE_TIME).saturating_duration_since(now)).min();
-        stuck.into_iter().chain(pause).min()
+        // And now and then, for what nobody asks for any more.
+        stuck.into_iter().chain(pause).chain([LOOK]).min()
     }
 
     fn admit(&mut self, listener: &UnixListener, now: Instant) {

@@ -1,8 +1,9 @@
 //! Looking into a running station: the socket protocol, its server in the runtime and its client in
 //! `get`, `set`, `ctl`. The protocol is documented in `docs/access.md`, so that any program can speak it.
 
-mod cells;
 pub mod client;
 mod clients;
+mod control;
+pub(crate) mod facts;
 pub mod protocol;
 pub mod server;

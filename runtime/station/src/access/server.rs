@@ -1,30 +1,25 @@
-//! The socket of a running station: a thread that is the access port's one client. It serves one request at a time; the
-//! scan sees only the bounded rings of the port.
+//! The socket of a running station: a thread with a door to the broker, as every link has one. It serves one request at
+//! a time.
 
 use std::io;
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use ob1_access::{Item, value};
-use ob1_cpu::{
-    AccessClient, Answer, Ask, CellError, Command, Family, Link, OperatingState, Put, Request as PortRequest,
-};
+use ob1_access::door::{Answer, Ask, Command, Diagnosis, Door, Refusal};
+use ob1_access::{Item, Put, value};
+use ob1_cpu::{Family, OperatingState};
 use serde_json::Value;
 
-use super::cells::Cells;
 use super::clients::Clients;
+use super::control::Control;
 use super::protocol::{CellValue, CommandName, Diagnostic, LINE_BYTES, Op, Request, Response, Status};
-use crate::view::StationView;
+use crate::view::{StationView, event_number};
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
 const ANSWER_TIME: Duration = Duration::from_secs(3);
-/// Pause between two looks at the answers.
-const LOOK: Duration = Duration::from_micros(200);
-/// Requests posted to the port at a time: less than its rings hold.
-const BATCH: usize = 128;
 
 /// A running server. Dropping it ends the thread and removes the socket.
 #[derive(Debug)]
@@ -34,11 +29,12 @@ pub struct Server {
 }
 
 impl Server {
-    /// Opens the socket (mode 0600) and starts the thread, for a CPU with this minimum cycle time in nanoseconds.
+    /// Opens the socket (mode 0600) and starts the thread, with a door to the broker of a CPU with this minimum cycle
+    /// time in nanoseconds.
     ///
     /// # Errors
     /// What the system says.
-    pub fn start(socket: &Path, port: AccessClient, link: Link, view: StationView, min_cycle: u64) -> io::Result<Self> {
+    pub fn start(socket: &Path, door: Door, view: StationView, min_cycle: u64) -> io::Result<Self> {
         let listener = UnixListener::bind(socket)?;
         std::fs::set_permissions(socket, std::fs::Permissions::from_mode(0o600))?;
         listener.set_nonblocking(true)?;
@@ -46,8 +42,7 @@ impl Server {
         let socket = socket.to_owned();
         let answer_time = ANSWER_TIME + Duration::from_nanos(min_cycle.saturating_mul(2));
         let thread = ob1_rt::spawn("ob1-access", move || {
-            let port = Port { client: port, next_id: 0, answer_time };
-            Serving { port, cells: Cells::new(link, answer_time), view }.run(&listener, &stopped);
+            Serving { control: Control::new(door, answer_time), view }.run(&listener, &stopped);
             let _ = std::fs::remove_file(socket);
         })?;
         Ok(Self { stop: Some(stop), thread: Some(thread) })
@@ -63,67 +58,8 @@ impl Drop for Server {
     }
 }
 
-/// The access port with questions in, answers out.
-struct Port {
-    client: AccessClient,
-    next_id: u32,
-    answer_time: Duration,
-}
-
-impl Port {
-    /// Asks and waits for all answers.
-    fn ask(&mut self, asks: &[Ask]) -> Result<Vec<Answer>, String> {
-        let mut answers = Vec::with_capacity(asks.len());
-        for batch in asks.chunks(BATCH) {
-            let first = self.next_id;
-            self.next_id = self.next_id.wrapping_add(batch.len() as u32);
-            let give_up = Instant::now() + self.answer_time;
-            for (id, &ask) in (0..).zip(batch) {
-                let mut request = PortRequest { id: first.wrapping_add(id), ask };
-                while let Err(full) = self.client.post(request) {
-                    request = full;
-                    self.wait(give_up)?;
-                    // Answers nobody waits for any more would keep the rings full.
-                    while self.client.take().is_some() {}
-                }
-            }
-            for id in 0..batch.len() as u32 {
-                answers.push(self.answer_to(first.wrapping_add(id), give_up)?);
-            }
-        }
-        Ok(answers)
-    }
-
-    fn answer_to(&mut self, id: u32, give_up: Instant) -> Result<Answer, String> {
-        loop {
-            match self.client.take() {
-                Some(response) if response.id == id => return Ok(response.answer),
-                // Of a request that was given up.
-                Some(_) => {}
-                None => self.wait(give_up)?,
-            }
-        }
-    }
-
-    fn wait(&self, give_up: Instant) -> Result<(), String> {
-        if self.client.is_closed() {
-            return Err("the CPU is gone".into());
-        }
-        if Instant::now() >= give_up {
-            return Err("the CPU does not answer: its scan hangs, or its cycle is very long".into());
-        }
-        std::thread::sleep(LOOK);
-        Ok(())
-    }
-
-    fn ask_one(&mut self, ask: Ask) -> Result<Answer, String> {
-        self.ask(&[ask])?.pop().ok_or_else(|| "no answer".to_owned())
-    }
-}
-
 struct Serving {
-    port: Port,
-    cells: Cells,
+    control: Control,
     view: StationView,
 }
 
@@ -132,6 +68,7 @@ impl Serving {
         let mut clients = Clients::new();
         let too_long = || line(&Response::refused(Value::Null, format!("a line has at most {LINE_BYTES} bytes")));
         while clients.wait(listener, stopped) {
+            self.control.tick();
             clients.answer_each(|request| line(&self.answer(request)), too_long);
         }
     }
@@ -153,17 +90,13 @@ impl Serving {
         match op {
             Op::Get { items } => response.values = Some(self.get(&items)?),
             Op::Set { items } => {
-                let mut cells = Vec::with_capacity(items.len());
+                let (mut names, mut puts) = (Vec::with_capacity(items.len()), Vec::with_capacity(items.len()));
                 for (name, value) in &items {
                     let item = self.view.names.parse(name)?;
-                    cells.push((name, item.cell, item.width, value::from_json(&item, value)?));
+                    puts.push(Put::Value(item.cell, item.width, value::from_json(&item, value)?));
+                    names.push(name);
                 }
-                // What a module feeds is written there; the process image would not keep it.
-                let panel = self.view.panel.as_ref();
-                cells.retain(|(_, cell, width, bits)| !panel.is_some_and(|panel| panel.write(*cell, *width, *bits)));
-                let (names, puts): (Vec<_>, Vec<_>) =
-                    cells.into_iter().map(|(name, cell, width, bits)| (name, Put::Value(cell, width, bits))).unzip();
-                if let Err((entry, error)) = self.cells.write(puts)? {
+                if let Err((entry, error)) = self.control.write(puts)? {
                     let name = names.get(entry).map_or("", |name| name.as_str());
                     return Err(format!("{name}: {error}"));
                 }
@@ -180,7 +113,7 @@ impl Serving {
                     CommandName::Hot => Command::Hot,
                     CommandName::Reset => Command::Reset,
                 };
-                self.port.ask_one(Ask::Command(command))?;
+                self.control.ask(Ask::Command(command))?;
             }
             Op::Status => response.status = Some(self.status()?),
             Op::Diag { count } => {
@@ -197,36 +130,38 @@ impl Serving {
     fn get(&mut self, names: &[String]) -> Result<Vec<CellValue>, String> {
         let items: Vec<Item> = names.iter().map(|name| self.view.names.parse(name)).collect::<Result<_, _>>()?;
         let wanted: Vec<_> = items.iter().map(|item| (item.cell, item.width)).collect();
-        let values = self.cells.read(&wanted)?;
+        let values = self.control.read(&wanted)?;
         items.iter().zip(values).map(|(item, value)| cell_value(item, value)).collect()
     }
 
     fn status(&mut self) -> Result<Status, String> {
-        let count = self.view.modules.len() as u32;
-        let mut asks = vec![Ask::State];
-        asks.extend((0..count).map(Ask::Module));
-        let mut answers = self.port.ask(&asks)?.into_iter();
-        let state = match answers.next() {
-            Some(Answer::State(state)) => state,
-            _ => OperatingState::Stop,
-        };
-        let present =
-            answers.map(|answer| matches!(answer, Answer::Module(module) if module.present)).collect::<Vec<_>>();
-        Ok(self.view.status(state, &present))
+        match self.control.ask(Ask::Modules)? {
+            Answer::Modules { state, present } => Ok(self.view.status(OperatingState::of(state as u8), &present)),
+            _ => Err("no answer".into()),
+        }
     }
 
     fn diagnostics(&mut self, count: u32) -> Result<Vec<Diagnostic>, String> {
-        let asks: Vec<Ask> =
-            (0..count.min((ob1_cpu::DIAG_ENTRIES + ob1_cpu::DIAG_STOPS) as u32)).map(Ask::Diag).collect();
-        let entries = self.port.ask(&asks)?.into_iter().map_while(|answer| match answer {
-            Answer::Diag(entry) => Some(self.view.diagnostic(&entry)),
-            _ => None,
-        });
-        Ok(entries.collect())
+        match self.control.ask(Ask::Diagnostics(count.min(u32::from(u16::MAX)) as u16))? {
+            Answer::Diagnostics(entries) => Ok(entries.into_iter().map(|entry| self.diagnostic(entry)).collect()),
+            _ => Ok(Vec::new()),
+        }
+    }
+
+    fn diagnostic(&self, entry: Diagnosis) -> Diagnostic {
+        Diagnostic {
+            number: entry.number,
+            time_ns: entry.time,
+            unix_ns: self.view.unix_at(entry.time),
+            event: event_number(entry.event),
+            text: entry.text,
+            place: entry.place,
+            remedy: entry.remedy,
+        }
     }
 }
 
-fn cell_value(item: &Item, value: Result<u32, CellError>) -> Result<CellValue, String> {
+fn cell_value(item: &Item, value: Result<u32, Refusal>) -> Result<CellValue, String> {
     let bits = value.map_err(|error| format!("{}: {error}", item.name))?;
     Ok(CellValue {
         item: item.name.clone(),

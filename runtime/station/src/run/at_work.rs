@@ -4,18 +4,23 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use ob1_access::Right;
+use ob1_access::door::Door;
+use ob1_backplane::handover;
+use ob1_broker::{Broker, FeedEnd, LinkConfig, RunningBroker};
 use ob1_cpu::{Cpu, Interrupt, LogReader, OperatingState};
 use ob1_host::driver::RunningFleet;
 use ob1_rt::MonotonicClock;
 
 use super::console::LiveLine;
-use super::journal::{self, Journal};
+use super::journal::Journal;
 use super::last_words;
 use super::monitor::Monitor;
 use super::report::{Ended, Report};
 use super::scan::{Scan, ScanState};
 use super::signals::Signals;
 use super::{Failure, Options};
+use crate::access::facts::StationFacts;
 use crate::access::server::Server;
 use crate::assembly::Assembly;
 use crate::exit::Exit;
@@ -53,6 +58,7 @@ pub(super) struct AtWork {
     observer: Option<Observer>,
     keeper: Option<Keeper>,
     server: Option<Server>,
+    broker: Option<RunningBroker>,
     fleet: Option<RunningFleet>,
     _rundir: RunDir,
     _guardian: Guardian,
@@ -80,15 +86,16 @@ impl AtWork {
         }
         let (grants, awake) = posture::ask_process(station);
         let system = |what: &'static str| move |error: std::io::Error| Failure::system(what, &error);
-        let Some(port) = cpu.access_client() else { return Err(Failure::system("access port", &"taken already")) };
-        let Some(link) = cpu.link() else { return Err(Failure::system("a link to the CPU", &"taken already")) };
-        let server = Server::start(&rundir.socket(), port, link, view.clone(), station.cpu.min_cycle)
+        let (to_broker, fed) = ob1_broker::feed();
+        let (broker, door) = open_doors(station, &mut cpu, fed, &view, clock).map_err(system("the broker"))?;
+        let server = Server::start(&rundir.socket(), door, view.clone(), station.cpu.min_cycle)
             .map_err(system("the control socket"))?;
         let fleet = fleet.start(clock).map_err(system("the drivers"))?;
         let (observer, late) =
             Observer::start(view.timings.clone(), station.realtime.affinity.clone()).map_err(system("the observer"))?;
         let scan = Arc::new(ScanState::new(cpu.module_count()));
-        let (feed, journal) = journal::journal();
+        let (to_run, entries) = ob1_broker::feed();
+        let journal = Journal::new(entries);
         let (interrupt, log) = (cpu.interrupt(), cpu.log_reader());
         last_words::prepare(io.clone(), Arc::clone(&running), cpu.whereabouts()).map_err(system("signals"))?;
         let thread = Scan {
@@ -102,7 +109,7 @@ impl AtWork {
             fence: options.fence,
             retentive,
             late,
-            feed,
+            feeds: [to_run, to_broker],
             guard: io.as_ref().map(|io| io.guard().clone()),
         }
         .start()
@@ -123,6 +130,7 @@ impl AtWork {
             observer: Some(observer),
             keeper,
             server: Some(server),
+            broker: Some(broker),
             fleet: Some(fleet),
             _rundir: rundir,
             _guardian: guardian,
@@ -238,6 +246,7 @@ impl AtWork {
         self.outputs_off();
         self.drain_log();
         drop(self.server.take());
+        drop(self.broker.take());
         if let Some(fleet) = self.fleet.take() {
             fleet.stop();
         }
@@ -278,6 +287,23 @@ impl AtWork {
             std::thread::sleep(Duration::from_millis(1));
         }
     }
+}
+
+/// Starts the broker; the door is that of the control socket.
+fn open_doors(
+    station: &Station,
+    cpu: &mut Cpu,
+    entries: FeedEnd,
+    view: &StationView,
+    clock: MonotonicClock,
+) -> std::io::Result<(RunningBroker, Door)> {
+    // Whoever may open the control socket is the user who runs the station.
+    let control = LinkConfig { rights: Right::Operate, ..LinkConfig::default() };
+    let facts = Box::new(StationFacts::new(view.clone(), &station.cpu));
+    let broker = Broker::new(cpu, vec![control], entries, facts)?.start(clock)?;
+    let (ours, theirs) = handover::pair()?;
+    broker.handle().connect(0, ours);
+    Ok((broker, Door::new(theirs).map_err(std::io::Error::other)?))
 }
 
 /// Reads retentive memory, and starts writing it, where the station file wants that.

@@ -3,43 +3,16 @@
 
 use std::collections::VecDeque;
 
-use ob1_cpu::{Cpu, DIAG_ENTRIES, DiagEntry};
+use ob1_broker::FeedEnd;
+use ob1_cpu::{DIAG_ENTRIES, DiagEntry};
 use ob1_model::{Event, StateChange};
-use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::access::protocol::Diagnostic;
 use crate::view::StationView;
 
-/// Entries under way. The run looks every few milliseconds; what does not fit stays in the CPU's buffer until then.
-const RING: usize = 4 * DIAG_ENTRIES;
-
-/// The scan's end.
-pub(super) struct Feed {
-    entries: Producer<DiagEntry>,
-    sent: u64,
-}
-
-impl Feed {
-    /// After each cycle: hands over what is new. The number of the newest entry.
-    pub(super) fn follow(&mut self, cpu: &Cpu) -> u64 {
-        let newest = cpu.diagnostic(0).map_or(0, |entry| entry.number);
-        // Older ones are gone.
-        self.sent = self.sent.max(newest.saturating_sub(DIAG_ENTRIES as u64));
-        while self.sent < newest {
-            let back = newest - self.sent - 1;
-            let Some(entry) = cpu.diagnostic(back as usize) else { break };
-            if self.entries.push(*entry).is_err() {
-                break;
-            }
-            self.sent += 1;
-        }
-        newest
-    }
-}
-
 /// The run's end.
 pub(super) struct Journal {
-    entries: Consumer<DiagEntry>,
+    entries: FeedEnd,
     /// Oldest first.
     kept: VecDeque<DiagEntry>,
     /// The last change of the operating state.
@@ -48,17 +21,15 @@ pub(super) struct Journal {
     exceeded: Option<DiagEntry>,
 }
 
-/// Both ends.
-pub(super) fn journal() -> (Feed, Journal) {
-    let (to_run, entries) = RingBuffer::new(RING);
-    let kept = VecDeque::with_capacity(DIAG_ENTRIES);
-    (Feed { entries: to_run, sent: 0 }, Journal { entries, kept, change: None, exceeded: None })
-}
-
 impl Journal {
+    /// Of what the scan hands over there.
+    pub(super) fn new(entries: FeedEnd) -> Self {
+        Self { entries, kept: VecDeque::with_capacity(DIAG_ENTRIES), change: None, exceeded: None }
+    }
+
     /// Takes what has come, and tells each change of the operating state once.
     pub(super) fn take(&mut self, view: &StationView) {
-        while let Ok(entry) = self.entries.pop() {
+        while let Some(entry) = self.entries.take() {
             if let Some(change) = entry.event.state_change() {
                 tell(change, &entry, self.cause(&entry), view);
                 self.change = Some(entry);

@@ -10,10 +10,10 @@ use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
 use ob1_backplane::GuardPage;
+use ob1_broker::Feed;
 use ob1_cpu::{Clock, Command, Cpu, Nanos, OperatingState};
 use ob1_rt::{Grant, MonotonicClock};
 
-use super::journal::Feed;
 use crate::posture;
 use crate::retentive::keeper::ScanEnd;
 use crate::station_file::Realtime;
@@ -63,11 +63,7 @@ impl ScanState {
 
     /// The operating state after the last cycle.
     pub(super) fn state(&self) -> OperatingState {
-        match self.state.load(Ordering::Acquire) {
-            0 => OperatingState::Stop,
-            1 => OperatingState::Startup,
-            _ => OperatingState::Run,
-        }
+        OperatingState::of(self.state.load(Ordering::Acquire))
     }
 
     /// Cycles since the start, those in STOP included: a sign of life.
@@ -138,8 +134,8 @@ pub(super) struct Scan {
     pub(super) retentive: Option<ScanEnd>,
     /// Hands late scans over to be explained.
     pub(super) late: LateSender,
-    /// Hands diagnostic entries over to be told.
-    pub(super) feed: Feed,
+    /// Hand diagnostic entries over to be told: to the run, to the broker.
+    pub(super) feeds: [Feed; 2],
     /// Where the guardian looks for signs of life.
     pub(super) guard: Option<GuardPage>,
 }
@@ -194,25 +190,21 @@ impl Scan {
                     shared.limit_reached.store(true, Ordering::Release);
                 }
             }
-            let state = match end.state {
-                OperatingState::Stop => 0,
-                OperatingState::Startup => 1,
-                OperatingState::Run => 2,
-            };
             if end.late {
                 self.late.send(self.cpu.last_scan(), self.cpu.sums());
             }
             if let Some(retentive) = &mut self.retentive {
                 retentive.after_cycle(&mut self.cpu);
             }
-            shared.entries.store(self.feed.follow(&self.cpu), Ordering::Relaxed);
+            let newest = self.feeds.each_mut().map(|feed| feed.follow(&self.cpu));
+            shared.entries.store(newest[0], Ordering::Relaxed);
             if end.state == OperatingState::Stop {
                 for (index, present) in shared.present.iter().enumerate() {
                     let answers = self.cpu.module(index).is_some_and(|(_, status)| status.present);
                     present.store(answers, Ordering::Relaxed);
                 }
             }
-            shared.state.store(state, Ordering::Release);
+            shared.state.store(end.state.number(), Ordering::Release);
             shared.started.store(true, Ordering::Release);
             if end.late {
                 self.late.ready(self.clock.time());

@@ -93,6 +93,7 @@ impl Timings {
             execution: spread(&figures.execution),
             inputs: spread(&figures.inputs),
             outputs: spread(&figures.outputs),
+            links: spread(&figures.links),
             obs: figures.obs.iter().map(|ob| snapshot::ObTiming::new(ob, histograms)).collect(),
             blocks: figures.blocks.iter().map(|block| snapshot::BlockTiming::new(block, histograms)).collect(),
             late: state.ledger.report(figures.late),

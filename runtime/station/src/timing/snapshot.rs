@@ -49,6 +49,9 @@ pub struct Timing {
     pub inputs: Spread,
     /// Process image and back plane after OB 1.
     pub outputs: Spread,
+    /// The exchange with links that read or write, as part of `inputs`: their writes, and the copy of what they watch.
+    #[serde(default)]
+    pub links: Spread,
     /// Each loaded organization block.
     pub obs: Vec<ObTiming>,
     /// Each block of a plugin.

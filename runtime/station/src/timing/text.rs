@@ -30,6 +30,9 @@ pub fn timing(t: &Timing) -> String {
     row(&mut out, "execution", &t.execution);
     row(&mut out, "inputs", &t.inputs);
     row(&mut out, "outputs", &t.outputs);
+    if t.links.count > 0 {
+        row(&mut out, "links", &t.links);
+    }
     for ob in &t.obs {
         row(&mut out, &format!("OB {}", ob.ob), &ob.execution);
         if ob.ob != 1 && ob.lateness.count > 0 {

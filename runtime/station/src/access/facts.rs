@@ -1,0 +1,135 @@
+//! What the broker needs to know of the station.
+
+use std::sync::Arc;
+
+use ob1_access::door::{BlockFact, Diagnosis};
+use ob1_access::{Cell, CellWidth, Put};
+use ob1_broker::{DriverState, Facts};
+use ob1_cpu::{CpuConfig, DiagEntry, Family};
+use ob1_host::driver;
+use ob1_ir::Program;
+use ob1_model::{BlockId, BlockKind};
+
+use crate::view::StationView;
+
+/// The language of a block as its head has it. [the list of block types of S7 communication]
+const STL: u8 = 1;
+const DATA: u8 = 5;
+
+/// See above.
+pub(crate) struct StationFacts {
+    view: StationView,
+    areas: [u32; 3],
+    timers_and_counters: [u16; 2],
+    min_cycle: u64,
+    drivers: Vec<(String, Arc<driver::DriverStatus>)>,
+}
+
+impl StationFacts {
+    pub(crate) fn new(view: StationView, cpu: &CpuConfig) -> Self {
+        let driver = |module: &crate::view::ModuleView| Some((module.name.clone(), module.driver.clone()?));
+        Self {
+            drivers: view.modules.iter().filter_map(driver).collect(),
+            view,
+            areas: [cpu.input_bytes, cpu.output_bytes, cpu.memory_bytes],
+            timers_and_counters: [cpu.timers, cpu.counters],
+            min_cycle: cpu.min_cycle,
+        }
+    }
+}
+
+/// The blocks of a program, in ascending order.
+pub(crate) fn blocks(program: &Program) -> Arc<[BlockFact]> {
+    let code = program.blocks.iter().map(|block| BlockFact {
+        id: block.id,
+        bytes: 0,
+        language: STL,
+        name: block.name.clone().unwrap_or_default(),
+    });
+    let data = program.data.iter().map(|block| BlockFact {
+        id: BlockId::new(BlockKind::Db, block.number),
+        bytes: block.bytes.len() as u32,
+        language: DATA,
+        name: block.name.clone().unwrap_or_default(),
+    });
+    let mut all: Vec<BlockFact> = code.chain(data).collect();
+    all.sort_by_key(|fact| fact.id);
+    all.into()
+}
+
+impl Facts for StationFacts {
+    fn name(&self) -> &str {
+        &self.view.name
+    }
+
+    fn family(&self) -> u16 {
+        match self.view.family {
+            Family::S7_300 => 300,
+            Family::S7_400 => 400,
+        }
+    }
+
+    fn areas(&self) -> [u32; 3] {
+        self.areas
+    }
+
+    fn timers_and_counters(&self) -> [u16; 2] {
+        self.timers_and_counters
+    }
+
+    fn min_cycle(&self) -> u64 {
+        self.min_cycle
+    }
+
+    fn modules(&self) -> u32 {
+        self.view.modules.len() as u32
+    }
+
+    fn drivers(&self) -> Vec<DriverState> {
+        let state = |(name, status): &(String, Arc<driver::DriverStatus>)| DriverState {
+            name: name.clone(),
+            up: status.pid() != 0,
+        };
+        self.drivers.iter().map(state).collect()
+    }
+
+    fn diagnosis(&self, entry: &DiagEntry) -> Diagnosis {
+        let told = self.view.diagnostic(entry);
+        Diagnosis {
+            number: entry.number,
+            time: entry.time,
+            wall: ob1_cpu::date_and_time(crate::assembly::date_of(told.unix_ns)),
+            event: entry.event.0,
+            block: entry.site.map(|site| site.block),
+            line: entry.site.map_or(0, |site| site.line),
+            data: entry.data,
+            text: told.text,
+            place: told.place,
+            remedy: told.remedy,
+        }
+    }
+
+    fn blocks(&self) -> Vec<BlockFact> {
+        self.view.blocks.to_vec()
+    }
+
+    fn block(&self, _id: BlockId) -> Option<Box<[u8]>> {
+        None
+    }
+
+    fn take_input(&self, put: &Put) -> bool {
+        let Some(panel) = &self.view.panel else { return false };
+        match put {
+            Put::Value(cell, width, value) => panel.write(*cell, *width, *value),
+            Put::Bytes(cell @ Cell::Area(..), bytes) => {
+                let mut all = true;
+                for (offset, byte) in (0..).zip(bytes) {
+                    let cell = cell.at_bit(cell.bit().saturating_add(offset * 8));
+                    all &= panel.write(cell, CellWidth::Byte, u32::from(*byte));
+                }
+                all
+            }
+            Put::Bytes(..) => false,
+        }
+    }
+}
