@@ -208,7 +208,7 @@ impl Joint {
                     let left: Vec<Put> = puts.iter().filter(|put| !facts.take_input(put)).cloned().collect();
                     // Whoever sends it has been held to the bounds of a group.
                     let Ok(group) = Group::new(number, left) else { continue };
-                    (ticket, self.link.write(group).is_err().then(|| Job::Group(ticket, puts)))
+                    (ticket, self.link.write(group).is_err().then_some(Job::Group(ticket, puts)))
                 }
                 Job::List(ticket, list, index) => {
                     let full = self.link.list(Listing::new(number, list, index)).is_err();

@@ -364,7 +364,8 @@ impl Exchange {
 
     /// Whether there is anything to do for a link at this cycle control point.
     pub(crate) fn is_idle(&self) -> bool {
-        self.ends.iter().all(|end| end.watch.is_none() && end.orders.is_empty())
+        let watches = |end: &End| end.watch.as_ref().is_some_and(|watch| !watch.frame.pieces().is_empty());
+        self.ends.iter().all(|end| !watches(end) && end.orders.is_empty())
     }
 
     /// The cycle control point: writes, then the snapshots, then the answers.
