@@ -61,6 +61,7 @@ const TABLE: &[Row] = &[
             "tracing",
             "tracing-subscriber",
         ],
+    ),
     row(
         "ob1-broker",
         "invariant 2",

@@ -175,6 +175,8 @@ pub struct Diagnosis {
     pub text: String,
     /// File and line; empty for an entry about no statement.
     pub place: String,
+    /// What stood in the way, where the cycle monitoring expired and that is known.
+    pub because: String,
     /// What helps; empty for mere information.
     pub remedy: String,
 }
@@ -403,7 +405,7 @@ wire!(enum Answer {
 });
 wire!(enum Refusal { 0 => Cell(error), 1 => Right, 2 => Password, 3 => NotThere, 4 => Full, 5 => Silent });
 wire!(struct Refused { entry, why });
-wire!(struct Diagnosis { number, time, wall, event, block, line, data, text, place, remedy });
+wire!(struct Diagnosis { number, time, wall, event, block, line, data, text, place, because, remedy });
 wire!(struct BlockFact { id, bytes, language, name });
 wire!(struct Event { number, time, what });
 wire!(enum What {
@@ -468,6 +470,7 @@ mod tests {
             data: 6,
             text: "ü".into(),
             place: "a.awl:5".into(),
+            because: "kernel".into(),
             remedy: String::new(),
         };
         let welcome = Welcome {

@@ -105,6 +105,7 @@ impl Facts for StationFacts {
             data: entry.data,
             text: told.text,
             place: told.place,
+            because: told.because,
             remedy: told.remedy,
         }
     }

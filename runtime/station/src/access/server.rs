@@ -156,6 +156,7 @@ impl Serving {
             event: event_number(entry.event),
             text: entry.text,
             place: entry.place,
+            because: entry.because,
             remedy: entry.remedy,
         }
     }
