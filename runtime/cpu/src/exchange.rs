@@ -3,8 +3,8 @@
 //! In this order: the outputs are out, then writes, then the snapshots, then the inputs come in; in STOP too. A link
 //! says which pieces of memory it watches; they are copied once, together, into its window ([`crate::Window`]). Its
 //! writes come in groups that land whole; a group's answer leaves after the snapshot that contains it. Everything else
-//! goes through two rings of a link; what it brings goes back to it: the scan allocates and frees nothing, and waits for
-//! nobody.
+//! goes through two rings of a link; what it brings goes back to it: the scan allocates and frees nothing, and waits
+//! for nobody.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
