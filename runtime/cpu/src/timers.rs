@@ -16,21 +16,22 @@ const KINDS: [TimerKind; 5] =
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Timer {
-    kind: TimerKind,
+    /// The kind of the last start statement.
+    pub kind: TimerKind,
     /// Runs, unless `end` has passed.
-    running: bool,
+    pub running: bool,
     /// RLO at the last start statement.
-    start_rlo: bool,
+    pub start_rlo: bool,
     /// RLO at the last `FR`.
-    enable_rlo: bool,
+    pub enable_rlo: bool,
     /// The signal state beside the running time: elapsed on-delays, the input of an off-delay.
-    latched: bool,
+    pub latched: bool,
     /// Time base code, 0 to 3.
-    base: u16,
+    pub base: u16,
     /// What is left while it does not run, in units of the base.
-    rest: u16,
+    pub rest: u16,
     /// When it runs out.
-    end: Nanos,
+    pub end: Nanos,
 }
 
 impl Default for Timer {
@@ -216,10 +217,14 @@ impl Timer {
 pub struct Counter {
     /// 0 to 999.
     pub value: u16,
-    up_rlo: bool,
-    down_rlo: bool,
-    set_rlo: bool,
-    enable_rlo: bool,
+    /// RLO at the last `ZV`.
+    pub up_rlo: bool,
+    /// RLO at the last `ZR`.
+    pub down_rlo: bool,
+    /// RLO at the last `S`.
+    pub set_rlo: bool,
+    /// RLO at the last `FR`.
+    pub enable_rlo: bool,
 }
 
 impl Counter {

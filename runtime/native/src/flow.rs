@@ -70,12 +70,18 @@ impl Env<'_> {
             place::Class::Slow => How::Step,
         };
         let written = |place: &Place, bits: u32| if self.mcr { How::Step } else { at(place, bits) };
+        let known = |there: bool| if there { How::Plain } else { How::Step };
+        let timer = |n: &Number| known(matches!(n, Number::Fixed(n) if *n < self.plan.timers));
+        let counter = |n: &Number| known(matches!(n, Number::Fixed(n) if *n < self.plan.counters));
         match op {
             Op::Call(_) => How::Call,
+            Op::LoadTimer(n) | Op::ResetTimer(n) => timer(n),
+            Op::LoadCounter(n) | Op::CountUp(n) | Op::CountDown(n) | Op::ResetCounter(n) => counter(n),
             Op::Scan { test, .. } => match test {
                 BitTest::Bit(place) => at(place, 1),
                 BitTest::Status(_) => How::Plain,
-                BitTest::Timer(_) | BitTest::Counter(_) => How::Step,
+                BitTest::Timer(n) => timer(n),
+                BitTest::Counter(n) => counter(n),
             },
             Op::Assign(place) | Op::Set(place) | Op::Reset(place) => written(place, 1),
             Op::EdgePositive(place) | Op::EdgeNegative(place) => at(place, 1),
@@ -91,19 +97,14 @@ impl Env<'_> {
             | Op::McrDeactivate
             | Op::McrOpen
             | Op::McrClose
-            | Op::LoadTimer(_)
             | Op::LoadTimerBcd(_)
-            | Op::LoadCounter(_)
             | Op::LoadCounterBcd(_)
             | Op::LoadDbLength(_)
             | Op::LoadDbNumber(_)
+            // Compiled when its time is a constant.
             | Op::StartTimer(..)
-            | Op::ResetTimer(_)
             | Op::EnableTimer(_)
-            | Op::CountUp(_)
-            | Op::CountDown(_)
             | Op::SetCounter(_)
-            | Op::ResetCounter(_)
             | Op::EnableCounter(_)
             | Op::ExchangeDbs
             | Op::Shift(_, None)
@@ -146,7 +147,7 @@ impl Env<'_> {
                         StatusBit::BinaryResult => BR,
                         _ => CC,
                     },
-                    _ => AR2,
+                    BitTest::Timer(_) | BitTest::Counter(_) => AR2,
                 };
                 match logic {
                     Logic::And => (tested | needed(RLO, FC | RLO | OR), RLO | FC | STA),
@@ -211,6 +212,8 @@ impl Env<'_> {
             Op::EndIf => (RLO | self.at_end(), RLO | CHAIN),
             Op::End => (self.at_end(), ALL),
             Op::OpenDb(..) => (AR2, 0),
+            Op::LoadTimer(_) | Op::LoadCounter(_) => (needed(A2, A1) | AR2, A1 | A2),
+            Op::ResetTimer(_) | Op::CountUp(_) | Op::CountDown(_) | Op::ResetCounter(_) => (RLO | AR2, FC | OR),
             Op::LoadDbLength(_) | Op::LoadDbNumber(_) => (A1, 0),
             Op::Nop => (0, 0),
             // By the reference: whatever it may look at.
@@ -319,6 +322,7 @@ impl Facts {
                 Jump::IfRlo | Jump::IfNotRlo | Jump::IfRloSaveBr | Jump::IfNotRloSaveBr | Jump::IfBr | Jump::IfNotBr,
                 _,
             ) => set(no, no),
+            Op::ResetTimer(_) | Op::CountUp(_) | Op::CountDown(_) | Op::ResetCounter(_) => set(no, no),
             // A call that cannot be made leaves the chain as it is.
             Op::Call(_) => set(self.fc.filter(|fc| !fc), self.or.filter(|or| !or)),
             _ => {}

@@ -11,7 +11,7 @@ use crate::flow::{self, Env, Facts, How};
 use crate::place;
 use crate::translate::operand::{BitAt, Spot};
 use crate::translate::state::{Bit, Data, Reg};
-use crate::translate::{Body, Inlined, Reference, Translation};
+use crate::translate::{Body, Checked, Inlined, Reference, Translation};
 
 /// Most statements of a block that becomes part of its callers.
 const STATEMENTS: usize = 48;
@@ -221,8 +221,8 @@ impl Translation<'_, '_> {
             self.now.ar[1] = ar2;
         }
         // What was checked of the caller's registers still holds: the block opens no data block.
-        self.checked = checked;
-        self.checked.instance = None;
+        let cache = std::mem::take(&mut self.checked.cache);
+        self.checked = Checked { instance: None, cache, ..checked };
         if let Some(db) = instance {
             for out in &call.outs {
                 let value = self.read_at(self.arena, db.at.0 * 8 + out.at, out.bits);

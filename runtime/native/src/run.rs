@@ -3,8 +3,9 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ob1_cpu::Abort;
-use ob1_cpu::engine::{Callee, Caller, Context, Hot, Prepared, Regs};
+use ob1_cpu::engine::{Callee, Caller, Context, Hot, Prepared, Regs, Timer};
 use ob1_ir::Op;
+use ob1_model::TimerKind;
 
 use crate::engine::Code;
 
@@ -23,6 +24,8 @@ pub(crate) struct Run {
     pub(crate) step: Helper,
     pub(crate) leave: Helper,
     pub(crate) call: Helper,
+    pub(crate) timer: Helper,
+    pub(crate) time_left: Helper,
     /// The CPU. Only helpers look here.
     pub(crate) cpu: *mut Context<'static>,
     /// The code of all blocks.
@@ -42,7 +45,19 @@ const ENDED: i32 = 0;
 impl Run {
     pub(crate) fn new(regs: Regs, code: &Code, cx: &mut Context<'_>) -> Self {
         let hot = std::ptr::from_mut(cx.hot());
-        Self { regs, hot, safe_point, step, leave, call, cpu: std::ptr::from_mut(cx).cast(), code, panicked: false }
+        Self {
+            regs,
+            hot,
+            safe_point,
+            step,
+            leave,
+            call,
+            timer,
+            time_left,
+            cpu: std::ptr::from_mut(cx).cast(),
+            code,
+            panicked: false,
+        }
     }
 }
 
@@ -80,6 +95,41 @@ extern "C" fn safe_point(run: *mut Run, block: u32, statement: u32) -> i32 {
 /// One statement by the reference.
 extern "C" fn step(run: *mut Run, block: u32, statement: u32) -> i32 {
     guarded(run, |parts| parts.cx.step(Caller { block, statement }, parts.regs).map(|()| DONE))
+}
+
+/// Starts a timer with a time that is one: its number in the high word, kind and RLO; the time.
+extern "C" fn timer(run: *mut Run, timer: u32, time: u32) -> i32 {
+    const KINDS: [TimerKind; 5] = [
+        TimerKind::Pulse,
+        TimerKind::ExtendedPulse,
+        TimerKind::OnDelay,
+        TimerKind::RetentiveOnDelay,
+        TimerKind::OffDelay,
+    ];
+    guarded(run, |parts| {
+        let now = parts.cx.hot().now;
+        let kind = KINDS[(timer >> 1 & 7) as usize % KINDS.len()];
+        if let Some(found) = timer_of(parts.cx, timer >> 16) {
+            // A wrong digit is impossible: the time is a constant that was looked at.
+            let _ = found.run(kind, timer & 1 == 1, time as u16, now);
+        }
+        Ok(DONE)
+    })
+}
+
+/// What is left of a timer's time.
+extern "C" fn time_left(run: *mut Run, timer: u32, _: u32) -> i32 {
+    guarded(run, |parts| {
+        let now = parts.cx.hot().now;
+        Ok(timer_of(parts.cx, timer).map_or(0, |timer| i32::from(timer.remaining(now))))
+    })
+}
+
+fn timer_of<'a>(cx: &'a mut Context<'static>, number: u32) -> Option<&'a mut Timer> {
+    let timers = *cx.hot().timers.get_mut();
+    // SAFETY: `Context::hot` has filled the pointer in. The number was held against the plan's when the code was made;
+    // the timers live as long as the CPU, which `cx` borrows.
+    unsafe { timers.add(number as usize).as_mut() }
 }
 
 /// A call. Statement, safe point and count are behind it.

@@ -126,8 +126,8 @@ impl Translation<'_, '_> {
                 self.bit_of(byte, spot)
             }
             BitTest::Status(bit) => self.status(*bit),
-            // By the reference.
-            BitTest::Timer(_) | BitTest::Counter(_) => return,
+            BitTest::Timer(n) => self.timer_output(*n),
+            BitTest::Counter(n) => self.counter_output(*n),
         };
         let tested = if negate { state::not(bit, &mut self.b) } else { bit };
         let fc = self.fc();

@@ -6,8 +6,8 @@ use cranelift_codegen::ir::{self, BlockArg, InstBuilder, JumpTableData, Value, c
 use ob1_cpu::engine::Hot;
 use ob1_ir::{Jump, StatusBit};
 
-use super::Translation;
 use super::state::{self, Bit, State};
+use super::{Checked, Translation};
 use crate::run::Run;
 
 impl Translation<'_, '_> {
@@ -59,6 +59,7 @@ impl Translation<'_, '_> {
 
     /// Another way when `condition` is not 0, which does not come back here.
     fn branch(&mut self, condition: Value, other: impl FnOnce(&mut Self)) {
+        self.write_back();
         let taken = self.b.create_block();
         let next = self.b.create_block();
         self.b.ins().brif(condition, taken, &[], next, &[]);
@@ -102,6 +103,7 @@ impl Translation<'_, '_> {
         let ways: Vec<ir::Block> = (0..=targets.len()).map(|_| self.b.create_block()).collect();
         let calls: Vec<_> = ways.iter().map(|way| self.b.func.dfg.block_call(*way, &[])).collect();
         let (last, listed) = calls.split_last().expect("at least the last one");
+        self.write_back();
         let table = self.b.create_jump_table(JumpTableData::new(*last, listed));
         self.b.ins().br_table(index, table);
         for (way, to) in ways.into_iter().zip(targets.iter().chain([&otherwise])) {
@@ -115,6 +117,7 @@ impl Translation<'_, '_> {
 
     /// Looks at the clock and at what is due when it is time, before statement `statement`.
     pub(crate) fn safe_point(&mut self, statement: usize) {
+        self.write_back();
         self.count();
         let executed = self.executed();
         let look_after = self.load_state(types::I32, self.hot, offset_of!(Hot, look_after));
@@ -136,6 +139,8 @@ impl Translation<'_, '_> {
         self.b.ins().jump(next, &[]);
         self.b.seal_block(next);
         self.b.switch_to_block(next);
+        // Others may have written.
+        self.checked.cache.forget();
     }
 
     /// The end of the block. It counts as the statement it is on the CPU.
@@ -145,6 +150,7 @@ impl Translation<'_, '_> {
             self.end_inlined();
             return;
         }
+        self.write_back();
         let seen = self.body.env.at_end();
         self.spill(seen);
         self.tell_count();
@@ -170,6 +176,7 @@ impl Translation<'_, '_> {
         if self.inlined_call(pc) {
             return;
         }
+        self.write_back();
         let live = self.body.live[pc];
         self.spill(live);
         self.count();
@@ -180,6 +187,7 @@ impl Translation<'_, '_> {
         self.landings.push((here, 0, crate::flow::Facts::NONE));
         self.b.switch_to_block(here);
         self.now = State { db, di, uncounted: 1, ..State::variables() };
+        self.checked = Checked::default();
         self.safe_point(pc + 1);
         self.tell_count();
         let (block, at) = (self.word(self.block), self.word(pc as u32));

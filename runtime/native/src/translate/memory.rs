@@ -9,41 +9,23 @@ use super::state::Bit;
 impl Translation<'_, '_> {
     /// 8, 16 or 32 bits, the upper ones 0.
     pub(crate) fn read(&mut self, spot: Spot, bits: u32) -> Value {
-        let flags = self.arena_flags();
-        let offset = spot.offset as i32;
-        match bits {
-            8 => self.b.ins().uload8(types::I32, flags, spot.base, offset),
-            16 => {
-                let v = self.b.ins().load(types::I16, flags, spot.base, offset);
-                let v = self.b.ins().bswap(v);
-                self.b.ins().uextend(types::I32, v)
-            }
-            _ => {
-                let v = self.b.ins().load(types::I32, flags, spot.base, offset);
-                self.b.ins().bswap(v)
-            }
-        }
+        let value = self.content(spot, bits);
+        if bits == 32 { value } else { self.b.ins().uextend(types::I32, value) }
     }
 
     /// Writes the low 8, 16 or 32 bits.
     pub(crate) fn write(&mut self, spot: Spot, bits: u32, value: Value) {
-        let flags = self.arena_flags();
-        let offset = spot.offset as i32;
         let value = match bits {
             8 => self.b.ins().ireduce(types::I8, value),
-            16 => {
-                let v = self.b.ins().ireduce(types::I16, value);
-                self.b.ins().bswap(v)
-            }
-            _ => self.b.ins().bswap(value),
+            16 => self.b.ins().ireduce(types::I16, value),
+            _ => value,
         };
-        self.b.ins().store(flags, value, spot.base, offset);
+        self.put_content(spot, value);
     }
 
     /// The byte of a bit.
     pub(crate) fn byte_of(&mut self, spot: Spot) -> Value {
-        let flags = self.arena_flags();
-        self.b.ins().load(types::I8, flags, spot.base, spot.offset as i32)
+        self.content(spot, 8)
     }
 
     fn shift_of(&mut self, spot: Spot) -> Value {
@@ -63,7 +45,6 @@ impl Translation<'_, '_> {
 
     /// Writes a bit into a byte that was read.
     pub(crate) fn put_bit(&mut self, byte: Value, spot: Spot, value: Bit) {
-        let flags = self.arena_flags();
         let mask = match spot.bit {
             BitAt::Known(bit) => self.b.ins().iconst(types::I8, 1 << bit),
             BitAt::Computed(_) => {
@@ -83,16 +64,15 @@ impl Translation<'_, '_> {
                 self.b.ins().bor(cleared, placed)
             }
         };
-        self.b.ins().store(flags, new, spot.base, spot.offset as i32);
+        self.put_content(spot, new);
     }
 
     /// Sets or clears a bit of a byte that was read, when `when` is 1.
     pub(crate) fn change_bit(&mut self, byte: Value, spot: Spot, set: bool, when: Bit) {
-        let flags = self.arena_flags();
         let v = when.value(self.vars.rlo, &mut self.b);
         let shift = self.shift_of(spot);
         let placed = self.b.ins().ishl(v, shift);
         let new = if set { self.b.ins().bor(byte, placed) } else { self.b.ins().band_not(byte, placed) };
-        self.b.ins().store(flags, new, spot.base, spot.offset as i32);
+        self.put_content(spot, new);
     }
 }

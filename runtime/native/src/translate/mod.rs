@@ -6,11 +6,13 @@
 
 mod arithmetic;
 mod bits;
+pub(crate) mod cache;
 mod control;
 mod memory;
 pub(crate) mod operand;
 mod spill;
 pub(crate) mod state;
+mod timers;
 mod words;
 
 use cranelift_codegen::ir::{self, AliasRegion, AliasRegionData, InstBuilder, MemFlagsData, SigRef, Value, types};
@@ -79,6 +81,8 @@ pub(crate) struct Checked {
     pub(crate) instance: Option<Value>,
     /// References to actual parameters that are no pointers.
     pub(crate) params: Vec<(u16, Value)>,
+    /// What memory holds, and what is to be written there.
+    pub(crate) cache: cache::Cache,
 }
 
 /// A block's statements with what is known of them.
@@ -320,7 +324,9 @@ impl Translation<'_, '_> {
                 true
             }
             How::Step => {
-                self.step(pc);
+                if !self.started_timer(op) {
+                    self.step(pc);
+                }
                 true
             }
             How::Plain | How::Checked => self.compiled(op, pc),
@@ -344,7 +350,7 @@ impl Translation<'_, '_> {
             Op::EndIf => self.end_if(),
             Op::Nop => {}
             _ => {
-                if !self.bit_statement(op, pc) && !self.word_statement(op, pc) {
+                if !self.bit_statement(op, pc) && !self.word_statement(op, pc) && !self.timer_statement(op) {
                     self.accumulators(op);
                 }
             }

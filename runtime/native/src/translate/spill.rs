@@ -206,6 +206,7 @@ impl Translation<'_, '_> {
 
     /// Puts the registers that statement `pc` needs into their variables: jumps meet there.
     pub(crate) fn flush(&mut self, pc: usize) {
+        self.write_back();
         let live = self.body.live[pc];
         let facts = self.body.facts[pc].unwrap_or(Facts::NONE);
         for (i, bit) in [flow::A1, flow::A2].into_iter().enumerate() {
@@ -291,6 +292,7 @@ impl Translation<'_, '_> {
         if state::constant(&self.b, bad) == Some(0) {
             return;
         }
+        self.write_back();
         let exit = self.b.create_block();
         let next = self.b.create_block();
         self.b.set_cold_block(exit);
@@ -331,6 +333,7 @@ impl Translation<'_, '_> {
 
     /// The reference executes this one statement.
     pub(crate) fn step(&mut self, pc: usize) {
+        self.write_back();
         let live = self.body.live[pc];
         self.spill(live);
         self.tell_count();
