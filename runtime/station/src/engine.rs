@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
+use ob1_arena::Arena;
 use ob1_cpu::engine::{Engine, Factory, PLAIN, Plan, REFERENCE};
+use ob1_native::{AtLoad, Tier};
 
 /// The engine asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,8 +49,29 @@ impl EngineChoice {
         match self {
             EngineChoice::Auto | EngineChoice::Reference => REFERENCE,
             EngineChoice::Plain => PLAIN,
-            EngineChoice::Native | EngineChoice::Both => &Missing,
+            EngineChoice::Native => &Compiled,
+            EngineChoice::Both => &Missing,
         }
+    }
+}
+
+/// Machine code, made when the program is loaded, on memory that covers every offset code can have.
+struct Compiled;
+
+const NATIVE: AtLoad = AtLoad(Tier::Optimised);
+
+impl Factory for Compiled {
+    fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
+        NATIVE.engine(plan)
+    }
+
+    fn arena(&self, bytes: usize) -> Arena {
+        // Without so much address space the code's own checks stand alone.
+        ob1_rt::reserve(bytes).unwrap_or_else(|_| Arena::new(bytes))
+    }
+
+    fn stack_per_block(&self) -> usize {
+        NATIVE.stack_per_block()
     }
 }
 
@@ -57,7 +80,7 @@ struct Missing;
 
 impl Factory for Missing {
     fn engine(&self, _plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
-        Err("this ob1 was built without the native engine; take engine = \"auto\" or \"reference\"".into())
+        Err("this ob1 was built without the comparison of engines; take engine = \"native\" or \"reference\"".into())
     }
 }
 
