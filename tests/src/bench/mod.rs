@@ -8,6 +8,7 @@ pub mod causes;
 pub mod compile;
 pub mod disturb;
 pub mod driver;
+pub mod engines;
 pub mod kill_runtime;
 pub mod line;
 pub mod memory;

@@ -5,11 +5,14 @@ use std::process::ExitCode;
 
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
-use ob1_tests::bench::{backplane, causes, compile, disturb, driver, kill_runtime, line, memory, scan, stl, wake};
+use ob1_tests::bench::{
+    backplane, causes, compile, disturb, driver, engines, kill_runtime, line, memory, scan, stl, wake,
+};
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
   names: scan, pair, backplane, driver, memory, line, compile (default: all of these)
-         stl: the engine beside awlsim (installed into .venv), alone; about a minute
+         stl: the engines beside each other, beside C and beside awlsim (installed into .venv), alone; about two minutes
+         engines: the same without awlsim
          line, named: also Modbus RTU transactions over a pty beside libmodbus and pymodbus (installed into .venv)
          disturb [--rounds N] [--seconds S]: the execution time of a scan while ob1 top is attached, reports are written, its driver is
          killed ten times a minute; N (9) rounds of five runs of S (6) seconds: 5 minutes
@@ -23,7 +26,8 @@ fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let done = match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--peer", role, path] => answer(role, Path::new(path)).map(|()| true),
-        ["stl"] => stl::measure(),
+        ["stl"] => engines::measure().and_then(|engines| Ok(stl::measure()? && engines)),
+        ["engines"] => engines::measure(),
         ["disturb", ref words @ ..] => disturbed(words),
         ["causes"] => caused(causes::SECONDS),
         ["causes", "--seconds", number] => number.parse().map_err(|_| HELP.into()).and_then(caused),
