@@ -1,8 +1,8 @@
 //! The engines beside each other and beside C: `cargo xtask bench stl` shows this table first.
 //!
 //! The six programs run on the reference engine, on the native engine, and as the same logic in C
-//! (`tests/native/bench`), which `cc -O2` compiles. Before a time is believed all three leave the same bit memory and data block. Times are CPU
-//! time of this process, in turns; the best round counts.
+//! (`tests/native/bench`), which `cc -O2` compiles. Before a time is believed all three leave the same bit memory
+//! and data block. Times are CPU time of this process, in turns; the best round counts.
 
 use std::path::Path;
 use std::process::Command;
