@@ -166,7 +166,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_the_disk_does_not_take_is_counted() {
+    fn what_the_disk_or_the_queue_does_not_take_is_counted() {
         let (sender, messages) = sync_channel(4);
         for text in ["a\n", "b\n"] {
             hand_over(&sender, Message::Text(text.into()));
@@ -175,6 +175,13 @@ mod tests {
         let before = lost();
         write_all(File::options().write(true).open("/dev/full").expect("there"), &messages);
         assert_eq!(lost() - before, 2);
+        // Nor does anybody wait for room in the queue.
+        let (sender, _unread) = sync_channel(1);
+        let before = lost();
+        for text in ["a\n", "b\n", "c\n"] {
+            hand_over(&sender, Message::Text(text.into()));
+        }
+        assert_eq!(lost() - before, 2, "one lies in the queue");
     }
 
     #[test]

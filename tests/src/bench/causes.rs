@@ -82,7 +82,7 @@ fn run(ob1: &Path, name: &str, interval: &str, turns: u32, seconds: u64) -> Resu
          [program]\nsources = [\"{name}.awl\"]\n"
     );
     let program = format!(
-        "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\nL {turns};\nturn: T MW 212;\nL MW 212;\nLOOP turn;\n\
+        "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\nL W#16#{turns:X};\nturn: T MW 212;\nL MW 212;\nLOOP turn;\n\
          END_ORGANIZATION_BLOCK\n",
     );
     std::fs::write(folder.join(format!("{name}.toml")), station)?;
