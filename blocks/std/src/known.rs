@@ -162,6 +162,8 @@ const SFB: &[(u16, &str)] = &[
     (1003, "TP_TIME"),
     (1004, "TON_TIME"),
     (1005, "TOF_TIME"),
+    (1006, "R_TRIG"),
+    (1007, "F_TRIG"),
 ];
 
 /// STEP 7's name of an SFC or SFB, whether it is here or not; `None` for other blocks and numbers STEP 7 does not use.

@@ -296,6 +296,14 @@ fn instance_of(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>) -> Option<I
     match resolver.operand(reader)? {
         Value::Block(BlockWord::Db, number @ Number::Fixed(_)) => Some(Instance::Data(number)),
         Value::Instance(fb, at) => Some(Instance::Own(fb, at)),
+        Value::Memory { ty: Some(ob1_model::DataType::Struct(_)), .. }
+        | Value::Through { .. }
+        | Value::Indexed { .. } => {
+            let message =
+                "an instance is a variable of VAR or a data block of its own; one within other data cannot be called";
+            reader.report(span, &codes::NOT_SUPPORTED, message);
+            None
+        }
         _ => {
             reader.report(span, &codes::INSTANCE, "after the comma stands the instance data block: DB 50");
             None

@@ -16,6 +16,7 @@ use crate::operand::{Resolver, with_article};
 use crate::parse_types::{TYPE_DEPTH, type_words};
 use crate::reader::Reader;
 use crate::syntax::{Block, Declaration, Frame, NameRef, Tokens, TypeKind};
+use crate::tia;
 use crate::token::{File, Span};
 use crate::world::{Info, Symbolic, World};
 
@@ -475,7 +476,11 @@ impl<'e> Elaborator<'e> {
         declaration: &Declaration,
         nesting: u32,
     ) -> Option<(Param, Option<BlockId>)> {
-        let resolved = self.ty(block.file, &declaration.ty, nesting)?;
+        let mut resolved = self.ty(block.file, &declaration.ty, nesting)?;
+        if section != Section::Static && resolved.fb.is_some_and(tia::is_data_type) {
+            // Elsewhere it is a structure like any other.
+            resolved.fb = None;
+        }
         let placed = matches!(section, Section::Static | Section::Temp);
         let wrong = resolved.fb.is_some() && section != Section::Static
             || resolved.ty.is_parameter_type() && (placed || section == Section::Output)

@@ -260,7 +260,7 @@ impl<'w> Resolver<'w> {
                     return None;
                 }
                 let (operand, ty) = path::sliced(reader, Operand { width, place });
-                let place = self.at_periphery(reader, operand.place, operand.width);
+                let place = self.at_periphery(reader, operand.place, operand.width)?;
                 Some(Value::Memory { operand: Operand { place, ..operand }, ty })
             }
             Identifier::Crossing(width) => {
@@ -286,17 +286,22 @@ impl<'w> Resolver<'w> {
         }
     }
 
-    /// `:P` behind an address or tag of inputs or outputs: the module itself.
-    fn at_periphery(&self, reader: &mut Reader<'_, '_>, place: Place, width: Width) -> Place {
-        let Place::Fixed(Area::Input | Area::Output, at) = place else { return place };
+    /// `:P` behind an address or tag of inputs or outputs: the module itself. `None`: a bit (reported).
+    fn at_periphery(&self, reader: &mut Reader<'_, '_>, place: Place, width: Width) -> Option<Place> {
+        let Place::Fixed(Area::Input | Area::Output, at) = place else { return Some(place) };
         let colon = reader.peek_kind() == Some(Kind::Colon);
         let p = reader.peek_second().is_some_and(|t| t.kind == Kind::Word && reader.text(t).eq_ignore_ascii_case("P"));
-        if !colon || !p || width == Width::Bit {
-            return place;
+        if !colon || !p {
+            return Some(place);
+        }
+        if width == Width::Bit {
+            let message = "the periphery has no bits here: load or transfer the byte, and take the bit from there";
+            reader.report(reader.here(), &codes::NOT_SUPPORTED, message);
+            return None;
         }
         reader.next();
         reader.next();
-        Place::Fixed(Area::Peripheral, at)
+        Some(Place::Fixed(Area::Peripheral, at))
     }
 
     /// `DB10`, `FC 9`, `DB10.DBW 20`, `DB10.name`.
@@ -427,7 +432,7 @@ impl<'w> Resolver<'w> {
                 if let (operand, Some(ty)) = path::sliced(reader, *operand) {
                     return Some(Value::Memory { operand, ty: Some(ty) });
                 }
-                let place = self.at_periphery(reader, operand.place, operand.width);
+                let place = self.at_periphery(reader, operand.place, operand.width)?;
                 Some(Value::Memory { operand: Operand { place, ..*operand }, ty })
             }
             Some(Symbolic::Timer(n)) => Some(Value::Timer(Number::Fixed(*n))),

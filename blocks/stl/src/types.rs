@@ -11,6 +11,7 @@ use crate::elaborate::{Elaborator, LONGEST, Resolved, State, declared_type};
 use crate::mnemonics::BlockWord;
 use crate::parse_types::TYPE_DEPTH;
 use crate::syntax::{Bound, Declaration, NameRef, Type, TypeKind};
+use crate::tia;
 use crate::token::Span;
 
 impl Elaborator<'_> {
@@ -123,7 +124,8 @@ impl Elaborator<'_> {
                 good = false;
                 continue;
             };
-            if resolved.ty.is_parameter_type() || resolved.fb.is_some() {
+            let instance = resolved.fb.is_some_and(|fb| !tia::is_data_type(fb));
+            if resolved.ty.is_parameter_type() || instance {
                 let message = format!("a structure has no components of the type {}", declared_type(&resolved));
                 self.sink.report(file, declaration.span, &codes::TYPE_NOT_HERE, message);
                 good = false;

@@ -263,6 +263,8 @@ const CALLS: &[Row] = &[
     ("SFB 1003", ", DB 109 (IN := TRUE, PT := T#1S, Q := M 20.0, ET := MD 22)", 0, true, &[1]),
     ("SFB 1004", ", DB 110 (IN := TRUE, PT := T#1S, Q := M 20.0, ET := MD 22)", 0, true, &[0]),
     ("SFB 1005", ", DB 111 (IN := TRUE, PT := T#1S, Q := M 20.0, ET := MD 22)", 0, true, &[1]),
+    ("SFB 1006", ", DB 112 (CLK := TRUE, Q := M 20.0)", 0, true, &[1]),
+    ("SFB 1007", ", DB 113 (CLK := TRUE, Q := M 20.0)", 0, true, &[0]),
     ("SFB 32", ", DB 132 (RESET := TRUE, ERR_CODE := MW 20)", 0, false, &[]),
     (
         "SFB 52",

@@ -1,6 +1,6 @@
 //! IEC timers and counters with the instances of an S7-1500: the types TP_TIME, TON_TIME, TOF_TIME and IEC_TIMER of 16
 //! bytes, CTU_INT, CTD_INT, CTUD_INT and IEC_COUNTER of 6. They have no numbers there; here they are SFB 1000 to 1005,
-//! each 1000 beyond that of an S7-300.
+//! each 1000 beyond that of an S7-300. R_TRIG and F_TRIG are SFB 1006 and 1007.
 //!
 //! What is declared is what a call has, in the order of SFB 0 to 5; where it lies is TIA Portal's. Bytes and bits that
 //! no name of TIA Portal has keep the timer's state and the counter's last signals.
@@ -39,6 +39,8 @@ params!(Ctud {
     Static { CUO: BOOL, CDO: BOOL, PAD: BYTE }
 });
 
+params!(Edge { Input { CLK: BOOL } Output { Q: BOOL } Static { Stat_Bit: BOOL } });
+
 const CU: (u32, u8) = (0, 0);
 const CD: (u32, u8) = (0, 1);
 const R: (u32, u8) = (0, 2);
@@ -72,7 +74,17 @@ pub(super) const ROWS: &[Row] = &[
     Row::sfb::<Timer>(1005, "TOF_TIME", |call| run(call, off_delay, State::holds))
         .places(TIMER, TIMER_BYTES)
         .note(NOTE),
+    Row::sfb::<Edge>(1006, "R_TRIG", |call| edge(call, true)).note(NOTE),
+    Row::sfb::<Edge>(1007, "F_TRIG", |call| edge(call, false)).note(NOTE),
 ];
+
+/// Q for one call, when CLK has risen or fallen since the last.
+fn edge(call: &mut Call<'_>, rising: bool) -> Done {
+    let (now, before) = (call.bool(Edge::CLK), call.bool(Edge::Stat_Bit));
+    call.set_bool(Edge::Q, now != before && now == rising);
+    call.set_bool(Edge::Stat_Bit, now);
+    Ok(())
+}
 
 fn run(call: &mut Call<'_>, step: Step, output: fn(State) -> bool) -> Done {
     let now = time_tick(call.cx.now());
@@ -127,6 +139,20 @@ mod tests {
             fake = fake.with("IN", [input]);
             fake.run();
             assert_eq!((fake.value("RU"), fake.value("Q"), fake.dint("ET")), (running, q, et), "{ms} ms");
+        }
+    }
+
+    #[test]
+    fn edges() {
+        for (key, expected) in [("SYSTEM:SFB1006", [0, 1, 0, 0, 0, 1]), ("SYSTEM:SFB1007", [0, 0, 0, 1, 0, 0])] {
+            let mut fake = Fake::new(key);
+            let mut found = Vec::new();
+            for signal in [0, 1, 1, 0, 0, 1] {
+                fake = fake.with("CLK", [signal]);
+                fake.run();
+                found.push(fake.value("Q"));
+            }
+            assert_eq!(found, expected, "{key}");
         }
     }
 

@@ -40,7 +40,7 @@ const WITHOUT_STL: [&str; 15] = [
 
 /// The IEC timers and counters by the words that declare an instance: those of an S7-300 are SFB 0 to 5, those of an
 /// S7-1500, which have another layout, lie [`OF_1500`] beyond.
-const INSTANCES: [(&str, u16); 14] = [
+const INSTANCES: [(&str, u16); 16] = [
     ("CTU", 0),
     ("CTU_INT", OF_1500),
     ("CTD", 1),
@@ -55,6 +55,8 @@ const INSTANCES: [(&str, u16); 14] = [
     ("IEC_TIMER", OF_1500 + 4),
     ("TOF", 5),
     ("TOF_TIME", OF_1500 + 5),
+    ("R_TRIG", OF_1500 + 6),
+    ("F_TRIG", OF_1500 + 7),
 ];
 
 /// Between the numbers of IEC timers and counters with instances of an S7-300 and of an S7-1500.
@@ -83,6 +85,11 @@ pub(crate) fn called_with(called: BlockId, instance: BlockId) -> BlockId {
         Some(one) if family(instance, true) == Some(one) => BlockId::new(called.kind, called.number + OF_1500),
         _ => called,
     }
+}
+
+/// True for an instance that is a system data type of TIA Portal: it may lie in structures and data blocks.
+pub(crate) fn is_data_type(fb: BlockId) -> bool {
+    family(fb, true).is_some()
 }
 
 /// True for blocks that can run with each other's instance: IEC_TIMER and IEC_COUNTER are one type each.
