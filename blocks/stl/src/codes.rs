@@ -167,9 +167,9 @@ codes! {
     // Symbol tables
     TABLE_FORM = "S0701", Error, "A file is no symbol table, or not of the form its name says.",
         "Export it from the symbol editor as .SDF, .ASC, .SEQ or .DIF, and keep the extension.";
-    TABLE_ROW = "S0702", Error, "A row of a symbol table is not well formed.",
+    TABLE_ROW = "S0702", Warning, "A row of a symbol table is not well formed.",
         "Correct the row, or export the table once more; the others are read.";
-    TABLE_ADDRESS = "S0703", Error, "A symbol table gives an address that is none.",
+    TABLE_ADDRESS = "S0703", Warning, "A symbol table gives an address that is none.",
         "Write an address of either set of mnemonics: M 1.0, E 0.0 or I 0.0, Z 5 or C 5, DB 10, FC 9.";
     SYMBOL_TWICE = "S0704", Warning, "The symbol tables have a name twice.",
         "Rename one of them. Upper and lower case are the same.";

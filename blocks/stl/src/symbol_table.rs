@@ -173,9 +173,10 @@ fn table(form: TableForm, file: &str, text: &str, names: &mut Names, sink: &mut 
 /// One row. `None` when it names nothing a program can use, or has a mistake (reported).
 fn symbol(row: &Row, form: TableForm, words: &Words, sink: &mut Sink) -> Option<Symbol> {
     let (name, address) = (row.name.trim(), row.address.split_whitespace().collect::<Vec<_>>().join(" "));
-    // A row of blanks carries a comment only; a VAT is a table of variables for the programming device.
+    // A row of blanks carries a comment only, one without an address a plan; a VAT is a table of variables for the
+    // programming device.
     let is_table = address.get(..3).is_some_and(|w| w.eq_ignore_ascii_case("VAT"));
-    if is_table || (name.is_empty() && address.is_empty()) {
+    if is_table || address.is_empty() {
         return None;
     }
     // The quotes that TIA Portal leaves around a name are no part of it.
