@@ -3,10 +3,10 @@
 use std::io;
 use std::os::fd::OwnedFd;
 
-use ob1_access::Right;
 use ob1_access::door::{
     Answer, Ask, Command as Wanted, MESSAGE_BYTES, Refusal, Refused, State, ToBroker, ToLink, What,
 };
+use ob1_backplane::WindowReader;
 use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, Nanos};
 use ob1_model::StateChange;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -330,9 +330,9 @@ impl Broker {
         }
     }
 
-    /// What the clients of a link may do. For tests and lists.
+    /// The window of a link, for whoever measures beside it.
     #[must_use]
-    pub fn rights(&self, link: usize) -> Option<Right> {
-        self.joints.get(link).map(|joint| joint.config.rights)
+    pub fn window(&self, link: usize) -> Option<WindowReader> {
+        self.joints.get(link).map(|joint| joint.window().clone())
     }
 }

@@ -103,6 +103,11 @@ impl Joint {
         }))
     }
 
+    /// Its window.
+    pub(crate) const fn window(&self) -> &WindowReader {
+        &self.window
+    }
+
     /// Whether something is under way that the scan has to answer.
     pub(crate) fn is_idle(&self) -> bool {
         self.out.is_empty() && self.awaited.is_none() && self.postponed.is_none() && !self.clients.wait()

@@ -1,6 +1,6 @@
 //! Cells of the access port in the memory of the CPU.
 
-use ob1_model::Area;
+use ob1_model::{Area, S5Time};
 
 use crate::arena::{ArenaBit, Range};
 use crate::machine::Machine;
@@ -51,6 +51,10 @@ pub(crate) fn check(m: &Machine, cell: Cell, width: CellWidth, value: u32) -> Re
             Some(_) => Ok(()),
         },
         Cell::Peripheral(_) if width != CellWidth::Bit => Ok(()),
+        Cell::Timer(n) if width == CellWidth::Word => {
+            m.timers.get(usize::from(n)).ok_or(CellError::NoTimer)?;
+            S5Time(value as u16).digits().map(|_| ()).ok_or(CellError::Value)
+        }
         Cell::Peripheral(_) | Cell::Timer(_) => Err(CellError::ReadOnly),
     }
 }
@@ -108,6 +112,11 @@ pub(crate) fn write(m: &mut Machine, cell: Cell, width: CellWidth, value: u32) -
         Cell::Counter(n) => {
             m.counters.get_mut(usize::from(n)).ok_or(CellError::NoTimer)?.value = value as u16;
             Ok(())
+        }
+        Cell::Timer(n) => {
+            let now = m.hot.now;
+            let timer = m.timers.get_mut(usize::from(n)).ok_or(CellError::NoTimer)?;
+            if timer.preset(value as u16, now) { Ok(()) } else { Err(CellError::Value) }
         }
         Cell::Peripheral(at) if width != CellWidth::Bit => {
             let len = usize::from(width.bits() / 8);

@@ -163,6 +163,18 @@ impl Timer {
         self.base << 12 | to_bcd(self.remaining(now))
     }
 
+    /// Sets the time as somebody outside does, an S5TIME: what runs goes on with it, what stands shows it. False: it is
+    /// no S5TIME.
+    pub(crate) fn preset(&mut self, time: u16, now: Nanos) -> bool {
+        let Some(digits) = S5Time(time).digits() else { return false };
+        self.settle(now);
+        self.base = time >> 12 & 3;
+        self.rest = digits as u16;
+        self.end = now.saturating_add(u64::from(digits) * self.unit());
+        self.settle(now);
+        true
+    }
+
     /// Bytes of an image.
     pub(crate) const IMAGE: usize = 16;
 

@@ -91,7 +91,9 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
         (Put::Value(memory(255), CellWidth::Word, 0), CellError::Outside),
         (Put::Value(memory(30), CellWidth::Byte, 256), CellError::Value),
         (Put::Value(Cell::Counter(1), CellWidth::Word, 1000), CellError::Value),
-        (Put::Value(Cell::Timer(1), CellWidth::Word, 0), CellError::ReadOnly),
+        (Put::Value(Cell::Timer(1), CellWidth::Word, 0x0A00), CellError::Value),
+        (Put::Value(Cell::Timer(999), CellWidth::Word, 0), CellError::NoTimer),
+        (Put::Value(Cell::Timer(1), CellWidth::Bit, 1), CellError::ReadOnly),
         (Put::Bytes(Cell::Counter(1), Box::from([1])), CellError::Outside),
     ] {
         link.link.write(group(6, &[Put::Value(memory(20), CellWidth::Word, 0xFFFF), wrong.clone()])).expect("room");
@@ -99,6 +101,24 @@ fn a_group_lands_whole_and_its_answer_follows_its_snapshot() {
         assert_eq!(link.answer().expect("an answer").outcome(), Err((1, error)), "{wrong:?}");
         assert_eq!(bench.mw(20), 0x1234, "{wrong:?}: nothing was written");
     }
+}
+
+/// A timer takes a time, whether it runs or not; a counter its count.
+#[test]
+fn timers_and_counters_are_written() {
+    let mut bench = bench();
+    let mut link = Looker::of(&mut bench.cpu).expect("the first");
+    let values = [Cell::Timer(1), Cell::Counter(1)].map(|cell| Piece::Value(cell, CellWidth::Word));
+    link.watch(&values).expect("little");
+    // 25 s in steps of 100 ms; it stands.
+    let puts =
+        [(Cell::Timer(1), 0x1250), (Cell::Counter(1), 999)].map(|(cell, v)| Put::Value(cell, CellWidth::Word, v));
+    link.link.write(group(1, &puts)).expect("room");
+    for _ in 0..3 {
+        bench.cycle();
+    }
+    assert_eq!(link.answer().map(|answer| answer.outcome()), Some(Ok(())));
+    assert_eq!((link.word(0), link.word(1)), (0x1250, 999));
 }
 
 #[test]

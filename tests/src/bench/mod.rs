@@ -3,6 +3,7 @@
 //! This machine may be shared and noisy, so a figure and its floor are measured in turns, many short rounds each, and
 //! the median of the rounds is printed with the ratio of the medians.
 
+pub mod access;
 pub mod backplane;
 pub mod causes;
 pub mod compile;

@@ -6,11 +6,11 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    backplane, causes, compile, disturb, driver, engines, kill_runtime, line, memory, scan, stl, wake,
+    access, backplane, causes, compile, disturb, driver, engines, kill_runtime, line, memory, scan, stl, wake,
 };
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
-  names: scan, pair, backplane, driver, memory, line, compile (default: all of these)
+  names: scan, pair, access, backplane, driver, memory, line, compile (default: all of these)
          stl: the engines beside each other, beside C and beside awlsim (installed into .venv), alone; about two minutes
          engines: the same without awlsim
          line, named: also Modbus RTU transactions over a pty beside libmodbus and pymodbus (installed into .venv)
@@ -103,7 +103,7 @@ fn options<'a>(words: &[&'a str]) -> Result<(Vec<&'a str>, wake::Plan), Failure>
     if plan.triples == 0 || plan.seconds == 0 { Err(HELP.into()) } else { Ok((names, plan)) }
 }
 
-const NAMES: [&str; 7] = ["scan", "pair", "backplane", "driver", "memory", "line", "compile"];
+const NAMES: [&str; 8] = ["scan", "pair", "access", "backplane", "driver", "memory", "line", "compile"];
 
 fn answer(role: &str, path: &Path) -> Result<(), Failure> {
     match role {
@@ -126,6 +126,7 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
             "driver" => vec![driver::measure()?],
             "line" => line::measure()?,
             "compile" => compile::measure()?.into(),
+            "access" => access::figures()?,
             _ => memory::measure()?.into(),
         };
         for figure in figures {
