@@ -27,7 +27,7 @@ pub enum Language {
 }
 
 impl Language {
-    fn of_number(number: i64) -> Self {
+    pub(crate) fn of_number(number: i64) -> Self {
         match number {
             1 => Language::Stl,
             2 => Language::Lad,

@@ -22,6 +22,7 @@ mod symbols;
 mod text;
 mod translate;
 mod tree;
+mod uploaded;
 mod values;
 mod write;
 

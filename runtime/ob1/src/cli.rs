@@ -9,7 +9,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
-use crate::import::{self, ImportArgs};
+use crate::import::{self, CompareArgs, ImportArgs, UploadArgs};
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
 use crate::{check, diag, remote, soak, top, trace};
@@ -62,6 +62,8 @@ enum Command {
     Test(TestArgs),
     Xref(XrefArgs),
     Import(ImportArgs),
+    Upload(UploadArgs),
+    Compare(CompareArgs),
     Get(GetArgs),
     Set(SetArgs),
     Ctl(CtlArgs),
@@ -452,6 +454,8 @@ impl Command {
             Command::Exec(args) => return exec::exec(&args).into(),
             Command::Test(args) => return testing::test(&args).into(),
             Command::Import(args) => return import::import(&args).into(),
+            Command::Upload(args) => return import::upload(&args).into(),
+            Command::Compare(args) => return import::compare(&args).into(),
             Command::Run(args) => run::run(&run::Options {
                 station: args.station,
                 time: args.time,

@@ -146,6 +146,8 @@ const TABLE: &[Row] = &[
             "ob1-params",
             // `ob1 trace` reads what is spoken on a line.
             "ob1-protocols",
+            // `ob1 upload` is a client of S7 communication.
+            "ob1-s7",
             "clap",
             // Loads of a soak.
             "fastrand",

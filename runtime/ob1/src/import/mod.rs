@@ -6,7 +6,9 @@ mod output;
 mod replace;
 mod report;
 mod station;
+mod upload;
 mod used;
+mod wire;
 
 use std::path::PathBuf;
 
@@ -15,6 +17,8 @@ use ob1_project::{Choice, Folder, Project, Root, Translation, Tree, Wanted, tran
 use serde_json::json;
 
 use crate::exit::ImportExit;
+
+pub use upload::{CompareArgs, UploadArgs, compare, upload};
 
 /// Make a station of a STEP 7 project
 ///

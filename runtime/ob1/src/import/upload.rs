@@ -1,0 +1,204 @@
+//! `ob1 upload` and `ob1 compare`: the program of a CPU on the network becomes a station, and is held against one.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use ob1_mc7::BlockImage;
+use ob1_project::{CodePage, Folder, Note, Notes, Wanted, translate};
+use ob1_s7::client::jobs::Device;
+use ob1_s7::wire::BlockType;
+
+use super::hardware::Hardware;
+use super::wire::{CpuArgs, Socket, connect};
+use super::{outcome, output, replace, report, station};
+use crate::exit::ImportExit;
+
+/// Where the blocks lie as they came from the CPU.
+const UPLOADED: &str = "uploaded";
+/// The types of blocks a program is made of.
+const TYPES: [BlockType; 4] = [BlockType::Ob, BlockType::Fb, BlockType::Fc, BlockType::Db];
+/// The code page of names, which have no other: eight characters each.
+const PAGE: u16 = 1252;
+
+/// Make a station of the program of a CPU on the network
+///
+/// Reads every block of an S7-300 or S7-400 (or of another ob1) over S7 communication, and makes a station of them as
+/// `ob1 import` does. A CPU holds no names: variables are called IN0, OUT0, STAT0. Nothing in the CPU is changed.
+#[derive(Clone, Debug, Args)]
+#[command(
+    after_help = "Examples:\n  ob1 upload 192.168.0.10 --out press\n  ob1 upload 127.0.0.1:10102 --slot 2 --out copy\n\n\
+    Exit codes: 0 the program came over whole, 1 blocks were left out, 2 nothing could be read.\n\nMore: docs/s7-link.md."
+)]
+pub struct UploadArgs {
+    #[command(flatten)]
+    pub(crate) cpu: CpuArgs,
+    /// Where the station is written: a folder that is not there yet, or is empty
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Write over a station that lies there already
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Print the outcome as JSON: programs, program, blocks, decoded, left_out, files
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Hold the program of a CPU on the network against an upload
+///
+/// Tells which blocks are other ones in the CPU than in the folder of an `ob1 upload`: changed, missing, or more. Of
+/// data blocks the declarations and the length count, not the values.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "Examples:\n  ob1 compare 192.168.0.10 press\n\n\
+    Exit codes: 0 the same program, 1 another one, 2 nothing could be read.\n\nMore: docs/s7-link.md.")]
+pub struct CompareArgs {
+    #[command(flatten)]
+    pub(crate) cpu: CpuArgs,
+    /// The folder of the upload
+    pub folder: PathBuf,
+}
+
+/// Blocks by name, as they came.
+type Blocks = BTreeMap<String, Vec<u8>>;
+
+/// Uploads; prints what there is to print.
+#[must_use]
+pub fn upload(args: &UploadArgs) -> ImportExit {
+    run(args).unwrap_or_else(|text| {
+        err!("ob1: {text}");
+        ImportExit::Nothing
+    })
+}
+
+fn run(args: &UploadArgs) -> Result<ImportExit, String> {
+    let mut device = connect(&args.cpu)?;
+    let mut notes = about(&mut device)?;
+    let (blocks, refused) = read(&mut device)?;
+    let folder = Folder::of_upload(blocks.clone());
+    if folder.blocks.is_empty() {
+        let why = refused.values().chain(folder.damaged.values()).next().map_or("it has no blocks", String::as_str);
+        return Err(format!("{}: nothing could be read: {why}", args.cpu.host));
+    }
+    let replaced = replace::find(&folder);
+    let library = replaced.library()?;
+    let wanted = Wanted {
+        page: CodePage::of_number(PAGE).ok_or("there is no code page 1252")?,
+        library: &library,
+        replaced: &replaced.ids(),
+        symbols: Vec::new(),
+        mnemonics: ob1_stl::Mnemonics::International,
+    };
+    let mut translation = translate(&folder, &wanted);
+    translation.blocks += refused.len();
+    translation.left_out.extend(refused);
+    let title = format!("CPU {}", args.cpu.host);
+    let made = station::make(&title, &translation, &Hardware::default(), &replaced);
+    notes.extend(replaced.notes.clone());
+    let report = report::text(&title, &translation, &made, &notes);
+    let mut files = output::write(&args.out, args.overwrite, &translation, "", &made.text, &report)?;
+    files.extend(keep(&args.out, &blocks)?);
+    if args.json {
+        say!("{}", outcome(&[title.clone()], Some(&title), &translation, &files));
+    } else {
+        says!("{}", report::summary(&title, &translation, &args.out));
+    }
+    Ok(if translation.left_out.is_empty() { ImportExit::Whole } else { ImportExit::LeftOut })
+}
+
+/// Which CPU it is, and what its clock says.
+fn about(device: &mut Device<Socket>) -> Result<Notes, String> {
+    let mut notes = Notes::new();
+    // What a CPU does not tell is not needed.
+    if let Ok((record, records)) = device.szl(0x0011, 0).map_err(|error| error.0)? {
+        for module in records.chunks_exact(usize::from(record).max(1)) {
+            let order = module.get(2..22).map(|text| String::from_utf8_lossy(text).trim().to_owned());
+            let order = order.filter(|order| !order.is_empty() && record >= 22);
+            notes.extend(order.map(|order| Note::info("CPU", format!("identifies itself as {order}"))));
+        }
+    }
+    if let Ok(time) = device.clock().map_err(|error| error.0)? {
+        let told = format!(
+            "its clock says {}-{:02}-{:02} {:02}:{:02}:{:02}",
+            time.year, time.month, time.day, time.hour, time.minute, time.second
+        );
+        notes.push(Note::info("CPU", told));
+    }
+    Ok(notes)
+}
+
+/// All blocks of the program, and those the CPU does not give.
+fn read(device: &mut Device<Socket>) -> Result<(Blocks, BTreeMap<String, String>), String> {
+    let (mut blocks, mut refused) = (Blocks::new(), BTreeMap::new());
+    for ty in TYPES {
+        let listed = device.blocks(ty).map_err(|error| error.0)?;
+        let numbers = listed.map_err(|why| format!("the list of {}s: {why}", ty.name()))?;
+        for number in numbers {
+            let name = format!("{}{number}", ty.name());
+            match device.upload(ty, number).map_err(|error| error.0)? {
+                Ok(bytes) => drop(blocks.insert(name, bytes)),
+                Err(why) => drop(refused.insert(name, why.to_string())),
+            }
+        }
+    }
+    Ok((blocks, refused))
+}
+
+/// Keeps the blocks as they came, for `ob1 compare`.
+fn keep(out: &Path, blocks: &Blocks) -> Result<Vec<String>, String> {
+    let folder = out.join(UPLOADED);
+    let refused = |error: std::io::Error| format!("{}: {error}", folder.display());
+    std::fs::create_dir_all(&folder).map_err(refused)?;
+    let mut files = Vec::new();
+    for (name, bytes) in blocks {
+        std::fs::write(folder.join(format!("{name}.mc7")), bytes).map_err(refused)?;
+        files.push(format!("{UPLOADED}/{name}.mc7"));
+    }
+    Ok(files)
+}
+
+/// Compares; prints what there is to print.
+#[must_use]
+pub fn compare(args: &CompareArgs) -> ImportExit {
+    held_against(args).unwrap_or_else(|text| {
+        err!("ob1: {text}");
+        ImportExit::Nothing
+    })
+}
+
+fn held_against(args: &CompareArgs) -> Result<ImportExit, String> {
+    let folder = args.folder.join(UPLOADED);
+    let refused = |error: std::io::Error| format!("{}: {error}; `ob1 upload` makes it", folder.display());
+    let mut kept = Blocks::new();
+    for entry in std::fs::read_dir(&folder).map_err(refused)? {
+        let path = entry.map_err(refused)?.path();
+        if let Some(name) = path.file_stem().and_then(|name| name.to_str()) {
+            kept.insert(name.to_owned(), std::fs::read(&path).map_err(refused)?);
+        }
+    }
+    let (there, _) = read(&mut connect(&args.cpu)?)?;
+    let names: BTreeSet<&String> = kept.keys().chain(there.keys()).collect();
+    let mut other = 0;
+    for name in names {
+        let told = match (kept.get(name), there.get(name)) {
+            (Some(kept), Some(there)) if same(kept, there) => continue,
+            (Some(_), Some(_)) => "is another one in the CPU",
+            (Some(_), None) => "is not in the CPU",
+            (None, _) => "is in the CPU only",
+        };
+        say!("{name} {told}");
+        other += 1;
+    }
+    say!("{} blocks in the CPU, {other} of them other than in {}", there.len(), args.folder.display());
+    Ok(if other == 0 { ImportExit::Whole } else { ImportExit::LeftOut })
+}
+
+/// The values of a data block change as long as the CPU runs.
+fn same(kept: &[u8], there: &[u8]) -> bool {
+    match (BlockImage::read(kept), BlockImage::read(there)) {
+        (Ok((a, _)), Ok((b, _))) if a.head.block_kind() == Some(ob1_model::BlockKind::Db) => {
+            a.code.len() == b.code.len() && a.interface == b.interface
+        }
+        (Ok((a, _)), Ok((b, _))) => (a.code, a.interface, a.segments) == (b.code, b.interface, b.segments),
+        _ => kept == there,
+    }
+}
