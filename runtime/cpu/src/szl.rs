@@ -49,7 +49,8 @@ impl SystemStatus for Machine {
             0x0131 => szl_outside::capabilities(index, each),
             0x0132 | 0x0232 => szl_outside::communication(index, each),
             0x0092 | 0x0292 | 0x0692 => szl_outside::racks(index, each),
-            0x0124 | 0x0424 => self.operating_state(each),
+            0x0124 => self.operating_state(false, each),
+            0x0424 => self.operating_state(true, each),
             0x0091 | 0x0A91 | 0x0D91 => self.module_status(None, each),
             0x0C91 => self.module_status(Some(index), each),
             0x00A0 => self.diagnostic_buffer(usize::MAX, each),
@@ -308,14 +309,16 @@ impl Machine {
         Ok(28)
     }
 
-    /// The last transition: its event, this state (6: STARTUP, 8: RUN) and that before.
-    fn operating_state(&self, each: Each<'_>) -> Length {
+    /// The last transition: its event, this state (3: STOP, 6: STARTUP, 8: RUN) and that before. Where the state as it
+    /// is now is asked for (0424), clients compare the whole byte with 08 and 03: there is no state before.
+    fn operating_state(&self, only_now: bool, each: Each<'_>) -> Length {
         let (event, now, before) = match self.state_shown() {
             // What led to STOP, if it is still in the buffer.
-            OperatingState::Stop => (self.last_stop(), 0x04, 0x08),
+            OperatingState::Stop => (self.last_stop(), 0x03, 0x08),
             OperatingState::Startup => (0x4301, 0x06, 0x04),
             OperatingState::Run => (0x4302, 0x08, 0x06),
         };
+        let before = if only_now { 0 } else { before };
         // Request of the start-up, and its OB10x_STRT_INFO but for the first byte.
         let start = &self.services.start_up;
         let record = Record::<20>::new().word(event).put(&[0xFF, before << 4 | now]).long(0);

@@ -212,6 +212,7 @@ pub fn assemble(
         names: Arc::new(Names::new(&loaded.program)),
         places: Arc::new(Places::new(&loaded.program)),
         blocks: crate::access::facts::blocks(&loaded.program),
+        program: (!station.links.is_empty()).then(|| Arc::new(loaded.program.clone())),
         modules: building.views,
         panel: building.io.as_ref().and_then(|io| Panel::new(io, &station.modules)),
         posture: Arc::new(OnceLock::new()),
@@ -329,7 +330,6 @@ pub fn date_of(unix: u64) -> u64 {
 /// # Errors
 /// Where it was looked for.
 pub fn find_driver() -> Result<PathBuf, String> {
-    const NAME: &str = "ob1-cp";
     if let Some(path) = std::env::var_os("OB1_CP") {
         let path = PathBuf::from(path);
         return if path.exists() {
@@ -338,9 +338,17 @@ pub fn find_driver() -> Result<PathBuf, String> {
             Err(format!("OB1_CP names {}, which is not there", path.display()))
         };
     }
-    let beside = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.join(NAME)));
+    find_program("ob1-cp").map_err(|why| format!("the driver {why}; set OB1_CP"))
+}
+
+/// A program of this project: beside this executable, or in `PATH`.
+///
+/// # Errors
+/// Where it was looked for.
+pub fn find_program(name: &str) -> Result<PathBuf, String> {
+    let beside = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.join(name)));
     let in_path = std::env::var_os("PATH").unwrap_or_default();
-    let candidates = beside.into_iter().chain(std::env::split_paths(&in_path).map(|folder| folder.join(NAME)));
+    let candidates = beside.into_iter().chain(std::env::split_paths(&in_path).map(|folder| folder.join(name)));
     let mut searched: BTreeMap<PathBuf, ()> = BTreeMap::new();
     for candidate in candidates {
         if candidate.is_file() {
@@ -349,5 +357,5 @@ pub fn find_driver() -> Result<PathBuf, String> {
         searched.insert(candidate.parent().unwrap_or(Path::new("/")).to_owned(), ());
     }
     let searched: Vec<String> = searched.keys().map(|p| p.display().to_string()).collect();
-    Err(format!("the driver {NAME} is not to be found in {}; set OB1_CP", searched.join(", ")))
+    Err(format!("{name} is not to be found in {}", searched.join(", ")))
 }

@@ -21,6 +21,7 @@ mod handling;
 pub mod io;
 pub mod janitor;
 pub mod library;
+pub mod links;
 pub mod numbers;
 pub mod offer;
 pub mod posture;

@@ -68,6 +68,8 @@ pub struct StationView {
     pub places: Arc<Places>,
     /// Its blocks.
     pub blocks: Arc<[BlockFact]>,
+    /// Its program, where somebody may want to read blocks of it.
+    pub program: Option<Arc<Program>>,
     /// Its modules, in the order of the CPU.
     pub modules: Vec<ModuleView>,
     /// The inputs of its process I/O modules.

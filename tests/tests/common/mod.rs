@@ -15,6 +15,7 @@ pub(crate) mod native;
 pub(crate) mod pair;
 pub(crate) mod peer;
 pub(crate) mod processes;
+pub(crate) mod s7;
 pub(crate) mod site;
 pub(crate) mod station;
 

@@ -114,8 +114,9 @@ impl Facts for StationFacts {
         self.view.blocks.to_vec()
     }
 
-    fn block(&self, _id: BlockId) -> Option<Box<[u8]>> {
-        None
+    fn block(&self, id: BlockId) -> Option<Box<[u8]>> {
+        let image = ob1_mc7::image(self.view.program.as_ref()?, id, &|_| None)?;
+        image.bytes().ok().map(Into::into)
     }
 
     fn take_input(&self, put: &Put) -> bool {

@@ -1,5 +1,6 @@
 //! A station at work: its threads and processes, from their start to their orderly end.
 
+use std::os::fd::OwnedFd;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -22,16 +23,17 @@ use super::signals::Signals;
 use super::{Failure, Options};
 use crate::access::facts::StationFacts;
 use crate::access::server::Server;
-use crate::assembly::Assembly;
+use crate::assembly::{Assembly, find_program};
 use crate::exit::Exit;
 use crate::guardian::Guardian;
 use crate::io::ProcessIo;
+use crate::links::{LinkSpec, Links};
 use crate::posture;
 use crate::retentive;
 use crate::retentive::keeper::{Keeper, ScanEnd};
 use crate::retentive::store::StoreError;
 use crate::rundir::RunDir;
-use crate::station_file::Station;
+use crate::station_file::{Station, StationLink};
 use crate::timing::Observer;
 use crate::view::{StationView, state_name};
 use crate::watched::Running;
@@ -59,6 +61,7 @@ pub(super) struct AtWork {
     keeper: Option<Keeper>,
     server: Option<Server>,
     broker: Option<RunningBroker>,
+    links: Option<Links>,
     fleet: Option<RunningFleet>,
     _rundir: RunDir,
     _guardian: Guardian,
@@ -87,7 +90,9 @@ impl AtWork {
         let (grants, awake) = posture::ask_process(station);
         let system = |what: &'static str| move |error: std::io::Error| Failure::system(what, &error);
         let (to_broker, fed) = ob1_broker::feed();
-        let (broker, door) = open_doors(station, &mut cpu, fed, &view, clock).map_err(system("the broker"))?;
+        let listeners = listen(station)?;
+        let (broker, door, links) =
+            open_doors(station, &mut cpu, fed, &view, clock, listeners).map_err(system("the broker"))?;
         let server = Server::start(&rundir.socket(), door, view.clone(), station.cpu.min_cycle)
             .map_err(system("the control socket"))?;
         let fleet = fleet.start(clock).map_err(system("the drivers"))?;
@@ -131,6 +136,7 @@ impl AtWork {
             keeper,
             server: Some(server),
             broker: Some(broker),
+            links: Some(links),
             fleet: Some(fleet),
             _rundir: rundir,
             _guardian: guardian,
@@ -246,7 +252,9 @@ impl AtWork {
         self.outputs_off();
         self.drain_log();
         drop(self.server.take());
+        // Who finds its door closed ends by itself.
         drop(self.broker.take());
+        drop(self.links.take());
         if let Some(fleet) = self.fleet.take() {
             fleet.stop();
         }
@@ -289,21 +297,60 @@ impl AtWork {
     }
 }
 
-/// Starts the broker; the door is that of the control socket.
+/// The listening sockets of all links, bound before anything is started.
+fn listen(station: &Station) -> Result<Vec<OwnedFd>, Failure> {
+    let refused = |link: &StationLink, error: &std::io::Error| {
+        let remedy = match error.kind() {
+            std::io::ErrorKind::PermissionDenied => {
+                "ports below 1024 need CAP_NET_BIND_SERVICE (systemd: AmbientCapabilities), or take another port"
+            }
+            std::io::ErrorKind::AddrInUse => "end the program that has it (ss -tlnp), or take another port",
+            _ => "name an address of this machine: 127.0.0.1, or 0.0.0.0 for all",
+        };
+        let (name, listen) = (&link.name, link.listen);
+        Failure(Exit::System, format!("ob1: link \"{name}\" cannot listen on {listen}: {error}\n  = {remedy}\n"))
+    };
+    let bind = |link: &StationLink| {
+        let listener = std::net::TcpListener::bind(link.listen).map_err(|error| refused(link, &error))?;
+        listener.set_nonblocking(true).map_err(|error| refused(link, &error))?;
+        Ok(OwnedFd::from(listener))
+    };
+    station.links.iter().map(bind).collect()
+}
+
+/// Starts the broker and the processes of the links; the door is that of the control socket.
 fn open_doors(
     station: &Station,
     cpu: &mut Cpu,
     entries: FeedEnd,
     view: &StationView,
     clock: MonotonicClock,
-) -> std::io::Result<(RunningBroker, Door)> {
+    listeners: Vec<OwnedFd>,
+) -> std::io::Result<(RunningBroker, Door, Links)> {
     // Whoever may open the control socket is the user who runs the station.
     let control = LinkConfig { rights: Right::Operate, ..LinkConfig::default() };
     let facts = Box::new(StationFacts::new(view.clone(), &station.cpu));
-    let broker = Broker::new(cpu, vec![control], entries, facts)?.start(clock)?;
+    let of = |(link, listener): (&StationLink, OwnedFd)| LinkConfig {
+        name: link.name.clone(),
+        rights: link.rights,
+        allowed: link.allowed.clone(),
+        password: link.password.clone(),
+        password_rights: link.password_rights,
+        config: link.config.clone(),
+        listeners: vec![listener],
+    };
+    let configs = std::iter::once(control).chain(station.links.iter().zip(listeners).map(of)).collect();
+    let broker = Broker::new(cpu, configs, entries, facts)?;
+    let mut specs = Vec::with_capacity(station.links.len());
+    for (index, (link, beats)) in station.links.iter().zip(broker.beats().into_iter().skip(1)).enumerate() {
+        let program = find_program(link.kind.program()).map_err(std::io::Error::other)?;
+        specs.push(LinkSpec { name: link.name.clone(), link: index + 1, program, beats });
+    }
+    let broker = broker.start(clock)?;
+    let links = Links::start(specs, broker.handle())?;
     let (ours, theirs) = handover::pair()?;
     broker.handle().connect(0, ours);
-    Ok((broker, Door::new(theirs).map_err(std::io::Error::other)?))
+    Ok((broker, Door::new(theirs).map_err(std::io::Error::other)?, links))
 }
 
 /// Reads retentive memory, and starts writing it, where the station file wants that.

@@ -9,7 +9,7 @@ use ob1_model::{BlockId, BlockKind};
 use super::findings::{CONTRADICTION, Findings, TWICE, UNREADABLE, VALUE};
 use super::tables::{CpuTable, Placed, PluginTable, StationFile, TimingTable};
 use super::types::{Mnemonics, Plugin, Realtime, Station};
-use super::{interrupts, modules, parse_duration, retentive, simulated};
+use super::{interrupts, link, modules, parse_duration, retentive, simulated};
 use crate::engine::EngineChoice;
 use crate::finding::{Finding, Text, nearest};
 use crate::library::{self, Choice};
@@ -40,6 +40,7 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
         },
         plugins: plugins(f, &file.plugin, folder),
         modules: modules::modules(f, &file.module, folder),
+        links: link::links(f, &file.link),
         simulated_lines: simulated::lines(f, &file.simulated_line, &file.module, folder),
         stimulus: file.process_io.stimulus.as_ref().map(|s| folder.join(s.get_ref())),
     };

@@ -11,6 +11,7 @@ pub mod findings;
 mod interrupts;
 mod keyed;
 mod line;
+mod link;
 mod modules;
 mod retentive;
 mod simulated;

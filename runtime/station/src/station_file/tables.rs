@@ -29,7 +29,28 @@ pub(super) struct StationFile {
     #[serde(default)]
     pub(super) simulated_line: Vec<SimulatedLineTable>,
     #[serde(default)]
+    pub(super) link: Vec<LinkTable>,
+    #[serde(default)]
     pub(super) process_io: ProcessIoTable,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LinkTable {
+    #[serde(rename = "type")]
+    pub(super) kind: Placed<String>,
+    pub(super) name: Placed<String>,
+    pub(super) listen: Placed<String>,
+    pub(super) rights: Option<Placed<String>>,
+    pub(super) areas: Option<Placed<Vec<String>>>,
+    pub(super) blocks: Option<Placed<Vec<String>>>,
+    pub(super) password: Option<Placed<String>>,
+    pub(super) password_rights: Option<Placed<String>>,
+    pub(super) clients: Option<Placed<i64>>,
+    pub(super) rack: Option<Placed<i64>>,
+    pub(super) slot: Option<Placed<i64>>,
+    pub(super) pdu: Option<Placed<i64>>,
+    pub(super) idle: Option<Placed<i64>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -32,8 +32,48 @@ pub struct Station {
     pub modules: Vec<ModuleConfig>,
     /// Simulated lines, in the order of the file.
     pub simulated_lines: Vec<SimulatedLine>,
+    /// Links into the CPU, in the order of the file.
+    pub links: Vec<StationLink>,
     /// A file of timed process inputs.
     pub stimulus: Option<PathBuf>,
+}
+
+/// The kinds of link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LinkKind {
+    /// S7 communication, served by `ob1-s7`.
+    S7,
+}
+
+impl LinkKind {
+    /// The program that serves it.
+    #[must_use]
+    pub const fn program(self) -> &'static str {
+        match self {
+            Self::S7 => "ob1-s7",
+        }
+    }
+}
+
+/// A link into the CPU: a process that listens on the network.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StationLink {
+    /// Its name.
+    pub name: String,
+    /// What it speaks.
+    pub kind: LinkKind,
+    /// Where it listens.
+    pub listen: std::net::SocketAddr,
+    /// What its clients may do.
+    pub rights: ob1_access::Right,
+    /// Which cells they may touch.
+    pub allowed: ob1_access::Allowed,
+    /// With this password a client may do more.
+    pub password: Option<String>,
+    /// Namely that.
+    pub password_rights: ob1_access::Right,
+    /// The keys its process reads itself, as JSON.
+    pub config: String,
 }
 
 /// A simulated line: a process that is the cable, or the two wires, between CPs.

@@ -1,0 +1,119 @@
+//! Clients of S7 communication that are not ours, and stations with an S7 link.
+
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::net::{TcpListener, TcpStream};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use serde_json::{Value, json};
+
+use super::site::Site;
+use super::station::Running;
+use super::{checkout, python};
+
+/// A port nobody has at the moment.
+pub(crate) fn free_port() -> u16 {
+    let free = TcpListener::bind("127.0.0.1:0").expect("a port");
+    free.local_addr().expect("an address").port()
+}
+
+const PROGRAM: &str = "
+DATA_BLOCK DB 10
+STRUCT
+  number : INT := 4660;
+  real : REAL := 1.5;
+  bits : WORD := W#16#8001;
+  text : STRING[20] := 'hello';
+  cells : ARRAY[0..69] OF BYTE;
+END_STRUCT
+BEGIN
+END_DATA_BLOCK
+
+ORGANIZATION_BLOCK OB 1
+VAR_TEMP
+  info : ARRAY[0..19] OF BYTE;
+END_VAR
+BEGIN
+NETWORK
+      L     MW 100;
+      +     1;
+      T     MW 100;
+      L     S5T#30s;
+      U     M 99.0;
+      SI    T 3;
+      U     M 99.1;
+      ZV    Z 4;
+END_ORGANIZATION_BLOCK
+";
+
+/// A station with a link of these keys, in RUN and reachable.
+pub(crate) fn station(site: &Site, name: &str, keys: &str) -> (Running, u16) {
+    let port = free_port();
+    site.write("plant.awl", PROGRAM);
+    let file = format!(
+        "[station]\nname = \"{name}\"\n\n[cpu]\nmin_cycle = \"5ms\"\nwatchdog = \"10s\"\n\n[program]\nsources = [\"plant.awl\"]\n\n\
+         [[link]]\ntype = \"s7\"\nname = \"panel\"\nlisten = \"127.0.0.1:{port}\"\n{keys}\n"
+    );
+    site.write("station.toml", &file);
+    let station = site.run("station.toml").until_run();
+    station.until("the link listens", |_| TcpStream::connect(("127.0.0.1", port)).ok());
+    (station, port)
+}
+
+/// A client at work: one line there, one line back.
+pub(crate) struct Client {
+    child: Child,
+    requests: Option<ChildStdin>,
+    answers: BufReader<ChildStdout>,
+}
+
+impl Client {
+    /// `native`, `pure`, `pys7` or `nodes7`, connected.
+    pub(crate) fn start(site: &Site, name: &str, port: u16) -> Self {
+        let mut command = if name == "nodes7" {
+            let mut node = site.command("node");
+            node.arg(checkout("tests/peers/s7_nodes7.js"));
+            node
+        } else {
+            let mut script = site.command(python());
+            script.arg(checkout("tests/peers/s7.py")).arg(name);
+            script
+        };
+        let mut client = Self::of(command.args(["127.0.0.1", &port.to_string()]));
+        let connected = client.answer();
+        assert_eq!(connected["ok"], true, "{name}: {connected}");
+        client
+    }
+
+    fn of(command: &mut Command) -> Self {
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the client starts");
+        let requests = child.stdin.take();
+        let answers = BufReader::new(child.stdout.take().expect("a pipe"));
+        Self { child, requests, answers }
+    }
+
+    fn answer(&mut self) -> Value {
+        let mut line = String::new();
+        self.answers.read_line(&mut line).expect("a line");
+        serde_json::from_str(&line).unwrap_or_else(|why| json!({ "ok": false, "error": format!("{why}: {line:?}") }))
+    }
+
+    /// What it says to a request, whatever it is.
+    pub(crate) fn ask(&mut self, request: &Value) -> Value {
+        writeln!(self.requests.as_mut().expect("open until the end"), "{request}").expect("a client that reads");
+        self.answer()
+    }
+
+    /// The same, which must work.
+    pub(crate) fn done(&mut self, request: &Value) -> Value {
+        let answer = self.ask(request);
+        assert_eq!(answer["ok"], true, "{request}: {answer}");
+        answer
+    }
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        drop(self.requests.take());
+        let _ = self.child.wait();
+    }
+}
