@@ -108,7 +108,7 @@ class Snap7:
     def state(self):
         if not self.native:
             # The pure client's own question is no question of the protocol.
-            return {8: "RUN", 4: "STOP"}.get(self.szl(0x0424, 0)[2][3] & 0x0F, "?")
+            return {8: "RUN", 3: "STOP", 4: "STOP"}.get(self.szl(0x0424, 0)[2][3] & 0x0F, "?")
         return "RUN" if "Run" in str(self.client.get_cpu_state()) else "STOP"
 
     def command(self, name):
