@@ -50,7 +50,7 @@ impl Links {
     ///
     /// # Errors
     /// What the system says when it has no thread or descriptor left.
-    pub fn start(specs: Vec<LinkSpec>, broker: Handle) -> io::Result<Self> {
+    pub fn start(specs: Vec<LinkSpec>, broker: &Handle) -> io::Result<Self> {
         let (stopped, stop) = io::pipe()?;
         let children = specs.into_iter().map(|spec| Watched::new(spec, broker.clone())).collect();
         let watch = Watch { children, stopped: stopped.into(), began: Instant::now() };

@@ -347,7 +347,7 @@ fn open_doors(
         specs.push(LinkSpec { name: link.name.clone(), link: index + 1, program, beats });
     }
     let broker = broker.start(clock)?;
-    let links = Links::start(specs, broker.handle())?;
+    let links = Links::start(specs, &broker.handle())?;
     let (ours, theirs) = handover::pair()?;
     broker.handle().connect(0, ours);
     Ok((broker, Door::new(theirs).map_err(std::io::Error::other)?, links))
