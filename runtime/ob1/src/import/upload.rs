@@ -98,7 +98,7 @@ fn run(args: &UploadArgs) -> Result<ImportExit, String> {
     let mut files = output::write(&args.out, args.overwrite, &translation, "", &made.text, &report)?;
     files.extend(keep(&args.out, &blocks)?);
     if args.json {
-        say!("{}", outcome(&[title.clone()], Some(&title), &translation, &files));
+        say!("{}", outcome(std::slice::from_ref(&title), Some(&title), &translation, &files));
     } else {
         says!("{}", report::summary(&title, &translation, &args.out));
     }
