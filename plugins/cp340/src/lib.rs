@@ -74,6 +74,10 @@ const RECEIVE: receive::Params = receive::Params {
     laddr: rcv::LADDR,
     db_no: rcv::DB_NO,
     dbb_no: rcv::DBB_NO,
+    ndr: rcv::NDR,
+    error: rcv::ERROR,
+    len: rcv::LEN,
+    status: rcv::STATUS,
     sfcerr: rcv::SFCERR,
     memory: rcv::MEMORY,
 };
@@ -90,14 +94,7 @@ impl Block for Receive {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let end = receive::call(cx, &RECEIVE)?;
-        let status = end.and_then(Result::err).unwrap_or(0);
-        let received = end.and_then(Result::ok);
-        cx.set(rcv::LEN, received.map_or(0, |received| received.len as i16))?;
-        cx.set(rcv::NDR, received.is_some())?;
-        cx.set(rcv::ERROR, status != 0)?;
-        cx.set(rcv::STATUS, status)?;
-        cx.set_br(status == 0)
+        receive::call(cx, &RECEIVE).map(|_| ())
     }
 }
 
@@ -111,8 +108,16 @@ const LEN_WRONG: u16 = 0x1E41;
 struct Send;
 
 impl Job for Send {
-    const PARAMS: send::Params =
-        send::Params { req: snd::REQ, r: snd::R, laddr: snd::LADDR, sfcerr: snd::SFCERR, memory: snd::MEMORY };
+    const PARAMS: send::Params = send::Params {
+        req: snd::REQ,
+        r: snd::R,
+        laddr: snd::LADDR,
+        done: snd::DONE,
+        error: snd::ERROR,
+        status: snd::STATUS,
+        sfcerr: snd::SFCERR,
+        memory: snd::MEMORY,
+    };
 
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
         let is_possible = (1..=LEN_MAX).contains(&cx.get(snd::LEN)?);
@@ -138,12 +143,7 @@ impl Block for Send {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let end = send::call::<Self>(cx)?;
-        cx.set(snd::DONE, end == Some(Ok(())))?;
-        let status = end.and_then(Result::err).unwrap_or(0);
-        cx.set(snd::ERROR, status != 0)?;
-        cx.set(snd::STATUS, status)?;
-        cx.set_br(status == 0)
+        send::call::<Self>(cx)
     }
 }
 

@@ -48,6 +48,10 @@ const SHARED: Params = Params {
     laddr: rcv::LADDR,
     db_no: rcv::DB_NO,
     dbb_no: rcv::DBB_NO,
+    ndr: rcv::NDR,
+    error: rcv::ERROR,
+    len: rcv::LEN,
+    status: rcv::STATUS,
     sfcerr: rcv::SFCERR,
     memory: rcv::MEMORY,
 };
@@ -64,9 +68,7 @@ impl Block for ReceiveRk {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let end = receive::call(cx, &SHARED)?;
-        // Outputs are those of this call alone. [reference 1.5]
-        if let Some(Ok(received)) = end {
+        if let Some(received) = receive::call(cx, &SHARED)? {
             let has_header = received.letter != 0;
             // The local area: data to a DX lie in DB_NO, from DBB_NO on. [reference 1.4]
             cx.set(rcv::L_TYP, if received.letter == b'X' { b'D' } else { received.letter })?;
@@ -75,12 +77,6 @@ impl Block for ReceiveRk {
             cx.set(rcv::L_CF_BYT, received.flag.0 as i16)?;
             cx.set(rcv::L_CF_BIT, received.flag.1 as i16)?;
         }
-        let status = end.and_then(Result::err).unwrap_or(0);
-        let received = end.and_then(Result::ok);
-        cx.set(rcv::LEN, received.map_or(0, |received| received.len as i16))?;
-        cx.set(rcv::NDR, received.is_some())?;
-        cx.set(rcv::ERROR, status != 0)?;
-        cx.set(rcv::STATUS, status)?;
-        cx.set_br(status == 0)
+        Ok(())
     }
 }

@@ -52,8 +52,16 @@ interface! {
 }
 
 impl Job for SendRk {
-    const PARAMS: Params =
-        Params { req: snd::REQ, r: snd::R, laddr: snd::LADDR, sfcerr: snd::SFCERR, memory: snd::MEMORY };
+    const PARAMS: Params = Params {
+        req: snd::REQ,
+        r: snd::R,
+        laddr: snd::LADDR,
+        done: snd::DONE,
+        error: snd::ERROR,
+        status: snd::STATUS,
+        sfcerr: snd::SFCERR,
+        memory: snd::MEMORY,
+    };
 
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
         let is_possible = (1..=LEN_MAX as i16).contains(&cx.get(snd::LEN)?);
@@ -95,12 +103,6 @@ impl Block for SendRk {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let end = send::call::<Self>(cx)?;
-        // Outputs are those of this call alone. [reference 1.2]
-        cx.set(snd::DONE, end == Some(Ok(())))?;
-        let status = end.and_then(Result::err).unwrap_or(0);
-        cx.set(snd::ERROR, status != 0)?;
-        cx.set(snd::STATUS, status)?;
-        cx.set_br(status == 0)
+        send::call::<Self>(cx)
     }
 }

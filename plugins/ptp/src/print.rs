@@ -107,8 +107,16 @@ fn bytes_of(pointers: &Pointers) -> u16 {
 }
 
 impl<N: Name> Job for Print<N> {
-    const PARAMS: Params =
-        Params { req: prt::REQ, r: prt::R, laddr: prt::LADDR, sfcerr: prt::SFCERR, memory: prt::MEMORY };
+    const PARAMS: Params = Params {
+        req: prt::REQ,
+        r: prt::R,
+        laddr: prt::LADDR,
+        done: prt::DONE,
+        error: prt::ERROR,
+        status: prt::STATUS,
+        sfcerr: prt::SFCERR,
+        memory: prt::MEMORY,
+    };
 
     fn check(cx: &mut Cx<'_, CpState>) -> Result<Result<(), u16>, Abort> {
         Ok(Self::begin(cx)?.map(|_| ()))
@@ -163,11 +171,6 @@ impl<N: Name> Block for Print<N> {
     type Module = CpState;
 
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let end = send::call::<Self>(cx)?;
-        cx.set(prt::DONE, end == Some(Ok(())))?;
-        let status = end.and_then(Result::err).unwrap_or(0);
-        cx.set(prt::ERROR, status != 0)?;
-        cx.set(prt::STATUS, status)?;
-        cx.set_br(status == 0)
+        send::call::<Self>(cx)
     }
 }

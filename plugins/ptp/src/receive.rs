@@ -6,7 +6,7 @@
 //! [reference 1.0]
 
 use ob1_sdk::types::{Bool, Bytes, Int, Word};
-use ob1_sdk::{Abort, Area, Cx, Formal, In, Static};
+use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Static};
 
 use ob1_words::channels::{Block, Channel, Command, NO_FLAG, Offered, PIECE, Refusal, State, pieces};
 
@@ -131,6 +131,14 @@ pub struct Params {
     pub db_no: Formal<Int, In>,
     /// First byte in it.
     pub dbb_no: Formal<Int, In>,
+    /// The job has ended without error: for one call.
+    pub ndr: Formal<Bool, Out>,
+    /// It has ended with an error: for one call.
+    pub error: Formal<Bool, Out>,
+    /// Bytes of the telegram, while NDR is 1.
+    pub len: Formal<Int, Out>,
+    /// Event class and number while ERROR is 1.
+    pub status: Formal<Word, Out>,
     /// RET_VAL of the record transfer.
     pub sfcerr: Static<Word>,
     /// Between two calls.
@@ -152,11 +160,24 @@ pub struct Received {
     pub flag: (u16, u16),
 }
 
-/// A call of the block: what has come, or ERROR with a STATUS, or neither.
+/// A call of the block: NDR with what has come, or ERROR with a STATUS, or neither, and BR. The outputs are those of
+/// this call alone. [reference 1.5]
 ///
 /// # Errors
 /// The call ends.
-pub fn call(cx: &mut Cx<'_, CpState>, params: &Params) -> Result<Option<Result<Received, u16>>, Abort> {
+pub fn call(cx: &mut Cx<'_, CpState>, params: &Params) -> Result<Option<Received>, Abort> {
+    let end = job(cx, params)?;
+    let status = end.and_then(Result::err).unwrap_or(0);
+    let received = end.and_then(Result::ok);
+    cx.set(params.len, received.map_or(0, |received| received.len as i16))?;
+    cx.set(params.ndr, received.is_some())?;
+    cx.set(params.error, status != 0)?;
+    cx.set(params.status, status)?;
+    cx.set_br(status == 0)?;
+    Ok(received)
+}
+
+fn job(cx: &mut Cx<'_, CpState>, params: &Params) -> Result<Option<Result<Received, u16>>, Abort> {
     let mut bytes = [0; 34];
     if cx.load_bytes(params.memory, 0, &mut bytes)?.is_err() {
         // An instance that is too short: as a statement that reads it.

@@ -5,7 +5,7 @@
 //! one that tells the end: at least three. The start-up coordination takes one call before. [reference 1.0]
 
 use ob1_sdk::types::{Bool, Bytes, Int, Word};
-use ob1_sdk::{Abort, Area, Cx, Formal, In, Refused, Static};
+use ob1_sdk::{Abort, Area, Cx, Formal, In, Out, Refused, Static};
 
 use ob1_words::channels::{Block, Channel, Command, PIECE, State, pieces};
 
@@ -167,6 +167,12 @@ pub struct Params {
     pub r: Formal<Bool, In>,
     /// Logical base address of the CP.
     pub laddr: Formal<Int, In>,
+    /// The job has ended without error: for one call.
+    pub done: Formal<Bool, Out>,
+    /// It has ended with an error: for one call.
+    pub error: Formal<Bool, Out>,
+    /// Event class and number while ERROR is 1.
+    pub status: Formal<Word, Out>,
     /// RET_VAL of the record transfer.
     pub sfcerr: Static<Word>,
     /// Between two calls.
@@ -225,12 +231,21 @@ pub struct Data {
     pub len: u16,
 }
 
-/// A call of the block: DONE, or ERROR with a STATUS, or neither. SFCERR and what lies between two calls are in the
-/// instance.
+/// A call of the block: DONE, or ERROR with a STATUS, or neither, and BR. The outputs are those of this call alone.
+/// SFCERR and what lies between two calls are in the instance. [reference 1.2]
 ///
 /// # Errors
 /// The call ends.
-pub fn call<J: Job>(cx: &mut Cx<'_, CpState>) -> Result<Option<Result<(), u16>>, Abort> {
+pub fn call<J: Job>(cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
+    let end = job::<J>(cx)?;
+    cx.set(J::PARAMS.done, end == Some(Ok(())))?;
+    let status = end.and_then(Result::err).unwrap_or(0);
+    cx.set(J::PARAMS.error, status != 0)?;
+    cx.set(J::PARAMS.status, status)?;
+    cx.set_br(status == 0)
+}
+
+fn job<J: Job>(cx: &mut Cx<'_, CpState>) -> Result<End, Abort> {
     let mut bytes = [0; 34];
     if cx.load_bytes(J::PARAMS.memory, 0, &mut bytes)?.is_err() {
         // An instance that is too short: as a statement that reads it.

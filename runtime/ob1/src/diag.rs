@@ -43,7 +43,7 @@ pub fn diag(options: &Options) -> Exit {
         cps.retain(|cp| cp.name == *wanted || wanted.parse() == Ok(cp.address));
         if cps.is_empty() {
             let there = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-            err!("ob1: \"{wanted}\" is no CP with a diagnostic buffer of its own\n  = this station has: {there}");
+            err!("ob1: \"{wanted}\" is not a CP with a diagnostic buffer of its own\n  = this station has: {there}");
             return Exit::Usage;
         }
     }

@@ -48,7 +48,7 @@ pub fn set(station: &str, assignments: &[String]) -> Exit {
     let mut items = BTreeMap::new();
     for assignment in assignments {
         let Some((name, value)) = assignment.split_once('=') else {
-            err!("ob1: \"{assignment}\" is no assignment\n  = write NAME=VALUE, such as M1.0=1");
+            err!("ob1: \"{assignment}\" is not an assignment\n  = write NAME=VALUE, such as M1.0=1");
             return Exit::Usage;
         };
         items.insert(name.trim().to_owned(), Value::from(value.trim()));

@@ -284,10 +284,10 @@ fn what_cannot_be_used_is_told_before_anything_runs() {
         ("", 1, "there is no test"),
         ("[[test]]\nname = \"a\"\n[[test.step]]\nset = { \"MX 0\" = 1 }\n", 5, "no name of a cell"),
         ("[[test]]\nname = \"a\"\n[[test.step]]\nset = { \"MB 0\" = 256 }\n", 5, "does not fit"),
-        ("[[test]]\nname = \"a\"\ninputs = { \"MB 0\" = 1 }\n[[test.step]]\n", 4, "is no input"),
+        ("[[test]]\nname = \"a\"\ninputs = { \"MB 0\" = 1 }\n[[test.step]]\n", 4, "is not an input"),
         ("[[test]]\nname = \"a\"\n[[test.step]]\nrun = \"1s\"\nscans = 1\n", 6, "given twice"),
         ("[[test]]\nname = \"a\"\n[[test.step]]\nwithin = \"1s\"\n", 4, "waits for nothing"),
-        ("[[test]]\nname = \"a\"\n[[test.step]]\ndiagnostics = [\"xyz\"]\n", 5, "no number of an event"),
+        ("[[test]]\nname = \"a\"\n[[test.step]]\ndiagnostics = [\"xyz\"]\n", 5, "not the number of an event"),
         ("[[test]]\nname = \"a\"\ncall = \"FC 99\"\n[[test.step]]\n", 4, "FC 99 is not there"),
         ("[[test]]\nname = \"a\"\ncall = \"FC 10\"\n[[test.step]]\n", 4, "T is a TIMER and needs an actual"),
         (

@@ -26,7 +26,7 @@ impl Choice {
     /// # Errors
     /// What is wrong, in one sentence.
     pub fn new(number: &str, key: &str) -> Result<Self, String> {
-        let id = parse_block(number).ok_or_else(|| format!("\"{number}\" is no block; write FC 4 or FB 41"))?;
+        let id = parse_block(number).ok_or_else(|| format!("\"{number}\" is not a block; write FC 4 or FB 41"))?;
         let block = standard_block(key).ok_or_else(|| unknown(key))?;
         if block.origin == Origin::System {
             return Err(format!("{} is part of the CPU and has its number already", block.key()));
@@ -196,7 +196,7 @@ mod tests {
             ("FC4=IEC:FC99", "no standard block"),
             ("FC4=IEX:FC4", "did you mean IEC:FC4?"),
             ("FB4=IEC:FC4", "is an FC and cannot be FB 4"),
-            ("4=IEC:FC4", "is no block"),
+            ("4=IEC:FC4", "is not a block"),
             ("SFC20=SYSTEM:SFC20", "part of the CPU"),
             ("SYSTEM", "no library"),
             ("", "no library"),

@@ -34,7 +34,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Numbered>, Vec<Finding>> {
         match parse_block(number.get_ref()) {
             Some(id) => numbers.push(Numbered { name, id }),
             None => {
-                let message = format!("\"{}\" is no block", number.get_ref());
+                let message = format!("\"{}\" is not a block", number.get_ref());
                 let remedy = "write \"FC 35\", or remove the line".to_owned();
                 wrong.push(source.finding(Level::Error, "C005", number.span(), message, remedy));
             }

@@ -43,7 +43,7 @@ impl Dump {
                 None => return Err(format!("\"{area}\" cannot be dumped; M and data blocks (DB5) can")),
             },
         };
-        let number = |text: &str| text.parse().map_err(|_| format!("\"{text}\" is no number of bytes"));
+        let number = |text: &str| text.parse().map_err(|_| format!("\"{text}\" is not a number of bytes"));
         if file.is_empty() {
             return Err("the name of the file is missing".into());
         }

@@ -186,7 +186,7 @@ fn is_distribution(name: &str) -> bool {
 }
 
 fn count(text: &str) -> Result<f64, String> {
-    text.parse::<u64>().map(|n| n as f64).map_err(|_| format!("\"{text}\" is no count; write it like 0 or 25"))
+    text.parse::<u64>().map(|n| n as f64).map_err(|_| format!("\"{text}\" is not a count; write it like 0 or 25"))
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -194,14 +194,14 @@ fn share(text: &str) -> Result<f64, String> {
     number
         .filter(|n| (0.0..=100.0).contains(n))
         .map(|n| n / 100.0)
-        .ok_or_else(|| format!("\"{text}\" is no share; write it like 5%"))
+        .ok_or_else(|| format!("\"{text}\" is not a share; write it like 5%"))
 }
 
 /// Growth an hour: of times in nanoseconds, of memory in bytes, of counts.
 fn per_hour(text: &str, time: bool) -> Result<f64, String> {
     let wrong = || {
         let example = if time { "10us/h" } else { "1MiB/h or 0/h" };
-        format!("\"{text}\" is no growth; write it like {example}")
+        format!("\"{text}\" is not a growth; write it like {example}")
     };
     let amount = text.strip_suffix("/h").ok_or_else(wrong)?.trim();
     if time {

@@ -230,8 +230,8 @@ impl Report {
     /// What is wrong with the file, in one sentence.
     pub fn read(path: &Path) -> Result<Self, String> {
         let text = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
-        let report: Self =
-            serde_json::from_str(&text).map_err(|e| format!("{} is no report of `ob1 soak`: {e}", path.display()))?;
+        let report: Self = serde_json::from_str(&text)
+            .map_err(|e| format!("{} is not a report of `ob1 soak`: {e}", path.display()))?;
         if report.schema != SOAK_SCHEMA {
             let schema = report.schema;
             return Err(format!("{} has schema {schema}; this ob1 reads {SOAK_SCHEMA}", path.display()));

@@ -136,7 +136,7 @@ impl Resolver<'_> {
         for (name, value) in cells {
             let item = self.item(name.get_ref()).and_then(|item| {
                 let is_input = matches!(item.cell, Cell::Area(Area::Input, _) | Cell::Peripheral(_));
-                if only_inputs && !is_input { Err(format!("{} is no input", name.get_ref())) } else { Ok(item) }
+                if only_inputs && !is_input { Err(format!("{} is not an input", name.get_ref())) } else { Ok(item) }
             });
             match item.and_then(|item| Ok(Set { value: bits(&item, value.get_ref())?, item })) {
                 Ok(set) => sets.push(set),
@@ -227,7 +227,7 @@ fn bits(item: &Item, value: &toml::Value) -> Result<u32, String> {
         toml::Value::Integer(number) => serde_json::Value::from(*number),
         toml::Value::Float(number) => serde_json::Value::from(*number),
         toml::Value::String(text) => serde_json::Value::from(text.as_str()),
-        other => return Err(format!("a {} is no value for {}", other.type_str(), item.name)),
+        other => return Err(format!("a {} is not a value for {}", other.type_str(), item.name)),
     };
     value::from_json(item, &json)
 }

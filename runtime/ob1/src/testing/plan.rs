@@ -148,7 +148,7 @@ fn test(f: &mut Findings<'_>, table: Placed<TestTable>) -> Test {
     let call = table.call.and_then(|call| {
         let block = parse_block(call.get_ref()).filter(|id| !matches!(id.kind, BlockKind::Ob | BlockKind::Db));
         if block.is_none() {
-            let message = format!("\"{}\" is no block that can be called", call.get_ref());
+            let message = format!("\"{}\" is not a block that can be called", call.get_ref());
             f.error(VALUE, call.span(), message, "a kind and a number: \"FC 9\", \"FB 41\"");
         }
         Some(Call { block: block?, at: call.span(), with: table.with.into_iter().collect() })
@@ -195,7 +195,7 @@ fn number_of(f: &mut Findings<'_>, event: &Placed<String>) -> Option<u16> {
     let text = event.get_ref().trim_end_matches(['h', 'H']);
     let number = (text.len() == 4).then(|| u16::from_str_radix(text, 16).ok()).flatten();
     if number.is_none() {
-        let message = format!("\"{}\" is no number of an event", event.get_ref());
+        let message = format!("\"{}\" is not the number of an event", event.get_ref());
         f.error(VALUE, event.span(), message, "four hexadecimal digits, as `ob1 diag STATION` prints them: \"2522h\"");
     }
     number

@@ -9,7 +9,7 @@ use ob1_protocols::trace::record::{MAGIC, Record, VERSION};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecordingError {
     /// Its first bytes are other ones.
-    #[error("this is no recording of ob1 trace")]
+    #[error("this is not a recording of ob1 trace")]
     Magic,
     /// It was written by another version.
     #[error("the recording has version {0}, this ob1 reads {VERSION}")]

@@ -159,13 +159,13 @@ fn apply(change: &Change, image: &IoImage, field: &IoField) {
 fn change(time: Nanos, cell: &str, value: &toml::Value) -> Result<Change, String> {
     let item = Names::default().parse(cell)?;
     let (Cell::Area(Area::Input, bit) | Cell::Peripheral(bit)) = item.cell else {
-        return Err(format!("{cell} is no input"));
+        return Err(format!("{cell} is not an input"));
     };
     let json = match value {
         toml::Value::Boolean(bit) => serde_json::Value::from(*bit),
         toml::Value::Integer(number) => serde_json::Value::from(*number),
         toml::Value::String(text) => serde_json::Value::from(text.as_str()),
-        other => return Err(format!("a {} is no value for {cell}", other.type_str())),
+        other => return Err(format!("a {} is not a value for {cell}", other.type_str())),
     };
     let bits = if item.width == CellWidth::Bit { 1 } else { item.width.bits() };
     Ok(Change { time, bit, bits, value: value::from_json(&item, &json)? })
@@ -213,7 +213,7 @@ mod tests {
         let found = Stimulus::parse(text, "s.toml").expect_err("bad");
         let text: String = found.iter().map(ToString::to_string).collect();
         for part in
-            ["never reached", "A 0.0 is no input", "256 does not fit", "\"EX\" is no name", "\"soon\" has no unit"]
+            ["never reached", "A 0.0 is not an input", "256 does not fit", "\"EX\" is no name", "\"soon\" has no unit"]
         {
             assert!(text.contains(part) || part.contains("soon"), "{part} is missing in\n{text}");
         }

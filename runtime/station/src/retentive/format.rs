@@ -26,7 +26,7 @@ pub struct Content {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FormatError {
     /// Something else.
-    #[error("this is no retentive file of ob1")]
+    #[error("this is not a retentive file of ob1")]
     Foreign,
     /// Of another version of ob1.
     #[error("its format has version {0}, this ob1 knows version {VERSION}")]

@@ -342,7 +342,7 @@ mod tests {
         let (_, found) = Store::open(folder.path(), "s").expect("readable");
         assert!(found.generations.is_empty());
         assert!(found.refused[0].contains("belongs to the station \"other\""), "{:?}", found.refused);
-        assert!(found.refused[1].contains("no retentive file"), "{:?}", found.refused);
+        assert!(found.refused[1].contains("not a retentive file"), "{:?}", found.refused);
         assert_eq!(fs::read(folder.path().join(".s.retentive.b.refused")).ok(), Some(b"my diary".to_vec()));
     }
 

@@ -52,7 +52,7 @@ pub(super) fn name(f: &mut Findings<'_>, of: &str, name: &Placed<String>) -> Str
     let text = name.get_ref();
     let legal = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     if text.is_empty() || text.len() > 40 || !text.chars().all(legal) {
-        let message = format!("\"{text}\" is no name for a {of}");
+        let message = format!("\"{text}\" is not a name for a {of}");
         f.error(VALUE, name.span(), message, "1 to 40 letters, digits, - and _: it also names files");
     }
     text.clone()
@@ -229,7 +229,7 @@ fn fixed_numbers(f: &mut Findings<'_>, table: &BTreeMap<Placed<String>, Placed<S
         match parse_block(number.get_ref()) {
             Some(id) => fixed.push((name.get_ref().clone(), id)),
             None => {
-                let message = format!("\"{}\" is no block", number.get_ref());
+                let message = format!("\"{}\" is not a block", number.get_ref());
                 f.error(VALUE, number.span(), message, "write numbers = { \"Pump\" = \"FB 35\" }");
             }
         }
@@ -292,7 +292,7 @@ fn same_kind(f: &mut Findings<'_>, at: &Placed<String>, (from, to): (BlockId, Bl
 fn block(f: &mut Findings<'_>, text: &Placed<String>) -> Option<BlockId> {
     let id = parse_block(text.get_ref()).filter(|id| id.kind != BlockKind::Db);
     if id.is_none() {
-        let message = format!("\"{}\" is no block", text.get_ref());
+        let message = format!("\"{}\" is not a block", text.get_ref());
         f.error(VALUE, text.span(), message, "a kind and a number: \"FC 0\", \"FB 60\"");
     }
     id

@@ -25,7 +25,7 @@ pub fn parse_duration(text: &str) -> Result<Duration, String> {
         return Err(if unit.is_empty() {
             format!("\"{text}\" has no unit; write it like \"10ms\" (ns, us, ms, s, min, h)")
         } else {
-            format!("\"{unit}\" is no unit of time; use ns, us, ms, s, min or h")
+            format!("\"{unit}\" is not a unit of time; use ns, us, ms, s, min or h")
         });
     };
     let (whole, decimals) = number.split_once('.').unwrap_or((number, ""));

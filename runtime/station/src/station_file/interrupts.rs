@@ -73,7 +73,7 @@ pub(super) fn time_of_day(f: &mut Findings<'_>, tables: &[TimeOfDayTable]) -> Ve
         match moment(table.start.get_ref()) {
             Some(start) => list.push(TimeOfDay { ob, start, period }),
             None => {
-                let message = format!("start = \"{}\" is no date with a time", table.start.get_ref());
+                let message = format!("start = \"{}\" is not a date with a time", table.start.get_ref());
                 f.error(VALUE, table.start.span(), message, "write \"2026-01-31 06:00\", years 1990 to 2089");
             }
         }

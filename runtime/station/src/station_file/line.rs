@@ -22,13 +22,13 @@ pub enum Line {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineError {
     /// No kind in front, or an unknown one.
-    #[error("\"{0}\" is no kind of line")]
+    #[error("\"{0}\" is not a kind of line")]
     Kind(String),
     /// Nothing behind the colon.
     #[error("nothing stands behind \"{0}:\"")]
     Empty(&'static str),
     /// No port number.
-    #[error("\"{0}\" is no port number (1 to 65535)")]
+    #[error("\"{0}\" is not a port number (1 to 65535)")]
     Port(String),
     /// No host.
     #[error("\"{0}\" names no host")]

@@ -317,7 +317,7 @@ fn from_raw<P>(
         let at = word.as_ptr().addr() - raw.get_ref().as_ptr().addr() + start;
         let at = at..at + word.len();
         let Ok(byte) = u8::from_str_radix(word.trim_end_matches(['h', 'H']), 16) else {
-            f.error(VALUE, at, format!("\"{word}\" is no byte"), "16 bytes in hexadecimal: \"0E 04 13 ...\"");
+            f.error(VALUE, at, format!("\"{word}\" is not a byte"), "16 bytes in hexadecimal: \"0E 04 13 ...\"");
             return None;
         };
         if let Some(cell) = bytes.get_mut(places.len()) {

@@ -71,7 +71,7 @@ fn ranges(f: &mut Findings<'_>, key: &str, list: &[Placed<String>], len: u32) ->
         match range(text.get_ref()).filter(|range| range.end <= len) {
             Some(range) => ranges.push(range),
             None => {
-                let message = format!("{key} = \"{}\" is no range there", text.get_ref());
+                let message = format!("{key} = \"{}\" is not a range there", text.get_ref());
                 f.error(
                     VALUE,
                     text.span(),
@@ -102,7 +102,7 @@ fn data(f: &mut Findings<'_>, text: &Placed<String>) -> Option<DataRange> {
         (Some(db), None) => Some(DataRange { db: db.number, bytes: None }),
         (Some(db), Some(Some(bytes))) => Some(DataRange { db: db.number, bytes: Some(bytes) }),
         _ => {
-            let message = format!("\"{}\" is no data block", text.get_ref());
+            let message = format!("\"{}\" is not a data block", text.get_ref());
             f.error(VALUE, text.span(), message, "\"DB 10\", or some of its bytes: \"DB 10: 0..19\"");
             None
         }

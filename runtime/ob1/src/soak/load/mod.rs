@@ -61,7 +61,9 @@ impl FromStr for Load {
                 }
                 "line-faults" => load.line_faults = number(1_000_000, amount)?,
                 other => {
-                    return Err(format!("\"{other}\" is no load; there are cpu, memory, io, driver-kill, line-faults"));
+                    return Err(format!(
+                        "\"{other}\" is not a load; there are cpu, memory, io, driver-kill, line-faults"
+                    ));
                 }
             }
         }
