@@ -166,11 +166,15 @@ impl Compiler {
         if !compiled.buffer.relocs().is_empty() {
             return Err(CompileError("the code needs what is not in it".into()));
         }
+        let stack = frame(compiled);
+        if stack > crate::FRAME {
+            return Err(CompileError("the block's frame is too large for the stack that was reckoned with".into()));
+        }
         let alignment = (self.isa.function_alignment().minimum as usize).max(16);
         image.bytes.resize(image.bytes.len().next_multiple_of(alignment), 0);
         let at = image.bytes.len() as u32;
         image.bytes.extend_from_slice(compiled.buffer.data());
-        image.stack = image.stack.max(frame(compiled));
+        image.stack = image.stack.max(stack);
         Ok(Compiled { at: Some(at), made })
     }
 

@@ -19,4 +19,6 @@ pub use compile::{CompileError, Compiler, Image, Target, Tier};
 pub use engine::{AtLoad, Native};
 
 /// Bytes of stack that a nested block takes at most: its code's frame and the helpers between.
-const STACK_PER_BLOCK: usize = 4096;
+const STACK_PER_BLOCK: usize = 6 * 1024;
+/// Bytes of a frame at most; a block that needs more is left to the reference.
+const FRAME: u32 = 3 * 1024;
