@@ -60,6 +60,7 @@ pub struct WindowHead {
 struct Memory {
     /// Points to `WORDS` words in what `keep` holds, for as long as `keep` lives.
     words: NonNull<AtomicU64>,
+    #[cfg_attr(loom, expect(dead_code, reason = "held only to keep the memory"))]
     keep: Keep,
 }
 
