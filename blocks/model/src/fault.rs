@@ -245,6 +245,8 @@ impl Event {
     pub const STOP_DIAGNOSIS: Event = Event(0x456A);
     /// STOP because OB 85 is wanted and not loaded (program sequence error).
     pub const STOP_SEQUENCE_ERROR: Event = Event(0x456D);
+    /// STOP because a station of a bus is lost and OB 86 is not loaded.
+    pub const STOP_RACK_FAILURE: Event = Event(0x456F);
     /// STOP because a block was aborted and OB 88 is not loaded, or was the one that was aborted.
     pub const STOP_ABORTED: Event = Event(0x4570);
     /// A block was aborted: an error in an OB that handles a synchronous error.
@@ -261,6 +263,16 @@ impl Event {
     pub const INPUT_IMAGE_ERROR: Event = Event(0x39B1);
     /// Access error while the system writes the process image of the outputs.
     pub const OUTPUT_IMAGE_ERROR: Event = Event(0x39B2);
+    /// Access to the inputs of a module works again.
+    pub const INPUT_IMAGE_BACK: Event = Event(0x38B1);
+    /// Access to the outputs of a module works again.
+    pub const OUTPUT_IMAGE_BACK: Event = Event(0x38B2);
+    /// A whole bus is lost: its process has ended.
+    pub const BUS_FAILED: Event = Event(0x39C3);
+    /// A station of a bus is lost.
+    pub const STATION_FAILED: Event = Event(0x39C4);
+    /// A station of a bus is back.
+    pub const STATION_BACK: Event = Event(0x38C4);
     /// A plugin block panicked (ours).
     pub const PLUGIN_PANIC: Event = Event(0xF101);
     /// A plugin block asked for STOP or broke the rules of the interface (ours).
@@ -279,13 +291,17 @@ impl Event {
     pub const CP_ERROR_GONE: Event = Event(0xF205);
     /// A driver process got no core, or the kernel held it, for longer than a hang is borne (ours).
     pub const DRIVER_HELD_UP: Event = Event(0xF206);
+    /// A station of a bus refuses a request (ours).
+    pub const STATION_REFUSES: Event = Event(0xF207);
+    /// A station of a bus refuses nothing any more (ours).
+    pub const STATION_ACCEPTS: Event = Event(0xF208);
     /// Retentive memory cannot be written to its file (ours).
     pub const RETENTIVE_LOST: Event = Event(0xF301);
     /// Retentive memory is written again (ours).
     pub const RETENTIVE_KEPT: Event = Event(0xF302);
 
     /// Every event with a name that is no fault.
-    pub const ALL: [Event; 29] = [
+    pub const ALL: [Event; 37] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -296,6 +312,7 @@ impl Event {
         Event::STOP_TIME_ERROR,
         Event::STOP_DIAGNOSIS,
         Event::STOP_SEQUENCE_ERROR,
+        Event::STOP_RACK_FAILURE,
         Event::STOP_ABORTED,
         Event::SYNCHRONOUS_NESTING,
         Event::CYCLE_TIME_EXCEEDED,
@@ -304,6 +321,11 @@ impl Event {
         Event::OB_NOT_LOADED,
         Event::INPUT_IMAGE_ERROR,
         Event::OUTPUT_IMAGE_ERROR,
+        Event::INPUT_IMAGE_BACK,
+        Event::OUTPUT_IMAGE_BACK,
+        Event::BUS_FAILED,
+        Event::STATION_FAILED,
+        Event::STATION_BACK,
         Event::PLUGIN_PANIC,
         Event::PLUGIN_STOP,
         Event::PLUGIN_ENTRY,
@@ -313,6 +335,8 @@ impl Event {
         Event::CP_ERROR,
         Event::CP_ERROR_GONE,
         Event::DRIVER_HELD_UP,
+        Event::STATION_REFUSES,
+        Event::STATION_ACCEPTS,
         Event::RETENTIVE_LOST,
         Event::RETENTIVE_KEPT,
     ];
@@ -331,6 +355,7 @@ impl Event {
             0x4568 => "STOP by time error",
             0x456A => "STOP by diagnostic interrupt, OB 82 not loaded",
             0x456D => "STOP by program sequence error, OB 85 not loaded",
+            0x456F => "STOP by rack failure, OB 86 not loaded",
             0x4570 => "STOP, a block was aborted, OB 88 not loaded or not possible",
             0x3573 => "a block was aborted, synchronous errors nested too deep",
             0x3501 => "cycle time exceeded",
@@ -339,6 +364,11 @@ impl Event {
             0x35A1 => "event for an OB that is not loaded",
             0x39B1 => "access error in the transfer of the process image of the inputs",
             0x39B2 => "access error in the transfer of the process image of the outputs",
+            0x38B1 => "access to the process image of the inputs works again",
+            0x38B2 => "access to the process image of the outputs works again",
+            0x39C3 => "distributed I/O, failure of a bus",
+            0x39C4 => "distributed I/O, failure of a station",
+            0x38C4 => "distributed I/O, a station is back",
             0x2521 => "BCD conversion error",
             0x2522 => "area length error when reading",
             0x2523 => "area length error when writing",
@@ -371,6 +401,8 @@ impl Event {
             0xF204 => "a CP reports an error",
             0xF205 => "a CP's error is gone",
             0xF206 => "driver process was held up by the system",
+            0xF207 => "distributed I/O, a station refuses a request",
+            0xF208 => "distributed I/O, a station refuses nothing any more",
             0xF301 => "retentive memory cannot be written",
             0xF302 => "retentive memory is written again",
             // Entries of the program itself (SFC 52): classes 8 and 9 are for its messages, A and B for the user's own.

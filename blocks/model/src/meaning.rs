@@ -29,6 +29,7 @@ impl Event {
             | Event::STOP_TIME_ERROR
             | Event::STOP_DIAGNOSIS
             | Event::STOP_SEQUENCE_ERROR
+            | Event::STOP_RACK_FAILURE
             | Event::STOP_ABORTED
             | Event::PLUGIN_PANIC
             | Event::PLUGIN_STOP => StateChange::Fault,
@@ -57,6 +58,18 @@ impl Event {
                 "Mend what the module reports (`ob1 diag`), load OB 82, or set `diagnostics = false` for the module."
             }
             Event::STOP_SEQUENCE_ERROR => "Load the OB the entry before names, or OB 85 to go on without it.",
+            Event::STOP_RACK_FAILURE => {
+                "Look at the station the entry before names, its power and its line; load OB 86 to go on without it."
+            }
+            Event::BUS_FAILED => {
+                "The process of the bus is started again by itself. If this repeats: see its log, and its line."
+            }
+            Event::STATION_FAILED => {
+                "Check power, address and cable of the station; the log of the bus says what became of its requests."
+            }
+            Event::STATION_REFUSES => {
+                "Compare its table in the station file with the station's manual: the address, the length, the function."
+            }
             Event::STOP_ABORTED | Event::SYNCHRONOUS_NESTING => {
                 "Mend the statement in OB 121 or OB 122 that is wrong itself; with OB 88 the program goes on without it."
             }

@@ -65,6 +65,40 @@ pub struct Status {
     pub round: u64,
 }
 
+impl Status {
+    /// As it lies in the image of the bus: state, exception, function, table and first element of the refusal (0: none)
+    /// from the lowest byte on; then the other fields in turn.
+    #[must_use]
+    pub fn to_words(&self) -> [u64; 8] {
+        let refusal = self.refusal.map_or(0, |refusal| {
+            let table = Table::ALL.iter().position(|(_, table)| *table == refusal.table).unwrap_or(0) as u64 + 1;
+            u64::from(refusal.exception) << 8
+                | u64::from(refusal.function) << 16
+                | table << 24
+                | u64::from(refusal.first) << 32
+        });
+        let state = refusal | u64::from(self.state as u8);
+        [state, self.bad, self.exchanges, self.failures, self.exceptions, self.losses, self.round, 0]
+    }
+
+    /// Out of the image of a bus; `None`: words that have no meaning.
+    #[must_use]
+    pub fn from_words(words: &[u64; 8]) -> Option<Self> {
+        let &[first, bad, exchanges, failures, exceptions, losses, round, _] = words;
+        let [state, exception, function, table, at @ ..] = first.to_le_bytes();
+        let refusal = match table {
+            0 => None,
+            _ => Some(Refusal {
+                function,
+                exception,
+                table: Table::ALL.get(usize::from(table) - 1)?.1,
+                first: u16::from_le_bytes([at[0], at[1]]),
+            }),
+        };
+        Some(Self { state: State::of(state)?, refusal, bad, exchanges, failures, exceptions, losses, round })
+    }
+}
+
 /// Ranges of a coupler that [`Status::bad`] has room for.
 pub const RANGES_MAX: usize = 64;
 
@@ -101,6 +135,36 @@ impl Image {
         if let Some(status) = self.status.get_mut(coupler) {
             change(status);
             self.generation = self.generation.wrapping_add(1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_status_goes_through_its_words() {
+        for state in [State::Starting, State::Running, State::Lost, State::Refused] {
+            for (_, table) in Table::ALL {
+                let refusal = Some(Refusal { function: 0x17, exception: 0xFE, table, first: 0xABCD });
+                let status = Status {
+                    state,
+                    refusal,
+                    bad: u64::MAX,
+                    exchanges: 1,
+                    failures: 2,
+                    exceptions: 3,
+                    losses: 4,
+                    round: 5,
+                };
+                assert_eq!(Status::from_words(&status.to_words()), Some(status));
+                let bare = Status { state, ..Status::default() };
+                assert_eq!(Status::from_words(&bare.to_words()), Some(bare));
+            }
+        }
+        for noise in [4, 0xFF, 5 << 24, u64::MAX] {
+            assert_eq!(Status::from_words(&[noise; 8]), None, "{noise:x}");
         }
     }
 }

@@ -46,6 +46,8 @@ pub struct CpuConfig {
     /// Organization blocks find their start information in the first 20 bytes of their local data. Without it these
     /// bytes are what the block before left there; SFC 6 answers all the same.
     pub ob_start_info: bool,
+    /// When OB 85 is called for a part of the process image that is not transferred.
+    pub image_errors: ImageErrors,
     /// Items of the access port served in one scan, at least 1.
     pub port_items_per_scan: u32,
     /// Items the access port's rings hold, at least 1.
@@ -59,7 +61,11 @@ impl CpuConfig {
     /// The defaults with the rules and the accumulators of a family.
     #[must_use]
     pub fn of(family: Family) -> Self {
-        Self { family, accumulators: family.accumulators(), ..Self::default() }
+        let image_errors = match family {
+            Family::S7_300 => ImageErrors::None,
+            Family::S7_400 => ImageErrors::Each,
+        };
+        Self { family, accumulators: family.accumulators(), image_errors, ..Self::default() }
     }
 }
 
@@ -86,11 +92,24 @@ impl Default for CpuConfig {
             clock_memory: None,
             date_at_start: 0,
             ob_start_info: true,
+            image_errors: ImageErrors::None,
             port_items_per_scan: 64,
             port_capacity: 256,
             peripheral_from_image: false,
         }
     }
+}
+
+/// When OB 85 is called because a module does not answer while the process image is transferred.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ImageErrors {
+    /// Never: an S7-300 as it is delivered.
+    #[default]
+    None,
+    /// At each transfer: an S7-400 as it is delivered.
+    Each,
+    /// When it begins and when it ends.
+    Changes,
 }
 
 /// Where a module's registers lie in the peripheral area.

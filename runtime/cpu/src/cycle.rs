@@ -7,8 +7,8 @@ use crate::context::Context;
 use crate::interrupts::{Hardware, slot_of};
 use crate::machine::{Machine, Watchdog};
 use crate::{
-    Abort, Clock, Command, Cpu, CycleEnd, DiagEntry, Family, MissedCycle, ModuleEvent, Nanos, ObInfo, OperatingState,
-    ShortText,
+    Abort, Clock, Command, Cpu, CycleEnd, DiagEntry, ImageErrors, MissedCycle, ModuleError, ModuleEvent, Nanos, ObInfo,
+    OperatingState, ShortText,
 };
 
 /// Time between two looks at access port and modules in STOP.
@@ -153,11 +153,8 @@ impl Cpu {
     fn input_image(&mut self, clock: &mut dyn Clock) -> Result<(), Abort> {
         for index in 0..self.machine.modules.list.len() {
             let m = &mut self.machine;
-            if let Err(error) = m.modules.read_image(index, &mut m.memory)
-                && m.config.family == Family::S7_400
-            {
-                self.context(clock).image_error(index, false, error)?;
-            }
+            let error = m.modules.read_image(index, &mut m.memory).err();
+            self.image_transferred(index, false, error, clock)?;
         }
         Ok(())
     }
@@ -165,13 +162,34 @@ impl Cpu {
     fn output_image(&mut self, clock: &mut dyn Clock) -> Result<(), Abort> {
         for index in 0..self.machine.modules.list.len() {
             let m = &mut self.machine;
-            if let Err(error) = m.modules.write_image(index, &m.memory)
-                && m.config.family == Family::S7_400
-            {
-                self.context(clock).image_error(index, true, error)?;
-            }
+            let error = m.modules.write_image(index, &m.memory).err();
+            self.image_transferred(index, true, error, clock)?;
         }
         Ok(())
+    }
+
+    /// OB 85 for a module whose part of the process image was not transferred, and for one where it works again, as the
+    /// configuration wants it.
+    #[inline]
+    fn image_transferred(
+        &mut self,
+        index: usize,
+        output: bool,
+        error: Option<ModuleError>,
+        clock: &mut dyn Clock,
+    ) -> Result<(), Abort> {
+        let m = &mut self.machine;
+        let failed = &mut m.modules.list[index].image_error[usize::from(output)];
+        let (wanted, before) = (m.config.image_errors, *failed);
+        match error {
+            None if !before => Ok(()),
+            None => {
+                *failed = false;
+                if wanted == ImageErrors::Changes { self.context(clock).image_back(index, output) } else { Ok(()) }
+            }
+            Some(_) if wanted == ImageErrors::None || wanted == ImageErrors::Changes && before => Ok(()),
+            Some(error) => self.context(clock).image_error(index, output, error),
+        }
     }
 
     fn ob1(&mut self, late: Nanos, clock: &mut dyn Clock) -> Result<(), Abort> {
@@ -252,6 +270,9 @@ impl Cpu {
         }
         if event.diagnostic_interrupt {
             self.context(clock).diagnostic_interrupt(address, data)?;
+        }
+        if matches!(event.event, Event::BUS_FAILED | Event::STATION_FAILED | Event::STATION_BACK) {
+            return self.context(clock).bus_station(event.event, event.data);
         }
         if station { self.context(clock).station(address, index, lost) } else { Ok(()) }
     }

@@ -279,7 +279,59 @@ impl Context<'_> {
         self.asynchronous(callee, 86, start)
     }
 
-    /// A module does not answer while the system transfers the process image: OB 85 at each transfer, STOP without it.
+    /// A bus or one of its stations is lost, or a station is back: OB 86, STOP without it. `data` is that of the module's
+    /// event.
+    pub(crate) fn bus_station(&mut self, event: Event, data: [u8; 16]) -> Result<(), Abort> {
+        if self.disabled(86) {
+            return Ok(());
+        }
+        let Some(callee) = self.blocks.ob(86) else {
+            // Nobody has to be told of a return, and a start-up goes on without a station that was never there.
+            if event == Event::STATION_BACK || data[6] != 0 {
+                return Ok(());
+            }
+            self.stop(Event::STOP_RACK_FAILURE, u32::from(event.0), "no OB 86");
+            return Err(Abort);
+        };
+        let [class, id] = event.0.to_be_bytes();
+        let [station_high, station_low, bus_high, bus_low, bus, station, ..] = data;
+        let mut start = self.start_info(class, id, ASYNCHRONOUS, 86);
+        // OB86_MDL_ADDR: the master; OB86_Z23: station's diagnostic address, master system, station.
+        start[6..8].copy_from_slice(&[bus_high, bus_low]);
+        start[8..12].copy_from_slice(&if event == Event::BUS_FAILED {
+            [0, 0, bus, 0]
+        } else {
+            [station_high, station_low, bus, station]
+        });
+        self.asynchronous(callee, 86, start)
+    }
+
+    /// A module's part of the process image is transferred again: OB 85, where it is loaded.
+    pub(crate) fn image_back(&mut self, index: usize, output: bool) -> Result<(), Abort> {
+        let event = if output { Event::OUTPUT_IMAGE_BACK } else { Event::INPUT_IMAGE_BACK };
+        let slot = &self.machine.modules.list[index].slot;
+        let byte = if output { slot.output_address } else { slot.input_address };
+        let base = slot.input_address.min(slot.output_address) as u16;
+        let text = ShortText::new(&slot.name);
+        self.machine.diag.push(DiagEntry {
+            number: 0,
+            time: self.machine.now,
+            event,
+            site: None,
+            accus: [0; 2],
+            data: byte,
+            text,
+        });
+        let Some(callee) = self.blocks.ob(85).filter(|_| !self.disabled(85)) else { return Ok(()) };
+        let [class, id] = event.0.to_be_bytes();
+        let mut start = self.start_info(class, id, ASYNCHRONOUS, 85);
+        start[4] = 0x10;
+        start[6..8].copy_from_slice(&base.to_be_bytes());
+        start[10..12].copy_from_slice(&(byte as u16).to_be_bytes());
+        self.asynchronous(callee, 85, start)
+    }
+
+    /// A module does not answer while the system transfers the process image: OB 85, STOP without it.
     pub(crate) fn image_error(&mut self, index: usize, output: bool, error: ModuleError) -> Result<(), Abort> {
         let plugged = &self.machine.modules.list[index];
         let slot = &plugged.slot;

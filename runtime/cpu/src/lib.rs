@@ -45,7 +45,7 @@ pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ObStatistics,
     ScanRecord, ScanStatistics, Sums,
 };
-pub use config::{Command, CpuConfig, CycleEnd, ModuleSlot, OperatingState};
+pub use config::{Command, CpuConfig, CycleEnd, ImageErrors, ModuleSlot, OperatingState};
 pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagEntry, ShortText};
 pub use error::LoadError;

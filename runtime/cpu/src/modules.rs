@@ -120,7 +120,7 @@ impl Modules {
         }
     }
 
-    /// One module's part of the process image of the inputs. A module that does not answer reads as 0.
+    /// One module's part of the process image of the inputs. What a module that does not answer reads as is its affair.
     pub(crate) fn read_image(&mut self, index: usize, memory: &mut Memory) -> Result<(), ModuleError> {
         let image = memory.inputs;
         let plugged = &mut self.list[index];
@@ -131,14 +131,7 @@ impl Modules {
         }
         let at = image.at.plus(first).index();
         let bytes = &mut memory.bytes[at..at + inside as usize];
-        match plugged.module.read(0, bytes) {
-            Ok(()) => plugged.image_error[0] = false,
-            Err(error) => {
-                bytes.fill(0);
-                return Err(error);
-            }
-        }
-        Ok(())
+        plugged.module.read_image(bytes)
     }
 
     /// One module's part of the process image of the outputs. A module that does not answer gets the image again in the
@@ -152,9 +145,7 @@ impl Modules {
             return Ok(());
         }
         let at = image.at.plus(first).index();
-        plugged.module.write(0, &memory.bytes[at..at + inside as usize])?;
-        plugged.image_error[1] = false;
-        Ok(())
+        plugged.module.write(0, &memory.bytes[at..at + inside as usize])
     }
 
     /// STOP: every output register of every module becomes 0.

@@ -4,6 +4,7 @@
 // Fenced by the house rules: the plugin interface is C, and a doorbell's descriptor is replaced under its number.
 #![allow(unsafe_code)]
 
+pub mod bus;
 pub mod driver;
 pub mod module;
 pub mod plugin;

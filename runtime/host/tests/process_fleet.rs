@@ -26,8 +26,13 @@ fn fleet_of(program: &str) -> (Fleet, DriverPort) {
 
 fn fleet_over(program: &str, segment: Segment, times: Times) -> (Fleet, DriverPort) {
     let cpu = CpuSide::create(&segment, 16).expect("16 bytes");
-    let command =
-        DriverCommand { name: "cp".into(), program: PathBuf::from(program), args: Vec::new(), env: Vec::new() };
+    let command = DriverCommand {
+        name: "cp".into(),
+        program: PathBuf::from(program),
+        args: Vec::new(),
+        env: Vec::new(),
+        descriptors: Vec::new(),
+    };
     let mut fleet = Fleet::new();
     let port = fleet.add(command, segment, cpu.monitor().clone(), times).expect("descriptors");
     (fleet, port)

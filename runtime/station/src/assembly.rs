@@ -282,6 +282,7 @@ impl Building<'_> {
             program: config.driver.clone().unwrap_or_else(|| self.drivers.program.clone()),
             args: vec!["--name".into(), config.name.clone().into()],
             env: self.drivers.env.iter().cloned().chain([fence::variable([self.rundir], config.kind.line())]).collect(),
+            descriptors: Vec::new(),
         };
         let monitor = side.monitor().clone();
         let port = self.fleet.add(command, segment, monitor.clone(), Times::default()).map_err(|e| system(&e))?;

@@ -57,6 +57,7 @@ pub fn add(fleet: &mut Fleet, rundir: &Path, line: &SimulatedLine, drivers: &Dri
             configuration(rundir, line).to_string().into(),
         ],
         env: drivers.env.iter().cloned().chain([fence(rundir, line)]).collect(),
+        descriptors: Vec::new(),
     };
     // It has neither registers nor a scan that would ring for it; the supervisor's own log says what becomes of it.
     let _port = fleet.add(command, segment, side.monitor().clone(), Times::default()).map_err(|e| system(&e))?;

@@ -80,6 +80,8 @@ const TABLE: &[Row] = &[
             "ob1-cpu",
             "ob1-abi",
             "ob1-backplane",
+            // How the couplers of a bus stand.
+            "ob1-coupler",
             // What the system says of a driver's process.
             "ob1-rt",
             "libc",

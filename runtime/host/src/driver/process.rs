@@ -2,10 +2,12 @@
 
 use std::ffi::OsString;
 use std::io;
-use std::os::fd::OwnedFd;
+use std::iter;
+use std::os::fd::{AsFd as _, OwnedFd};
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::Arc;
 
 use ob1_backplane::{Segment, handover};
 use ob1_cpu::Nanos;
@@ -29,6 +31,8 @@ pub struct DriverCommand {
     pub args: Vec<OsString>,
     /// Variables added to its environment.
     pub env: Vec<(OsString, OsString)>,
+    /// Handed over behind the segment's.
+    pub descriptors: Vec<Arc<OwnedFd>>,
 }
 
 /// What of our environment a child gets: where programs are, whose it is, how much it logs.
@@ -56,7 +60,8 @@ impl Process {
             return Err(io::Error::new(io::ErrorKind::Unsupported, "its segment is not shared memory"));
         };
         let (ours, stdout) = handover::pair()?;
-        handover::send(&ours, &[1], &[descriptor])?;
+        let handed: Vec<_> = iter::once(descriptor).chain(command.descriptors.iter().map(|fd| fd.as_fd())).collect();
+        handover::send(&ours, &[1], &handed)?;
         let mut child = Command::new(&command.program)
             .arg("--segment")
             .arg(path)

@@ -225,7 +225,7 @@ impl Messages {
 }
 
 /// What the supervisor reports.
-pub(super) fn of_report(report: Report) -> ModuleEvent {
+pub(crate) fn of_report(report: Report) -> ModuleEvent {
     match report {
         Report::Up(starts) => text(Event::DRIVER_UP, format_args!("start {starts}")),
         Report::Lost(exit) => text(Event::DRIVER_LOST, format_args!("{exit}")),
@@ -265,7 +265,7 @@ impl fmt::Display for Gone {
 }
 
 /// An entry with a text of at most 16 bytes.
-fn text(event: Event, content: fmt::Arguments<'_>) -> ModuleEvent {
+pub(crate) fn text(event: Event, content: fmt::Arguments<'_>) -> ModuleEvent {
     struct Short([u8; 16], usize);
     impl Write for Short {
         fn write_str(&mut self, s: &str) -> fmt::Result {

@@ -5,7 +5,7 @@
 //! the moment (`L PEW`), and what it writes is published at once; the doorbell is rung at the end of the scan.
 
 mod link;
-mod messages;
+pub(crate) mod messages;
 #[cfg(test)]
 mod tests;
 

@@ -1,0 +1,226 @@
+//! How the couplers of a bus stand for the program: what is present, and what has been told of it. A pure machine.
+
+use ob1_coupler::{Refusal, State, Status};
+use ob1_cpu::{ModuleEvent, Nanos};
+use ob1_model::Event;
+
+use crate::module::messages as entry;
+use crate::supervisor::Report;
+
+/// Of the time between two looks at most so much counts as silence of the process: a scan that comes late itself has
+/// not seen what the process could do meanwhile.
+const LOOK: Nanos = 100_000_000;
+
+/// A coupler, as the CPU knows it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Station {
+    /// Its diagnostic address.
+    pub diagnostic: u16,
+    /// Its number on the bus.
+    pub number: u8,
+    /// A process that publishes nothing for so long has lost it.
+    pub lost_after: Nanos,
+    /// What it refuses raises OB 82.
+    pub interrupts: bool,
+}
+
+/// What all stations of a bus have in common.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StationRules {
+    /// The bus's diagnostic address.
+    pub diagnostic: u16,
+    /// The bus's number, as that of a master system.
+    pub number: u8,
+}
+
+/// What the program has been told of a station.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Told {
+    /// Nothing yet: it has neither come nor been missed.
+    #[default]
+    Nothing = 0,
+    Present = 1,
+    Lost = 2,
+}
+
+#[derive(Debug)]
+struct Known {
+    station: Station,
+    present: bool,
+    status: Status,
+    told: Told,
+    /// Lost or back, still to be told.
+    due: Option<Event>,
+    /// It was not there at the start-up.
+    missing: bool,
+    /// The refusal that has been told.
+    refusal: Option<Refusal>,
+}
+
+#[derive(Debug)]
+pub(super) struct Stations {
+    rules: StationRules,
+    list: Vec<Known>,
+    /// The process has ended and was not seen at work since.
+    down: bool,
+    bus_failed: bool,
+    report: Option<Report>,
+    looked: Nanos,
+    silent: Nanos,
+}
+
+impl Stations {
+    pub(super) fn new(stations: Vec<Station>, rules: StationRules) -> Self {
+        let known = |station| Known {
+            station,
+            present: false,
+            status: Status::default(),
+            told: Told::Nothing,
+            due: None,
+            missing: false,
+            refusal: None,
+        };
+        let list = stations.into_iter().map(known).collect();
+        Self { rules, list, down: false, bus_failed: false, report: None, looked: 0, silent: 0 }
+    }
+
+    /// What the supervisor says.
+    pub(super) fn process(&mut self, report: &Report) {
+        match report {
+            Report::Lost(_) => self.fail(),
+            Report::Up(_) | Report::HeldUp(_) => self.report = Some(*report),
+        }
+    }
+
+    /// The process has ended: told as a failure of the bus, once, and only of a bus that was there.
+    fn fail(&mut self) {
+        let had = self.list.iter().any(|known| known.told == Told::Present);
+        self.bus_failed |= had && !std::mem::replace(&mut self.down, true);
+    }
+
+    /// At the cycle control point. `running`: the process is there; `ready`: it says so itself; `fresh`: it has published
+    /// an image since the last look; `status` gives what that says of each station, `None` what cannot be.
+    pub(super) fn look(
+        &mut self,
+        now: Nanos,
+        (running, ready): (bool, bool),
+        fresh: bool,
+        status: impl Fn(usize) -> Option<Status>,
+    ) {
+        if !running {
+            self.fail();
+        }
+        let alive = running && ready;
+        let passed = now.saturating_sub(std::mem::replace(&mut self.looked, now)).min(LOOK);
+        self.silent = if fresh { 0 } else { self.silent.saturating_add(passed) };
+        let silent = self.silent;
+        if alive && fresh {
+            self.down = false;
+        }
+        for (index, known) in self.list.iter_mut().enumerate() {
+            let status = status(index).unwrap_or(Status { state: State::Lost, ..Status::default() });
+            known.look(alive && !self.down, silent, status, self.bus_failed);
+        }
+    }
+
+    /// A start-up: who was lost before, and is so still, is told again. The program that starts knows nothing.
+    pub(super) fn restart(&mut self) {
+        for known in &mut self.list {
+            if known.told == Told::Lost && !known.present {
+                (known.due, known.missing) = (Some(Event::STATION_FAILED), true);
+            }
+        }
+    }
+
+    /// Whether a station is missed: it is no longer, or still not, there. One that is only starting is not.
+    pub(super) fn is_missed(&self, station: usize) -> bool {
+        self.list.get(station).is_none_or(|known| !known.present && known.told != Told::Nothing)
+    }
+
+    pub(super) fn is_present(&self, station: usize) -> bool {
+        self.list.get(station).is_some_and(|known| known.present)
+    }
+
+    /// Whether a station refuses a range.
+    pub(super) fn refuses(&self, station: usize, range: usize) -> bool {
+        self.list.get(station).is_some_and(|known| known.status.bad >> (range % 64) & 1 == 1)
+    }
+
+    pub(super) fn told(&self, station: usize) -> Told {
+        self.list.get(station).map_or(Told::Nothing, |known| known.told)
+    }
+
+    /// What is to be told of the bus as a whole.
+    pub(super) fn bus_event(&mut self) -> Option<ModuleEvent> {
+        if std::mem::take(&mut self.bus_failed) {
+            return Some(self.about(Event::BUS_FAILED, 0, 0));
+        }
+        self.report.take().map(entry::of_report)
+    }
+
+    /// What is to be told of a station.
+    pub(super) fn event(&mut self, station: usize) -> Option<ModuleEvent> {
+        let known = self.list.get_mut(station)?;
+        if let Some(event) = known.due.take() {
+            let (diagnostic, number) = (known.station.diagnostic, known.station.number);
+            let missing = std::mem::take(&mut known.missing);
+            let mut event = self.about(event, diagnostic, number);
+            event.data[6] = u8::from(missing);
+            return Some(event);
+        }
+        let refusal = known.status.refusal.filter(|_| known.present || known.status.state == State::Refused);
+        if refusal == known.refusal {
+            return None;
+        }
+        known.refusal = refusal;
+        Some(of_refusal(refusal, known.station.interrupts))
+    }
+
+    fn about(&self, event: Event, diagnostic: u16, number: u8) -> ModuleEvent {
+        let ([s0, s1], [b0, b1]) = (diagnostic.to_be_bytes(), self.rules.diagnostic.to_be_bytes());
+        let mut data = [0; 16];
+        data[..6].copy_from_slice(&[s0, s1, b0, b1, self.rules.number, number]);
+        ModuleEvent { event, diagnostic_interrupt: false, data, len: 0 }
+    }
+}
+
+impl Known {
+    fn look(&mut self, alive: bool, silent: Nanos, status: Status, bus_failed: bool) {
+        self.present = alive && status.state == State::Running && silent < self.station.lost_after;
+        self.status = status;
+        let gone = match self.told {
+            Told::Present => !self.present,
+            // The process knows how long it has waited; one that is not there, or silent, has not.
+            Told::Nothing => alive && matches!(status.state, State::Lost | State::Refused),
+            Told::Lost => false,
+        };
+        if self.present {
+            // The first time is no return.
+            if self.told == Told::Lost {
+                self.due = Some(Event::STATION_BACK);
+            }
+            self.told = Told::Present;
+        } else if gone {
+            // With the bus, its stations: that is told once.
+            self.due = (!bus_failed).then_some(Event::STATION_FAILED);
+            self.missing = self.told == Told::Nothing;
+            self.told = Told::Lost;
+        }
+    }
+}
+
+/// A request that is refused, or no longer: module fault, external, of a channel, of a station of class 3.
+fn of_refusal(refusal: Option<Refusal>, interrupts: bool) -> ModuleEvent {
+    let event = if refusal.is_some() { Event::STATION_REFUSES } else { Event::STATION_ACCEPTS };
+    if interrupts {
+        let mut data = [0; 16];
+        data[..2].copy_from_slice(&[if refusal.is_some() { 0x0D } else { 0 }, 0x13]);
+        return ModuleEvent { event, diagnostic_interrupt: true, data, len: 4 };
+    }
+    match refusal {
+        Some(Refusal { function, exception, first, .. }) => {
+            entry::text(event, format_args!("{function:02X}h {first}: {exception:02X}h"))
+        }
+        None => entry::text(event, format_args!("")),
+    }
+}

@@ -1,0 +1,223 @@
+//! A bus without its process: what the modules show and tell, at which cycle control point.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use ob1_backplane::{BusProcessSide, CpSide, Segment};
+use ob1_coupler::{Refusal, State, Table};
+use ob1_model::Event;
+
+use super::*;
+use crate::module::Life;
+use crate::supervisor::{Exit, Report};
+
+const MS: Nanos = 1_000_000;
+
+/// A process as tests have it.
+#[derive(Default)]
+struct Process {
+    running: AtomicBool,
+    reports: Mutex<VecDeque<Report>>,
+}
+
+struct Link(Arc<Process>);
+
+impl DriverLink for Link {
+    fn ring(&mut self) {}
+    fn is_running(&self) -> bool {
+        self.0.running.load(Ordering::Relaxed)
+    }
+    fn next_report(&mut self) -> Option<Report> {
+        self.0.reports.lock().ok()?.pop_front()
+    }
+    fn life(&self) -> Life {
+        Life { attempts: 1, incidents: 0 }
+    }
+}
+
+struct Bench {
+    process: Arc<Process>,
+    cp: CpSide,
+    side: BusProcessSide,
+    modules: Vec<Box<dyn Module>>,
+    now: Nanos,
+}
+
+/// Two stations of two bytes each way; the second holds its inputs.
+fn bench() -> Bench {
+    let (segment, memory) = (Segment::heap(), BusMemory::heap());
+    let cpu = CpuSide::create(&segment, 8).expect("a segment");
+    let size = BusSize::new(2, 4, 4).expect("it fits");
+    let process = Arc::new(Process::default());
+    let station =
+        |number| Station { diagnostic: 2046 - u16::from(number), number, lost_after: 300 * MS, interrupts: false };
+    let rules = StationRules { diagnostic: 2047, number: 1 };
+    let link = Box::new(Link(Arc::clone(&process)));
+    let bus = Bus::new(cpu, link, &memory, size, 4, vec![station(1), station(2)], rules);
+    let module = |station: usize, on_loss| {
+        let place = (2 * station, 2);
+        bus.module(BusModuleConfig {
+            station,
+            inputs: place,
+            input_range: Some(0),
+            outputs: place,
+            on_loss,
+            speaks: true,
+        })
+    };
+    let modules = vec![module(0, OnLoss::Substitute(vec![0xAA, 0xBB])), module(1, OnLoss::Hold)];
+    process.running.store(true, Ordering::Relaxed);
+    let mut cp = CpSide::attach(&segment).expect("attached");
+    cp.set_state(DriverState::Ready);
+    let mut bench = Bench { process, cp, side: BusProcessSide::new(&memory, size), modules, now: 0 };
+    bench.modules.iter_mut().for_each(|module| module.cpu_state(true));
+    bench
+}
+
+impl Bench {
+    fn publish(&mut self, states: [State; 2], inputs: [u8; 4]) {
+        let words = states.map(|state| Status { state, ..Status::default() }.to_words());
+        self.side.publish(words.into_iter(), &inputs);
+    }
+
+    /// A scan: the image of both, and the numbers of all events.
+    fn scan(&mut self) -> ([u8; 4], Vec<u16>) {
+        self.now += 10 * MS;
+        let now = self.now;
+        self.modules.iter_mut().for_each(|module| module.begin_scan(now));
+        let mut events = Vec::new();
+        for module in &mut self.modules {
+            while let Some(event) = module.poll_event() {
+                events.push(event.event.0);
+            }
+        }
+        let mut image = [0x55; 4];
+        let (first, second) = image.split_at_mut(2);
+        let _ = (self.modules[0].read_image(first), self.modules[1].read_image(second));
+        self.modules.iter_mut().for_each(|module| module.end_scan(now));
+        (image, events)
+    }
+
+    fn report(&self, report: Report) {
+        self.process.reports.lock().expect("not poisoned").push_back(report);
+    }
+}
+
+#[test]
+fn a_station_comes_goes_and_returns_each_at_one_cycle_control_point() {
+    use State::{Lost, Running, Starting};
+    let mut bench = bench();
+    assert_eq!(bench.scan(), ([0xAA, 0xBB, 0, 0], vec![]), "starting: nobody is missed");
+    let mut byte = [0];
+    assert_eq!(bench.modules[0].read(0, &mut byte), Ok(()));
+    bench.publish([Running, Starting], [1, 2, 3, 4]);
+    assert_eq!(bench.scan(), ([1, 2, 0, 0], vec![]), "the first time is no return");
+    bench.publish([Running, Running], [5, 6, 7, 8]);
+    assert_eq!(bench.scan(), ([5, 6, 7, 8], vec![]));
+    bench.publish([Lost, Lost], [9, 9, 9, 9]);
+    let (image, events) = bench.scan();
+    assert_eq!((image, events), ([0xAA, 0xBB, 7, 8], vec![0x39C4, 0x39C4]));
+    assert_eq!(bench.modules[0].read(0, &mut byte), Err(ModuleError::Absent));
+    assert_eq!(bench.modules[0].write(0, &[1]), Err(ModuleError::Absent));
+    bench.publish([Lost, Lost], [9, 9, 9, 9]);
+    assert_eq!(bench.scan(), ([0xAA, 0xBB, 7, 8], vec![]), "told once");
+    bench.publish([Lost, Running], [1, 2, 3, 4]);
+    assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![0x38C4]));
+}
+
+#[test]
+fn the_end_of_the_process_is_one_failure_of_the_bus_and_each_station_returns_by_itself() {
+    use State::{Running, Starting};
+    let mut bench = bench();
+    bench.publish([Running, Running], [1, 2, 3, 4]);
+    bench.scan();
+    // Seen by the scan before the supervisor has told it.
+    bench.process.running.store(false, Ordering::Relaxed);
+    assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![0x39C3]));
+    bench.report(Report::Lost(Exit::Signal(9)));
+    assert_eq!(bench.scan().1, vec![]);
+    bench.process.running.store(true, Ordering::Relaxed);
+    bench.cp.set_state(DriverState::Starting);
+    bench.report(Report::Up(2));
+    assert_eq!(bench.scan().1, vec![Event::DRIVER_UP.0]);
+    // What the dead one has left is not believed, and neither is one that has not exchanged anything.
+    bench.publish([Starting, Starting], [0; 4]);
+    bench.cp.set_state(DriverState::Ready);
+    assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![]));
+    bench.publish([Running, Starting], [5, 6, 0, 0]);
+    assert_eq!(bench.scan(), ([5, 6, 3, 4], vec![0x38C4]));
+    bench.publish([Running, Running], [5, 6, 7, 8]);
+    assert_eq!(bench.scan(), ([5, 6, 7, 8], vec![0x38C4]));
+}
+
+#[test]
+fn a_process_that_publishes_nothing_has_lost_its_stations() {
+    let mut bench = bench();
+    bench.publish([State::Running; 2], [1, 2, 3, 4]);
+    let events: Vec<u16> = (0..30).flat_map(|_| bench.scan().1).collect();
+    assert_eq!(events, [], "300 ms are not over");
+    assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![0x39C4, 0x39C4]));
+    bench.publish([State::Running; 2], [1, 2, 3, 4]);
+    assert_eq!(bench.scan().1, [0x38C4, 0x38C4]);
+    // The scan stood still: that is not the process's silence.
+    bench.now += 5000 * MS;
+    assert_eq!(bench.scan().1, []);
+}
+
+#[test]
+fn a_station_that_was_missing_at_the_start_up_is_told_again_and_so_marked() {
+    let mut bench = bench();
+    bench.publish([State::Lost, State::Running], [0; 4]);
+    bench.now += MS;
+    bench.modules[0].begin_scan(bench.now);
+    let event = bench.modules[0].poll_event().expect("lost");
+    assert_eq!((event.event, &event.data[..7]), (Event::STATION_FAILED, &[7, 0xFD, 7, 0xFF, 1, 1, 1][..]));
+    assert_eq!(bench.scan().1, []);
+    bench.modules.iter_mut().for_each(|module| module.cpu_state(false));
+    bench.modules.iter_mut().for_each(|module| module.cpu_state(true));
+    assert_eq!(bench.scan().1, [0x39C4]);
+}
+
+#[test]
+fn a_refusal_is_told_in_words_and_spoils_its_range_alone() {
+    let mut bench = bench();
+    let refusal = Some(Refusal { function: 3, exception: 2, table: Table::Holding, first: 100 });
+    let status = Status { state: State::Running, refusal, bad: 1, ..Status::default() };
+    bench
+        .side
+        .publish([status.to_words(), Status { refusal: None, bad: 2, ..status }.to_words()].into_iter(), &[1, 2, 3, 4]);
+    bench.now += MS;
+    bench.modules[0].begin_scan(bench.now);
+    let event = bench.modules[0].poll_event().expect("told");
+    assert_eq!(event.event, Event::STATION_REFUSES);
+    assert_eq!(std::str::from_utf8(&event.data[..usize::from(event.len)]), Ok("03h 100: 02h"));
+    assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![]), "the second refuses another range");
+    bench.publish([State::Running; 2], [1, 2, 3, 4]);
+    assert_eq!(bench.scan(), ([1, 2, 3, 4], vec![Event::STATION_ACCEPTS.0]));
+}
+
+#[test]
+fn outputs_go_out_whole_at_the_end_of_a_scan_and_off_in_stop() {
+    let mut bench = bench();
+    bench.publish([State::Running; 2], [0; 4]);
+    bench.scan();
+    let mut bytes = [0; 4];
+    while bench.side.take(&mut bytes).is_some() {}
+    bench.modules[0].write(0, &[1, 2]).expect("present");
+    assert_eq!(bench.side.take(&mut bytes), None, "not before the end");
+    bench.modules[1].write(1, &[3]).expect("present");
+    bench.scan();
+    assert_eq!((bench.side.take(&mut bytes), bytes), (Some(true), [1, 2, 0, 3]));
+    bench.modules.iter_mut().for_each(|module| module.cpu_state(false));
+    assert_eq!((bench.side.take(&mut bytes), bytes), (Some(false), [0; 4]));
+    assert_eq!(bench.modules[0].write(1, &[1, 2]), Err(ModuleError::Outside));
+}
+
+#[test]
+fn noise_is_a_lost_station() {
+    let mut bench = bench();
+    bench.publish([State::Running; 2], [1, 2, 3, 4]);
+    bench.scan();
+    bench.side.publish([[u64::MAX; 8]; 2].into_iter(), &[9; 4]);
+    assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![0x39C4, 0x39C4]));
+}
