@@ -1,5 +1,6 @@
 //! What a bus is made of. The runtime writes it as JSON, the process of the bus reads it: one definition for both.
 
+pub use ob1_protocols::modbus::pdu::exception_text;
 use serde::{Deserialize, Serialize};
 
 /// Nanoseconds.

@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use ob1_backplane::{Counter, CpSide, DriverState};
+use ob1_child::doorbell_closed;
 use ob1_cp::HEARTBEAT;
 use ob1_line::Nanos;
 use ob1_line::hub::{Hub, Partner};
@@ -23,7 +24,7 @@ use rustix::io::Errno;
 use serde::Deserialize;
 use tracing::{info, warn};
 
-use crate::process::{End, doorbell_closed};
+use crate::process::End;
 
 /// What the runtime says about the line; the station file's words.
 #[derive(Debug, Clone, Deserialize)]

@@ -5,29 +5,21 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod config;
-mod fence;
 mod hub;
 mod port;
 mod process;
 mod tap;
 
-use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Parser;
-use ob1_backplane::{CpSide, Segment, handover};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use ob1_backplane::{CpSide, Segment};
+use ob1_child::fence;
 use tracing::{error, info, warn};
-use tracing_subscriber::EnvFilter;
 
 use process::{End, Process};
-
-/// How long what is still to be logged may hold up the end.
-const LAST_WORDS: Duration = Duration::from_millis(200);
 
 const HELP: &str = "\
 The line and the module type come with the parameters through the segment; the runtime writes them.
@@ -73,23 +65,14 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let exit = run(&Arguments::parse());
-    ob1_log::flush(LAST_WORDS);
+    ob1_log::flush(ob1_child::LAST_WORDS);
     exit
 }
 
 fn run(arguments: &Arguments) -> ExitCode {
     // Before anything is opened, and before there is a thread.
     let fenced = fence::raise();
-    // Without the thread the log is written at once: a driver with a log that can make it wait is better than none.
-    let _ = ob1_log::start();
-    ob1_log::tell_panics();
-    let filter = EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(|| ob1_log::Log)
-        .with_ansi(ob1_log::is_terminal())
-        .with_target(false)
-        .init();
+    ob1_child::start_log();
     let _span = tracing::info_span!("cp", name = arguments.name).entered();
 
     match fenced {
@@ -103,20 +86,13 @@ fn run(arguments: &Arguments) -> ExitCode {
         return ExitCode::from(u8::from(!fence::self_test()));
     }
 
-    // Ctrl-C on a terminal reaches the whole group; the runtime is asked, and it ends us by closing standard input.
-    let ignored = Arc::new(AtomicBool::new(false));
-    let terminate = Arc::new(AtomicBool::new(false));
-    for (signal, flag) in [(SIGINT, &ignored), (SIGHUP, &ignored), (SIGTERM, &terminate)] {
-        if let Err(error) = signal_hook::flag::register(signal, Arc::clone(flag)) {
-            error!("signal {signal}: {error}");
-        }
-    }
-
+    let terminate = ob1_child::signals();
     let path = arguments.segment.as_deref().unwrap_or(Path::new(""));
-    let segment = match handed_over().map_or_else(|| Segment::open(path), Segment::received) {
-        Ok(segment) => CpSide::attach(&segment),
-        Err(error) => Err(error),
-    };
+    let segment =
+        match ob1_child::handed_over().into_iter().next().map_or_else(|| Segment::open(path), Segment::received) {
+            Ok(segment) => CpSide::attach(&segment),
+            Err(error) => Err(error),
+        };
     let segment = match segment {
         Ok(segment) => segment,
         Err(error) => {
@@ -144,10 +120,4 @@ fn run(arguments: &Arguments) -> ExitCode {
             ExitCode::from(3)
         }
     }
-}
-
-/// The segment's descriptor, where the runtime has put it: into a socket that is our standard output.
-fn handed_over() -> Option<OwnedFd> {
-    let (_, descriptors) = handover::receive(rustix::stdio::stdout(), &mut [0]).ok()??;
-    descriptors.into_iter().next()
 }

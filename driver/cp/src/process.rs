@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use ob1_backplane::CpSide;
+use ob1_child::doorbell_closed;
 use ob1_cp::{CpPump, HEARTBEAT};
 use ob1_firmware::trace::record::{Kind, number_of};
 use ob1_firmware::{LineFault, LineInput, ModemLines, Nanos};
@@ -257,15 +258,5 @@ impl Process {
             self.port.tap().tell(now, Kind::Modem, &[bits]);
             self.pump.line_event(now, LineInput::Modem(lines), &mut self.port);
         }
-    }
-}
-
-/// Takes the rings; true at the end of the file.
-pub(crate) fn doorbell_closed() -> Result<bool, Errno> {
-    let mut rings = [0; 64];
-    match rustix::io::read(rustix::stdio::stdin(), &mut rings) {
-        Ok(0) => Ok(true),
-        Ok(_) | Err(Errno::AGAIN | Errno::INTR) => Ok(false),
-        Err(error) => Err(error),
     }
 }

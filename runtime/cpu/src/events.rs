@@ -315,7 +315,7 @@ impl Context<'_> {
         let text = ShortText::new(&slot.name);
         self.machine.diag.push(DiagEntry {
             number: 0,
-            time: self.machine.now,
+            time: self.machine.hot.now,
             event,
             site: None,
             accus: [0; 2],

@@ -28,8 +28,11 @@ struct Fence {
 }
 
 /// Confines the process as `OB1_FENCE` says; before anything else, and before there is a thread. What became of it:
-/// what the kernel refused, or why the variable cannot be used.
-pub(crate) fn raise() -> Result<Vec<ob1_rt::Refusal>, String> {
+/// what the kernel refused.
+///
+/// # Errors
+/// Why the variable cannot be used.
+pub fn raise() -> Result<Vec<ob1_rt::Refusal>, String> {
     let Some(text) = std::env::var_os(VARIABLE) else { return Ok(Vec::new()) };
     let fence: Fence = text
         .to_str()
@@ -50,7 +53,8 @@ pub(crate) fn raise() -> Result<Vec<ob1_rt::Refusal>, String> {
 }
 
 /// Tries what is forbidden, and says of each whether it was refused. True: all was, and what is allowed still works.
-pub(crate) fn self_test() -> bool {
+#[must_use]
+pub fn self_test() -> bool {
     let parent = getppid();
     let tries: [(&str, bool); 13] = [
         ("open a file of the system", File::open("/etc/passwd").is_ok()),

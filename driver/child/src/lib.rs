@@ -1,0 +1,69 @@
+//! What the driver processes of a station have in common: the fence they raise around themselves, the log, signals,
+//! what the runtime hands them, and the doorbell.
+
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+pub mod fence;
+
+use std::os::fd::OwnedFd;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use ob1_backplane::handover;
+use rustix::io::Errno;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use tracing::error;
+use tracing_subscriber::EnvFilter;
+
+/// How long what is still to be logged may hold up the end.
+pub const LAST_WORDS: Duration = Duration::from_millis(200);
+
+/// Starts the log: behind the fence, for it has a thread.
+pub fn start_log() {
+    // Without the thread the log is written at once: a driver with a log that can make it wait is better than none.
+    let _ = ob1_log::start();
+    ob1_log::tell_panics();
+    tracing_subscriber::fmt()
+        .with_env_filter(EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new("info")))
+        .with_writer(|| ob1_log::Log)
+        .with_ansi(ob1_log::is_terminal())
+        .with_target(false)
+        .init();
+}
+
+/// Ctrl-C on a terminal reaches the whole group; the runtime is asked, and it ends us by closing standard input. The
+/// result is set by SIGTERM.
+#[must_use]
+pub fn signals() -> Arc<AtomicBool> {
+    let ignored = Arc::new(AtomicBool::new(false));
+    let terminate = Arc::new(AtomicBool::new(false));
+    for (signal, flag) in [(SIGINT, &ignored), (SIGHUP, &ignored), (SIGTERM, &terminate)] {
+        if let Err(error) = signal_hook::flag::register(signal, Arc::clone(flag)) {
+            error!("signal {signal}: {error}");
+        }
+    }
+    terminate
+}
+
+/// The descriptors that the runtime has put into a socket that is our standard output, the segment's first.
+#[must_use]
+pub fn handed_over() -> Vec<OwnedFd> {
+    match handover::receive(rustix::stdio::stdout(), &mut [0]) {
+        Ok(Some((_, descriptors))) => descriptors,
+        Ok(None) | Err(_) => Vec::new(),
+    }
+}
+
+/// Takes the rings of the doorbell, which is standard input; true at the end of the file.
+///
+/// # Errors
+/// What the system says.
+pub fn doorbell_closed() -> Result<bool, Errno> {
+    let mut rings = [0; 64];
+    match rustix::io::read(rustix::stdio::stdin(), &mut rings) {
+        Ok(0) => Ok(true),
+        Ok(_) | Err(Errno::AGAIN | Errno::INTR) => Ok(false),
+        Err(error) => Err(error),
+    }
+}

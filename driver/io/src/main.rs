@@ -1,0 +1,109 @@
+//! `ob1-io`: the process of a bus. It exchanges inputs and outputs with the couplers on its lines, and ends with its
+//! standard input.
+
+// Everything goes through one place that neither panics nor waits for ever.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+mod process;
+mod told;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use ob1_backplane::{BusMemory, BusSize, CpSide, Segment, SegmentError};
+use ob1_child::fence;
+use ob1_coupler::BusConfig;
+use tracing::{error, info, warn};
+
+use process::Process;
+
+const HELP: &str = "\
+The runtime starts it for each [[bus]] of a station, and hands over two descriptors through its standard output: the
+segment it is supervised by, and the image of the bus. Standard input is the doorbell: a byte says that the outputs have
+changed, end of file ends the process. SIGINT and SIGHUP are ignored (the runtime decides); SIGTERM ends it in order.
+Before it ends it sets the outputs of all couplers it reaches to 0.
+
+Exit codes:
+  0  end of file on standard input, or SIGTERM
+  1  the segment or the image cannot be used
+  2  wrong arguments
+  3  waiting failed (standard input is unusable)
+
+Environment:
+  OB1_LOG    what to log on standard error: error, warn, info (default), debug (exchanges), trace (bytes)
+  OB1_FENCE  what the process may do, as JSON (docs/security.md); without it all its user may";
+
+/// The process of a bus.
+#[derive(Debug, Parser)]
+#[command(name = "ob1-io", version, after_help = HELP)]
+struct Arguments {
+    /// The segment, as the runtime names it in lists of processes.
+    #[arg(long, value_name = "PATH")]
+    segment: Option<std::path::PathBuf>,
+
+    /// The bus; the runtime writes this JSON text.
+    #[arg(long, value_name = "JSON", value_parser = parse)]
+    bus: BusConfig,
+
+    /// Name for the log.
+    #[arg(long, default_value = "bus")]
+    name: String,
+}
+
+fn parse(text: &str) -> Result<BusConfig, String> {
+    serde_json::from_str(text).map_err(|error| error.to_string())
+}
+
+fn main() -> ExitCode {
+    // Before anything is opened, and before there is a thread.
+    let fenced = fence::raise();
+    let exit = run(&Arguments::parse(), fenced);
+    ob1_log::flush(ob1_child::LAST_WORDS);
+    exit
+}
+
+fn run(arguments: &Arguments, fenced: Result<Vec<(&'static str, String)>, String>) -> ExitCode {
+    ob1_child::start_log();
+    let _span = tracing::info_span!("io", name = arguments.name).entered();
+    match fenced {
+        Ok(refused) => refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}")),
+        Err(why) => {
+            error!("{why}");
+            return ExitCode::from(2);
+        }
+    }
+    let terminate = ob1_child::signals();
+    let bus = &arguments.bus;
+    let Some(size) = BusSize::new(bus.couplers().count(), bus.input_bytes, bus.output_bytes) else {
+        error!("the bus has more couplers or bytes than an image carries");
+        return ExitCode::from(2);
+    };
+    let (segment, memory) = match ends() {
+        Ok(ends) => ends,
+        Err(error) => {
+            error!("{error}");
+            return ExitCode::from(1);
+        }
+    };
+    info!(generation = segment.generation(), couplers = bus.couplers().count(), "attached");
+    let process = Process::new(bus, segment, &memory, size, terminate).and_then(|mut process| process.run());
+    match process {
+        Ok(()) => {
+            info!("end");
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            error!("{error}");
+            ExitCode::from(3)
+        }
+    }
+}
+
+/// What was handed over: the segment, then the image of the bus.
+fn ends() -> Result<(CpSide, BusMemory), SegmentError> {
+    let mut descriptors = ob1_child::handed_over().into_iter();
+    let (Some(segment), Some(memory)) = (descriptors.next(), descriptors.next()) else {
+        return Err(SegmentError::NotSealed);
+    };
+    Ok((CpSide::attach(&Segment::received(segment)?)?, BusMemory::received(memory)?))
+}
