@@ -230,6 +230,19 @@ fn describe(station: &Station) -> String {
             ModuleKind::Inputs { bytes } => {
                 let _ = writeln!(text, "{}: inputs, bytes {}", module.name, span(module.input_address, *bytes));
             }
+            ModuleKind::Remote { bus, .. } => {
+                let bus = station.buses.get(*bus).map_or("", |bus| bus.name.as_str());
+                let _ = write!(text, "{}: coupler on {bus}", module.name);
+                for (what, first, len) in [
+                    ("inputs", module.input_address, module.input_bytes()),
+                    ("outputs", module.output_address, module.output_bytes()),
+                ] {
+                    if len > 0 {
+                        let _ = write!(text, ", {what} {}", span(first, len));
+                    }
+                }
+                text.push('\n');
+            }
             ModuleKind::Outputs { bytes } => {
                 let _ = writeln!(text, "{}: outputs, bytes {}", module.name, span(module.output_address, *bytes));
             }

@@ -38,6 +38,7 @@ Times have a unit: 250us, 10ms, 1.5s, 2min, 8h. Values: 1, -5, true, 16#1A, 2#10
 Environment:
   OB1_LOG          what to log on stderr: error, warn, info (default), debug, trace
   OB1_CP           the driver program, if ob1-cp is neither beside ob1 nor in PATH
+  OB1_IO           the program of buses, if ob1-io is neither beside ob1 nor in PATH
   OB1_PLUGIN_DIR   where plugins with a bare name are looked for first
   XDG_RUNTIME_DIR  where the station's directory ob1/NAME is made (else /run, else /tmp)
 ";

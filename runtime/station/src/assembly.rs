@@ -16,6 +16,7 @@ use ob1_params::Value;
 use ob1_rt::MonotonicClock;
 use serde_json::json;
 
+use crate::bus::{self, AddedBus};
 use crate::engine::EngineChoice;
 use crate::fence;
 use crate::finding::{Finding, Level};
@@ -61,6 +62,8 @@ pub enum AssemblyError {
 pub struct DriverSettings {
     /// The program `ob1-cp`.
     pub program: PathBuf,
+    /// The program `ob1-io`.
+    pub io: PathBuf,
     /// Variables added to its environment.
     pub env: Vec<(OsString, OsString)>,
 }
@@ -102,7 +105,7 @@ pub fn cp_settings(
             (*bytes, line, diagnostics)
         }
         ModuleKind::Keyed { line, diagnostics, .. } => ([0; 16], line, diagnostics),
-        ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } => return None,
+        ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } | ModuleKind::Remote { .. } => return None,
     };
     let mut text = line.to_string();
     let mut json = json!({ "module": row.name, "station": station, "name": config.name });
@@ -188,6 +191,7 @@ pub fn assemble(
         drivers,
         rundir,
         fleet: Fleet::new(),
+        buses: Vec::new(),
         io: None,
         links: Vec::new(),
         views: Vec::new(),
@@ -195,6 +199,10 @@ pub fn assemble(
     };
     for line in &station.simulated_lines {
         simulated::add(&mut building.fleet, rundir, line, drivers).map_err(AssemblyError::System)?;
+    }
+    for bus in &station.buses {
+        let added = bus::add(&mut building.fleet, rundir, bus, station, drivers).map_err(AssemblyError::System)?;
+        building.buses.push(added);
     }
     for config in &station.modules {
         building.add(config)?;
@@ -245,6 +253,7 @@ struct Building<'a> {
     drivers: &'a DriverSettings,
     rundir: &'a Path,
     fleet: Fleet,
+    buses: Vec<AddedBus>,
     io: Option<ProcessIo>,
     links: Vec<(String, PathBuf)>,
     views: Vec<ModuleView>,
@@ -254,9 +263,19 @@ struct Building<'a> {
 impl Building<'_> {
     fn add(&mut self, config: &ModuleConfig) -> Result<(), AssemblyError> {
         let mut view = ModuleView::new(config);
-        let module = match cp_settings(&self.station.name, config, Some((self.rundir, &self.station.simulated_lines))) {
-            Some(settings) => self.cp(config, settings, &mut view)?,
-            None => self.process_io(config)?,
+        let settings = cp_settings(&self.station.name, config, Some((self.rundir, &self.station.simulated_lines)));
+        let module = match (&config.kind, settings) {
+            (ModuleKind::Remote { bus, module }, _) => {
+                let bus =
+                    self.buses.get(*bus).ok_or_else(|| AssemblyError::System(format!("{}: no bus", config.name)))?;
+                // One line of figures for each coupler.
+                if module.speaks {
+                    (view.monitor, view.driver) = (Some(bus.monitor.clone()), Some(Arc::clone(&bus.driver)));
+                }
+                bus.bus.module(module.clone())
+            }
+            (_, Some(settings)) => self.cp(config, settings, &mut view)?,
+            (_, None) => self.process_io(config)?,
         };
         self.modules.push((slot(config), module));
         self.views.push(view);
@@ -326,20 +345,20 @@ pub fn date_of(unix: u64) -> u64 {
     unix.saturating_sub(TO_1990 * 1_000_000_000)
 }
 
-/// `ob1-cp`: named by `OB1_CP`, beside this executable, or in `PATH`.
+/// A driver program: named by its variable, beside this executable, or in `PATH`.
 ///
 /// # Errors
 /// Where it was looked for.
-pub fn find_driver() -> Result<PathBuf, String> {
-    if let Some(path) = std::env::var_os("OB1_CP") {
+pub fn find_driver(name: &str, variable: &str) -> Result<PathBuf, String> {
+    if let Some(path) = std::env::var_os(variable) {
         let path = PathBuf::from(path);
         return if path.exists() {
             Ok(path)
         } else {
-            Err(format!("OB1_CP names {}, which is not there", path.display()))
+            Err(format!("{variable} names {}, which is not there", path.display()))
         };
     }
-    find_program("ob1-cp").map_err(|why| format!("the driver {why}; set OB1_CP"))
+    find_program(name).map_err(|why| format!("the driver {why}; set {variable}"))
 }
 
 /// A program of this project: beside this executable, or in `PATH`.

@@ -8,11 +8,17 @@ use serde_json::json;
 
 use crate::station_file::Line;
 
-/// The variable for a process that makes things in these folders and speaks over this line.
+/// The variable for a process that makes things in these folders and speaks over these lines.
 #[must_use]
-pub fn variable<'a>(folders: impl IntoIterator<Item = &'a Path>, line: Option<&'a Line>) -> (OsString, OsString) {
-    let folders: Vec<&Path> = folders.into_iter().chain(line.and_then(folder_of)).collect();
-    let text = json!({ "folders": folders, "network": line.map_or("none", network) });
+pub fn variable<'a>(
+    folders: impl IntoIterator<Item = &'a Path>,
+    lines: impl IntoIterator<Item = &'a Line> + Clone,
+) -> (OsString, OsString) {
+    let folders: Vec<&Path> = folders.into_iter().chain(lines.clone().into_iter().filter_map(folder_of)).collect();
+    // The widest of what they need.
+    let needs: Vec<&str> = lines.into_iter().map(network).collect();
+    let network = ["name", "address"].into_iter().find(|network| needs.contains(network)).unwrap_or("none");
+    let text = json!({ "folders": folders, "network": network });
     ("OB1_FENCE".into(), text.to_string().into())
 }
 

@@ -11,6 +11,7 @@ pub mod out;
 
 pub mod access;
 pub mod assembly;
+mod bus;
 pub mod engine;
 pub mod exit;
 pub mod fence;

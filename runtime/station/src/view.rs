@@ -109,6 +109,8 @@ impl ModuleView {
         let (type_name, address) = match (cp, &config.kind) {
             (Some(cp), _) => (cp.name(), config.input_address),
             (None, ModuleKind::Outputs { .. }) => ("outputs", config.output_address),
+            (None, ModuleKind::Remote { .. }) if config.input_bytes() == 0 => ("coupler", config.output_address),
+            (None, ModuleKind::Remote { .. }) => ("coupler", config.input_address),
             (None, _) => ("inputs", config.input_address),
         };
         Self { name: config.name.clone(), cp, type_name, address, monitor: None, driver: None }

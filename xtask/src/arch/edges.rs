@@ -112,6 +112,8 @@ const TABLE: &[Row] = &[
             "ob1-broker",
             "ob1-host",
             "ob1-backplane",
+            // Buses: what the station file says is what their processes are told.
+            "ob1-coupler",
             "ob1-params",
             // The events of a CP's diagnostic buffer, in words.
             "ob1-protocols",

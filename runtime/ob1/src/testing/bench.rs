@@ -108,7 +108,9 @@ impl Bench {
         let cpu = assembly::load_cpu(config, loaded, natives, slots, EngineChoice::Auto).map_err(of_load)?;
         let clock = BenchClock { time: VirtualClock::new(NS_PER_STATEMENT), scan: 0, interrupt: cpu.interrupt() };
         let inputs = modules.iter().filter_map(|m| match m.kind {
-            ModuleKind::Inputs { bytes } => Some(m.input_address..m.input_address + u32::from(bytes)),
+            ModuleKind::Inputs { .. } | ModuleKind::Remote { .. } => {
+                Some(m.input_address..m.input_address + u32::from(m.input_bytes()))
+            }
             _ => None,
         });
         Ok(Self {

@@ -94,19 +94,21 @@ impl ProcessIo {
     /// the stimulus at the start of a scan and counts the scan at its end.
     #[must_use]
     pub fn module(&self, config: &ModuleConfig, leads: bool) -> Option<Box<dyn Module>> {
-        let (at, inputs, outputs) = match config.kind {
-            ModuleKind::Inputs { bytes } => (config.input_address, bytes, 0),
-            ModuleKind::Outputs { bytes } => (config.output_address, 0, bytes),
+        let (inputs, outputs) = match &config.kind {
+            ModuleKind::Inputs { bytes } => (*bytes, 0),
+            ModuleKind::Outputs { bytes } => (0, *bytes),
+            // A coupler that is not there: where a program is tried without its plant.
+            ModuleKind::Remote { .. } => (config.input_bytes(), config.output_bytes()),
             _ => return None,
         };
-        let at = at as usize;
+        let (inputs_at, outputs_at) = (config.input_address as usize, config.output_address as usize);
         if outputs > 0
             && let Ok(mut shared) = self.shared.lock()
         {
-            shared.image.set_safe(at, &config.substitute);
+            shared.image.set_safe(outputs_at, &config.substitute);
         }
         let (shared, substitute) = (Arc::clone(&self.shared), config.substitute.clone());
-        Some(Box::new(IoModule { shared, at, inputs, outputs, leads, substitute, run: false }))
+        Some(Box::new(IoModule { shared, inputs_at, inputs, outputs_at, outputs, leads, substitute, run: false }))
     }
 
     /// Sets all outputs to their safe state for good. For the monitor, when the scan has hung: it does not wait for the
@@ -122,8 +124,9 @@ impl ProcessIo {
 /// One module: a window onto the image.
 struct IoModule {
     shared: Arc<Mutex<Shared>>,
-    at: usize,
+    inputs_at: usize,
     inputs: u16,
+    outputs_at: usize,
     outputs: u16,
     leads: bool,
     /// What its outputs are while the CPU does not drive them; nothing: 0.
@@ -156,7 +159,7 @@ impl Module for IoModule {
     fn read(&mut self, at: u16, into: &mut [u8]) -> Result<(), ModuleError> {
         Self::inside(self.inputs, at, into.len())?;
         if let Ok(shared) = self.shared.try_lock() {
-            shared.image.read_inputs(self.at + usize::from(at), into);
+            shared.image.read_inputs(self.inputs_at + usize::from(at), into);
         }
         Ok(())
     }
@@ -170,7 +173,7 @@ impl Module for IoModule {
         if let Ok(mut shared) = self.shared.try_lock()
             && !shared.off
         {
-            shared.image.write_outputs(self.at + usize::from(at), from);
+            shared.image.write_outputs(self.outputs_at + usize::from(at), from);
         }
         Ok(())
     }
@@ -191,7 +194,7 @@ impl Module for IoModule {
         if let (false, Ok(mut shared)) = (run, self.shared.try_lock())
             && !shared.off
         {
-            shared.image.write_outputs(self.at, &self.substitute);
+            shared.image.write_outputs(self.outputs_at, &self.substitute);
         }
     }
 

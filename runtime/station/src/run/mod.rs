@@ -182,16 +182,17 @@ fn exit_is_a_fault(assembly: &assembly::Assembly) -> ob1_rt::ExitGuard {
 }
 
 fn driver_settings(station: &Station, quiet: bool) -> Result<DriverSettings, Failure> {
-    let wanted = station.modules.iter().any(|m| m.kind.line().is_some());
-    let program = if wanted {
-        assembly::find_driver().map_err(|text| Failure(Exit::System, format!("ob1: {text}\n")))?
-    } else {
-        PathBuf::new()
+    let find = |wanted: bool, name: &str, variable: &str| match wanted {
+        true => assembly::find_driver(name, variable).map_err(|text| Failure(Exit::System, format!("ob1: {text}\n"))),
+        false => Ok(PathBuf::new()),
     };
+    let has_cps = station.modules.iter().any(|m| m.kind.line().is_some()) || !station.simulated_lines.is_empty();
+    let program = find(has_cps, "ob1-cp", "OB1_CP")?;
+    let io = find(!station.buses.is_empty(), "ob1-io", "OB1_IO")?;
     let env = if quiet && std::env::var_os("OB1_LOG").is_none() {
         vec![("OB1_LOG".into(), "warn".into())]
     } else {
         Vec::new()
     };
-    Ok(DriverSettings { program, env })
+    Ok(DriverSettings { program, io, env })
 }

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use ob1_cpu::{AccountsConfig, CpuConfig, Family, MissedCycle};
+use ob1_cpu::{AccountsConfig, CpuConfig, Family, ImageErrors, MissedCycle};
 use ob1_model::{BlockId, BlockKind};
 
 use super::findings::{CONTRADICTION, Findings, TWICE, UNREADABLE, VALUE};
 use super::tables::{CpuTable, Placed, PluginTable, StationFile, TimingTable};
 use super::types::{Mnemonics, Plugin, Realtime, Station};
-use super::{interrupts, link, modules, parse_duration, retentive, simulated};
+use super::{buses, interrupts, link, modules, parse_duration, retentive, simulated};
 use crate::engine::EngineChoice;
 use crate::finding::{Finding, Text, nearest};
 use crate::library::{self, Choice};
@@ -21,6 +21,9 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
     let mut cpu = cpu(f, &file.cpu);
     cpu.accounts = accounts(f, &file.timing);
     let retentive = retentive::retentive(f, file.retentive.as_ref(), &file.station, folder, &mut cpu);
+    let mut buses = buses::Buses::new(f, &file.bus, &cpu, folder);
+    let modules = modules::modules(f, &file.module, &mut buses, folder);
+    let buses = buses.finish(f, &modules);
     let station = Station {
         name: name(f, "station", &file.station.name),
         cpu,
@@ -39,9 +42,10 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
             ..Sources::default()
         },
         plugins: plugins(f, &file.plugin, folder),
-        modules: modules::modules(f, &file.module, folder),
+        modules,
+        buses,
         links: link::links(f, &file.link),
-        simulated_lines: simulated::lines(f, &file.simulated_line, &file.module, folder),
+        simulated_lines: simulated::lines(f, file, folder),
         stimulus: file.process_io.stimulus.as_ref().map(|s| folder.join(s.get_ref())),
     };
     findings.into_result(station)
@@ -127,6 +131,7 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
         min_cycle: time(f, table.min_cycle.as_ref(), 1_000_000),
         missed: missed(f, table.missed.as_ref()),
         watchdog: time(f, table.watchdog.as_ref(), d.watchdog),
+        image_errors: choice(f, "image_errors", table.image_errors.as_ref(), &IMAGE_ERRORS).unwrap_or(d.image_errors),
         clock_memory: table
             .clock_memory
             .as_ref()
@@ -154,6 +159,10 @@ fn cpu(f: &mut Findings<'_>, table: &CpuTable) -> CpuConfig {
     }
     config
 }
+
+/// When OB 85 is called for a part of the process image that is not transferred.
+const IMAGE_ERRORS: [(&str, ImageErrors); 3] =
+    [("none", ImageErrors::None), ("each", ImageErrors::Each), ("changes", ImageErrors::Changes)];
 
 fn family(f: &mut Findings<'_>, value: Option<&Placed<i64>>) -> Family {
     match value.map(|family| (*family.get_ref(), family.span())) {

@@ -17,9 +17,10 @@ pub(super) fn missing(
 ) -> Vec<Finding> {
     let lines = file.module.iter().filter_map(|module| module.get_ref().line.as_ref());
     lines
+        .chain(file.bus.iter().filter_map(|bus| bus.line.as_ref()))
         .filter_map(|line| match Line::parse(line.get_ref(), folder) {
             Ok(Line::Serial(device)) if !exists(&device) => {
-                let message = format!("there is no device {} now; the CP reports its line as gone", device.display());
+                let message = format!("there is no device {} now; its line is reported as gone", device.display());
                 Some(source.finding(Level::Warning, LINE, line.span(), message, remedy(&present())))
             }
             _ => None,

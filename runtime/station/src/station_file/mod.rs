@@ -3,7 +3,9 @@
 //! The format is documented in `docs/station-file.md`. Unknown keys are refused with the nearest known one; every
 //! finding names file, line and column; all checks that are not about the syntax of the file report together.
 
+mod buses;
 mod check;
+mod coupler;
 mod cp040;
 mod devices;
 mod duration;
@@ -45,7 +47,9 @@ pub fn load_and_look(path: &Path) -> Result<(Station, Vec<Finding>), Vec<Finding
     let source = Text { file: &name, text: &text };
     let file = tables(source)?;
     let station = check::check(&file, source, folder)?;
-    Ok((station, devices::missing(&file, source, folder, Path::exists)))
+    let mut warnings = devices::missing(&file, source, folder, Path::exists);
+    warnings.extend(coupler::unwatched(&file, source));
+    Ok((station, warnings))
 }
 
 /// The user a station file wants its runtime to become (`[station] user`), before anything else is done with it. A file

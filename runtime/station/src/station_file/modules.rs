@@ -1,16 +1,18 @@
 //! The modules of a station: addresses, parameters in both forms, lines.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use ob1_backplane::io_layout::IO_AREA_BYTES;
 use ob1_params::{Cp240, CpKind, ModbusKind, ParamError, Protocol, StopBits, Value};
 
+use super::buses::Buses;
 use super::check::{choice, name, number};
 use super::findings::{ADDRESS, CONTRADICTION, Findings, LINE, MISSING, PARAMETER, TWICE, VALUE};
 use super::line::{self, Line};
 use super::tables::{ModuleTable, Placed};
 use super::types::{AbdUnit, Absent, ModuleConfig, ModuleKind};
-use super::{cp040, keyed};
+use super::{coupler, cp040, keyed};
 
 /// The last byte of the peripheral area.
 const LAST_ADDRESS: i64 = 65_535;
@@ -18,6 +20,7 @@ const LAST_ADDRESS: i64 = 65_535;
 #[derive(Clone, Copy, PartialEq)]
 enum Type {
     Cp(CpKind),
+    Coupler,
     DigitalIn,
     DigitalOut,
     AnalogIn,
@@ -30,29 +33,50 @@ impl Type {
     }
 }
 
-/// Process I/O; the communication processors are in [`CpKind::TABLE`].
-const PROCESS_IO: [(&str, Type); 4] =
-    [("di", Type::DigitalIn), ("do", Type::DigitalOut), ("ai", Type::AnalogIn), ("ao", Type::AnalogOut)];
+/// Those besides the communication processors, which are in [`CpKind::TABLE`].
+const OTHERS: [(&str, Type); 5] = [
+    ("di", Type::DigitalIn),
+    ("do", Type::DigitalOut),
+    ("ai", Type::AnalogIn),
+    ("ao", Type::AnalogOut),
+    ("coupler", Type::Coupler),
+];
 
-pub(super) fn modules(f: &mut Findings<'_>, tables: &[Placed<ModuleTable>], folder: &Path) -> Vec<ModuleConfig> {
+pub(super) fn modules(
+    f: &mut Findings<'_>,
+    tables: &[Placed<ModuleTable>],
+    buses: &mut Buses,
+    folder: &Path,
+) -> Vec<ModuleConfig> {
     let mut modules: Vec<ModuleConfig> = Vec::with_capacity(tables.len());
     for placed in tables {
         let table = placed.get_ref();
-        let Some(module) = module(f, table, folder) else { continue };
-        if modules.iter().any(|m| m.name == module.name) {
-            let message = format!("there are two modules with the name \"{}\"", module.name);
+        let cps = CpKind::TABLE.iter().map(|row| (row.name, Type::Cp(row.kind)));
+        let types: Vec<(&str, Type)> = cps.chain(OTHERS).collect();
+        let Some(ty) = choice(f, "type", Some(&table.kind), &types) else { continue };
+        // Each with the places that say where its inputs and outputs lie.
+        let built: Vec<(ModuleConfig, [Range<usize>; 2])> = match ty {
+            Type::Coupler => coupler::modules(f, table, buses, folder),
+            _ => {
+                coupler::no_keys(f, table);
+                let places = [&table.input_address, &table.output_address]
+                    .map(|at| table.address.as_ref().or(at.as_ref()).map_or_else(|| table.kind.span(), Placed::span));
+                module(f, table, ty, folder).map(|module| (module, places)).into_iter().collect()
+            }
+        };
+        if built.first().is_some_and(|(module, _)| modules.iter().any(|m| m.name == module.name)) {
+            let message = format!("there are two modules with the name \"{}\"", table.name.get_ref());
             f.error(TWICE, table.name.span(), message, "give each module a name of its own");
         }
-        overlaps(f, table, &module, &modules);
-        modules.push(module);
+        for (module, places) in built {
+            overlaps(f, &places, &module, &modules);
+            modules.push(module);
+        }
     }
     modules
 }
 
-fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<ModuleConfig> {
-    let cps = CpKind::TABLE.iter().map(|row| (row.name, Type::Cp(row.kind)));
-    let types: Vec<(&str, Type)> = cps.chain(PROCESS_IO).collect();
-    let ty = choice(f, "type", Some(&table.kind), &types)?;
+fn module(f: &mut Findings<'_>, table: &ModuleTable, ty: Type, folder: &Path) -> Option<ModuleConfig> {
     let kind = match ty {
         Type::Cp(CpKind::Cp240) => cp240(f, table, folder)?,
         Type::Cp(CpKind::Cp040) => cp040::module(f, table, folder)?,
@@ -60,6 +84,8 @@ fn module(f: &mut Findings<'_>, table: &ModuleTable, folder: &Path) -> Option<Mo
         Type::DigitalIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
         Type::AnalogIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
         Type::DigitalOut | Type::AnalogOut => ModuleKind::Outputs { bytes: io_bytes(f, table, ty) },
+        // It is more than one module.
+        Type::Coupler => return None,
     };
     let (input_address, output_address) = addresses(f, table, ty)?;
     let words = [("zero", Absent::Zero), ("fault", Absent::Fault)];
@@ -345,12 +371,11 @@ pub(super) fn parameter(f: &mut Findings<'_>, at: std::ops::Range<usize>, error:
 }
 
 /// Refuses a module that shares bytes with an earlier one or reaches beyond its area.
-fn overlaps(f: &mut Findings<'_>, table: &ModuleTable, module: &ModuleConfig, earlier: &[ModuleConfig]) {
+fn overlaps(f: &mut Findings<'_>, places: &[Range<usize>; 2], module: &ModuleConfig, earlier: &[ModuleConfig]) {
     for outputs in [false, true] {
         let (first, len) = range(module, outputs);
         let word = if outputs { "output" } else { "input" };
-        let at = if outputs { &table.output_address } else { &table.input_address };
-        let at = table.address.as_ref().or(at.as_ref()).map_or_else(|| table.kind.span(), Placed::span);
+        let at = places[usize::from(outputs)].clone();
         let area = if module.kind.cp().is_some() { LAST_ADDRESS as u32 + 1 } else { IO_AREA_BYTES as u32 };
         if len > 0 && first + len > area {
             let message = format!("{} reaches from byte {first} to {}", module.name, first + len - 1);

@@ -5,19 +5,15 @@ use std::path::Path;
 use super::check::{choice, name, number, time};
 use super::findings::{CONTRADICTION, Findings, LINE, MISSING, TWICE, VALUE};
 use super::line::Line;
-use super::tables::{ModuleTable, Placed, RatesTable, SimulatedLineTable};
+use super::tables::{Placed, RatesTable, SimulatedLineTable, StationFile};
 use super::types::{Bursts, FaultRates, Partner, SimulatedLine};
 use crate::finding::nearest;
 
 /// The default of `delay_max`, in nanoseconds.
 pub(super) const DELAY_MAX: u64 = 20_000_000;
 
-pub(super) fn lines(
-    f: &mut Findings<'_>,
-    tables: &[SimulatedLineTable],
-    modules: &[Placed<ModuleTable>],
-    folder: &Path,
-) -> Vec<SimulatedLine> {
+pub(super) fn lines(f: &mut Findings<'_>, file: &StationFile, folder: &Path) -> Vec<SimulatedLine> {
+    let tables = &file.simulated_line;
     let mut lines: Vec<SimulatedLine> = Vec::with_capacity(tables.len());
     for table in tables {
         let line = line(f, table, folder);
@@ -27,7 +23,7 @@ pub(super) fn lines(
         }
         lines.push(line);
     }
-    places(f, tables, &lines, modules);
+    places(f, file, &lines);
     lines
 }
 
@@ -115,14 +111,10 @@ fn of_partner(f: &mut Findings<'_>, partner: &Placed<String>, folder: &Path) -> 
 }
 
 /// Whether every `sim:NAME` has its line, and every line somebody on it and room for all.
-fn places(
-    f: &mut Findings<'_>,
-    tables: &[SimulatedLineTable],
-    lines: &[SimulatedLine],
-    modules: &[Placed<ModuleTable>],
-) {
+fn places(f: &mut Findings<'_>, file: &StationFile, lines: &[SimulatedLine]) {
     let mut on: Vec<usize> = vec![0; lines.len()];
-    for text in modules.iter().filter_map(|module| module.get_ref().line.as_ref()) {
+    let of_modules = file.module.iter().filter_map(|module| module.get_ref().line.as_ref());
+    for text in of_modules.chain(file.bus.iter().filter_map(|bus| bus.line.as_ref())) {
         let Some(wanted) = text.get_ref().strip_prefix("sim:").filter(|name| !name.is_empty()) else { continue };
         let Some(at) = lines.iter().position(|line| line.name == wanted) else {
             let remedy = match nearest(wanted, lines.iter().map(|line| line.name.as_str())) {
@@ -141,7 +133,7 @@ fn places(
             f.error(CONTRADICTION, text.span(), message, remedy);
         }
     }
-    for (table, _) in tables.iter().zip(on).filter(|(_, on)| *on == 0) {
+    for (table, _) in file.simulated_line.iter().zip(on).filter(|(_, on)| *on == 0) {
         let message = format!("nobody is on the simulated line \"{}\"", table.name.get_ref());
         f.error(
             CONTRADICTION,

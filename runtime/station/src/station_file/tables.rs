@@ -27,6 +27,8 @@ pub(super) struct StationFile {
     #[serde(default)]
     pub(super) module: Vec<Placed<ModuleTable>>,
     #[serde(default)]
+    pub(super) bus: Vec<BusTable>,
+    #[serde(default)]
     pub(super) simulated_line: Vec<SimulatedLineTable>,
     #[serde(default)]
     pub(super) link: Vec<LinkTable>,
@@ -121,6 +123,7 @@ pub(super) struct CpuTable {
     pub(super) nesting_depth: Option<Placed<i64>>,
     pub(super) engine: Option<Placed<String>>,
     pub(super) clock_memory: Option<Placed<i64>>,
+    pub(super) image_errors: Option<Placed<String>>,
     pub(super) db_pool_bytes: Option<Placed<i64>>,
     #[serde(default)]
     pub(super) cyclic: Vec<CyclicTable>,
@@ -219,6 +222,54 @@ pub(super) struct ModuleTable {
     pub(super) diagnostics: Option<Placed<bool>>,
     pub(super) substitute: Option<Placed<Vec<Placed<i64>>>>,
     pub(super) driver: Option<Placed<String>>,
+    pub(super) bus: Option<Placed<String>>,
+    pub(super) unit: Option<Placed<i64>>,
+    pub(super) inputs: Option<Placed<Vec<Placed<RangeTable>>>>,
+    pub(super) outputs: Option<Placed<Vec<Placed<RangeTable>>>>,
+    pub(super) setup: Option<Placed<Vec<Placed<SetupTable>>>>,
+    pub(super) watchdog_reset: Option<Placed<Vec<Placed<SetupTable>>>>,
+    pub(super) profile: Option<Placed<String>>,
+    pub(super) watchdog: Option<Placed<String>>,
+    pub(super) period: Option<Placed<String>>,
+    pub(super) refresh: Option<Placed<String>>,
+    pub(super) lost_after: Option<Placed<String>>,
+    pub(super) on_loss: Option<Placed<String>>,
+    pub(super) diagnostic: Option<Placed<i64>>,
+}
+
+/// A bus with remote modules.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BusTable {
+    pub(super) name: Placed<String>,
+    #[serde(rename = "type")]
+    pub(super) kind: Placed<String>,
+    pub(super) line: Option<Placed<String>>,
+    pub(super) timeout: Option<Placed<String>>,
+    pub(super) baud: Option<Placed<i64>>,
+    pub(super) parity: Option<Placed<String>>,
+    pub(super) stop_bits: Option<Placed<i64>>,
+}
+
+/// Registers or bits of a coupler, and where they lie.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RangeTable {
+    pub(super) at: Placed<String>,
+    pub(super) from: Option<Placed<String>>,
+    pub(super) to: Option<Placed<String>>,
+    pub(super) registers: Option<Placed<i64>>,
+    pub(super) bits: Option<Placed<i64>>,
+    pub(super) order: Option<Placed<String>>,
+    pub(super) substitute: Option<Placed<Vec<Placed<i64>>>>,
+}
+
+/// What a coupler is written on connect.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SetupTable {
+    pub(super) to: Placed<String>,
+    pub(super) value: Placed<i64>,
 }
 
 #[derive(Debug, Default, Deserialize)]

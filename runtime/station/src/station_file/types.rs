@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use ob1_coupler::BusConfig;
 use ob1_cpu::CpuConfig;
+use ob1_host::bus::{BusModuleConfig, Station as BusStation, StationRules};
 use ob1_model::BlockId;
 use ob1_params::{Cp040, Cp240, Cp341, CpKind};
 
@@ -30,6 +32,8 @@ pub struct Station {
     pub retentive: Option<RetentiveFile>,
     /// Modules, in the order of the file.
     pub modules: Vec<ModuleConfig>,
+    /// Buses with remote modules, in the order of the file.
+    pub buses: Vec<Bus>,
     /// Simulated lines, in the order of the file.
     pub simulated_lines: Vec<SimulatedLine>,
     /// Links into the CPU, in the order of the file.
@@ -74,6 +78,21 @@ pub struct StationLink {
     pub password_rights: ob1_access::Right,
     /// The keys its process reads itself, as JSON.
     pub config: String,
+}
+
+/// A bus with remote modules: a process, and the lines it owns.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bus {
+    /// Its name, unique in the station.
+    pub name: String,
+    /// What its stations have in common for the program.
+    pub rules: StationRules,
+    /// What the process is told. The lines in it are texts: those of [`Self::lines`].
+    pub config: BusConfig,
+    /// Where its lines lead to, in the order of the configuration.
+    pub lines: Vec<Line>,
+    /// Its couplers for the program, in the order of the configuration.
+    pub stations: Vec<BusStation>,
 }
 
 /// A simulated line: a process that is the cable, or the two wires, between CPs.
@@ -301,6 +320,13 @@ pub enum ModuleKind {
         /// Bytes.
         bytes: u16,
     },
+    /// A piece of a coupler.
+    Remote {
+        /// Which bus, from 0.
+        bus: usize,
+        /// What of it.
+        module: BusModuleConfig,
+    },
 }
 
 impl ModuleKind {
@@ -311,7 +337,7 @@ impl ModuleKind {
             Self::Cp240 { .. } => Some(CpKind::Cp240),
             Self::Cp040 { .. } => Some(CpKind::Cp040),
             Self::Keyed { params, .. } => Some(params.kind),
-            Self::Inputs { .. } | Self::Outputs { .. } => None,
+            Self::Inputs { .. } | Self::Outputs { .. } | Self::Remote { .. } => None,
         }
     }
 
@@ -328,7 +354,7 @@ impl ModuleKind {
     pub fn line(&self) -> Option<&Line> {
         match self {
             Self::Cp240 { line, .. } | Self::Cp040 { line, .. } | Self::Keyed { line, .. } => Some(line),
-            Self::Inputs { .. } | Self::Outputs { .. } => None,
+            Self::Inputs { .. } | Self::Outputs { .. } | Self::Remote { .. } => None,
         }
     }
 }
@@ -337,8 +363,9 @@ impl ModuleConfig {
     /// Bytes of input registers.
     #[must_use]
     pub fn input_bytes(&self) -> u16 {
-        match self.kind {
-            ModuleKind::Inputs { bytes } => bytes,
+        match &self.kind {
+            ModuleKind::Inputs { bytes } => *bytes,
+            ModuleKind::Remote { module, .. } => module.inputs.1,
             _ => self.kind.io_bytes(),
         }
     }
@@ -346,8 +373,9 @@ impl ModuleConfig {
     /// Bytes of output registers.
     #[must_use]
     pub fn output_bytes(&self) -> u16 {
-        match self.kind {
-            ModuleKind::Outputs { bytes } => bytes,
+        match &self.kind {
+            ModuleKind::Outputs { bytes } => *bytes,
+            ModuleKind::Remote { module, .. } => module.outputs.1,
             _ => self.kind.io_bytes(),
         }
     }

@@ -1,0 +1,244 @@
+//! Buses with remote modules: `[[bus]]`, and what their couplers add to them.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::path::Path;
+
+use ob1_coupler::config::Parity;
+use ob1_coupler::{BusConfig, CouplerConfig, LineConfig, Serial};
+use ob1_cpu::{CpuConfig, Family, Nanos};
+use ob1_host::bus::{Station as BusStation, StationRules};
+
+use super::check::{choice, name, number, time};
+use super::findings::{CONTRADICTION, Findings, LINE, MISSING, TWICE, VALUE};
+use super::line::Line;
+use super::tables::{BusTable, Placed};
+use super::types::{Bus, ModuleConfig};
+
+const MS: Nanos = 1_000_000;
+/// Longest wait for an answer, where nothing else is said.
+const TIMEOUT: Nanos = 200 * MS;
+/// Of a scan without a watchdog.
+const PATIENCE_WITHOUT_WATCHDOG: Nanos = 60_000 * MS;
+/// What may stand there.
+const REMEDY: &str = "the line of a bus is \"tcp:HOST:PORT\", \"serial:DEVICE\" or \"sim:NAME\"";
+
+/// A kind of bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum BusKind {
+    ModbusTcp,
+    ModbusRtu,
+}
+
+/// A bus that is being put together.
+pub(super) struct Building {
+    pub(super) kind: BusKind,
+    serial: Option<Serial>,
+    pub(super) timeout: Nanos,
+    /// Its line, where all modules share it.
+    line: Option<Line>,
+    at: Range<usize>,
+    bus: Bus,
+    diagnostics: Vec<(u16, Range<usize>)>,
+}
+
+/// All of them.
+pub(super) struct Buses {
+    list: Vec<Building>,
+    pub(super) min_cycle: Nanos,
+    family: Family,
+}
+
+impl Buses {
+    pub(super) fn new(f: &mut Findings<'_>, tables: &[BusTable], cpu: &CpuConfig, folder: &Path) -> Self {
+        let patience = match cpu.watchdog {
+            0 => PATIENCE_WITHOUT_WATCHDOG,
+            watchdog => watchdog.saturating_mul(2).max(1000 * MS),
+        };
+        let scan_timeout = patience.saturating_add(cpu.min_cycle.saturating_mul(2));
+        let mut list: Vec<Building> = Vec::new();
+        for table in tables {
+            let Some(bus) = bus(f, table, folder, list.len(), scan_timeout) else { continue };
+            if list.iter().any(|other| other.bus.name == bus.bus.name) {
+                let message = format!("there are two buses with the name \"{}\"", bus.bus.name);
+                f.error(TWICE, table.name.span(), message, "give each bus a name of its own");
+            }
+            list.push(bus);
+        }
+        Self { list, min_cycle: cpu.min_cycle, family: cpu.family }
+    }
+
+    /// The bus of this name.
+    pub(super) fn of(&self, name: &str) -> Option<usize> {
+        self.list.iter().position(|bus| bus.bus.name == name)
+    }
+
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> + Clone {
+        self.list.iter().map(|bus| bus.bus.name.as_str())
+    }
+
+    pub(super) fn get_mut(&mut self, bus: usize) -> Option<&mut Building> {
+        self.list.get_mut(bus)
+    }
+
+    /// All modules are known: a bus without one is an error, and diagnostic addresses that were left open are given.
+    pub(super) fn finish(self, f: &mut Findings<'_>, modules: &[ModuleConfig]) -> Vec<Bus> {
+        let of_inputs = modules.iter().flat_map(|m| m.input_address..m.input_address + u32::from(m.input_bytes()));
+        let mut taken: BTreeSet<u32> = of_inputs.collect();
+        let mut given: BTreeSet<u16> = BTreeSet::new();
+        for (address, at) in self.list.iter().flat_map(|bus| &bus.diagnostics) {
+            if !given.insert(*address) || taken.contains(&u32::from(*address)) {
+                let message = format!("the diagnostic address {address} belongs to something else already");
+                f.error(
+                    TWICE,
+                    at.clone(),
+                    message,
+                    "an address that no input byte has; leave it out, and one is found",
+                );
+            }
+        }
+        taken.extend(given.into_iter().map(u32::from));
+        // From the top of what such a CPU has, as STEP 7 gives them.
+        let top: u16 = if self.family == Family::S7_400 { 16_383 } else { 2047 };
+        let mut free = (0..=top).rev().filter(|address| !taken.contains(&u32::from(*address)));
+        let mut next = || free.next().unwrap_or(0);
+        let mut buses = Vec::new();
+        for mut building in self.list {
+            building.bus.rules.diagnostic = next();
+            for station in building.bus.stations.iter_mut().filter(|station| station.diagnostic == 0) {
+                station.diagnostic = next();
+            }
+            if building.bus.stations.is_empty() {
+                let message = format!("nobody is on the bus \"{}\"", building.bus.name);
+                f.error(CONTRADICTION, building.at.clone(), message, "give it a [[module]] with `type = \"coupler\"`");
+            }
+            buses.push(building.bus);
+        }
+        buses
+    }
+}
+
+impl Building {
+    /// The line of a module: its own, or that of the bus.
+    pub(super) fn line_of(
+        &self,
+        f: &mut Findings<'_>,
+        own: Option<&Placed<String>>,
+        at: Range<usize>,
+        folder: &Path,
+    ) -> Option<Line> {
+        if let Some(own) = own {
+            if self.kind != BusKind::ModbusTcp {
+                f.error(CONTRADICTION, own.span(), "`line` stands at the bus", "all its couplers are on one line");
+                return None;
+            }
+            return line(f, own, self.kind, folder);
+        }
+        if self.line.is_none() {
+            let remedy = "add `line = \"tcp:HOST:PORT\"` to the bus, or to each of its modules";
+            f.error(MISSING, at, "the coupler has no line", remedy);
+        }
+        self.line.clone()
+    }
+
+    /// Puts a coupler on a line of the bus; the result is its place among all of them. False: its unit is taken.
+    pub(super) fn add(
+        &mut self,
+        line: Line,
+        coupler: CouplerConfig,
+        station: BusStation,
+        diagnostic: Option<Range<usize>>,
+    ) -> bool {
+        let place = self.bus.lines.iter().position(|other| *other == line).unwrap_or_else(|| {
+            let (text, timeout) = (line.to_string(), self.timeout);
+            self.bus.config.lines.push(LineConfig { line: text, serial: self.serial, timeout, couplers: Vec::new() });
+            self.bus.lines.push(line);
+            self.bus.lines.len() - 1
+        });
+        if let Some(at) = diagnostic {
+            self.diagnostics.push((station.diagnostic, at));
+        }
+        let Some(on_line) = self.bus.config.lines.get_mut(place) else { return true };
+        let free = on_line.couplers.iter().all(|other| other.unit != coupler.unit);
+        on_line.couplers.push(coupler);
+        self.bus.stations.push(station);
+        free
+    }
+
+    /// Bytes of inputs and outputs so far.
+    pub(super) const fn bytes(&mut self) -> (&mut usize, &mut usize) {
+        (&mut self.bus.config.input_bytes, &mut self.bus.config.output_bytes)
+    }
+
+    /// Couplers so far.
+    pub(super) const fn stations(&self) -> usize {
+        self.bus.stations.len()
+    }
+}
+
+fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan_timeout: Nanos) -> Option<Building> {
+    let kinds = [("modbus-tcp", BusKind::ModbusTcp), ("modbus-rtu", BusKind::ModbusRtu)];
+    let name = name(f, "bus", &table.name);
+    let kind = choice(f, "type", Some(&table.kind), &kinds)?;
+    let serial = serial(f, table, kind);
+    let line = match &table.line {
+        Some(text) => Some(line(f, text, kind, folder)?),
+        None if kind == BusKind::ModbusRtu => {
+            f.error(MISSING, table.kind.span(), "the bus has no line", format!("add `line`: {REMEDY}"));
+            return None;
+        }
+        None => None,
+    };
+    let timeout = time(f, table.timeout.as_ref(), TIMEOUT);
+    if let Some(short) = table.timeout.as_ref().filter(|_| timeout < MS) {
+        f.error(VALUE, short.span(), "no coupler answers within so short a time", "at least \"1ms\"");
+    }
+    let config = BusConfig { name: name.clone(), scan_timeout, ..BusConfig::default() };
+    // Numbers of master systems begin at 1.
+    let rules = StationRules { diagnostic: 0, number: (index + 1).min(255) as u8 };
+    let bus = Bus { name, rules, config, lines: Vec::new(), stations: Vec::new() };
+    Some(Building { kind, serial, timeout, line, at: table.name.span(), bus, diagnostics: Vec::new() })
+}
+
+fn serial(f: &mut Findings<'_>, table: &BusTable, kind: BusKind) -> Option<Serial> {
+    if kind == BusKind::ModbusTcp {
+        for (key, at) in [
+            ("baud", table.baud.as_ref().map(Placed::span)),
+            ("parity", table.parity.as_ref().map(Placed::span)),
+            ("stop_bits", table.stop_bits.as_ref().map(Placed::span)),
+        ] {
+            if let Some(at) = at {
+                f.error(CONTRADICTION, at, format!("`{key}` belongs to a serial line"), "leave it out here");
+            }
+        }
+        return None;
+    }
+    let words = [("none", Parity::None), ("even", Parity::Even), ("odd", Parity::Odd)];
+    let parity = choice(f, "parity", table.parity.as_ref(), &words).unwrap_or_default();
+    // Without a parity bit there are two stop bits: a character has 11 bits by the specification.
+    let stop_bits = if parity == Parity::None { 2 } else { 1 };
+    Some(Serial {
+        baud: number(f, "baud", table.baud.as_ref(), 300..=4_000_000, 19_200),
+        parity,
+        stop_bits: number(f, "stop_bits", table.stop_bits.as_ref(), 1..=2, stop_bits),
+    })
+}
+
+fn line(f: &mut Findings<'_>, text: &Placed<String>, kind: BusKind, folder: &Path) -> Option<Line> {
+    match Line::parse(text.get_ref(), folder) {
+        Ok(line) => {
+            let fits = match kind {
+                BusKind::ModbusTcp => matches!(line, Line::Tcp(_)),
+                BusKind::ModbusRtu => matches!(line, Line::Serial(_) | Line::Sim(_) | Line::Pty(_)),
+            };
+            if !fits {
+                f.error(LINE, text.span(), format!("{line} cannot be the line of such a bus"), REMEDY);
+            }
+            fits.then_some(line)
+        }
+        Err(error) => {
+            f.error(LINE, text.span(), error.to_string(), REMEDY);
+            None
+        }
+    }
+}
