@@ -21,7 +21,7 @@ fn the_station_file_of_the_document_is_good() {
     assert_eq!(blocks.len(), 1);
     let station = ob1_station::station_file::parse(&blocks[0], "station-file.md", Path::new("/s"));
     let station = station.unwrap_or_else(|findings| panic!("{findings:?}"));
-    assert_eq!((station.modules.len(), station.plugins.len()), (7, 1));
+    assert_eq!((station.modules.len(), station.buses.len(), station.plugins.len()), (10, 2, 1));
 }
 
 #[test]

@@ -13,7 +13,7 @@ use super::check::{choice, name, number, time};
 use super::findings::{CONTRADICTION, Findings, LINE, MISSING, TWICE, VALUE};
 use super::line::Line;
 use super::tables::{BusTable, Placed};
-use super::types::{Bus, ModuleConfig};
+use super::types::{Bus, ModuleConfig, ModuleKind};
 
 const MS: Nanos = 1_000_000;
 /// Longest wait for an answer, where nothing else is said.
@@ -39,6 +39,8 @@ pub(super) struct Building {
     line: Option<Line>,
     at: Range<usize>,
     bus: Bus,
+    /// For each coupler, in the order of the file: its line, and its place there.
+    places: Vec<(usize, usize)>,
     diagnostics: Vec<(u16, Range<usize>)>,
 }
 
@@ -82,7 +84,7 @@ impl Buses {
     }
 
     /// All modules are known: a bus without one is an error, and diagnostic addresses that were left open are given.
-    pub(super) fn finish(self, f: &mut Findings<'_>, modules: &[ModuleConfig]) -> Vec<Bus> {
+    pub(super) fn finish(self, f: &mut Findings<'_>, modules: &mut [ModuleConfig]) -> Vec<Bus> {
         let of_inputs = modules.iter().flat_map(|m| m.input_address..m.input_address + u32::from(m.input_bytes()));
         let mut taken: BTreeSet<u32> = of_inputs.collect();
         let mut given: BTreeSet<u16> = BTreeSet::new();
@@ -112,6 +114,19 @@ impl Buses {
                 let message = format!("nobody is on the bus \"{}\"", building.bus.name);
                 f.error(CONTRADICTION, building.at.clone(), message, "give it a [[module]] with `type = \"coupler\"`");
             }
+            let order = building.by_line();
+            for module in modules.iter_mut() {
+                if let ModuleKind::Remote { bus, module } = &mut module.kind
+                    && *bus == buses.len()
+                    && let Some(place) = order.get(module.station)
+                {
+                    module.station = *place;
+                }
+            }
+            let stations = building.bus.stations.drain(..).zip(order);
+            let mut stations: Vec<(usize, BusStation)> = stations.map(|(station, place)| (place, station)).collect();
+            stations.sort_by_key(|(place, _)| *place);
+            building.bus.stations = stations.into_iter().map(|(_, station)| station).collect();
             buses.push(building.bus);
         }
         buses
@@ -160,9 +175,17 @@ impl Building {
         }
         let Some(on_line) = self.bus.config.lines.get_mut(place) else { return true };
         let free = on_line.couplers.iter().all(|other| other.unit != coupler.unit);
+        self.places.push((place, on_line.couplers.len()));
         on_line.couplers.push(coupler);
         self.bus.stations.push(station);
         free
+    }
+
+    /// The process counts couplers line by line: the place of each, in the order of the file.
+    fn by_line(&self) -> Vec<usize> {
+        let before =
+            |line: usize| self.bus.config.lines.iter().take(line).map(|line| line.couplers.len()).sum::<usize>();
+        self.places.iter().map(|(line, place)| before(*line) + place).collect()
     }
 
     /// Bytes of inputs and outputs so far.
@@ -197,7 +220,8 @@ fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan
     // Numbers of master systems begin at 1.
     let rules = StationRules { diagnostic: 0, number: (index + 1).min(255) as u8 };
     let bus = Bus { name, rules, config, lines: Vec::new(), stations: Vec::new() };
-    Some(Building { kind, serial, timeout, line, at: table.name.span(), bus, diagnostics: Vec::new() })
+    let (places, diagnostics) = (Vec::new(), Vec::new());
+    Some(Building { kind, serial, timeout, line, at: table.name.span(), bus, places, diagnostics })
 }
 
 fn serial(f: &mut Findings<'_>, table: &BusTable, kind: BusKind) -> Option<Serial> {

@@ -22,8 +22,8 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
     cpu.accounts = accounts(f, &file.timing);
     let retentive = retentive::retentive(f, file.retentive.as_ref(), &file.station, folder, &mut cpu);
     let mut buses = buses::Buses::new(f, &file.bus, &cpu, folder);
-    let modules = modules::modules(f, &file.module, &mut buses, folder);
-    let buses = buses.finish(f, &modules);
+    let mut modules = modules::modules(f, &file.module, &mut buses, folder);
+    let buses = buses.finish(f, &mut modules);
     let station = Station {
         name: name(f, "station", &file.station.name),
         cpu,

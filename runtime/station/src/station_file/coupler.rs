@@ -110,7 +110,11 @@ pub(super) fn modules(
     let diagnostic = table.diagnostic.as_ref().map(|at| (number::<u16>(f, "diagnostic", Some(at), 1..=16_383, 0), at));
     let station = Station {
         diagnostic: diagnostic.as_ref().map_or(0, |(address, _)| *address),
-        number: unit,
+        // Behind connections of their own units are alike.
+        number: match building.kind {
+            BusKind::ModbusRtu => unit,
+            BusKind::ModbusTcp => (building.stations() + 1).min(255) as u8,
+        },
         lost_after: times.lost_after,
         interrupts: table.diagnostics.as_ref().is_some_and(|switch| *switch.get_ref()),
     };
@@ -298,7 +302,7 @@ fn writes(f: &mut Findings<'_>, tables: &Placed<Vec<Placed<SetupTable>>>) -> Vec
     for table in tables.get_ref().iter().map(Placed::get_ref) {
         let Some((target, at)) = element(f, &table.to) else { continue };
         if !target.can_be_written() {
-            f.error(VALUE, table.to.span(), format!("{} cannot be written", target.name()), "holding:N or coil:N");
+            f.error(VALUE, table.to.span(), format!("`{}` cannot be written", target.name()), "holding:N or coil:N");
             continue;
         }
         let most = if target.has_bits() { 1 } else { 65_535 };
@@ -353,14 +357,14 @@ fn placement(f: &mut Findings<'_>, placed: &Placed<RangeTable>, outputs: bool, l
     };
     let (source, first) = element(f, wanted)?;
     if outputs && !source.can_be_written() {
-        f.error(VALUE, wanted.span(), format!("{} cannot be written", source.name()), "holding:N or coil:N");
+        f.error(VALUE, wanted.span(), format!("`{}` cannot be written", source.name()), "holding:N or coil:N");
         return None;
     }
     let bits = source.has_bits();
     let (key, count, other) =
         if bits { ("bits", &table.bits, &table.registers) } else { ("registers", &table.registers, &table.bits) };
     if let Some(other) = other {
-        let message = format!("{} are counted in `{key}`", source.name());
+        let message = format!("`{}` is counted in `{key}`", source.name());
         f.error(CONTRADICTION, other.span(), message, "`bits` for coil and discrete, `registers` for the others");
     }
     let Some(count) = count else {

@@ -1,0 +1,186 @@
+//! A station whose inputs and outputs lie in a coupler that is not ours: pymodbus behind TCP (`tests/peers/coupler.py`).
+
+mod common;
+
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::process::{Child, ChildStdin, ChildStdout, Stdio};
+
+use common::site::Site;
+use common::station::Running;
+use common::{Guard, checkout, python};
+use rustix::process::Signal;
+use serde_json::{Value, json};
+
+/// The coupler at work.
+struct Coupler {
+    child: Child,
+    steps: ChildStdin,
+    answers: BufReader<ChildStdout>,
+    port: u16,
+}
+
+impl Coupler {
+    fn start(site: &Site, port: u16) -> Self {
+        let mut command = site.command(python());
+        command.arg(checkout("tests/peers/coupler.py")).args(["--port", &port.to_string()]);
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the interpreter starts");
+        let steps = child.stdin.take().expect("piped");
+        let mut answers = BufReader::new(child.stdout.take().expect("piped"));
+        let port = line(&mut answers)["port"].as_u64().expect("a port") as u16;
+        Self { child, steps, answers, port }
+    }
+
+    fn ask(&mut self, step: &Value) -> Value {
+        writeln!(self.steps, "{step}").expect("a coupler that reads its steps");
+        line(&mut self.answers)
+    }
+
+    /// Sets an input register.
+    fn sense(&mut self, at: u16, value: u16) {
+        self.ask(&json!({ "set": [4, at, [value]] }));
+    }
+
+    /// A holding register: what the station drives.
+    fn driven(&mut self, at: u16) -> i64 {
+        self.ask(&json!({ "get": [3, at, 1] }))["values"][0].as_i64().expect("a number")
+    }
+
+    fn until_driven(&mut self, at: u16, value: i64) {
+        let guard = Guard::begin();
+        while self.driven(at) != value {
+            assert!(!guard.is_over(), "holding register {at} is not {value} but {}", self.driven(at));
+        }
+    }
+
+    fn kill(mut self) {
+        self.child.kill().expect("it runs");
+        self.child.wait().expect("ours");
+    }
+}
+
+impl Drop for Coupler {
+    fn drop(&mut self) {
+        let _ = (self.child.kill(), self.child.wait());
+    }
+}
+
+fn line(answers: &mut BufReader<ChildStdout>) -> Value {
+    let mut text = String::new();
+    answers.read_line(&mut text).expect("the coupler's output");
+    serde_json::from_str(&text).unwrap_or_else(|why| panic!("{why}: {text:?}"))
+}
+
+const OB1: &str = "ORGANIZATION_BLOCK OB 1\nBEGIN\n  L EW 0;\n  L 1;\n  +I;\n  T AW 0;\nEND_ORGANIZATION_BLOCK\n";
+/// Counts its calls, and keeps the last event.
+const OB86: &str = "ORGANIZATION_BLOCK OB 86\nVAR_TEMP\n  CLASS : BYTE;\n  ID : BYTE;\n  REST : ARRAY [1..18] OF BYTE;\n\
+    END_VAR\nBEGIN\n  L MW 10;\n  L 1;\n  +I;\n  T MW 10;\n  L #CLASS;\n  T MB 12;\n  L #ID;\n  T MB 13;\n\
+    END_ORGANIZATION_BLOCK\n";
+
+/// A station that drives holding register 100 with input register 0 and one more.
+fn station(site: &Site, port: u16, program: &str) -> Running {
+    site.write("line.awl", program);
+    let toml = format!(
+        r#"[station]
+name = "line"
+[cpu]
+min_cycle = "5ms"
+watchdog = "500ms"
+[program]
+sources = ["line.awl"]
+[[bus]]
+name = "field"
+type = "modbus-tcp"
+line = "tcp:127.0.0.1:{port}"
+[[module]]
+type = "coupler"
+bus = "field"
+name = "rio"
+inputs = [{{ at = "EB 0", from = "input:0", registers = 1, substitute = [3, 232] }}]
+outputs = [{{ at = "AB 0", to = "holding:100", registers = 1 }}]
+on_loss = "substitute"
+lost_after = "2s"
+"#
+    );
+    site.write("line.toml", &toml);
+    site.run("line.toml").until_run()
+}
+
+#[test]
+fn what_the_coupler_senses_goes_through_ob_1_and_back_and_stop_switches_it_off() {
+    let site = Site::new();
+    let mut coupler = Coupler::start(&site, 0);
+    let station = station(&site, coupler.port, &[OB1, OB86].concat());
+    for value in [41, 7, 30_000] {
+        coupler.sense(0, value);
+        coupler.until_driven(100, i64::from(value) + 1);
+    }
+    site.ob1(&["ctl", "line.toml", "stop"]).fine();
+    coupler.until_driven(100, 0);
+    site.ob1(&["ctl", "line.toml", "run"]).fine();
+    coupler.until_driven(100, 30_001);
+    assert_eq!(station.cell("MW10"), 0, "nobody was lost: {:#?}", station.diagnostics());
+    assert_eq!(station.interrupt().code(), Some(0));
+    assert_eq!(coupler.driven(100), 0, "the process of the bus has switched off before it ended");
+}
+
+#[test]
+fn a_coupler_that_is_gone_is_lost_once_and_comes_back_by_itself() {
+    let site = Site::new();
+    let mut coupler = Coupler::start(&site, 0);
+    let station = station(&site, coupler.port, &[OB1, OB86].concat());
+    coupler.sense(0, 41);
+    coupler.until_driven(100, 42);
+    let port = coupler.port;
+    coupler.kill();
+    station.until("OB 86 for the loss", |s| (s.cell("MW12") == 0x39C4).then_some(()));
+    assert_eq!(station.cells(&["MW10", "EW0"]), [1, 1000], "once, and the substitute");
+    let mut coupler = Coupler::start(&site, port);
+    coupler.sense(0, 5);
+    station.until("OB 86 for the return", |s| (s.cell("MW12") == 0x38C4).then_some(()));
+    coupler.until_driven(100, 6);
+    assert_eq!(station.cell("MW10"), 2, "{:#?}", station.diagnostics());
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn without_ob_86_a_lost_coupler_is_stop() {
+    let site = Site::new();
+    let mut coupler = Coupler::start(&site, 0);
+    let station = station(&site, coupler.port, OB1);
+    coupler.sense(0, 41);
+    coupler.until_driven(100, 42);
+    coupler.kill();
+    station.until("STOP", |s| (s.status().state == "STOP").then_some(()));
+    assert_eq!((station.entries("39C4h"), station.entries("456Fh")), (1, 1), "{:#?}", station.diagnostics());
+}
+
+#[test]
+fn a_killed_process_of_the_bus_is_one_failure_and_is_back_at_once() {
+    let site = Site::new();
+    let mut coupler = Coupler::start(&site, 0);
+    let station = station(&site, coupler.port, &[OB1, OB86].concat());
+    coupler.sense(0, 41);
+    coupler.until_driven(100, 42);
+    for kill in 1..=5_u16 {
+        station.driver_process_of("rio").signal(Signal::KILL);
+        station.until("the bus has failed", |s| (s.entries("39C3h") == usize::from(kill)).then_some(()));
+        station.until("it is back", |s| (s.entries("38C4h") == usize::from(kill)).then_some(()));
+        coupler.sense(0, 100 * kill);
+        coupler.until_driven(100, i64::from(100 * kill) + 1);
+    }
+    let status = station.status();
+    assert_eq!((status.state.as_str(), status.watchdogs), ("RUN", 0));
+    assert_eq!(station.cell("MW10"), 10, "{:#?}", station.diagnostics());
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn a_killed_runtime_leaves_no_output_on() {
+    let site = Site::new();
+    let mut coupler = Coupler::start(&site, 0);
+    let station = station(&site, coupler.port, &[OB1, OB86].concat());
+    coupler.sense(0, 41);
+    coupler.until_driven(100, 42);
+    station.kill();
+    coupler.until_driven(100, 0);
+}
