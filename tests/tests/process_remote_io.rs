@@ -1,4 +1,5 @@
-//! A station whose inputs and outputs lie in a coupler that is not ours: pymodbus behind TCP (`tests/peers/coupler.py`).
+//! A station whose inputs and outputs lie in a coupler that is not ours: pymodbus behind TCP
+//! (`tests/peers/coupler.py`).
 
 mod common;
 

@@ -279,8 +279,8 @@ impl Context<'_> {
         self.asynchronous(callee, 86, start)
     }
 
-    /// A bus or one of its stations is lost, or a station is back: OB 86, STOP without it. `data` is that of the module's
-    /// event.
+    /// A bus or one of its stations is lost, or a station is back: OB 86, STOP without it. `data` is that of the
+    /// module's event.
     pub(crate) fn bus_station(&mut self, event: Event, data: [u8; 16]) -> Result<(), Abort> {
         if self.disabled(86) {
             return Ok(());

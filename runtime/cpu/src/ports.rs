@@ -81,8 +81,8 @@ pub struct ModuleEvent {
     pub diagnostic_interrupt: bool,
     /// Bytes of diagnostic data or of the text, meaning by event. Of a lost or returned station of a bus
     /// ([`Event::BUS_FAILED`], [`Event::STATION_FAILED`], [`Event::STATION_BACK`]): diagnostic address of the station,
-    /// that of the bus, number of the bus, number of the station, 1 for one that was missing at the start-up already; no
-    /// text.
+    /// that of the bus, number of the bus, number of the station, 1 for one that was missing at the start-up already;
+    /// no text.
     pub data: [u8; 16],
     /// How many of them.
     pub len: u8,
@@ -116,8 +116,8 @@ pub trait Module: Send {
     /// Reads input registers. An absent driver's registers read 0 and this is `Ok`, unless the station file says
     /// `absent = "fault"`.
     fn read(&mut self, at: u16, into: &mut [u8]) -> Result<(), ModuleError>;
-    /// Reads input registers from the first on for the process image. What stands in `into` is what the image gets, also
-    /// when this fails: zeros, unless the module has substitute values.
+    /// Reads input registers from the first on for the process image. What stands in `into` is what the image gets,
+    /// also when this fails: zeros, unless the module has substitute values.
     fn read_image(&mut self, into: &mut [u8]) -> Result<(), ModuleError> {
         let read = self.read(0, into);
         if read.is_err() {

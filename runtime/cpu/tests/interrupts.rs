@@ -316,6 +316,64 @@ fn image_errors_call_ob_85_on_an_s7_400_only() {
 }
 
 #[test]
+fn image_errors_that_are_told_when_they_begin_and_end() {
+    on_each_engine(|| {
+        let config = CpuConfig { image_errors: ob1_cpu::ImageErrors::Changes, ..CpuConfig::default() };
+        let blocks = vec![ob1(vec![]), organization(85, [count(0), keep(20)].concat())];
+        let (mut bench, module) = with_module(config, blocks);
+        bench.run();
+        module.look(|s| s.absent = true);
+        bench.run();
+        bench.run();
+        assert_eq!((bench.mw(0), bench.md(20)), (2, 0x39B2_1A55), "inputs and outputs, once");
+        module.look(|s| s.absent = false);
+        bench.run();
+        bench.run();
+        assert_eq!((bench.mw(0), bench.md(20), bench.md(24), bench.md(28)), (4, 0x38B2_1A55, 0x1000_0008, 8));
+        assert_eq!(bench.events()[..4], [0x38B2, 0x38B1, 0x39B2, 0x39B1]);
+    });
+}
+
+/// A station of a bus: diagnostic addresses 2046 and 2047, bus 1, station 5.
+fn station(event: Event, missing: bool) -> ModuleEvent {
+    let mut data = [0; 16];
+    data[..7].copy_from_slice(&[0x07, 0xFE, 0x07, 0xFF, 1, 5, u8::from(missing)]);
+    ModuleEvent { event, diagnostic_interrupt: false, data, len: 0 }
+}
+
+#[test]
+fn a_station_of_a_bus_calls_ob_86_and_is_stop_without_it() {
+    on_each_engine(|| {
+        let blocks = vec![ob1(vec![]), organization(86, [count(0), keep(20)].concat())];
+        let (mut bench, module) = with_module(CpuConfig::default(), blocks.clone());
+        bench.run();
+        for (calls, event, first, last) in [
+            (1, Event::STATION_FAILED, 0x39C4_1A56, 0x07FE_0105),
+            (2, Event::STATION_BACK, 0x38C4_1A56, 0x07FE_0105),
+            (3, Event::BUS_FAILED, 0x39C3_1A56, 0x0000_0100),
+        ] {
+            module.look(|s| s.events.push(station(event, false)));
+            bench.run();
+            let told = (bench.mw(0), bench.md(20), bench.md(24) & 0xFFFF, bench.md(28));
+            assert_eq!(told, (calls, first, 0x07FF, last));
+        }
+        for (event, missing, stops) in [
+            (Event::STATION_BACK, false, false),
+            (Event::STATION_FAILED, true, false),
+            (Event::STATION_FAILED, false, true),
+            (Event::BUS_FAILED, false, true),
+        ] {
+            let (mut bench, module) = with_module(CpuConfig::default(), blocks[..1].to_vec());
+            bench.run();
+            module.look(|s| s.events.push(station(event, missing)));
+            let state = bench.cycle().state;
+            assert_eq!(state == OperatingState::Stop, stops, "{event:?}, missing at the start-up: {missing}");
+            assert_eq!(bench.events()[0], if stops { 0x456F } else { event.0 });
+        }
+    });
+}
+
+#[test]
 fn a_loop_in_an_interrupt_between_cycles_ends_by_the_watchdog() {
     on_each_engine(|| {
         let config = CpuConfig { min_cycle: 500 * MS, cyclic: vec![every(35, 200)], ..CpuConfig::default() };

@@ -98,8 +98,8 @@ impl Stations {
         self.bus_failed |= had && !std::mem::replace(&mut self.down, true);
     }
 
-    /// At the cycle control point. `running`: the process is there; `ready`: it says so itself; `fresh`: it has published
-    /// an image since the last look; `status` gives what that says of each station, `None` what cannot be.
+    /// At the cycle control point. `running`: the process is there; `ready`: it says so itself; `fresh`: it has
+    /// published an image since the last look; `status` gives what that says of each station, `None` what cannot be.
     pub(super) fn look(
         &mut self,
         now: Nanos,
