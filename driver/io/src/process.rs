@@ -49,6 +49,7 @@ pub(crate) struct Process {
     next_beat: Nanos,
     /// The scan's last sign of life, and since when there was none.
     scan: (u64, Nanos),
+    alive: bool,
     scan_timeout: Nanos,
     /// What the CPU has said of the outputs.
     wanted: bool,
@@ -80,6 +81,7 @@ impl Process {
             published: 0,
             next_beat: 0,
             scan: (0, 0),
+            alive: true,
             scan_timeout: config.scan_timeout,
             wanted: false,
             terminate,
@@ -143,16 +145,15 @@ impl Process {
             self.scan = (beats, now);
         }
         let alive = now.saturating_sub(self.scan.1) < self.scan_timeout;
+        if self.wanted && alive != std::mem::replace(&mut self.alive, alive) {
+            if alive {
+                info!("the scan gives a sign of life again: outputs on");
+            } else {
+                warn!("the scan gives no sign of life: outputs off");
+            }
+        }
         let driven = self.wanted && alive;
         if driven != self.image.driven {
-            if self.wanted {
-                warn!(
-                    alive,
-                    "the scan gives {} sign of life: outputs {}",
-                    if alive { "a" } else { "no" },
-                    on_off(alive)
-                );
-            }
             (self.image.driven, changed) = (driven, true);
         }
         changed
@@ -225,10 +226,6 @@ impl Process {
             self.wait(timeout, false)?;
         }
     }
-}
-
-const fn on_off(on: bool) -> &'static str {
-    if on { "on" } else { "off" }
 }
 
 impl Line {

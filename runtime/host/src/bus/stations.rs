@@ -94,7 +94,11 @@ impl Stations {
 
     /// The process has ended: told as a failure of the bus, once, and only of a bus that was there.
     fn fail(&mut self) {
-        let had = self.list.iter().any(|known| known.told == Told::Present);
+        let mut had = false;
+        // Each returns by itself, also where the next process is faster than the scan.
+        for known in self.list.iter_mut().filter(|known| known.told == Told::Present) {
+            (had, known.told, known.present) = (true, Told::Lost, false);
+        }
         self.bus_failed |= had && !std::mem::replace(&mut self.down, true);
     }
 

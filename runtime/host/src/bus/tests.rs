@@ -151,6 +151,17 @@ fn the_end_of_the_process_is_one_failure_of_the_bus_and_each_station_returns_by_
 }
 
 #[test]
+fn a_process_that_is_back_before_the_scan_has_looked_is_a_failure_and_a_return() {
+    let mut bench = bench();
+    bench.publish([State::Running; 2], [1, 2, 3, 4]);
+    bench.scan();
+    bench.report(Report::Lost(Exit::Signal(9)));
+    bench.publish([State::Running; 2], [5, 6, 7, 8]);
+    assert_eq!(bench.scan(), ([5, 6, 7, 8], vec![0x39C3, 0x38C4, 0x38C4]));
+    assert_eq!(bench.scan().1, vec![]);
+}
+
+#[test]
 fn a_process_that_publishes_nothing_has_lost_its_stations() {
     let mut bench = bench();
     bench.publish([State::Running; 2], [1, 2, 3, 4]);
