@@ -69,7 +69,7 @@ impl Status {
     /// As it lies in the image of the bus: state, exception, function, table and first element of the refusal (0: none)
     /// from the lowest byte on; then the other fields in turn.
     #[must_use]
-    pub fn to_words(&self) -> [u64; 8] {
+    pub fn to_words(self) -> [u64; 8] {
         let refusal = self.refusal.map_or(0, |refusal| {
             let table = Table::ALL.iter().position(|(_, table)| *table == refusal.table).unwrap_or(0) as u64 + 1;
             u64::from(refusal.exception) << 8

@@ -161,7 +161,7 @@ impl Process {
 
     fn publish(&mut self) {
         self.published = self.image.generation;
-        self.side.publish(self.image.status.iter().map(ob1_coupler::Status::to_words), &self.image.inputs);
+        self.side.publish(self.image.status.iter().map(|status| status.to_words()), &self.image.inputs);
     }
 
     fn deadline(&self) -> Nanos {

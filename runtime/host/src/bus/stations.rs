@@ -123,7 +123,7 @@ impl Stations {
         }
         for (index, known) in self.list.iter_mut().enumerate() {
             let status = status(index).unwrap_or(Status { state: State::Lost, ..Status::default() });
-            known.look(alive && !self.down, silent, status, self.bus_failed);
+            known.look(alive && !self.down, silent, status);
         }
     }
 
@@ -189,7 +189,7 @@ impl Stations {
 }
 
 impl Known {
-    fn look(&mut self, alive: bool, silent: Nanos, status: Status, bus_failed: bool) {
+    fn look(&mut self, alive: bool, silent: Nanos, status: Status) {
         self.present = alive && status.state == State::Running && silent < self.station.lost_after;
         self.status = status;
         let gone = match self.told {
@@ -205,8 +205,7 @@ impl Known {
             }
             self.told = Told::Present;
         } else if gone {
-            // With the bus, its stations: that is told once.
-            self.due = (!bus_failed).then_some(Event::STATION_FAILED);
+            self.due = Some(Event::STATION_FAILED);
             self.missing = self.told == Told::Nothing;
             self.told = Told::Lost;
         }
