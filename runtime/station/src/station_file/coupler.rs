@@ -82,7 +82,7 @@ pub(super) fn modules(
     let loss = choice(f, "on_loss", table.on_loss.as_ref(), &losses).unwrap_or(Loss::Zero);
     let (input_bytes, output_bytes) = building.bytes();
     let mut inputs = placements(f, table.inputs.as_ref(), false, loss, input_bytes);
-    let mut outputs = placements(f, table.outputs.as_ref(), true, loss, output_bytes);
+    let outputs = placements(f, table.outputs.as_ref(), true, loss, output_bytes);
     if *input_bytes > BUS_AREA_BYTES || *output_bytes > BUS_AREA_BYTES {
         let message = format!("a bus has at most {BUS_AREA_BYTES} bytes each way");
         f.error(VALUE, table.name.span(), message, "divide its modules among two buses");
@@ -131,7 +131,7 @@ pub(super) fn modules(
         f.error(TWICE, at, format!("there is a coupler with unit {unit} on this line already"), remedy);
     }
     let count = inputs.len().max(outputs.len());
-    let (mut inputs, mut outputs) = (inputs.drain(..).enumerate(), outputs.drain(..));
+    let (mut inputs, mut outputs) = (inputs.drain(..).enumerate(), outputs.iter());
     let one = |n: usize| {
         let (input, output) = (inputs.next(), outputs.next());
         one(&name, n, bus, place, loss, input, output)
@@ -147,10 +147,10 @@ fn one(
     station: usize,
     loss: Loss,
     input: Option<(usize, Placement)>,
-    output: Option<Placement>,
+    output: Option<&Placement>,
 ) -> (ModuleConfig, [Span<usize>; 2]) {
     let at = |placement: Option<&Placement>| placement.map(|placement| (placement.first, placement.at.clone()));
-    let (of_inputs, of_outputs) = (at(input.as_ref().map(|(_, input)| input)), at(output.as_ref()));
+    let (of_inputs, of_outputs) = (at(input.as_ref().map(|(_, input)| input)), at(output));
     let (first_input, at_input) = of_inputs.clone().or_else(|| of_outputs.clone()).unwrap_or_default();
     let (first_output, at_output) = of_outputs.or(of_inputs).unwrap_or_default();
     let bytes = |range: &Range| (range.at, range.bytes() as u16);
@@ -158,7 +158,7 @@ fn one(
         station,
         inputs: input.as_ref().map_or((0, 0), |(_, input)| bytes(&input.range)),
         input_range: input.as_ref().map(|(range, _)| *range),
-        outputs: output.as_ref().map_or((0, 0), |output| bytes(&output.range)),
+        outputs: output.map_or((0, 0), |output| bytes(&output.range)),
         on_loss: match (loss, input) {
             (Loss::Hold, _) => OnLoss::Hold,
             (Loss::Substitute, Some((_, input))) => OnLoss::Substitute(input.substitute),
