@@ -191,7 +191,7 @@ impl Joint {
     fn watch_postponed(&mut self) {
         let Some((generation, pieces)) = self.postponed.take() else { return };
         let empty = pieces.is_empty();
-        match self.link.watch(generation, Frame::of(pieces.clone())) {
+        match self.link.watch(generation, &Frame::of(pieces.clone())) {
             // No snapshot of nothing will come.
             Ok(()) if empty => self.say(&ToLink::Watching(generation)),
             Ok(()) => self.awaited = Some(generation),

@@ -6,9 +6,10 @@
 //! goes through two rings of a link; what it brings goes back to it: the scan allocates and frees nothing, and waits
 //! for nobody.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ob1_model::{CellError, Frame, GROUP_ENTRIES, Head, Piece, Put, WRITE_BYTES, fits_a_share};
+use ob1_model::{Cell, CellError, CellWidth, Frame, GROUP_ENTRIES, Head, Piece, Put, WRITE_BYTES, fits_a_share};
 use ob1_std::services::{StatusError, SystemStatus as _};
 use rtrb::{Consumer, Producer, RingBuffer};
 
@@ -166,40 +167,76 @@ impl Listing {
     }
 }
 
-/// What a link watches.
+/// What a link watches, as the scan copies it.
 #[derive(Debug)]
 struct Watch {
     generation: u64,
-    frame: Frame,
+    steps: Box<[Step]>,
+    copies: Box<[Copied]>,
 }
 
-/// Fills the words of a window; a data block is found by its number, because it may have been made or deleted since.
-fn fill(m: &mut Machine, frame: &Frame, words: &[AtomicU64]) {
-    let put = |at: usize, word: u64| {
-        if let Some(cell) = words.get(at) {
-            cell.store(word, Ordering::Relaxed);
-        }
-    };
-    for run in frame.runs() {
-        let Some(pieces) = frame.pieces().get(run.first..run.end) else { continue };
-        match pieces.first() {
-            Some(Piece::Value(cell, width)) => put(run.head, Head::of(cells::read(m, *cell, *width)).word()),
-            Some(Piece::Bytes { at, .. }) => {
-                let block = cells::block(m, *at);
-                put(run.head, Head::of(block.map(|bytes| bytes.len() as u32)).word());
-                let Ok(block) = block else { continue };
-                let mut rest = words.get(run.head + 1..).unwrap_or_default();
-                for piece in pieces {
-                    let Piece::Bytes { at, len } = *piece else { continue };
-                    let (into, behind) = rest.split_at((len.div_ceil(8) as usize).min(rest.len()));
-                    rest = behind;
-                    let from = at.byte() as usize;
-                    // As many as there are: the head says how many that is.
-                    let there = block.get(from..block.len().min(from.saturating_add(len as usize)));
-                    copy(there.unwrap_or_default(), into);
+/// A value, or pieces of one block.
+#[derive(Debug)]
+enum Step {
+    Value { cell: Cell, width: CellWidth, head: usize },
+    Block { at: Cell, head: usize, copies: Range<usize> },
+}
+
+/// Bytes of a block, and the words they go to.
+#[derive(Clone, Copy, Debug)]
+struct Copied {
+    from: u32,
+    len: u32,
+    at: u32,
+}
+
+impl Watch {
+    fn new(generation: u64, frame: &Frame) -> Self {
+        let (mut steps, mut copies) = (Vec::with_capacity(frame.runs().len()), Vec::new());
+        for run in frame.runs() {
+            let pieces = frame.pieces().get(run.first..run.end).unwrap_or_default();
+            let first = copies.len();
+            let mut next = run.head + 1;
+            for piece in pieces {
+                match *piece {
+                    Piece::Value(cell, width) => steps.push(Step::Value { cell, width, head: run.head }),
+                    Piece::Bytes { at, len } => {
+                        copies.push(Copied { from: at.byte(), len, at: next as u32 });
+                        next += len.div_ceil(8) as usize;
+                    }
                 }
             }
-            None => {}
+            if let Some(Piece::Bytes { at, .. }) = pieces.first() {
+                steps.push(Step::Block { at: *at, head: run.head, copies: first..copies.len() });
+            }
+        }
+        Self { generation, steps: steps.into(), copies: copies.into() }
+    }
+
+    /// Fills the words of a window; a data block is found by its number, because it may have been made or deleted
+    /// since.
+    fn fill(&self, m: &mut Machine, words: &[AtomicU64]) {
+        let put = |at: usize, word: u64| {
+            if let Some(cell) = words.get(at) {
+                cell.store(word, Ordering::Relaxed);
+            }
+        };
+        for step in &self.steps {
+            match step {
+                Step::Value { cell, width, head } => put(*head, Head::of(cells::read(m, *cell, *width)).word()),
+                Step::Block { at, head, copies } => {
+                    let block = cells::block(m, *at);
+                    put(*head, Head::of(block.map(|bytes| bytes.len() as u32)).word());
+                    let Ok(block) = block else { continue };
+                    for copied in self.copies.get(copies.clone()).unwrap_or_default() {
+                        let (from, len, at) = (copied.from as usize, copied.len as usize, copied.at as usize);
+                        let Some(into) = words.get(at..at + len.div_ceil(8)) else { continue };
+                        // As many as there are: the head says how many that is.
+                        let there = block.get(from..from + len).or_else(|| block.get(from..));
+                        copy(there.unwrap_or_default(), into);
+                    }
+                }
+            }
         }
     }
 }
@@ -207,6 +244,11 @@ fn fill(m: &mut Machine, frame: &Frame, words: &[AtomicU64]) {
 /// Bytes into whole words.
 #[inline]
 fn copy(bytes: &[u8], into: &[AtomicU64]) {
+    // By far the most frequent lengths.
+    if let ([a, b, c, d], [word]) = (bytes, into) {
+        word.store(u64::from_ne_bytes([*a, *b, *c, *d, 0, 0, 0, 0]), Ordering::Relaxed);
+        return;
+    }
     let (whole, rest) = bytes.as_chunks::<8>();
     for (word, bytes) in into.iter().zip(whole) {
         word.store(u64::from_ne_bytes(*bytes), Ordering::Relaxed);
@@ -216,12 +258,7 @@ fn copy(bytes: &[u8], into: &[AtomicU64]) {
     }
     let Some(last) = into.get(whole.len()) else { return };
     let mut bytes = [0; 8];
-    // The usual lengths without a loop.
-    match rest {
-        [a, b] => bytes[..2].copy_from_slice(&[*a, *b]),
-        [a, b, c, d] => bytes[..4].copy_from_slice(&[*a, *b, *c, *d]),
-        _ => bytes.iter_mut().zip(rest).for_each(|(to, from)| *to = *from),
-    }
+    bytes.iter_mut().zip(rest).for_each(|(to, from)| *to = *from);
     last.store(u64::from_ne_bytes(bytes), Ordering::Relaxed);
 }
 
@@ -275,11 +312,11 @@ impl Link {
     ///
     /// # Errors
     /// [`TooMuch`].
-    pub fn watch(&mut self, generation: u64, frame: Frame) -> Result<(), TooMuch> {
+    pub fn watch(&mut self, generation: u64, frame: &Frame) -> Result<(), TooMuch> {
         if !fits_a_share(frame.pieces().iter().copied()) {
             return Err(TooMuch::Watch);
         }
-        let watch = Box::new(Watch { generation, frame });
+        let watch = Box::new(Watch::new(generation, frame));
         self.orders.push(Order::Watch(watch)).map_err(|_| TooMuch::UnderWay)?;
         self.generation = generation;
         Ok(())
@@ -364,7 +401,7 @@ impl Exchange {
 
     /// Whether there is anything to do for a link at this cycle control point.
     pub(crate) fn is_idle(&self) -> bool {
-        let watches = |end: &End| end.watch.as_ref().is_some_and(|watch| !watch.frame.pieces().is_empty());
+        let watches = |end: &End| end.watch.as_ref().is_some_and(|watch| !watch.steps.is_empty());
         self.ends.iter().all(|end| !watches(end) && end.orders.is_empty())
     }
 
@@ -434,9 +471,9 @@ impl End {
     }
 
     fn snapshot(&mut self, m: &mut Machine, scan: u64, state: OperatingState) {
-        let Some(watch) = self.watch.as_deref().filter(|watch| !watch.frame.pieces().is_empty()) else { return };
+        let Some(watch) = self.watch.as_deref().filter(|watch| !watch.steps.is_empty()) else { return };
         let mark = Mark { generation: watch.generation, scan, time: m.hot.now, state };
-        self.window.put(mark, &mut |words| fill(m, &watch.frame, words));
+        self.window.put(mark, &mut |words| watch.fill(m, words));
     }
 
     fn answers(&mut self, scan: u64) {

@@ -253,12 +253,12 @@ fn lists() {
     };
     let leds = |run: u8, stop: u8| Ok((4, vec![0, 1, 0, 0, 0, 4, run, 0, 0, 5, stop, 0, 0, 6, 0, 0]));
     assert_eq!(list(&mut bench, 0x0019, 0), leds(1, 0));
-    assert_eq!(list(&mut bench, 0x0424, 0).map(|(_, bytes)| bytes[3]), Ok(0x68));
+    assert_eq!([0x0424, 0x0124].map(|id| list(&mut bench, id, 0).map(|(_, bytes)| bytes[3])), [Ok(0x08), Ok(0x68)]);
     assert_eq!(list(&mut bench, 0x0999, 0), Err(StatusError::Id));
     bench.cpu.request(Command::Stop);
     bench.cycle();
     assert_eq!(list(&mut bench, 0x0019, 0), leds(0, 1));
-    assert_eq!(list(&mut bench, 0x0424, 0).map(|(_, bytes)| bytes[3]), Ok(0x84));
+    assert_eq!([0x0424, 0x0124].map(|id| list(&mut bench, id, 0).map(|(_, bytes)| bytes[3])), [Ok(0x03), Ok(0x83)]);
 }
 
 /// The copy is accounted while somebody looks, and not before.

@@ -33,7 +33,7 @@ impl Looker {
     /// Watches these pieces; the generation counts from 1.
     pub fn watch(&mut self, pieces: &[Piece]) -> Result<u64, ob1_cpu::TooMuch> {
         let (frame, generation) = (Frame::of(pieces), self.link.generation() + 1);
-        self.link.watch(generation, frame.clone())?;
+        self.link.watch(generation, &frame)?;
         self.frames.push(frame);
         Ok(generation)
     }
