@@ -185,3 +185,47 @@ fn a_killed_runtime_leaves_no_output_on() {
     station.kill();
     coupler.until_driven(100, 0);
 }
+
+/// `tests/peers/modbus.py` on the pty that the process of the bus makes: input word n is 1000h + n.
+#[test]
+fn pymodbus_is_a_coupler_on_a_serial_line() {
+    let site = Site::new();
+    site.write("line.awl", &[OB1, OB86].concat());
+    let toml = r#"[station]
+name = "line"
+[cpu]
+min_cycle = "5ms"
+watchdog = "500ms"
+[program]
+sources = ["line.awl"]
+[[bus]]
+name = "wires"
+type = "modbus-rtu"
+line = "pty:rtu.pty"
+parity = "none"
+[[module]]
+type = "coupler"
+bus = "wires"
+unit = 5
+name = "rio"
+inputs = [{ at = "EB 0", from = "input:7", registers = 1 }]
+outputs = [{ at = "AB 0", to = "holding:3", registers = 1 }]
+lost_after = "20s"
+"#;
+    site.write("line.toml", toml);
+    let station = site.run("line.toml").until_run();
+    station.until("the pty", |_| site.path("rtu.pty").exists().then_some(()));
+    let mut command = site.command(python());
+    command.arg(checkout("tests/peers/modbus.py")).args(["slave", "pymodbus"]).arg(site.path("rtu.pty"));
+    command.args(["--mode", "rtu", "--baud", "19200", "--address", "5"]);
+    let mut slave = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the interpreter starts");
+    let mut said = BufReader::new(slave.stdout.take().expect("piped"));
+    assert_eq!(line(&mut said)["ready"], true);
+    station.until("the input", |s| (s.cells(&["EW0", "AW0"]) == [0x1007, 0x1008]).then_some(()));
+    // What was written last has been answered long before so many scans are over.
+    station.scans(400);
+    drop(slave.stdin.take());
+    assert_eq!(line(&mut said)["words"][3], 0x1008);
+    slave.wait().expect("ours");
+    assert_eq!(station.interrupt().code(), Some(0));
+}
