@@ -178,8 +178,22 @@ struct Watch {
 /// A value, or pieces of one block.
 #[derive(Debug)]
 enum Step {
-    Value { cell: Cell, width: CellWidth, head: usize },
-    Block { at: Cell, head: usize, copies: Range<usize> },
+    Value {
+        cell: Cell,
+        width: CellWidth,
+        head: usize,
+    },
+    Block {
+        at: Cell,
+        head: usize,
+        copies: Range<usize>,
+    },
+    /// Each of them fits a word: bytes from there on, as many as a word has.
+    Words {
+        at: Cell,
+        head: usize,
+        copies: Range<usize>,
+    },
 }
 
 /// Bytes of a block, and the words they go to.
@@ -207,7 +221,12 @@ impl Watch {
                 }
             }
             if let Some(Piece::Bytes { at, .. }) = pieces.first() {
-                steps.push(Step::Block { at: *at, head: run.head, copies: first..copies.len() });
+                let (at, head, range) = (*at, run.head, first..copies.len());
+                let small = copies.get(first..).unwrap_or_default().iter().all(|copied| (1..=8).contains(&copied.len));
+                steps.push(match small {
+                    true => Step::Words { at, head, copies: range },
+                    false => Step::Block { at, head, copies: range },
+                });
             }
         }
         Self { generation, steps: steps.into(), copies: copies.into() }
@@ -236,6 +255,19 @@ impl Watch {
                         copy(there.unwrap_or_default(), into);
                     }
                 }
+                Step::Words { at, head, copies } => {
+                    let block = cells::block(m, *at);
+                    put(*head, Head::of(block.map(|bytes| bytes.len() as u32)).word());
+                    let Ok(block) = block else { continue };
+                    let copies = self.copies.get(copies.clone()).unwrap_or_default();
+                    for (copied, word) in copies.iter().zip(words.get(head + 1..).unwrap_or_default()) {
+                        let rest = block.get(copied.from as usize..).unwrap_or_default();
+                        match rest.first_chunk() {
+                            Some(eight) => word.store(u64::from_ne_bytes(*eight), Ordering::Relaxed),
+                            None => copy(rest, std::slice::from_ref(word)),
+                        }
+                    }
+                }
             }
         }
     }
@@ -244,11 +276,6 @@ impl Watch {
 /// Bytes into whole words.
 #[inline]
 fn copy(bytes: &[u8], into: &[AtomicU64]) {
-    // By far the most frequent lengths.
-    if let ([a, b, c, d], [word]) = (bytes, into) {
-        word.store(u64::from_ne_bytes([*a, *b, *c, *d, 0, 0, 0, 0]), Ordering::Relaxed);
-        return;
-    }
     let (whole, rest) = bytes.as_chunks::<8>();
     for (word, bytes) in into.iter().zip(whole) {
         word.store(u64::from_ne_bytes(*bytes), Ordering::Relaxed);
