@@ -40,6 +40,8 @@ struct Net {
     receiver: tcp::Receiver,
     /// Bytes on their way to the master.
     back: VecDeque<(u64, Vec<u8>)>,
+    /// How long the next answers take, where that is not the usual.
+    delays: VecDeque<u64>,
     open: bool,
     /// The connection is being made until then.
     opens_at: Option<u64>,
@@ -71,6 +73,7 @@ impl Net {
             devices: line.couplers.iter().map(|coupler| Device::new(coupler.unit)).collect(),
             receiver: tcp::Receiver::new(),
             back: VecDeque::new(),
+            delays: VecDeque::new(),
             open: false,
             opens_at: Some(0),
             reconnects: 0,
@@ -96,7 +99,8 @@ impl Net {
                 if let Some(answer) = device.answer(self.now, telegram) {
                     let mut frame = [0; tcp::FRAME_BYTES];
                     let len = tcp::encode(transaction, &answer, &mut frame).expect("it fits");
-                    self.back.push_back((self.now + LATENCY, frame[..len].to_vec()));
+                    let latency = self.delays.pop_front().unwrap_or(LATENCY);
+                    self.back.push_back((self.now + latency, frame[..len].to_vec()));
                 }
             }
         }
@@ -348,4 +352,20 @@ fn noise_in_place_of_answers_is_never_taken_for_one() {
     assert_eq!((net.image.status[0].state, net.image.inputs[0]), (State::Running, 0x42));
     assert!(net.reconnects > 10 && net.image.status[0].failures > 100, "{} {:?}", net.reconnects, net.image.status[0]);
     assert_eq!(net.config.couplers().count(), 1);
+}
+
+#[test]
+fn an_answer_that_comes_too_late_is_not_taken_for_that_of_the_next_request() {
+    let mut net = Net::new(vec![coupler(1, vec![range(Table::Input, 0, 1, 0)], Vec::new())]);
+    net.run(15 * MS);
+    assert_eq!(net.image.status[0].state, State::Running);
+    net.devices[0].input.insert(0, 1);
+    // The next is read at 20 ms, given up at 70 ms, and comes at 72 ms; what is asked then is answered at 80 ms.
+    net.delays.extend([52 * MS, 10 * MS]);
+    net.run(6 * MS);
+    net.devices[0].input.insert(0, 2);
+    net.run(54 * MS);
+    assert_eq!((net.image.inputs[1], net.image.status[0].failures), (0, 1), "the late one is nobody's");
+    net.run(10 * MS);
+    assert_eq!(net.image.inputs[1], 2);
 }
