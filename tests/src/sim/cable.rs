@@ -174,8 +174,10 @@ impl LinePort for CableEnd<'_> {
         }
         let arrived = &mut self.cable.arrived[self.end as usize];
         arrived.answers(true);
-        if bytes == [tap::NAK] {
-            arrived.refuses();
+        match bytes {
+            [tap::NAK] => arrived.refuses(),
+            [tap::STX] => arrived.asks(),
+            _ => {}
         }
         self.cable.orphaned[self.end as usize] = false;
         self.cable.line.write(self.end, now, bytes);

@@ -115,6 +115,14 @@ impl Tap {
         self.state = State::Idle;
     }
 
+    /// The receiver asks itself instead of answering a request: it does not take that one, and the partner withdraws it
+    /// or asks again [S0 L1650-L1660].
+    pub fn asks(&mut self) {
+        if self.state == State::Data && self.payload.is_empty() {
+            self.state = State::Idle;
+        }
+    }
+
     fn hear(&mut self, now: Nanos) {
         if now.saturating_sub(self.last) > ZVZ {
             self.state = State::Idle;
@@ -183,6 +191,25 @@ mod tests {
             good.extend(tap.push(at, byte).map(<[u8]>::to_vec));
         }
         assert_eq!(good, [b"\x02\x02\x31"]);
+    }
+
+    /// The acknowledgement of a block is lost, the partner asks, the sender asks anew: the partner withdraws, takes the
+    /// block again, and its acknowledgement and its next request arrive together.
+    #[test]
+    fn a_request_that_is_answered_by_a_request_is_void() {
+        let mut tap = Tap::default();
+        assert!(tap.push(1, STX).is_none());
+        tap.asks();
+        let good = |tap: &mut Tap, at: u64, bytes: &[u8]| {
+            bytes.iter().filter(|byte| tap.push(at, **byte).is_some()).count()
+        };
+        assert_eq!(good(&mut tap, 2, &[DLE]), 0);
+        assert_eq!(good(&mut tap, 3, &[DLE, STX]), 0);
+        assert_eq!(good(&mut tap, 4, b"\x31\x10\x03\x22"), 1);
+        // In the middle of a block nothing changes.
+        assert_eq!(good(&mut tap, 5, b"\x02\x31"), 0);
+        tap.asks();
+        assert_eq!(good(&mut tap, 6, b"\x10\x03\x22"), 1);
     }
 
     #[test]
