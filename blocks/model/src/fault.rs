@@ -299,9 +299,11 @@ impl Event {
     pub const RETENTIVE_LOST: Event = Event(0xF301);
     /// Retentive memory is written again (ours).
     pub const RETENTIVE_KEPT: Event = Event(0xF302);
+    /// STOP because two engines do not do the same (ours, `engine = "both"`).
+    pub const ENGINES_DIFFER: Event = Event(0xF401);
 
     /// Every event with a name that is no fault.
-    pub const ALL: [Event; 37] = [
+    pub const ALL: [Event; 38] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -339,6 +341,7 @@ impl Event {
         Event::STATION_ACCEPTS,
         Event::RETENTIVE_LOST,
         Event::RETENTIVE_KEPT,
+        Event::ENGINES_DIFFER,
     ];
 
     /// The event's text.
@@ -405,6 +408,7 @@ impl Event {
             0xF208 => "distributed I/O, a station refuses nothing any more",
             0xF301 => "retentive memory cannot be written",
             0xF302 => "retentive memory is written again",
+            0xF401 => "STOP, two engines do not do the same",
             // Entries of the program itself (SFC 52): classes 8 and 9 are for its messages, A and B for the user's own.
             _ if matches!(self.0 >> 12, 8..=0xB) => "entry of the program",
             _ => "event",

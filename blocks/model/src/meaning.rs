@@ -32,7 +32,8 @@ impl Event {
             | Event::STOP_RACK_FAILURE
             | Event::STOP_ABORTED
             | Event::PLUGIN_PANIC
-            | Event::PLUGIN_STOP => StateChange::Fault,
+            | Event::PLUGIN_STOP
+            | Event::ENGINES_DIFFER => StateChange::Fault,
             _ => return None,
         })
     }
@@ -98,6 +99,9 @@ impl Event {
             }
             Event::RETENTIVE_LOST => {
                 "Make room on the disk, or make the folder writable ([station] state); until then a power cycle loses what is new."
+            }
+            Event::ENGINES_DIFFER => {
+                "An error of ours: report it with the program and the lines of the log; take engine = \"reference\"."
             }
             // A change somebody wanted, the end of a fault, a program's own entry.
             _ => "",

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use ob1_model::{BlockId, BlockKind, Event, FaultKind};
+use ob1_model::{BlockId, BlockKind, Event, FaultKind, Site};
 use ob1_std::services::ErrorFilter;
 
 use crate::engine::{Callee, Engine, Entry, Plan};
@@ -194,7 +194,14 @@ impl Context<'_> {
 
     /// Enters `event` and marks the CPU for STOP.
     pub(crate) fn stop(&mut self, event: Event, data: u32, text: &str) {
-        self.entry(event, data, text);
+        self.stop_at(event, None, data, text);
+    }
+
+    /// The same with a statement.
+    pub(crate) fn stop_at(&mut self, event: Event, site: Option<Site>, data: u32, text: &str) {
+        let time = self.machine.hot.now;
+        let text = ShortText::new(text);
+        self.machine.diag.push(DiagEntry { number: 0, time, event, site, accus: [0; 2], data, text });
         self.machine.hot.stopping = true;
     }
 

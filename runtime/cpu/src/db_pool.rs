@@ -10,7 +10,7 @@ use crate::memory::Memory;
 pub(crate) const MADE: usize = 256;
 
 /// A place in the pool.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Made {
     pub(crate) db: Db,
     /// Deleted in the running scan.

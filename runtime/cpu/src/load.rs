@@ -142,6 +142,7 @@ impl Cpu {
             interrupted: None,
             substitute: None,
             at: None,
+            tape: None,
             config,
         };
         Ok(Cpu::assemble(machine, blocks, port, client, reader))

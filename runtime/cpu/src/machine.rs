@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::accounts::Trace;
-use crate::engine::{Caller, Hot, Interrupted};
+use crate::engine::{Caller, Hot, Interrupted, Tape};
 use crate::events::Diagnoses;
 use crate::interrupts::Interrupts;
 use crate::log::{LogLine, LogWriter};
@@ -121,6 +121,8 @@ pub(crate) struct Machine {
     pub(crate) substitute: Option<u32>,
     /// The statement at which the engine last came to a safe point that was due.
     pub(crate) at: Option<Caller>,
+    /// What comes from outside, on record or played back: two engines are held against each other.
+    pub(crate) tape: Option<Box<Tape>>,
 }
 
 impl Machine {
@@ -137,7 +139,10 @@ impl Machine {
             into.copy_from_slice(&self.memory.bytes[at..at + into.len()]);
             return Ok(());
         }
-        self.modules.read(address, into)
+        match self.tape.take() {
+            None => self.modules.read(address, into),
+            Some(tape) => self.read_on_tape(tape, address, into),
+        }
     }
 
     /// Writes peripheral bytes, and the process image of the outputs where they lie inside it.
@@ -148,7 +153,10 @@ impl Machine {
             self.memory.bytes[at..at + from.len()].copy_from_slice(from);
             return Ok(());
         }
-        self.modules.write(address, from)?;
+        match self.tape.take() {
+            None => self.modules.write(address, from)?,
+            Some(tape) => self.write_on_tape(tape, address, from)?,
+        }
         for (byte, value) in (address..).zip(from) {
             if let Some(at) = self.memory.outputs.locate(byte, 1) {
                 self.memory.bytes[at.index()] = *value;

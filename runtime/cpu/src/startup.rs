@@ -114,6 +114,7 @@ impl Cpu {
         (m.interrupted, m.substitute) = (None, None);
         (m.active, m.aborted, m.diagnoses) = (0, false, Diagnoses::default());
         m.at = None;
+        m.tape = None;
         m.trace.start_up();
         m.interrupts.clear();
         m.services.clear();

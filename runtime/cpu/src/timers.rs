@@ -13,7 +13,7 @@ const KINDS: [TimerKind; 5] =
     [TimerKind::Pulse, TimerKind::ExtendedPulse, TimerKind::OnDelay, TimerKind::RetentiveOnDelay, TimerKind::OffDelay];
 
 /// One timer.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct Timer {
     /// The kind of the last start statement.
@@ -224,7 +224,7 @@ impl Timer {
 }
 
 /// A counter. ["Counter Instructions" of the STL reference]
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct Counter {
     /// 0 to 999.

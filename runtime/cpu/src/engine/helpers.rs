@@ -2,11 +2,13 @@
 
 use ob1_model::{BitAddr, Fault};
 
+use super::both::{Answer, Question};
 use super::call::{self, Prepared, Saved, Tops};
 use super::operand::{self, Where};
 use super::plan::{Base, Block, Call, Caller};
-use super::regs::{BR, Interrupted, Regs};
+use super::regs::{BR, Regs};
 use super::{Entry, Hot, statement};
+use crate::arena::ArenaByte;
 use crate::native;
 use crate::{Abort, Context};
 
@@ -36,8 +38,11 @@ impl Context<'_> {
     /// The CPU goes to STOP: leave every block.
     #[cold]
     pub fn safe_point(&mut self, at: Caller) -> Result<(), Abort> {
-        self.machine.at = Some(at);
-        self.attend()
+        let answer = self.outside(Question::SafePoint(at), |cx| {
+            cx.machine.at = Some(at);
+            Answer::Done(cx.attend())
+        });
+        answer.done()
     }
 
     /// The statement `at` has made a mistake: its organization block runs, and the program goes on with the next
@@ -47,7 +52,11 @@ impl Context<'_> {
     /// The CPU goes to STOP.
     #[cold]
     pub fn fault_at(&mut self, at: Caller, fault: Fault, r: &mut Regs) -> Result<(), Abort> {
-        let value = self.fault(fault, self.blocks.plan.site(at), &r.interrupted())?;
+        let interrupted = r.interrupted();
+        let answer = self.outside(Question::Fault(at, fault, interrupted), |cx| {
+            Answer::Value(cx.fault(fault, cx.blocks.plan.site(at), &interrupted))
+        });
+        let value = answer.value()?;
         let block = self.blocks.plan.blocks.get(at.block as usize);
         let stmt = block.and_then(|block| block.stmts.get(at.statement as usize));
         if stmt.is_some_and(|stmt| statement::loads(&stmt.op)) {
@@ -154,9 +163,12 @@ impl Context<'_> {
         r: &mut Regs,
     ) -> Result<(), Abort> {
         self.machine.hot.depth += 1;
-        let caller = self.machine.native_caller.replace(at);
-        let br = native::call(native, entry, self)?;
-        self.machine.native_caller = caller;
+        let br = if self.machine.tape.is_none() {
+            self.native_block(native, at, entry)?
+        } else {
+            let question = Question::Native(native, at, *entry);
+            self.outside(question, |cx| Answer::Result(cx.native_block(native, at, entry))).result()?
+        };
         self.machine.hot.depth -= 1;
         call::status_of_call(r);
         r.flags = r.flags & !BR | (u32::from(br) * BR);
@@ -166,6 +178,14 @@ impl Context<'_> {
             Ok(()) => Ok(()),
             Err(fault) => self.fault_at(at, fault, r),
         }
+    }
+
+    #[inline]
+    fn native_block(&mut self, native: u32, at: Caller, entry: &Entry) -> Result<bool, Abort> {
+        let caller = self.machine.native_caller.replace(at);
+        let br = native::call(native, entry, self)?;
+        self.machine.native_caller = caller;
+        Ok(br)
     }
 
     /// A whole [`super::Op::CallNative`] behind its safe point.
@@ -194,7 +214,6 @@ impl Context<'_> {
     /// The CPU goes to STOP.
     #[cold]
     pub fn no_room(&mut self, block: u32, fault: Fault) -> Result<(), Abort> {
-        let site = self.blocks.plan.site(Caller { block, statement: 0 });
-        self.fault(fault, site, &Interrupted::default()).map(|_| ())
+        self.fault_at(Caller { block, statement: 0 }, fault, &mut Regs::new(&Entry::default(), ArenaByte(0), 0))
     }
 }

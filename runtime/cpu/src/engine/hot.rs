@@ -82,7 +82,31 @@ impl Default for Hot {
     }
 }
 
+/// What of the hot state is no pointer and no flag of others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Values {
+    pub(crate) pending: u32,
+    pub(crate) look_after: u32,
+    pub(crate) local_top: u32,
+    pub(crate) refs_top: u32,
+    pub(crate) scratch_top: u32,
+    pub(crate) depth: u32,
+    pub(crate) stopping: bool,
+    pub(crate) now: Nanos,
+}
+
 impl Hot {
+    pub(crate) const fn values(&self) -> Values {
+        let Self { pending, look_after, local_top, refs_top, scratch_top, depth, stopping, now, .. } = *self;
+        Values { pending, look_after, local_top, refs_top, scratch_top, depth, stopping, now }
+    }
+
+    pub(crate) fn set_values(&mut self, values: &Values) {
+        let Values { pending, look_after, local_top, refs_top, scratch_top, depth, stopping, now } = *values;
+        (self.pending, self.look_after, self.stopping, self.now) = (pending, look_after, stopping, now);
+        (self.local_top, self.refs_top, self.scratch_top, self.depth) = (local_top, refs_top, scratch_top, depth);
+    }
+
     /// The stacks become empty, as behind an aborted run.
     pub(crate) fn unwind(&mut self) {
         (self.refs_top, self.scratch_top, self.local_top, self.depth) = (0, 0, 0, 0);

@@ -34,6 +34,7 @@
 //! by who called the engine.
 
 mod arith;
+mod both;
 mod call;
 mod convert;
 mod helpers;
@@ -57,6 +58,8 @@ pub use crate::arena::{ArenaBit, ArenaByte, Db, Range};
 pub use crate::context::Context;
 pub use crate::timers::{Counter, Timer};
 pub use arith::{compare_dint, compare_int, compare_real, dint, int, math, real};
+pub use both::Both;
+pub(crate) use both::Tape;
 pub use call::{Prepared, Saved, Tops};
 pub use convert::convert;
 pub use hot::Hot;
@@ -74,7 +77,7 @@ pub use regs::{BR, CC0, CC1, FC, OR, OS, OV, RLO, Regs, STA, with_cc};
 pub use shift::shift;
 
 /// What a block finds when it is entered.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Entry {
     /// Where the references to its actual parameters begin in the stack of references.
     pub refs: u32,

@@ -75,7 +75,7 @@ pub struct Regs {
 /// The registers of a block that an error has interrupted. OB 121 and OB 122 find them in their own, as they belong to
 /// the same class; they come back unchanged, but for what SFC 44 puts in ACCU1. ["Error Organization Blocks" of
 /// Programming with STEP 7]
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Interrupted {
     pub(crate) accus: [u32; 4],
     ar1: u32,

@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use ob1_cpu::engine::{Factory, PLAIN, REFERENCE};
+use ob1_cpu::engine::{Both, Factory, PLAIN, REFERENCE};
 use ob1_native::{AtLoad, Tier};
 
 /// Every engine.
@@ -11,6 +11,7 @@ pub const ENGINES: &[(&str, &dyn Factory)] = &[
     ("plain", PLAIN),
     ("native", &AtLoad(Tier::Optimised)),
     ("native, fast tier", &AtLoad(Tier::Fast)),
+    ("both", &Both(&AtLoad(Tier::Optimised))),
 ];
 
 thread_local! {
