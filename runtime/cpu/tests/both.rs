@@ -117,7 +117,11 @@ fn the_first_difference_stops_with_its_place() {
     let (mut bench, log) = told(&CONSTANT);
     assert!(log.contains("MB 11 is 08h instead of 07h"), "{log}");
     let site = bench.cpu.diagnostic(0).and_then(|entry| entry.site);
-    assert_eq!(site.map(|site| (site.block, site.line)), Some((ob(1), 11)), "the next answer from outside");
+    assert_eq!(
+        site.map(|site| (site.block, site.line)),
+        Some((ob(1), 11)),
+        "the next question whose statement is known"
+    );
     assert_eq!(bench.mw(10), 7, "memory is as the reference engine left it");
 }
 
@@ -138,7 +142,7 @@ fn each_kind_of_difference_is_told() {
         (&COUNTER, "Z "),
         (&FAULT, not_loaded.as_str()),
         (&NO_FAULT, "instead of fault"),
-        (&ENDLESS, "a safe point"),
+        (&ENDLESS, "MB 2"),
     ] {
         let (_, log) = told(wrong);
         assert!(log.contains(expected), "{expected}: {log}");

@@ -11,7 +11,7 @@ pub const ENGINES: &[(&str, &dyn Factory)] = &[
     ("plain", PLAIN),
     ("native", &AtLoad(Tier::Optimised)),
     ("native, fast tier", &AtLoad(Tier::Fast)),
-    ("both", &Both(&AtLoad(Tier::Optimised))),
+    ("both", &Both(PLAIN)),
 ];
 
 thread_local! {

@@ -187,6 +187,8 @@ impl Tape {
     fn differs(&mut self, what: What, to: Option<Caller>) {
         let events = self.played.unwrap_or(0);
         let from = events.checked_sub(1).and_then(|last| self.events.get(last)).and_then(|event| event.question.at());
+        // Peripheral accesses do not know their statement; the next question on record does.
+        let to = to.or_else(|| self.events.get(events..)?.iter().find_map(|event| event.question.at()));
         self.difference.get_or_insert(Difference { what, from, to, events });
     }
 
