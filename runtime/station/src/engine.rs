@@ -9,7 +9,7 @@ use ob1_native::{AtLoad, Tier};
 /// The engine asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EngineChoice {
-    /// The fastest there is for this machine and this program.
+    /// What the house takes: the reference engine, as long as a program would wait for its machine code at load.
     #[default]
     Auto,
     /// The one that compiles to machine code.
