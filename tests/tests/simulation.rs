@@ -53,7 +53,7 @@ fn seeds_that_once_failed() {
         // A driver was killed in the middle of a block. The next one refused each character of the rest, the sender
         // asked anew for each NAK, and two of the requests came as data: they cancel out in the check character.
         2007,
-        // The same as the first two, behind a request that was answered by a request.
+        // A 00 lost on the way back, behind a request that was answered by a request.
         4778,
     ] {
         let outcome = run(&Scenario::demo(&folder(), seed));

@@ -200,9 +200,8 @@ mod tests {
         let mut tap = Tap::default();
         assert!(tap.push(1, STX).is_none());
         tap.asks();
-        let good = |tap: &mut Tap, at: u64, bytes: &[u8]| {
-            bytes.iter().filter(|byte| tap.push(at, **byte).is_some()).count()
-        };
+        let good =
+            |tap: &mut Tap, at: u64, bytes: &[u8]| bytes.iter().filter(|byte| tap.push(at, **byte).is_some()).count();
         assert_eq!(good(&mut tap, 2, &[DLE]), 0);
         assert_eq!(good(&mut tap, 3, &[DLE, STX]), 0);
         assert_eq!(good(&mut tap, 4, b"\x31\x10\x03\x22"), 1);
