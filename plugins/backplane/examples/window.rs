@@ -15,7 +15,7 @@ const WORDS: usize = 64;
 
 /// What one reader has seen.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Seen {
+pub(crate) struct Seen {
     /// Whole snapshots.
     pub reads: u64,
     /// Reads that the writer was faster than in every try.
@@ -54,7 +54,7 @@ fn look(reader: &WindowReader, reads: u64) -> Seen {
 /// # Panics
 /// No shared memory, no thread.
 #[must_use]
-pub fn race(readers: usize, reads: u64) -> (Vec<Seen>, u64) {
+pub(crate) fn race(readers: usize, reads: u64) -> (Vec<Seen>, u64) {
     let mut writer = WindowWriter::create_shared().expect("shared memory");
     let reader = writer.reader();
     let done = AtomicBool::new(false);

@@ -1,4 +1,4 @@
-//! How fast the engines run STL programs: `cargo run --release -p ob1-native --example speed -- FILE.awl...`
+//! How fast the engines run STL programs: `cargo run --release -p ob1-native --example engine_speed -- FILE.awl...`
 //!
 //! Each program's OB 1 runs again and again on the reference engine and on the native one in turns; the best round
 //! counts. Before a time is believed both have left the same memory. `--listing FILE.awl` shows the code of its blocks.
