@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     /// Those that tell something good, or what somebody wanted.
-    const NOTHING_TO_DO: [Event; 8] = [
+    const NOTHING_TO_DO: [Event; 10] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -189,6 +189,8 @@ mod tests {
         Event::DRIVER_UP,
         Event::CP_ERROR_GONE,
         Event::RETENTIVE_KEPT,
+        Event::INPUT_IMAGE_BACK,
+        Event::OUTPUT_IMAGE_BACK,
     ];
 
     #[test]

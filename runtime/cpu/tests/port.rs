@@ -110,7 +110,7 @@ fn cells_and_refusals() {
         (Cell::Db(8, 0), Byte, 0, CellError::ReadOnly),
         (Cell::Area(Area::Memory, 0), Byte, 256, CellError::Value),
         (Cell::Counter(3), Word, 1000, CellError::Value),
-        (Cell::Timer(1), Word, 0, CellError::ReadOnly),
+        (Cell::Timer(1), Word, 0x000A, CellError::Value),
     ] {
         assert_eq!(cpu.write(cell, width, value), Err(error), "{cell:?}");
     }

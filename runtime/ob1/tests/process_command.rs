@@ -31,7 +31,7 @@ fn cells_are_read_and_written_and_the_state_changed() {
     assert_eq!(bench.value("DB5.COUNT"), -3);
     assert_eq!(bench.code(&["set", "bench.toml", "DB5.SETPOINT=-2.25", "DB5.DBW4=16#FFFE"]), Some(0));
     assert_eq!((bench.value("DB5.SETPOINT"), bench.value("DB5.COUNT")), ((-2.25).into(), (-2).into()));
-    for wrong in ["MW0=99999", "MX0=1", "T1=1"] {
+    for wrong in ["MW0=99999", "MX0=1", "T1=16#000A"] {
         assert_eq!(bench.code(&["set", "bench", wrong]), Some(8), "{wrong}");
     }
     assert_eq!(bench.code(&["set", "bench", "MW0"]), Some(1));
