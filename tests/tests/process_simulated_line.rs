@@ -94,13 +94,16 @@ fn a_line_outlives_the_station_that_started_it_and_its_own_death() {
     }
     a.until("the line is gone", |a| (a.entries("F203h") > 0 || line_errors(a) > 0).then_some(()));
     ledger::flow(&a, 20);
+    let of_a = Ledger::of_a(&a);
+    assert_eq!(of_a["WRONG"], 0, "{of_a:?}");
     // A is restarted: B stays on the line, or its own takes over.
     let code = a.interrupt().code();
     assert_eq!(code, Some(0));
     let a = site.run("station-a.toml").until_run();
     ledger::flow(&a, 20);
+    // B may still have had the echo of a telegram of the first A, whose number the second does not know.
     let of_a = Ledger::of_a(&a);
-    assert_eq!(of_a["WRONG"], 0, "{of_a:?}");
+    assert!(of_a["WRONG"] <= 1, "{of_a:?}");
     for ended in [a.interrupt(), b.interrupt()] {
         assert_eq!(ended.code(), Some(0), "{ended:?}");
     }
