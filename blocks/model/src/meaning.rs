@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     /// Those that tell something good, or what somebody wanted.
-    const NOTHING_TO_DO: [Event; 10] = [
+    const NOTHING_TO_DO: [Event; 11] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -191,6 +191,7 @@ mod tests {
         Event::RETENTIVE_KEPT,
         Event::INPUT_IMAGE_BACK,
         Event::OUTPUT_IMAGE_BACK,
+        Event::STATION_BACK,
     ];
 
     #[test]
