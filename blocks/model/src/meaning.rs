@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     /// Those that tell something good, or what somebody wanted.
-    const NOTHING_TO_DO: [Event; 11] = [
+    const NOTHING_TO_DO: [Event; 12] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -192,6 +192,7 @@ mod tests {
         Event::INPUT_IMAGE_BACK,
         Event::OUTPUT_IMAGE_BACK,
         Event::STATION_BACK,
+        Event::STATION_ACCEPTS,
     ];
 
     #[test]

@@ -40,6 +40,10 @@ fn ascii_telegram(raw: &[Option<u8>]) -> Option<Vec<u8>> {
     (telegram.iter().fold(*lrc, |sum, byte| sum.wrapping_add(*byte)) == 0).then(|| telegram.to_vec())
 }
 
+fn hex(digits: Option<&[u8]>) -> Option<u8> {
+    u8::from_str_radix(std::str::from_utf8(digits?).ok()?, 16).ok()
+}
+
 /// Either partner. The slave shows the harness the requests it answers, as telegrams delivered.
 enum Partner {
     Master(Box<Master>),
@@ -55,7 +59,10 @@ struct Shown<'a> {
 
 impl Sink for Shown<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
-        let for_me = |telegram: &[u8]| telegram.first() == Some(&ADDRESS);
+        // An answer carries the function code of its request; the end of a telegram may have a right check by chance.
+        let code = if self.rtu { bytes.get(1).copied() } else { hex(bytes.get(3..5)) };
+        let code = code.expect("an answer has a function code") & 0x7F;
+        let for_me = |telegram: &[u8]| telegram.starts_with(&[ADDRESS, code]);
         let request = heard(self.rtu, self.raw, for_me).expect("answered what the check would have refused");
         self.raw.clear();
         self.out.deliver(&request);
