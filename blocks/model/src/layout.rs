@@ -147,17 +147,30 @@ impl Layout {
         Some(BitAddr(at))
     }
 
+    /// Where each element of an array lies, the last dimension fastest.
+    #[must_use]
+    pub fn places(dims: &[Dimension], element: &DataType) -> Vec<BitAddr> {
+        let stride = Self::stride(element);
+        let row_bits = dims.last().map_or(0, |d| align_to(d.len().saturating_mul(stride), 16));
+        let count: u32 = dims.iter().map(|d| d.len()).product();
+        let per_row = dims.last().map_or(1, |d| d.len()).max(1);
+        (0..count).map(|i| BitAddr(i / per_row * row_bits + i % per_row * stride)).collect()
+    }
+
+    /// The indices of an element, counted as [`Layout::places`] does: `[1,-2]`.
+    #[must_use]
+    pub fn index_text(dims: &[Dimension], flat: u32) -> String {
+        format!("[{}]", index_text(dims, flat))
+    }
+
     /// All elementary components of `ty` at `base`, in address order.
     pub fn components(path: &str, ty: &DataType, base: BitAddr, out: &mut Vec<Component>) {
         match ty {
             DataType::Struct(fields) => Self::struct_components(path, fields, base, out),
             DataType::Array(dims, element) => {
-                let row_bits = dims.last().map_or(0, |d| align_to(d.len().saturating_mul(Self::stride(element)), 16));
-                let count: u32 = dims.iter().map(|d| d.len()).product();
-                let per_row = dims.last().map_or(1, |d| d.len()).max(1);
-                for i in 0..count {
-                    let at = base.0 + i / per_row * row_bits + i % per_row * Self::stride(element);
-                    Self::components(&format!("{path}[{}]", index_text(dims, i)), element, BitAddr(at), out);
+                for (i, at) in Self::places(dims, element).into_iter().enumerate() {
+                    let path = format!("{path}{}", Self::index_text(dims, i as u32));
+                    Self::components(&path, element, BitAddr(base.0 + at.0), out);
                 }
             }
             _ => out.push(Component { path: path.to_owned(), ty: ty.clone(), at: base }),

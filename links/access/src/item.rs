@@ -1,7 +1,7 @@
 //! Names of cells: `M1.0`, `MW10`, `DB10.DBW20`, `PEW256`, `T2`, `Z3`, `DB20.DONE`, and symbols.
 
-use ob1_ir::{DataBlock, Program};
-use ob1_model::{Area, Cell, CellWidth, Component, DataType};
+use ob1_ir::{DataBlock, Program, Symbol};
+use ob1_model::{Area, Cell, CellWidth, Component, DataType, Layout};
 
 use crate::near::nearest;
 
@@ -33,18 +33,37 @@ pub struct Item {
     pub type_name: &'static str,
 }
 
+/// A place by its name, with its type: also texts, times, arrays and structures, which are no [`Item`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Typed {
+    /// The name as it was given.
+    pub name: String,
+    /// The place.
+    pub cell: Cell,
+    /// What lies there.
+    pub ty: DataType,
+}
+
 /// The names of a program: data block components and symbols.
 #[derive(Clone, Debug, Default)]
 pub struct Names {
     blocks: Vec<NamedBlock>,
-    symbols: Vec<(String, String)>,
+    symbols: Vec<Symbol>,
 }
 
-#[derive(Clone, Debug)]
-struct NamedBlock {
-    number: u16,
-    name: Option<String>,
-    components: Vec<Component>,
+/// A data block as the program declares it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedBlock {
+    /// The number.
+    pub number: u16,
+    /// The name of its header or symbol.
+    pub name: Option<String>,
+    /// Its declarations, composed types whole.
+    pub components: Vec<Component>,
+    /// How long it is.
+    pub bytes: u32,
+    /// `READ_ONLY`: the program cannot write it.
+    pub read_only: bool,
 }
 
 impl Names {
@@ -55,11 +74,28 @@ impl Names {
             number: data.number,
             name: data.name.clone(),
             components: data.components.clone(),
+            bytes: data.bytes.len() as u32,
+            read_only: data.read_only,
         };
-        Self {
-            blocks: program.data.iter().map(block).collect(),
-            symbols: program.symbols.iter().map(|s| (s.name.clone(), s.address.clone())).collect(),
-        }
+        Self::of(program.data.iter().map(block).collect(), program.symbols.clone())
+    }
+
+    /// Of data blocks and symbols.
+    #[must_use]
+    pub fn of(blocks: Vec<NamedBlock>, symbols: Vec<Symbol>) -> Self {
+        Self { blocks, symbols }
+    }
+
+    /// The data blocks.
+    #[must_use]
+    pub fn blocks(&self) -> &[NamedBlock] {
+        &self.blocks
+    }
+
+    /// The symbols.
+    #[must_use]
+    pub fn symbols(&self) -> &[Symbol] {
+        &self.symbols
     }
 
     /// Finds a cell by name.
@@ -67,16 +103,34 @@ impl Names {
     /// # Errors
     /// What is wrong with the name, in one sentence.
     pub fn parse(&self, name: &str) -> Result<Item, String> {
+        let typed = self.typed(name)?;
+        let (width, reading) = of_type(&typed.ty)
+            .ok_or_else(|| format!("{} is a {}, which is no single value", name.trim(), typed.ty.name()))?;
+        Ok(Item { name: typed.name, cell: typed.cell, width, reading, type_name: typed.ty.name() })
+    }
+
+    /// Finds a place and its type by name. A symbol has the type of the symbol table where that is as long as the
+    /// address says.
+    ///
+    /// # Errors
+    /// What is wrong with the name, in one sentence.
+    pub fn typed(&self, name: &str) -> Result<Typed, String> {
         let trimmed = name.trim().trim_matches('"');
         let text: String = trimmed.chars().filter(|c| !c.is_whitespace()).collect();
         if text.is_empty() {
             return Err("a name is missing; write it like M1.0, MW10 or DB10.DBW20".into());
         }
-        let found = match self.symbols.iter().find(|(symbol, _)| symbol.eq_ignore_ascii_case(trimmed)) {
-            Some((_, address)) => self.absolute(&address.chars().filter(|c| !c.is_whitespace()).collect::<String>()),
-            None => self.absolute(&text),
+        let (cell, ty) = match self.symbols.iter().find(|symbol| symbol.name.eq_ignore_ascii_case(trimmed)) {
+            None => self.absolute(&text)?,
+            Some(symbol) => {
+                let (cell, ty) =
+                    self.absolute(&symbol.address.chars().filter(|c| !c.is_whitespace()).collect::<String>())?;
+                let same = |told: &&DataType| of_type(told).is_some() && Layout::bits(told) == Layout::bits(&ty);
+                let told = symbol.ty.as_ref().filter(|told| same(told) && ty != DataType::S5Time);
+                (cell, told.cloned().unwrap_or(ty))
+            }
         };
-        found.map(|(cell, width, reading, type_name)| Item { name: name.to_owned(), cell, width, reading, type_name })
+        Ok(Typed { name: name.to_owned(), cell, ty })
     }
 
     fn absolute(&self, text: &str) -> Result<Place, String> {
@@ -95,21 +149,20 @@ impl Names {
             _ => None,
         };
         match letters {
-            "T" => Ok((Cell::Timer(number(address)?), CellWidth::Word, Reading::Unsigned, "S5TIME")),
-            "Z" | "C" => Ok((Cell::Counter(number(address)?), CellWidth::Word, Reading::Unsigned, "COUNTER")),
+            "T" => Ok((Cell::Timer(number(address)?), DataType::S5Time)),
+            "Z" | "C" => Ok((Cell::Counter(number(address)?), DataType::Counter)),
             _ => {
                 if let Some(area) = area(letters) {
-                    return Ok((Cell::Area(area, bit_address(address)?), CellWidth::Bit, Reading::Bool, "BOOL"));
+                    return Ok((Cell::Area(area, bit_address(address)?), DataType::Bool));
                 }
-                let (name, width) = split_width(letters).ok_or_else(|| unknown(text))?;
+                let (name, ty) = split_width(letters).ok_or_else(|| unknown(text))?;
                 let byte: u32 = number(address)?;
-                let (width, reading, type_name) = width;
                 let cell = match (area(name), name) {
                     (Some(area), _) => Cell::Area(area, checked_bits(byte)?),
                     (None, "PE" | "PI" | "PA" | "PQ" | "P") => Cell::Peripheral(checked_bits(byte)?),
                     (None, _) => return Err(unknown(text)),
                 };
-                Ok((cell, width, reading, type_name))
+                Ok((cell, ty))
             }
         }
     }
@@ -126,24 +179,19 @@ impl Names {
     }
 
     fn in_block(&self, db: u16, rest: &str) -> Result<Place, String> {
-        let component = |found: &Component| {
-            let (width, reading) = of_type(&found.ty)?;
-            Some((Cell::Db(db, found.at.0), width, reading, found.ty.name()))
-        };
         let block = self.blocks.iter().find(|b| b.number == db);
         let components = block.map(|b| b.components.as_slice()).unwrap_or_default();
         if let Some(found) = Component::find(components, rest) {
-            return component(&found)
-                .ok_or_else(|| format!("DB{db}.{rest} is a {}, which is no single value", found.ty.name()));
+            return Ok((Cell::Db(db, found.at.0), found.ty));
         }
         let upper = rest.to_ascii_uppercase();
         let digits = upper.find(|c: char| c.is_ascii_digit()).unwrap_or(upper.len());
         let (letters, address) = upper.split_at(digits);
         if letters == "DBX" {
-            return Ok((Cell::Db(db, bit_address(address)?), CellWidth::Bit, Reading::Bool, "BOOL"));
+            return Ok((Cell::Db(db, bit_address(address)?), DataType::Bool));
         }
-        if let Some(("DB", (width, reading, type_name))) = split_width(letters) {
-            return Ok((Cell::Db(db, checked_bits(number(address)?)?), width, reading, type_name));
+        if let Some(("DB", ty)) = split_width(letters) {
+            return Ok((Cell::Db(db, checked_bits(number(address)?)?), ty));
         }
         let hint = nearest(&upper, components.iter().map(|c| c.path.as_str()));
         let hint = hint.map_or_else(String::new, |near| format!("; did you mean DB{db}.{near}?"));
@@ -151,23 +199,22 @@ impl Names {
     }
 }
 
-type Place = (Cell, CellWidth, Reading, &'static str);
+type Place = (Cell, DataType);
 
 fn unknown(text: &str) -> String {
     format!("\"{text}\" is no name of a cell; write it like M1.0, MW10, DB10.DBW20, EB4, AW6, PEW256, T2, Z3")
 }
 
 /// `MW` -> `M` and a word.
-fn split_width(letters: &str) -> Option<(&str, (CellWidth, Reading, &'static str))> {
+fn split_width(letters: &str) -> Option<(&str, DataType)> {
     let split = letters.len().checked_sub(1)?;
-    let (name, width) = (letters.get(..split)?, letters.get(split..)?);
-    let width = match width {
-        "B" => (CellWidth::Byte, Reading::Unsigned, "BYTE"),
-        "W" => (CellWidth::Word, Reading::Unsigned, "WORD"),
-        "D" => (CellWidth::DWord, Reading::Unsigned, "DWORD"),
+    let ty = match letters.get(split..)? {
+        "B" => DataType::Byte,
+        "W" => DataType::Word,
+        "D" => DataType::DWord,
         _ => return None,
     };
-    Some((name, width))
+    Some((letters.get(..split)?, ty))
 }
 
 fn of_type(ty: &DataType) -> Option<(CellWidth, Reading)> {
@@ -177,7 +224,9 @@ fn of_type(ty: &DataType) -> Option<(CellWidth, Reading)> {
         DataType::Real => Reading::Real,
         _ => Reading::Unsigned,
     };
-    let width = match ty.elementary_bits()? {
+    // A counter's value is a word, as it stands behind its number.
+    let bits = if *ty == DataType::Counter { Some(16) } else { ty.elementary_bits() };
+    let width = match bits? {
         1 => CellWidth::Bit,
         8 => CellWidth::Byte,
         16 => CellWidth::Word,
@@ -226,7 +275,13 @@ mod tests {
                 ],
                 read_only: false,
             }],
-            symbols: vec![Symbol { name: "Ready lamp".into(), address: "A 4.0".into(), ty: None }],
+            symbols: [
+                ("Ready lamp", "A 4.0", None),
+                ("Level", "MW 20", Some(DataType::Int)),
+                ("Odd", "MW 22", Some(DataType::Real)),
+            ]
+            .map(|(name, address, ty)| Symbol { name: name.into(), address: address.into(), ty })
+            .into(),
             ..Program::default()
         })
     }
@@ -269,6 +324,17 @@ mod tests {
         assert_eq!(parse("ledger.done"), done);
         assert_eq!(parse("DB20.PAUSE").map(|p| p.1), Ok(CellWidth::Bit));
         assert_eq!(parse("\"Ready lamp\""), Ok((Cell::Area(Area::Output, 32), CellWidth::Bit, Reading::Bool)));
+    }
+
+    #[test]
+    fn symbols_have_the_type_of_their_table_where_it_fits_the_address() {
+        let typed = |name: &str| names().typed(name).map(|t| (t.cell, t.ty));
+        assert_eq!(typed("\"Level\""), Ok((Cell::Area(Area::Memory, 160), DataType::Int)));
+        assert_eq!(parse("Level").map(|p| p.2), Ok(Reading::Signed));
+        assert_eq!(typed("Odd"), Ok((Cell::Area(Area::Memory, 176), DataType::Word)));
+        assert_eq!(typed("DB20.WHEN"), Ok((Cell::Db(20, 488), DataType::DateAndTime)));
+        assert_eq!(typed("Z3"), Ok((Cell::Counter(3), DataType::Counter)));
+        assert_eq!(typed("T3"), Ok((Cell::Timer(3), DataType::S5Time)));
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! It knows the program's names and the vocabulary of an S7, no CPU: whoever reads and writes cells asks it what they
 //! mean.
 
+mod datum;
 pub mod door;
 mod form;
 mod item;
@@ -12,8 +13,9 @@ mod plan;
 mod rights;
 pub mod value;
 
+pub use datum::{Datum, Unfit};
 pub use form::Form;
-pub use item::{Item, Names, Reading};
+pub use item::{Item, NamedBlock, Names, Reading, Typed};
 pub use near::nearest;
 pub use ob1_model::{Cell, CellError, CellWidth, Piece, Put};
 pub use plan::Plan;

@@ -36,11 +36,11 @@ const TABLE: &[Row] = &[
         "invariant 3",
         &["ob1-cpu", "ob1-ir", "ob1-model", "cranelift-codegen", "cranelift-frontend", "rustix", "target-lexicon"],
     ),
-    // What every link shares; STATUS in words stands with the protocols.
+    // What every link shares; STATUS in words stands with the protocols, the moments of DATE_AND_TIME with the blocks.
     row(
         "ob1-access",
         "invariant 2",
-        &["ob1-backplane", "ob1-ir", "ob1-model", "ob1-protocols", "serde_json", "strsim", "thiserror"],
+        &["ob1-backplane", "ob1-ir", "ob1-model", "ob1-protocols", "ob1-std", "serde_json", "strsim", "thiserror"],
     ),
     row("ob1-s7", "invariant 1", &[]),
     // It owns the sockets; the CPU is behind the broker.

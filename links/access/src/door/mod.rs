@@ -45,6 +45,7 @@ pub use messages::{
     ToBroker, ToLink, VERSION, Welcome, What,
 };
 use ranges::Ranges;
+pub use ranges::{Cover, Found};
 pub use reading::Reading;
 
 /// Messages that may wait for room in the socket; who asks more than that without pumping loses the door.

@@ -33,9 +33,9 @@ struct Stretch {
     index: usize,
 }
 
-/// The pieces of one generation, and where each lies.
+/// Pieces merged into fewer, and where each of them lies in those. What lies together becomes one piece.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Layout {
+pub struct Cover {
     generation: u64,
     frame: Frame,
     /// Ascending, apart from each other.
@@ -43,10 +43,22 @@ pub(crate) struct Layout {
     values: BTreeMap<(Cell, CellWidth), usize>,
 }
 
-/// Where a piece lies: which one of the frame, and how many of its bytes to skip.
-pub(crate) type Found = (usize, u32);
+/// Where a piece lies: which one of the merged, and how many of its bytes to skip.
+pub type Found = (usize, u32);
 
-impl Layout {
+impl Cover {
+    /// Of these pieces.
+    #[must_use]
+    pub fn merging<'p>(wanted: impl Iterator<Item = &'p Piece>) -> Self {
+        Self::of(0, wanted)
+    }
+
+    /// The merged pieces.
+    #[must_use]
+    pub fn pieces(&self) -> &[Piece] {
+        self.frame.pieces()
+    }
+
     fn of<'p>(generation: u64, wanted: impl Iterator<Item = &'p Piece>) -> Self {
         let mut layout = Self { generation, ..Self::default() };
         let mut pieces = Vec::new();
@@ -86,7 +98,9 @@ impl Layout {
         layout
     }
 
-    fn fits(&self) -> bool {
+    /// Whether a link may watch them all.
+    #[must_use]
+    pub fn fits(&self) -> bool {
         fits_a_share(self.frame.pieces().iter().copied())
     }
 
@@ -94,8 +108,9 @@ impl Layout {
         &self.frame
     }
 
-    /// Where a piece lies, if all of it is watched.
-    pub(crate) fn find(&self, piece: &Piece) -> Option<Found> {
+    /// Where a piece lies, if all of it is among the merged.
+    #[must_use]
+    pub fn find(&self, piece: &Piece) -> Option<Found> {
         match *piece {
             Piece::Value(cell, width) => Some((*self.values.get(&(cell, width))?, 0)),
             Piece::Bytes { at, len } => {
@@ -117,7 +132,7 @@ pub(crate) struct Ranges {
     refused: BTreeSet<Block>,
     refused_values: BTreeSet<Cell>,
     /// What is or will be in snapshots, in ascending order of generations.
-    layouts: Vec<Layout>,
+    layouts: Vec<Cover>,
     generation: u64,
     in_flight: bool,
     changed: bool,
@@ -139,7 +154,7 @@ impl Ranges {
         }
     }
 
-    pub(crate) fn layout(&self, generation: u64) -> Option<&Layout> {
+    pub(crate) fn layout(&self, generation: u64) -> Option<&Cover> {
         self.layouts.iter().find(|layout| layout.generation == generation)
     }
 
@@ -159,7 +174,7 @@ impl Ranges {
     /// These pieces shall be watched too. False: they alone are more than a share.
     pub(crate) fn want(&mut self, pieces: &[Piece]) -> bool {
         let allowed: Vec<Piece> = pieces.iter().filter(|piece| !self.is_refused(piece)).copied().collect();
-        if !Layout::of(0, allowed.iter()).fits() {
+        if !Cover::of(0, allowed.iter()).fits() {
             return false;
         }
         self.turn += 1;
@@ -178,7 +193,7 @@ impl Ranges {
         }
         self.fit();
         self.generation += 1;
-        let layout = Layout::of(self.generation, self.wanted.keys());
+        let layout = Cover::of(self.generation, self.wanted.keys());
         let pieces = layout.frame.pieces().to_vec();
         self.layouts.push(layout);
         (self.changed, self.in_flight) = (false, true);
@@ -187,7 +202,7 @@ impl Ranges {
 
     /// Lets go what has not been read for longest, until the rest fits.
     fn fit(&mut self) {
-        if self.wanted.len() <= REMEMBERED && Layout::of(0, self.wanted.keys()).fits() {
+        if self.wanted.len() <= REMEMBERED && Cover::of(0, self.wanted.keys()).fits() {
             return;
         }
         let mut newest: Vec<(Piece, Used)> = self.wanted.iter().map(|(piece, used)| (*piece, *used)).collect();
@@ -197,7 +212,7 @@ impl Ranges {
         let (mut fits, mut not) = (0, newest.len() + 1);
         while fits + 1 < not {
             let middle = usize::midpoint(fits, not);
-            match Layout::of(0, newest.iter().take(middle).map(|(piece, _)| piece)).fits() {
+            match Cover::of(0, newest.iter().take(middle).map(|(piece, _)| piece)).fits() {
                 true => fits = middle,
                 false => not = middle,
             }

@@ -1,0 +1,345 @@
+//! Values of every S7 type, texts, times and arrays included, out of the bytes of a CPU and into writes.
+//!
+//! [`crate::value`] speaks of single values of up to 32 bits, as people write them; this of whole types, as programs
+//! exchange them.
+
+use ob1_model::calendar::DAYS_TO_1990;
+use ob1_model::{Cell, CellWidth, DataType, GROUP_ENTRIES, Layout, Piece, Put, S5Time, WRITE_BYTES};
+use ob1_std::moment::{DAY_MS, Moment};
+use thiserror::Error;
+
+use crate::Typed;
+
+/// Milliseconds from 1970-01-01 to 1990-01-01, where DATE and DATE_AND_TIME begin.
+const MS_TO_1990: i64 = DAYS_TO_1990 as i64 * DAY_MS as i64;
+
+/// A value.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Datum {
+    /// BOOL.
+    Bool(bool),
+    /// BYTE, CHAR.
+    Byte(u8),
+    /// WORD, a counter.
+    Word(u16),
+    /// DWORD.
+    DWord(u32),
+    /// INT.
+    Int(i16),
+    /// DINT.
+    DInt(i32),
+    /// REAL.
+    Real(f32),
+    /// TIME, S5TIME, a timer, TIME_OF_DAY (since midnight): milliseconds.
+    Duration(i64),
+    /// DATE, DATE_AND_TIME: milliseconds since 1970-01-01, by the CPU's clock.
+    Moment(i64),
+    /// STRING, each byte a character of ISO 8859-1.
+    Text(String),
+    /// POINTER, ANY.
+    Bytes(Vec<u8>),
+    /// ARRAY of these, the last dimension fastest.
+    List(Vec<Datum>),
+}
+
+/// Why a value cannot be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum Unfit {
+    /// The value is of another type, or an array of another length.
+    #[error("the value is of another type")]
+    Type,
+    /// The value does not fit: too large, too long, no such date, no such character.
+    #[error("the value does not fit")]
+    Range,
+    /// Nothing of this type can be written: a structure, a pointer.
+    #[error("this type cannot be written")]
+    Never,
+    /// More than one group of writes holds.
+    #[error("more than {GROUP_ENTRIES} bits or {WRITE_BYTES} bytes at once")]
+    TooLong,
+}
+
+impl Typed {
+    /// Whether a value lies here, other than a structure or an array of such.
+    #[must_use]
+    pub fn has_value(&self) -> bool {
+        has_value(&self.ty)
+    }
+
+    /// What has to be read for its value; `None` where there is none.
+    #[must_use]
+    pub fn piece(&self) -> Option<Piece> {
+        if !self.has_value() {
+            return None;
+        }
+        let bits = Layout::bits(&self.ty);
+        Some(match self.cell {
+            Cell::Timer(_) | Cell::Counter(_) => Piece::Value(self.cell, CellWidth::Word),
+            Cell::Peripheral(_) => Piece::Value(self.cell, width(bits)?),
+            Cell::Area(..) | Cell::Db(..) => {
+                let bit = self.cell.bit() % 8;
+                Piece::Bytes { at: self.cell.at_bit(self.cell.bit() - bit), len: (bit + bits).div_ceil(8) }
+            }
+        })
+    }
+
+    /// The value in the bytes of [`Typed::piece`]. `None` when they are too few or not what the type says: a date of
+    /// 31 February, an S5TIME without digits.
+    #[must_use]
+    pub fn value(&self, bytes: &[u8]) -> Option<Datum> {
+        let bit = match self.cell {
+            Cell::Area(..) | Cell::Db(..) => self.cell.bit() % 8,
+            Cell::Peripheral(_) | Cell::Timer(_) | Cell::Counter(_) => 0,
+        };
+        read(&self.ty, bytes, bit)
+    }
+
+    /// What has to be written for this value.
+    ///
+    /// # Errors
+    /// [`Unfit`].
+    pub fn puts(&self, value: &Datum) -> Result<Vec<Put>, Unfit> {
+        if matches!(self.cell, Cell::Timer(_) | Cell::Counter(_) | Cell::Peripheral(_)) {
+            let bytes = write(&self.ty, value)?;
+            let number = bytes.iter().fold(0, |number, byte| number << 8 | u32::from(*byte));
+            let width = width(bytes.len() as u32 * 8).ok_or(Unfit::Never)?;
+            return Ok(vec![Put::Value(self.cell, width, number)]);
+        }
+        let mut puts = Vec::new();
+        self.put_into(value, &mut puts)?;
+        let fits = puts.len() <= GROUP_ENTRIES && puts.iter().map(Put::bytes).sum::<usize>() <= WRITE_BYTES;
+        if fits { Ok(puts) } else { Err(Unfit::TooLong) }
+    }
+
+    fn put_into(&self, value: &Datum, puts: &mut Vec<Put>) -> Result<(), Unfit> {
+        match (&self.ty, value) {
+            (DataType::Array(dims, element), Datum::List(values)) => {
+                let places = Layout::places(dims, element);
+                if !has_value(&self.ty) || places.len() != values.len() {
+                    return Err(Unfit::Type);
+                }
+                // What lies together is one entry; bits go one by one, so that none beside them is touched.
+                if element.elementary_bits() == Some(1) || Layout::bits(element) != Layout::stride(element) {
+                    for (place, value) in places.iter().zip(values) {
+                        self.at(place.0, element).put_into(value, puts)?;
+                    }
+                    return Ok(());
+                }
+                let row = dims.last().map_or(1, |dim| dim.len()).max(1) as usize;
+                for (places, values) in places.chunks(row).zip(values.chunks(row)) {
+                    let mut bytes = Vec::new();
+                    for value in values {
+                        bytes.extend(write(element, value)?);
+                    }
+                    let at = places.first().map_or(0, |place| place.0);
+                    puts.push(Put::Bytes(self.cell.at_bit(self.cell.bit() + at), bytes.into()));
+                }
+            }
+            (DataType::Array(..), _) => return Err(Unfit::Type),
+            (DataType::Bool, Datum::Bool(bit)) => {
+                puts.push(Put::Value(self.cell, CellWidth::Bit, u32::from(*bit)));
+            }
+            (ty, value) => puts.push(Put::Bytes(self.cell, write(ty, value)?.into())),
+        }
+        Ok(())
+    }
+
+    fn at(&self, bit: u32, ty: &DataType) -> Self {
+        Self { name: String::new(), cell: self.cell.at_bit(self.cell.bit() + bit), ty: ty.clone() }
+    }
+}
+
+fn has_value(ty: &DataType) -> bool {
+    match ty {
+        DataType::Array(_, element) => !matches!(**element, DataType::Array(..)) && has_value(element),
+        DataType::Struct(_)
+        | DataType::BlockDb
+        | DataType::BlockFb
+        | DataType::BlockFc
+        | DataType::BlockSdb
+        | DataType::Timer
+        | DataType::TimerOrWord => false,
+        _ => true,
+    }
+}
+
+fn width(bits: u32) -> Option<CellWidth> {
+    Some(match bits {
+        1 => CellWidth::Bit,
+        8 => CellWidth::Byte,
+        16 => CellWidth::Word,
+        32 => CellWidth::DWord,
+        _ => return None,
+    })
+}
+
+/// A value of a type, its first bit so many bits into the bytes.
+fn read(ty: &DataType, bytes: &[u8], bit: u32) -> Option<Datum> {
+    let bytes = bytes.get((bit / 8) as usize..)?;
+    let take = |len: usize| bytes.get(..len);
+    let word = || take(2).and_then(|b| b.try_into().ok()).map(u16::from_be_bytes);
+    let dword = || take(4).and_then(|b| b.try_into().ok()).map(u32::from_be_bytes);
+    Some(match ty {
+        DataType::Bool => Datum::Bool(bytes.first()? >> (bit % 8) & 1 != 0),
+        DataType::Byte | DataType::Char => Datum::Byte(*bytes.first()?),
+        DataType::Word | DataType::Counter => Datum::Word(word()?),
+        DataType::Int => Datum::Int(word()? as i16),
+        DataType::DWord => Datum::DWord(dword()?),
+        DataType::DInt => Datum::DInt(dword()? as i32),
+        DataType::Real => Datum::Real(f32::from_bits(dword()?)),
+        DataType::S5Time => Datum::Duration(i64::from(S5Time(word()?).to_ms()?)),
+        DataType::Time => Datum::Duration(i64::from(dword()? as i32)),
+        DataType::TimeOfDay => Datum::Duration(i64::from(dword()?)),
+        DataType::Date => Datum::Moment(MS_TO_1990 + i64::from(word()?) * DAY_MS as i64),
+        DataType::DateAndTime => {
+            let moment = Moment::from_bytes(take(8)?.try_into().ok()?).ok()?;
+            Datum::Moment(MS_TO_1990 + moment.ms() as i64)
+        }
+        DataType::String(most) => {
+            let text = take(usize::from(*most) + 2)?;
+            // A program may have written any length.
+            let len = usize::from(*text.get(1)?).min(usize::from(*most));
+            Datum::Text(text.get(2..2 + len)?.iter().map(|byte| char::from(*byte)).collect())
+        }
+        DataType::Pointer => Datum::Bytes(take(6)?.to_vec()),
+        DataType::Any => Datum::Bytes(take(10)?.to_vec()),
+        DataType::Array(dims, element) => {
+            let places = Layout::places(dims, element);
+            Datum::List(places.iter().map(|place| read(element, bytes, place.0)).collect::<Option<_>>()?)
+        }
+        _ => return None,
+    })
+}
+
+/// The bytes of a value of a type; of a BOOL in a byte of its own.
+fn write(ty: &DataType, value: &Datum) -> Result<Vec<u8>, Unfit> {
+    Ok(match (ty, value) {
+        (DataType::Bool, Datum::Bool(bit)) => vec![u8::from(*bit)],
+        (DataType::Byte | DataType::Char, Datum::Byte(byte)) => vec![*byte],
+        (DataType::Word | DataType::Counter, Datum::Word(word)) => word.to_be_bytes().to_vec(),
+        (DataType::Int, Datum::Int(int)) => int.to_be_bytes().to_vec(),
+        (DataType::DWord, Datum::DWord(dword)) => dword.to_be_bytes().to_vec(),
+        (DataType::DInt, Datum::DInt(dint)) => dint.to_be_bytes().to_vec(),
+        (DataType::Real, Datum::Real(real)) => real.to_be_bytes().to_vec(),
+        (DataType::S5Time, Datum::Duration(ms)) => {
+            let time = u32::try_from(*ms).ok().and_then(S5Time::from_ms).ok_or(Unfit::Range)?;
+            time.0.to_be_bytes().to_vec()
+        }
+        (DataType::Time, Datum::Duration(ms)) => i32::try_from(*ms).map_err(|_| Unfit::Range)?.to_be_bytes().to_vec(),
+        (DataType::TimeOfDay, Datum::Duration(ms)) => {
+            let ms = u32::try_from(*ms).ok().filter(|ms| u64::from(*ms) < DAY_MS).ok_or(Unfit::Range)?;
+            ms.to_be_bytes().to_vec()
+        }
+        (DataType::Date, Datum::Moment(ms)) => {
+            let days = (ms - MS_TO_1990).div_euclid(DAY_MS as i64);
+            u16::try_from(days).map_err(|_| Unfit::Range)?.to_be_bytes().to_vec()
+        }
+        (DataType::DateAndTime, Datum::Moment(ms)) => {
+            let ms = u64::try_from(ms - MS_TO_1990).map_err(|_| Unfit::Range)?;
+            Moment::from_ms(ms).ok_or(Unfit::Range)?.to_bytes().to_vec()
+        }
+        (DataType::String(most), Datum::Text(text)) => {
+            let chars: Vec<u8> = text.chars().map(u8::try_from).collect::<Result<_, _>>().map_err(|_| Unfit::Range)?;
+            let len = u8::try_from(chars.len()).ok().filter(|len| len <= most).ok_or(Unfit::Range)?;
+            // The rest of the text stays as it is: a length says where it ends.
+            [&[*most, len], chars.as_slice()].concat()
+        }
+        (DataType::Struct(_) | DataType::Pointer | DataType::Any, _) => return Err(Unfit::Never),
+        _ => return Err(Unfit::Type),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_model::{Area, Dimension, Field};
+
+    fn typed(ty: DataType) -> Typed {
+        Typed { name: "x".into(), cell: Cell::Db(1, 160), ty }
+    }
+
+    fn list(low: i32, high: i32, element: DataType) -> DataType {
+        DataType::Array(vec![Dimension { low, high }], Box::new(element))
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let moment = MS_TO_1990 + 36 * 365 * DAY_MS as i64;
+        for (ty, value, bytes) in [
+            (DataType::Byte, Datum::Byte(7), vec![7]),
+            (DataType::Char, Datum::Byte(b'A'), vec![b'A']),
+            (DataType::Word, Datum::Word(0x1234), vec![0x12, 0x34]),
+            (DataType::Int, Datum::Int(-2), vec![0xFF, 0xFE]),
+            (DataType::DWord, Datum::DWord(1), vec![0, 0, 0, 1]),
+            (DataType::DInt, Datum::DInt(-1), vec![0xFF; 4]),
+            (DataType::Real, Datum::Real(1.5), vec![0x3F, 0xC0, 0, 0]),
+            (DataType::S5Time, Datum::Duration(2_000), vec![0x02, 0x00]),
+            (DataType::Time, Datum::Duration(-5), vec![0xFF, 0xFF, 0xFF, 0xFB]),
+            (DataType::TimeOfDay, Datum::Duration(1), vec![0, 0, 0, 1]),
+            (DataType::Date, Datum::Moment(MS_TO_1990 + DAY_MS as i64), vec![0, 1]),
+            (DataType::String(4), Datum::Text("Hä".into()), vec![4, 2, b'H', 0xE4]),
+            (list(0, 2, DataType::Int), Datum::List([1, 2, 3].map(Datum::Int).into()), vec![0, 1, 0, 2, 0, 3]),
+        ] {
+            let typed = typed(ty);
+            assert_eq!(typed.puts(&value), Ok(vec![Put::Bytes(typed.cell, bytes.clone().into())]), "{typed:?}");
+            let mut padded = bytes;
+            padded.resize(padded.len() + 8, 0);
+            assert_eq!(typed.value(&padded), Some(value), "{typed:?}");
+        }
+        let when = typed(DataType::DateAndTime);
+        let [Put::Bytes(_, bytes)] = &when.puts(&Datum::Moment(moment)).expect("fits")[..] else { panic!("one entry") };
+        assert_eq!((bytes[0], when.value(bytes)), (0x25, Some(Datum::Moment(moment))));
+    }
+
+    #[test]
+    fn bits_touch_nothing_beside_them() {
+        let bit = Typed { name: "x".into(), cell: Cell::Area(Area::Memory, 13), ty: DataType::Bool };
+        assert_eq!(bit.piece(), Some(Piece::Bytes { at: Cell::Area(Area::Memory, 8), len: 1 }));
+        assert_eq!(bit.value(&[0x20]), Some(Datum::Bool(true)));
+        assert_eq!(bit.puts(&Datum::Bool(true)), Ok(vec![Put::Value(bit.cell, CellWidth::Bit, 1)]));
+        let bits = typed(list(1, 3, DataType::Bool));
+        let puts = bits.puts(&Datum::List([true, false, true].map(Datum::Bool).into())).expect("fits");
+        assert_eq!(puts[2], Put::Value(Cell::Db(1, 162), CellWidth::Bit, 1));
+        assert_eq!(bits.value(&[5, 0]), Some(Datum::List([true, false, true].map(Datum::Bool).into())));
+        assert_eq!(
+            typed(list(1, 65, DataType::Bool)).puts(&Datum::List(vec![Datum::Bool(true); 65])),
+            Err(Unfit::TooLong)
+        );
+    }
+
+    #[test]
+    fn timers_counters_and_peripherals_are_values() {
+        let timer = Typed { name: "T2".into(), cell: Cell::Timer(2), ty: DataType::S5Time };
+        assert_eq!(timer.piece(), Some(Piece::Value(timer.cell, CellWidth::Word)));
+        assert_eq!(timer.value(&[0x02, 0x00]), Some(Datum::Duration(2_000)));
+        assert_eq!(timer.puts(&Datum::Duration(2_000)), Ok(vec![Put::Value(timer.cell, CellWidth::Word, 0x200)]));
+        let input = Typed { name: "PEB".into(), cell: Cell::Peripheral(2051), ty: DataType::Byte };
+        assert_eq!(input.value(&[9]), Some(Datum::Byte(9)), "the bit of a byte's address is no shift");
+    }
+
+    #[test]
+    fn what_is_no_value_is_none_and_what_does_not_fit_is_refused() {
+        let field = Field { name: "a".into(), ty: DataType::Int, initial: None };
+        assert_eq!(typed(DataType::Struct(vec![field.clone()])).piece(), None);
+        assert_eq!(typed(list(0, 1, DataType::Struct(vec![field]))).piece(), None);
+        assert_eq!(typed(DataType::DateAndTime).value(&[0x25, 0x02, 0x31, 0, 0, 0, 0, 0]), None);
+        assert_eq!(typed(DataType::S5Time).value(&[0x0F, 0xFF]), None);
+        assert_eq!(typed(DataType::Real).value(&[0, 0, 0]), None, "too few bytes");
+        assert_eq!(typed(DataType::String(2)).value(&[2, 200, b'a', b'b']), Some(Datum::Text("ab".into())));
+        for (ty, value, why) in [
+            (DataType::Int, Datum::Word(1), Unfit::Type),
+            (DataType::String(2), Datum::Text("abc".into()), Unfit::Range),
+            (DataType::String(2), Datum::Text("€".into()), Unfit::Range),
+            (DataType::S5Time, Datum::Duration(-1), Unfit::Range),
+            (DataType::S5Time, Datum::Duration(i64::MAX), Unfit::Range),
+            (DataType::TimeOfDay, Datum::Duration(DAY_MS as i64), Unfit::Range),
+            (DataType::Date, Datum::Moment(0), Unfit::Range),
+            (DataType::DateAndTime, Datum::Moment(i64::MIN / 2), Unfit::Range),
+            (DataType::Any, Datum::Bytes(vec![0; 10]), Unfit::Never),
+            (list(0, 1, DataType::Int), Datum::List(vec![Datum::Int(1)]), Unfit::Type),
+            (list(0, 1, DataType::Int), Datum::Int(1), Unfit::Type),
+        ] {
+            assert_eq!(typed(ty.clone()).puts(&value), Err(why), "{ty:?} {value:?}");
+        }
+    }
+}
