@@ -4,7 +4,7 @@ use std::io;
 use std::os::fd::OwnedFd;
 
 use ob1_access::door::{
-    Answer, Ask, Command as Wanted, MESSAGE_BYTES, Refusal, Refused, State, ToBroker, ToLink, What,
+    Answer, Ask, Command as Wanted, Document, MESSAGE_BYTES, Refusal, Refused, State, ToBroker, ToLink, What,
 };
 use ob1_backplane::WindowReader;
 use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, Nanos};
@@ -30,6 +30,8 @@ const PATIENT_LOOKS: u32 = 500;
 const MESSAGES: usize = 64;
 /// Packets that may wait for a link while it still gets events.
 const EVENTS_WAITING: usize = 64;
+/// Packets that may wait for a link while documents are made for it: each can be many.
+const DOCUMENTS_WAITING: usize = 256;
 
 /// See [the crate](crate).
 pub struct Broker {
@@ -122,7 +124,11 @@ impl Broker {
         self.watch_station(now);
         self.port.step();
         while let Some((asker, answers)) = self.port.answered(now) {
-            let answer = answers.map_or_else(|silent| silent, |answers| self.told(&answers));
+            let answer = match answers {
+                Ok(answers) if asker.document => self.status(&answers),
+                Ok(answers) => self.told(&answers),
+                Err(silent) => silent,
+            };
             if let Some(joint) = self.joints.get_mut(asker.link) {
                 if let Some(client) = joint.clients.known(asker.client) {
                     client.out = client.out.saturating_sub(1);
@@ -190,7 +196,8 @@ impl Broker {
                 }
             }
             ToBroker::Ask { client, ticket, ask } => {
-                let asker = Asker { link, client, ticket };
+                let document = matches!(ask, Ask::Document(Document::Status));
+                let asker = Asker { link, client, ticket, document };
                 match self.ask(asker, ask, now) {
                     Ok(None) => {}
                     Ok(Some(answer)) => self.answer(asker, answer),
@@ -209,6 +216,7 @@ impl Broker {
     /// The answer, if it can be given at once.
     fn ask(&mut self, asker: Asker, ask: Ask, now: Nanos) -> Result<Option<Answer>, Refusal> {
         let joint = self.joints.get_mut(asker.link).ok_or(Refusal::NotThere)?;
+        let waits = joint.waits();
         let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
         let asks: Vec<PortAsk> = match ask {
             Ask::Login(password) => {
@@ -236,6 +244,10 @@ impl Broker {
                 joint.events_after = None;
                 return Ok(Some(Answer::Done));
             }
+            Ask::Document(_) if waits >= DOCUMENTS_WAITING => return Err(Refusal::Full),
+            Ask::Document(which) if which != Document::Status => {
+                return Ok(Some(self.document(which, State::Stop, &[])));
+            }
             Ask::Command(command) => {
                 client.may_operate()?;
                 vec![PortAsk::Command(self.command(command)?)]
@@ -249,7 +261,7 @@ impl Broker {
                 let count = u32::from(count).min((DIAG_ENTRIES + DIAG_STOPS) as u32);
                 (0..count).map(PortAsk::Diag).collect()
             }
-            Ask::Modules => {
+            Ask::Modules | Ask::Document(_) => {
                 std::iter::once(PortAsk::State).chain((0..self.facts.modules()).map(PortAsk::Module)).collect()
             }
         };
@@ -270,6 +282,19 @@ impl Broker {
             Wanted::Hot => Command::Hot,
             Wanted::Reset => Command::Reset,
         })
+    }
+
+    fn document(&self, which: Document, state: State, present: &[bool]) -> Answer {
+        let named = self.joints.iter().filter(|joint| !joint.config.name.is_empty());
+        let links: Vec<(&str, bool)> = named.map(|joint| (joint.config.name.as_str(), joint.up)).collect();
+        Answer::Document { last: true, bytes: self.facts.document(which, state, present, &links) }
+    }
+
+    fn status(&self, answers: &[PortAnswer]) -> Answer {
+        match self.told(answers) {
+            Answer::Modules { state, present } => self.document(Document::Status, state, &present),
+            other => other,
+        }
     }
 
     /// What the port has answered to one question.

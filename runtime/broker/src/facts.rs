@@ -2,7 +2,7 @@
 
 use std::os::fd::OwnedFd;
 
-use ob1_access::door::{BlockFact, Diagnosis};
+use ob1_access::door::{BlockFact, Diagnosis, Document, State};
 use ob1_access::{Allowed, Put, Right};
 use ob1_cpu::DiagEntry;
 use ob1_model::BlockId;
@@ -38,6 +38,9 @@ pub trait Facts: Send {
     fn blocks(&self) -> Vec<BlockFact>;
     /// One of them as a block folder has it.
     fn block(&self, id: BlockId) -> Option<Box<[u8]>>;
+    /// A document. `state` and which modules answer are asked of the CPU for [`Document::Status`] only; `links` are
+    /// the names of all links and whether each is up.
+    fn document(&self, which: Document, state: State, present: &[bool], links: &[(&str, bool)]) -> Box<[u8]>;
     /// An input that a module feeds is written where the module reads it: true when this was done.
     fn take_input(&self, put: &Put) -> bool;
 }

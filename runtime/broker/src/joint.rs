@@ -5,7 +5,7 @@ use std::os::fd::{AsFd as _, OwnedFd};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ob1_access::door::{Answer, Refusal, Refused, Ticket, ToLink, VERSION, Welcome};
+use ob1_access::door::{Answer, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome};
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
 use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, Nanos, Piece, Put, Returned, TooMuch, Window};
 
@@ -165,7 +165,20 @@ impl Joint {
     }
 
     pub(crate) fn answer(&mut self, client: u32, ticket: Ticket, answer: Answer) {
-        self.say(&ToLink::Answer { client, ticket, answer });
+        let Answer::Document { bytes, .. } = answer else {
+            return self.say(&ToLink::Answer { client, ticket, answer });
+        };
+        let parts = bytes.chunks(PART_BYTES).count().max(1);
+        for index in 0..parts {
+            let part = bytes.chunks(PART_BYTES).nth(index).unwrap_or_default();
+            let answer = Answer::Document { last: index + 1 == parts, bytes: part.into() };
+            self.say(&ToLink::Answer { client, ticket, answer });
+        }
+    }
+
+    /// Packets that wait for the link to take them.
+    pub(crate) fn waits(&self) -> usize {
+        self.connection.as_ref().map_or(0, Connection::waiting)
     }
 
     pub(crate) fn written(&mut self, client: u32, ticket: Ticket, outcome: Result<u64, Refused>) {

@@ -11,6 +11,8 @@ pub(crate) struct Asker {
     pub(crate) link: usize,
     pub(crate) client: u32,
     pub(crate) ticket: Ticket,
+    /// The answers are wanted as a document.
+    pub(crate) document: bool,
 }
 
 /// One question of a client: it may take several of the port.

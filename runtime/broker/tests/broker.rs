@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use ob1_access::door::{
-    Answer, Ask, BlockFact, Command, Diagnosis, Door, Event, News, NotYet, OUTSTANDING, Reading, Refusal, Refused,
-    State, Ticket, What,
+    Answer, Ask, BlockFact, Command, Diagnosis, Document, Door, Event, News, NotYet, OUTSTANDING, Reading, Refusal,
+    Refused, State, Ticket, What,
 };
 use ob1_access::{Allowed, Cell, CellError, CellWidth, Piece, Put, Right};
 use ob1_backplane::handover;
@@ -73,6 +73,13 @@ impl Facts for Plant {
     }
     fn block(&self, id: BlockId) -> Option<Box<[u8]>> {
         (id.number == 1).then(|| Box::from([1, 2, 3]))
+    }
+    fn document(&self, which: Document, state: State, _: &[bool], links: &[(&str, bool)]) -> Box<[u8]> {
+        match which {
+            // More than one message.
+            Document::Program => vec![7; 300_000].into(),
+            _ => format!("{which:?} {state:?} {links:?}").into_bytes().into(),
+        }
     }
     fn take_input(&self, put: &Put) -> bool {
         put.cell() == Cell::Area(Area::Input, 0)
@@ -237,6 +244,48 @@ fn everything_read_is_of_one_scan_and_a_write_is_seen_by_the_next_read() {
     assert_eq!(station.read(&mut door, &[bytes(memory(20), 2)]).value(0), Ok(49), "nothing of it landed");
     // An input that a module feeds goes there.
     assert!(station.write(&mut door, 1, &[Put::Value(Cell::Area(Area::Input, 0), CellWidth::Bit, 1)]).is_ok());
+}
+
+/// A document of any length comes whole, whatever else is asked meanwhile.
+#[test]
+fn documents() {
+    let mut station = Station::new(vec![link("page", Right::Read), link("metrics", Right::Read)]);
+    let mut door = station.open(0);
+    let mut text = |which| match station.ask(&mut door, 3, Ask::Document(which)) {
+        Answer::Document { last: true, bytes } => bytes,
+        other => panic!("{other:?}"),
+    };
+    assert!(text(Document::Program).iter().all(|byte| *byte == 7));
+    assert_eq!(text(Document::Program).len(), 300_000);
+    let status = text(Document::Status);
+    let status = String::from_utf8_lossy(&status);
+    assert!(status.starts_with("Status Run"), "{status}: the state is the CPU's");
+    let links = text(Document::Links);
+    assert_eq!(String::from_utf8_lossy(&links), r#"Links Stop [("page", true), ("metrics", false)]"#);
+    // Who asks for more than it takes is told so, and what waits for it is bounded.
+    for _ in 0..200 {
+        door.ask(4, Ask::Document(Document::Program));
+    }
+    let last = door.ask(4, Ask::Document(Document::Links));
+    door.pump().expect("open");
+    (0..5).for_each(|_| station.broker.step(station.time));
+    let (mut whole, mut refused, mut answered) = (0, 0, false);
+    for _ in 0..2000 {
+        door.pump().expect("open");
+        while let Some(news) = door.take_news() {
+            match news {
+                News::Answer { answer: Answer::Document { .. }, .. } => whole += 1,
+                News::Answer { ticket, answer: Answer::Refused(Refusal::Full), .. } => {
+                    refused += 1;
+                    answered |= ticket == last;
+                }
+                _ => {}
+            }
+        }
+        station.broker.step(station.time);
+    }
+    assert!(answered && whole >= 85, "{whole} whole, {refused} refused");
+    assert_eq!(whole + refused, 201);
 }
 
 /// Each right, and each limit of it: what is not allowed is refused and changes nothing.

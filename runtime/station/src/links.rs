@@ -9,6 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use ob1_access::door::Door;
 use ob1_backplane::handover;
 use ob1_broker::{Beats, Handle};
 use ob1_host::driver::kept_environment;
@@ -24,17 +25,24 @@ const LOOK_STARTING: Duration = Duration::from_millis(20);
 /// How long a process gets to end once its door is closed.
 const END: Duration = Duration::from_secs(2);
 
-/// A link that is a process of its own.
+/// A process that serves a link, or several.
 #[derive(Clone, Debug)]
 pub struct LinkSpec {
-    /// Its name, for the log.
+    /// The name of the link, for the log; of several links that of the process.
     pub name: String,
-    /// Its number at the broker.
-    pub link: usize,
     /// The program, `ob1-s7`.
     pub program: PathBuf,
-    /// Its signs of life.
-    pub beats: Beats,
+    /// Its links: the number of each at the broker, and its signs of life.
+    pub doors: Vec<(usize, Beats)>,
+    /// It may have several links: its standard input is a socket over which the doors come. Otherwise it is the door.
+    pub several: bool,
+}
+
+impl LinkSpec {
+    /// Signs of life of all its links.
+    fn count(&self) -> u64 {
+        self.doors.iter().map(|(_, beats)| beats.count()).fold(0, u64::wrapping_add)
+    }
 }
 
 /// The processes of all links. Dropping it ends them: drop the broker first, so that they find their doors closed.
@@ -89,12 +97,21 @@ impl Watched {
     }
 
     fn spawn(&mut self) -> io::Result<Process> {
-        let (ours, theirs) = handover::pair()?;
+        let pairs = self.spec.doors.iter().map(|_| handover::pair()).collect::<io::Result<Vec<_>>>()?;
+        let (ours, mut theirs): (Vec<OwnedFd>, Vec<OwnedFd>) = pairs.into_iter().unzip();
+        let input = if self.spec.several {
+            let (over, input) = handover::pair()?;
+            Door::hand_over(&over, &theirs)?;
+            Some(input)
+        } else {
+            theirs.pop()
+        };
+        let input = input.ok_or_else(|| io::Error::other("a process without a link"))?;
         let mut child = Command::new(&self.spec.program)
             .args(["--name", &self.spec.name])
             .env_clear()
             .envs(kept_environment())
-            .stdin(Stdio::from(theirs))
+            .stdin(Stdio::from(input))
             .stdout(Stdio::null())
             // Out of reach of Ctrl-C: it ends when its door is closed.
             .process_group(0)
@@ -102,8 +119,10 @@ impl Watched {
             .spawn()?;
         match pidfd_open(Pid::from_child(&child), PidfdFlags::empty()) {
             Ok(pidfd) => {
-                self.beats = self.spec.beats.count();
-                self.broker.connect(self.spec.link, ours);
+                self.beats = self.spec.count();
+                for ((link, _), door) in self.spec.doors.iter().zip(ours) {
+                    self.broker.connect(*link, door);
+                }
                 Ok(Process { child, pidfd })
             }
             Err(error) => {
@@ -155,7 +174,7 @@ impl Watched {
             let by_signal = status.signal().map(Exit::Signal);
             return Input::Exited(by_signal.unwrap_or(Exit::Code(status.code().unwrap_or(-1))));
         }
-        let beats = self.spec.beats.count();
+        let beats = self.spec.count();
         if beats != self.beats {
             self.beats = beats;
             return Input::Heartbeat;

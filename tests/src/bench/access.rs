@@ -3,7 +3,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use ob1_access::door::{BlockFact, Diagnosis, Door, Reading};
+use ob1_access::door::{BlockFact, Diagnosis, Document, Door, Reading, State};
 use ob1_access::{Cell, Piece, Put, Right};
 use ob1_backplane::handover;
 use ob1_broker::{Broker, DriverState, Facts, LinkConfig, feed};
@@ -57,6 +57,9 @@ impl Facts for Bare {
     }
     fn block(&self, _: BlockId) -> Option<Box<[u8]>> {
         None
+    }
+    fn document(&self, _: Document, _: State, _: &[bool], _: &[(&str, bool)]) -> Box<[u8]> {
+        Box::default()
     }
     fn take_input(&self, _: &Put) -> bool {
         false

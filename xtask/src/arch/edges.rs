@@ -62,6 +62,50 @@ const TABLE: &[Row] = &[
             "tracing-subscriber",
         ],
     ),
+    // The one process with an async runtime, and what its protocols share.
+    row(
+        "ob1-gate-core",
+        "invariant 2",
+        &[
+            "ob1-access",
+            "ob1-ir",
+            "ob1-model",
+            "argon2",
+            "ring",
+            "rustix",
+            "rustls",
+            "serde_json",
+            "thiserror",
+            "tokio",
+            "tokio-rustls",
+            "tracing",
+        ],
+    ),
+    row(
+        "ob1-gate",
+        "invariant 2",
+        &[
+            "ob1-access",
+            "ob1-gate-core",
+            "ob1-ir",
+            "ob1-log",
+            "ob1-model",
+            "ob1-rt",
+            "clap",
+            "http-body-util",
+            "hyper",
+            "hyper-util",
+            "ring",
+            "rustix",
+            "serde",
+            "serde_json",
+            "signal-hook",
+            "tokio",
+            "tokio-rustls",
+            "tracing",
+            "tracing-subscriber",
+        ],
+    ),
     row(
         "ob1-broker",
         "invariant 2",
@@ -324,6 +368,9 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
     ),
     // A link knows no CPU: it goes through the broker.
     ("invariant 2", &["ob1-access", "ob1-s7"], &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-stl"]),
+    // An async runtime lives in the gate alone.
+    ("invariant 2", &["ob1", "ob1-station", "ob1-cp", "ob1-io", "ob1-s7-process", "ob1-access"], &["tokio", "hyper"]),
+    ("invariant 2", &["ob1-gate-core"], &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-stl", "hyper"]),
     // Shared memory is no serialisation format.
     ("invariant 7", &["ob1-backplane"], &["serde", "bincode", "parking_lot"]),
     // Everything a plugin does goes through the host's functions.

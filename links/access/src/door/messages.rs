@@ -6,9 +6,11 @@ use super::wire::{Wire, wire};
 use crate::Right;
 
 /// Version of these messages. Both ends come from one build, and say so.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 /// The longest message either way, in bytes.
 pub const MESSAGE_BYTES: usize = 160 * 1024;
+/// The longest part of a document.
+pub const PART_BYTES: usize = 128 * 1024;
 /// Groups and questions of one client that may be unanswered.
 pub const OUTSTANDING: usize = 8;
 
@@ -89,6 +91,24 @@ pub enum Ask {
     },
     /// No events any more.
     NoEvents,
+    /// One of the station's documents.
+    Document(Document),
+}
+
+/// What a station tells of itself as a whole. But for the program each is a JSON object as the control socket has it
+/// (docs/access.md).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Document {
+    /// The program in the file form of `ob1_ir::file`. It is the same as long as the station runs.
+    Program,
+    /// `status`: operating state, modules, figures.
+    Status,
+    /// `timing`, with the buckets of all distributions.
+    Timing,
+    /// `cps`: the diagnostic buffers of the CPs.
+    Buffers,
+    /// `links`: each link and whether its process is up.
+    Links,
 }
 
 /// What the broker answers.
@@ -122,6 +142,13 @@ pub enum Answer {
     Block(Box<[u8]>),
     /// No.
     Refused(Refusal),
+    /// A document. On its way it comes in parts, of which the last one says so; [`Door`](super::Door) joins them.
+    Document {
+        /// Nothing follows.
+        last: bool,
+        /// The bytes.
+        bytes: Box<[u8]>,
+    },
 }
 
 /// Why not.
@@ -398,10 +425,13 @@ wire!(enum Command { 0 => Run, 1 => Stop, 2 => Warm, 3 => Cold, 4 => Hot, 5 => R
 wire!(enum Ask {
     0 => Login(password), 1 => Logout, 2 => Command(command), 3 => Clock, 4 => SetClock(clock), 5 => Szl { id, index },
     6 => Diagnostics(count), 7 => Modules, 8 => Blocks, 9 => Block(id), 10 => Events { after }, 11 => NoEvents,
+    12 => Document(which),
 });
+wire!(enum Document { 0 => Program, 1 => Status, 2 => Timing, 3 => Buffers, 4 => Links });
 wire!(enum Answer {
     0 => Done, 1 => Clock(clock), 2 => Szl { record, bytes }, 3 => NoSzl(code), 4 => Diagnostics(entries),
     5 => Modules { state, present }, 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),
+    9 => Document { last, bytes },
 });
 wire!(enum Refusal { 0 => Cell(error), 1 => Right, 2 => Password, 3 => NotThere, 4 => Full, 5 => Silent });
 wire!(struct Refused { entry, why });
@@ -496,6 +526,7 @@ mod tests {
             Ask::Szl { id: 0x11, index: 2 },
             Ask::Block(BlockId::new(BlockKind::Db, 65_535)),
             Ask::Events { after: u64::MAX },
+            Ask::Document(Document::Timing),
         ];
         let mut to = vec![
             ToBroker::Beat,

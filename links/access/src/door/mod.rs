@@ -31,7 +31,7 @@ mod ranges;
 mod reading;
 mod wire;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::io;
 use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
 use std::sync::atomic::Ordering;
@@ -41,8 +41,8 @@ use ob1_model::{GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
 use thiserror::Error;
 
 pub use messages::{
-    Answer, Ask, BlockFact, Command, Diagnosis, Event, MESSAGE_BYTES, OUTSTANDING, Refusal, Refused, State, Ticket,
-    ToBroker, ToLink, VERSION, Welcome, What,
+    Answer, Ask, BlockFact, Command, Diagnosis, Document, Event, MESSAGE_BYTES, OUTSTANDING, PART_BYTES, Refusal,
+    Refused, State, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
 };
 use ranges::Ranges;
 pub use ranges::{Cover, Found};
@@ -129,6 +129,8 @@ pub struct Door {
     news: VecDeque<News>,
     tickets: Ticket,
     buffer: Vec<u8>,
+    /// Documents of which not all parts have come.
+    documents: BTreeMap<Ticket, Vec<u8>>,
 }
 
 /// What became of one try to read.
@@ -153,7 +155,42 @@ impl Door {
             news: VecDeque::new(),
             tickets: 0,
             buffer: vec![0; MESSAGE_BYTES],
+            documents: BTreeMap::new(),
         })
+    }
+
+    /// All the doors of a process that serves several links: they come over its standard input, one a message.
+    ///
+    /// # Errors
+    /// What the system says; what comes is no message of this version.
+    pub fn several(socket: &OwnedFd) -> Result<Option<Vec<Self>>, DoorError> {
+        let mut doors = Vec::new();
+        loop {
+            let mut more = [0];
+            let Some((len, descriptors)) = handover::receive(socket, &mut more)? else {
+                return if doors.is_empty() { Ok(None) } else { Err(DoorError::Version) };
+            };
+            if len == 0 {
+                return Err(DoorError::Closed);
+            }
+            let door = descriptors.into_iter().next().ok_or(DoorError::Version)?;
+            doors.push(Self::new(door)?);
+            if more == [0] {
+                return Ok(Some(doors));
+            }
+        }
+    }
+
+    /// The other end of [`Door::several`]: hands all of them over at once.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn hand_over(socket: &OwnedFd, doors: &[OwnedFd]) -> io::Result<()> {
+        let more = (0..doors.len()).rev();
+        doors
+            .iter()
+            .zip(more)
+            .try_for_each(|(door, more)| handover::send(socket, &[u8::from(more > 0)], &[door.as_fd()]))
     }
 
     /// To wait for: something has come; with [`Door::wants_write`] also: there is room.
@@ -206,11 +243,25 @@ impl Door {
             ToLink::Written { client, ticket, outcome } => {
                 self.news.push_back(News::Written { client, ticket, outcome });
             }
+            ToLink::Answer { client, ticket, answer: Answer::Document { last, bytes } } => {
+                self.part(client, ticket, last, bytes);
+            }
             ToLink::Answer { client, ticket, answer } => self.news.push_back(News::Answer { client, ticket, answer }),
             ToLink::Event(event) => self.news.push_back(News::Event(event)),
         }
         self.watch();
         Ok(())
+    }
+
+    fn part(&mut self, client: u32, ticket: Ticket, last: bool, bytes: Box<[u8]>) {
+        let mut whole = self.documents.remove(&ticket).unwrap_or_default();
+        whole.extend_from_slice(&bytes);
+        if last {
+            let answer = Answer::Document { last, bytes: whole.into() };
+            self.news.push_back(News::Answer { client, ticket, answer });
+        } else {
+            self.documents.insert(ticket, whole);
+        }
     }
 
     fn watch(&mut self) {

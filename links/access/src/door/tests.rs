@@ -184,3 +184,44 @@ fn a_door_that_is_gone_says_so() {
     }
     assert!(matches!(door.pump(), Err(DoorError::Full)) && door.wants_write());
 }
+
+/// A process with several links gets its doors in their order, and all of them.
+#[test]
+fn several_doors_come_over_one_socket() {
+    let (over, input) = handover::pair().expect("a socket");
+    assert!(Door::several(&input).expect("open").is_none(), "nothing yet");
+    let pairs: Vec<_> = (0..7).map(|_| handover::pair().expect("a socket")).collect();
+    let (ours, theirs): (Vec<OwnedFd>, Vec<OwnedFd>) = pairs.into_iter().unzip();
+    Door::hand_over(&over, &theirs).expect("room");
+    let mut doors = Door::several(&input).expect("open").expect("all of them");
+    assert_eq!(doors.len(), 7);
+    for (number, (door, ours)) in doors.iter_mut().zip(&ours).enumerate() {
+        let event = Event { number: number as u64, time: 0, what: What::State(State::Run) };
+        handover::send(ours, &ToLink::Event(event.clone()).encode(), &[]).expect("room");
+        door.pump().expect("open");
+        assert_eq!(door.take_news(), Some(News::Event(event)));
+    }
+    drop(over);
+    assert!(matches!(Door::several(&input), Err(DoorError::Closed)));
+}
+
+/// The parts of documents that come mixed are put together each for itself.
+#[test]
+fn documents_are_put_together() {
+    let (desk, mut door) = Desk::open();
+    let part = |ticket, last, byte: u8| {
+        let answer = Answer::Document { last, bytes: Box::from([byte; 3]) };
+        desk.say(&ToLink::Answer { client: 1, ticket, answer });
+    };
+    part(1, false, 1);
+    part(2, false, 2);
+    part(1, true, 3);
+    part(2, false, 4);
+    part(2, true, 5);
+    door.pump().expect("open");
+    for (ticket, bytes) in [(1, &[1, 1, 1, 3, 3, 3][..]), (2, &[2, 2, 2, 4, 4, 4, 5, 5, 5])] {
+        let answer = Answer::Document { last: true, bytes: bytes.into() };
+        assert_eq!(door.take_news(), Some(News::Answer { client: 1, ticket, answer }));
+    }
+    assert_eq!(door.take_news(), None);
+}

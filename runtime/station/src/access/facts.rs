@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use ob1_access::door::{BlockFact, Diagnosis};
+use ob1_access::door::{BlockFact, Diagnosis, Document, State};
 use ob1_access::{Cell, CellWidth, Put};
 use ob1_broker::{DriverState, Facts};
-use ob1_cpu::{CpuConfig, DiagEntry, Family};
+use ob1_cpu::{CpuConfig, DIAG_ENTRIES, DiagEntry, Family, OperatingState};
 use ob1_host::driver;
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
@@ -36,6 +36,10 @@ impl StationFacts {
             min_cycle: cpu.min_cycle,
         }
     }
+}
+
+fn json(what: &impl serde::Serialize) -> serde_json::Result<Option<String>> {
+    serde_json::to_string(what).map(Some)
 }
 
 /// The blocks of a program, in ascending order.
@@ -117,6 +121,21 @@ impl Facts for StationFacts {
     fn block(&self, id: BlockId) -> Option<Box<[u8]>> {
         let image = ob1_mc7::image(self.view.program.as_ref()?, id, &|_| None)?;
         image.bytes().ok().map(Into::into)
+    }
+
+    fn document(&self, which: Document, state: State, present: &[bool], links: &[(&str, bool)]) -> Box<[u8]> {
+        let text = match which {
+            Document::Program => Ok(self.view.program.as_ref().map(|program| ob1_ir::write(program))),
+            Document::Status => json(&self.view.status(OperatingState::of(state as u8), present)),
+            Document::Timing => json(&self.view.timings.snapshot(true)),
+            Document::Buffers => json(&self.view.buffers(DIAG_ENTRIES as u32)),
+            Document::Links => {
+                let link = |(name, up): &(&str, bool)| serde_json::json!({ "name": name, "up": up });
+                json(&links.iter().map(link).collect::<Vec<_>>())
+            }
+        };
+        // What we tell can be serialized.
+        text.ok().flatten().unwrap_or_default().into_bytes().into()
     }
 
     fn take_input(&self, put: &Put) -> bool {

@@ -1,6 +1,8 @@
 //! A station at work: its threads and processes, from their start to their orderly end.
 
 use std::os::fd::OwnedFd;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::Path;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -90,6 +92,7 @@ impl AtWork {
         let (grants, awake) = posture::ask_process(station);
         let system = |what: &'static str| move |error: std::io::Error| Failure::system(what, &error);
         let (to_broker, fed) = ob1_broker::feed();
+        keep_secret(station)?;
         let listeners = listen(station)?;
         let (broker, door, links) =
             open_doors(station, &mut cpu, fed, &view, clock, listeners).map_err(system("the broker"))?;
@@ -297,9 +300,36 @@ impl AtWork {
     }
 }
 
+/// Passwords and keys of links are there, and nobody else can read them.
+fn keep_secret(station: &Station) -> Result<(), Failure> {
+    let refused = |link: &StationLink, file: &Path, why: &str, remedy: &str| {
+        let (name, file) = (&link.name, file.display());
+        Failure(
+            Exit::System,
+            format!("ob1: link \"{name}\": {file} {why}\n  = {}\n", remedy.replace("FILE", &file.to_string())),
+        )
+    };
+    for link in &station.links {
+        for file in &link.secrets {
+            match std::fs::metadata(file) {
+                Err(error) => {
+                    let remedy = "users are made by `ob1-gate user add FILE NAME --rights write`";
+                    return Err(refused(link, file, &format!("cannot be read: {error}"), remedy));
+                }
+                Ok(about) if about.mode() & 0o077 != 0 => {
+                    let why = format!("can be read by others (mode {:03o})", about.mode() & 0o777);
+                    return Err(refused(link, file, &why, "chmod 600 FILE"));
+                }
+                Ok(_) => {}
+            }
+        }
+    }
+    Ok(())
+}
+
 /// The listening sockets of all links, bound before anything is started.
-fn listen(station: &Station) -> Result<Vec<OwnedFd>, Failure> {
-    let refused = |link: &StationLink, error: &std::io::Error| {
+fn listen(station: &Station) -> Result<Vec<Option<OwnedFd>>, Failure> {
+    let refused = |link: &StationLink, listen: std::net::SocketAddr, error: &std::io::Error| {
         let remedy = match error.kind() {
             std::io::ErrorKind::PermissionDenied => {
                 "ports below 1024 need CAP_NET_BIND_SERVICE (systemd: AmbientCapabilities), or take another port"
@@ -307,13 +337,15 @@ fn listen(station: &Station) -> Result<Vec<OwnedFd>, Failure> {
             std::io::ErrorKind::AddrInUse => "end the program that has it (ss -tlnp), or take another port",
             _ => "name an address of this machine: 127.0.0.1, or 0.0.0.0 for all",
         };
-        let (name, listen) = (&link.name, link.listen);
+        let name = &link.name;
         Failure(Exit::System, format!("ob1: link \"{name}\" cannot listen on {listen}: {error}\n  = {remedy}\n"))
     };
     let bind = |link: &StationLink| {
-        let listener = std::net::TcpListener::bind(link.listen).map_err(|error| refused(link, &error))?;
-        listener.set_nonblocking(true).map_err(|error| refused(link, &error))?;
-        Ok(OwnedFd::from(listener))
+        let Some(listen) = link.listen else { return Ok(None) };
+        let refused = |error: &std::io::Error| refused(link, listen, error);
+        let listener = std::net::TcpListener::bind(listen).map_err(|error| refused(&error))?;
+        listener.set_nonblocking(true).map_err(|error| refused(&error))?;
+        Ok(Some(OwnedFd::from(listener)))
     };
     station.links.iter().map(bind).collect()
 }
@@ -325,26 +357,33 @@ fn open_doors(
     entries: FeedEnd,
     view: &StationView,
     clock: MonotonicClock,
-    listeners: Vec<OwnedFd>,
+    listeners: Vec<Option<OwnedFd>>,
 ) -> std::io::Result<(RunningBroker, Door, Links)> {
     // Whoever may open the control socket is the user who runs the station.
     let control = LinkConfig { rights: Right::Operate, ..LinkConfig::default() };
     let facts = Box::new(StationFacts::new(view.clone(), &station.cpu));
-    let of = |(link, listener): (&StationLink, OwnedFd)| LinkConfig {
+    let of = |(link, listener): (&StationLink, Option<OwnedFd>)| LinkConfig {
         name: link.name.clone(),
         rights: link.rights,
         allowed: link.allowed.clone(),
         password: link.password.clone(),
         password_rights: link.password_rights,
         config: link.config.clone(),
-        listeners: vec![listener],
+        listeners: listener.into_iter().collect(),
     };
     let configs = std::iter::once(control).chain(station.links.iter().zip(listeners).map(of)).collect();
     let broker = Broker::new(cpu, configs, entries, facts)?;
-    let mut specs = Vec::with_capacity(station.links.len());
+    let mut specs: Vec<LinkSpec> = Vec::with_capacity(station.links.len());
     for (index, (link, beats)) in station.links.iter().zip(broker.beats().into_iter().skip(1)).enumerate() {
         let program = find_program(link.kind.program()).map_err(std::io::Error::other)?;
-        specs.push(LinkSpec { name: link.name.clone(), link: index + 1, program, beats });
+        let (door, several) = ((index + 1, beats), link.kind.shares_its_process());
+        match specs.iter_mut().find(|spec| several && spec.program == program) {
+            Some(spec) => spec.doors.push(door),
+            None => {
+                let name = if several { link.kind.program() } else { &link.name };
+                specs.push(LinkSpec { name: name.to_owned(), program, doors: vec![door], several });
+            }
+        }
     }
     let broker = broker.start(clock)?;
     let links = Links::start(specs, &broker.handle())?;

@@ -44,7 +44,7 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
         plugins: plugins(f, &file.plugin, folder),
         modules,
         buses,
-        links: link::links(f, &file.link),
+        links: link::links(f, &file.link, file.station.name.get_ref(), folder),
         simulated_lines: simulated::lines(f, file, folder),
         stimulus: file.process_io.stimulus.as_ref().map(|s| folder.join(s.get_ref())),
     };

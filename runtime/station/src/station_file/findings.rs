@@ -24,6 +24,8 @@ pub const PARAMETER: &str = "C008";
 pub const LINE: &str = "C009";
 /// Two keys that do not go together.
 pub const CONTRADICTION: &str = "C010";
+/// A link that strangers could use.
+pub const UNPROTECTED: &str = "C011";
 
 /// Collects findings of one file.
 #[derive(Debug)]

@@ -1,44 +1,115 @@
 //! Links into the CPU: `[[link]]`.
 
 use std::net::{SocketAddr, ToSocketAddrs as _};
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 
 use ob1_access::{Allowed, Right};
-use serde_json::json;
+use serde_json::{Map, Value, json};
 
 use super::check::{choice, name, number};
-use super::findings::{CONTRADICTION, Findings, TWICE, VALUE};
+use super::findings::{CONTRADICTION, Findings, MISSING, TWICE, UNPROTECTED, VALUE};
 use super::tables::{LinkTable, Placed};
 use super::types::{LinkKind, StationLink};
+use LinkKind::{Metrics, Mqtt, OpcUa, S7, Web};
 
 /// Words for rights.
 const RIGHTS: [(&str, Right); 3] = [("read", Right::Read), ("write", Right::Write), ("operate", Right::Operate)];
 /// The kinds of link.
-const KINDS: [(&str, LinkKind); 1] = [("s7", LinkKind::S7)];
+const KINDS: [(&str, LinkKind); 5] = [("s7", S7), ("web", Web), ("metrics", Metrics), ("opcua", OpcUa), ("mqtt", Mqtt)];
+/// Kinds with users.
+const WITH_USERS: &[LinkKind] = &[Web, Metrics, OpcUa, Mqtt];
+/// Kinds whose connections TLS protects; OPC UA brings its own.
+const WITH_TLS: &[LinkKind] = &[Web, Metrics];
 /// Characters of a password: what S7 communication carries.
 const PASSWORD: usize = 8;
 
-pub(super) fn links(f: &mut Findings<'_>, tables: &[LinkTable]) -> Vec<StationLink> {
+/// A key that the process of a link reads itself.
+enum Key<'t> {
+    Number(&'t Option<Placed<i64>>, RangeInclusive<i64>),
+    Text(&'t Option<Placed<String>>),
+    Texts(&'t Option<Placed<Vec<String>>>),
+    /// A file; its process gets the whole path.
+    Path(&'t Option<Placed<String>>),
+    /// The same, of a file that nobody else may read.
+    Secret(&'t Option<Placed<String>>),
+}
+
+/// The keys that processes read themselves, and the kinds of link that have them.
+fn keys(table: &LinkTable) -> Vec<(&'static str, &'static [LinkKind], Key<'_>)> {
+    vec![
+        ("clients", &[S7, Web, Metrics, OpcUa], Key::Number(&table.clients, 1..=128)),
+        ("rack", &[S7], Key::Number(&table.rack, 0..=7)),
+        ("slot", &[S7], Key::Number(&table.slot, 0..=31)),
+        ("pdu", &[S7], Key::Number(&table.pdu, 64..=1024)),
+        ("idle", &[S7], Key::Number(&table.idle, 0..=86_400)),
+        ("password_rights", &[S7], Key::Text(&table.password_rights)),
+        ("users", WITH_USERS, Key::Secret(&table.users)),
+        ("certificate", WITH_TLS, Key::Path(&table.certificate)),
+        ("key", WITH_TLS, Key::Secret(&table.key)),
+        ("audit", WITH_USERS, Key::Path(&table.audit)),
+        ("hosts", &[Web, Metrics], Key::Texts(&table.hosts)),
+        ("broker", &[Mqtt], Key::Text(&table.broker)),
+    ]
+}
+
+pub(super) fn links(f: &mut Findings<'_>, tables: &[LinkTable], station: &str, folder: &Path) -> Vec<StationLink> {
     let mut links: Vec<StationLink> = Vec::with_capacity(tables.len());
     for table in tables {
-        let Some(link) = link(f, table) else { continue };
+        let Some(link) = link(f, table, station, folder) else { continue };
         if links.iter().any(|other| other.name == link.name) {
             let message = format!("there are two links with the name \"{}\"", link.name);
             f.error(TWICE, table.name.span(), message, "give each link a name of its own");
         }
-        if links.iter().any(|other| other.listen == link.listen) {
-            let message = format!("two links listen on {}", link.listen);
-            f.error(TWICE, table.listen.span(), message, "give each link a port of its own");
+        if let (Some(text), Some(listen)) = (&table.listen, link.listen)
+            && links.iter().any(|other| other.listen == link.listen)
+        {
+            f.error(TWICE, text.span(), format!("two links listen on {listen}"), "give each link a port of its own");
         }
         links.push(link);
     }
     links
 }
 
-fn link(f: &mut Findings<'_>, table: &LinkTable) -> Option<StationLink> {
+fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path) -> Option<StationLink> {
     let kind = choice(f, "type", Some(&table.kind), &KINDS);
     let rights = choice(f, "rights", table.rights.as_ref(), &RIGHTS).unwrap_or_default();
     let unlocked = choice(f, "password_rights", table.password_rights.as_ref(), &RIGHTS);
+    password(f, table, kind);
+    let allowed = Allowed::of(table.areas.as_ref().map(inner), table.blocks.as_ref().map(inner));
+    let allowed = allowed.map_err(|why| {
+        let at = table.areas.as_ref().or(table.blocks.as_ref()).map_or(0..0, Placed::span);
+        f.error(VALUE, at, why, "areas = [\"M\", \"DB\"], blocks = [\"DB10\", \"DB20-29\"]");
+    });
+    let kind = kind?;
+    let (mut config, secrets) = own_keys(f, table, kind, folder);
+    let listen = listening(f, table, kind);
+    protected(f, table, kind, rights, listen);
+    if kind.shares_its_process() {
+        config.insert("type".into(), json!(table.kind.get_ref()));
+        // Whoever may do more than read leaves a trace.
+        let audit = absolute(folder, &format!("{station}.audit"));
+        config.entry("audit").or_insert_with(|| json!(audit));
+    }
+    Some(StationLink {
+        name: name(f, "link", &table.name),
+        listen,
+        kind,
+        rights,
+        allowed: allowed.ok()?,
+        password: table.password.as_ref().map(|password| password.get_ref().clone()),
+        password_rights: unlocked.unwrap_or(rights),
+        config: Value::Object(config).to_string(),
+        secrets,
+    })
+}
+
+fn password(f: &mut Findings<'_>, table: &LinkTable, kind: Option<LinkKind>) {
     match (&table.password, &table.password_rights) {
+        (Some(password), _) if kind.is_some_and(|kind| kind != S7) => {
+            let message = "a password that all share, which only S7 communication has";
+            f.error(CONTRADICTION, password.span(), message, "users = \"press.users\": a name and a password each");
+        }
         (Some(password), _) if !fits(password.get_ref()) => {
             let message = "this cannot be a password of S7 communication";
             f.error(VALUE, password.span(), message, "1 to 8 ASCII characters");
@@ -53,36 +124,91 @@ fn link(f: &mut Findings<'_>, table: &LinkTable) -> Option<StationLink> {
         }
         _ => {}
     }
-    let allowed = Allowed::of(table.areas.as_ref().map(inner), table.blocks.as_ref().map(inner));
-    let allowed = allowed.map_err(|why| {
-        let at = table.areas.as_ref().or(table.blocks.as_ref()).map_or(0..0, Placed::span);
-        f.error(VALUE, at, why, "areas = [\"M\", \"DB\"], blocks = [\"DB10\", \"DB20-29\"]");
-    });
-    let mut keys = serde_json::Map::new();
-    for (key, value, range) in [
-        ("clients", &table.clients, 1..=128),
-        ("rack", &table.rack, 0..=7),
-        ("slot", &table.slot, 0..=31),
-        ("pdu", &table.pdu, 64..=1024),
-        ("idle", &table.idle, 0..=86_400),
-    ] {
-        if let Some(value) = value {
-            keys.insert(key.to_owned(), json!(number::<i64>(f, key, Some(value), range, 0)));
+}
+
+/// What the process is told beyond what all links have, and the files nobody else may read.
+fn own_keys(
+    f: &mut Findings<'_>,
+    table: &LinkTable,
+    kind: LinkKind,
+    folder: &Path,
+) -> (Map<String, Value>, Vec<PathBuf>) {
+    let (mut config, mut secrets) = (Map::new(), Vec::new());
+    for (key, kinds, value) in keys(table) {
+        let (span, value) = match value {
+            Key::Number(Some(value), range) => (value.span(), json!(number::<i64>(f, key, Some(value), range, 0))),
+            Key::Text(Some(text)) => (text.span(), json!(text.get_ref())),
+            Key::Texts(Some(texts)) => (texts.span(), json!(texts.get_ref())),
+            Key::Path(Some(path)) => (path.span(), json!(absolute(folder, path.get_ref()))),
+            Key::Secret(Some(path)) => {
+                let whole = absolute(folder, path.get_ref());
+                secrets.push(whole.clone());
+                (path.span(), json!(whole))
+            }
+            Key::Number(None, _) | Key::Text(None) | Key::Texts(None) | Key::Path(None) | Key::Secret(None) => continue,
+        };
+        if kinds.contains(&kind) {
+            config.insert(key.to_owned(), value);
+        } else {
+            let of = table.kind.get_ref();
+            f.error(CONTRADICTION, span, format!("a link of type \"{of}\" has no `{key}`"), "take it away");
         }
     }
-    if let Some(rights) = &table.password_rights {
-        keys.insert("password_rights".to_owned(), json!(rights.get_ref()));
+    (config, secrets)
+}
+
+fn absolute(folder: &Path, path: &str) -> PathBuf {
+    let whole = folder.join(path);
+    std::path::absolute(&whole).unwrap_or(whole)
+}
+
+fn listening(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind) -> Option<SocketAddr> {
+    let key = if kind == Mqtt { ("broker", &table.broker) } else { ("listen", &table.listen) };
+    if let (name, None) = key {
+        let remedy = if kind == Mqtt { "broker = \"mqtt://127.0.0.1\"" } else { "listen = \"127.0.0.1:8080\"" };
+        f.error(MISSING, table.kind.span(), format!("the key `{name}` is missing"), format!("add {remedy}"));
     }
-    Some(StationLink {
-        name: name(f, "link", &table.name),
-        listen: listen(f, &table.listen)?,
-        kind: kind?,
-        rights,
-        allowed: allowed.ok()?,
-        password: table.password.as_ref().map(|password| password.get_ref().clone()),
-        password_rights: unlocked.unwrap_or(rights),
-        config: serde_json::Value::Object(keys).to_string(),
-    })
+    let text = table.listen.as_ref()?;
+    if kind == Mqtt {
+        let message = "a client of an MQTT broker listens to nobody";
+        f.error(CONTRADICTION, text.span(), message, "take `listen` away; `broker` says where it connects");
+        return None;
+    }
+    listen(f, text)
+}
+
+/// Who may come in from where, and with what rights: the rules of the gate (docs/web.md).
+fn protected(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Right, listen: Option<SocketAddr>) {
+    if !WITH_USERS.contains(&kind) {
+        return;
+    }
+    if let (Metrics, true, Some(at)) = (kind, rights > Right::Read, &table.rights) {
+        f.error(CONTRADICTION, at.span(), "figures are only read", "take `rights` away");
+    }
+    if let (Some(one), None) | (None, Some(one)) = (&table.certificate, &table.key) {
+        f.error(CONTRADICTION, one.span(), "TLS takes a certificate and its key", "add the other one");
+    }
+    let wants_users = "users = \"press.users\", made by `ob1-gate user add press.users NAME --rights write`";
+    // On this machine too: any local user reaches it, and so does a page of a browser through a name that changes.
+    if let (true, None, Some(at)) = (rights > Right::Read && kind != Mqtt, &table.users, &table.rights) {
+        let message = format!("rights = \"{}\" for everybody who reaches it", at.get_ref());
+        f.error(UNPROTECTED, at.span(), message, wants_users);
+    }
+    let (Some(listen), Some(at)) = (listen, &table.listen) else { return };
+    if listen.ip().to_canonical().is_loopback() {
+        return;
+    }
+    if table.users.is_none() {
+        let message = format!("{listen} is reached from outside this machine, and nobody has to say who he is");
+        f.error(UNPROTECTED, at.span(), message, wants_users);
+    }
+    if WITH_TLS.contains(&kind) && table.certificate.is_none() {
+        let message =
+            format!("{listen} is reached from outside this machine, and passwords would go there unprotected");
+        let remedy =
+            "certificate = \"press.crt\" and key = \"press.key\", or listen on 127.0.0.1 behind a proxy with TLS";
+        f.error(UNPROTECTED, at.span(), message, remedy);
+    }
 }
 
 fn inner(list: &Placed<Vec<String>>) -> &[String] {
@@ -121,7 +247,8 @@ mod tests {
         let parsed = parse(&station(""), "x.toml", Path::new("")).expect("right");
         let [link] = &parsed.links[..] else { panic!("{:?}", parsed.links) };
         assert_eq!((link.rights, link.password_rights, link.config.as_str()), (Right::Read, Right::Read, "{}"));
-        assert_eq!((link.listen.to_string().as_str(), link.kind.program()), ("127.0.0.1:102", "ob1-s7"));
+        let listen = link.listen.expect("it listens").to_string();
+        assert_eq!((listen.as_str(), link.kind.program()), ("127.0.0.1:102", "ob1-s7"));
         let keys = "rights = \"write\"\npassword = \"secret\"\npassword_rights = \"operate\"\nareas = [\"M\"]\nslot = 3\npdu = 240";
         let parsed = parse(&station(keys), "x.toml", Path::new("")).expect("right");
         let link = &parsed.links[0];
@@ -152,5 +279,59 @@ mod tests {
             let found = findings.iter().any(|found| found.line == line && found.to_string().contains(what));
             assert!(found, "{keys}: {findings:#?}");
         }
+    }
+
+    /// What strangers could use is refused before anything starts, with what helps.
+    #[test]
+    fn the_rules_of_the_gate() {
+        let tls = "certificate = \"a.crt\"\nkey = \"a.key\"\n";
+        let users = "users = \"a.users\"\n";
+        let (here, there) = ("listen = \"127.0.0.1:8080\"\n", "listen = \"0.0.0.0:8080\"\n");
+        let write = "rights = \"write\"\n";
+        for (keys, wrong) in [
+            (format!("type = \"web\"\n{here}"), &[][..]),
+            (format!("type = \"web\"\nlisten = \"[::1]:8080\"\n"), &[]),
+            (format!("type = \"web\"\n{here}{write}"), &["C011"]),
+            (format!("type = \"web\"\n{here}{write}{users}"), &[]),
+            (format!("type = \"web\"\n{there}"), &["C011", "C011"]),
+            (format!("type = \"web\"\nlisten = \"[::]:8080\"\n{users}"), &["C011"]),
+            (format!("type = \"web\"\n{there}{users}"), &["C011"]),
+            (format!("type = \"web\"\n{there}{tls}"), &["C011"]),
+            (format!("type = \"web\"\n{there}{tls}{users}"), &[]),
+            (format!("type = \"metrics\"\n{there}{tls}{users}"), &[]),
+            (format!("type = \"metrics\"\n{there}"), &["C011", "C011"]),
+            (format!("type = \"metrics\"\n{here}{write}{users}"), &["C010"]),
+            (format!("type = \"opcua\"\n{there}"), &["C011"]),
+            (format!("type = \"opcua\"\n{there}{users}"), &[]),
+            (format!("type = \"web\"\n{here}certificate = \"a\"\n"), &["C010"]),
+            (format!("type = \"web\"\n{here}password = \"secret\"\n"), &["C010"]),
+            (format!("type = \"web\"\n{here}slot = 2\n"), &["C010"]),
+            (format!("type = \"s7\"\n{here}{users}"), &["C010"]),
+            (format!("type = \"mqtt\"\n{here}broker = \"mqtt://127.0.0.1\"\n"), &["C010"]),
+            ("type = \"mqtt\"\n".to_owned(), &["C004"]),
+            ("type = \"web\"\n".to_owned(), &["C004"]),
+        ] {
+            let text = format!("[station]\nname = \"x\"\n[[link]]\nname = \"panel\"\n{keys}");
+            let codes = match parse(&text, "x.toml", Path::new("/etc/ob1")) {
+                Ok(_) => Vec::new(),
+                Err(findings) => findings.iter().map(|finding| finding.code.clone()).collect(),
+            };
+            assert_eq!(codes, wrong, "{keys}");
+        }
+    }
+
+    #[test]
+    fn the_process_gets_whole_paths_and_what_others_must_not_read_is_known() {
+        let text = "[station]\nname = \"x\"\n[[link]]\ntype = \"web\"\nname = \"page\"\nlisten = \"127.0.0.1:0\"\n\
+                    users = \"a.users\"\ncertificate = \"/c/a.crt\"\nkey = \"tls/a.key\"\nhosts = [\"press.plant\"]";
+        let parsed = parse(text, "x.toml", Path::new("/etc/ob1")).expect("right");
+        let link = &parsed.links[0];
+        let config: serde_json::Value = serde_json::from_str(&link.config).expect("JSON");
+        let wanted = json!({
+            "type": "web", "users": "/etc/ob1/a.users", "certificate": "/c/a.crt", "key": "/etc/ob1/tls/a.key",
+            "hosts": ["press.plant"], "audit": "/etc/ob1/x.audit",
+        });
+        assert_eq!(config, wanted);
+        assert_eq!(link.secrets, [Path::new("/etc/ob1/a.users"), Path::new("/etc/ob1/tls/a.key")]);
     }
 }

@@ -42,7 +42,8 @@ pub(super) struct LinkTable {
     #[serde(rename = "type")]
     pub(super) kind: Placed<String>,
     pub(super) name: Placed<String>,
-    pub(super) listen: Placed<String>,
+    pub(super) listen: Option<Placed<String>>,
+    pub(super) broker: Option<Placed<String>>,
     pub(super) rights: Option<Placed<String>>,
     pub(super) areas: Option<Placed<Vec<String>>>,
     pub(super) blocks: Option<Placed<Vec<String>>>,
@@ -53,6 +54,11 @@ pub(super) struct LinkTable {
     pub(super) slot: Option<Placed<i64>>,
     pub(super) pdu: Option<Placed<i64>>,
     pub(super) idle: Option<Placed<i64>>,
+    pub(super) users: Option<Placed<String>>,
+    pub(super) certificate: Option<Placed<String>>,
+    pub(super) key: Option<Placed<String>>,
+    pub(super) audit: Option<Placed<String>>,
+    pub(super) hosts: Option<Placed<Vec<String>>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -47,6 +47,14 @@ pub struct Station {
 pub enum LinkKind {
     /// S7 communication, served by `ob1-s7`.
     S7,
+    /// The web page, served by `ob1-gate` like all that follow.
+    Web,
+    /// Figures for Prometheus.
+    Metrics,
+    /// An OPC UA server.
+    OpcUa,
+    /// A client of an MQTT broker.
+    Mqtt,
 }
 
 impl LinkKind {
@@ -55,7 +63,14 @@ impl LinkKind {
     pub const fn program(self) -> &'static str {
         match self {
             Self::S7 => "ob1-s7",
+            Self::Web | Self::Metrics | Self::OpcUa | Self::Mqtt => "ob1-gate",
         }
+    }
+
+    /// One process serves all links of a station that have this program.
+    #[must_use]
+    pub const fn shares_its_process(self) -> bool {
+        !matches!(self, Self::S7)
     }
 }
 
@@ -66,8 +81,8 @@ pub struct StationLink {
     pub name: String,
     /// What it speaks.
     pub kind: LinkKind,
-    /// Where it listens.
-    pub listen: std::net::SocketAddr,
+    /// Where it listens, if it does.
+    pub listen: Option<std::net::SocketAddr>,
     /// What its clients may do.
     pub rights: ob1_access::Right,
     /// Which cells they may touch.
@@ -78,6 +93,8 @@ pub struct StationLink {
     pub password_rights: ob1_access::Right,
     /// The keys its process reads itself, as JSON.
     pub config: String,
+    /// Files that nobody but the user of the station may read.
+    pub secrets: Vec<PathBuf>,
 }
 
 /// A bus with remote modules: a process, and the lines it owns.

@@ -1,0 +1,138 @@
+//! Who did what: a line of JSON for each login, write and change, appended to a file of mode 0600.
+//!
+//! What cannot be written down is not done. The file is opened before the process confines itself and is only ever
+//! appended to; whoever keeps it small copies and truncates it (logrotate's `copytruncate`).
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write as _};
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serde_json::json;
+
+use crate::clock::{iso, unix_now};
+
+/// Longest text of what was done, in bytes: one line stays one write.
+const WHAT: usize = 2000;
+
+/// The log of a link. Clones write to the same file.
+#[derive(Clone, Debug)]
+pub struct Audit {
+    link: Arc<str>,
+    file: Option<Arc<Mutex<Out>>>,
+}
+
+#[derive(Debug)]
+struct Out {
+    file: File,
+    /// A line that could not be written yet.
+    left: Vec<u8>,
+}
+
+impl Audit {
+    /// Appends to this file; makes it when it is not there.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn open(link: &str, path: &Path) -> io::Result<Self> {
+        let file = OpenOptions::new().append(true).create(true).mode(0o600).open(path)?;
+        Ok(Self { link: link.into(), file: Some(Arc::new(Mutex::new(Out { file, left: Vec::new() }))) })
+    }
+
+    /// Of a link that only reads and has no users: nothing is ever written.
+    #[must_use]
+    pub fn none(link: &str) -> Self {
+        Self { link: link.into(), file: None }
+    }
+
+    /// Whether the next line will find its place, as far as one can know.
+    ///
+    /// # Errors
+    /// Why the last one did not.
+    pub fn ready(&self) -> io::Result<()> {
+        let Some(file) = &self.file else { return Err(io::Error::other("there is none")) };
+        file.lock().unwrap_or_else(PoisonError::into_inner).flush()
+    }
+
+    /// Writes a line. A line that finds no place is kept, and tried again before the next.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn note(&self, user: &str, client: &str, what: &str, outcome: &str) -> io::Result<()> {
+        let what = what.get(..what.floor_char_boundary(WHAT)).unwrap_or(what);
+        tracing::info!(link = %self.link, user, client, "{what}: {outcome}");
+        let Some(file) = &self.file else { return Ok(()) };
+        let line = json!({
+            "time": iso(unix_now()), "link": &*self.link, "user": user, "client": client, "what": what,
+            "outcome": outcome,
+        });
+        let mut out = file.lock().unwrap_or_else(PoisonError::into_inner);
+        // While the disk takes nothing one line is kept: nothing more is done before it is written.
+        if out.left.len() < 4 * WHAT {
+            out.left.extend_from_slice(line.to_string().as_bytes());
+            out.left.push(b'\n');
+        }
+        let written = out.flush();
+        if let Err(error) = &written {
+            tracing::error!(link = %self.link, "the audit log cannot be written: {error}; nothing is changed any more");
+        }
+        written
+    }
+}
+
+impl Out {
+    fn flush(&mut self) -> io::Result<()> {
+        while !self.left.is_empty() {
+            let count = self.file.write(&self.left)?;
+            if count == 0 {
+                return Err(io::ErrorKind::WriteZero.into());
+            }
+            self.left.drain(..count);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt as _;
+
+    #[test]
+    fn a_line_each_whatever_the_text() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x.audit");
+        let audit = Audit::open("page", &path).expect("a file");
+        audit.note("anna", "127.0.0.1", "write \"M1.0\" = 1\n{}", "scan 7").expect("written");
+        audit.note("bert", "::1", &"ü".repeat(5000), "refused").expect("written");
+        let text = std::fs::read_to_string(&path).expect("a file");
+        let lines: Vec<serde_json::Value> =
+            text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+        assert_eq!(lines.len(), 2);
+        assert_eq!(
+            (&lines[0]["user"], &lines[0]["what"], &lines[0]["outcome"]),
+            (&json!("anna"), &json!("write \"M1.0\" = 1\n{}"), &json!("scan 7"))
+        );
+        assert!(lines[1]["what"].as_str().is_some_and(|what| what.len() <= WHAT));
+        assert_eq!(std::fs::metadata(&path).expect("there").permissions().mode() & 0o777, 0o600);
+    }
+
+    /// A full disk: what could not be written down is kept, and until it is written nothing is ready.
+    #[test]
+    fn a_line_that_finds_no_place_is_not_lost() {
+        let full = OpenOptions::new().append(true).open("/dev/full").expect("a device");
+        let audit =
+            Audit { link: "page".into(), file: Some(Arc::new(Mutex::new(Out { file: full, left: Vec::new() }))) };
+        assert!(audit.ready().is_ok(), "nobody knows yet");
+        assert!(audit.note("anna", "::1", "write MW10 = 1", "scan 7").is_err());
+        assert!(audit.ready().is_err());
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x.audit");
+        let file = OpenOptions::new().append(true).create(true).open(&path).expect("a file");
+        audit.file.as_ref().expect("there").lock().expect("free").file = file;
+        assert!(audit.ready().is_ok());
+        assert!(std::fs::read_to_string(&path).expect("a file").contains("MW10"));
+        assert!(Audit::none("figures").ready().is_err(), "without a log nothing is changed");
+    }
+}

@@ -1,0 +1,326 @@
+//! The station as tasks see it: a handle that can be cloned, and clients with the right of their user.
+
+use std::collections::BTreeMap;
+use std::future::Future;
+use std::net::TcpListener;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+
+use ob1_access::door::{Answer, Ask, Document, Door, DoorError, Event, OUTSTANDING, Reading, Welcome};
+use ob1_access::{Piece, Put, Right};
+use serde_json::Value;
+use tokio::sync::{Mutex, OnceCell, Semaphore, broadcast, mpsc, oneshot, watch};
+use tokio::time::Instant;
+
+use crate::pump::{Events, Newest, Order, Pump};
+use crate::{Audit, Catalog, Tls, Trouble, Users};
+
+/// No watch looks more often.
+const SHORTEST: Duration = Duration::from_millis(10);
+/// Reads of all tasks that wait for their first snapshot at a time.
+const READS: usize = 256;
+/// Documents have a client of their own at the broker, so that nobody's questions stand in their way; 0 is the link.
+const DOCUMENTS: u32 = 0;
+
+/// One link of the station. Clones are the same link.
+#[derive(Clone, Debug)]
+pub struct Station(Arc<Shared>);
+
+#[derive(Debug)]
+struct Shared {
+    welcome: Welcome,
+    keys: Value,
+    /// What the link's clients may do at most here: the broker's ceiling, or less where the process is not confined.
+    ceiling: Right,
+    orders: mpsc::UnboundedSender<Order>,
+    events: Arc<Events>,
+    catalog: OnceCell<Arc<Catalog>>,
+    documents: Mutex<BTreeMap<Document, (Instant, Arc<[u8]>)>>,
+    reads: Semaphore,
+    clients: AtomicU32,
+    audit: Audit,
+}
+
+/// A link of the station with all that its protocol needs: handed to it when the process has confined itself.
+#[derive(Debug)]
+pub struct Link {
+    /// The way to the CPU; the link's name and keys come with it.
+    pub station: Station,
+    /// Where it listens: bound, listening, non-blocking.
+    pub listeners: Vec<TcpListener>,
+    /// Its users, where it has them.
+    pub users: Option<Users>,
+    /// Its certificate, where it has one.
+    pub tls: Option<Tls>,
+    /// A folder of the gate's own, where it may write; of those kinds of link that need one.
+    pub state: Option<PathBuf>,
+}
+
+/// Who does something.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Who {
+    /// The name of the user; `-` where there are none.
+    pub user: String,
+    /// Where from, for the audit log.
+    pub address: String,
+    /// What the user may do. The link's rights are above it.
+    pub right: Right,
+}
+
+impl Station {
+    /// Of a door that has been welcomed, within a runtime: the handle, and the task that serves it, which ends when
+    /// the door is closed or no handle is left.
+    ///
+    /// # Errors
+    /// The door has not been welcomed, or the system has nothing left to wait with.
+    pub fn new(
+        door: Door,
+        ceiling: Right,
+        audit: Audit,
+    ) -> Result<(Self, impl Future<Output = DoorError> + Send + use<>), DoorError> {
+        let welcome = door.welcome().cloned().ok_or(DoorError::Version)?;
+        let keys = serde_json::from_str(&welcome.config).map_err(|_| DoorError::Version)?;
+        let (orders, wanted) = mpsc::unbounded_channel();
+        let events = Arc::new(Events::new());
+        let pump = Pump::new(door, wanted, Arc::clone(&events))?;
+        let shared = Shared {
+            ceiling: ceiling.min(welcome.rights),
+            welcome,
+            keys,
+            orders,
+            events,
+            catalog: OnceCell::new(),
+            documents: Mutex::default(),
+            reads: Semaphore::new(READS),
+            clients: AtomicU32::new(DOCUMENTS + 1),
+            audit,
+        };
+        Ok((Self(Arc::new(shared)), pump.run()))
+    }
+
+    /// What the broker has said first: names, sizes of the areas, the rights of the link.
+    #[must_use]
+    pub fn welcome(&self) -> &Welcome {
+        &self.0.welcome
+    }
+
+    /// The keys of the link's table in the station file, with whole paths.
+    #[must_use]
+    pub fn keys(&self) -> &Value {
+        &self.0.keys
+    }
+
+    /// What users of this link may do at most.
+    #[must_use]
+    pub fn ceiling(&self) -> Right {
+        self.0.ceiling
+    }
+
+    /// The audit log of this link.
+    #[must_use]
+    pub fn audit(&self) -> &Audit {
+        &self.0.audit
+    }
+
+    /// Looks at these pieces, all of one scan each time, every `period` and as long as the [`Watch`] lives.
+    #[must_use]
+    pub fn watch(&self, pieces: Vec<Piece>, period: Duration) -> Watch {
+        let (to, newest) = watch::channel(None);
+        let _ = self.0.orders.send(Order::Watch { pieces, period: period.max(SHORTEST), to });
+        Watch(newest)
+    }
+
+    /// Reads these pieces once, all of one scan.
+    ///
+    /// # Errors
+    /// [`Trouble`]. What the CPU does not have is told of its piece alone, by the [`Reading`].
+    pub async fn read(&self, pieces: Vec<Piece>) -> Result<Reading, Trouble> {
+        let _place = self.0.reads.acquire().await.map_err(|_| Trouble::Gone)?;
+        let (to, outcome) = oneshot::channel();
+        self.0.orders.send(Order::Read { pieces, to }).map_err(|_| Trouble::Gone)?;
+        outcome.await.map_err(|_| Trouble::Gone)?
+    }
+
+    /// The events with a higher number than `after` that are still kept, and those to come. Who listens too slowly is
+    /// told by the receiver how many are lost.
+    #[must_use]
+    pub fn events(&self, after: u64) -> (Vec<Arc<Event>>, broadcast::Receiver<Arc<Event>>) {
+        self.0.events.after(after)
+    }
+
+    /// The program and the names of its cells.
+    ///
+    /// # Errors
+    /// [`Trouble`].
+    pub async fn catalog(&self) -> Result<Arc<Catalog>, Trouble> {
+        let fetch = || async {
+            let text = self.ask(DOCUMENTS, Ask::Document(Document::Program)).await.and_then(document)?;
+            // A large program takes a while to read.
+            let read = tokio::task::spawn_blocking(move || Catalog::read(&text)).await;
+            read.map_err(|error| Trouble::Program(error.to_string()))?.map(Arc::new)
+        };
+        self.0.catalog.get_or_try_init(fetch).await.cloned()
+    }
+
+    /// A document of the station, at most so old. Many who want it at a time get the same.
+    ///
+    /// # Errors
+    /// [`Trouble`].
+    pub async fn document(&self, which: Document, age: Duration) -> Result<Arc<[u8]>, Trouble> {
+        let mut documents = self.0.documents.lock().await;
+        if let Some((made, document)) = documents.get(&which)
+            && made.elapsed() < age
+        {
+            return Ok(Arc::clone(document));
+        }
+        let made: Arc<[u8]> = self.ask(DOCUMENTS, Ask::Document(which)).await.and_then(document)?.into();
+        documents.insert(which, (Instant::now(), Arc::clone(&made)));
+        Ok(made)
+    }
+
+    /// A client of this link: somebody who may write and operate, as far as his right and that of the link go.
+    #[must_use]
+    pub fn client(&self, who: Who) -> Client {
+        // After four thousand million connections the first numbers are free again; 0 is the link's.
+        let number = loop {
+            match self.0.clients.fetch_add(1, Ordering::Relaxed) {
+                DOCUMENTS => {}
+                number => break number,
+            }
+        };
+        Client(Arc::new(Inner { station: self.clone(), who, number, turns: Semaphore::new(OUTSTANDING) }))
+    }
+
+    async fn ask(&self, client: u32, ask: Ask) -> Result<Answer, Trouble> {
+        let (to, answer) = oneshot::channel();
+        self.0.orders.send(Order::Ask { client, ask, to }).map_err(|_| Trouble::Gone)?;
+        answer.await.map_err(|_| Trouble::Gone)?
+    }
+}
+
+fn document(answer: Answer) -> Result<Box<[u8]>, Trouble> {
+    match answer {
+        Answer::Document { bytes, .. } => Ok(bytes),
+        _ => Err(Trouble::Program("the broker answers something else".into())),
+    }
+}
+
+/// Looks at pieces again and again; only the newest is kept, so who is slow piles up nothing.
+#[derive(Debug)]
+pub struct Watch(watch::Receiver<Newest>);
+
+impl Watch {
+    /// The next reading; one that nobody has taken is replaced by a newer one.
+    ///
+    /// # Errors
+    /// [`Trouble::TooMuch`]: it is tried again; [`Trouble::Gone`]: nothing more will come.
+    pub async fn next(&mut self) -> Result<Arc<Reading>, Trouble> {
+        loop {
+            self.0.changed().await.map_err(|_| Trouble::Gone)?;
+            if let Some(newest) = self.0.borrow_and_update().clone() {
+                return newest;
+            }
+        }
+    }
+}
+
+/// A client of a link: everything it changes is checked and written down. When the last clone is dropped the broker
+/// hears that it is gone.
+#[derive(Clone, Debug)]
+pub struct Client(Arc<Inner>);
+
+#[derive(Debug)]
+struct Inner {
+    station: Station,
+    who: Who,
+    number: u32,
+    turns: Semaphore,
+}
+
+impl Client {
+    /// Who it is.
+    #[must_use]
+    pub fn who(&self) -> &Who {
+        &self.0.who
+    }
+
+    /// What it may do: the right of the user, below that of the link.
+    #[must_use]
+    pub fn right(&self) -> Right {
+        self.0.who.right.min(self.0.station.ceiling())
+    }
+
+    /// Writes a group: all of it lands at one cycle control point, or nothing. `what` is for the audit log:
+    /// `MW10 = 5`. Answers the scan that has it; a read after this sees it.
+    ///
+    /// # Errors
+    /// [`Trouble`].
+    pub async fn write(&self, what: &str, puts: Vec<Put>) -> Result<u64, Trouble> {
+        let (to, outcome) = oneshot::channel();
+        let order = Order::Write { client: self.0.number, puts, to };
+        let done = |scan: &u64| format!("done, scan {scan}");
+        self.audited(format!("write {what}"), Right::Write, order, outcome, done).await
+    }
+
+    /// Asks; what changes something is checked and written down like a write.
+    ///
+    /// # Errors
+    /// [`Trouble`].
+    pub async fn ask(&self, ask: Ask) -> Result<Answer, Trouble> {
+        let what = match &ask {
+            Ask::Command(command) => format!("command {command:?}"),
+            Ask::SetClock(clock) => format!("set clock {clock:02x?}"),
+            // The gate has users of its own; there is no way past them.
+            Ask::Login(_) | Ask::Logout => return Err(Trouble::User),
+            _ => {
+                let _turn = self.0.turns.acquire().await.map_err(|_| Trouble::Gone)?;
+                return self.0.station.ask(self.0.number, ask).await;
+            }
+        };
+        let (to, answer) = oneshot::channel();
+        let order = Order::Ask { client: self.0.number, ask, to };
+        self.audited(what, Right::Operate, order, answer, |_: &Answer| "done".to_owned()).await
+    }
+
+    /// Does something that takes a right, and writes it down, whatever becomes of it and of whoever waits for it.
+    async fn audited<T: Send + 'static>(
+        &self,
+        what: String,
+        needs: Right,
+        order: Order,
+        outcome: oneshot::Receiver<Result<T, Trouble>>,
+        done: impl FnOnce(&T) -> String + Send + 'static,
+    ) -> Result<T, Trouble> {
+        let client = self.clone();
+        let work = async move {
+            let inner = &*client.0;
+            let audit = inner.station.audit();
+            let note = |outcome: &str| audit.note(&inner.who.user, &inner.who.address, &what, outcome);
+            if client.right() < needs {
+                let _ = note("refused: not allowed");
+                return Err(Trouble::User);
+            }
+            audit.ready().map_err(|error| Trouble::Audit(error.to_string()))?;
+            let _turn = inner.turns.acquire().await.map_err(|_| Trouble::Gone)?;
+            inner.station.0.orders.send(order).map_err(|_| Trouble::Gone)?;
+            let outcome = outcome.await.map_err(|_| Trouble::Gone)?;
+            let told = match &outcome {
+                Ok(value) => done(value),
+                Err(trouble) => format!("refused: {trouble}"),
+            };
+            // It is done; what cannot be written now is kept, and nothing more is done before it is written.
+            let _ = note(&told);
+            outcome
+        };
+        // A task of its own: who goes away in between does not take the line with him.
+        tokio::spawn(work).await.map_err(|_| Trouble::Gone)?
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        let _ = self.station.0.orders.send(Order::Gone(self.number));
+    }
+}
