@@ -244,7 +244,7 @@ impl Door {
                 self.news.push_back(News::Written { client, ticket, outcome });
             }
             ToLink::Answer { client, ticket, answer: Answer::Document { last, bytes } } => {
-                self.part(client, ticket, last, bytes);
+                self.part(client, ticket, last, &bytes);
             }
             ToLink::Answer { client, ticket, answer } => self.news.push_back(News::Answer { client, ticket, answer }),
             ToLink::Event(event) => self.news.push_back(News::Event(event)),
@@ -253,9 +253,9 @@ impl Door {
         Ok(())
     }
 
-    fn part(&mut self, client: u32, ticket: Ticket, last: bool, bytes: Box<[u8]>) {
+    fn part(&mut self, client: u32, ticket: Ticket, last: bool, bytes: &[u8]) {
         let mut whole = self.documents.remove(&ticket).unwrap_or_default();
-        whole.extend_from_slice(&bytes);
+        whole.extend_from_slice(bytes);
         if last {
             let answer = Answer::Document { last, bytes: whole.into() };
             self.news.push_back(News::Answer { client, ticket, answer });
