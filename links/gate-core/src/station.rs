@@ -28,6 +28,9 @@ const DOCUMENTS: u32 = 0;
 #[derive(Clone, Debug)]
 pub struct Station(Arc<Shared>);
 
+/// A document, and when it was made.
+type Made = (Instant, Arc<[u8]>);
+
 #[derive(Debug)]
 struct Shared {
     welcome: Welcome,
@@ -37,7 +40,7 @@ struct Shared {
     orders: mpsc::UnboundedSender<Order>,
     events: Arc<Events>,
     catalog: OnceCell<Arc<Catalog>>,
-    documents: Mutex<BTreeMap<Document, (Instant, Arc<[u8]>)>>,
+    documents: Mutex<BTreeMap<Document, Made>>,
     reads: Semaphore,
     clients: AtomicU32,
     audit: Audit,

@@ -153,7 +153,7 @@ fn what_is_read_for_the_first_time_comes_a_cycle_later() {
     });
 }
 
-/// Below the link's right lies the user's. What is refused here never reaches the broker, and all of it is written down.
+/// Below the link's right lies the user's. What is refused here never reaches the broker, and it is written down.
 #[test]
 fn rights_of_users_and_their_trace() {
     run(async {

@@ -17,6 +17,8 @@ use LinkKind::{Metrics, Mqtt, OpcUa, S7, Web};
 const RIGHTS: [(&str, Right); 3] = [("read", Right::Read), ("write", Right::Write), ("operate", Right::Operate)];
 /// The kinds of link.
 const KINDS: [(&str, LinkKind); 5] = [("s7", S7), ("web", Web), ("metrics", Metrics), ("opcua", OpcUa), ("mqtt", Mqtt)];
+/// Kinds that others connect to.
+const SERVERS: &[LinkKind] = &[LinkKind::S7, Web, Metrics, OpcUa];
 /// Kinds with users.
 const WITH_USERS: &[LinkKind] = &[Web, Metrics, OpcUa, Mqtt];
 /// Kinds whose connections TLS protects; OPC UA brings its own.
@@ -38,7 +40,7 @@ enum Key<'t> {
 /// The keys that processes read themselves, and the kinds of link that have them.
 fn keys(table: &LinkTable) -> Vec<(&'static str, &'static [LinkKind], Key<'_>)> {
     vec![
-        ("clients", &[S7, Web, Metrics, OpcUa], Key::Number(&table.clients, 1..=128)),
+        ("clients", SERVERS, Key::Number(&table.clients, 1..=128)),
         ("rack", &[S7], Key::Number(&table.rack, 0..=7)),
         ("slot", &[S7], Key::Number(&table.slot, 0..=31)),
         ("pdu", &[S7], Key::Number(&table.pdu, 64..=1024)),
@@ -290,7 +292,7 @@ mod tests {
         let write = "rights = \"write\"\n";
         for (keys, wrong) in [
             (format!("type = \"web\"\n{here}"), &[][..]),
-            (format!("type = \"web\"\nlisten = \"[::1]:8080\"\n"), &[]),
+            ("type = \"web\"\nlisten = \"[::1]:8080\"\n".to_owned(), &[]),
             (format!("type = \"web\"\n{here}{write}"), &["C011"]),
             (format!("type = \"web\"\n{here}{write}{users}"), &[]),
             (format!("type = \"web\"\n{there}"), &["C011", "C011"]),
