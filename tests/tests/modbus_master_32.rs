@@ -4,7 +4,7 @@
 
 use ob1_line::sim::SplitMix64;
 use ob1_protocols::modbus_master_32::{Driver, Input, Order, Owner, Parameters};
-use ob1_protocols::{LineFault, MS, Nanos, SECOND};
+use ob1_protocols::{LineFault, LineInput, MS, Nanos, SECOND, Wire};
 use ob1_tests::modbus_slave::{LONG_FIRST, LONGS, ModbusSlave, SIZE};
 
 /// Ten bits at 9600 bit/s.
@@ -18,11 +18,13 @@ struct Cpu {
     entries: Vec<u16>,
 }
 
-impl Owner for Cpu {
+impl Wire for Cpu {
     fn transmit(&mut self, bytes: &[u8]) {
         self.line.extend(bytes);
     }
+}
 
+impl Owner for Cpu {
     fn deliver(&mut self, destination: &[u8]) {
         assert!(self.data.is_empty(), "two deliveries for one job");
         self.data.extend(destination);
@@ -83,16 +85,16 @@ impl Bench {
         self.pass(self.now + CHARACTER * request.len() as Nanos, &mut cpu);
         let reply = self.slave.hear(&request);
         if !request.is_empty() {
-            self.step(Input::TxDone, &mut cpu);
+            self.step(Input::Line(LineInput::TxDone), &mut cpu);
         }
         self.pass(self.now + 20 * MS, &mut cpu);
         for (at, character) in reply.iter().enumerate() {
             self.pass(self.now + CHARACTER, &mut cpu);
             match damage.filter(|(place, _)| *place == at).map(|(_, damage)| damage) {
-                None => self.step(Input::Rx(&[*character]), &mut cpu),
-                Some(Damage::Other(other)) => self.step(Input::Rx(&[other]), &mut cpu),
+                None => self.step(Input::Line(LineInput::Rx(&[*character])), &mut cpu),
+                Some(Damage::Other(other)) => self.step(Input::Line(LineInput::Rx(&[other])), &mut cpu),
                 Some(Damage::Lost) => {}
-                Some(Damage::Fault(fault)) => self.step(Input::LineFault(fault), &mut cpu),
+                Some(Damage::Fault(fault)) => self.step(Input::Line(LineInput::Fault(fault)), &mut cpu),
             }
         }
         if !cpu.data.is_empty() {

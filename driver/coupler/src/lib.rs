@@ -19,5 +19,6 @@ mod wire;
 
 pub use config::{BusConfig, CouplerConfig, LineConfig, Order, Range, Serial, Setup, Table};
 pub use image::{Image, Refusal, State, Status};
-pub use line::{LineInput, LineMaster};
+pub use line::{LineMaster, MasterInput};
+pub use ob1_protocols::{Input, LineFault, LineInput};
 pub use profile::Profile;

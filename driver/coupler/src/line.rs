@@ -3,6 +3,10 @@
 //! The owner hands in what happened and when, and puts on the line what it is given. It calls again at the time that
 //! [`LineMaster::step`] answers, and when the outputs have changed.
 
+use core::convert::Infallible;
+
+use ob1_protocols::{Input, LineFault, LineInput};
+
 use crate::config::{LineConfig, Nanos};
 use crate::coupler::{Coupler, Job};
 use crate::image::{Image, State};
@@ -11,22 +15,9 @@ use crate::wire::{Outcome, Wire};
 /// A connection on which so many requests in a row got no answer is opened anew.
 const SILENT: u32 = 3;
 
-/// What happened on the line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LineInput<'a> {
-    /// Time has passed, or the outputs have changed.
-    Tick,
-    /// The line can be used.
-    Up,
-    /// It cannot.
-    Gone,
-    /// Characters came in, in this order.
-    Rx(&'a [u8]),
-    /// The last bit of everything that was given is out.
-    TxDone,
-    /// A character could not be read.
-    Fault,
-}
+/// What happened: time has passed or the outputs have changed ([`Input::Tick`]), or something on the line. A connection
+/// that is open is a line that is back. The outputs come as an image, so there are no orders.
+pub type MasterInput<'a> = Input<'a, Infallible>;
 
 /// The master of one line.
 pub struct LineMaster {
@@ -57,20 +48,20 @@ impl LineMaster {
     }
 
     /// Takes what has happened; `out` gets what is to be sent. The result is when to call again at the latest.
-    pub fn step(&mut self, now: Nanos, input: LineInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Nanos {
+    pub fn step(&mut self, now: Nanos, input: MasterInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Nanos {
         match input {
-            LineInput::Up => {
+            Input::Line(LineInput::Fault(LineFault::Back)) => {
                 (self.is_up, self.reconnect, self.silent) = (true, false, 0);
                 self.couplers.iter_mut().for_each(|coupler| coupler.connect(now));
             }
-            LineInput::Gone => {
+            Input::Line(LineInput::Fault(LineFault::Gone)) => {
                 self.is_up = false;
                 // Nobody can answer it any more, and nobody is to blame for that.
                 self.asked = None;
             }
             _ => {}
         }
-        if let Some(outcome) = self.wire.step(now, &input, out) {
+        if let Some(outcome) = self.wire.step(now, input, out) {
             self.ended(now, outcome, image);
         }
         self.couplers.iter_mut().for_each(|coupler| coupler.tick(now, image));

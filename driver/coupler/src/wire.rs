@@ -3,10 +3,10 @@
 
 use ob1_protocols::modbus::pdu::{self, Match};
 use ob1_protocols::modbus::{Master, Mode, TELEGRAM_BYTES, frame, master, tcp};
-use ob1_protocols::{Event, Input, LineFault, Machine as _, Order, SendError, Sink};
+use ob1_protocols::{Event, Input, LineFault, LineInput, Machine as _, Order, SendError, Sink, Wire as LineEnd};
 
 use crate::config::{LineConfig, Nanos, Parity, Serial};
-use crate::line::LineInput;
+use crate::line::MasterInput;
 
 /// How late a device may hand characters over: a UART with a FIFO, a USB adapter.
 const BURSTS: Nanos = 20_000_000;
@@ -42,17 +42,14 @@ impl Wire {
     }
 
     /// Takes what has happened on the line; the end of the request, if it is that.
-    pub(crate) fn step(&mut self, now: Nanos, input: &LineInput<'_>, out: &mut Vec<u8>) -> Option<Outcome> {
+    pub(crate) fn step(&mut self, now: Nanos, input: MasterInput<'_>, out: &mut Vec<u8>) -> Option<Outcome> {
         match self {
             Self::Tcp(tcp) => tcp.step(now, input),
             Self::Serial(rtu) => {
-                let input = match *input {
-                    LineInput::Tick => Input::Tick,
-                    LineInput::Rx(bytes) => Input::Rx(bytes),
-                    LineInput::TxDone => Input::TxDone,
-                    LineInput::Fault => Input::LineFault(LineFault::Framing),
-                    LineInput::Up => Input::LineFault(LineFault::Back),
-                    LineInput::Gone => Input::Order(Order::Abort),
+                let input = match input {
+                    Input::Tick => Input::Tick,
+                    Input::Line(LineInput::Fault(LineFault::Gone)) => Input::Order(Order::Abort),
+                    Input::Line(line) => Input::Line(line),
                 };
                 rtu.step(now, input, out)
             }
@@ -107,18 +104,18 @@ impl Tcp {
         None
     }
 
-    fn step(&mut self, now: Nanos, input: &LineInput<'_>) -> Option<Outcome> {
-        match *input {
-            LineInput::Rx(bytes) => return self.received(bytes),
-            LineInput::Up | LineInput::Gone => {
+    fn step(&mut self, now: Nanos, input: MasterInput<'_>) -> Option<Outcome> {
+        match input {
+            Input::Line(LineInput::Rx(bytes)) => return self.received(bytes),
+            Input::Line(LineInput::Fault(LineFault::Back | LineFault::Gone)) => {
                 self.receiver.clear();
                 (self.pending, self.broken) = (None, false);
             }
-            LineInput::Tick if self.pending.as_ref().is_some_and(|pending| now >= pending.until) => {
+            Input::Tick if self.pending.as_ref().is_some_and(|pending| now >= pending.until) => {
                 self.pending = None;
                 return Some(Outcome::Failed);
             }
-            LineInput::Tick | LineInput::TxDone | LineInput::Fault => {}
+            Input::Tick | Input::Line(_) => {}
         }
         None
     }
@@ -184,11 +181,13 @@ struct Ear<'a> {
     sent: Option<Result<(), SendError>>,
 }
 
-impl Sink for Ear<'_> {
+impl LineEnd for Ear<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.out.extend_from_slice(bytes);
     }
+}
 
+impl Sink for Ear<'_> {
     fn room(&self) -> usize {
         TELEGRAM_BYTES
     }

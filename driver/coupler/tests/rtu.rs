@@ -3,12 +3,12 @@
 
 use ob1_coupler::config::Parity;
 use ob1_coupler::{
-    BusConfig, CouplerConfig, Image, LineConfig, LineInput, LineMaster, Order, Range, Serial, State, Table,
+    BusConfig, CouplerConfig, Image, LineConfig, LineMaster, MasterInput, Order, Range, Serial, State, Table,
 };
 use ob1_line::LineSettings;
 use ob1_line::sim::{BusConfig as WiresConfig, BusEvent, FaultRates, Frame, Participant, SimBus, SplitMix64};
 use ob1_protocols::modbus::{Mode, Slave, frame, slave};
-use ob1_protocols::{Event, Input, LineFault, Machine as _, SendError, Sink};
+use ob1_protocols::{Event, Input, LineFault, LineInput, Machine as _, SendError, Sink, Wire};
 
 const MS: u64 = 1_000_000;
 const COUPLERS: usize = 4;
@@ -19,10 +19,13 @@ const BYTES: usize = 8;
 #[derive(Default)]
 struct Mouth(Vec<u8>);
 
-impl Sink for Mouth {
+impl Wire for Mouth {
     fn transmit(&mut self, bytes: &[u8]) {
         self.0.extend(bytes);
     }
+}
+
+impl Sink for Mouth {
     fn room(&self) -> usize {
         0
     }
@@ -86,11 +89,11 @@ impl Wires {
         let master = LineMaster::new(&config.lines[0], 0, config.input_bytes, 0);
         let lost = vec![0; COUPLERS];
         let mut wires = Self { now: 0, bus, master, me, deadline: 0, image, couplers, lost };
-        wires.ask(LineInput::Up);
+        wires.ask(Input::Line(LineInput::Fault(LineFault::Back)));
         wires
     }
 
-    fn ask(&mut self, input: LineInput<'_>) {
+    fn ask(&mut self, input: MasterInput<'_>) {
         let mut out = Vec::new();
         let before: Vec<State> = self.image.status.iter().map(|status| status.state).collect();
         self.deadline = self.master.step(self.now, input, &mut self.image, &mut out);
@@ -134,22 +137,22 @@ impl Wires {
             while let Some((who, event)) = self.bus.pop(self.now, &mut buffer) {
                 if who == self.me {
                     match event {
-                        BusEvent::Rx(len) => self.ask(LineInput::Rx(&buffer[..len])),
-                        BusEvent::Fault(_) => self.ask(LineInput::Fault),
-                        BusEvent::TxDone => self.ask(LineInput::TxDone),
+                        BusEvent::Rx(len) => self.ask(Input::Line(LineInput::Rx(&buffer[..len]))),
+                        BusEvent::Fault(_) => self.ask(Input::Line(LineInput::Fault(LineFault::Framing))),
+                        BusEvent::TxDone => self.ask(Input::Line(LineInput::TxDone)),
                         BusEvent::Modem(_) => {}
                     }
                 } else if let Some(n) = self.couplers.iter().position(|coupler| coupler.who == who) {
                     match event {
-                        BusEvent::Rx(len) => self.tell(n, Input::Rx(&buffer[..len])),
-                        BusEvent::Fault(_) => self.tell(n, Input::LineFault(LineFault::Framing)),
-                        BusEvent::TxDone => self.tell(n, Input::TxDone),
+                        BusEvent::Rx(len) => self.tell(n, Input::Line(LineInput::Rx(&buffer[..len]))),
+                        BusEvent::Fault(_) => self.tell(n, Input::Line(LineInput::Fault(LineFault::Framing))),
+                        BusEvent::TxDone => self.tell(n, Input::Line(LineInput::TxDone)),
                         BusEvent::Modem(_) => {}
                     }
                 }
             }
             if self.deadline <= self.now {
-                self.ask(LineInput::Tick);
+                self.ask(Input::Tick);
             }
             for n in 0..COUPLERS {
                 if self.couplers[n].deadline.is_some_and(|at| at <= self.now) {
@@ -172,7 +175,7 @@ impl Wires {
             let word = (round.wrapping_mul(3) ^ (n as u16) << 12).to_be_bytes();
             self.image.outputs[BYTES * n..BYTES * (n + 1)].copy_from_slice(&word.repeat(BYTES / 2));
         }
-        self.ask(LineInput::Tick);
+        self.ask(Input::Tick);
     }
 
     /// Nothing is half read or half written, and nothing was made up.

@@ -6,7 +6,8 @@ use std::collections::VecDeque;
 
 use device::Device;
 use ob1_coupler::{
-    BusConfig, CouplerConfig, Image, LineConfig, LineInput, LineMaster, Order, Profile, Range, Setup, State, Table,
+    BusConfig, CouplerConfig, Image, Input, LineConfig, LineFault, LineInput, LineMaster, MasterInput, Order, Profile,
+    Range, Setup, State, Table,
 };
 use ob1_protocols::modbus::tcp;
 
@@ -83,7 +84,7 @@ impl Net {
         }
     }
 
-    fn step(&mut self, input: LineInput<'_>) {
+    fn step(&mut self, input: MasterInput<'_>) {
         let before: Vec<State> = self.image.status.iter().map(|status| status.state).collect();
         let mut out = Vec::new();
         self.deadline = self.master.step(self.now, input, &mut self.image, &mut out);
@@ -116,7 +117,7 @@ impl Net {
         self.back.clear();
         self.receiver = tcp::Receiver::new();
         self.opens_at = Some(self.now + time);
-        self.step(LineInput::Gone);
+        self.step(Input::Line(LineInput::Fault(LineFault::Gone)));
     }
 
     fn run(&mut self, time: u64) {
@@ -131,15 +132,15 @@ impl Net {
             self.now = self.now.max(next);
             if self.opens_at.is_some_and(|at| at <= self.now) {
                 (self.open, self.opens_at) = (true, None);
-                self.step(LineInput::Up);
+                self.step(Input::Line(LineInput::Fault(LineFault::Back)));
             } else if answer <= self.now {
                 let (_, bytes) = self.back.pop_front().expect("looked at");
                 // In two pieces, as a stream may.
                 let (one, two) = bytes.split_at(bytes.len() / 2);
-                self.step(LineInput::Rx(one));
-                self.step(LineInput::Rx(two));
+                self.step(Input::Line(LineInput::Rx(one)));
+                self.step(Input::Line(LineInput::Rx(two)));
             } else {
-                self.step(LineInput::Tick);
+                self.step(Input::Tick);
             }
         }
     }
@@ -147,7 +148,7 @@ impl Net {
     /// The CPU has written outputs.
     fn write(&mut self, at: usize, bytes: &[u8]) {
         self.image.outputs[at..at + bytes.len()].copy_from_slice(bytes);
-        self.step(LineInput::Tick);
+        self.step(Input::Tick);
     }
 
     /// Function codes of the requests to a device since the last look.
@@ -188,7 +189,7 @@ fn inputs_come_with_the_period_and_outputs_when_they_change() {
 
     // STOP: off, whatever the image says.
     net.image.driven = false;
-    net.step(LineInput::Tick);
+    net.step(ob1_coupler::Input::Tick);
     net.run(3 * MS);
     assert!(net.master.has_told_outputs(&net.image));
     let device = &net.devices[0];

@@ -2,7 +2,9 @@
 
 use ob1_backplane::{Channel as SegmentChannel, CpSide, DriverState, Event, EventKind, ModemOutputs};
 use ob1_firmware::cp341::{Channel, ChannelBlock};
-use ob1_firmware::{CpCounter, CpEvent, CpPort, Leds, LineSettings, ModemLines, Nanos, ParameterFault, StartReason};
+use ob1_firmware::{
+    CpCounter, CpEvent, CpPort, Leds, LineSettings, ModemLines, Nanos, ParameterFault, StartReason, Wire,
+};
 
 use crate::line_port::LinePort;
 use crate::translate::{self, EventCode, LINE_TEXT_RECORD};
@@ -102,6 +104,26 @@ pub(crate) struct Plug<'a, L: ?Sized> {
     pub(crate) now: Nanos,
 }
 
+impl<L: LinePort + ?Sized> Wire for Plug<'_, L> {
+    fn transmit(&mut self, bytes: &[u8]) {
+        self.line.transmit(self.now, bytes);
+    }
+
+    fn take_back(&mut self) -> usize {
+        self.line.take_back(self.now)
+    }
+
+    fn rts(&mut self, on: bool) {
+        self.end.rts = on;
+        self.end.drive_modem(self.now, self.line);
+    }
+
+    fn dtr(&mut self, on: bool) {
+        self.end.dtr = on;
+        self.end.drive_modem(self.now, self.line);
+    }
+}
+
 impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
     fn inputs(&mut self, registers: &[u8]) {
         self.end.segment.write_inputs(registers);
@@ -115,30 +137,12 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
         self.end.segment.write_channel(channel, block);
     }
 
-    fn transmit(&mut self, bytes: &[u8]) {
-        self.line.transmit(self.now, bytes);
-    }
-
-    fn take_back(&mut self) -> usize {
-        self.line.take_back(self.now)
-    }
-
     fn line_settings(&mut self, settings: &LineSettings) {
         self.line.apply(self.now, settings);
     }
 
     fn lateness(&self) -> Nanos {
         self.line.lateness()
-    }
-
-    fn rts(&mut self, on: bool) {
-        self.end.rts = on;
-        self.end.drive_modem(self.now, self.line);
-    }
-
-    fn dtr(&mut self, on: bool) {
-        self.end.dtr = on;
-        self.end.drive_modem(self.now, self.line);
     }
 
     fn record(&mut self, record: &[u8]) {

@@ -3,7 +3,7 @@
 use ob1_cp::{CpType, LinePort, Refused};
 use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{CpEvent, LineSettings, Nanos};
-use ob1_line::{Line, RealLine};
+use ob1_line::RealLine;
 use tracing::{debug, info, trace, warn};
 
 use crate::config::Config;

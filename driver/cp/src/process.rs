@@ -9,7 +9,7 @@ use ob1_child::doorbell_closed;
 use ob1_cp::{CpPump, HEARTBEAT};
 use ob1_firmware::trace::record::{Kind, number_of};
 use ob1_firmware::{LineFault, LineInput, ModemLines, Nanos};
-use ob1_line::{Line, LineEvent, PollFds};
+use ob1_line::{LineEvent, PollFds, RealLine};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use tracing::{info, warn};
@@ -93,7 +93,7 @@ impl Process {
             self.pump.count_lost_log(lost - std::mem::replace(&mut self.log_lost, lost));
             // Line events may have moved the deadline, and the pump's own work the registers.
             let deadline = self.pump.poll(now, &mut self.port);
-            let line = self.port.line_ref().and_then(Line::deadline).unwrap_or(Nanos::MAX);
+            let line = self.port.line_ref().and_then(RealLine::deadline).unwrap_or(Nanos::MAX);
 
             if changed && self.changes_soon() || !self.pump.prepare_sleep() {
                 passes += 1;
@@ -250,7 +250,7 @@ impl Process {
             return;
         }
         self.modem_at = now + HEARTBEAT;
-        let Some(lines) = self.port.line().and_then(Line::modem_lines) else { return };
+        let Some(lines) = self.port.line().and_then(RealLine::modem_lines) else { return };
         if self.modem != Some(lines) {
             self.modem = Some(lines);
             let bits = [lines.cts, lines.dsr, lines.ri, lines.cd];

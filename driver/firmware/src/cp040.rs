@@ -11,13 +11,14 @@ mod send;
 
 use ob1_params::{Cp040 as Parameters, Duplex};
 use ob1_protocols::modbus::area::{BLOCK_BYTES, BLOCKS_TOGETHER};
-use ob1_protocols::{Input, LineFault, MS, Nanos, Order, SendError};
+use ob1_protocols::{Input, LineFault, LineInput, MS, Nanos, Order, SendError};
 
 pub use diagnosis::DiagnosticRecord;
 pub use ob1_words::cp040::IO_BYTES;
 
+use crate::cp::Cp;
 use crate::leds::{LedDriver, Leds};
-use crate::port::{CpCounter, CpEvent, CpInput, CpPort, LineInput, ParameterFault};
+use crate::port::{CpCounter, CpEvent, CpInput, CpPort, ParameterFault};
 use crate::protocol::{Protocol, Setup};
 use diagnosis::Diagnosis;
 use exchange::{Exchange, Step};
@@ -62,29 +63,8 @@ pub struct Cp040 {
     diagnosis: Diagnosis,
 }
 
-impl Cp040 {
-    /// A module without parameters that occupies so many bytes each way, 8 to 60.
-    pub fn new(io_bytes: usize) -> Self {
-        Self {
-            phase: Phase::Off,
-            cpu_stopped: false,
-            exchange: Exchange::new(io_bytes),
-            shown: [0; 60],
-            parameters: None,
-            setup: None,
-            protocol: Protocol::None,
-            protocol_due: None,
-            transmitting: false,
-            line_gone: false,
-            line_broke_off: false,
-            leds: LedDriver::new(),
-            leds_shown: Leds::NONE,
-            diagnosis: Diagnosis::new(),
-        }
-    }
-
-    /// Takes one input at time `now`; the result is when [`CpInput::Tick`] is due.
-    pub fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
+impl Cp for Cp040 {
+    fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
         match input {
             CpInput::Tick => {
                 if self.protocol_due.is_some_and(|due| now >= due) {
@@ -121,14 +101,34 @@ impl Cp040 {
         self.protocol_due.into_iter().chain(self.leds.deadline()).chain(flash).min()
     }
 
-    /// Whether the parameters are valid.
-    pub fn is_working(&self) -> bool {
+    fn is_working(&self) -> bool {
         self.phase == Phase::Working
     }
 
-    /// DIAG_EN: whether a wire break and wrong parameters raise diagnostic interrupts. Off unless enabled.
-    pub fn enable_diagnostics(&mut self, enabled: bool) {
+    fn enable_diagnostics(&mut self, enabled: bool) {
         self.diagnosis.enabled = enabled;
+    }
+}
+
+impl Cp040 {
+    /// A module without parameters that occupies so many bytes each way, 8 to 60.
+    pub fn new(io_bytes: usize) -> Self {
+        Self {
+            phase: Phase::Off,
+            cpu_stopped: false,
+            exchange: Exchange::new(io_bytes),
+            shown: [0; 60],
+            parameters: None,
+            setup: None,
+            protocol: Protocol::None,
+            protocol_due: None,
+            transmitting: false,
+            line_gone: false,
+            line_broke_off: false,
+            leds: LedDriver::new(),
+            leds_shown: Leds::NONE,
+            diagnosis: Diagnosis::new(),
+        }
     }
 
     /// Telegrams in the receive buffer.
@@ -302,7 +302,7 @@ impl Cp040 {
         // Two wires: "data is exchanged ... but only in one direction at a time". What comes while we send is our own.
         // [S3 L347]
         let is_half = self.parameters.as_ref().is_some_and(|p| p.duplex == Duplex::Half);
-        let mut input = line.to_protocol();
+        let mut input = line;
         match line {
             LineInput::Rx(_) if is_half && self.transmitting => return,
             LineInput::Rx(bytes) => {
@@ -332,7 +332,7 @@ impl Cp040 {
                     self.diagnosis.wire_break = true;
                 } else {
                     // Nobody evaluates it: a character without a stop bit.
-                    input = Input::LineFault(LineFault::Framing);
+                    input = LineInput::Fault(LineFault::Framing);
                 }
                 self.leds.error(now);
             }
@@ -342,7 +342,7 @@ impl Cp040 {
         if self.phase != Phase::Working {
             return;
         }
-        self.drive(now, input, port);
+        self.drive(now, Input::Line(input), port);
         if self.line_gone && self.exchange.send.is_transmitting() && !self.protocol.is_acknowledged() {
             self.line_broke_off = true;
             self.drive(now, Protocol::ABORT, port);

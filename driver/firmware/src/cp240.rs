@@ -3,7 +3,7 @@
 /// The outlet of a CP for one step. No method: the protocol, and what is to be sent, are borrowed besides.
 macro_rules! outlet {
     ($cp:ident, $now:ident, $port:ident) => {
-        $crate::cp240::Outlet {
+        $crate::cp240::outlet::Outlet {
             now: $now,
             ring: &mut $cp.receive.ring,
             is_fragmented: $cp.setup.as_ref().is_some_and($crate::protocol::Setup::is_fragmented),
@@ -19,6 +19,7 @@ macro_rules! outlet {
 }
 
 mod modem;
+mod outlet;
 pub(crate) mod receive;
 mod rk512;
 mod rk512_side;
@@ -26,14 +27,15 @@ mod send;
 
 use ob1_params::{Cp240 as Parameters, LineSettings};
 use ob1_protocols::rk512::Order as Rk512Order;
-use ob1_protocols::{Event, Input, LineFault, Nanos, Order, Part, SendError, Sink, What};
+use ob1_protocols::{Event, Input, LineFault, LineInput, Nanos, Order, SendError, What};
 
+use crate::cp::Cp;
 use crate::diagnosis::{Diagnosis, Kind};
 use crate::leds::{LedDriver, Leds};
 use crate::modbus;
-use crate::port::{CpCounter, CpEvent, CpInput, CpPort, LineInput, ParameterFault, StartReason};
+use crate::port::{CpCounter, CpEvent, CpInput, CpPort, ParameterFault, StartReason};
 use crate::protocol::{Protocol, Setup};
-use crate::ring::{Capacity, Ring};
+use crate::ring::Capacity;
 use modem::Modem;
 use ob1_words::cp240::{NO_PARAMETERS, RESET, Registers, STARTUP, SYSTEM, block, compose, rx_word, tx_word};
 use receive::ReceiveSide;
@@ -103,39 +105,8 @@ pub struct Cp240 {
     diagnosis: Diagnosis,
 }
 
-impl Cp240 {
-    /// A module without parameters.
-    ///
-    /// `generation` counts the lives of this module, that is, the processes that were it. Start-ups of neighbouring
-    /// lives get numbers far apart, because a new process does not know how many resets the one before it has seen.
-    pub const fn new(generation: u64) -> Self {
-        Self {
-            phase: Phase::Off,
-            number: (generation.wrapping_mul(37) % 255) as u8,
-            cpu_stopped: false,
-            reset_seen: false,
-            outputs: [0; 16],
-            shown: [0; 16],
-            setup: None,
-            settings: None,
-            capacity: Capacity::buffers(1),
-            protocol: Protocol::None,
-            protocol_due: None,
-            send: SendSide::new(),
-            receive: ReceiveSide::new(),
-            rk512: Rk512Side::new(),
-            order_waits: false,
-            line_gone: false,
-            line_broke_off: false,
-            modem: Modem::new(),
-            leds: LedDriver::switched_on(),
-            leds_shown: Leds::NONE,
-            diagnosis: Diagnosis::NONE,
-        }
-    }
-
-    /// Takes one input at time `now`; the result is when [`CpInput::Tick`] is due.
-    pub fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
+impl Cp for Cp240 {
+    fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
         match input {
             CpInput::Tick => {
                 if self.protocol_due.is_some_and(|due| now >= due) {
@@ -181,15 +152,44 @@ impl Cp240 {
         self.protocol_due.into_iter().chain(self.leds.deadline()).min()
     }
 
-    /// Whether the CP works: parameters are valid and the CPU has acknowledged the start-up.
-    pub fn is_working(&self) -> bool {
+    fn is_working(&self) -> bool {
         self.phase == Phase::Working
     }
 
-    /// Enables or disables diagnostics: errors that light ER are also told as [`CpEvent::Diagnosis`]. Off unless
-    /// enabled; the parameter bytes have no place for it (ours: a switch of the station file).
-    pub fn enable_diagnostics(&mut self, enabled: bool) {
+    fn enable_diagnostics(&mut self, enabled: bool) {
         self.diagnosis.enabled = enabled;
+    }
+}
+
+impl Cp240 {
+    /// A module without parameters.
+    ///
+    /// `generation` counts the lives of this module, that is, the processes that were it. Start-ups of neighbouring
+    /// lives get numbers far apart, because a new process does not know how many resets the one before it has seen.
+    pub const fn new(generation: u64) -> Self {
+        Self {
+            phase: Phase::Off,
+            number: (generation.wrapping_mul(37) % 255) as u8,
+            cpu_stopped: false,
+            reset_seen: false,
+            outputs: [0; 16],
+            shown: [0; 16],
+            setup: None,
+            settings: None,
+            capacity: Capacity::buffers(1),
+            protocol: Protocol::None,
+            protocol_due: None,
+            send: SendSide::new(),
+            receive: ReceiveSide::new(),
+            rk512: Rk512Side::new(),
+            order_waits: false,
+            line_gone: false,
+            line_broke_off: false,
+            modem: Modem::new(),
+            leds: LedDriver::switched_on(),
+            leds_shown: Leds::NONE,
+            diagnosis: Diagnosis::NONE,
+        }
     }
 
     fn is_enocean(&self) -> bool {
@@ -287,7 +287,7 @@ impl Cp240 {
         self.drive(now, Input::Tick, port);
         self.order_rk512(now, Rk512Order::Serve(!self.cpu_stopped), port);
         if let Some(lines) = self.modem.lines() {
-            self.drive(now, Input::Modem(lines), port);
+            self.drive(now, Input::Line(LineInput::Modem(lines)), port);
         }
     }
 
@@ -443,7 +443,7 @@ impl Cp240 {
         if self.phase != Phase::Working {
             return;
         }
-        self.drive(now, line.to_protocol(), port);
+        self.drive(now, Input::Line(line), port);
         if self.line_gone && self.send.is_transmitting() && !self.protocol.is_acknowledged() {
             self.line_broke_off = true;
             self.drive(now, Protocol::ABORT, port);
@@ -522,97 +522,4 @@ fn capacity(parameters: &Parameters) -> Capacity {
 /// 1 to 255, then 1 again.
 const fn next_number(number: u8) -> u8 {
     if number == u8::MAX { 1 } else { number + 1 }
-}
-
-/// Where the protocol puts its results during one step.
-struct Outlet<'a> {
-    now: Nanos,
-    ring: &'a mut Ring,
-    /// Telegrams come in parts.
-    is_fragmented: bool,
-    rk512: &'a mut Rk512Side,
-    leds: &'a mut LedDriver,
-    modem: &'a mut Modem,
-    diagnosis: &'a mut Diagnosis,
-    settings: &'a mut Option<LineSettings>,
-    port: &'a mut dyn CpPort,
-    outcome: Option<Result<(), SendError>>,
-}
-
-impl Sink for Outlet<'_> {
-    fn transmit(&mut self, bytes: &[u8]) {
-        self.leds.transmit(true);
-        self.port.count(CpCounter::BytesTx, bytes.len() as u64);
-        self.port.transmit(bytes);
-    }
-
-    fn take_back(&mut self) -> usize {
-        self.port.take_back()
-    }
-
-    fn room(&self) -> usize {
-        if self.is_fragmented { self.ring.room_for_part() } else { self.ring.room() }
-    }
-
-    fn deliver(&mut self, telegram: &[u8]) {
-        if self.ring.push(telegram) {
-            self.port.count(CpCounter::Received, 1);
-            self.port.event(self.now, CpEvent::Received(telegram));
-        } else {
-            // A protocol that does not ask for room first.
-            self.port.count(CpCounter::Rejected, 1);
-        }
-    }
-
-    fn part(&mut self, bytes: &[u8], part: Part) {
-        // There is room for it: asked for before, or kept for the end.
-        self.ring.push_part(bytes, part);
-        if part == Part::Last {
-            self.port.count(CpCounter::Received, 1);
-        }
-        if !bytes.is_empty() {
-            self.port.event(self.now, CpEvent::Received(bytes));
-        }
-    }
-
-    fn sent(&mut self, outcome: Result<(), SendError>) {
-        self.outcome = Some(outcome);
-    }
-
-    fn report(&mut self, event: Event) {
-        if event.what == What::NoBuffer {
-            self.leds.overflow(self.now);
-        }
-        if event.lights_er() && event.what != What::Line(LineFault::Gone) {
-            self.leds.error(self.now);
-            if let Some(kind) = Kind::of(event) {
-                self.diagnosis.error(kind, event.number().unwrap_or(0));
-            }
-        }
-        match event.what {
-            What::NoBuffer | What::TooLong => self.port.count(CpCounter::Rejected, 1),
-            What::CharacterDelay | What::Restarted | What::BadDle(_) | What::BadCheck { .. } => {
-                self.port.count(CpCounter::ReceiveErrors, 1);
-            }
-            What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {
-                self.port.count(CpCounter::ReceiveErrors, 1);
-            }
-            What::Modbus(_) => self.port.count(CpCounter::ReceiveErrors, 1),
-            _ => {}
-        }
-        self.port.event(self.now, CpEvent::Protocol(event));
-    }
-
-    fn baud(&mut self, baud: u32) {
-        // Most telegrams have the rate of the one before: a line is not set without need.
-        if let Some(settings) = self.settings.as_mut().filter(|settings| settings.baud != baud) {
-            settings.baud = baud;
-            self.port.line_settings(settings);
-        }
-    }
-
-    fn rts(&mut self, on: bool) {
-        self.modem.set_rts(on);
-        self.port.rts(on);
-    }
 }

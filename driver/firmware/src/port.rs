@@ -1,7 +1,7 @@
 //! What goes into a CP and what comes out: the plugs of the module.
 
 use ob1_params::{Cp341 as Keys, LineSettings, ParamError};
-use ob1_protocols::{Event, Input, LineFault, ModemLines, Nanos, rk512};
+use ob1_protocols::{Event, LineInput, Nanos, Wire, rk512};
 
 use crate::cp040::DiagnosticRecord;
 use crate::cp341::{Channel, ChannelBlock};
@@ -27,47 +27,14 @@ pub enum CpInput<'a> {
     Channel(Channel, &'a ChannelBlock),
 }
 
-/// Everything that can happen on the line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LineInput<'a> {
-    /// Characters came in; now is the end of the last one.
-    Rx(&'a [u8]),
-    /// The last bit of everything transmitted has left. A line that is gone reports it all the same.
-    TxDone,
-    /// A character could not be read, the line is gone, or it is back. A line that has never been there is gone: tell
-    /// it once at the start.
-    Fault(LineFault),
-    /// The modem lines have changed.
-    Modem(ModemLines),
-}
-
-impl<'a> LineInput<'a> {
-    pub(crate) const fn to_protocol(self) -> Input<'a> {
-        match self {
-            Self::Rx(bytes) => Input::Rx(bytes),
-            Self::TxDone => Input::TxDone,
-            Self::Fault(fault) => Input::LineFault(fault),
-            Self::Modem(lines) => Input::Modem(lines),
-        }
-    }
-}
-
-/// Where a CP puts what it does. All methods are called inside [`crate::Cp240::step`].
-pub trait CpPort {
+/// Where a CP puts what it does, beside what goes to the line. All methods are called inside [`crate::Cp::step`].
+pub trait CpPort: Wire {
     /// Publishes the input registers, all bytes at once. Called only when they have changed.
     fn inputs(&mut self, registers: &[u8]);
 
     /// CP 341: shows the CPU a block of a channel. Called only when it has changed.
     fn channel(&mut self, channel: Channel, block: &ChannelBlock) {
         let _ = (channel, block);
-    }
-
-    /// Puts characters on the line, behind those before.
-    fn transmit(&mut self, bytes: &[u8]);
-
-    /// Takes back what has not yet begun to leave; the result is how many characters will not be sent.
-    fn take_back(&mut self) -> usize {
-        0
     }
 
     /// Sets baud rate, character frame and flow control; called once for each valid parameter record, and for an M-Bus
@@ -78,16 +45,6 @@ pub trait CpPort {
     /// apart by their silences. 0: each comes at its time.
     fn lateness(&self) -> Nanos {
         0
-    }
-
-    /// Sets the modem line RTS.
-    fn rts(&mut self, on: bool) {
-        let _ = on;
-    }
-
-    /// Sets the modem line DTR.
-    fn dtr(&mut self, on: bool) {
-        let _ = on;
     }
 
     /// CP 040 and CP 341: the diagnostic data (record 1; its first four bytes are record 0) as they now stand.

@@ -157,7 +157,7 @@ impl Protocol {
             Self::MBus(machine) => machine.step(now, input, out),
             Self::EnOcean(machine) => machine.step(now, input, out),
             // Its orders come the other way: `Cp240::handed`.
-            Self::Rk512(machine) => machine.step(now, rk512::Input::of_line(input).unwrap_or(rk512::Input::Tick), out),
+            Self::Rk512(machine) => machine.step(now, input.with_orders(rk512::Order::Abort), out),
         }
     }
 

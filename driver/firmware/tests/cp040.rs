@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use ob1_firmware::{
-    Cp040, CpCounter, CpEvent, CpInput, CpPort, DiagnosticRecord, Leds, LineFault, LineInput, LineSettings, Nanos,
+    Cp as _, Cp040, CpCounter, CpEvent, CpInput, CpPort, DiagnosticRecord, Leds, LineFault, LineInput, LineSettings,
+    Nanos, Wire,
 };
 use ob1_params::{Cp040 as Parameters, Value};
 use ob1_slio::{Failure, ReceiveJob, ReceiveStep, Received, SendJob, SendStep};
@@ -21,13 +22,15 @@ struct Log {
     interrupts: Vec<(bool, u8)>,
 }
 
+impl Wire for Log {
+    fn transmit(&mut self, bytes: &[u8]) {
+        self.tx.extend_from_slice(bytes);
+    }
+}
+
 impl CpPort for Log {
     fn inputs(&mut self, registers: &[u8]) {
         self.inputs = registers.to_vec();
-    }
-
-    fn transmit(&mut self, bytes: &[u8]) {
-        self.tx.extend_from_slice(bytes);
     }
 
     fn line_settings(&mut self, settings: &LineSettings) {

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Bench, MS};
-use ob1_firmware::{CpCounter, CpInput, LineFault, LineInput};
+use ob1_firmware::{Cp as _, CpCounter, CpInput, LineFault, LineInput};
 use ob1_params::Cp240;
 use ob1_protocols::esp2::frame::{Bytes, encode};
 use ob1_protocols::esp2::{Button, Command, Message, Radio, Switch, Telegram};

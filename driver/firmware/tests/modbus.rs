@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Bench, MS};
-use ob1_firmware::{CpCounter, CpInput, Leds, LineInput};
+use ob1_firmware::{Cp as _, CpCounter, CpInput, Leds, LineInput};
 use ob1_protocols::modbus::{FRAME_CHARACTERS, Mode};
 
 const BAUD_38400: u8 = 0x0C;

@@ -6,7 +6,7 @@ mod common;
 use std::collections::VecDeque;
 
 use common::{Bench, MS, ascii};
-use ob1_firmware::{CpCounter, CpInput, LineInput};
+use ob1_firmware::{Cp as _, CpCounter, CpInput, LineInput};
 use proptest::prelude::*;
 
 /// A CPU that sends and receives by the rules, one register write at a time, whenever it is its turn.

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Bench, MS, ascii, s3964r};
-use ob1_firmware::{LineFault, LineInput, ModemLines};
+use ob1_firmware::{Cp as _, LineFault, LineInput, ModemLines};
 
 const SECOND: u64 = 1000 * MS;
 

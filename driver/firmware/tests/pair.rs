@@ -6,7 +6,9 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use common::{Log, MS, s3964r, word};
-use ob1_firmware::{Cp240, CpCounter, CpEvent, CpInput, CpPort, Leds, LineInput, LineSettings, Nanos, Registers};
+use ob1_firmware::{
+    Cp as _, Cp240, CpCounter, CpEvent, CpInput, CpPort, Leds, LineInput, LineSettings, Nanos, Registers, Wire,
+};
 use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine};
 
 /// A CP's port with one end of the simulated line.
@@ -17,17 +19,19 @@ struct Port {
     now: Nanos,
 }
 
-impl CpPort for Port {
-    fn inputs(&mut self, registers: &[u8]) {
-        self.log.inputs(registers);
-    }
-
+impl Wire for Port {
     fn transmit(&mut self, bytes: &[u8]) {
         self.line.borrow_mut().write(self.end, self.now, bytes);
     }
 
     fn take_back(&mut self) -> usize {
         self.line.borrow_mut().take_back(self.end, self.now)
+    }
+}
+
+impl CpPort for Port {
+    fn inputs(&mut self, registers: &[u8]) {
+        self.log.inputs(registers);
     }
 
     fn line_settings(&mut self, settings: &LineSettings) {

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Bench, MS, ascii, s3964r};
-use ob1_firmware::{Cp240, CpCounter, CpInput, LineInput};
+use ob1_firmware::{Cp as _, Cp240, CpCounter, CpInput, LineInput};
 
 #[test]
 fn without_parameters_the_registers_read_0() {

@@ -8,8 +8,8 @@ use std::time::Instant;
 
 use ob1_backplane::{BusMemory, BusProcessSide, BusSize, Counter, CpSide, DriverState};
 use ob1_coupler::config::Parity;
-use ob1_coupler::{BusConfig, Image, LineConfig, LineInput, LineMaster};
-use ob1_line::{Line as _, LineEvent, LineSettings, LineSpec, Nanos, PollFds, RealLine, StopBits};
+use ob1_coupler::{BusConfig, Image, Input, LineConfig, LineFault, LineInput, LineMaster, MasterInput};
+use ob1_line::{LineEvent, LineSettings, LineSpec, Nanos, PollFds, RealLine, StopBits};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use tracing::{info, warn};
@@ -120,7 +120,7 @@ impl Process {
         for line in &mut self.lines {
             more |= line.events(now, &mut self.image);
             if changed || now >= line.deadline {
-                line.step(now, LineInput::Tick, &mut self.image);
+                line.step(now, Input::Tick, &mut self.image);
             }
         }
         self.told.look(&self.image);
@@ -211,7 +211,7 @@ impl Process {
             let now = self.now();
             if std::mem::take(&mut changed) {
                 for line in &mut self.lines {
-                    line.step(now, LineInput::Tick, &mut self.image);
+                    line.step(now, Input::Tick, &mut self.image);
                 }
             }
             let more = self.pass(false);
@@ -248,15 +248,15 @@ impl Line {
                 LineEvent::Rx(n) => {
                     let bytes = buffer.get(..n).unwrap_or_default();
                     tracing::trace!(rx = ?bytes);
-                    self.step(now, LineInput::Rx(bytes), image);
+                    self.step(now, Input::Line(LineInput::Rx(bytes)), image);
                 }
-                LineEvent::TxDone => self.step(now, LineInput::TxDone, image),
-                LineEvent::Fault(_) => self.step(now, LineInput::Fault, image),
+                LineEvent::TxDone => self.step(now, Input::Line(LineInput::TxDone), image),
+                LineEvent::Fault(fault) => self.step(now, Input::Line(LineInput::Fault(fault)), image),
                 LineEvent::Up(warnings) => {
                     info!(line = %self.spec, "the line is up");
                     warnings.iter().for_each(|warning| warn!("{warning}"));
                     self.up = true;
-                    self.step(now, LineInput::Up, image);
+                    self.step(now, Input::Line(LineInput::Fault(LineFault::Back)), image);
                 }
                 LineEvent::Gone(reason) => {
                     warn!(line = %self.spec, "the line is gone: {reason}");
@@ -269,11 +269,11 @@ impl Line {
 
     fn gone(&mut self, now: Nanos, image: &mut Image) {
         if std::mem::take(&mut self.up) {
-            self.step(now, LineInput::Gone, image);
+            self.step(now, Input::Line(LineInput::Fault(LineFault::Gone)), image);
         }
     }
 
-    fn step(&mut self, now: Nanos, input: LineInput<'_>, image: &mut Image) {
+    fn step(&mut self, now: Nanos, input: MasterInput<'_>, image: &mut Image) {
         let mut out = Vec::new();
         self.deadline = self.master.step(now, input, image, &mut out);
         if !out.is_empty() {
@@ -288,7 +288,7 @@ impl Line {
                 Ok(real) => self.real = real,
                 Err(error) => warn!("{error}"),
             }
-            self.step(now, LineInput::Gone, image);
+            self.step(now, Input::Line(LineInput::Fault(LineFault::Gone)), image);
         }
     }
 }

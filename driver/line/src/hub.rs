@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::event::{PollFd, PollFlags};
 
-use crate::line::{Line, LineEvent, LineFault, Nanos, PollFds};
+use crate::line::{LineEvent, LineFault, Nanos, PollFds};
 use crate::real::RealLine;
 use crate::seqpacket::{Channel, Listener, MESSAGE_MAX, Sent};
 use crate::settings::LineSettings;

@@ -5,7 +5,7 @@
 //! vanishes or a peer that closes is reported as [`LineEvent::Gone`], and the line heals by itself.
 //!
 //! The crate reads no clock. Whoever owns the line passes the time in, polls the descriptors of
-//! [`Line::poll_fds`] no longer than [`Line::deadline`] says, and then takes events until there are none left.
+//! [`RealLine::poll_fds`] no longer than [`RealLine::deadline`] says, and then takes events until there are none left.
 
 // Two ioctls that no crate wraps (see `sys`), and the borrowed descriptor of a serial port.
 #![allow(unsafe_code)]
@@ -22,7 +22,7 @@ mod spec;
 mod sys;
 mod wire;
 
-pub use line::{Line, LineEvent, LineFault, ModemLines, Nanos, PollFds};
+pub use line::{LineEvent, LineFault, ModemLines, Nanos, PollFds};
 pub use parmrk::{Decoded, Mark, ParmrkDecoder};
 pub use real::{RETRY, RealLine};
 pub use settings::{Flow, LineSettings, Parity, SettingsError, StopBits, Warning};

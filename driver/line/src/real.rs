@@ -3,7 +3,7 @@
 
 use std::io;
 
-use crate::line::{Line, LineEvent, LineFault, ModemLines, Nanos, PollFds};
+use crate::line::{LineEvent, LineFault, ModemLines, Nanos, PollFds};
 use crate::link::{self, Link, Opened};
 use crate::parmrk::{Mark, ParmrkDecoder};
 use crate::settings::{LineSettings, Parity, SettingsError, Warning, check};
@@ -66,7 +66,7 @@ pub struct RealLine {
 }
 
 impl RealLine {
-    /// A line that will be opened by the first [`Line::next_event`].
+    /// A line that will be opened by the first [`Self::next_event`].
     pub fn new(spec: &LineSpec) -> Self {
         Self {
             spec: spec.clone(),
@@ -151,17 +151,7 @@ impl RealLine {
 
     /// Writes what waits; an error means that the line is gone.
     fn flush(&mut self) -> io::Result<()> {
-        while self.may_write && self.tx_begin < self.tx_end {
-            match self.link.write(&self.tx[self.tx_begin..self.tx_end]) {
-                Ok(n) => self.tx_begin += n,
-                Err(e) if e.kind() == io::ErrorKind::WouldBlock && self.link.drops_when_full() => {
-                    self.tx_begin = self.tx_end;
-                }
-                Err(e) if e.kind() == io::ErrorKind::WouldBlock => self.may_write = false,
-                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-                Err(e) => return Err(e),
-            }
-        }
+        self.tx_begin += put(&mut *self.link, &mut self.may_write, &self.tx[self.tx_begin..self.tx_end])?;
         if self.tx_begin == self.tx_end {
             (self.tx_begin, self.tx_end) = (0, 0);
         }
@@ -252,8 +242,15 @@ impl RealLine {
     }
 }
 
-impl Line for RealLine {
-    fn apply(&mut self, settings: &LineSettings) -> Result<(), SettingsError> {
+/// Driven by the owner's clock and poll loop: it waits for [`Self::poll_fds`] until [`Self::deadline`]; when a descriptor
+/// was ready it calls [`Self::ready`]; then, in either case, [`Self::next_event`] until it answers `None`.
+impl RealLine {
+    /// Sets baud rate and character frame, now and whenever the line comes back. What was still to be sent is lost.
+    ///
+    /// # Errors
+    /// Settings no line can do; the line stays as it was. What only this kind of line cannot do comes as a warning with
+    /// the next [`LineEvent::Up`], which follows every accepted call.
+    pub fn apply(&mut self, settings: &LineSettings) -> Result<(), SettingsError> {
         let odd_stop_bits = self.link.does_odd_stop_bits();
         if let Err(error) =
             check(settings).or_else(|e| if e == SettingsError::StopBits && odd_stop_bits { Ok(()) } else { Err(e) })
@@ -282,13 +279,15 @@ impl Line for RealLine {
         Ok(())
     }
 
-    fn poll_fds<'a>(&'a self, fds: &mut PollFds<'a>) {
+    /// Adds the descriptors to wait for.
+    pub fn poll_fds<'a>(&'a self, fds: &mut PollFds<'a>) {
         if matches!(self.state, State::Up | State::Opening(_)) {
             self.link.poll_fds(self.tx_begin < self.tx_end, fds);
         }
     }
 
-    fn ready(&mut self) {
+    /// `poll` found one of the descriptors ready.
+    pub fn ready(&mut self) {
         (self.may_read, self.may_write) = (true, true);
         match &mut self.state {
             State::Up => self.link.housekeeping(),
@@ -297,7 +296,8 @@ impl Line for RealLine {
         }
     }
 
-    fn next_event(&mut self, now: Nanos, buffer: &mut [u8]) -> Option<LineEvent> {
+    /// The next event, or `None`. `buffer` takes received bytes; at least 16 long.
+    pub fn next_event(&mut self, now: Nanos, buffer: &mut [u8]) -> Option<LineEvent> {
         if let Some(event) = self.announce.take() {
             return Some(event);
         }
@@ -325,7 +325,8 @@ impl Line for RealLine {
         }
     }
 
-    fn deadline(&self) -> Option<Nanos> {
+    /// When [`Self::next_event`] must be called although nothing is ready.
+    pub fn deadline(&self) -> Option<Nanos> {
         if self.announce.is_some() {
             return Some(0);
         }
@@ -339,31 +340,42 @@ impl Line for RealLine {
         open.into_iter().chain(sent).min()
     }
 
-    fn write(&mut self, now: Nanos, bytes: &[u8]) -> usize {
+    /// Sends. Answers how many of the bytes were taken: all, unless more than 4096 are waiting already.
+    /// [`LineEvent::TxDone`] follows once everything taken has left the line; while the line is gone, when it would
+    /// have.
+    pub fn write(&mut self, now: Nanos, bytes: &[u8]) -> usize {
         if self.state != State::Up {
             // Swallowed, as on a wire that leads nowhere.
             self.sent_at = self.sent_at.max(now) + self.settings.time_of(bytes.len());
             self.sending |= !bytes.is_empty();
             return bytes.len();
         }
-        if self.tx_begin > 0 && self.tx_end + bytes.len() > TX_BYTES {
+        // At once, not at the next turn of the loop, and without a copy where nothing waits. A failure leaves the bytes
+        // waiting and is told by `next_event`.
+        let is_first = self.tx_begin == self.tx_end;
+        let through = if is_first { put(&mut *self.link, &mut self.may_write, bytes).unwrap_or(0) } else { 0 };
+        let rest = &bytes[through..];
+        if self.tx_begin > 0 && self.tx_end + rest.len() > TX_BYTES {
             self.tx.copy_within(self.tx_begin..self.tx_end, 0);
             self.tx_end -= self.tx_begin;
             self.tx_begin = 0;
         }
-        let n = bytes.len().min(TX_BYTES - self.tx_end);
-        self.tx[self.tx_end..self.tx_end + n].copy_from_slice(&bytes[..n]);
-        self.tx_end += n;
-        if n > 0 {
-            self.sent_at = self.sent_at.max(now) + self.settings.time_of(n);
+        let kept = rest.len().min(TX_BYTES - self.tx_end);
+        self.tx[self.tx_end..self.tx_end + kept].copy_from_slice(&rest[..kept]);
+        self.tx_end += kept;
+        let taken = through + kept;
+        if taken > 0 {
+            self.sent_at = self.sent_at.max(now) + self.settings.time_of(taken);
             self.sending = true;
         }
-        // At once, not at the next turn of the loop. A failure stays in the buffer and is told by `next_event`.
-        let _ = self.flush();
-        n
+        if !is_first {
+            let _ = self.flush();
+        }
+        taken
     }
 
-    fn take_back(&mut self, now: Nanos) -> usize {
+    /// Takes back what has not yet begun to leave; the result is how many bytes will not be sent.
+    pub fn take_back(&mut self, now: Nanos) -> usize {
         let waiting = self.tx_end - self.tx_begin;
         (self.tx_begin, self.tx_end) = (0, 0);
         let mut taken = waiting + if self.state == State::Up { self.link.take_back() } else { 0 };
@@ -379,17 +391,36 @@ impl Line for RealLine {
         taken
     }
 
-    fn errno(&self) -> Option<u32> {
+    /// The operating system's error number behind the last [`LineEvent::Gone`], if it had one.
+    pub fn errno(&self) -> Option<u32> {
         self.errno
     }
 
-    fn modem_lines(&mut self) -> Option<ModemLines> {
+    /// The modem lines as they stand; `None` where there are none.
+    pub fn modem_lines(&mut self) -> Option<ModemLines> {
         self.link.modem_lines()
     }
 
-    fn set_modem_lines(&mut self, rts: bool, dtr: bool) {
+    /// Sets RTS and DTR, where they exist.
+    pub fn set_modem_lines(&mut self, rts: bool, dtr: bool) {
         self.link.set_modem_lines(rts, dtr);
     }
+}
+
+/// Writes what the link takes now; the result is how many of the bytes need no further care. An error means that the
+/// line is gone.
+fn put(link: &mut dyn Link, may_write: &mut bool, bytes: &[u8]) -> io::Result<usize> {
+    let mut done = 0;
+    while *may_write && done < bytes.len() {
+        match link.write(&bytes[done..]) {
+            Ok(n) => done += n,
+            Err(e) if e.kind() == io::ErrorKind::WouldBlock && link.drops_when_full() => done = bytes.len(),
+            Err(e) if e.kind() == io::ErrorKind::WouldBlock => *may_write = false,
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(done)
 }
 
 /// The error number, also where a library has kept only its kind.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use ob1_line::hub::{Hub, Partner};
 use ob1_line::sim::{BusConfig, FaultRates};
-use ob1_line::{Line, LineEvent, LineFault, LineSettings, Nanos, Parity, RealLine, StopBits};
+use ob1_line::{LineEvent, LineFault, LineSettings, Nanos, Parity, RealLine, StopBits};
 
 const MS: Nanos = 1_000_000;
 
@@ -59,7 +59,7 @@ impl World {
                 }
             }
             let hub = self.hub.as_ref().and_then(Hub::deadline);
-            let next = self.lines.iter().filter_map(Line::deadline).chain(hub).min().unwrap_or(end);
+            let next = self.lines.iter().filter_map(RealLine::deadline).chain(hub).min().unwrap_or(end);
             if self.now >= end {
                 return;
             }

@@ -9,7 +9,7 @@ use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use ob1_line::{Line, LineEvent, LineSettings, Nanos, Parity, PollFds, RealLine};
+use ob1_line::{LineEvent, LineSettings, Nanos, Parity, PollFds, RealLine};
 use rustix::event::{Timespec, poll};
 use serialport::SerialPort;
 

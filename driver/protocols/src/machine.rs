@@ -1,6 +1,6 @@
 //! The contract between a protocol and whoever pumps it: inputs, outputs, time.
 
-pub use ob1_serial::{LineFault, ModemLines, Nanos};
+pub use ob1_serial::{LineFault, LineInput, ModemLines, Nanos, Wire};
 
 /// One millisecond in [`Nanos`].
 pub const MS: Nanos = 1_000_000;
@@ -32,23 +32,27 @@ pub trait Machine {
     fn busy(&self) -> bool;
 }
 
-/// What happened.
+/// What happened. `O`: what the CPU can want of this protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Input<'a> {
+pub enum Input<'a, O = Order<'a>> {
     /// Time has passed, or the receive buffer has become free; nothing else.
     Tick,
-    /// Characters came in, in this order; `now` is the end of the last one. A character that the line could not read
-    /// is not among them: a [`Input::LineFault`] stands in its place.
-    Rx(&'a [u8]),
-    /// The last bit of everything handed to [`Sink::transmit`] has left the line. A line reports it before any
-    /// character that came in later. A line without a partner swallows its output and reports this all the same.
-    TxDone,
-    /// The line could not read a character, or is gone.
-    LineFault(LineFault),
-    /// The modem lines have changed.
-    Modem(ModemLines),
+    /// Something happened on the line.
+    Line(LineInput<'a>),
     /// The CPU wants something.
-    Order(Order<'a>),
+    Order(O),
+}
+
+impl<'a> Input<'a> {
+    /// The same for a protocol that has orders of its own: `abort` is its [`Order::Abort`]. A telegram to send is none
+    /// of its orders and becomes a tick.
+    pub fn with_orders<O>(self, abort: O) -> Input<'a, O> {
+        match self {
+            Self::Tick | Self::Order(Order::Send(_)) => Input::Tick,
+            Self::Line(line) => Input::Line(line),
+            Self::Order(Order::Abort) => Input::Order(abort),
+        }
+    }
 }
 
 /// An order of the CPU; one send at a time.
@@ -63,18 +67,8 @@ pub enum Order<'a> {
     Abort,
 }
 
-/// Where a machine puts its results. Called only inside [`Machine::step`].
-pub trait Sink {
-    /// Puts characters on the line, behind those handed over before.
-    fn transmit(&mut self, bytes: &[u8]);
-
-    /// Takes back what was handed to [`Sink::transmit`] and has not yet begun to leave; the result is how many
-    /// characters will not be sent. Used when the partner interrupts a telegram. A line that cannot do it answers 0
-    /// and sends all. In either case [`Input::TxDone`] comes when the line has fallen silent.
-    fn take_back(&mut self) -> usize {
-        0
-    }
-
+/// Where a machine puts its results, beside what goes to the line. Called only inside [`Machine::step`].
+pub trait Sink: Wire {
     /// Bytes that a received telegram may have now; 0: no receive buffer is free.
     fn room(&self) -> usize;
 
@@ -100,17 +94,6 @@ pub trait Sink {
     /// Sets the baud rate for what is transmitted and received from now on (M-Bus: each telegram names its own).
     fn baud(&mut self, baud: u32) {
         let _ = baud;
-    }
-
-    /// Sets the modem line RTS (hardware flow control: ON while the CP can take characters; automatic use: ON while it
-    /// sends).
-    fn rts(&mut self, on: bool) {
-        let _ = on;
-    }
-
-    /// Sets the modem line DTR (automatic use of the secondary signals).
-    fn dtr(&mut self, on: bool) {
-        let _ = on;
     }
 }
 

@@ -11,7 +11,7 @@
 //! here stand the signals and both times. Without [`Times`] they are neither set nor checked [S4 L590]: everything is
 //! clear at once.
 
-use crate::machine::{ModemLines, Nanos, Sink};
+use crate::machine::{ModemLines, Nanos, Wire};
 
 /// Both times, in nanoseconds. [S4 "3.6.3 RS232 Secondary Signals"]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,22 +20,6 @@ pub struct Times {
     pub rts_off: Nanos,
     /// Data output waiting time: from RTS ON to the first character.
     pub output_wait: Nanos,
-}
-
-/// The outputs.
-pub(crate) trait Outputs {
-    fn set_rts(&mut self, on: bool);
-    fn set_dtr(&mut self, on: bool);
-}
-
-impl Outputs for dyn Sink + '_ {
-    fn set_rts(&mut self, on: bool) {
-        self.rts(on);
-    }
-
-    fn set_dtr(&mut self, on: bool) {
-        self.dtr(on);
-    }
 }
 
 /// Whether a request may leave.
@@ -84,16 +68,16 @@ impl Signals {
     }
 
     /// "... it switches the RTS line to OFF and the DTR line to ON." [S4 L811]
-    pub(crate) fn start<O: Outputs + ?Sized>(&self, out: &mut O) {
+    pub(crate) fn start(&self, out: &mut dyn Wire) {
         if self.are_used() {
-            out.set_rts(false);
-            out.set_dtr(true);
+            out.rts(false);
+            out.dtr(true);
         }
     }
 
     /// "When a send request is made, RTS is set to ON and the parameterized data output waiting time starts." [S4 L813]
     /// With DSR OFF it is not made.
-    pub(crate) fn request<O: Outputs + ?Sized>(&mut self, now: Nanos, out: &mut O) -> Clear {
+    pub(crate) fn request(&mut self, now: Nanos, out: &mut dyn Wire) -> Clear {
         let Some(times) = self.times else { return Clear::Go };
         if !self.dsr() {
             return Clear::Off;
@@ -102,7 +86,7 @@ impl Signals {
         self.rts_off = None;
         self.requested = true;
         self.wait = Some(now + times.output_wait);
-        out.set_rts(true);
+        out.rts(true);
         self.clear(now)
     }
 
@@ -129,16 +113,16 @@ impl Signals {
     }
 
     /// The request has ended before its last bit.
-    pub(crate) fn drop_request<O: Outputs + ?Sized>(&mut self, out: &mut O) {
+    pub(crate) fn drop_request(&mut self, out: &mut dyn Wire) {
         self.wait = None;
         if core::mem::take(&mut self.requested) {
-            out.set_rts(false);
+            out.rts(false);
         }
     }
 
-    pub(crate) fn tick<O: Outputs + ?Sized>(&mut self, now: Nanos, out: &mut O) {
+    pub(crate) fn tick(&mut self, now: Nanos, out: &mut dyn Wire) {
         if self.rts_off.take_if(|at| now >= *at).is_some() {
-            out.set_rts(false);
+            out.rts(false);
         }
     }
 

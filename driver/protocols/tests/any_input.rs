@@ -8,7 +8,9 @@ use ob1_protocols::modbus::{Master, Mode, Slave, frame, master, slave};
 use ob1_protocols::s3964::{self, Priority, S3964};
 use ob1_protocols::signals::Times;
 use ob1_protocols::stx_etx::{self, Flags, StxEtx};
-use ob1_protocols::{Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, SECOND, SendError, Sink};
+use ob1_protocols::{
+    Event, Input, LineFault, LineInput, MS, Machine, ModemLines, Nanos, Order, SECOND, SendError, Sink, Wire,
+};
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
@@ -83,12 +85,14 @@ struct Books {
     delivered: usize,
 }
 
-impl Sink for Books {
+impl Wire for Books {
     fn transmit(&mut self, bytes: &[u8]) {
         assert!(!bytes.is_empty());
         self.in_flight = true;
     }
+}
 
+impl Sink for Books {
     fn room(&self) -> usize {
         self.room
     }
@@ -116,13 +120,15 @@ fn drive(machine: &mut dyn Machine, steps: &[Step]) {
     for step in steps {
         let telegram;
         let input = match step {
-            Step::Rx(bytes) => Input::Rx(bytes),
+            Step::Rx(bytes) => Input::Line(LineInput::Rx(bytes)),
             Step::TxDone => {
                 books.in_flight = false;
-                Input::TxDone
+                Input::Line(LineInput::TxDone)
             }
-            Step::Fault(fault) => Input::LineFault(*fault),
-            Step::Modem(cts, dsr) => Input::Modem(ModemLines { cts: *cts, dsr: *dsr, ..ModemLines::default() }),
+            Step::Fault(fault) => Input::Line(LineInput::Fault(*fault)),
+            Step::Modem(cts, dsr) => {
+                Input::Line(LineInput::Modem(ModemLines { cts: *cts, dsr: *dsr, ..ModemLines::default() }))
+            }
             Step::Send(len) => {
                 telegram = vec![0x10; *len];
                 books.orders += 1;
@@ -146,7 +152,7 @@ fn drive(machine: &mut dyn Machine, steps: &[Step]) {
     books.room = 1024;
     if books.in_flight {
         books.in_flight = false;
-        deadline = machine.step(now, Input::TxDone, &mut books);
+        deadline = machine.step(now, Input::Line(LineInput::TxDone), &mut books);
     }
     let end = now + 600 * SECOND;
     let deadline = wait(machine, &mut books, deadline, now, end);
@@ -168,7 +174,7 @@ fn wait(
         deadline = machine.step(now, Input::Tick, books);
         assert!(deadline.is_none_or(|due| due > now), "a tick leaves a time behind it that is over");
         if std::mem::take(&mut books.in_flight) {
-            deadline = machine.step(now, Input::TxDone, books);
+            deadline = machine.step(now, Input::Line(LineInput::TxDone), books);
         }
         ticks += 1;
         assert!(ticks < 100_000, "the machine does not get past {now}");

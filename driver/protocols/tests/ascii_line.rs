@@ -3,7 +3,7 @@
 
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 use ob1_protocols::ascii::{Ascii, Config};
-use ob1_protocols::{Event, Input, MS, Machine, Nanos, Order, SendError, Sink};
+use ob1_protocols::{Event, Input, LineInput, MS, Machine, Nanos, Order, SendError, Sink, Wire};
 
 struct Port<'a> {
     line: &'a mut SimLine,
@@ -12,11 +12,13 @@ struct Port<'a> {
     delivered: Option<Vec<u8>>,
 }
 
-impl Sink for Port<'_> {
+impl Wire for Port<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.line.write(self.end, self.now, bytes);
     }
+}
 
+impl Sink for Port<'_> {
     fn room(&self) -> usize {
         1024
     }
@@ -68,8 +70,8 @@ fn question_and_answer_on_two_wires() {
         }
         for (end, characters, done) in todo {
             let input = match &characters {
-                Some(characters) => Input::Rx(characters),
-                None if done => Input::TxDone,
+                Some(characters) => Input::Line(LineInput::Rx(characters)),
+                None if done => Input::Line(LineInput::TxDone),
                 None => Input::Tick,
             };
             let mut port = Port { line: &mut line, end, now, delivered: None };

@@ -5,7 +5,7 @@ mod common;
 use common::check;
 use ob1_protocols::esp2::frame::{Bytes, Decoder, FRAME_BYTES, Step, TELEGRAM_BYTES, check_sum, encode};
 use ob1_protocols::esp2::{Button, Command, Config, Esp2, Field, Message, Radio, SEND_TELEGRAMS, Switch, Telegram};
-use ob1_protocols::{Input, Machine, Order};
+use ob1_protocols::{Input, LineInput, Machine, Order};
 use proptest::prelude::*;
 
 fn bytes(hex: &str) -> Bytes {
@@ -302,9 +302,9 @@ fn the_send_buffer_is_finite() {
     machine.step(3, Input::Order(Order::Send(&order)), &mut out);
     assert_eq!(out.log, ["sent Busy"]);
     out.log.clear();
-    machine.step(4, Input::TxDone, &mut out);
+    machine.step(4, Input::Line(LineInput::TxDone), &mut out);
     let answer = encode(&Telegram::Message(Message::InfIdBase(0xFF80_0000)).emit());
-    machine.step(5, Input::Rx(&answer), &mut out);
+    machine.step(5, Input::Line(LineInput::Rx(&answer)), &mut out);
     assert_eq!(out.log, ["tx A5 5A 6B 05 00 00 00 00 FF 80 00 00 00 EF", "sent ok"]);
     assert_eq!((machine.waiting(), machine.busy(), machine.id_base()), (146, false, Some(0xFF80_0000)));
     out.log.clear();

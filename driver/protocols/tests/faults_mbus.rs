@@ -4,7 +4,7 @@ mod pair;
 
 use ob1_line::sim::{End, FaultRates, SimConfig, SplitMix64};
 use ob1_protocols::mbus::{Config, MBus};
-use ob1_protocols::{Input, MS, Machine, Nanos, Sink};
+use ob1_protocols::{Input, LineInput, MS, Machine, Nanos, Sink};
 use pair::{Duet, Judge, Stage};
 
 const ADDRESS: u8 = 5;
@@ -56,8 +56,8 @@ impl Machine for Partner {
             out.transmit(&bytes);
         }
         let characters: Vec<Option<u8>> = match input {
-            Input::Rx(bytes) => bytes.iter().map(|byte| Some(*byte)).collect(),
-            Input::LineFault(_) => vec![None],
+            Input::Line(LineInput::Rx(bytes)) => bytes.iter().map(|byte| Some(*byte)).collect(),
+            Input::Line(LineInput::Fault(_)) => vec![None],
             _ => Vec::new(),
         };
         if !characters.is_empty() && now > *last + PAUSE {

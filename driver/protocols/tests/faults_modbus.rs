@@ -5,7 +5,7 @@ mod pair;
 use ob1_line::sim::{End, FaultRates, SimConfig, SplitMix64};
 use ob1_protocols::modbus::pdu::{Function, Request};
 use ob1_protocols::modbus::{Failure, Master, Mode, Slave, frame, master, slave};
-use ob1_protocols::{Event, Input, MS, Machine, Nanos, Order, SendError, Sink};
+use ob1_protocols::{Event, Input, LineInput, MS, Machine, Nanos, Order, SendError, Sink, Wire};
 use pair::{Duet, Judge, Stage, Sum};
 
 const ADDRESS: u8 = 5;
@@ -57,7 +57,7 @@ struct Shown<'a> {
     raw: &'a mut Vec<Option<u8>>,
 }
 
-impl Sink for Shown<'_> {
+impl Wire for Shown<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         // An answer carries the function code of its request; the end of a telegram may have a right check by chance.
         let code = if self.rtu { bytes.get(1).copied() } else { hex(bytes.get(3..5)) };
@@ -68,7 +68,9 @@ impl Sink for Shown<'_> {
         self.out.deliver(&request);
         self.out.transmit(bytes);
     }
+}
 
+impl Sink for Shown<'_> {
     fn room(&self) -> usize {
         self.out.room()
     }
@@ -92,8 +94,8 @@ impl Machine for Partner {
             Self::Master(master) => master.step(now, input, out),
             Self::Slave { slave, rtu, raw } => {
                 match input {
-                    Input::Rx(bytes) => raw.extend(bytes.iter().map(|b| Some(*b))),
-                    Input::LineFault(_) => raw.push(None),
+                    Input::Line(LineInput::Rx(bytes)) => raw.extend(bytes.iter().map(|b| Some(*b))),
+                    Input::Line(LineInput::Fault(_)) => raw.push(None),
                     _ => {}
                 }
                 slave.step(now, input, &mut Shown { out, rtu: *rtu, raw })
@@ -228,10 +230,13 @@ fn a_slave_has_no_orders_under_way() {
     assert!(slave.set_input(&[1]) && !slave.busy());
     let abort = Input::Order(Order::Abort);
     struct Nobody;
-    impl Sink for Nobody {
+    impl Wire for Nobody {
         fn transmit(&mut self, _: &[u8]) {
             panic!("nothing to send");
         }
+    }
+
+    impl Sink for Nobody {
         fn room(&self) -> usize {
             0
         }

@@ -26,7 +26,7 @@ use ob1_protocols::rk512::{
     Answer, AnswerError, Area, Command, Config, Coordination, Event, Input, Order, OrderError, Owner, Request, Rk512,
 };
 use ob1_protocols::s3964::{self, Priority};
-use ob1_protocols::{MS, Nanos, SECOND};
+use ob1_protocols::{LineInput, MS, Nanos, SECOND, Wire};
 use s3964_frame::{Incoming, checked};
 
 /// Virtual time with faults.
@@ -101,7 +101,7 @@ impl Port<'_> {
     }
 }
 
-impl Owner for Port<'_> {
+impl Wire for Port<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.trace(format_args!("tx {bytes:02X?}"));
         if let Some(block) = self.books.incoming.transmitted(bytes) {
@@ -114,7 +114,9 @@ impl Owner for Port<'_> {
     fn take_back(&mut self) -> usize {
         self.line.take_back(self.end, self.now)
     }
+}
 
+impl Owner for Port<'_> {
     fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
         self.trace(format_args!("ended {outcome:02X?}"));
         assert!(self.books.ended.is_none(), "the order ended twice");
@@ -255,12 +257,12 @@ impl Station {
     fn step(&mut self, now: Nanos, input: Input<'_>, line: &mut SimLine, trace: bool) {
         match input {
             // One at a time, so that what is accepted is put down before it is acted on.
-            Input::Rx(bytes) if bytes.len() > 1 => {
-                return bytes.iter().for_each(|b| self.step(now, Input::Rx(&[*b]), line, trace));
+            Input::Line(LineInput::Rx(bytes)) if bytes.len() > 1 => {
+                return bytes.iter().for_each(|b| self.step(now, Input::Line(LineInput::Rx(&[*b])), line, trace));
             }
-            Input::Rx(bytes) => self.books.incoming.push(Some(bytes[0])),
-            Input::LineFault(_) => self.books.incoming.push(None),
-            Input::TxDone => self.books.incoming.out(),
+            Input::Line(LineInput::Rx(bytes)) => self.books.incoming.push(Some(bytes[0])),
+            Input::Line(LineInput::Fault(_)) => self.books.incoming.push(None),
+            Input::Line(LineInput::TxDone) => self.books.incoming.out(),
             _ => {}
         }
         let mut port = Port { line, end: self.end, now, books: &mut self.books, trace };
@@ -370,9 +372,9 @@ fn run(seed: u64, faults: bool, trace: bool) -> Sum {
         now = next.max(now);
         while let Some((end, event)) = line.pop(now, &mut buffer) {
             let input = match event {
-                SimEvent::Rx(n) => Input::Rx(&buffer[..n]),
-                SimEvent::TxDone => Input::TxDone,
-                SimEvent::Fault(fault) => Input::LineFault(fault),
+                SimEvent::Rx(n) => Input::Line(LineInput::Rx(&buffer[..n])),
+                SimEvent::TxDone => Input::Line(LineInput::TxDone),
+                SimEvent::Fault(fault) => Input::Line(LineInput::Fault(fault)),
                 SimEvent::Cts(_) => continue,
             };
             stations[end as usize].step(now, input, &mut line, trace);

@@ -5,9 +5,11 @@
 
 mod settings;
 mod signals;
+mod wire;
 
 pub use settings::{Flow, LineSettings, Parity, StopBits};
 pub use signals::{LineFault, ModemLines};
+pub use wire::{LineInput, Wire};
 
 /// Nanoseconds: since the start of the CP, or of a time. Virtual in tests and simulations, monotonic in the driver
 /// process.

@@ -5,7 +5,7 @@ use std::os::fd::{AsFd as _, OwnedFd};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use ob1_line::{Line as _, LineEvent, LineSettings, LineSpec, PollFds, RealLine};
+use ob1_line::{LineEvent, LineSettings, LineSpec, PollFds, RealLine};
 use ob1_protocols::Nanos;
 use ob1_protocols::esp2::Telegram;
 use ob1_tests::tcm120::{Eeprom, Input, Output, Tcm120, script};

@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 
 use ob1_firmware::{
-    Cp040, CpCounter, CpEvent, CpInput, CpPort, IO_BYTES, Leds, LineFault, LineInput, LineSettings, Nanos,
+    Cp as _, Cp040, CpCounter, CpEvent, CpInput, CpPort, IO_BYTES, Leds, LineFault, LineInput, LineSettings, Nanos,
+    Wire,
 };
 use ob1_slio::{ReceiveJob, ReceiveStep, SendJob, SendStep};
 
@@ -28,13 +29,15 @@ struct Port {
     counters: BTreeMap<CpCounter, u64>,
 }
 
+impl Wire for Port {
+    fn transmit(&mut self, bytes: &[u8]) {
+        assert!(!bytes.is_empty());
+    }
+}
+
 impl CpPort for Port {
     fn inputs(&mut self, registers: &[u8]) {
         self.inputs = registers.to_vec();
-    }
-
-    fn transmit(&mut self, bytes: &[u8]) {
-        assert!(!bytes.is_empty());
     }
 
     fn line_settings(&mut self, _settings: &LineSettings) {}

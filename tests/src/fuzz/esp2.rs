@@ -4,7 +4,7 @@
 
 use ob1_protocols::esp2::frame::{Bytes, Decoder, FRAME_BYTES, Step, TELEGRAM_BYTES, encode};
 use ob1_protocols::esp2::{Config, Esp2, Telegram, WAKE};
-use ob1_protocols::{Event, Input, LineFault, MS, Machine, Nanos, Order, SECOND, SendError, Sink};
+use ob1_protocols::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, SECOND, SendError, Sink, Wire};
 
 use crate::tcm120;
 
@@ -17,12 +17,14 @@ struct Partner {
     room: usize,
 }
 
-impl Sink for Partner {
+impl Wire for Partner {
     fn transmit(&mut self, bytes: &[u8]) {
         assert!(bytes == [WAKE] || is_frame(bytes), "{bytes:02X?}");
         self.sent.push(bytes.to_vec());
     }
+}
 
+impl Sink for Partner {
     fn room(&self) -> usize {
         self.room
     }
@@ -101,7 +103,7 @@ fn machine(acts: &[Act<'_>], room: usize, piece: usize) -> (Vec<Vec<u8>>, Vec<Ve
         match act {
             Act::Characters(bytes) => {
                 for some in bytes.chunks(piece) {
-                    due = machine.step(now, Input::Rx(some), &mut partner);
+                    due = machine.step(now, Input::Line(LineInput::Rx(some)), &mut partner);
                 }
             }
             Act::Silence(time) => {
@@ -117,8 +119,8 @@ fn machine(acts: &[Act<'_>], room: usize, piece: usize) -> (Vec<Vec<u8>>, Vec<Ve
                     due = machine.step(now, Input::Order(Order::Send(telegram)), &mut partner);
                 }
             }
-            Act::TxDone => due = machine.step(now, Input::TxDone, &mut partner),
-            Act::Fault(fault) => due = machine.step(now, Input::LineFault(*fault), &mut partner),
+            Act::TxDone => due = machine.step(now, Input::Line(LineInput::TxDone), &mut partner),
+            Act::Fault(fault) => due = machine.step(now, Input::Line(LineInput::Fault(*fault)), &mut partner),
             Act::Abort => due = machine.step(now, Input::Order(Order::Abort), &mut partner),
         }
     }

@@ -5,7 +5,7 @@
 use ob1_mbus_records::{Answer, RECORD_BYTES, Value};
 use ob1_protocols::mbus::frame::{FRAME_MAX, Frame, Progress};
 use ob1_protocols::mbus::{Config, MBus, RESPONSE_MAX};
-use ob1_protocols::{Event, Input, LineFault, MS, Machine, Nanos, Order, SendError, Sink};
+use ob1_protocols::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, SendError, Sink, Wire};
 
 #[derive(Default)]
 struct Program {
@@ -15,13 +15,15 @@ struct Program {
     sent: usize,
 }
 
-impl Sink for Program {
+impl Wire for Program {
     fn transmit(&mut self, bytes: &[u8]) {
         assert!(matches!(Frame::decode(bytes), Progress::Whole(frame, n) if n == bytes.len()
             && (frame == Frame::Single || frame.is_from_master() || bytes.len() > 1)));
         self.sent += 1;
     }
+}
 
+impl Sink for Program {
     fn room(&self) -> usize {
         self.room
     }
@@ -72,16 +74,16 @@ fn master(data: &[u8]) {
         due = match (byte, data) {
             (0xFB, [literal, rest @ ..]) => {
                 data = rest;
-                machine.step(now, Input::Rx(&[*literal]), &mut program)
+                machine.step(now, Input::Line(LineInput::Rx(&[*literal])), &mut program)
             }
-            (0xFC, _) => machine.step(now, Input::TxDone, &mut program),
-            (0xFD, _) => machine.step(now, Input::LineFault(LineFault::Break), &mut program),
+            (0xFC, _) => machine.step(now, Input::Line(LineInput::TxDone), &mut program),
+            (0xFD, _) => machine.step(now, Input::Line(LineInput::Fault(LineFault::Break)), &mut program),
             (0xFE, _) => {
                 pass(&mut machine, &mut program, &mut now, due, 400 * MS);
                 machine.step(now, Input::Tick, &mut program)
             }
-            (0xFF, _) => machine.step(now, Input::LineFault(LineFault::Parity), &mut program),
-            (byte, _) => machine.step(now, Input::Rx(&[*byte]), &mut program),
+            (0xFF, _) => machine.step(now, Input::Line(LineInput::Fault(LineFault::Parity)), &mut program),
+            (byte, _) => machine.step(now, Input::Line(LineInput::Rx(&[*byte])), &mut program),
         };
     }
     // Three attempts at 300 baud with the grace of an output that never reports its end: less than a minute.

@@ -3,7 +3,7 @@
 
 use ob1_protocols::modbus::pdu::{self, Direction, Request};
 use ob1_protocols::modbus::{FRAME_CHARACTERS, Master, Mode, Slave, TELEGRAM_BYTES, ascii, frame, master, rtu, slave};
-use ob1_protocols::{Event, Input, LineFault, MS, Machine, Nanos, Order, SECOND, SendError, Sink};
+use ob1_protocols::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, SECOND, SendError, Sink, Wire};
 
 #[derive(Default)]
 struct Partner {
@@ -12,12 +12,14 @@ struct Partner {
     ended: usize,
 }
 
-impl Sink for Partner {
+impl Wire for Partner {
     fn transmit(&mut self, bytes: &[u8]) {
         assert!(!bytes.is_empty() && bytes.len() <= FRAME_CHARACTERS);
         self.sent.push(bytes.to_vec());
     }
+}
 
+impl Sink for Partner {
     fn room(&self) -> usize {
         1024
     }
@@ -61,24 +63,24 @@ fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize) -> Partner {
     let mut partner = Partner::default();
     let mut now: Nanos = SECOND;
     machine.step(now, Input::Order(Order::Send(&[5, 3, 0, 0, 0, 1])), &mut partner);
-    let mut due = machine.step(now, Input::TxDone, &mut partner);
+    let mut due = machine.step(now, Input::Line(LineInput::TxDone), &mut partner);
     for part in data.chunk_by(|a, b| *a < 0xFE && *b < 0xFE) {
         match part {
-            [0xFF] => due = machine.step(now, Input::LineFault(LineFault::Parity), &mut partner),
+            [0xFF] => due = machine.step(now, Input::Line(LineInput::Fault(LineFault::Parity)), &mut partner),
             [0xFE] => {
                 now += 2 * SECOND;
                 while let Some(at) = due.filter(|at| *at <= now) {
                     let sent = partner.sent.len();
                     due = machine.step(at, Input::Tick, &mut partner);
                     if partner.sent.len() > sent {
-                        due = machine.step(at, Input::TxDone, &mut partner);
+                        due = machine.step(at, Input::Line(LineInput::TxDone), &mut partner);
                     }
                     assert!(due != Some(at), "the machine does not get past {at}");
                 }
             }
             characters => {
                 for some in characters.chunks(piece) {
-                    due = machine.step(now, Input::Rx(some), &mut partner);
+                    due = machine.step(now, Input::Line(LineInput::Rx(some)), &mut partner);
                 }
             }
         }

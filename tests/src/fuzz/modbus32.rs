@@ -6,7 +6,7 @@ use ob1_protocols::modbus_master_32::reply::evaluate;
 use ob1_protocols::modbus_master_32::{
     DESTINATION_BYTES, Driver, FRAME_CHARACTERS, Input, Order, Owner, Parameters, Signals, TELEGRAM_BYTES, Wiring,
 };
-use ob1_protocols::{LineFault, MS, ModemLines, Nanos, SECOND, cp341_events};
+use ob1_protocols::{LineFault, LineInput, MS, ModemLines, Nanos, SECOND, Wire, cp341_events};
 
 #[derive(Default)]
 struct Cpu {
@@ -15,12 +15,14 @@ struct Cpu {
     ended: usize,
 }
 
-impl Owner for Cpu {
+impl Wire for Cpu {
     fn transmit(&mut self, bytes: &[u8]) {
         assert!(bytes.len() <= FRAME_CHARACTERS && bytes.starts_with(b":") && bytes.ends_with(b"\r\n"));
         self.asked += 1;
     }
+}
 
+impl Owner for Cpu {
     fn deliver(&mut self, destination: &[u8]) {
         assert!(!destination.is_empty() && destination.len() <= DESTINATION_BYTES);
         self.delivered += 1;
@@ -83,25 +85,29 @@ fn talk(parameters: Parameters, source: &[u8], line: &[u8], piece: usize) -> (us
     driver.step(now, Input::Tick, &mut cpu);
     let mut due = driver.step(now, Input::Order(Order::Job { r_typ: b'X', source }), &mut cpu);
     if leaves_at_once(line) {
-        due = driver.step(now, Input::TxDone, &mut cpu);
+        due = driver.step(now, Input::Line(LineInput::TxDone), &mut cpu);
     }
     for part in line.chunk_by(|a, b| *a < 0xFB && *b < 0xFB) {
         due = match part {
-            [0xFF] => driver.step(now, Input::LineFault(LineFault::Parity), &mut cpu),
+            [0xFF] => driver.step(now, Input::Line(LineInput::Fault(LineFault::Parity)), &mut cpu),
             [0xFE] => {
                 pass(&mut driver, &mut cpu, &mut now, due, SECOND);
                 driver.step(now, Input::Tick, &mut cpu)
             }
-            [0xFD] => driver.step(now, Input::LineFault(LineFault::Break), &mut cpu),
-            [0xFC] => driver.step(now, Input::TxDone, &mut cpu),
+            [0xFD] => driver.step(now, Input::Line(LineInput::Fault(LineFault::Break)), &mut cpu),
+            [0xFC] => driver.step(now, Input::Line(LineInput::TxDone), &mut cpu),
             [0xFB] => {
                 on = !on;
-                driver.step(now, Input::Modem(ModemLines { cts: on, dsr: on, ..ModemLines::default() }), &mut cpu)
+                driver.step(
+                    now,
+                    Input::Line(LineInput::Modem(ModemLines { cts: on, dsr: on, ..ModemLines::default() })),
+                    &mut cpu,
+                )
             }
             characters => {
                 let mut next = due;
                 for some in characters.chunks(piece) {
-                    next = driver.step(now, Input::Rx(some), &mut cpu);
+                    next = driver.step(now, Input::Line(LineInput::Rx(some)), &mut cpu);
                 }
                 next
             }

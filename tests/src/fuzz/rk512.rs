@@ -3,7 +3,7 @@
 
 use ob1_protocols::rk512::codec::{HEADER, Telegram, parse};
 use ob1_protocols::rk512::{Answer, AnswerError, Config, Event, Input, Order, OrderError, Owner, Request, Rk512};
-use ob1_protocols::{LineFault, MS, s3964};
+use ob1_protocols::{LineFault, LineInput, MS, Wire, s3964};
 
 /// Reads the bytes as a telegram, and as a script.
 pub fn run(data: &[u8]) {
@@ -25,11 +25,13 @@ struct Books {
     asked: bool,
 }
 
-impl Owner for Books {
+impl Wire for Books {
     fn transmit(&mut self, bytes: &[u8]) {
         assert!(!bytes.is_empty());
     }
+}
 
+impl Owner for Books {
     fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
         let busy = outcome == Err(OrderError::Busy);
         assert!(self.running, "an order ended that was not running");
@@ -71,18 +73,18 @@ fn play(script: &[u8]) {
             // A telegram as the partner would send it.
             0 => {
                 rest = after;
-                machine.step(now, Input::Rx(&[0x02]), &mut books);
-                machine.step(now, Input::TxDone, &mut books);
+                machine.step(now, Input::Line(LineInput::Rx(&[0x02])), &mut books);
+                machine.step(now, Input::Line(LineInput::TxDone), &mut books);
                 let block: Vec<u8> = s3964::codec::block(bytes, mode % 4 != 1).collect();
-                due = machine.step(now, Input::Rx(&block), &mut books);
+                due = machine.step(now, Input::Line(LineInput::Rx(&block)), &mut books);
                 continue;
             }
             1 => {
                 rest = after;
-                Input::Rx(bytes)
+                Input::Line(LineInput::Rx(bytes))
             }
-            2 => Input::TxDone,
-            3 => Input::Rx(&[0x10]),
+            2 => Input::Line(LineInput::TxDone),
+            3 => Input::Line(LineInput::Rx(&[0x10])),
             4 => {
                 now = due.map_or(now + MS, |due| due.max(now));
                 Input::Tick
@@ -104,8 +106,8 @@ fn play(script: &[u8]) {
             _ => match op >> 3 & 3 {
                 0 => Input::Order(Order::Abort),
                 1 => Input::Order(Order::Serve(op & 0x20 != 0)),
-                2 => Input::LineFault(LineFault::Parity),
-                _ => Input::LineFault(LineFault::Break),
+                2 => Input::Line(LineInput::Fault(LineFault::Parity)),
+                _ => Input::Line(LineInput::Fault(LineFault::Break)),
             },
         };
         due = machine.step(now, input, &mut books);

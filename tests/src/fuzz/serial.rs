@@ -4,7 +4,9 @@
 use ob1_protocols::ascii::{Criterion, Sending};
 use ob1_protocols::signals::Times;
 use ob1_protocols::stx_etx::{Config, Flags, StxEtx};
-use ob1_protocols::{Ascii, Event, Input, LineFault, MS, Machine, Nanos, Order, SendError, Sink, ascii};
+use ob1_protocols::{
+    Ascii, Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, SendError, Sink, Wire, ascii,
+};
 
 #[derive(Default)]
 struct Partner {
@@ -13,11 +15,13 @@ struct Partner {
     ended: usize,
 }
 
-impl Sink for Partner {
+impl Wire for Partner {
     fn transmit(&mut self, bytes: &[u8]) {
         assert!(!bytes.is_empty());
     }
+}
 
+impl Sink for Partner {
     fn room(&self) -> usize {
         self.room
     }
@@ -42,7 +46,7 @@ fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize, room: usize) ->
     let mut due = machine.step(now, Input::Order(Order::Send(b"beside it")), &mut partner);
     for part in data.chunk_by(|a, b| *a < 0xFE && *b < 0xFE) {
         match part {
-            [0xFF] => due = machine.step(now, Input::LineFault(LineFault::Parity), &mut partner),
+            [0xFF] => due = machine.step(now, Input::Line(LineInput::Fault(LineFault::Parity)), &mut partner),
             [0xFE] => {
                 now += 300 * MS;
                 while let Some(at) = due.filter(|at| *at <= now) {
@@ -52,7 +56,7 @@ fn receive(machine: &mut dyn Machine, data: &[u8], piece: usize, room: usize) ->
             }
             characters => {
                 for some in characters.chunks(piece) {
-                    due = machine.step(now, Input::Rx(some), &mut partner);
+                    due = machine.step(now, Input::Line(LineInput::Rx(some)), &mut partner);
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! Where the protocol puts its results during one step.
 
-use ob1_protocols::{Event, LineFault, Nanos, SendError, Sink, What, rk512};
+use ob1_protocols::{Event, LineFault, Nanos, SendError, Sink, What, Wire, rk512};
 
 use super::receive::{ReceiveSide, ReturnValue};
 use crate::leds::LedDriver;
@@ -26,7 +26,7 @@ impl Outlet<'_> {
     }
 }
 
-impl Sink for Outlet<'_> {
+impl Wire for Outlet<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         *self.transmitting |= !bytes.is_empty();
         self.leds.transmit(true);
@@ -38,6 +38,12 @@ impl Sink for Outlet<'_> {
         self.port.take_back()
     }
 
+    fn rts(&mut self, on: bool) {
+        self.port.rts(on);
+    }
+}
+
+impl Sink for Outlet<'_> {
     fn room(&self) -> usize {
         self.receive.room()
     }
@@ -84,18 +90,10 @@ impl Sink for Outlet<'_> {
         }
         self.port.event(self.now, CpEvent::Protocol(event));
     }
-
-    fn rts(&mut self, on: bool) {
-        self.port.rts(on);
-    }
 }
 
 /// A CP 040 has no RK 512; the dispatch over all protocols asks for this plug.
 impl rk512::Owner for Outlet<'_> {
-    fn transmit(&mut self, bytes: &[u8]) {
-        Sink::transmit(self, bytes);
-    }
-
     fn ended(&mut self, _outcome: Result<&[u8], rk512::OrderError>) {}
 
     fn asked(&mut self, _request: &rk512::Request, _data: &[u8]) {}

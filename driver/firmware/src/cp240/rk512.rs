@@ -1,9 +1,10 @@
 //! The module with RK 512: `TX` brings orders and answers, `RX` shows results and orders of the partner.
 
 use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
-use ob1_protocols::{Nanos, Sink};
+use ob1_protocols::{Input, Nanos, Sink};
 
-use super::{Cp240, Outlet, rx_word};
+use super::outlet::Outlet;
+use super::{Cp240, rx_word};
 use crate::cp240::rk512_side::{Handed, Offer};
 use crate::port::{CpCounter, CpEvent, CpPort};
 use crate::protocol::Protocol;
@@ -43,7 +44,7 @@ impl Cp240 {
         };
         if let (Some(order), Protocol::Rk512(machine)) = (order, &mut self.protocol) {
             let mut out = outlet!(self, now, port);
-            self.protocol_due = machine.step(now, rk512::Input::Order(order), &mut out);
+            self.protocol_due = machine.step(now, Input::Order(order), &mut out);
         }
         // "Taken" would tell FC 4 that the partner has its answer; it has been told something else.
         let taken = if is_stale { Err(OrderError::Invalid.code()) } else { Ok(()) };
@@ -57,7 +58,7 @@ impl Cp240 {
     pub(super) fn order_rk512(&mut self, now: Nanos, order: rk512::Order<'_>, port: &mut dyn CpPort) {
         let mut out = outlet!(self, now, port);
         if let Protocol::Rk512(machine) = &mut self.protocol {
-            self.protocol_due = machine.step(now, rk512::Input::Order(order), &mut out);
+            self.protocol_due = machine.step(now, Input::Order(order), &mut out);
         }
     }
 
@@ -96,14 +97,6 @@ impl Cp240 {
 }
 
 impl rk512::Owner for Outlet<'_> {
-    fn transmit(&mut self, bytes: &[u8]) {
-        Sink::transmit(self, bytes);
-    }
-
-    fn take_back(&mut self) -> usize {
-        Sink::take_back(self)
-    }
-
     fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
         self.rk512.ended(outcome);
         match outcome {

@@ -6,7 +6,7 @@
 
 use ob1_params::{LineSettings, ModbusMaster32, StopBits};
 use ob1_protocols::Nanos;
-use ob1_protocols::modbus_master_32::{self as driver, Driver, Owner, Parameters, Signals, Wiring};
+use ob1_protocols::modbus_master_32::{Driver, Owner, Parameters, Signals, Wiring};
 
 use super::outlet::Outlet;
 use crate::port::{CpCounter, CpEvent};
@@ -33,29 +33,7 @@ pub(super) fn of(p: &ModbusMaster32, line: &LineSettings, late: Nanos) -> Driver
     })
 }
 
-/// An input of the line; orders come another way.
-pub(super) const fn of_line(input: ob1_protocols::Input<'_>) -> Option<driver::Input<'_>> {
-    use ob1_protocols::{Input, Order};
-    Some(match input {
-        Input::Tick => driver::Input::Tick,
-        Input::Rx(bytes) => driver::Input::Rx(bytes),
-        Input::TxDone => driver::Input::TxDone,
-        Input::LineFault(fault) => driver::Input::LineFault(fault),
-        Input::Modem(lines) => driver::Input::Modem(lines),
-        Input::Order(Order::Abort) => driver::Input::Order(driver::Order::Abort),
-        Input::Order(Order::Send(_)) => return None,
-    })
-}
-
 impl Owner for Outlet<'_> {
-    fn transmit(&mut self, bytes: &[u8]) {
-        ob1_protocols::Sink::transmit(self, bytes);
-    }
-
-    fn take_back(&mut self) -> usize {
-        ob1_protocols::Sink::take_back(self)
-    }
-
     fn deliver(&mut self, destination: &[u8]) {
         self.parts.ring.push(destination);
         self.port.count(CpCounter::Received, 1);
@@ -68,13 +46,5 @@ impl Owner for Outlet<'_> {
 
     fn event(&mut self, number: u16) {
         self.enter(number);
-    }
-
-    fn rts(&mut self, on: bool) {
-        ob1_protocols::Sink::rts(self, on);
-    }
-
-    fn dtr(&mut self, on: bool) {
-        ob1_protocols::Sink::dtr(self, on);
     }
 }

@@ -3,6 +3,7 @@
 //!
 //! As the CP 240 it is pure in its inputs and their times. The channels are described in `docs/cp341-channels.md`.
 
+mod channels;
 mod diagnosis;
 mod leds;
 mod loadable;
@@ -19,46 +20,26 @@ pub use ob1_words::channels::{Channel, ChannelBlock, Job};
 
 use ob1_params::{Cp341 as Parameters, CpKind, ParamError, Protocol341};
 use ob1_protocols::modbus_master_32;
-use ob1_protocols::rk512::{self, Answer, AnswerError, Refusal, code};
-use ob1_protocols::{Input, LineFault, MS, Nanos, Order};
+use ob1_protocols::rk512::{self, AnswerError, Refusal};
+use ob1_protocols::{Input, LineFault, LineInput, Nanos};
 
+use crate::cp::Cp;
 use crate::leds::Leds;
-use crate::port::{CpCounter, CpEvent, CpPort, LineInput, ParameterFault};
+use crate::port::{CpCounter, CpEvent, CpInput, CpPort, ParameterFault};
 use crate::ring::Capacity;
 use diagnosis::{Diagnosis, Faults};
-use model::{JOB_MAX, Model};
-use ob1_words::channels::{Offered as Kind, Refusal as Reason};
-use ob1_words::cp240::Registers;
+use model::Model;
+use ob1_words::channels::Offered as Kind;
 use outlet::{Collected, Outlet, Parts};
 use patience::Patience;
 use protocol::Protocol;
-use receive::{Offer, ReceiveChannel};
+use receive::ReceiveChannel;
 use send::SendChannel;
 use v24::V24;
 
-/// A telegram that the CPU has no place for is offered again after this. (ours; "repeated attempts" [reference 1.7])
-const AGAIN: Nanos = 1_000 * MS;
-
-/// Everything that can happen to a CP 341.
-#[derive(Debug, Clone, Copy)]
-pub enum Input341<'a> {
-    /// Time has passed; nothing else.
-    Tick,
-    /// What the CPU shows in a channel.
-    Channel(Channel, &'a ChannelBlock),
-    /// The CPU's output registers as they now stand: V24_SET.
-    Outputs(&'a Registers),
-    /// Something happened on the line.
-    Line(LineInput<'a>),
-    /// The CPU went to RUN or start-up (true) or to STOP (false).
-    CpuRun(bool),
-    /// Parameters, as sent at each start-up of the CPU.
-    Parameters(Result<&'a Parameters, &'a ParamError>),
-}
-
 /// A CP 341, or a CP 340.
 ///
-/// Laws for the owner: time never goes backwards; [`Input341::Tick`] at the latest when the time [`Cp341::step`]
+/// Laws for the owner: time never goes backwards; [`CpInput::Tick`] at the latest when the time [`Cp341::step`]
 /// answered has come.
 #[derive(Debug)]
 pub struct Cp341 {
@@ -87,6 +68,55 @@ pub struct Cp341 {
 impl Default for Cp341 {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+impl Cp for Cp341 {
+    fn step(&mut self, now: Nanos, input: CpInput<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
+        match input {
+            CpInput::Tick => {
+                if self.protocol_due.is_some_and(|due| now >= due) {
+                    self.drive(now, Input::Tick, port);
+                }
+            }
+            CpInput::Channel(Channel::Send, block) => self.look_send(now, block, port),
+            CpInput::Channel(Channel::Receive, block) => self.look_receive(now, block, port),
+            CpInput::Outputs(outputs) => {
+                // With fewer bytes than it has the segment is another module's.
+                if let Some(outputs) = outputs.first_chunk() {
+                    if self.v24.reset(outputs) {
+                        self.reset_buffer(port);
+                    }
+                    self.v24.set(outputs, self.protocol.driven(), port);
+                }
+            }
+            CpInput::Line(line) => self.line(now, line, port),
+            CpInput::CpuRun(run) => self.cpu(now, run, port),
+            CpInput::Keys(parameters) => self.parametrise(now, parameters, port),
+            // Its parameters are keys.
+            CpInput::Parameters(_) => {}
+        }
+        self.diagnose(now, port);
+        self.offer(now);
+        self.watch_cpu(now, port);
+        self.publish(port);
+        let v24_due = self.v24.refresh(now, port);
+        let leds = self.parts.leds.at(now, self.parts.is_interrupted());
+        if leds != self.leds_shown {
+            self.leds_shown = leds;
+            port.leds(leds);
+        }
+        let again = Some(self.again_at).filter(|at| now < *at);
+        let own = [self.parts.leds.deadline(now), v24_due, self.patience.deadline(), again];
+        self.protocol_due.into_iter().chain(own.into_iter().flatten()).min()
+    }
+
+    fn is_working(&self) -> bool {
+        !matches!(self.protocol, Protocol::None)
+    }
+
+    fn enable_diagnostics(&mut self, enabled: bool) {
+        self.diagnosis.enabled = enabled;
     }
 }
 
@@ -125,47 +155,6 @@ impl Cp341 {
         self.model.kind
     }
 
-    /// Takes one input at time `now`; the result is when [`Input341::Tick`] is due.
-    pub fn step(&mut self, now: Nanos, input: Input341<'_>, port: &mut dyn CpPort) -> Option<Nanos> {
-        match input {
-            Input341::Tick => {
-                if self.protocol_due.is_some_and(|due| now >= due) {
-                    self.drive(now, Input::Tick, port);
-                }
-            }
-            Input341::Channel(Channel::Send, block) => self.look_send(now, block, port),
-            Input341::Channel(Channel::Receive, block) => self.look_receive(now, block, port),
-            Input341::Outputs(outputs) => {
-                if self.v24.reset(outputs) {
-                    self.reset_buffer(port);
-                }
-                self.v24.set(outputs, self.protocol.driven(), port);
-            }
-            Input341::Line(line) => self.line(now, line, port),
-            Input341::CpuRun(run) => self.cpu(now, run, port),
-            Input341::Parameters(parameters) => self.parametrise(now, parameters, port),
-        }
-        self.diagnose(now, port);
-        self.offer(now);
-        self.watch_cpu(now, port);
-        self.publish(port);
-        let v24_due = self.v24.refresh(now, port);
-        let leds = self.parts.leds.at(now, self.parts.is_interrupted());
-        if leds != self.leds_shown {
-            self.leds_shown = leds;
-            port.leds(leds);
-        }
-        let again = Some(self.again_at).filter(|at| now < *at);
-        let own = [self.parts.leds.deadline(now), v24_due, self.patience.deadline(), again];
-        self.protocol_due.into_iter().chain(own.into_iter().flatten()).min()
-    }
-
-    /// Enables or disables diagnostic interrupts: wire break and wrong parameters are also told as
-    /// [`CpEvent::Diagnosis`].
-    pub fn enable_diagnostics(&mut self, enabled: bool) {
-        self.diagnosis.enabled = enabled;
-    }
-
     /// Tells of a wire break and of wrong parameters that have come or gone. [reference 1.9]
     fn diagnose(&mut self, now: Nanos, port: &mut dyn CpPort) {
         let found = Faults { wire_break: self.parts.is_interrupted(), parameters: self.parameters_wrong };
@@ -178,11 +167,6 @@ impl Cp341 {
         if let Some((incoming, data)) = self.diagnosis.interrupt() {
             port.event(now, CpEvent::Diagnosis { incoming, data });
         }
-    }
-
-    /// Whether a driver is at work.
-    pub fn is_working(&self) -> bool {
-        !matches!(self.protocol, Protocol::None)
     }
 
     // ---- start-up ----
@@ -207,7 +191,7 @@ impl Cp341 {
                 self.enter(now, 0x0003, port);
                 self.drive(now, Input::Tick, port);
                 if let Some(lines) = self.v24.lines() {
-                    self.drive(now, Input::Modem(lines), port);
+                    self.drive(now, Input::Line(LineInput::Modem(lines)), port);
                 }
                 self.serve(now, port);
             }
@@ -291,237 +275,6 @@ impl Cp341 {
         self.order_rk512(now, rk512::Order::Serve(serves), port);
     }
 
-    // ---- the channels ----
-
-    fn look_send(&mut self, now: Nanos, block: &ChannelBlock, port: &mut dyn CpPort) {
-        match self.send.look(block) {
-            send::Step::Nothing | send::Step::Started => {}
-            send::Step::Refused(status) => self.job_ended(now, Err(status), port),
-            send::Step::Complete => {
-                port.count(CpCounter::OrdersAccepted, 1);
-                self.begin(now, port);
-            }
-        }
-    }
-
-    /// Gives the complete job of the send channel to the protocol, as soon as that is free: a job that was reset after
-    /// it had been handed over is still being transmitted. [reference 1.2]
-    fn begin(&mut self, now: Nanos, port: &mut dyn CpPort) {
-        if self.sending.is_some() || self.protocol.busy() || !self.send.is_running() {
-            return;
-        }
-        if !self.is_working() {
-            return self.job_ended(now, Err(0x0502), port);
-        }
-        let (job, data) = self.send.job();
-        let mut telegram = [0; JOB_MAX];
-        telegram[..data.len()].copy_from_slice(data);
-        let telegram = &telegram[..data.len()];
-        self.parts.first_error = None;
-        self.misprint = None;
-        // "Not allowed in this mode": a printer driver prints, and the others do not. [reference 3.7]
-        let is_printer = matches!(self.protocol, Protocol::Printer(..));
-        if is_printer != (job.sf == Job::PRINT) {
-            return self.job_ended(now, Err(0x0502), port);
-        }
-        if is_printer {
-            return self.print(now, telegram, port);
-        }
-        if let Protocol::Loadable(_) = self.protocol {
-            if job.sf != b'S' {
-                return self.job_ended(now, Err(0x0301), port);
-            }
-            port.event(now, CpEvent::Order(telegram));
-            self.sending = Some(self.send.token());
-            let order = modbus_master_32::Order::Job { r_typ: job.r_typ, source: telegram };
-            return self.order_loadable(now, order, port);
-        }
-        if self.protocol.rk512().is_none() {
-            if job.sf != b'S' {
-                return self.job_ended(now, Err(0x0301), port);
-            }
-            port.event(now, CpEvent::Order(telegram));
-            self.sending = Some(self.send.token());
-            self.drive(now, Input::Order(Order::Send(telegram)), port);
-            return self.break_off(now, port);
-        }
-        match request::request(&job) {
-            Err(status) => self.job_ended(now, Err(status), port),
-            Ok(request) => {
-                port.event(now, CpEvent::Order(telegram));
-                self.sending = Some(self.send.token());
-                let mut room = [0; JOB_MAX];
-                let data = request::padded(telegram, &request, &mut room);
-                self.order_rk512(now, rk512::Order::Start(request, data), port);
-            }
-        }
-    }
-
-    /// P_PRINT: what is wrong with a printout stands in it, and is told when it is out.
-    fn print(&mut self, now: Nanos, job: &[u8], port: &mut dyn CpPort) {
-        let (bytes, misprint) = match self.protocol.print(job) {
-            Ok(printout) => printout,
-            Err(status) => return self.job_ended(now, Err(status), port),
-        };
-        if bytes.is_empty() {
-            return self.job_ended(now, misprint.map_or(Ok(&[]), Err), port);
-        }
-        if let Some(number) = misprint {
-            self.enter(now, number, port);
-        }
-        self.misprint = misprint;
-        port.event(now, CpEvent::Order(&bytes));
-        self.sending = Some(self.send.token());
-        self.drive(now, Input::Order(Order::Send(&bytes)), port);
-        self.break_off(now, port);
-    }
-
-    /// The job of the send channel has ended before the protocol had it.
-    fn job_ended(&mut self, now: Nanos, outcome: Result<&[u8], u16>, port: &mut dyn CpPort) {
-        match outcome {
-            Ok(_) => port.count(CpCounter::Sent, 1),
-            Err(status) => {
-                port.count(CpCounter::SendErrors, 1);
-                self.enter(now, status, port);
-            }
-        }
-        self.send.ended(outcome);
-    }
-
-    fn look_receive(&mut self, now: Nanos, block: &ChannelBlock, port: &mut dyn CpPort) {
-        let (kind, moves) = (self.receive.offered(), self.receive.moves());
-        match self.receive.look(block) {
-            // A slow CPU is not one that takes nothing.
-            receive::Step::Nothing if self.receive.moves() != moves => {
-                self.order_rk512(now, rk512::Order::Working, port);
-            }
-            receive::Step::Nothing => {}
-            receive::Step::Dropped => {
-                self.enter(now, 0x040A, port);
-                self.give_back(now, kind, Reason::Reset, port);
-                self.order_loadable(now, modbus_master_32::Order::Taken(false), port);
-            }
-            receive::Step::Interrupted(moved) => {
-                // A telegram that only was on show is shown again, as if nothing had been.
-                let is_shown_again = kind == Some(Kind::Telegram) && !moved && self.protocol.is_plain();
-                if is_shown_again {
-                    self.withdraw(port);
-                } else {
-                    self.enter(now, 0x0407, port);
-                    self.give_back(now, kind, Reason::Reset, port);
-                    self.order_loadable(now, modbus_master_32::Order::Taken(false), port);
-                }
-            }
-            receive::Step::Refused(reason) => {
-                self.enter(now, refusal(kind, reason), port);
-                self.give_back(now, kind, reason, port);
-                if kind == Some(Kind::Telegram) {
-                    self.again_at = now + AGAIN;
-                }
-                self.receive.ended(Err(refusal(kind, reason)));
-                self.order_loadable(now, modbus_master_32::Order::Taken(false), port);
-            }
-            receive::Step::Complete => self.taken(now, kind, port),
-        }
-        // What lies in the send channel may have waited for nothing but this; and the buffer may have room again.
-        self.drive(now, Input::Tick, port);
-    }
-
-    /// The block does not take what was offered. A telegram stays where it is, unless a newer one has taken its place;
-    /// a job of the partner is refused.
-    fn give_back(&mut self, now: Nanos, kind: Option<Kind>, reason: Reason, port: &mut dyn CpPort) {
-        if kind == Some(Kind::Telegram) {
-            self.withdraw(port);
-        }
-        if matches!(kind, Some(Kind::Receive | Kind::Provide)) {
-            let number = match reason {
-                Reason::Locked => code::LOCKED,
-                Reason::Db | Reason::Range => code::RANGE,
-                Reason::Area => code::AREA,
-                Reason::Reset => code::STOP,
-            };
-            self.parts.asked.close();
-            self.order_rk512(now, rk512::Order::Answer(Answer::Refused(number)), port);
-        }
-    }
-
-    /// A telegram is not on offer any more: it waits in the buffer, or a newer one has taken its place and it is gone.
-    fn withdraw(&mut self, port: &mut dyn CpPort) {
-        if !std::mem::take(&mut self.parts.on_offer) {
-            port.count(CpCounter::ReceiveAborted, 1);
-        }
-    }
-
-    /// The CPU has all data, or has given all.
-    fn taken(&mut self, now: Nanos, kind: Option<Kind>, port: &mut dyn CpPort) {
-        match kind {
-            None => {}
-            Some(Kind::Telegram) => {
-                let len = self.receive.given().len();
-                if std::mem::take(&mut self.parts.on_offer) {
-                    self.parts.ring.pop();
-                }
-                port.count(CpCounter::Delivered, 1);
-                port.event(now, CpEvent::Delivered(len));
-                self.receive.ended(Ok(()));
-                self.order_loadable(now, modbus_master_32::Order::Taken(true), port);
-            }
-            Some(Kind::Receive) => self.order_rk512(now, rk512::Order::Answer(Answer::Taken), port),
-            Some(Kind::Provide) => {
-                let mut data = [0; JOB_MAX];
-                let given = self.receive.given();
-                let len = given.len();
-                data[..len].copy_from_slice(given);
-                self.order_rk512(now, rk512::Order::Answer(Answer::Data(&data[..len])), port);
-            }
-        }
-    }
-
-    /// Offers what there is, if the block waits for something.
-    fn offer(&mut self, now: Nanos) {
-        if !self.receive.is_ready() {
-            return;
-        }
-        if let Some(status) = self.parts.untold.take() {
-            return self.receive.tell(status);
-        }
-        if let Some((request, data)) = self.parts.asked.open() {
-            self.receive.offer(request::offer(request), |into| {
-                let len = data.len().min(into.len());
-                into[..len].copy_from_slice(&data[..len]);
-            });
-            self.parts.asked.close();
-            return;
-        }
-        if let Some(len) = self.parts.ring.oldest().filter(|_| now >= self.again_at) {
-            let ring = &self.parts.ring;
-            self.receive.offer(Offer::telegram(len), |into| ring.copy(0, into));
-            self.parts.on_offer = true;
-        }
-    }
-
-    /// Enters that the CPU does not take what there is for it. The job of an RK 512 partner is given up by the
-    /// protocol, and the loadable driver has numbers of its own. [reference 1.7]
-    fn watch_cpu(&mut self, now: Nanos, port: &mut dyn CpPort) {
-        let is_rk512 = self.protocol.rk512().is_some();
-        let waits = self.cpu_running
-            && (is_rk512 || self.protocol.is_plain())
-            && (self.receive.awaits_cpu() || self.parts.asked.open().is_some() || self.parts.ring.oldest().is_some());
-        if let Some(number) = self.patience.look(now, waits.then(|| self.receive.moves()), is_rk512) {
-            self.enter(now, number, port);
-        }
-    }
-
-    fn publish(&mut self, port: &mut dyn CpPort) {
-        let blocks = [(Channel::Send, self.send.show()), (Channel::Receive, self.receive.show())];
-        for (shown, (channel, block)) in self.shown.iter_mut().zip(blocks) {
-            if *shown != block {
-                *shown = block;
-                port.channel(channel, &block);
-            }
-        }
-    }
-
     // ---- the line and the protocol ----
 
     fn line(&mut self, now: Nanos, line: LineInput<'_>, port: &mut dyn CpPort) {
@@ -548,7 +301,7 @@ impl Cp341 {
                 }
             }
         }
-        self.drive(now, line.to_protocol(), port);
+        self.drive(now, Input::Line(line), port);
         // "BREAK: receiving line to partner device is interrupted" [S4 L1750]; a protocol that has noticed has said so.
         if self.parts.line_gone && !std::mem::replace(&mut self.parts.interrupted, true) {
             self.enter(now, 0x080D, port);
@@ -575,7 +328,7 @@ impl Cp341 {
     fn order_rk512(&mut self, now: Nanos, order: rk512::Order<'_>, port: &mut dyn CpPort) {
         let Protocol::Rk512(machine) = &mut self.protocol else { return };
         let mut out: Outlet<'_> = self.parts.outlet(now, self.receive.is_taking(), port);
-        self.protocol_due = machine.step(now, rk512::Input::Order(order), &mut out);
+        self.protocol_due = machine.step(now, Input::Order(order), &mut out);
         let collected = out.collected;
         self.after(now, collected, port);
     }
@@ -584,7 +337,7 @@ impl Cp341 {
     fn order_loadable(&mut self, now: Nanos, order: modbus_master_32::Order<'_>, port: &mut dyn CpPort) {
         let Protocol::Loadable(driver) = &mut self.protocol else { return };
         let mut out = self.parts.outlet(now, self.receive.is_taking(), port);
-        self.protocol_due = driver.step(now, modbus_master_32::Input::Order(order), &mut out);
+        self.protocol_due = driver.step(now, Input::Order(order), &mut out);
         let collected = out.collected;
         self.after(now, collected, port);
     }
@@ -681,16 +434,5 @@ const fn cleared(model: &Model, parameters: &Parameters) -> Option<Capacity> {
         Protocol341::Ascii(p) if p.clear_buffer => Some(capacity(model, parameters)),
         Protocol341::S3964(p) if p.clear_buffer => Some(capacity(model, parameters)),
         _ => None,
-    }
-}
-
-/// STATUS of a job that P_RCV_RK has refused. [reference 3.5, 3.6, 3.8]
-const fn refusal(kind: Option<Kind>, reason: Reason) -> u16 {
-    match (kind, reason) {
-        (_, Reason::Locked) => 0x060F,
-        (Some(Kind::Telegram) | None, _) | (_, Reason::Reset) => 0x040A,
-        (_, Reason::Db) => 0x0606,
-        (_, Reason::Range) => 0x0607,
-        (_, Reason::Area) => 0x0604,
     }
 }

@@ -5,7 +5,7 @@ use std::mem;
 
 use ob1_params::CpKind;
 use ob1_protocols::rk512::{self, AnswerError, OrderError, Request};
-use ob1_protocols::{Event, LineFault, Nanos, Phase, SendError, Sink, What};
+use ob1_protocols::{Event, LineFault, Nanos, Phase, SendError, Sink, What, Wire};
 
 use super::leds::LedDriver;
 use super::model::JOB_MAX;
@@ -213,7 +213,7 @@ fn number_340(event: Event, is_ascii: bool) -> Option<u16> {
     }
 }
 
-impl Sink for Outlet<'_> {
+impl Wire for Outlet<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.parts.leds.transmit(true);
         self.port.count(CpCounter::BytesTx, bytes.len() as u64);
@@ -224,6 +224,18 @@ impl Sink for Outlet<'_> {
         self.port.take_back()
     }
 
+    fn rts(&mut self, on: bool) {
+        self.collected.rts = Some(on);
+        self.port.rts(on);
+    }
+
+    fn dtr(&mut self, on: bool) {
+        self.collected.dtr = Some(on);
+        self.port.dtr(on);
+    }
+}
+
+impl Sink for Outlet<'_> {
     fn room(&self) -> usize {
         self.parts.ring.room()
     }
@@ -285,27 +297,9 @@ impl Sink for Outlet<'_> {
             }
         }
     }
-
-    fn rts(&mut self, on: bool) {
-        self.collected.rts = Some(on);
-        self.port.rts(on);
-    }
-
-    fn dtr(&mut self, on: bool) {
-        self.collected.dtr = Some(on);
-        self.port.dtr(on);
-    }
 }
 
 impl rk512::Owner for Outlet<'_> {
-    fn transmit(&mut self, bytes: &[u8]) {
-        Sink::transmit(self, bytes);
-    }
-
-    fn take_back(&mut self) -> usize {
-        Sink::take_back(self)
-    }
-
     fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
         self.collected.ended = Some(match outcome {
             Ok(data) => {

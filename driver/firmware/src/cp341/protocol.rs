@@ -5,7 +5,9 @@ use std::fmt;
 use ob1_params::{AsciiOf341, Cp341 as Parameters, CpKind, EndOf341, Priority, Protocol341, S3964Of341, SendingOf341};
 use ob1_protocols::modbus_master_32::{self, Driver};
 use ob1_protocols::rk512::{self, Rk512};
-use ob1_protocols::{Ascii, LineFault, MS, Machine, Nanos, Order, S3964, Sink, ascii, machine, s3964, signals};
+use ob1_protocols::{
+    Ascii, Input, LineFault, LineInput, MS, Machine, Nanos, Order, S3964, Sink, ascii, s3964, signals,
+};
 
 use super::loadable;
 use super::model::{JOB_MAX, JOB_MAX_340};
@@ -52,20 +54,20 @@ impl Plain {
     }
 
     /// A step of a protocol that does not listen.
-    fn step_deaf(&mut self, now: Nanos, input: machine::Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
+    fn step_deaf(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
         match input {
-            machine::Input::Rx(bytes) => {
+            Input::Line(LineInput::Rx(bytes)) => {
                 let steers =
                     |byte: &&u8| self.flow == ascii::Flow::XonXoff && [ascii::XON, ascii::XOFF].contains(*byte);
                 let heard: Vec<u8> = bytes.iter().filter(steers).copied().collect();
                 self.machine.step(
                     now,
-                    if heard.is_empty() { machine::Input::Tick } else { machine::Input::Rx(&heard) },
+                    if heard.is_empty() { Input::Tick } else { Input::Line(LineInput::Rx(&heard)) },
                     out,
                 )
             }
-            machine::Input::LineFault(LineFault::Parity | LineFault::Framing | LineFault::Overrun) => {
-                self.machine.step(now, machine::Input::Tick, out)
+            Input::Line(LineInput::Fault(LineFault::Parity | LineFault::Framing | LineFault::Overrun)) => {
+                self.machine.step(now, Input::Tick, out)
             }
             other => self.machine.step(now, other, out),
         }
@@ -123,7 +125,7 @@ impl Protocol {
     pub(crate) fn step<O: Sink + rk512::Owner + modbus_master_32::Owner>(
         &mut self,
         now: Nanos,
-        input: machine::Input<'_>,
+        input: Input<'_>,
         out: &mut O,
     ) -> Option<Nanos> {
         match self {
@@ -131,8 +133,8 @@ impl Protocol {
             Self::Plain(plain) => plain.machine.step(now, input, out),
             Self::Printer(_, plain) => plain.step_deaf(now, input, out),
             // Its orders come the other way.
-            Self::Rk512(machine) => machine.step(now, rk512::Input::of_line(input)?, out),
-            Self::Loadable(driver) => driver.step(now, loadable::of_line(input)?, out),
+            Self::Rk512(machine) => machine.step(now, input.with_orders(rk512::Order::Abort), out),
+            Self::Loadable(driver) => driver.step(now, input.with_orders(modbus_master_32::Order::Abort), out),
         }
     }
 
@@ -185,7 +187,7 @@ impl Protocol {
     }
 
     /// Drops everything.
-    pub(crate) const ABORT: machine::Input<'static> = machine::Input::Order(Order::Abort);
+    pub(crate) const ABORT: Input<'static> = Input::Order(Order::Abort);
 }
 
 /// [reference 6]

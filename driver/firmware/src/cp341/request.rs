@@ -85,17 +85,6 @@ pub(crate) fn offer(request: &Request) -> Offer {
     }
 }
 
-/// An odd LEN travels with a filler 00h behind the data. [reference 1.3]
-pub(crate) fn padded<'a>(data: &'a [u8], request: &Request, room: &'a mut [u8]) -> &'a [u8] {
-    let bytes = request.bytes();
-    if request.command == Command::Fetch || bytes == data.len() {
-        return data;
-    }
-    room[..data.len()].copy_from_slice(data);
-    room[data.len()..bytes].fill(0);
-    &room[..bytes]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

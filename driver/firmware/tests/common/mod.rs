@@ -4,7 +4,9 @@
 
 use std::collections::BTreeMap;
 
-use ob1_firmware::{Cp240, CpCounter, CpEvent, CpInput, CpPort, Leds, LineInput, LineSettings, Nanos, Registers};
+use ob1_firmware::{
+    Cp as _, Cp240, CpCounter, CpEvent, CpInput, CpPort, Leds, LineInput, LineSettings, Nanos, Registers, Wire,
+};
 
 pub(crate) const MS: Nanos = 1_000_000;
 
@@ -26,18 +28,9 @@ pub(crate) struct Log {
     pub(crate) records: Vec<Vec<u8>>,
 }
 
-impl CpPort for Log {
-    fn inputs(&mut self, registers: &[u8]) {
-        self.inputs.copy_from_slice(registers);
-        self.shown.push((word(&self.inputs, 0), word(&self.inputs, 2)));
-    }
-
+impl Wire for Log {
     fn transmit(&mut self, bytes: &[u8]) {
         self.tx.extend_from_slice(bytes);
-    }
-
-    fn line_settings(&mut self, settings: &LineSettings) {
-        self.settings.push(*settings);
     }
 
     fn rts(&mut self, on: bool) {
@@ -46,6 +39,17 @@ impl CpPort for Log {
 
     fn dtr(&mut self, on: bool) {
         self.dtr = Some(on);
+    }
+}
+
+impl CpPort for Log {
+    fn inputs(&mut self, registers: &[u8]) {
+        self.inputs.copy_from_slice(registers);
+        self.shown.push((word(&self.inputs, 0), word(&self.inputs, 2)));
+    }
+
+    fn line_settings(&mut self, settings: &LineSettings) {
+        self.settings.push(*settings);
     }
 
     fn record(&mut self, record: &[u8]) {

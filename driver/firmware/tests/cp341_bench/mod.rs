@@ -7,8 +7,8 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341, Input341};
-use ob1_firmware::{CpCounter, CpEvent, CpPort, Leds, LineInput, LineSettings, Nanos};
+use ob1_firmware::cp341::{Channel, ChannelBlock, Cp341};
+use ob1_firmware::{Cp as _, CpCounter, CpEvent, CpInput, CpPort, Leds, LineInput, LineSettings, Nanos, Wire};
 use ob1_line::sim::{BusConfig, BusEvent, Frame, SimBus};
 use ob1_params::{Cp341 as Parameters, Value};
 
@@ -42,28 +42,13 @@ impl Port {
     }
 }
 
-impl CpPort for Port {
-    fn inputs(&mut self, registers: &[u8]) {
-        self.image = registers[0];
-    }
-
-    fn channel(&mut self, channel: Channel, block: &ChannelBlock) {
-        self.shown[usize::from(channel == Channel::Receive)] = *block;
-    }
-
+impl Wire for Port {
     fn transmit(&mut self, bytes: &[u8]) {
         self.line.borrow_mut().write(CP, self.now, bytes);
     }
 
     fn take_back(&mut self) -> usize {
         self.line.borrow_mut().take_back(CP, self.now)
-    }
-
-    fn line_settings(&mut self, settings: &LineSettings) {
-        self.frame.char_time = settings.char_time_ns();
-        let mut line = self.line.borrow_mut();
-        line.set_frame(CP, self.frame);
-        line.set_frame(PARTNER, self.frame);
     }
 
     fn rts(&mut self, on: bool) {
@@ -74,6 +59,23 @@ impl CpPort for Port {
     fn dtr(&mut self, on: bool) {
         self.outputs.1 = on;
         self.drive();
+    }
+}
+
+impl CpPort for Port {
+    fn inputs(&mut self, registers: &[u8]) {
+        self.image = registers[0];
+    }
+
+    fn channel(&mut self, channel: Channel, block: &ChannelBlock) {
+        self.shown[usize::from(channel == Channel::Receive)] = *block;
+    }
+
+    fn line_settings(&mut self, settings: &LineSettings) {
+        self.frame.char_time = settings.char_time_ns();
+        let mut line = self.line.borrow_mut();
+        line.set_frame(CP, self.frame);
+        line.set_frame(PARTNER, self.frame);
     }
 
     fn leds(&mut self, _leds: Leds) {}
@@ -131,7 +133,7 @@ impl Bench {
         let cp = Cp341::new();
         let mut bench =
             Self { cp, port, now: 0, due: None, started: 0, job: 0, parameters: parameters.clone(), heard: Vec::new() };
-        bench.step(Input341::Parameters(Ok(&parameters)));
+        bench.step(CpInput::Keys(Ok(&parameters)));
         bench.run(true);
         bench.start();
         // An XON takes longer than 1 ms.
@@ -140,7 +142,7 @@ impl Bench {
         bench
     }
 
-    fn step(&mut self, input: Input341<'_>) {
+    fn step(&mut self, input: CpInput<'_>) {
         self.port.now = self.now;
         self.due = self.cp.step(self.now, input, &mut self.port);
     }
@@ -152,13 +154,13 @@ impl Bench {
 
     /// The CPU goes to RUN or STOP.
     pub(crate) fn run(&mut self, run: bool) {
-        self.step(Input341::CpuRun(run));
+        self.step(CpInput::CpuRun(run));
     }
 
     /// STOP -> RUN sends the parameters again, and the blocks start anew.
     pub(crate) fn restart(&mut self) {
         let parameters = self.parameters.clone();
-        self.step(Input341::Parameters(Ok(&parameters)));
+        self.step(CpInput::Keys(Ok(&parameters)));
         self.run(true);
         self.start();
     }
@@ -169,10 +171,10 @@ impl Bench {
         (block[0], block[1]) = (1, 1);
         block[2..4].copy_from_slice(&self.started.to_be_bytes());
         for channel in [Channel::Send, Channel::Receive] {
-            self.step(Input341::Channel(channel, &block));
+            self.step(CpInput::Channel(channel, &block));
         }
         block[0] = 2;
-        self.step(Input341::Channel(Channel::Send, &block));
+        self.step(CpInput::Channel(Channel::Send, &block));
     }
 
     /// Lets time pass.
@@ -190,7 +192,7 @@ impl Bench {
                         BusEvent::Fault(fault) => LineInput::Fault(fault),
                         BusEvent::Modem(lines) => LineInput::Modem(lines),
                     };
-                    self.step(Input341::Line(input));
+                    self.step(CpInput::Line(input));
                 }
                 Some((_, BusEvent::Rx(n))) => self.heard.extend(buffer[..n].iter().map(|byte| (self.now, *byte))),
                 Some(_) => {}
@@ -199,13 +201,13 @@ impl Bench {
                     let Some(next) = next.filter(|next| *next <= end) else { break };
                     self.now = self.now.max(next);
                     if self.due.is_some_and(|due| due <= self.now) {
-                        self.step(Input341::Tick);
+                        self.step(CpInput::Tick);
                     }
                 }
             }
         }
         self.now = end;
-        self.step(Input341::Tick);
+        self.step(CpInput::Tick);
     }
 
     // ---- the partner ----
@@ -260,7 +262,7 @@ impl Bench {
         for (piece, part) in data.chunks(32).enumerate() {
             block[6..8].copy_from_slice(&(piece as u16).to_be_bytes());
             block[32..32 + part.len()].copy_from_slice(part);
-            self.step(Input341::Channel(Channel::Send, &block));
+            self.step(CpInput::Channel(Channel::Send, &block));
         }
     }
 
@@ -275,7 +277,7 @@ impl Bench {
         let mut block: ChannelBlock = [0; 64];
         block[0] = 2;
         block[2..4].copy_from_slice(&self.started.to_be_bytes());
-        self.step(Input341::Channel(Channel::Send, &block));
+        self.step(CpInput::Channel(Channel::Send, &block));
         Some(outcome)
     }
 
@@ -305,7 +307,7 @@ impl Bench {
         let shown = self.port.shown[1];
         (shown[0] == OFFERED).then(|| {
             let block = self.receive_block(4, 0);
-            self.step(Input341::Channel(Channel::Receive, &block));
+            self.step(CpInput::Channel(Channel::Receive, &block));
             usize::from(u16::from_be_bytes([shown[10], shown[11]]))
         })
     }
@@ -319,28 +321,28 @@ impl Bench {
             data.extend_from_slice(&shown[32..32 + (length - data.len()).min(32)]);
             let piece = u16::from_be_bytes([shown[6], shown[7]]);
             let block = self.receive_block(4, piece + 1);
-            self.step(Input341::Channel(Channel::Receive, &block));
+            self.step(CpInput::Channel(Channel::Receive, &block));
         }
         assert_eq!(self.port.shown[1][0], DONE);
         let block = self.receive_block(3, 0);
-        self.step(Input341::Channel(Channel::Receive, &block));
+        self.step(CpInput::Channel(Channel::Receive, &block));
         data
     }
 
     /// P_RCV_RK refuses what is offered: R = 1.
     pub(crate) fn refuse(&mut self) {
         let block = self.receive_block(5, 0);
-        self.step(Input341::Channel(Channel::Receive, &block));
+        self.step(CpInput::Channel(Channel::Receive, &block));
         assert_eq!(self.port.shown[1][0], FAILED);
         let block = self.receive_block(3, 0);
-        self.step(Input341::Channel(Channel::Receive, &block));
+        self.step(CpInput::Channel(Channel::Receive, &block));
     }
 
     /// EN_R = 0 and 1 again.
     pub(crate) fn pauses(&mut self) {
         for command in [2, 3] {
             let block = self.receive_block(command, 0);
-            self.step(Input341::Channel(Channel::Receive, &block));
+            self.step(CpInput::Channel(Channel::Receive, &block));
         }
     }
 
@@ -349,7 +351,7 @@ impl Bench {
         let shown = self.port.shown[1];
         if shown[0] == FAILED {
             let block = self.receive_block(3, 0);
-            self.step(Input341::Channel(Channel::Receive, &block));
+            self.step(CpInput::Channel(Channel::Receive, &block));
             return Some(Got::Error(u16::from_be_bytes([shown[8], shown[9]])));
         }
         let length = self.begin()?;
@@ -365,7 +367,7 @@ impl Bench {
     pub(crate) fn v24_set(&mut self, rts: bool, dtr: bool) {
         let mut outputs = [0; 16];
         outputs[0] = 0x80 | u8::from(rts) << 2 | u8::from(dtr);
-        self.step(Input341::Outputs(&outputs));
+        self.step(CpInput::Outputs(&outputs));
     }
 
     /// V24_STAT: DTR, DSR, RTS, CTS, DCD, RI from bit 0 on.

@@ -15,7 +15,7 @@ mod receive;
 
 use crate::flow::Gate;
 pub use crate::flow::{Flow, XOFF, XON};
-use crate::machine::{Event, Input, LineFault, MS, Machine, Nanos, Order, SECOND, Sink, TELEGRAM_MAX, What};
+use crate::machine::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, SECOND, Sink, TELEGRAM_MAX, What};
 pub use crate::output::Flags;
 use crate::output::{Extent, Output, Rules};
 use crate::signals::Times;
@@ -184,10 +184,10 @@ impl<const N: usize> Machine for Ascii<N> {
     fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
         match input {
             Input::Tick => self.tick(now, out),
-            Input::Rx(bytes) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
-            Input::TxDone => self.output.tx_done(now, out),
-            Input::LineFault(fault) => self.fault(now, fault, out),
-            Input::Modem(lines) => {
+            Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
+            Input::Line(LineInput::TxDone) => self.output.tx_done(now, out),
+            Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
+            Input::Line(LineInput::Modem(lines)) => {
                 // "A send request or data receipt is aborted with an error message if DSR changes from ON to OFF."
                 // [S4 L817]
                 if self.output.modem(now, lines, out) {

@@ -12,7 +12,7 @@ mod queue;
 pub mod radio;
 pub mod telegram;
 
-use crate::machine::{Event, Input, LineFault, MS, Machine, Nanos, Order, Phase, SendError, Sink, What};
+use crate::machine::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, Phase, SendError, Sink, What};
 use frame::{Bytes, Decoder, Step, TELEGRAM_BYTES, encode};
 pub use frame::{FRAME_BYTES, WAKE};
 pub use queue::SEND_TELEGRAMS;
@@ -255,14 +255,14 @@ impl Machine for Esp2 {
     fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
         match input {
             Input::Tick => self.tick(now, out),
-            Input::Rx(bytes) => self.receive(now, bytes, out),
-            Input::TxDone => {
+            Input::Line(LineInput::Rx(bytes)) => self.receive(now, bytes, out),
+            Input::Line(LineInput::TxDone) => {
                 self.leaving = false;
                 self.output(out);
             }
-            Input::LineFault(fault) => self.fault(now, fault, out),
+            Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
             // Three wires to the module: it has no modem lines.
-            Input::Modem(_) => {}
+            Input::Line(LineInput::Modem(_)) => {}
             Input::Order(Order::Send(telegram)) => self.order(telegram, out),
             Input::Order(Order::Abort) => self.abort(out),
         }

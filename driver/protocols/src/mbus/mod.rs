@@ -24,7 +24,7 @@ pub mod frame;
 
 pub use config::{Config, baud_of};
 
-use crate::machine::{Event, Input, LineFault, Machine, Nanos, Order, Phase, SECOND, SendError, Sink, What};
+use crate::machine::{Event, Input, LineFault, LineInput, Machine, Nanos, Order, Phase, SECOND, SendError, Sink, What};
 use frame::{FRAME_MAX, Frame, FrameError, Progress, SINGLE, USER_MAX};
 
 /// Longest response telegram, bytes: response byte, C, A, CI field, user data.
@@ -314,10 +314,10 @@ impl Machine for MBus {
     fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
         match input {
             Input::Tick => self.tick(now, out),
-            Input::Rx(bytes) => self.receive(now, bytes, out),
-            Input::TxDone => self.tx_done(now, out),
-            Input::LineFault(fault) => self.fault(now, fault, out),
-            Input::Modem(_) => {}
+            Input::Line(LineInput::Rx(bytes)) => self.receive(now, bytes, out),
+            Input::Line(LineInput::TxDone) => self.tx_done(now, out),
+            Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
+            Input::Line(LineInput::Modem(_)) => {}
             Input::Order(Order::Send(telegram)) => self.order(now, telegram, out),
             Input::Order(Order::Abort) => {
                 if self.busy() {

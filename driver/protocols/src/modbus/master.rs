@@ -11,7 +11,7 @@
 use super::frame::{self, End, Receiver};
 use super::pdu::{self, BROADCAST, Direction, Function, Match};
 use super::{FRAME_CHARACTERS, Failure, Mode, TELEGRAM_BYTES};
-use crate::machine::{Event, Input, LineFault, MS, Machine, Nanos, Order, Phase, SendError, Sink, What};
+use crate::machine::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, Phase, SendError, Sink, What};
 
 /// Configuration of [`Master`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -251,11 +251,11 @@ impl Machine for Master {
         match input {
             Input::Tick => self.tick(now, out),
             // What comes in while we send is our own echo, or nobody's.
-            Input::Rx(_) if self.state == State::Output => {}
-            Input::Rx(bytes) => self.received(now, bytes, out),
-            Input::TxDone => self.tx_done(now, out),
-            Input::LineFault(fault) => self.fault(now, fault, out),
-            Input::Modem(_) => {}
+            Input::Line(LineInput::Rx(_)) if self.state == State::Output => {}
+            Input::Line(LineInput::Rx(bytes)) => self.received(now, bytes, out),
+            Input::Line(LineInput::TxDone) => self.tx_done(now, out),
+            Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
+            Input::Line(LineInput::Modem(_)) => {}
             Input::Order(order) => self.order(now, order, out),
         }
         self.deadline()

@@ -9,7 +9,7 @@ use super::area::{AREA_BYTES, Areas, Change, SHORT_BYTES};
 use super::frame::{self, End, Receiver};
 use super::pdu::{BROADCAST, Direction, ERROR_BIT, Exception, Function, Request};
 use super::{FRAME_CHARACTERS, TELEGRAM_BYTES};
-use crate::machine::{Event, Input, LineFault, Machine, Nanos, Order, Phase, SendError, Sink, What};
+use crate::machine::{Event, Input, LineFault, LineInput, Machine, Nanos, Order, Phase, SendError, Sink, What};
 
 /// Configuration of [`Slave`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -221,13 +221,13 @@ impl Machine for Slave {
                 }
                 self.release(now, out);
             }
-            Input::Rx(bytes) => self.received(now, bytes, out),
-            Input::TxDone if self.state == State::Output => {
+            Input::Line(LineInput::Rx(bytes)) => self.received(now, bytes, out),
+            Input::Line(LineInput::TxDone) if self.state == State::Output => {
                 self.receiver.clear(now);
                 self.state = State::Listen;
             }
-            Input::TxDone | Input::Modem(_) => {}
-            Input::LineFault(fault) => self.fault(now, fault, out),
+            Input::Line(LineInput::TxDone) | Input::Line(LineInput::Modem(_)) => {}
+            Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
             Input::Order(order) => self.order(now, order, out),
         }
         self.receiver.deadline()

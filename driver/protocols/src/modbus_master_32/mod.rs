@@ -29,7 +29,7 @@ pub mod reply;
 
 pub use config::{BAUD_RATES, Parameters, Parity, Signals, Wiring};
 
-use crate::machine::{LineFault, ModemLines, Nanos};
+use crate::machine::{LineFault, LineInput, ModemLines, Nanos, Wire};
 use crate::modbus::ascii;
 use crate::signals::{self, Clear};
 use config::Config;
@@ -46,21 +46,7 @@ pub const FRAME_CHARACTERS: usize = 2 * (TELEGRAM_BYTES + 1) + 3;
 pub const DESTINATION_BYTES: usize = 252;
 
 /// What happened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Input<'a> {
-    /// Time has passed; the first of all inputs.
-    Tick,
-    /// Characters came in; as [`crate::Input::Rx`].
-    Rx(&'a [u8]),
-    /// The last bit of everything handed to [`Owner::transmit`] has left the line.
-    TxDone,
-    /// The line could not read a character, or is gone.
-    LineFault(LineFault),
-    /// The secondary signals have changed.
-    Modem(ModemLines),
-    /// The CPU wants something.
-    Order(Order<'a>),
-}
+pub type Input<'a> = crate::machine::Input<'a, Order<'a>>;
 
 /// An order of the CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,16 +66,8 @@ pub enum Order<'a> {
     Abort,
 }
 
-/// Where the driver puts its results. Called only inside [`Driver::step`].
-pub trait Owner {
-    /// Puts characters on the line, behind those handed over before.
-    fn transmit(&mut self, bytes: &[u8]);
-
-    /// Takes back what has not begun to leave; as [`crate::Sink::take_back`].
-    fn take_back(&mut self) -> usize {
-        0
-    }
-
+/// Where the driver puts its results, beside what goes to the line. Called only inside [`Driver::step`].
+pub trait Owner: Wire {
     /// The destination area of a reading job, for P_RCV_RK; never empty. The job goes on until [`Order::Taken`].
     fn deliver(&mut self, destination: &[u8]);
 
@@ -98,16 +76,6 @@ pub trait Owner {
 
     /// An entry for the diagnostic buffer. A job's error comes here first, then to [`Owner::ended`].
     fn event(&mut self, number: u16);
-
-    /// Sets RTS (automatic use of the secondary signals only).
-    fn rts(&mut self, on: bool) {
-        let _ = on;
-    }
-
-    /// Sets DTR (automatic use of the secondary signals only).
-    fn dtr(&mut self, on: bool) {
-        let _ = on;
-    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,16 +101,6 @@ enum State {
     Transfer {
         until: Nanos,
     },
-}
-
-impl signals::Outputs for dyn Owner + '_ {
-    fn set_rts(&mut self, on: bool) {
-        self.rts(on);
-    }
-
-    fn set_dtr(&mut self, on: bool) {
-        self.dtr(on);
-    }
 }
 
 /// The driver.
@@ -205,10 +163,10 @@ impl Driver {
         };
         match input {
             Input::Tick => {}
-            Input::Rx(bytes) => self.received(now, bytes, &config, out),
-            Input::TxDone => self.tx_done(now, &config, out),
-            Input::LineFault(fault) => self.line_fault(now, fault, &config, out),
-            Input::Modem(lines) => self.modem(lines, out),
+            Input::Line(LineInput::Rx(bytes)) => self.received(now, bytes, &config, out),
+            Input::Line(LineInput::TxDone) => self.tx_done(now, &config, out),
+            Input::Line(LineInput::Fault(fault)) => self.line_fault(now, fault, &config, out),
+            Input::Line(LineInput::Modem(lines)) => self.modem(lines, out),
             Input::Order(order) => self.order(now, order, &config, out),
         }
         if input == Input::Tick {

@@ -34,7 +34,7 @@ pub use codec::{Area, Command, Coordination, Flag, Request};
 pub use config::Config;
 pub use event::{AnswerError, BadReaction, Event, OrderError, Refusal, code};
 
-use crate::machine::{self, LineFault, Machine as _, ModemLines, Nanos, SendError, TELEGRAM_MAX};
+use crate::machine::{self, LineInput, Machine as _, Nanos, SendError, TELEGRAM_MAX, Wire};
 use crate::s3964::S3964;
 use active::{Late, Own};
 use passive::{Partner, Reply};
@@ -44,36 +44,7 @@ use passive::{Partner, Reply};
 const LINE: usize = 256;
 
 /// What happened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Input<'a> {
-    /// Time has passed; nothing else.
-    Tick,
-    /// Characters came in; as [`machine::Input::Rx`].
-    Rx(&'a [u8]),
-    /// The last bit of everything handed to [`Owner::transmit`] has left the line.
-    TxDone,
-    /// The line could not read a character, or is gone.
-    LineFault(LineFault),
-    /// The modem lines have changed.
-    Modem(ModemLines),
-    /// The CPU wants something.
-    Order(Order<'a>),
-}
-
-impl<'a> Input<'a> {
-    /// What a line says.
-    pub const fn of_line(input: machine::Input<'a>) -> Option<Self> {
-        Some(match input {
-            machine::Input::Tick => Self::Tick,
-            machine::Input::Rx(bytes) => Self::Rx(bytes),
-            machine::Input::TxDone => Self::TxDone,
-            machine::Input::LineFault(fault) => Self::LineFault(fault),
-            machine::Input::Modem(lines) => Self::Modem(lines),
-            machine::Input::Order(machine::Order::Abort) => Self::Order(Order::Abort),
-            machine::Input::Order(machine::Order::Send(_)) => return None,
-        })
-    }
-}
+pub type Input<'a> = machine::Input<'a, Order<'a>>;
 
 /// An order of the CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,16 +74,8 @@ pub enum Answer<'a> {
     Refused(u8),
 }
 
-/// Where the machine puts its results. Called only inside [`Rk512::step`].
-pub trait Owner {
-    /// Puts characters on the line, behind those handed over before.
-    fn transmit(&mut self, bytes: &[u8]);
-
-    /// Takes back what has not begun to leave; as [`machine::Sink::take_back`].
-    fn take_back(&mut self) -> usize {
-        0
-    }
-
+/// Where the machine puts its results, beside what goes to the line. Called only inside [`Rk512::step`].
+pub trait Owner: Wire {
     /// The own order has ended: the data of the FETCH (of a SEND none), or why it failed.
     fn ended(&mut self, outcome: Result<&[u8], OrderError>);
 
@@ -191,20 +154,18 @@ impl<const N: usize> Rk512<N> {
     pub fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Owner) -> Option<Nanos> {
         let line = match input {
             Input::Tick => machine::Input::Tick,
-            Input::TxDone => machine::Input::TxDone,
-            Input::LineFault(fault) => machine::Input::LineFault(fault),
-            Input::Modem(lines) => machine::Input::Modem(lines),
-            Input::Rx(bytes) => {
+            Input::Line(LineInput::Rx(bytes)) => {
                 let mut due = None;
                 // One at a time: a telegram is dealt with before the procedure below begins something new.
                 for byte in bytes {
-                    due = self.drive(now, machine::Input::Rx(core::slice::from_ref(byte)), out);
+                    due = self.drive(now, machine::Input::Line(LineInput::Rx(core::slice::from_ref(byte))), out);
                 }
                 return self.deadline(due);
             }
+            Input::Line(input) => machine::Input::Line(input),
             Input::Order(order) => {
                 self.order(now, order, out);
-                machine::Input::Rx(&[])
+                machine::Input::Line(LineInput::Rx(&[]))
             }
         };
         let due = self.drive(now, line, out);
@@ -348,7 +309,7 @@ impl<'a> Tap<'a> {
     }
 }
 
-impl machine::Sink for Tap<'_> {
+impl Wire for Tap<'_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.out.transmit(bytes);
     }
@@ -356,7 +317,9 @@ impl machine::Sink for Tap<'_> {
     fn take_back(&mut self) -> usize {
         self.out.take_back()
     }
+}
 
+impl machine::Sink for Tap<'_> {
     fn room(&self) -> usize {
         LINE
     }

@@ -18,7 +18,7 @@ mod send;
 pub use config::{Config, Priority};
 
 use crate::machine::{
-    Event, Input, LineFault, MS, Machine, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,
+    Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,
 };
 use codec::NAK;
 use receive::Block;
@@ -36,8 +36,9 @@ pub struct S3964<const N: usize = TELEGRAM_MAX> {
     config: Config,
     state: State,
     output: Output,
-    /// The running order; its telegram is in `tx`.
-    job: Option<Job>,
+    /// An order that has not begun, or that begins again behind a telegram of the partner.
+    waiting: Option<Job>,
+    /// The telegram of the order.
     tx: [u8; N],
     rx: [u8; N],
     /// ZNA: no order begins before this.
@@ -59,13 +60,13 @@ enum State {
     Buffer { until: Nanos, poll: Nanos, refused: u16 },
     /// Something without meaning came in; NAK follows when the line has been silent until `until`. (CP 341)
     /// `disturbed`: it came while our block was leaving, which is then repeated.
-    Silence { until: Nanos, disturbed: Option<What> },
+    Silence { until: Nanos, disturbed: Option<(Job, What)> },
     /// STX is out, DLE must come before `expiry` (QVZ).
-    Connect { expiry: Nanos },
+    Connect { job: Job, expiry: Nanos },
     /// The block is leaving.
-    Output,
+    Output { job: Job },
     /// The block is out, DLE must come before `expiry` (QVZ).
-    Acknowledge { expiry: Nanos },
+    Acknowledge { job: Job, expiry: Nanos },
     /// DLE is out, the next character must come before `expiry` (ZVZ).
     Receive { block: Block, expiry: Nanos },
 }
@@ -95,7 +96,7 @@ impl<const N: usize> S3964<N> {
             config,
             state: State::Start,
             output: Output::default(),
-            job: None,
+            waiting: None,
             tx: [0; N],
             rx: [0; N],
             pause_until: 0,
@@ -122,13 +123,24 @@ impl<const N: usize> S3964<N> {
     }
 
     /// Begins, or begins again, to wait for silence before NAK.
-    fn silence(&mut self, now: Nanos, disturbed: Option<What>) {
+    fn silence(&mut self, now: Nanos, disturbed: Option<(Job, What)>) {
         self.state = State::Silence { until: now + self.config.zvz(), disturbed };
     }
 
     /// When a timer that begins with the end of our output expires if that end is never reported.
     fn expiry_unreported(&self, time: Nanos) -> Nanos {
         self.output.end + OUTPUT_GRACE + time
+    }
+
+    /// The order at work, if there is one.
+    fn running(&self) -> Option<&Job> {
+        match &self.state {
+            State::Connect { job, .. }
+            | State::Output { job }
+            | State::Acknowledge { job, .. }
+            | State::Silence { disturbed: Some((job, _)), .. } => Some(job),
+            _ => None,
+        }
     }
 
     fn report(&self, phase: Phase, what: What, out: &mut dyn Sink) {
@@ -149,9 +161,11 @@ impl<const N: usize> S3964<N> {
             }
             State::Buffer { until, poll, refused } => self.buffer_tick(now, until, poll, refused, out),
             State::Silence { until, disturbed } if now >= until => self.silent(now, disturbed, out),
-            State::Connect { expiry } if now >= expiry => self.connect_failed(now, What::AckDelay, out),
-            State::Output if now >= self.expiry_unreported(0) => self.output_done(now),
-            State::Acknowledge { expiry } if now >= expiry => self.block_failed(now, What::AckDelay, out),
+            State::Connect { job, expiry } if now >= expiry => self.connect_failed(now, job, What::AckDelay, out),
+            State::Output { job } if now >= self.expiry_unreported(0) => {
+                self.output_done(now, job);
+            }
+            State::Acknowledge { job, expiry } if now >= expiry => self.block_failed(now, job, What::AckDelay, out),
             State::Receive { block, expiry } if now >= expiry => self.character_delay(now, block, out),
             _ => {}
         }
@@ -163,9 +177,9 @@ impl<const N: usize> S3964<N> {
             State::Repetition { refused, .. } => self.idle_character(now, byte, refused, out),
             State::Buffer { .. } => self.unexpected(now, What::Unexpected(byte), out),
             State::Silence { disturbed, .. } => self.silence(now, disturbed),
-            State::Connect { .. } => self.connect_character(now, byte, out),
-            State::Output => self.output_character(now, byte, out),
-            State::Acknowledge { .. } => self.acknowledge_character(now, byte, out),
+            State::Connect { job, .. } => self.connect_character(now, job, byte, out),
+            State::Output { job } => self.output_character(now, job, byte, out),
+            State::Acknowledge { job, .. } => self.acknowledge_character(now, job, byte, out),
             State::Receive { block, .. } => self.receive_character(now, block, byte, out),
         }
     }
@@ -181,7 +195,7 @@ impl<const N: usize> S3964<N> {
                 self.unexpected(now, what, out);
             }
             State::Silence { disturbed, .. } => self.silence(now, disturbed),
-            State::Connect { .. } | State::Output | State::Acknowledge { .. }
+            State::Connect { .. } | State::Output { .. } | State::Acknowledge { .. }
                 if fault == LineFault::Break && self.config.break_ends_order =>
             {
                 // [reference 5.3]: BREAK: back to idle, 080Dh.
@@ -189,9 +203,9 @@ impl<const N: usize> S3964<N> {
                 self.take_back(now, out);
                 self.end(now, Err(SendError::Frame), out);
             }
-            State::Connect { .. } => self.connect_failed(now, what, out),
-            State::Output => self.output_disturbed(now, what, out),
-            State::Acknowledge { .. } => self.block_failed(now, what, out),
+            State::Connect { job, .. } => self.connect_failed(now, job, what, out),
+            State::Output { job } => self.output_disturbed(now, job, what, out),
+            State::Acknowledge { job, .. } => self.block_failed(now, job, what, out),
             State::Receive { block, .. } => self.receive_unreadable(now, block, what, out),
         }
     }
@@ -200,8 +214,11 @@ impl<const N: usize> S3964<N> {
     fn tx_done(&mut self, now: Nanos) {
         self.output = Output { in_flight: false, end: now, nak: false };
         match &mut self.state {
-            State::Connect { expiry } => *expiry = now + self.config.qvz,
-            State::Output => self.output_done(now),
+            State::Connect { expiry, .. } => *expiry = now + self.config.qvz,
+            State::Output { job } => {
+                let job = *job;
+                self.output_done(now, job);
+            }
             State::Receive { block, expiry } if !block.begun() => *expiry = now + self.config.zvz(),
             _ => {}
         }
@@ -210,18 +227,19 @@ impl<const N: usize> S3964<N> {
     fn order(&mut self, now: Nanos, order: Order<'_>, out: &mut dyn Sink) {
         match order {
             Order::Abort => {
+                let was_busy = self.busy();
                 self.take_back(now, out);
-                self.state = State::Idle;
+                (self.state, self.waiting) = (State::Idle, None);
                 (self.pause_until, self.given_up_until) = (now, None);
-                if self.job.take().is_some() {
+                if was_busy {
                     out.sent(Err(SendError::Aborted));
                 }
             }
-            Order::Send(_) if self.job.is_some() => out.sent(Err(SendError::Busy)),
+            Order::Send(_) if self.busy() => out.sent(Err(SendError::Busy)),
             Order::Send(telegram) => match self.tx.get_mut(..telegram.len()) {
                 Some(buffer) if telegram.len() <= self.config.telegram_max => {
                     buffer.copy_from_slice(telegram);
-                    self.job = Some(Job::new(telegram.len()));
+                    self.waiting = Some(Job::new(telegram.len()));
                 }
                 _ => out.sent(Err(SendError::TooLong)),
             },
@@ -232,7 +250,7 @@ impl<const N: usize> S3964<N> {
         match self.state {
             State::Start | State::Idle | State::Repetition { .. } | State::Silence { .. } => Phase::Idle,
             State::Connect { .. } => Phase::Connect,
-            State::Output => Phase::Output,
+            State::Output { .. } => Phase::Output,
             State::Acknowledge { .. } => Phase::Acknowledge,
             State::Buffer { .. } | State::Receive { .. } => Phase::Receive,
         }
@@ -241,11 +259,13 @@ impl<const N: usize> S3964<N> {
     fn deadline(&self) -> Option<Nanos> {
         match self.state {
             State::Start => Some(0),
-            State::Idle => self.job.as_ref().map(|_| self.pause_until),
+            State::Idle => self.waiting.as_ref().map(|_| self.pause_until),
             State::Repetition { until, .. } | State::Silence { until, .. } => Some(until),
             State::Buffer { until, poll, .. } => Some(until.min(poll)),
-            State::Connect { expiry } | State::Acknowledge { expiry } | State::Receive { expiry, .. } => Some(expiry),
-            State::Output => Some(self.expiry_unreported(0)),
+            State::Connect { expiry, .. } | State::Acknowledge { expiry, .. } | State::Receive { expiry, .. } => {
+                Some(expiry)
+            }
+            State::Output { .. } => Some(self.expiry_unreported(0)),
         }
     }
 }
@@ -256,18 +276,21 @@ impl<const N: usize> S3964<N> {
     pub(crate) fn take(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) {
         match input {
             Input::Tick => self.tick(now, out),
-            Input::Rx(bytes) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
-            Input::TxDone => self.tx_done(now),
-            Input::LineFault(fault) => self.fault(now, fault, out),
-            Input::Modem(_) => {} // The procedure needs no accompanying signals.
+            Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
+            Input::Line(LineInput::TxDone) => self.tx_done(now),
+            Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
+            Input::Line(LineInput::Modem(_)) => {} // The procedure needs no accompanying signals.
             Input::Order(order) => self.order(now, order, out),
         }
     }
 
     /// The second half: an order that may begin begins. The result is the next deadline.
     pub(crate) fn go(&mut self, now: Nanos, out: &mut dyn Sink) -> Option<Nanos> {
-        if self.state == State::Idle && self.job.is_some() && now >= self.pause_until {
-            self.connect(now, out);
+        if self.state == State::Idle
+            && now >= self.pause_until
+            && let Some(job) = self.waiting.take()
+        {
+            self.connect(now, job, out);
         }
         self.deadline()
     }
@@ -282,15 +305,16 @@ impl<const N: usize> S3964<N> {
         self.state == State::Idle
     }
 
-    /// Whether the running order's block has left completely at least once.
+    /// Whether the order's block has left completely at least once.
     pub(crate) fn block_is_out(&self) -> bool {
-        self.job.as_ref().is_some_and(Job::is_out)
+        self.running().or(self.waiting.as_ref()).is_some_and(Job::is_out)
     }
 
-    /// Forgets the running order between two halves of a step, without a word: the telegram that was delivered in the
-    /// first half has shown that the partner has it.
+    /// Forgets the order between two halves of a step, without a word: the telegram that was delivered in the first
+    /// half has shown that the partner has it. The line is free then, so the order waits.
     pub(crate) fn forget_order(&mut self) {
-        self.job = None;
+        debug_assert!(self.running().is_none(), "the line is free");
+        self.waiting = None;
     }
 }
 
@@ -307,6 +331,6 @@ impl<const N: usize> Machine for S3964<N> {
     }
 
     fn busy(&self) -> bool {
-        self.job.is_some()
+        self.waiting.is_some() || self.running().is_some()
     }
 }

@@ -4,8 +4,8 @@ use super::codec::{self, DLE, NAK, STX};
 use super::{Priority, S3964, State};
 use crate::machine::{Nanos, Phase, SendError, Sink, What};
 
-/// A running order.
-#[derive(Clone, Copy, Debug)]
+/// An order, and how far it has got. It lies in the states in which it is at work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Job {
     /// Bytes of the telegram.
     len: usize,
@@ -30,57 +30,51 @@ impl Job {
 
 impl<const N: usize> S3964<N> {
     /// Asks for a connection: STX, then QVZ.
-    pub(super) fn connect(&mut self, now: Nanos, out: &mut dyn Sink) {
-        if let Some(job) = &mut self.job {
-            job.connects += 1;
-            self.transmit(now, &[STX], out);
-            self.state = State::Connect { expiry: self.expiry_unreported(self.config.qvz) };
-        }
+    pub(super) fn connect(&mut self, now: Nanos, mut job: Job, out: &mut dyn Sink) {
+        job.connects += 1;
+        self.transmit(now, &[STX], out);
+        self.state = State::Connect { job, expiry: self.expiry_unreported(self.config.qvz) };
     }
 
     /// An answer to STX?
-    pub(super) fn connect_character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) {
+    pub(super) fn connect_character(&mut self, now: Nanos, mut job: Job, byte: u8, out: &mut dyn Sink) {
         match byte {
             STX if self.config.priority == Priority::Low => {
                 // [S0 "Initialization conflict"]: the station with the lower priority sends DLE and changes to receive
                 // mode. Its order stays and begins again afterwards; the attempt lost here does not count.
                 // [reference 5.5]
                 self.report(Phase::Connect, What::Conflict { yielded: true }, out);
-                if let Some(job) = &mut self.job {
-                    job.connects -= 1;
-                }
-                self.state = State::Idle;
+                job.connects -= 1;
+                (self.state, self.waiting) = (State::Idle, Some(job));
                 self.connection_asked(now, 0, out);
             }
             // [reference 5.5]: the higher priority ignores it; QVZ keeps running.
             STX => self.report(Phase::Connect, What::Conflict { yielded: false }, out),
             // It ended before our STX had left, so it is no answer to it.
             _ if !self.output.is_out(now) => {}
-            DLE => self.send_block(now, out),
-            NAK => self.connect_failed(now, What::Nak, out),
-            other => self.connect_failed(now, What::Unexpected(other), out),
+            DLE => self.send_block(now, job, out),
+            NAK => self.connect_failed(now, job, What::Nak, out),
+            other => self.connect_failed(now, job, What::Unexpected(other), out),
         }
     }
 
     /// [S0 "Timeout times"]: QVZ expires after STX, or NAK or any other character follows it: STX is repeated; after
     /// the last repetition NAK, and the attempt is given up.
-    pub(super) fn connect_failed(&mut self, now: Nanos, what: What, out: &mut dyn Sink) {
+    pub(super) fn connect_failed(&mut self, now: Nanos, job: Job, what: What, out: &mut dyn Sink) {
         self.report(Phase::Connect, what, out);
-        let connects = self.job.as_ref().map_or(0, |job| job.connects);
-        if connects < self.config.connect_attempts {
-            self.report(Phase::Connect, What::Repetition(connects), out);
-            self.connect(now, out);
+        if job.connects < self.config.connect_attempts {
+            self.report(Phase::Connect, What::Repetition(job.connects), out);
+            self.connect(now, job, out);
         } else {
             self.give_up(now, Phase::Connect, what, out);
         }
     }
 
-    fn send_block(&mut self, now: Nanos, out: &mut dyn Sink) {
-        let len = self.job.as_ref().map_or(0, |job| job.len);
+    fn send_block(&mut self, now: Nanos, job: Job, out: &mut dyn Sink) {
         let mut stage = [0; 128];
         let mut used = 0;
         let mut total = 0;
-        for byte in codec::block(&self.tx[..len], self.config.bcc) {
+        for byte in codec::block(&self.tx[..job.len], self.config.bcc) {
             stage[used] = byte;
             used += 1;
             if used == stage.len() {
@@ -96,90 +90,81 @@ impl<const N: usize> S3964<N> {
         self.output.end = self.output.end.max(now) + self.config.char_time * total as u64;
         self.output.in_flight = true;
         self.output.nak = false;
-        self.state = State::Output;
+        self.state = State::Output { job };
     }
 
     /// A character came in while the block leaves.
-    pub(super) fn output_character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) {
+    pub(super) fn output_character(&mut self, now: Nanos, job: Job, byte: u8, out: &mut dyn Sink) {
         if self.output.is_out(now) {
             // The line has had its time and has not said so yet: this is the answer.
-            self.output_done(now);
-            return self.acknowledge_character(now, byte, out);
+            let job = self.output_done(now, job);
+            return self.acknowledge_character(now, job, byte, out);
         }
         match byte {
             NAK => {
                 self.take_back(now, out);
                 self.report(Phase::Output, What::Nak, out);
-                self.repeat_block(now, What::Nak, out);
+                self.repeat_block(now, job, What::Nak, out);
             }
             // DLE too: it comes too early. [reference 3.9: 0706h]
-            other => self.output_disturbed(now, What::Unexpected(other), out),
+            other => self.output_disturbed(now, job, What::Unexpected(other), out),
         }
     }
 
     /// Something other than NAK came in while the block leaves.
-    pub(super) fn output_disturbed(&mut self, now: Nanos, what: What, out: &mut dyn Sink) {
+    pub(super) fn output_disturbed(&mut self, now: Nanos, job: Job, what: What, out: &mut dyn Sink) {
         self.report(Phase::Output, what, out);
         self.take_back(now, out);
         if self.config.nak_after_silence {
             // [reference 5.3]: wait until ZVZ has expired on the line, send NAK, begin again. (CP 341)
-            self.silence(now, Some(what));
+            self.silence(now, Some((job, what)));
         } else {
             // [S0 "Timeout times"]: "a character other than DLE": connection and message are repeated.
-            self.repeat_block(now, what, out);
+            self.repeat_block(now, job, what, out);
         }
     }
 
     /// The last bit of the block is out: QVZ begins.
-    pub(super) fn output_done(&mut self, now: Nanos) {
-        if let Some(job) = &mut self.job {
-            job.out = true;
-        }
-        self.state = State::Acknowledge { expiry: now + self.config.qvz };
+    pub(super) fn output_done(&mut self, now: Nanos, job: Job) -> Job {
+        let job = Job { out: true, ..job };
+        self.state = State::Acknowledge { job, expiry: now + self.config.qvz };
+        job
     }
 
     /// An answer to the block?
-    pub(super) fn acknowledge_character(&mut self, now: Nanos, byte: u8, out: &mut dyn Sink) {
+    pub(super) fn acknowledge_character(&mut self, now: Nanos, job: Job, byte: u8, out: &mut dyn Sink) {
         match byte {
             DLE => self.end(now, Ok(()), out),
-            NAK => self.block_failed(now, What::Nak, out),
-            other => self.block_failed(now, What::Unexpected(other), out),
+            NAK => self.block_failed(now, job, What::Nak, out),
+            other => self.block_failed(now, job, What::Unexpected(other), out),
         }
     }
 
     /// [S0 "Timeout times"]: QVZ expires after the block, or a character other than DLE is received.
-    pub(super) fn block_failed(&mut self, now: Nanos, what: What, out: &mut dyn Sink) {
+    pub(super) fn block_failed(&mut self, now: Nanos, job: Job, what: What, out: &mut dyn Sink) {
         self.report(Phase::Acknowledge, what, out);
-        self.repeat_block(now, what, out);
+        self.repeat_block(now, job, what, out);
     }
 
     /// [S0 "Timeout times"]: connection and message are repeated; after the last repetition NAK, and the end.
-    fn repeat_block(&mut self, now: Nanos, what: What, out: &mut dyn Sink) {
-        let failed = self.count_failed_block();
-        if failed < self.config.block_attempts {
-            self.report(Phase::Output, What::Repetition(failed), out);
-            self.connect(now, out);
+    fn repeat_block(&mut self, now: Nanos, job: Job, what: What, out: &mut dyn Sink) {
+        // The next attempt has connection attempts of its own. [reference 5.3]
+        let job = Job { connects: 0, blocks: job.blocks + 1, ..job };
+        if job.blocks < self.config.block_attempts {
+            self.report(Phase::Output, What::Repetition(job.blocks), out);
+            self.connect(now, job, out);
         } else {
             self.give_up(now, Phase::Output, what, out);
         }
     }
 
     /// The line has been silent for ZVZ after a character without meaning. (CP 341)
-    pub(super) fn silent(&mut self, now: Nanos, disturbed: Option<What>, out: &mut dyn Sink) {
+    pub(super) fn silent(&mut self, now: Nanos, disturbed: Option<(Job, What)>, out: &mut dyn Sink) {
         self.transmit(now, &[NAK], out);
         match disturbed {
-            Some(what) => self.repeat_block(now, what, out),
+            Some((job, what)) => self.repeat_block(now, job, what, out),
             None => self.state = State::Idle,
         }
-    }
-
-    /// One more attempt to send the block has failed. The next has connection attempts of its own. [reference 5.3]
-    fn count_failed_block(&mut self) -> u16 {
-        self.job.as_mut().map_or(u16::MAX, |job| {
-            job.connects = 0;
-            job.blocks += 1;
-            job.blocks
-        })
     }
 
     fn give_up(&mut self, now: Nanos, phase: Phase, what: What, out: &mut dyn Sink) {
@@ -195,7 +180,6 @@ impl<const N: usize> S3964<N> {
 
     /// The order has ended.
     pub(super) fn end(&mut self, now: Nanos, outcome: Result<(), SendError>, out: &mut dyn Sink) {
-        self.job = None;
         self.state = State::Idle;
         self.pause_until = now + self.config.zna;
         out.sent(outcome);

@@ -18,7 +18,9 @@
 mod decoder;
 
 use crate::flow::{Flow, Gate, XOFF, XON};
-use crate::machine::{Event, Input, LineFault, MS, Machine, Nanos, Order, Phase, SECOND, Sink, TELEGRAM_MAX, What};
+use crate::machine::{
+    Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, Phase, SECOND, Sink, TELEGRAM_MAX, What,
+};
 pub use crate::output::Flags;
 use crate::output::{Extent, Output, Rules};
 pub use decoder::{Decoder, Step};
@@ -258,10 +260,10 @@ impl<const N: usize> Machine for StxEtx<N> {
     fn step(&mut self, now: Nanos, input: Input<'_>, out: &mut dyn Sink) -> Option<Nanos> {
         match input {
             Input::Tick => self.tick(now, out),
-            Input::Rx(bytes) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
-            Input::TxDone => self.output.tx_done(now, out),
-            Input::LineFault(fault) => self.fault(now, fault, out),
-            Input::Modem(lines) => {
+            Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|byte| self.character(now, *byte, out)),
+            Input::Line(LineInput::TxDone) => self.output.tx_done(now, out),
+            Input::Line(LineInput::Fault(fault)) => self.fault(now, fault, out),
+            Input::Line(LineInput::Modem(lines)) => {
                 self.output.modem(now, lines, out);
             }
             Input::Order(order) => {

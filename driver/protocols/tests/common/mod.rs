@@ -29,7 +29,9 @@
 //!
 //! Between two lines the machine must stay silent: each deadline that passes is ticked, and must bring nothing.
 
-use ob1_protocols::{Event, Input, LineFault, MS, Machine, ModemLines, Nanos, Order, Part, SendError, Sink};
+use ob1_protocols::{
+    Event, Input, LineFault, LineInput, MS, Machine, ModemLines, Nanos, Order, Part, SendError, Sink, Wire,
+};
 
 /// A sink that writes down what it gets, in the words of the tables.
 #[derive(Default)]
@@ -44,7 +46,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02X}")).collect::<Vec<_>>().join(" ")
 }
 
-impl Sink for Recorder {
+impl Wire for Recorder {
     fn transmit(&mut self, bytes: &[u8]) {
         assert!(!bytes.is_empty());
         match self.log.last_mut() {
@@ -58,6 +60,16 @@ impl Sink for Recorder {
         std::mem::take(&mut self.back)
     }
 
+    fn rts(&mut self, on: bool) {
+        self.log.push(format!("rts {}", if on { "on" } else { "off" }));
+    }
+
+    fn dtr(&mut self, on: bool) {
+        self.log.push(format!("dtr {}", if on { "on" } else { "off" }));
+    }
+}
+
+impl Sink for Recorder {
     fn room(&self) -> usize {
         self.room
     }
@@ -90,14 +102,6 @@ impl Sink for Recorder {
 
     fn baud(&mut self, baud: u32) {
         self.log.push(format!("baud {baud}"));
-    }
-
-    fn rts(&mut self, on: bool) {
-        self.log.push(format!("rts {}", if on { "on" } else { "off" }));
-    }
-
-    fn dtr(&mut self, on: bool) {
-        self.log.push(format!("dtr {}", if on { "on" } else { "off" }));
     }
 }
 
@@ -163,24 +167,24 @@ pub(crate) fn check(machine: &mut dyn Machine, table: &str) {
         let data = if matches!(input, "rx" | "order") { bytes(&words[2..]) } else { Vec::new() };
         let input = match input {
             "start" => Input::Tick,
-            "rx" => Input::Rx(&data),
-            "done" => Input::TxDone,
+            "rx" => Input::Line(LineInput::Rx(&data)),
+            "done" => Input::Line(LineInput::TxDone),
             "order" => Input::Order(Order::Send(&data)),
             "abort" => Input::Order(Order::Abort),
-            "fault" => Input::LineFault(match words[2] {
+            "fault" => Input::Line(LineInput::Fault(match words[2] {
                 "Parity" => LineFault::Parity,
                 "Framing" => LineFault::Framing,
                 "Overrun" => LineFault::Overrun,
                 "Break" => LineFault::Break,
                 "Gone" => LineFault::Gone,
                 other => panic!("`{other}` is no fault: {}", place()),
-            }),
-            "cts" => Input::Modem(ModemLines { cts: words[2] == "on", ..ModemLines::default() }),
-            "lines" => Input::Modem(ModemLines {
+            })),
+            "cts" => Input::Line(LineInput::Modem(ModemLines { cts: words[2] == "on", ..ModemLines::default() })),
+            "lines" => Input::Line(LineInput::Modem(ModemLines {
                 cts: words[2..].contains(&"cts"),
                 dsr: words[2..].contains(&"dsr"),
                 ..ModemLines::default()
-            }),
+            })),
             "room" => {
                 out.room = words[2].parse().expect("a number of bytes");
                 Input::Tick

@@ -29,7 +29,7 @@
 //! Between two lines the driver must stay silent: each deadline that passes is ticked, and must bring nothing.
 
 use ob1_protocols::modbus_master_32::{Driver, Input, Order, Owner, Parameters};
-use ob1_protocols::{LineFault, MS, ModemLines, Nanos};
+use ob1_protocols::{LineFault, LineInput, MS, ModemLines, Nanos, Wire};
 
 /// The frame of a telegram, written from the manual. [S4 "4.1 Message Structure"]
 pub(crate) fn frame(telegram: &[u8]) -> String {
@@ -71,7 +71,7 @@ struct Recorder {
     log: Vec<String>,
 }
 
-impl Owner for Recorder {
+impl Wire for Recorder {
     fn transmit(&mut self, bytes: &[u8]) {
         let telegram = telegram(bytes).unwrap_or_else(|| panic!("no frame: {}", String::from_utf8_lossy(bytes)));
         self.log.push(format!("ask {}", hex(&telegram)));
@@ -82,6 +82,16 @@ impl Owner for Recorder {
         0
     }
 
+    fn rts(&mut self, on: bool) {
+        self.log.push(format!("rts {}", if on { "on" } else { "off" }));
+    }
+
+    fn dtr(&mut self, on: bool) {
+        self.log.push(format!("dtr {}", if on { "on" } else { "off" }));
+    }
+}
+
+impl Owner for Recorder {
     fn deliver(&mut self, destination: &[u8]) {
         assert!(!destination.is_empty());
         self.log.push(format!("got {}", hex(destination)));
@@ -102,14 +112,6 @@ impl Owner for Recorder {
 
     fn event(&mut self, number: u16) {
         self.log.push(format!("!{number:04X}"));
-    }
-
-    fn rts(&mut self, on: bool) {
-        self.log.push(format!("rts {}", if on { "on" } else { "off" }));
-    }
-
-    fn dtr(&mut self, on: bool) {
-        self.log.push(format!("dtr {}", if on { "on" } else { "off" }));
     }
 }
 
@@ -158,17 +160,17 @@ pub(crate) fn check(parameters: Parameters, table: &str) {
             }
             "job" => Input::Order(Order::Job { r_typ: b'X', source: &data }),
             "typ" => Input::Order(Order::Job { r_typ: rest.as_bytes()[0], source: &data }),
-            "say" | "rx" => Input::Rx(&data),
-            "done" => Input::TxDone,
+            "say" | "rx" => Input::Line(LineInput::Rx(&data)),
+            "done" => Input::Line(LineInput::TxDone),
             "taken" => Input::Order(Order::Taken(true)),
             "refused" => Input::Order(Order::Taken(false)),
             "abort" => Input::Order(Order::Abort),
-            "lines" => Input::Modem(ModemLines {
+            "lines" => Input::Line(LineInput::Modem(ModemLines {
                 cts: rest.contains("cts"),
                 dsr: rest.contains("dsr"),
                 ..ModemLines::default()
-            }),
-            "fault" => Input::LineFault(match rest {
+            })),
+            "fault" => Input::Line(LineInput::Fault(match rest {
                 "Parity" => LineFault::Parity,
                 "Framing" => LineFault::Framing,
                 "Overrun" => LineFault::Overrun,
@@ -176,7 +178,7 @@ pub(crate) fn check(parameters: Parameters, table: &str) {
                 "Gone" => LineFault::Gone,
                 "Back" => LineFault::Back,
                 other => panic!("`{other}` is no fault"),
-            }),
+            })),
             other => panic!("`{other}` is no input: {line}"),
         };
         deadline = driver.step(now, input, &mut out);

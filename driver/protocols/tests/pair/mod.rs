@@ -19,7 +19,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ob1_line::sim::{End, FaultRates, SimConfig, SimEvent, SimLine, SplitMix64};
-use ob1_protocols::{Event, Input, MS, Machine, ModemLines, Nanos, Order, SECOND, SendError, Sink};
+use ob1_protocols::{Event, Input, LineInput, MS, Machine, ModemLines, Nanos, Order, SECOND, SendError, Sink, Wire};
 
 /// Virtual time with faults.
 const FAULTY: Nanos = 30 * SECOND;
@@ -148,7 +148,7 @@ impl<J> Port<'_, J> {
     }
 }
 
-impl<J: Judge> Sink for Port<'_, J> {
+impl<J: Judge> Wire for Port<'_, J> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.trace(format_args!("tx {bytes:02X?}"));
         self.books.judge.transmitted(self.now, bytes);
@@ -164,6 +164,13 @@ impl<J: Judge> Sink for Port<'_, J> {
         self.line.take_back(self.end, self.now)
     }
 
+    fn rts(&mut self, on: bool) {
+        self.trace(format_args!("rts {on}"));
+        self.line.set_rts(self.end, self.now, on);
+    }
+}
+
+impl<J: Judge> Sink for Port<'_, J> {
     fn room(&self) -> usize {
         if self.now < self.books.occupied_until { 0 } else { 1024 }
     }
@@ -187,11 +194,6 @@ impl<J: Judge> Sink for Port<'_, J> {
 
     fn report(&mut self, event: Event) {
         self.trace(format_args!("{event:?}"));
-    }
-
-    fn rts(&mut self, on: bool) {
-        self.trace(format_args!("rts {on}"));
-        self.line.set_rts(self.end, self.now, on);
     }
 }
 
@@ -219,9 +221,9 @@ impl<D: Duet> Station<D> {
 
     fn step(&mut self, now: Nanos, input: Input<'_>, line: &mut SimLine, trace: bool) {
         match input {
-            Input::Rx(bytes) => bytes.iter().for_each(|b| self.books.judge.character(now, Some(*b))),
-            Input::LineFault(_) => self.books.judge.character(now, None),
-            Input::TxDone => self.books.judge.out(),
+            Input::Line(LineInput::Rx(bytes)) => bytes.iter().for_each(|b| self.books.judge.character(now, Some(*b))),
+            Input::Line(LineInput::Fault(_)) => self.books.judge.character(now, None),
+            Input::Line(LineInput::TxDone) => self.books.judge.out(),
             _ => {}
         }
         let mut port = Port { line, end: self.end, now, books: &mut self.books, trace };
@@ -279,10 +281,10 @@ fn run<D: Duet>(seed: u64, worst: FaultRates, trace: bool) -> Sum {
         now = next.max(now);
         while let Some((end, event)) = line.pop(now, &mut buffer) {
             let input = match event {
-                SimEvent::Rx(n) => Input::Rx(&buffer[..n]),
-                SimEvent::TxDone => Input::TxDone,
-                SimEvent::Fault(fault) => Input::LineFault(fault),
-                SimEvent::Cts(cts) => Input::Modem(ModemLines { cts, ..ModemLines::default() }),
+                SimEvent::Rx(n) => Input::Line(LineInput::Rx(&buffer[..n])),
+                SimEvent::TxDone => Input::Line(LineInput::TxDone),
+                SimEvent::Fault(fault) => Input::Line(LineInput::Fault(fault)),
+                SimEvent::Cts(cts) => Input::Line(LineInput::Modem(ModemLines { cts, ..ModemLines::default() })),
             };
             stations[end as usize].step(now, input, &mut line, trace);
             settle::<D>(&mut stations, end as usize, now, pause);

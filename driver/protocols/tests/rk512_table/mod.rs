@@ -26,7 +26,7 @@
 
 use ob1_protocols::rk512::{Answer, AnswerError, Config, Event, Input, Order, OrderError, Owner, Request, Rk512};
 use ob1_protocols::s3964::codec::block;
-use ob1_protocols::{LineFault, MS, Nanos};
+use ob1_protocols::{LineFault, LineInput, MS, Nanos, Wire};
 
 #[derive(Default)]
 struct Recorder {
@@ -41,7 +41,7 @@ fn with_data(header: String, data: &[u8]) -> String {
     if data.is_empty() { header } else { format!("{header} | {}", hex(data)) }
 }
 
-impl Owner for Recorder {
+impl Wire for Recorder {
     fn transmit(&mut self, bytes: &[u8]) {
         match self.log.last_mut() {
             Some(last) if last.starts_with("tx ") => *last += &format!(" {}", hex(bytes)),
@@ -53,7 +53,9 @@ impl Owner for Recorder {
         self.log.push("back".into());
         0
     }
+}
 
+impl Owner for Recorder {
     fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
         self.log.push(match outcome {
             Ok(data) => format!("ended ok {}", hex(data)).trim_end().into(),
@@ -149,37 +151,37 @@ impl<const N: usize> Bench<N> {
 
     /// The partner sends a telegram.
     fn partner(&mut self, telegram: &[u8]) {
-        self.step(Input::Rx(&[0x02]));
+        self.step(Input::Line(LineInput::Rx(&[0x02])));
         // A low station whose own STX is out gives way, and says so.
         self.out.log.retain(|line| !line.starts_with("!Line") && line != "tx 02");
         assert_eq!(self.seen(), ["tx 10"], "our answer to STX");
-        self.step(Input::TxDone);
+        self.step(Input::Line(LineInput::TxDone));
         let block: Vec<u8> = block(telegram, self.bcc).collect();
-        self.step(Input::Rx(&block));
+        self.step(Input::Line(LineInput::Rx(&block)));
         self.expect_first(&[0x10]);
-        self.step(Input::TxDone);
+        self.step(Input::Line(LineInput::TxDone));
     }
 
     /// The partner takes a telegram from us; our STX is out.
     fn takes(&mut self, telegram: &[u8]) {
-        self.step(Input::TxDone);
-        self.step(Input::Rx(&[0x10]));
+        self.step(Input::Line(LineInput::TxDone));
+        self.step(Input::Line(LineInput::Rx(&[0x10])));
         let block: Vec<u8> = block(telegram, self.bcc).collect();
         assert_eq!(self.seen(), [format!("tx {}", hex(&block))], "our telegram");
-        self.step(Input::TxDone);
-        self.step(Input::Rx(&[0x10]));
+        self.step(Input::Line(LineInput::TxDone));
+        self.step(Input::Line(LineInput::Rx(&[0x10])));
     }
 
     fn input(&mut self, words: &str) {
         let (word, rest) = words.split_once(' ').unwrap_or((words, ""));
         match word {
             "start" => self.step(Input::Tick),
-            "rx" => self.step(Input::Rx(&bytes(rest))),
-            "done" => self.step(Input::TxDone),
-            "fault" => self.step(Input::LineFault(match rest {
+            "rx" => self.step(Input::Line(LineInput::Rx(&bytes(rest)))),
+            "done" => self.step(Input::Line(LineInput::TxDone)),
+            "fault" => self.step(Input::Line(LineInput::Fault(match rest {
                 "Parity" => LineFault::Parity,
                 other => panic!("`{other}` is no fault"),
-            })),
+            }))),
             "timeout" => {
                 assert_eq!(self.deadline, Some(self.now), "the deadline");
                 self.step(Input::Tick);
@@ -204,8 +206,8 @@ impl<const N: usize> Bench<N> {
             "partner" => self.partner(&bytes(rest)),
             "takes" => self.takes(&bytes(rest)),
             "refuses" => {
-                self.step(Input::TxDone);
-                self.step(Input::Rx(&[0x15]));
+                self.step(Input::Line(LineInput::TxDone));
+                self.step(Input::Line(LineInput::Rx(&[0x15])));
             }
             other => panic!("`{other}` is no input"),
         }

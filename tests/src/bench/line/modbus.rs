@@ -10,7 +10,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use ob1_protocols::modbus::{Master, Mode, frame, master};
-use ob1_protocols::{Event, Input, MS, Machine as _, Nanos, Order, SendError, Sink};
+use ob1_protocols::{Event, Input, LineInput, MS, Machine as _, Nanos, Order, SendError, Sink, Wire};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
@@ -107,10 +107,13 @@ struct Out {
     ended: Option<Result<(), SendError>>,
 }
 
-impl Sink for Out {
+impl Wire for Out {
     fn transmit(&mut self, bytes: &[u8]) {
         self.frame.extend_from_slice(bytes);
     }
+}
+
+impl Sink for Out {
     fn room(&self) -> usize {
         1024
     }
@@ -137,11 +140,11 @@ fn machine(line: &mut Line, silent: bool, count: u32) -> Result<f64, Failure> {
                 line.tty.write_all(&out.frame)?;
                 out.frame.clear();
                 // A pty takes no time.
-                due = machine.step(now(), Input::TxDone, &mut out);
+                due = machine.step(now(), Input::Line(LineInput::TxDone), &mut out);
             }
             let timeout = due.map_or(1_000 * MS, |due| due.saturating_sub(now()));
             let got = line.wait(timeout, &mut buffer)?;
-            let input = if got == 0 { Input::Tick } else { Input::Rx(&buffer[..got]) };
+            let input = if got == 0 { Input::Tick } else { Input::Line(LineInput::Rx(&buffer[..got])) };
             due = machine.step(now(), input, &mut out);
         }
         if out.ended != Some(Ok(())) || !out.got {

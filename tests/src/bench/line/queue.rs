@@ -2,7 +2,7 @@
 
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 use ob1_protocols::rk512::{self, Answer, AnswerError, OrderError, Owner, Request};
-use ob1_protocols::{Event, Input, Machine, Nanos, Order, Rk512, SECOND, SendError, Sink};
+use ob1_protocols::{Event, Input, LineInput, Machine, Nanos, Order, Rk512, SECOND, SendError, Sink, Wire};
 
 use super::super::peer::Failure;
 
@@ -30,7 +30,7 @@ fn processor_time() -> f64 {
 }
 
 /// The line as one end sees it while it is at work.
-pub(super) struct Wire<'a> {
+pub(super) struct SimEnd<'a> {
     line: &'a mut SimLine,
     end: End,
     now: Nanos,
@@ -39,7 +39,7 @@ pub(super) struct Wire<'a> {
 /// One end of the line.
 pub(super) trait Side {
     /// Takes an input; the next deadline.
-    fn step(&mut self, input: Input<'_>, wire: &mut Wire<'_>) -> Option<Nanos>;
+    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Nanos>;
 
     /// Orders that have ended well, telegrams taken, and the first failure.
     fn account(&self) -> Account;
@@ -75,7 +75,7 @@ pub(super) fn run(mut sides: [Box<dyn Side>; 2], baud: u32) -> Result<Run, Failu
     let mut buffer = [0; 64];
     let begin = processor_time();
     let mut step = |line: &mut SimLine, due: &mut [Option<Nanos>; 2], now, end: End, input: Input<'_>| {
-        due[end as usize] = sides[end as usize].step(input, &mut Wire { line, end, now });
+        due[end as usize] = sides[end as usize].step(input, &mut SimEnd { line, end, now });
         let account = sides[0].account();
         match account.failure {
             Some(failure) => Err(format!("an order failed on a good line: {failure}")),
@@ -91,8 +91,8 @@ pub(super) fn run(mut sides: [Box<dyn Side>; 2], baud: u32) -> Result<Run, Failu
         now = next.ok_or("both sides wait for ever")?.max(now);
         while let Some((end, event)) = line.pop(now, &mut buffer) {
             let input = match event {
-                SimEvent::Rx(count) => Input::Rx(&buffer[..count]),
-                SimEvent::TxDone => Input::TxDone,
+                SimEvent::Rx(count) => Input::Line(LineInput::Rx(&buffer[..count])),
+                SimEvent::TxDone => Input::Line(LineInput::TxDone),
                 SimEvent::Fault(_) | SimEvent::Cts(_) => continue,
             };
             done = step(&mut line, &mut due, now, end, input)?;
@@ -134,19 +134,23 @@ impl OfMachine {
 }
 
 struct Plug<'a, 'b> {
-    wire: &'a mut Wire<'b>,
+    wire: &'a mut SimEnd<'b>,
     account: &'a mut Account,
     overhead: usize,
     ended: bool,
 }
 
-impl Sink for Plug<'_, '_> {
+impl Wire for Plug<'_, '_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.wire.line.write(self.wire.end, self.wire.now, bytes);
     }
+
     fn take_back(&mut self) -> usize {
         self.wire.line.take_back(self.wire.end, self.wire.now)
     }
+}
+
+impl Sink for Plug<'_, '_> {
     fn room(&self) -> usize {
         1024
     }
@@ -164,7 +168,7 @@ impl Sink for Plug<'_, '_> {
 }
 
 impl Side for OfMachine {
-    fn step(&mut self, input: Input<'_>, wire: &mut Wire<'_>) -> Option<Nanos> {
+    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Nanos> {
         let now = wire.now;
         let first = now == 0 && input == Input::Tick && !self.machine.busy();
         let mut plug = Plug { wire, account: &mut self.account, overhead: self.overhead, ended: first };
@@ -195,19 +199,23 @@ impl OfRk512 {
 }
 
 struct RkPlug<'a, 'b> {
-    wire: &'a mut Wire<'b>,
+    wire: &'a mut SimEnd<'b>,
     account: &'a mut Account,
     ended: bool,
     answer: Option<Vec<u8>>,
 }
 
-impl Owner for RkPlug<'_, '_> {
+impl Wire for RkPlug<'_, '_> {
     fn transmit(&mut self, bytes: &[u8]) {
         self.wire.line.write(self.wire.end, self.wire.now, bytes);
     }
+
     fn take_back(&mut self) -> usize {
         self.wire.line.take_back(self.wire.end, self.wire.now)
     }
+}
+
+impl Owner for RkPlug<'_, '_> {
     fn ended(&mut self, outcome: Result<&[u8], OrderError>) {
         self.ended = true;
         match outcome {
@@ -231,19 +239,19 @@ impl Owner for RkPlug<'_, '_> {
 }
 
 impl Side for OfRk512 {
-    fn step(&mut self, input: Input<'_>, wire: &mut Wire<'_>) -> Option<Nanos> {
+    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Nanos> {
         let now = wire.now;
         let first = now == 0 && input == Input::Tick && !self.machine.busy();
         let mut plug = RkPlug { wire, account: &mut self.account, ended: first, answer: None };
-        let mut due = self.machine.step(now, rk512::Input::of_line(input)?, &mut plug);
+        let mut due = self.machine.step(now, input.with_orders(rk512::Order::Abort), &mut plug);
         loop {
             if let Some(data) = plug.answer.take() {
                 let answer = if data.is_empty() { Answer::Taken } else { Answer::Data(&data) };
-                due = self.machine.step(now, rk512::Input::Order(rk512::Order::Answer(answer)), &mut plug);
+                due = self.machine.step(now, Input::Order(rk512::Order::Answer(answer)), &mut plug);
             } else if let (true, None, Some((request, data))) =
                 (std::mem::take(&mut plug.ended), &plug.account.failure, &self.request)
             {
-                due = self.machine.step(now, rk512::Input::Order(rk512::Order::Start(*request, data)), &mut plug);
+                due = self.machine.step(now, Input::Order(rk512::Order::Start(*request, data)), &mut plug);
             } else {
                 return due;
             }
@@ -269,13 +277,13 @@ impl Bare {
 }
 
 impl Side for Bare {
-    fn step(&mut self, input: Input<'_>, wire: &mut Wire<'_>) -> Option<Nanos> {
+    fn step(&mut self, input: Input<'_>, wire: &mut SimEnd<'_>) -> Option<Nanos> {
         match input {
-            Input::Rx(bytes) => self.account.taken += bytes.len() as u64,
-            Input::TxDone => self.account.done += 1,
+            Input::Line(LineInput::Rx(bytes)) => self.account.taken += bytes.len() as u64,
+            Input::Line(LineInput::TxDone) => self.account.done += 1,
             _ => {}
         }
-        if matches!(input, Input::Tick | Input::TxDone) && !self.block.is_empty() {
+        if matches!(input, Input::Tick | Input::Line(LineInput::TxDone)) && !self.block.is_empty() {
             wire.line.write(wire.end, wire.now, &self.block);
         }
         None

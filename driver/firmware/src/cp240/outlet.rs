@@ -1,0 +1,106 @@
+//! Where the protocol of a CP 240 puts its results during one step.
+
+use ob1_params::LineSettings;
+use ob1_protocols::{Event, LineFault, Nanos, Part, SendError, Sink, What, Wire};
+
+use super::modem::Modem;
+use super::rk512_side::Rk512Side;
+use crate::diagnosis::{Diagnosis, Kind};
+use crate::leds::LedDriver;
+use crate::port::{CpCounter, CpEvent, CpPort};
+use crate::ring::Ring;
+
+/// Where the protocol puts its results during one step.
+pub(super) struct Outlet<'a> {
+    pub(super) now: Nanos,
+    pub(super) ring: &'a mut Ring,
+    /// Telegrams come in parts.
+    pub(super) is_fragmented: bool,
+    pub(super) rk512: &'a mut Rk512Side,
+    pub(super) leds: &'a mut LedDriver,
+    pub(super) modem: &'a mut Modem,
+    pub(super) diagnosis: &'a mut Diagnosis,
+    pub(super) settings: &'a mut Option<LineSettings>,
+    pub(super) port: &'a mut dyn CpPort,
+    pub(super) outcome: Option<Result<(), SendError>>,
+}
+
+impl Wire for Outlet<'_> {
+    fn transmit(&mut self, bytes: &[u8]) {
+        self.leds.transmit(true);
+        self.port.count(CpCounter::BytesTx, bytes.len() as u64);
+        self.port.transmit(bytes);
+    }
+
+    fn take_back(&mut self) -> usize {
+        self.port.take_back()
+    }
+
+    fn rts(&mut self, on: bool) {
+        self.modem.set_rts(on);
+        self.port.rts(on);
+    }
+}
+
+impl Sink for Outlet<'_> {
+    fn room(&self) -> usize {
+        if self.is_fragmented { self.ring.room_for_part() } else { self.ring.room() }
+    }
+
+    fn deliver(&mut self, telegram: &[u8]) {
+        if self.ring.push(telegram) {
+            self.port.count(CpCounter::Received, 1);
+            self.port.event(self.now, CpEvent::Received(telegram));
+        } else {
+            // A protocol that does not ask for room first.
+            self.port.count(CpCounter::Rejected, 1);
+        }
+    }
+
+    fn part(&mut self, bytes: &[u8], part: Part) {
+        // There is room for it: asked for before, or kept for the end.
+        self.ring.push_part(bytes, part);
+        if part == Part::Last {
+            self.port.count(CpCounter::Received, 1);
+        }
+        if !bytes.is_empty() {
+            self.port.event(self.now, CpEvent::Received(bytes));
+        }
+    }
+
+    fn sent(&mut self, outcome: Result<(), SendError>) {
+        self.outcome = Some(outcome);
+    }
+
+    fn report(&mut self, event: Event) {
+        if event.what == What::NoBuffer {
+            self.leds.overflow(self.now);
+        }
+        if event.lights_er() && event.what != What::Line(LineFault::Gone) {
+            self.leds.error(self.now);
+            if let Some(kind) = Kind::of(event) {
+                self.diagnosis.error(kind, event.number().unwrap_or(0));
+            }
+        }
+        match event.what {
+            What::NoBuffer | What::TooLong => self.port.count(CpCounter::Rejected, 1),
+            What::CharacterDelay | What::Restarted | What::BadDle(_) | What::BadCheck { .. } => {
+                self.port.count(CpCounter::ReceiveErrors, 1);
+            }
+            What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {
+                self.port.count(CpCounter::ReceiveErrors, 1);
+            }
+            What::Modbus(_) => self.port.count(CpCounter::ReceiveErrors, 1),
+            _ => {}
+        }
+        self.port.event(self.now, CpEvent::Protocol(event));
+    }
+
+    fn baud(&mut self, baud: u32) {
+        // Most telegrams have the rate of the one before: a line is not set without need.
+        if let Some(settings) = self.settings.as_mut().filter(|settings| settings.baud != baud) {
+            settings.baud = baud;
+            self.port.line_settings(settings);
+        }
+    }
+}
