@@ -4,7 +4,7 @@ use ob1_model::Area;
 
 use crate::services::{
     AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Rack, Schedule, StartInfo,
-    SystemStatus, Waiting, WallClock,
+    SystemStatus, WallClock,
 };
 
 /// Why the CPU refused a request; the block makes an error code of it.
@@ -30,15 +30,9 @@ pub enum Refused {
     NoRecord,
 }
 
-/// Why a block did not come to its end.
+/// The block did not come to its end: the CPU goes to STOP, or the run ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Interrupted {
-    /// The CPU goes to STOP, or the run ends.
-    Abort,
-    /// The CPU lacks the service the block is made for. A CPU offers only blocks whose service it has
-    /// ([`crate::StandardBlock::needs`]), so this is a block loaded in spite of that.
-    NoService,
-}
+pub struct Interrupted;
 
 /// How a block ends. BR and RET_VAL are set before.
 pub type Done = Result<(), Interrupted>;
@@ -53,8 +47,6 @@ pub struct ModuleSize {
 }
 
 /// The CPU as a standard block sees it during its call. Parameters are counted as in [`ob1_model::Interface::formals`].
-///
-/// A service the CPU does not have is `None`; the blocks that need it are then not offered.
 pub trait Context {
     /// True when the call supplies the parameter.
     fn given(&mut self, index: u32) -> bool;
@@ -97,60 +89,35 @@ pub trait Context {
     fn stop(&mut self) -> Interrupted;
 
     /// The time of day.
-    fn wall_clock(&mut self) -> Option<&mut dyn WallClock> {
-        None
-    }
+    fn wall_clock(&mut self) -> &mut dyn WallClock;
     /// Run-time meters.
-    fn meters(&mut self) -> Option<&mut dyn Meters> {
-        None
-    }
+    fn meters(&mut self) -> &mut dyn Meters;
     /// Time-of-day and time-delay interrupts.
-    fn schedule(&mut self) -> Option<&mut dyn Schedule> {
-        None
-    }
+    fn schedule(&mut self) -> &mut dyn Schedule;
     /// The filter of synchronous errors of the running priority class.
-    fn error_filter(&mut self) -> Option<&mut ErrorFilter> {
-        None
-    }
+    fn error_filter(&mut self) -> &mut ErrorFilter;
     /// Gives `value` to accumulator 1 of the block whose access error is being handled; false outside OB 121 and
-    /// OB 122. `None` when the CPU cannot do it at all.
-    fn replace_value(&mut self, _value: u32) -> Option<bool> {
-        None
-    }
+    /// OB 122.
+    fn replace_value(&mut self, value: u32) -> bool;
     /// Which interrupts are locked.
-    fn interrupt_locks(&mut self) -> Option<&mut InterruptLocks> {
-        None
-    }
+    fn interrupt_locks(&mut self) -> &mut InterruptLocks;
     /// Creating, deleting and testing data blocks.
-    fn data_blocks(&mut self) -> Option<&mut dyn DataBlocks> {
-        None
-    }
+    fn data_blocks(&mut self) -> &mut dyn DataBlocks;
     /// Updating the process images.
-    fn images(&mut self) -> Option<&mut dyn Images> {
-        None
-    }
+    fn images(&mut self) -> &mut dyn Images;
     /// System status lists and run times.
-    fn system_status(&mut self) -> Option<&mut dyn SystemStatus> {
-        None
-    }
+    fn system_status(&mut self) -> &mut dyn SystemStatus;
     /// The diagnostic buffer and alarm messages.
-    fn messages(&mut self) -> Option<&mut dyn Messages> {
-        None
-    }
+    fn messages(&mut self) -> &mut dyn Messages;
     /// Where the modules are plugged.
-    fn rack(&mut self) -> Option<&mut dyn Rack> {
-        None
-    }
+    fn rack(&mut self) -> &mut dyn Rack;
     /// Start information of organization blocks.
-    fn start_info(&mut self) -> Option<&mut dyn StartInfo> {
-        None
-    }
+    fn start_info(&mut self) -> &mut dyn StartInfo;
     /// The alarm that is being handled.
-    fn alarm_source(&mut self) -> Option<&mut dyn AlarmSource> {
-        None
-    }
-    /// Waiting inside a call.
-    fn waiting(&mut self) -> Option<&mut dyn Waiting> {
-        None
-    }
+    fn alarm_source(&mut self) -> &mut dyn AlarmSource;
+    /// Waits so many microseconds inside the call; higher priority classes may run meanwhile.
+    ///
+    /// # Errors
+    /// The CPU goes to STOP.
+    fn wait(&mut self, microseconds: u32) -> Done;
 }

@@ -7,10 +7,10 @@
 
 use ob1_model::BlockKind::{self, Fb, Fc};
 
+use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
-use crate::table::{Origin, Row};
-use crate::{Done, Interrupted};
+use crate::row::{Origin, Row};
 
 params!(Send {
     Input { ADR: INT, _DB: BLOCK_DB, ABD | ADB: WORD, ANZ: WORD }
@@ -140,9 +140,9 @@ const fn declared<P: Params>(origin: Origin, kind: BlockKind, number: u16, name:
     Row::new::<P>(origin, kind, number, name, served_by_a_plugin).note("declared; a plugin serves it")
 }
 
-/// A declaration cannot run; the loader does not let it come to that.
-fn served_by_a_plugin(_: &mut Call<'_>) -> Done {
-    Err(Interrupted::NoService)
+/// A declaration cannot run. The loader does not let it come to that; if it does, the CPU goes to STOP.
+fn served_by_a_plugin(call: &mut Call<'_>) -> Done {
+    Err(call.cx.stop())
 }
 
 #[cfg(test)]

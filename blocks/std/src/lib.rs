@@ -2,8 +2,7 @@
 //!
 //! [`standard_blocks`] lists them all: system functions (SFC, SFB), the IEC functions, the converting blocks, the
 //! controllers. An entry has STEP 7's default number, name and parameters, and a function that runs over a [`Context`],
-//! which the CPU gives. What a block needs beside parameters, memory and modules is a [`Service`]; a CPU offers only
-//! blocks whose service it has.
+//! which the CPU gives: parameters, memory, modules, and the [`services`] behind the system functions.
 //!
 //! Facts: "System Software for S7-300/400, System and Standard Functions"; its section titles are cited in brackets.
 
@@ -17,6 +16,7 @@ mod iec;
 mod known;
 pub mod moment;
 mod pid;
+mod row;
 pub mod services;
 mod sfb;
 mod sfc;
@@ -30,5 +30,5 @@ pub mod ticks;
 pub use any::{AnyPointer, AnyType};
 pub use context::{Context, Done, Interrupted, ModuleSize, Refused};
 pub use known::known_system_function;
-pub use services::Service;
-pub use table::{Origin, StandardBlock, library, standard_block, standard_blocks, system_functions};
+pub use row::{Origin, StandardBlock};
+pub use table::{standard_block, standard_blocks, system_functions};

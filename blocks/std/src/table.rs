@@ -1,153 +1,7 @@
-//! The table of all standard blocks.
+//! The table of all standard blocks: the rows of every module, and what is looked up in them.
 
-use std::fmt;
-
-use ob1_model::{BitAddr, BlockId, BlockKind, Interface};
-
-use crate::call::Call;
-use crate::declare::{self, Declared, Params};
-use crate::{Context, Done, Service, handling, iec, pid, sfb, sfc, ti_s7};
-
-/// The library a block comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Origin {
-    /// System functions: part of the CPU, their numbers are fixed and no station file lists them.
-    System,
-    /// "IEC Function Blocks": FC 1 to 40.
-    Iec,
-    /// "TI-S7 Converting Blocks".
-    TiS7,
-    /// "PID Control Blocks".
-    Pid,
-    /// The handling blocks of the CP 240: declared here, served by a plugin.
-    Cp240,
-    /// The handling blocks of the CP 341: declared here, served by a plugin.
-    Cp341,
-    /// The handling blocks of the CP 340: declared here, served by a plugin.
-    Cp340,
-    /// The handling blocks of the CP 040: declared here, served by a plugin.
-    Cp040,
-}
-
-impl Origin {
-    /// The name in a station file: `IEC:FC4`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Origin::System => "SYSTEM",
-            Origin::Iec => "IEC",
-            Origin::TiS7 => "TI-S7",
-            Origin::Pid => "PID",
-            Origin::Cp240 => "CP240",
-            Origin::Cp341 => "CP341",
-            Origin::Cp340 => "CP340",
-            Origin::Cp040 => "CP040",
-        }
-    }
-
-    /// Only names and parameters of its blocks are known here: a plugin has to serve them.
-    #[must_use]
-    pub const fn is_declared_only(self) -> bool {
-        matches!(self, Origin::Cp240 | Origin::Cp341 | Origin::Cp340 | Origin::Cp040)
-    }
-}
-
-/// A row of the table, made at compile time.
-#[derive(Clone, Copy)]
-pub(crate) struct Row {
-    origin: Origin,
-    id: BlockId,
-    name: &'static str,
-    note: &'static str,
-    needs: Option<Service>,
-    declared: &'static [Declared],
-    /// The addresses of an instance by byte and bit, and its length, where they do not follow from the declaration.
-    places: Option<(&'static [(u32, u8)], u32)>,
-    run: fn(&mut Call<'_>) -> Done,
-}
-
-impl Row {
-    pub(crate) const fn new<P: Params>(
-        origin: Origin,
-        kind: BlockKind,
-        number: u16,
-        name: &'static str,
-        run: fn(&mut Call<'_>) -> Done,
-    ) -> Self {
-        let id = BlockId::new(kind, number);
-        Self { origin, id, name, note: "", needs: None, declared: P::DECLARED, places: None, run }
-    }
-
-    pub(crate) const fn sfc<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Done) -> Self {
-        Self::new::<P>(Origin::System, BlockKind::Sfc, number, name, run)
-    }
-
-    pub(crate) const fn sfb<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Done) -> Self {
-        Self::new::<P>(Origin::System, BlockKind::Sfb, number, name, run)
-    }
-
-    pub(crate) const fn needs(self, service: Service) -> Self {
-        Self { needs: Some(service), ..self }
-    }
-
-    pub(crate) const fn places(self, places: &'static [(u32, u8)], bytes: u32) -> Self {
-        Self { places: Some((places, bytes)), ..self }
-    }
-
-    pub(crate) const fn note(self, note: &'static str) -> Self {
-        Self { note, ..self }
-    }
-}
-
-/// A standard block: what it is called, takes and gives, and its function.
-#[derive(Clone)]
-pub struct StandardBlock {
-    /// Where it comes from.
-    pub origin: Origin,
-    /// Kind and default number. Numbers of blocks that are not system functions are the user's.
-    pub id: BlockId,
-    /// Standard name.
-    pub name: &'static str,
-    /// What one should know of this implementation, for the documentation.
-    pub note: &'static str,
-    /// The service the CPU must have.
-    pub needs: Option<Service>,
-    /// Parameters with STEP 7's names and types, laid out.
-    pub interface: Interface,
-    run: fn(&mut Call<'_>) -> Done,
-}
-
-impl StandardBlock {
-    fn of(row: &Row) -> Self {
-        let &Row { origin, id, name, note, needs, declared, places, run } = row;
-        let mut interface = declare::interface(declared, id.kind.has_instance());
-        if let Some((places, bytes)) = places {
-            let addresses: Vec<_> = places.iter().map(|(byte, bit)| BitAddr::new(*byte, *bit)).collect();
-            interface.place_at(&addresses, bytes);
-        }
-        Self { origin, id, name, note, needs, interface, run }
-    }
-
-    /// Runs the block: a pure function of parameters, instance, time and what the context answers.
-    ///
-    /// # Errors
-    /// The CPU goes to STOP, or lacks the service.
-    pub fn run(&self, cx: &mut dyn Context) -> Done {
-        (self.run)(&mut Call { cx, interface: &self.interface })
-    }
-
-    /// The name in a station file: `IEC:FC4`, `SYSTEM:SFC20`.
-    #[must_use]
-    pub fn key(&self) -> String {
-        format!("{}:{}{}", self.origin.name(), self.id.kind.name(), self.id.number)
-    }
-}
-
-impl fmt::Debug for StandardBlock {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("StandardBlock").field("key", &self.key()).field("name", &self.name).finish_non_exhaustive()
-    }
-}
+use crate::row::{Origin, Row, StandardBlock};
+use crate::{handling, iec, pid, sfb, sfc, ti_s7};
 
 fn rows() -> impl Iterator<Item = &'static Row> {
     [sfc::ROWS, sfb::ROWS, iec::ROWS, ti_s7::ROWS, pid::ROWS, handling::ROWS].into_iter().flatten().copied().flatten()
@@ -161,19 +15,10 @@ pub fn standard_blocks() -> Vec<StandardBlock> {
     blocks
 }
 
-/// The system functions (SFC, SFB) a CPU with these services has.
+/// The system functions (SFC, SFB) of a CPU.
 #[must_use]
-pub fn system_functions(has: &[Service]) -> Vec<StandardBlock> {
-    let offered = |block: &StandardBlock| {
-        block.origin == Origin::System && block.needs.is_none_or(|service| has.contains(&service))
-    };
-    standard_blocks().into_iter().filter(offered).collect()
-}
-
-/// The system functions a CPU has whose only services are parameters, memory and modules.
-#[must_use]
-pub fn library() -> Vec<StandardBlock> {
-    system_functions(&[])
+pub fn system_functions() -> Vec<StandardBlock> {
+    rows().filter(|row| row.origin == Origin::System).map(StandardBlock::of).collect()
 }
 
 /// A block by its name in a station file: `IEC:FC4`, `IEC:FC 4` or `IEC:DELETE`, without regard to case. `None` when
@@ -225,11 +70,10 @@ mod tests {
     }
 
     #[test]
-    fn a_cpu_offers_what_it_has_the_services_for() {
-        let offers = |blocks: &[StandardBlock], name: &str| blocks.iter().any(|block| block.name == name);
-        let (few, more) = (library(), system_functions(&[Service::WallClock]));
-        assert!(offers(&few, "BLKMOV") && !offers(&few, "READ_CLK") && !offers(&few, "CONCAT"));
-        assert!(offers(&more, "BLKMOV") && offers(&more, "READ_CLK") && !offers(&more, "SRT_DINT"));
+    fn a_cpu_offers_its_system_functions_and_no_library() {
+        let blocks = system_functions();
+        let offers = |name: &str| blocks.iter().any(|block| block.name == name);
+        assert!(offers("BLKMOV") && offers("READ_CLK") && offers("SRT_DINT") && !offers("CONCAT"));
     }
 
     #[test]
@@ -253,11 +97,7 @@ mod tests {
         let document = include_str!("../../../docs/standard-blocks.md");
         let mut table = String::from("| Block | Name | Key | Notes |\n|---|---|---|---|\n");
         for block in standard_blocks() {
-            let mut note = block.note.to_owned();
-            if let Some(service) = block.needs {
-                note = format!("{note}{}needs `{service:?}`", if note.is_empty() { "" } else { "; " });
-            }
-            table.push_str(&format!("| {} | {} | `{}` | {note} |\n", block.id, block.name, block.key()));
+            table.push_str(&format!("| {} | {} | `{}` | {} |\n", block.id, block.name, block.key(), block.note));
         }
         assert!(document.contains(&table), "the table to put into docs/standard-blocks.md:\n{table}");
     }

@@ -8,7 +8,7 @@ use crate::moment::{DAY_MS, Date, Moment};
 use crate::services::{
     Alarm, AlarmError, AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError,
     ErrorFilter, ImageError, Images, InUse, InterruptLocks, LoadError, MessageError, Messages, Meters, Placed, Rack,
-    RunTimeMeter, RunTimes, Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, Waiting, WallClock,
+    RunTimeMeter, RunTimes, Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, WallClock,
 };
 use crate::{Context, Done, Interrupted, ModuleSize, Refused, StandardBlock, standard_block};
 
@@ -358,66 +358,67 @@ impl Context for Fake {
     }
 
     fn stop(&mut self) -> Interrupted {
-        Interrupted::Abort
+        Interrupted
     }
 
-    fn wall_clock(&mut self) -> Option<&mut dyn WallClock> {
-        Some(&mut self.station)
+    fn wall_clock(&mut self) -> &mut dyn WallClock {
+        &mut self.station
     }
 
-    fn meters(&mut self) -> Option<&mut dyn Meters> {
-        Some(&mut self.station)
+    fn meters(&mut self) -> &mut dyn Meters {
+        &mut self.station
     }
 
-    fn schedule(&mut self) -> Option<&mut dyn Schedule> {
-        Some(&mut self.station)
+    fn schedule(&mut self) -> &mut dyn Schedule {
+        &mut self.station
     }
 
-    fn error_filter(&mut self) -> Option<&mut ErrorFilter> {
-        Some(&mut self.station.filter)
+    fn error_filter(&mut self) -> &mut ErrorFilter {
+        &mut self.station.filter
     }
 
-    fn replace_value(&mut self, value: u32) -> Option<bool> {
+    fn replace_value(&mut self, value: u32) -> bool {
         if self.station.in_error_ob {
             self.station.replaced = Some(value);
         }
-        Some(self.station.in_error_ob)
+        self.station.in_error_ob
     }
 
-    fn interrupt_locks(&mut self) -> Option<&mut InterruptLocks> {
-        Some(&mut self.station.locks)
+    fn interrupt_locks(&mut self) -> &mut InterruptLocks {
+        &mut self.station.locks
     }
 
-    fn data_blocks(&mut self) -> Option<&mut dyn DataBlocks> {
-        Some(&mut self.station)
+    fn data_blocks(&mut self) -> &mut dyn DataBlocks {
+        &mut self.station
     }
 
-    fn images(&mut self) -> Option<&mut dyn Images> {
-        Some(&mut self.station)
+    fn images(&mut self) -> &mut dyn Images {
+        &mut self.station
     }
 
-    fn system_status(&mut self) -> Option<&mut dyn SystemStatus> {
-        Some(&mut self.station)
+    fn system_status(&mut self) -> &mut dyn SystemStatus {
+        &mut self.station
     }
 
-    fn messages(&mut self) -> Option<&mut dyn Messages> {
-        Some(&mut self.station)
+    fn messages(&mut self) -> &mut dyn Messages {
+        &mut self.station
     }
 
-    fn rack(&mut self) -> Option<&mut dyn Rack> {
-        Some(&mut self.station)
+    fn rack(&mut self) -> &mut dyn Rack {
+        &mut self.station
     }
 
-    fn start_info(&mut self) -> Option<&mut dyn StartInfo> {
-        Some(&mut self.station)
+    fn start_info(&mut self) -> &mut dyn StartInfo {
+        &mut self.station
     }
 
-    fn alarm_source(&mut self) -> Option<&mut dyn AlarmSource> {
-        Some(&mut self.station)
+    fn alarm_source(&mut self) -> &mut dyn AlarmSource {
+        &mut self.station
     }
 
-    fn waiting(&mut self) -> Option<&mut dyn Waiting> {
-        Some(&mut self.station)
+    fn wait(&mut self, microseconds: u32) -> Result<(), Interrupted> {
+        self.station.waited.push(microseconds);
+        Ok(())
     }
 }
 
@@ -569,12 +570,5 @@ impl StartInfo for Station {
 impl AlarmSource for Station {
     fn alarm(&mut self) -> Option<AlarmInfo> {
         self.alarm
-    }
-}
-
-impl Waiting for Station {
-    fn wait(&mut self, microseconds: u32) -> Result<(), Interrupted> {
-        self.waited.push(microseconds);
-        Ok(())
     }
 }

@@ -4,9 +4,10 @@ use ob1_ir::{Number, Operand, Place, Pointer, Width};
 use ob1_model::{Area, BitAddr};
 
 use crate::codes;
-use crate::operand::{Resolver, Value};
+use crate::operand::Resolver;
 use crate::reader::Reader;
 use crate::token::{Kind, Span};
+use crate::value::Value;
 
 impl Resolver<'_> {
     /// The address after an identifier: fixed, memory-indirect or register-indirect.

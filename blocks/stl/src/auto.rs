@@ -2,9 +2,11 @@
 
 use crate::codes;
 use crate::diagnostic::Sink;
-use crate::mnemonics::{Identifier, Mnemonics, Words};
+use crate::identifiers::Identifier;
+use crate::mnemonics::Mnemonics;
 use crate::parser::split_digits;
 use crate::token::{File, Kind, Token};
+use crate::words::Words;
 
 /// Where a word exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,8 +163,9 @@ fn operand(file: &File<'_>, words: [&Words; 2], at: usize, votes: &mut Votes) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identifiers::IDENTIFIERS;
     use crate::lexer;
-    use crate::mnemonics::{IDENTIFIERS, ROWS};
+    use crate::mnemonics::ROWS;
 
     fn both() -> [Words; 2] {
         [Mnemonics::German, Mnemonics::International].map(Words::new)

@@ -9,15 +9,17 @@ use crate::codes;
 use crate::constant::Constant;
 use crate::expand::Callee;
 use crate::fit::{Misfit, fit};
+use crate::identifiers::BlockWord;
 use crate::lower::{Lowerer, called, fixed};
-use crate::mnemonics::BlockWord;
-use crate::operand::{Resolver, Value, with_article};
+use crate::operand::Resolver;
 use crate::parser::unquote;
 use crate::reach::Reached;
 use crate::reader::Reader;
 use crate::syntax::{Actual, Statement};
 use crate::tia;
 use crate::token::{Kind, Span};
+use crate::type_words::with_article;
+use crate::value::Value;
 use crate::world::Info;
 
 impl<'l> Lowerer<'l, '_> {

@@ -2,9 +2,9 @@
 
 use ob1_model::{Area, BitAddr, DataType, Layout, S5Time};
 
-use crate::operand::with_article;
 use crate::source::to_byte;
 use crate::time;
+use crate::type_words::with_article;
 
 /// A constant as written.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,6 +5,7 @@ use ob1_model::{BitAddr, BlockId, Component, DataType, Field, Layout, Section};
 
 use crate::codes;
 use crate::elaborate::{Elaborator, LONGEST, Resolved};
+use crate::fields::FieldIndex;
 use crate::initial;
 use crate::operand::Resolver;
 use crate::parser::unquote;
@@ -58,7 +59,7 @@ impl Elaborator<'_> {
         data.read_only = block.read_only;
         let of_fb = resolved.fb.and_then(|fb| self.world.blocks.get(&fb));
         data.optimized = block.optimized || of_fb.is_some_and(|info| info.optimized);
-        let fields = path::FieldIndex::default();
+        let fields = FieldIndex::default();
         let mut image = std::mem::take(&mut data.image);
         for assignment in &block.assignments {
             self.assign(block.file, &data, &mut image, &fields, assignment);
@@ -87,7 +88,7 @@ impl Elaborator<'_> {
         file: usize,
         data: &Data,
         image: &mut [u8],
-        fields: &path::FieldIndex,
+        fields: &FieldIndex,
         assignment: &Assignment,
     ) -> Option<()> {
         let source = self.files.get(file)?;

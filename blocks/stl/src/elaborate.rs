@@ -8,16 +8,17 @@ use crate::auto::Sets;
 use crate::codes;
 use crate::constant::Constant;
 use crate::diagnostic::Sink;
+use crate::identifiers::BlockWord;
 use crate::initial;
 use crate::library::Library;
-use crate::mnemonics::BlockWord;
 use crate::numbering::Numbered;
-use crate::operand::{Resolver, with_article};
+use crate::operand::Resolver;
 use crate::parse_types::{TYPE_DEPTH, type_words};
 use crate::reader::Reader;
 use crate::syntax::{Block, Declaration, Frame, NameRef, Tokens, TypeKind};
 use crate::tia;
 use crate::token::{File, Span};
+use crate::type_words::with_article;
 use crate::world::{Info, Symbolic, World};
 
 /// The longest data block, instance and local data, in bytes.

@@ -15,7 +15,7 @@ use ob1_ir::{
 use ob1_model::{Area, BitAddr};
 
 use crate::constant::ToParam;
-use crate::path::Term;
+use crate::value::Term;
 
 /// The operations that one statement becomes: those before, itself, those after.
 #[derive(Debug, Default)]

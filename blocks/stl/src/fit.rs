@@ -4,8 +4,9 @@ use ob1_ir::{Arg, Number, Operand, Place, Width};
 use ob1_model::{Area, DataType, Param};
 
 use crate::constant::{Constant, Encoded, PointerConstant, any_of_number};
-use crate::mnemonics::BlockWord;
-use crate::operand::{Value, width_of};
+use crate::identifiers::BlockWord;
+use crate::type_words::width_of;
+use crate::value::Value;
 
 /// Why an actual parameter does not fit.
 pub(crate) enum Misfit {

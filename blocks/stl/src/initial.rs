@@ -5,11 +5,13 @@ use ob1_model::{BitAddr, DataType, Layout, cells};
 
 use crate::codes;
 use crate::constant::{Constant, Encoded};
-use crate::mnemonics::BlockWord;
-use crate::operand::{Resolver, Value, with_article};
+use crate::identifiers::BlockWord;
+use crate::operand::Resolver;
 use crate::parser::split_digits;
 use crate::reader::Reader;
 use crate::token::Kind;
+use crate::type_words::with_article;
+use crate::value::Value;
 
 /// Bytes a value of `ty` takes; a BOOL takes one.
 pub(crate) fn size(ty: &DataType) -> usize {

@@ -17,8 +17,11 @@ mod data;
 mod diagnostic;
 mod elaborate;
 mod expand;
+mod fields;
 mod fit;
+mod identifiers;
 mod initial;
+mod inspect;
 mod jumps;
 mod lexer;
 mod library;
@@ -51,7 +54,10 @@ mod syntax;
 mod tia;
 mod time;
 mod token;
+mod type_words;
 mod types;
+mod value;
+mod words;
 mod world;
 mod xref;
 
@@ -73,9 +79,9 @@ pub use xref::{Access, Reference, render_xref, xref, xref_with};
 use auto::Sets;
 use diagnostic::Sink;
 use elaborate::{Elaborator, Named};
-use mnemonics::Words;
 use recognise::Other;
 use token::{File, Span};
+use words::Words;
 use world::{Data, World};
 
 /// How sources are read.

@@ -4,7 +4,7 @@ use ob1_ir::Op;
 
 use crate::codes;
 use crate::diagnostic::Sink;
-use crate::lints::{Inspected, callee, leaves};
+use crate::inspect::{Inspected, callee, leaves};
 
 /// Reports statements that use an accumulator which nothing has loaded since a CALL: the block called, and what STEP 7
 /// puts around the call, leave something else there. Looked at up to the next label.

@@ -1,10 +1,14 @@
 //! The binary result BR (BIE), by which a block tells its caller whether it did its work (ENO).
 
+use std::collections::BTreeMap;
+
 use ob1_ir::{BitTest, Jump, Op, StatusBit};
+use ob1_model::BlockId;
 
 use crate::codes;
 use crate::diagnostic::Sink;
-use crate::lints::{Inspected, Whole, callee, leaves};
+use crate::inspect::{Inspected, callee, leaves};
+use crate::token::Span;
 
 /// What changes BR, named as a message names it.
 fn sets(op: &Op) -> Option<&'static str> {
@@ -49,34 +53,45 @@ pub(crate) fn overwritten(i: &Inspected<'_>, sink: &mut Sink) {
     }
 }
 
-/// Gathers whether this block sets BR, and where it asks for the BR of a block it has called.
-pub(crate) fn gather(i: &Inspected<'_>, whole: &mut Whole) {
-    let mut sets_br = false;
-    let mut called = None;
-    for (at, stmt) in i.code.iter().enumerate() {
-        if asks(&stmt.op)
-            && stmt.op != Op::LoadStatus
-            && let Some(id) = called.take()
-        {
-            whole.asks_br.push((id, i.block.file, i.span(at)));
-        }
-        if sets(&stmt.op).is_some() {
-            sets_br = true;
-            called = callee(&stmt.op);
-        }
-        if leaves(&stmt.op) {
-            called = None;
-        }
-    }
-    whole.sets_br.insert(i.id, sets_br);
+/// Who sets BR, and who asks for it, over all blocks.
+#[derive(Debug, Default)]
+pub(crate) struct BrUse {
+    /// For each block of the program: whether it sets BR somewhere.
+    sets: BTreeMap<BlockId, bool>,
+    /// Where BR is asked for after a call: the block called, the file, the place.
+    asks: Vec<(BlockId, usize, Span)>,
 }
 
-/// Reports where BR is asked for after a call of a block that never sets it.
-pub(crate) fn undefined(whole: &Whole, sink: &mut Sink) {
-    for (id, file, span) in &whole.asks_br {
-        if whole.sets_br.get(id) == Some(&false) {
-            let message = format!("{id} never sets BR, so this asks for what BR held before the call");
-            sink.report(*file, *span, &codes::BR_MISUSED, message);
+impl BrUse {
+    /// Gathers whether this block sets BR, and where it asks for the BR of a block it has called.
+    pub(crate) fn gather(&mut self, i: &Inspected<'_>) {
+        let mut sets_br = false;
+        let mut called = None;
+        for (at, stmt) in i.code.iter().enumerate() {
+            if asks(&stmt.op)
+                && stmt.op != Op::LoadStatus
+                && let Some(id) = called.take()
+            {
+                self.asks.push((id, i.block.file, i.span(at)));
+            }
+            if sets(&stmt.op).is_some() {
+                sets_br = true;
+                called = callee(&stmt.op);
+            }
+            if leaves(&stmt.op) {
+                called = None;
+            }
+        }
+        self.sets.insert(i.id, sets_br);
+    }
+
+    /// Reports where BR is asked for after a call of a block that never sets it.
+    pub(crate) fn report(&self, sink: &mut Sink) {
+        for (id, file, span) in &self.asks {
+            if self.sets.get(id) == Some(&false) {
+                let message = format!("{id} never sets BR, so this asks for what BR held before the call");
+                sink.report(*file, *span, &codes::BR_MISUSED, message);
+            }
         }
     }
 }

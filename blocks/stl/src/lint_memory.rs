@@ -7,7 +7,7 @@ use ob1_model::{Area, BitAddr, BlockId};
 
 use crate::codes;
 use crate::diagnostic::Sink;
-use crate::lints::Inspected;
+use crate::inspect::Inspected;
 use crate::token::Span;
 
 /// Where an operand was first used.

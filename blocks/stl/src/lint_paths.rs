@@ -5,7 +5,7 @@ use ob1_model::{BlockKind, Section};
 
 use crate::codes;
 use crate::diagnostic::Sink;
-use crate::lints::{Inspected, written};
+use crate::inspect::{Inspected, written};
 
 /// Passes over a block at most. Each passes on what backward jumps bring; what is not settled by then is not reported.
 const PASSES: u32 = 32;

@@ -3,50 +3,27 @@
 //! The checks of one block run on its statements before anything is put around them. What concerns several blocks is
 //! gathered in [`Whole`] and said at the end.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use ob1_ir::{CallMode, Jump, Op, Place, Stmt, Target};
+use ob1_ir::{Op, Place, Stmt};
 use ob1_model::{BlockId, BlockKind, Section};
 
 use crate::codes;
 use crate::diagnostic::Sink;
+use crate::inspect::{Inspected, written};
 use crate::lint_accu;
-use crate::lint_br;
+use crate::lint_br::{self, BrUse};
 use crate::lint_memory::MemoryUse;
 use crate::lint_paths;
 use crate::syntax::Block;
-use crate::token::{File, Span};
+use crate::token::File;
 use crate::world::Info;
-
-/// A block under inspection.
-pub(crate) struct Inspected<'i> {
-    pub(crate) id: BlockId,
-    pub(crate) block: &'i Block,
-    pub(crate) info: &'i Info,
-    /// One for each statement of the block.
-    pub(crate) code: &'i [Stmt],
-    /// Statements that jumps lead to.
-    pub(crate) targets: BTreeSet<u32>,
-}
-
-impl Inspected<'_> {
-    pub(crate) fn span(&self, at: usize) -> Span {
-        self.block.statements.get(at).map_or(self.block.span, |s| s.span)
-    }
-
-    pub(crate) fn is_target(&self, at: usize) -> bool {
-        self.targets.contains(&(at as u32))
-    }
-}
 
 /// What is gathered over all blocks.
 #[derive(Debug, Default)]
 pub(crate) struct Whole {
-    pub(crate) memory: MemoryUse,
-    /// For each block of the program: whether it sets BR somewhere.
-    pub(crate) sets_br: BTreeMap<BlockId, bool>,
-    /// Where BR is asked for after a call: the block called, the file, the place.
-    pub(crate) asks_br: Vec<(BlockId, usize, Span)>,
+    memory: MemoryUse,
+    br: BrUse,
 }
 
 impl Whole {
@@ -65,7 +42,7 @@ impl Whole {
         lint_paths::unassigned_outputs(&inspected, sink);
         lint_accu::lost(&inspected, sink);
         lint_br::overwritten(&inspected, sink);
-        lint_br::gather(&inspected, self);
+        self.br.gather(&inspected);
         self.memory.gather(&inspected);
         inputs_written(&inspected, sink);
         unused_labels(&inspected, file, sink);
@@ -73,7 +50,7 @@ impl Whole {
 
     /// What can be said when all blocks have been seen.
     pub(crate) fn finish(self, sink: &mut Sink) {
-        lint_br::undefined(&self, sink);
+        self.br.report(sink);
         self.memory.report(sink);
     }
 }
@@ -93,31 +70,6 @@ fn jump_targets(code: &[Stmt]) -> BTreeSet<u32> {
         }
     }
     targets
-}
-
-/// The place a statement writes itself, calls left out.
-pub(crate) fn written(op: &Op) -> Option<Place> {
-    match op {
-        Op::Assign(p) | Op::Set(p) | Op::Reset(p) | Op::EdgePositive(p) | Op::EdgeNegative(p) => Some(*p),
-        Op::Transfer(o) | Op::TransferArTo(_, o) => Some(o.place),
-        _ => None,
-    }
-}
-
-/// True for operations after which the next statement is not reached.
-pub(crate) fn leaves(op: &Op) -> bool {
-    matches!(op, Op::End | Op::Jump(Jump::Always, _) | Op::JumpList { .. })
-}
-
-/// A called block that is known by number, with `CALL`.
-pub(crate) fn callee(op: &Op) -> Option<BlockId> {
-    match op {
-        Op::Call(call) if call.mode == CallMode::Call => match call.target {
-            Target::Block(id) | Target::Local(id, _) => Some(id),
-            Target::Indirect(..) => None,
-        },
-        _ => None,
-    }
 }
 
 /// Writing to an input: in a function it writes to the caller's operand, in a function block it is lost at the next

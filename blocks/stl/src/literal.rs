@@ -6,11 +6,12 @@ use ob1_model::{Area, BitAddr, DataType};
 use crate::address::bit_address;
 use crate::codes;
 use crate::constant::{self, ANY_TYPES, Constant, PointerConstant, ToParam};
-use crate::mnemonics::{BlockWord, Identifier};
-use crate::operand::{Resolver, Value};
+use crate::identifiers::{BlockWord, Identifier};
+use crate::operand::Resolver;
 use crate::parser::{split_digits, unquote};
 use crate::reader::Reader;
 use crate::token::{Kind, Span};
+use crate::value::Value;
 
 impl Resolver<'_> {
     /// A constant of any kind. `None` when there is none (reported).

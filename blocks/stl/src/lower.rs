@@ -11,13 +11,15 @@ use crate::constant::{Constant, ToParam};
 use crate::diagnostic::Sink;
 use crate::elaborate::LONGEST;
 use crate::expand::{self, Around, Hidden};
+use crate::identifiers::{BlockWord, Identifier};
 use crate::jumps::Labels;
 use crate::lints::Whole;
-use crate::mnemonics::{BlockWord, Identifier, Row, Shape};
-use crate::operand::{Resolver, Value};
+use crate::mnemonics::{Row, Shape};
+use crate::operand::Resolver;
 use crate::reader::Reader;
 use crate::syntax::{Block, Statement};
 use crate::token::{File, Kind, Span};
+use crate::value::Value;
 use crate::world::{Info, World};
 
 /// What the statements of all blocks may name.

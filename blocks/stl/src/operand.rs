@@ -1,101 +1,21 @@
 //! Operands: tokens to places, numbers, constants and blocks.
 
-use ob1_ir::{AddressRegister, DbRegister, Number, Operand, Place, StatusBit, Width};
+use ob1_ir::{AddressRegister, Number, Operand, Place, StatusBit, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Section};
 
 use crate::codes;
-use crate::constant::Constant;
-use crate::mnemonics::{BlockWord, Identifier, RELATIONS, Words};
+use crate::identifiers::{BlockWord, Identifier, RELATIONS};
 use crate::parser::{split_digits, unquote};
-use crate::path::{self, Term};
+use crate::path::{self, Indices};
 use crate::reader::Reader;
 use crate::token::{Kind, Span, Token};
+use crate::type_words::width_of;
+use crate::value::{Term, Value};
+use crate::words::Words;
 use crate::world::{Info, Symbolic, World};
 
 /// Letters of the longest operand identifier, `DBNO`.
 const LONGEST_IDENTIFIER: usize = 4;
-
-/// An operand.
-#[derive(Clone, Debug)]
-pub(crate) enum Value<'w> {
-    /// A place in memory; `ty` where a declaration or the symbol table gives one. A composed variable has the width of
-    /// a byte.
-    Memory {
-        operand: Operand,
-        ty: Option<&'w DataType>,
-    },
-    Timer(Number),
-    Counter(Number),
-    Block(BlockWord, Number),
-    Status(StatusBit),
-    StatusWord,
-    DbLength(DbRegister),
-    DbNumber(DbRegister),
-    Register(AddressRegister),
-    Constant(Constant),
-    /// An element of an array whose index is known at run time only: the operand is that of the first element, `terms`
-    /// lead from there on. `through`: the operand lies behind the POINTER at this address of the instance.
-    Indexed {
-        operand: Operand,
-        through: Option<BitAddr>,
-        terms: Vec<Term>,
-        ty: &'w DataType,
-    },
-    /// A multi-instance: its FB and where it lies within the caller's instance.
-    Instance(BlockId, BitAddr),
-    /// A composed in/out of a function block, or a component of one. The instance keeps a POINTER to it: the operand
-    /// is `[AR1,P#offset]` once the data block is open and AR1 loaded ([`crate::expand`]).
-    Through {
-        /// Where the POINTER lies in the instance.
-        pointer: BitAddr,
-        operand: Operand,
-        ty: &'w DataType,
-        /// The parameter itself, not a component.
-        whole: bool,
-    },
-}
-
-impl Value<'_> {
-    /// What it is, for messages.
-    pub(crate) fn describe(&self) -> String {
-        match self {
-            Value::Memory { ty: Some(ty), .. } | Value::Through { ty, .. } | Value::Indexed { ty, .. } => {
-                with_article(ty.name())
-            }
-            Value::Memory { operand, .. } => match operand.width {
-                Width::Bit => "a bit".into(),
-                Width::Byte => "a byte".into(),
-                Width::Word => "a word".into(),
-                Width::DWord => "a double word".into(),
-            },
-            Value::Timer(_) => "a timer".into(),
-            Value::Counter(_) => "a counter".into(),
-            Value::Block(word, _) => format!("a block ({})", word.name()),
-            Value::Status(_) => "a status bit".into(),
-            Value::StatusWord => "the status word".into(),
-            Value::DbLength(_) | Value::DbNumber(_) => "a length or number of a data block".into(),
-            Value::Register(_) => "an address register".into(),
-            Value::Constant(_) => "a constant".into(),
-            Value::Instance(fb, _) => format!("an instance of {fb}"),
-        }
-    }
-}
-
-/// `an INT`, `a WORD`.
-pub(crate) fn with_article(name: &str) -> String {
-    let vowel = name.starts_with(['A', 'E', 'I', 'O', 'S']) && !matches!(name, "STRING" | "STRUCT");
-    format!("{} {name}", if vowel { "an" } else { "a" })
-}
-
-/// Width of an elementary type.
-pub(crate) fn width_of(ty: &DataType) -> Option<Width> {
-    Some(match ty.elementary_bits()? {
-        1 => Width::Bit,
-        8 => Width::Byte,
-        16 => Width::Word,
-        _ => Width::DWord,
-    })
-}
 
 /// The names in scope.
 #[derive(Clone, Copy)]
@@ -108,15 +28,20 @@ pub(crate) struct Resolver<'w> {
     nested: bool,
 }
 
+impl Indices for Resolver<'_> {
+    fn whole_number(&self, name: &str) -> Option<i32> {
+        self.block?.1.constants.get(&name.to_uppercase())?.whole()
+    }
+
+    fn variable(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Value<'_>> {
+        self.inner(reader, span)
+    }
+}
+
 impl<'w> Resolver<'w> {
     /// The names of the world; `block` adds the declarations of one of its blocks.
     pub(crate) fn new(world: &'w World, words: &'w Words, block: Option<(BlockKind, &'w Info)>) -> Self {
         Self { world, words, block, nested: false }
-    }
-
-    /// A whole number of `VAR CONSTANT`.
-    pub(crate) fn whole_number(&self, name: &str) -> Option<i32> {
-        self.block?.1.constants.get(&name.to_uppercase())?.whole()
     }
 
     /// Reads the operand within `[ ]`.

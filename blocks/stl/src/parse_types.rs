@@ -5,7 +5,7 @@ use std::rc::Rc;
 use ob1_model::DataType;
 
 use crate::codes;
-use crate::mnemonics::BlockWord;
+use crate::identifiers::BlockWord;
 use crate::parser::{Parser, is_frame_or_section, unquote};
 use crate::syntax::{Bound, Declaration, NameRef, Type, TypeKind};
 use crate::tia;

@@ -5,10 +5,11 @@ use ob1_model::Section;
 
 use crate::codes::{self, Code};
 use crate::diagnostic::Sink;
-use crate::mnemonics::{BlockWord, Words};
+use crate::identifiers::BlockWord;
 use crate::syntax::{Block, Frame, NameRef, Statement, Type, TypeKind};
 use crate::tia;
 use crate::token::{File, Kind, Span, Token};
+use crate::words::Words;
 
 /// Words that begin a block, with the word that ends it.
 const FRAMES: [(&str, &str, Frame); 5] = [

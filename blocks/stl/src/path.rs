@@ -1,55 +1,29 @@
 //! Paths into composed types: `.name` and `[i, j]`.
 
-use std::cell::RefCell;
-use std::collections::BTreeMap;
-
 use ob1_ir::{Operand, Place, Width};
-use ob1_model::{BitAddr, DataType, Dimension, Field, Layout};
+use ob1_model::{BitAddr, DataType, Dimension, Layout};
 
 use crate::codes;
-use crate::operand::{Resolver, Value, width_of, with_article};
+use crate::fields::FieldIndex;
 use crate::parser::unquote;
 use crate::reader::Reader;
-use crate::token::Kind;
+use crate::token::{Kind, Span};
+use crate::type_words::{width_of, with_article};
+use crate::value::{Term, Value};
 
-/// Names in capitals, to the index of the component and its place.
-type Places = BTreeMap<String, (usize, BitAddr)>;
+/// What may stand in `[ ]` beside a number.
+pub(crate) trait Indices {
+    /// A whole number of `VAR CONSTANT`.
+    fn whole_number(&self, name: &str) -> Option<i32>;
 
-/// The components of structures by name, each structure indexed when first used. Valid as long as the types it has
-/// seen are neither changed nor dropped: structures are told apart by their address.
-#[derive(Debug, Default)]
-pub(crate) struct FieldIndex {
-    known: RefCell<BTreeMap<*const Field, Places>>,
-}
-
-impl FieldIndex {
-    fn find<'t>(&self, fields: &'t [Field], name: &str) -> Option<(&'t DataType, BitAddr)> {
-        let mut known = self.known.borrow_mut();
-        let index = known.entry(fields.as_ptr()).or_insert_with(|| index(fields));
-        let (at, address) = index.get(&name.to_uppercase())?;
-        fields.get(*at).map(|f| (&f.ty, *address))
-    }
-}
-
-fn index(fields: &[Field]) -> Places {
-    let mut layout = Layout::new();
-    fields.iter().enumerate().map(|(i, f)| (f.name.to_uppercase(), (i, layout.place(&f.ty)))).collect()
-}
-
-/// An index that is known at run time only: `(index - low) * stride` bits are added to the address.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Term {
-    pub(crate) index: Operand,
-    /// It is a signed integer of 16 bits.
-    pub(crate) int: bool,
-    pub(crate) low: i32,
-    pub(crate) stride: u32,
+    /// Reads a variable. `None`: reported.
+    fn variable(&self, reader: &mut Reader<'_, '_>, span: Span) -> Option<Value<'_>>;
 }
 
 /// Reads `.name` and `[i]` as far as they go, from `ty` at `base`. Indices that are known at run time only go to
 /// `terms`. `None` when a step leads nowhere (reported).
 pub(crate) fn follow<'t>(
-    resolver: &Resolver<'_>,
+    indices: &dyn Indices,
     reader: &mut Reader<'_, '_>,
     fields: &FieldIndex,
     mut ty: &'t DataType,
@@ -64,7 +38,7 @@ pub(crate) fn follow<'t>(
                 (ty, base) = (inner, BitAddr(base.0 + at.0));
             }
             Some(Kind::LeftBracket) => {
-                let (inner, at) = element(resolver, reader, ty, terms)?;
+                let (inner, at) = element(indices, reader, ty, terms)?;
                 (ty, base) = (inner, BitAddr(base.0 + at.0));
             }
             _ => return Some((ty, base)),
@@ -104,9 +78,9 @@ fn component<'t>(
 
 /// An index of the dimension `at` that is known at run time only, as STL of an S7-1500 has it: a variable. Gives the
 /// lowest index too. `None`: reported.
-fn at_run_time(resolver: &Resolver<'_>, reader: &mut Reader<'_, '_>, ty: &DataType, at: usize) -> Option<(Term, i32)> {
+fn at_run_time(indices: &dyn Indices, reader: &mut Reader<'_, '_>, ty: &DataType, at: usize) -> Option<(Term, i32)> {
     let span = reader.here();
-    let value = resolver.inner(reader, span)?;
+    let value = indices.variable(reader, span)?;
     let (DataType::Array(_, element), Some((dim, inner))) = (ty, dims_from(ty, at)) else {
         reader.report(span, &codes::ARRAY_INDEX, "an index that is known at run time is one of an array");
         return None;
@@ -182,7 +156,7 @@ static CHARACTER: DataType = DataType::Char;
 
 /// `[1, -2]` on an array; `[3]` on a STRING.
 fn element<'t>(
-    resolver: &Resolver<'_>,
+    known: &dyn Indices,
     reader: &mut Reader<'_, '_>,
     ty: &'t DataType,
     terms: &mut Vec<Term>,
@@ -193,7 +167,7 @@ fn element<'t>(
     loop {
         let negative = reader.eat(Kind::Operator).is_some_and(|t| reader.text(t) == "-");
         let constant = reader.peek().filter(|t| t.kind == Kind::Local);
-        let number = match constant.and_then(|t| resolver.whole_number(unquote(reader.text(t)))) {
+        let number = match constant.and_then(|t| known.whole_number(unquote(reader.text(t)))) {
             Some(number) => reader.next().and(Some(number)),
             None => reader.eat(Kind::Number).and_then(|t| reader.text(t).parse::<i32>().ok()),
         };
@@ -202,7 +176,7 @@ fn element<'t>(
             Some(n) if indices.len() < 8 => indices.push(if negative { -n } else { n }),
             Some(_) => {}
             None if !negative && matches!(reader.peek_kind(), Some(Kind::Local | Kind::Symbol | Kind::Word)) => {
-                let (term, low) = at_run_time(resolver, reader, ty, indices.len())?;
+                let (term, low) = at_run_time(known, reader, ty, indices.len())?;
                 terms.push(term);
                 // Its dimension counts from its first element.
                 indices.push(low);

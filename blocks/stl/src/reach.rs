@@ -8,9 +8,10 @@ use crate::codes;
 use crate::expand::{self, Pointee};
 use crate::fit::{any_length, same_layout};
 use crate::lower::Lowerer;
-use crate::operand::{Value, width_of, with_article};
-use crate::path::Term;
 use crate::token::Span;
+use crate::type_words::{width_of, with_article};
+use crate::value::Term;
+use crate::value::Value;
 
 /// What became of an actual.
 pub(crate) enum Reached<'w> {

@@ -1,6 +1,6 @@
 //! Files that are not STL, recognised as what they are, so that one message is enough.
 
-use crate::mnemonics::Words;
+use crate::words::Words;
 
 /// What a file is instead of STL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -12,12 +12,12 @@ use ob1_ir::Symbol;
 
 use crate::codes;
 use crate::diagnostic::{Diagnostic, Severity, Sink};
-use crate::mnemonics::Words;
-use crate::operand::width_of;
 use crate::parse_types::simple_type;
 use crate::source::Source;
 use crate::symbol_rows::{self, Row};
 use crate::symbols;
+use crate::type_words::width_of;
+use crate::words::Words;
 use crate::world::Symbolic;
 
 /// The form of a symbol table.

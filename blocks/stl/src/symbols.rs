@@ -6,10 +6,11 @@ use ob1_ir::{Number, Symbol};
 
 use crate::diagnostic::Sink;
 use crate::lexer;
-use crate::mnemonics::Words;
-use crate::operand::{Resolver, Value};
+use crate::operand::Resolver;
 use crate::reader::Reader;
 use crate::token::{File, Span};
+use crate::value::Value;
+use crate::words::Words;
 use crate::world::{Symbolic, World};
 
 /// Reads the addresses of a symbol table. One that is none is kept as such and reported where it is used.

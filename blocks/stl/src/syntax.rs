@@ -5,7 +5,8 @@ use std::rc::Rc;
 
 use ob1_model::{DataType, Section};
 
-use crate::mnemonics::{BlockWord, Row};
+use crate::identifiers::BlockWord;
+use crate::mnemonics::Row;
 use crate::token::Span;
 
 /// Tokens by index into their file.

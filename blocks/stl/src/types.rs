@@ -8,7 +8,7 @@ use crate::codes;
 use crate::constant::Constant;
 use crate::diagnostic::USES;
 use crate::elaborate::{Elaborator, LONGEST, Resolved, State, declared_type};
-use crate::mnemonics::BlockWord;
+use crate::identifiers::BlockWord;
 use crate::parse_types::TYPE_DEPTH;
 use crate::syntax::{Bound, Declaration, NameRef, Type, TypeKind};
 use crate::tia;

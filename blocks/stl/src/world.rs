@@ -8,9 +8,9 @@ use ob1_model::{BlockId, BlockKind, Component, DataType, Interface, Section};
 use crate::codes;
 use crate::constant::Constant;
 use crate::diagnostic::{Sink, USES};
+use crate::fields::FieldIndex;
+use crate::identifiers::BlockWord;
 use crate::library::Missing;
-use crate::mnemonics::BlockWord;
-use crate::path::FieldIndex;
 use crate::token::Span;
 
 /// A block's interface, with its names ready to be looked up.

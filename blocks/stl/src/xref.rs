@@ -10,10 +10,10 @@ use ob1_ir::{
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
 
 use crate::library::Library;
-use crate::mnemonics::Words;
 use crate::names;
-use crate::operand::width_of;
 use crate::symbols;
+use crate::type_words::width_of;
+use crate::words::Words;
 use crate::world::Symbolic;
 
 /// What a statement does to an operand.

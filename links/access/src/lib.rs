@@ -1,5 +1,5 @@
 //! What every link that looks into a CPU from outside shares: names of cells ([`Names`]), their values as text and JSON
-//! ([`value`]), the forms people read them in ([`Form`]), and the pieces of memory that hold them ([`Plan`]).
+//! ([`value`]), the forms people read them in ([`Form`]), and who may do what ([`Allowed`]).
 //!
 //! It knows the program's names and the vocabulary of an S7, no CPU: whoever reads and writes cells asks it what they
 //! mean.
@@ -9,7 +9,6 @@ pub mod door;
 mod form;
 mod item;
 mod near;
-mod plan;
 mod rights;
 pub mod value;
 
@@ -18,5 +17,4 @@ pub use form::Form;
 pub use item::{Item, NamedBlock, Names, Reading, Typed};
 pub use near::nearest;
 pub use ob1_model::{Cell, CellError, CellWidth, Piece, Put};
-pub use plan::Plan;
 pub use rights::{Allowed, Right};

@@ -23,7 +23,7 @@ impl Clock for Real {
 fn measure(path: &str) -> Result<(f64, f64), String> {
     let bytes = std::fs::read(path).map_err(|e| format!("{path}: {e}"))?;
     let mut library = Library::new();
-    for block in ob1_std::library() {
+    for block in ob1_std::system_functions() {
         library.insert(block.id, block.name, block.interface);
     }
     let source = Source { name: path.to_owned(), bytes };

@@ -61,7 +61,7 @@ pub use ob1_std::services::StatusError;
 pub use port::{AccessClient, Answer, Ask, Request, Response};
 pub use ports::*;
 pub use retentive::{DataRange, Retentive, RetentiveData, Why};
-pub use services::{SERVICES, Services};
+pub use services::Services;
 pub use settings::{CyclicInterrupt, Family, Missed, MissedCycle, TimeOfDay};
 pub use system::{standard_block, system_blocks};
 pub use wall::date_and_time;

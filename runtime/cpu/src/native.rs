@@ -445,8 +445,8 @@ impl NativeContext for Call<'_, '_> {
         self.cx.wait(u64::from(microseconds) * 1000)
     }
 
-    fn services(&mut self) -> Option<&mut dyn Services> {
-        Some(&mut *self.cx.machine)
+    fn services(&mut self) -> &mut dyn Services {
+        &mut *self.cx.machine
     }
 }
 

@@ -291,10 +291,8 @@ pub trait NativeContext {
         Ok(())
     }
     /// What standard blocks ask for: clock, interrupts by time, masks and locks, data blocks. Not in the plugin
-    /// interface; none by default.
-    fn services(&mut self) -> Option<&mut dyn crate::Services> {
-        None
-    }
+    /// interface.
+    fn services(&mut self) -> &mut dyn crate::Services;
 }
 
 /// A block that is not made of statements: of a plugin, of the standard library, of the user, in Rust or C.

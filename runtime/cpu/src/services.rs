@@ -4,7 +4,6 @@
 //! The rules of masks and locks stand in `ob1-std`; here they are kept, asked at the right places, and turned into due
 //! times.
 
-use ob1_std::Service;
 use ob1_std::moment::Moment;
 use ob1_std::services::{
     AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError, ErrorFilter,
@@ -17,24 +16,6 @@ use crate::interrupts::{NEVER, slot_of};
 use crate::machine::Machine;
 use crate::messages::Signals;
 use crate::modules::SLOT;
-
-/// The services this CPU has for standard blocks: those of [`crate::NativeContext::services`].
-pub const SERVICES: &[Service] = &[
-    Service::WallClock,
-    Service::Meters,
-    Service::Schedule,
-    Service::ErrorFilter,
-    Service::InterruptLocks,
-    Service::DataBlocks,
-    Service::Rack,
-    Service::StartInfo,
-    Service::ReplaceValue,
-    Service::Images,
-    Service::SystemStatus,
-    Service::Messages,
-    Service::AlarmSource,
-    Service::Waiting,
-];
 
 /// Longest data block SFC 22 makes.
 const LONGEST_DB: u16 = 65_534;

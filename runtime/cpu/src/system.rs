@@ -1,23 +1,22 @@
 //! The standard blocks of `ob1-std` as native blocks: what they ask of the CPU, put in the CPU's own words.
 
-use ob1_model::{Area, BlockId, Event, FaultKind, Interface};
+use ob1_model::{Area, BlockId, Event, Interface};
 use ob1_std::services::{
     AlarmSource, DataBlocks, ErrorFilter, Images, InterruptLocks, Messages, Meters, Rack, Schedule, StartInfo,
-    SystemStatus, Waiting, WallClock,
+    SystemStatus, WallClock,
 };
-use ob1_std::{Context, Interrupted, ModuleSize, Refused, StandardBlock};
+use ob1_std::{Context, Done, Interrupted, ModuleSize, Refused, StandardBlock};
 
 use crate::{Abort, ModuleError, NativeArea, NativeBlock, NativeContext, NativeError};
 
-/// The system functions this CPU has (SFC, SFB), ready for [`crate::Cpu::new`]. The compiler is told of the same by
-/// [`ob1_std::system_functions`] with [`crate::SERVICES`].
+/// The system functions (SFC, SFB), ready for [`crate::Cpu::new`]. The compiler is told of the same by
+/// [`ob1_std::system_functions`].
 #[must_use]
 pub fn system_blocks() -> Vec<Box<dyn NativeBlock>> {
-    ob1_std::system_functions(crate::SERVICES).into_iter().map(|block| standard_block(block.id, block)).collect()
+    ob1_std::system_functions().into_iter().map(|block| standard_block(block.id, block)).collect()
 }
 
-/// A standard block under the number the user gives it. A block that [needs](StandardBlock::needs) a service this CPU
-/// does not have raises "block not loaded" when it is called, so it is not to be offered.
+/// A standard block under the number the user gives it.
 #[must_use]
 pub fn standard_block(id: BlockId, block: StandardBlock) -> Box<dyn NativeBlock> {
     Box::new(Standard { id, block })
@@ -44,19 +43,7 @@ impl NativeBlock for Standard {
     fn reset(&self) {}
 
     fn call(&self, cx: &mut dyn NativeContext) -> Result<(), Abort> {
-        match self.block.run(&mut Bridge { cx }) {
-            Ok(()) => Ok(()),
-            Err(Interrupted::Abort) => Err(Abort),
-            Err(Interrupted::NoService) => {
-                let fault = match self.id.kind {
-                    ob1_model::BlockKind::Sfb => FaultKind::SfbNotLoaded,
-                    ob1_model::BlockKind::Sfc => FaultKind::SfcNotLoaded,
-                    ob1_model::BlockKind::Fb => FaultKind::FbNotLoaded,
-                    _ => FaultKind::FcNotLoaded,
-                };
-                cx.raise_fault(fault, u32::from(self.id.number))
-            }
-        }
+        self.block.run(&mut Bridge { cx }).map_err(|Interrupted| Abort)
     }
 }
 
@@ -94,12 +81,6 @@ fn refused(error: NativeError) -> Refused {
         NativeError::Module(ModuleError::Outside) | NativeError::Outside => Refused::Outside,
         // What only calls, timers and counters answer.
         NativeError::Abort | NativeError::NoBlock | NativeError::NoTimer => Refused::NoParam,
-    }
-}
-
-impl Waiting for Bridge<'_> {
-    fn wait(&mut self, microseconds: u32) -> Result<(), Interrupted> {
-        self.cx.wait(microseconds).map_err(|Abort| Interrupted::Abort)
     }
 }
 
@@ -179,64 +160,64 @@ impl Context for Bridge<'_> {
         self.cx.retrigger_watchdog();
     }
 
-    fn wall_clock(&mut self) -> Option<&mut dyn WallClock> {
-        Some(self.cx.services()?)
+    fn wall_clock(&mut self) -> &mut dyn WallClock {
+        self.cx.services()
     }
 
-    fn meters(&mut self) -> Option<&mut dyn Meters> {
-        Some(self.cx.services()?)
+    fn meters(&mut self) -> &mut dyn Meters {
+        self.cx.services()
     }
 
-    fn schedule(&mut self) -> Option<&mut dyn Schedule> {
-        Some(self.cx.services()?)
+    fn schedule(&mut self) -> &mut dyn Schedule {
+        self.cx.services()
     }
 
-    fn error_filter(&mut self) -> Option<&mut ErrorFilter> {
-        Some(self.cx.services()?.error_filter())
+    fn error_filter(&mut self) -> &mut ErrorFilter {
+        self.cx.services().error_filter()
     }
 
-    fn replace_value(&mut self, value: u32) -> Option<bool> {
-        Some(self.cx.services()?.replace_value(value))
+    fn replace_value(&mut self, value: u32) -> bool {
+        self.cx.services().replace_value(value)
     }
 
-    fn images(&mut self) -> Option<&mut dyn Images> {
-        Some(self.cx.services()?)
+    fn images(&mut self) -> &mut dyn Images {
+        self.cx.services()
     }
 
-    fn system_status(&mut self) -> Option<&mut dyn SystemStatus> {
-        Some(self.cx.services()?)
+    fn system_status(&mut self) -> &mut dyn SystemStatus {
+        self.cx.services()
     }
 
-    fn messages(&mut self) -> Option<&mut dyn Messages> {
-        Some(self.cx.services()?)
+    fn messages(&mut self) -> &mut dyn Messages {
+        self.cx.services()
     }
 
-    fn alarm_source(&mut self) -> Option<&mut dyn AlarmSource> {
-        Some(self.cx.services()?)
+    fn alarm_source(&mut self) -> &mut dyn AlarmSource {
+        self.cx.services()
     }
 
-    fn waiting(&mut self) -> Option<&mut dyn Waiting> {
-        Some(self)
+    fn wait(&mut self, microseconds: u32) -> Done {
+        self.cx.wait(microseconds).map_err(|Abort| Interrupted)
     }
 
-    fn interrupt_locks(&mut self) -> Option<&mut InterruptLocks> {
-        Some(self.cx.services()?.interrupt_locks())
+    fn interrupt_locks(&mut self) -> &mut InterruptLocks {
+        self.cx.services().interrupt_locks()
     }
 
-    fn data_blocks(&mut self) -> Option<&mut dyn DataBlocks> {
-        Some(self.cx.services()?)
+    fn data_blocks(&mut self) -> &mut dyn DataBlocks {
+        self.cx.services()
     }
 
-    fn rack(&mut self) -> Option<&mut dyn Rack> {
-        Some(self.cx.services()?)
+    fn rack(&mut self) -> &mut dyn Rack {
+        self.cx.services()
     }
 
-    fn start_info(&mut self) -> Option<&mut dyn StartInfo> {
-        Some(self.cx.services()?)
+    fn start_info(&mut self) -> &mut dyn StartInfo {
+        self.cx.services()
     }
 
     fn stop(&mut self) -> Interrupted {
         let Abort = self.cx.stop(Event::STOP_PROGRAM, "");
-        Interrupted::Abort
+        Interrupted
     }
 }

@@ -26,7 +26,7 @@ const ROUNDS: usize = 7;
 fn program(path: &str) -> Result<ob1_ir::Program, String> {
     let bytes = std::fs::read(path).map_err(|e| format!("{path}: {e}"))?;
     let mut library = Library::new();
-    for block in ob1_std::library() {
+    for block in ob1_std::system_functions() {
         library.insert(block.id, block.name, block.interface);
     }
     let output = compile(&[Source { name: path.to_owned(), bytes }], &library, &Options::default());

@@ -20,13 +20,13 @@ const MANUAL: &str = "docs/standard-blocks.md";
 /// Tells the compiler what to say of calls of blocks that are not in the library.
 pub fn explain_missing(library: &mut Library) {
     let blocks = standard_blocks();
-    let offered: Vec<BlockId> = system_functions(ob1_cpu::SERVICES).iter().map(|block| block.id).collect();
+    let offered: Vec<BlockId> = system_functions().iter().map(|block| block.id).collect();
     for kind in [BlockKind::Sfc, BlockKind::Sfb] {
         for id in (0..=u16::from(u8::MAX)).map(|number| BlockId::new(kind, number)) {
             let Some(name) = known_system_function(id) else { continue };
             library.name(id, name);
             if !offered.contains(&id) {
-                library.explain(id, lacking(id, name, &blocks));
+                library.explain(id, lacking(id, name));
             }
         }
     }
@@ -43,12 +43,8 @@ pub fn explain_missing(library: &mut Library) {
     }
 }
 
-fn lacking(id: BlockId, name: &str, blocks: &[StandardBlock]) -> Missing {
-    let needs = blocks.iter().find(|block| block.id == id).and_then(|block| block.needs);
-    let message = match needs {
-        Some(service) => format!("{id} {name} needs the service {service:?}, which this CPU does not have: {USES}"),
-        None => format!("{id} {name} is a block of STEP 7 that this CPU does not have: {USES}"),
-    };
+fn lacking(id: BlockId, name: &str) -> Missing {
+    let message = format!("{id} {name} is a block of STEP 7 that this CPU does not have: {USES}");
     Missing { message, remedy: format!("leave the call out or replace it; {MANUAL} lists the blocks there are") }
 }
 

@@ -193,7 +193,7 @@ pub fn library(
 ) -> Result<Library, Vec<Finding>> {
     let mut library = Library::new();
     offer::explain_missing(&mut library);
-    for block in ob1_std::system_functions(ob1_cpu::SERVICES) {
+    for block in ob1_std::system_functions() {
         library.insert(block.id, block.name, block.interface);
     }
     let mut declared = BTreeMap::new();

@@ -35,7 +35,7 @@ pub fn run(data: &[u8]) {
 /// The standard blocks with STEP 7's numbers, as `ob1 exec` has them; made once.
 pub(super) static LIBRARY: LazyLock<Library> = LazyLock::new(|| {
     let mut library = Library::new();
-    for block in ob1_std::library() {
+    for block in ob1_std::system_functions() {
         library.insert(block.id, block.name, block.interface);
     }
     library

@@ -5,7 +5,7 @@ use ob1_model::BlockKind::Fc;
 use crate::Done;
 use crate::call::{Call, is_invalid};
 use crate::declare::{Params, params};
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(DintString { Input { I: DINT } Return { RET_VAL: STRING } });
 params!(IntString { Input { I: INT } Return { RET_VAL: STRING } });

@@ -11,7 +11,7 @@ use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
 use crate::moment::{DAY_MS, Moment};
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(AddSub { Input { T: DT, D: TIME } Return { RET_VAL: DT } });
 params!(Difference { Input { T1: DT, T2: DT } Return { RET_VAL: TIME } });

@@ -5,6 +5,6 @@ mod date_time;
 mod select;
 mod strings;
 
-use crate::table::Row;
+use crate::row::Row;
 
 pub(crate) const ROWS: &[&[Row]] = &[date_time::ROWS, strings::ROWS, convert::ROWS, select::ROWS];

@@ -7,7 +7,7 @@ use ob1_model::BlockKind::Fc;
 
 use crate::call::{Call, is_invalid};
 use crate::declare::{Params, params};
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 use crate::{AnyPointer, AnyType, Done};
 
 params!(Limit { Input { MN: ANY, IN: ANY, MX: ANY } Return { RET_VAL: ANY } });

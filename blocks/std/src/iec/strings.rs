@@ -7,7 +7,7 @@ use ob1_model::BlockKind::Fc;
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 use crate::text::Joined;
 
 params!(Concat { Input { IN1: STRING, IN2: STRING } Return { RET_VAL: STRING } });

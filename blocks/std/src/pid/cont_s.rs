@@ -8,7 +8,7 @@ use super::{TRUE, dead_band, process_variable, real, seconds};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(ContS {
     Input {

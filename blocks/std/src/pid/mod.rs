@@ -13,7 +13,7 @@ mod tcont_s;
 mod temperature;
 mod tuning;
 
-use crate::table::Row;
+use crate::row::Row;
 
 pub(crate) const ROWS: &[&[Row]] = &[cont_c::ROWS, cont_s::ROWS, pulsegen::ROWS, tcont_cp::ROWS, tcont_s::ROWS];
 

@@ -6,7 +6,7 @@ use super::{TRUE, real, seconds};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(PulseGen {
     Input {

@@ -11,7 +11,7 @@ use super::{TRUE, dead_band, real, tuning};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(TcontCp {
     Input { PV_IN: REAL, PV_PER: INT, DISV: REAL, INT_HPOS: BOOL, INT_HNEG: BOOL, SELECT: INT }

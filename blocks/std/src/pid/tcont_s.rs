@@ -11,7 +11,7 @@ use super::{TRUE, dead_band, real};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(TcontS {
     Input {

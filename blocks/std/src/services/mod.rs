@@ -17,38 +17,5 @@ pub use schedule::{DelayInterrupt, Period, TimeOfDayInterrupt};
 pub use traits::{
     Alarm, AlarmError, AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DeleteError, ImageError,
     Images, InUse, LoadError, MessageError, Messages, Meters, Placed, Rack, RunTimes, Schedule, StartInfo, StatusError,
-    SystemStatus, Waiting, WallClock,
+    SystemStatus, WallClock,
 };
-
-/// What a block needs of the CPU beside parameters, memory and modules.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Service {
-    /// [`WallClock`].
-    WallClock,
-    /// [`Meters`].
-    Meters,
-    /// [`Schedule`].
-    Schedule,
-    /// [`ErrorFilter`].
-    ErrorFilter,
-    /// [`crate::Context::replace_value`].
-    ReplaceValue,
-    /// [`InterruptLocks`].
-    InterruptLocks,
-    /// [`DataBlocks`].
-    DataBlocks,
-    /// [`Images`].
-    Images,
-    /// [`SystemStatus`].
-    SystemStatus,
-    /// [`Messages`].
-    Messages,
-    /// [`Rack`].
-    Rack,
-    /// [`StartInfo`].
-    StartInfo,
-    /// [`AlarmSource`].
-    AlarmSource,
-    /// [`Waiting`].
-    Waiting,
-}

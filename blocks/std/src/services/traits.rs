@@ -1,6 +1,5 @@
 //! Services that are the CPU's own business.
 
-use crate::Interrupted;
 use crate::moment::Moment;
 use crate::services::{DelayInterrupt, RunTimeMeter, TimeOfDayInterrupt};
 
@@ -329,13 +328,4 @@ pub struct AlarmInfo {
 pub trait AlarmSource {
     /// The alarm whose OB is running; `None` when the OB that runs was not started by one.
     fn alarm(&mut self) -> Option<AlarmInfo>;
-}
-
-/// Waiting inside a block (SFC 47).
-pub trait Waiting {
-    /// Comes back after `microseconds`; higher priority classes may run meanwhile.
-    ///
-    /// # Errors
-    /// The CPU goes to STOP.
-    fn wait(&mut self, microseconds: u32) -> Result<(), Interrupted>;
 }

@@ -3,7 +3,7 @@
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
-use crate::table::Row;
+use crate::row::Row;
 
 params!(Ctu { Input { CU: BOOL, R: BOOL, PV: INT } Output { Q: BOOL, CV: INT } Static { CUO: BOOL } });
 params!(Ctd { Input { CD: BOOL, LOAD: BOOL, PV: INT } Output { Q: BOOL, CV: INT } Static { CDO: BOOL } });

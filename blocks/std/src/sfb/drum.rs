@@ -6,7 +6,7 @@ use ob1_model::BlockKind;
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Declared, Params, params};
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 use crate::ticks::time_tick;
 
 params!(Drum {

@@ -6,6 +6,6 @@ mod records;
 mod tia;
 mod timers;
 
-use crate::table::Row;
+use crate::row::Row;
 
 pub(crate) const ROWS: &[&[Row]] = &[counters::ROWS, timers::ROWS, tia::ROWS, drum::ROWS, records::ROWS];

@@ -3,8 +3,8 @@
 
 use crate::call::{Call, read_error, write_error};
 use crate::declare::params;
-use crate::table::Row;
-use crate::{Done, Interrupted, Refused, Service};
+use crate::row::Row;
+use crate::{Done, Refused};
 
 params!(RdRec {
     Input { REQ: BOOL, ID: DWORD, INDEX: INT, MLEN: INT }
@@ -25,7 +25,7 @@ params!(Ralrm {
 pub(super) const ROWS: &[Row] = &[
     Row::sfb::<RdRec>(52, "RDREC", rdrec).note("answers in the same call"),
     Row::sfb::<WrRec>(53, "WRREC", wrrec).note("answers in the same call"),
-    Row::sfb::<Ralrm>(54, "RALRM", ralrm).needs(Service::AlarmSource),
+    Row::sfb::<Ralrm>(54, "RALRM", ralrm),
 ];
 
 /// Function number of an error that is not the module's own.
@@ -108,7 +108,7 @@ fn write(call: &mut Call<'_>) -> Result<(), u32> {
 
 /// MODE 0: who sent the alarm. 1: the alarm, whoever sent it. 2: the alarm if F_ID sent it.
 fn ralrm(call: &mut Call<'_>) -> Done {
-    let Some(source) = call.cx.alarm_source() else { return Err(Interrupted::NoService) };
+    let source = call.cx.alarm_source();
     let alarm = source.alarm();
     let mode = call.int(Ralrm::MODE);
     let asked = call.raw(Ralrm::F_ID);

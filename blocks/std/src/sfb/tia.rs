@@ -10,7 +10,7 @@ use super::timers::{Moment, State, Step, off_delay, on_delay, pulse};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
-use crate::table::Row;
+use crate::row::Row;
 use crate::ticks::time_tick;
 
 params!(Timer {

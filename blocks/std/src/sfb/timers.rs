@@ -4,7 +4,7 @@
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
-use crate::table::Row;
+use crate::row::Row;
 use crate::ticks::time_tick;
 
 params!(Timer {

@@ -3,9 +3,9 @@
 
 use crate::call::{Call, write_error};
 use crate::declare::{Params, params};
+use crate::row::Row;
 use crate::services::Placed;
-use crate::table::Row;
-use crate::{AnyType, Done, Interrupted, Service};
+use crate::{AnyType, Done, Interrupted};
 
 params!(GadrLgc {
     Input { SUBNETID: BYTE, RACK: WORD, SLOT: WORD, SUBSLOT: BYTE, SUBADDR: WORD }
@@ -34,11 +34,11 @@ params!(LogGeo {
 });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<GadrLgc>(5, "GADR_LGC", gadr_lgc).needs(Service::Rack).note("central modules"),
-    Row::sfc::<LgcGadr>(49, "LGC_GADR", lgc_gadr).needs(Service::Rack).note("central modules"),
-    Row::sfc::<RdLgadr>(50, "RD_LGADR", rd_lgadr).needs(Service::Rack),
-    Row::sfc::<GeoLog>(70, "GEO_LOG", geo_log).needs(Service::Rack).note("central modules"),
-    Row::sfc::<LogGeo>(71, "LOG_GEO", log_geo).needs(Service::Rack).note("central modules"),
+    Row::sfc::<GadrLgc>(5, "GADR_LGC", gadr_lgc).note("central modules"),
+    Row::sfc::<LgcGadr>(49, "LGC_GADR", lgc_gadr).note("central modules"),
+    Row::sfc::<RdLgadr>(50, "RD_LGADR", rd_lgadr),
+    Row::sfc::<GeoLog>(70, "GEO_LOG", geo_log).note("central modules"),
+    Row::sfc::<LogGeo>(71, "LOG_GEO", log_geo).note("central modules"),
 ];
 
 /// Identifier of the peripheral inputs.
@@ -81,7 +81,7 @@ fn base(placed: &Placed) -> Option<(u8, u16, u16)> {
 
 /// The module in a slot of the central rack, with the codes SFC 5 and SFC 70 share.
 fn central(call: &mut Call<'_>, rack: u16, slot: u16) -> Result<Result<Placed, u16>, Interrupted> {
-    let Some(service) = call.cx.rack() else { return Err(Interrupted::NoService) };
+    let service = call.cx.rack();
     Ok(if rack != 0 {
         Err(NO_RACK)
     } else if !(1..=LAST_SLOT).contains(&slot) {
@@ -116,7 +116,7 @@ fn gadr_lgc(call: &mut Call<'_>) -> Done {
 
 /// The module an identifier of the area and an address name.
 fn with_address(call: &mut Call<'_>, area: u8, address: u16) -> Result<Option<Placed>, Interrupted> {
-    let Some(service) = call.cx.rack() else { return Err(Interrupted::NoService) };
+    let service = call.cx.rack();
     Ok(match area {
         INPUTS => service.module_with(address, false),
         OUTPUTS => service.module_with(address, true),
@@ -127,7 +127,7 @@ fn with_address(call: &mut Call<'_>, area: u8, address: u16) -> Result<Option<Pl
 fn lgc_gadr(call: &mut Call<'_>) -> Done {
     let (area, address) = (call.byte(LgcGadr::IOID), call.word(LgcGadr::LADDR));
     let Some(placed) = with_address(call, area, address)? else { return call.end(LgcGadr::RET_VAL, NO_ADDRESS) };
-    let kind = call.cx.rack().map_or(0, |service| service.area());
+    let kind = call.cx.rack().area();
     let first = if area == OUTPUTS { placed.outputs.0 } else { placed.inputs.0 };
     call.set(LgcGadr::AREA, u32::from(kind));
     call.set(LgcGadr::RACK, u32::from(placed.rack));
@@ -201,7 +201,7 @@ fn log_geo(call: &mut Call<'_>) -> Done {
     let (address, output) = (given & !OUTPUT_BIT, given & OUTPUT_BIT != 0);
     let area = if output { OUTPUTS } else { INPUTS };
     let Some(placed) = with_address(call, area, address)? else { return call.end(LogGeo::RET_VAL, NO_ADDRESS) };
-    let kind = call.cx.rack().map_or(0, |service| service.area());
+    let kind = call.cx.rack().area();
     let first = if output { placed.outputs.0 } else { placed.inputs.0 };
     for (p, value) in [
         (LogGeo::AREA, u16::from(kind)),

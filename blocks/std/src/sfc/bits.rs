@@ -5,7 +5,7 @@ use ob1_model::{Area, BitAddr, FaultKind};
 use crate::call::{Call, write_error};
 use crate::copy::parameter_error;
 use crate::declare::params;
-use crate::table::Row;
+use crate::row::Row;
 use crate::{Done, Refused};
 
 params!(SetBits { Input { N: INT } Return { RET_VAL: INT } Output { SA: POINTER } });

@@ -1,13 +1,13 @@
 //! SFC 0 SET_CLK, SFC 1 READ_CLK, SFC 100 SET_CLKS, SFC 2 to 4 and SFC 101: run-time meters, SFC 64 TIME_TCK.
 //! ["Handling the System Clock", "Handling Run-Time Meters"]
 
+use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
 use crate::moment::{Moment, MomentError};
+use crate::row::Row;
 use crate::services::RunTimeMeter;
-use crate::table::Row;
 use crate::ticks::time_tick;
-use crate::{Done, Interrupted, Service};
 
 params!(SetClk { Input { PDT: DT } Return { RET_VAL: INT } });
 params!(ReadClk { Return { RET_VAL: INT } Output { CDT: DT } });
@@ -19,15 +19,13 @@ params!(Rtm { Input { NR: BYTE, MODE: BYTE, PV: DINT } Return { RET_VAL: INT } O
 params!(TimeTick { Return { RET_VAL: TIME } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<SetClk>(0, "SET_CLK", set_clk).needs(Service::WallClock),
-    Row::sfc::<ReadClk>(1, "READ_CLK", read_clk).needs(Service::WallClock),
-    Row::sfc::<SetRtm>(2, "SET_RTM", set_rtm).needs(Service::Meters),
-    Row::sfc::<CtrlRtm>(3, "CTRL_RTM", ctrl_rtm).needs(Service::Meters),
-    Row::sfc::<ReadRtm>(4, "READ_RTM", read_rtm).needs(Service::Meters),
-    Row::sfc::<SetClkS>(100, "SET_CLKS", set_clks)
-        .needs(Service::WallClock)
-        .note("CORR, SUMMER and ANN_1 are checked and not kept"),
-    Row::sfc::<Rtm>(101, "RTM", rtm).needs(Service::Meters),
+    Row::sfc::<SetClk>(0, "SET_CLK", set_clk),
+    Row::sfc::<ReadClk>(1, "READ_CLK", read_clk),
+    Row::sfc::<SetRtm>(2, "SET_RTM", set_rtm),
+    Row::sfc::<CtrlRtm>(3, "CTRL_RTM", ctrl_rtm),
+    Row::sfc::<ReadRtm>(4, "READ_RTM", read_rtm),
+    Row::sfc::<SetClkS>(100, "SET_CLKS", set_clks).note("CORR, SUMMER and ANN_1 are checked and not kept"),
+    Row::sfc::<Rtm>(101, "RTM", rtm),
     Row::sfc::<TimeTick>(64, "TIME_TCK", |call| {
         let now = time_tick(call.cx.now());
         call.set(TimeTick::RET_VAL, now);
@@ -40,7 +38,7 @@ const NO_METER: u16 = 0x8080;
 
 fn set_clk(call: &mut Call<'_>) -> Done {
     let moment = Moment::from_bytes(call.dt(SetClk::PDT));
-    let Some(clock) = call.cx.wall_clock() else { return Err(Interrupted::NoService) };
+    let clock = call.cx.wall_clock();
     let code = match moment {
         Ok(moment) => {
             clock.set_moment(moment);
@@ -53,7 +51,7 @@ fn set_clk(call: &mut Call<'_>) -> Done {
 }
 
 fn read_clk(call: &mut Call<'_>) -> Done {
-    let Some(clock) = call.cx.wall_clock() else { return Err(Interrupted::NoService) };
+    let clock = call.cx.wall_clock();
     let moment = clock.moment();
     call.set_dt(ReadClk::CDT, moment);
     call.end(ReadClk::RET_VAL, 0)
@@ -61,7 +59,7 @@ fn read_clk(call: &mut Call<'_>) -> Done {
 
 fn set_rtm(call: &mut Call<'_>) -> Done {
     let (number, hours) = (call.byte(SetRtm::NR), u16::try_from(call.int(SetRtm::PV)));
-    let Some(meters) = call.cx.meters() else { return Err(Interrupted::NoService) };
+    let meters = call.cx.meters();
     let code = match (meters.meter(number), hours) {
         (None, _) => NO_METER,
         (Some(_), Err(_)) => 0x8081,
@@ -75,7 +73,7 @@ fn set_rtm(call: &mut Call<'_>) -> Done {
 
 fn ctrl_rtm(call: &mut Call<'_>) -> Done {
     let (number, run, now) = (call.byte(CtrlRtm::NR), call.bool(CtrlRtm::S), call.cx.now());
-    let Some(meters) = call.cx.meters() else { return Err(Interrupted::NoService) };
+    let meters = call.cx.meters();
     let code = match meters.meter(number) {
         Some(meter) => {
             meter.control(run, now);
@@ -88,7 +86,7 @@ fn ctrl_rtm(call: &mut Call<'_>) -> Done {
 
 fn read_rtm(call: &mut Call<'_>) -> Done {
     let (number, now) = (call.byte(ReadRtm::NR), call.cx.now());
-    let Some(meters) = call.cx.meters() else { return Err(Interrupted::NoService) };
+    let meters = call.cx.meters();
     let Some(meter) = meters.meter(number).copied() else { return call.end(ReadRtm::RET_VAL, NO_METER) };
     let hours = meter.hours(now);
     call.set_bool(ReadRtm::CQ, meter.is_running());
@@ -100,7 +98,7 @@ fn read_rtm(call: &mut Call<'_>) -> Done {
 fn set_clks(call: &mut Call<'_>) -> Done {
     let (mode, corr) = (call.byte(SetClkS::MODE), call.int(SetClkS::CORR));
     let moment = Moment::from_bytes(call.dt(SetClkS::PDT));
-    let Some(clock) = call.cx.wall_clock() else { return Err(Interrupted::NoService) };
+    let clock = call.cx.wall_clock();
     let (sets_clock, sets_status) = (mode & 1 != 0, mode & 2 != 0);
     let code = if !(1..=3).contains(&mode) {
         0x8080
@@ -125,7 +123,7 @@ fn set_clks(call: &mut Call<'_>) -> Done {
 fn rtm(call: &mut Call<'_>) -> Done {
     let (number, mode, now) = (call.byte(Rtm::NR), call.byte(Rtm::MODE), call.cx.now());
     let preset = u32::try_from(call.dint(Rtm::PV));
-    let Some(meters) = call.cx.meters() else { return Err(Interrupted::NoService) };
+    let meters = call.cx.meters();
     let Some(meter) = meters.meter(number) else { return call.end(Rtm::RET_VAL, NO_METER) };
     let mut code = 0;
     match (mode, preset) {

@@ -3,7 +3,7 @@
 use crate::call::{Call, read_error, write_error};
 use crate::copy::{self, Plan};
 use crate::declare::{Params, params};
-use crate::table::Row;
+use crate::row::Row;
 use crate::{AnyPointer, Done};
 
 params!(BlkMov { Input { SRCBLK: ANY } Return { RET_VAL: INT } Output { DSTBLK: ANY } });

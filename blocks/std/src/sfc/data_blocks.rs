@@ -5,9 +5,9 @@ use ob1_model::Area;
 
 use crate::call::{Call, read_error, write_error};
 use crate::declare::params;
+use crate::row::Row;
 use crate::services::{CreateError, DataBlocks, DbRequest, DeleteError, LoadError};
-use crate::table::Row;
-use crate::{AnyPointer, Done, Interrupted, Refused, Service};
+use crate::{AnyPointer, Done, Refused};
 
 params!(CreatDb {
     Input { LOW_LIMIT: WORD, UP_LIMIT: WORD, COUNT: WORD }
@@ -24,18 +24,13 @@ params!(CreaDbl {
 params!(Dbl { Input { REQ: BOOL, SRCBLK: ANY } Return { RET_VAL: INT } Output { BUSY: BOOL, DSTBLK: ANY } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<CreatDb>(22, "CREAT_DB", creat_db).needs(Service::DataBlocks),
-    Row::sfc::<DelDb>(23, "DEL_DB", del_db).needs(Service::DataBlocks),
-    Row::sfc::<TestDb>(24, "TEST_DB", test_db).needs(Service::DataBlocks),
+    Row::sfc::<CreatDb>(22, "CREAT_DB", creat_db),
+    Row::sfc::<DelDb>(23, "DEL_DB", del_db),
+    Row::sfc::<TestDb>(24, "TEST_DB", test_db),
     Row::sfc::<CreaDbl>(82, "CREA_DBL", crea_dbl)
-        .needs(Service::DataBlocks)
         .note("answers in the same call; the bytes of the data block are its load values too, UNLINKED is refused"),
-    Row::sfc::<Dbl>(83, "READ_DBL", |call| dbl(call, read_dbl))
-        .needs(Service::DataBlocks)
-        .note("answers in the same call"),
-    Row::sfc::<Dbl>(84, "WRIT_DBL", |call| dbl(call, writ_dbl))
-        .needs(Service::DataBlocks)
-        .note("answers in the same call"),
+    Row::sfc::<Dbl>(83, "READ_DBL", |call| dbl(call, read_dbl)).note("answers in the same call"),
+    Row::sfc::<Dbl>(84, "WRIT_DBL", |call| dbl(call, writ_dbl)).note("answers in the same call"),
 ];
 
 /// Bytes copied at a time.
@@ -45,30 +40,9 @@ const NOT_NOW: u16 = 0x8092;
 /// REQ is 0 and no job is under way.
 const NO_JOB: u16 = 0x7000;
 
-/// What goes wrong in a block that needs a service.
-#[derive(Clone, Copy)]
-enum Failure {
-    Code(u16),
-    NoService,
-}
-
-impl From<u16> for Failure {
-    fn from(code: u16) -> Self {
-        Failure::Code(code)
-    }
-}
-
-fn service<'a>(call: &'a mut Call<'_>) -> Result<&'a mut dyn DataBlocks, Failure> {
-    call.cx.data_blocks().ok_or(Failure::NoService)
-}
-
 /// Makes a code of a result.
-fn code(result: Result<(), Failure>) -> Result<u16, Interrupted> {
-    match result {
-        Ok(()) => Ok(0),
-        Err(Failure::Code(code)) => Ok(code),
-        Err(Failure::NoService) => Err(Interrupted::NoService),
-    }
+fn code(result: Result<(), u16>) -> u16 {
+    result.err().unwrap_or(0)
 }
 
 fn create(blocks: &mut dyn DataBlocks, request: &DbRequest) -> Result<u16, u16> {
@@ -92,9 +66,9 @@ fn creat_db(call: &mut Call<'_>) -> Done {
     let bytes = call.word(CreatDb::COUNT);
     let request =
         DbRequest { low, high, bytes, load_memory: false, unlinked: false, read_only: false, non_retain: false };
-    let result = service(call).and_then(|blocks| create(blocks, &request).map_err(Failure::Code));
+    let result = create(call.cx.data_blocks(), &request);
     let result = result.map(|number| call.set(CreatDb::DB_NUMBER, u32::from(number)));
-    let code = code(result)?;
+    let code = code(result);
     call.end(CreatDb::RET_VAL, code)
 }
 
@@ -109,14 +83,14 @@ const fn missing(error: DeleteError) -> u16 {
 
 fn del_db(call: &mut Call<'_>) -> Done {
     let number = call.word(DelDb::DB_NUMBER);
-    let result = service(call).and_then(|blocks| blocks.delete(number).map_err(|e| Failure::Code(missing(e))));
-    let code = code(result)?;
+    let result = call.cx.data_blocks().delete(number).map_err(missing);
+    let code = code(result);
     call.end(DelDb::RET_VAL, code)
 }
 
 fn test_db(call: &mut Call<'_>) -> Done {
     let number = call.word(TestDb::DB_NUMBER);
-    let Some(blocks) = call.cx.data_blocks() else { return Err(Interrupted::NoService) };
+    let blocks = call.cx.data_blocks();
     let code = match blocks.info(number) {
         Ok(info) => {
             call.set(TestDb::DB_LENGTH, u32::from(info.bytes));
@@ -130,15 +104,15 @@ fn test_db(call: &mut Call<'_>) -> Done {
 
 fn crea_dbl(call: &mut Call<'_>) -> Done {
     call.set_bool(CreaDbl::BUSY, false);
-    let code = if call.bool(CreaDbl::REQ) { code(create_filled(call))? } else { NO_JOB };
+    let code = if call.bool(CreaDbl::REQ) { code(create_filled(call)) } else { NO_JOB };
     call.end(CreaDbl::RET_VAL, code)
 }
 
 /// ATTRIB: bit 0 UNLINKED, bit 1 READ_ONLY, bit 2 NON_RETAIN. SRCBLK gives the first bytes; the rest is 0.
-fn create_filled(call: &mut Call<'_>) -> Result<(), Failure> {
+fn create_filled(call: &mut Call<'_>) -> Result<(), u16> {
     let attributes = call.byte(CreaDbl::ATTRIB);
     if attributes > 7 {
-        return Err(0x80A3.into());
+        return Err(0x80A3);
     }
     let request = DbRequest {
         low: call.word(CreaDbl::LOW_LIMIT),
@@ -150,7 +124,7 @@ fn create_filled(call: &mut Call<'_>) -> Result<(), Failure> {
         non_retain: attributes & 4 != 0,
     };
     let source = call.any(CreaDbl::SRCBLK);
-    let number = create(service(call)?, &request)?;
+    let number = create(call.cx.data_blocks(), &request)?;
     call.set(CreaDbl::DB_NUM, u32::from(number));
     let Some((source, bytes)) = source.and_then(|any| Some((any, any.bytes()?))) else { return Ok(()) };
     let mut buffer = [0; CHUNK as usize];
@@ -159,7 +133,7 @@ fn create_filled(call: &mut Call<'_>) -> Result<(), Failure> {
     while done < bytes {
         let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
         call.read_at(&source, done, piece).map_err(|e| read_error(6, e))?;
-        service(call)?.load_write(number, done, piece).map_err(|e| load_error(e, 6))?;
+        call.cx.data_blocks().load_write(number, done, piece).map_err(|e| load_error(e, 6))?;
         if !request.unlinked && !request.read_only {
             call.cx.area_write(Area::Db, number, done, piece).map_err(|e| write_error(6, e))?;
         }
@@ -177,29 +151,29 @@ const fn load_error(error: LoadError, parameter: u32) -> u16 {
 }
 
 /// Copies bytes between the memories: call, from, to, how many.
-type Copy = fn(&mut Call<'_>, &AnyPointer, &AnyPointer, u32) -> Result<(), Failure>;
+type Copy = fn(&mut Call<'_>, &AnyPointer, &AnyPointer, u32) -> Result<(), u16>;
 
 fn dbl(call: &mut Call<'_>, copy: Copy) -> Done {
     call.set_bool(Dbl::BUSY, false);
-    let code = if call.bool(Dbl::REQ) { code(both(call, copy))? } else { NO_JOB };
+    let code = if call.bool(Dbl::REQ) { code(both(call, copy)) } else { NO_JOB };
     call.end(Dbl::RET_VAL, code)
 }
 
 /// The shorter side decides.
-fn both(call: &mut Call<'_>, copy: Copy) -> Result<(), Failure> {
+fn both(call: &mut Call<'_>, copy: Copy) -> Result<(), u16> {
     let ends = |any: Option<AnyPointer>| any.and_then(|any| Some((any, any.bytes()?)));
-    let Some((from, have)) = ends(call.any(Dbl::SRCBLK)) else { return Err(read_error(2, Refused::NoParam).into()) };
-    let Some((to, room)) = ends(call.any(Dbl::DSTBLK)) else { return Err(write_error(5, Refused::NoParam).into()) };
+    let Some((from, have)) = ends(call.any(Dbl::SRCBLK)) else { return Err(read_error(2, Refused::NoParam)) };
+    let Some((to, room)) = ends(call.any(Dbl::DSTBLK)) else { return Err(write_error(5, Refused::NoParam)) };
     copy(call, &from, &to, have.min(room))
 }
 
 /// Initial values from the load memory into the work memory.
-fn read_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32) -> Result<(), Failure> {
+fn read_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32) -> Result<(), u16> {
     let mut buffer = [0; CHUNK as usize];
     let mut done = 0;
     while done < bytes {
         let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
-        let read = service(call)?.load_read(from.db, from.at.byte() + done, piece);
+        let read = call.cx.data_blocks().load_read(from.db, from.at.byte() + done, piece);
         read.map_err(|e| load_error(e, 2))?;
         call.write_at(to, done, piece).map_err(|e| write_error(5, e))?;
         done += piece.len() as u32;
@@ -208,13 +182,13 @@ fn read_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32)
 }
 
 /// Actual values from the work memory into the load memory.
-fn writ_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32) -> Result<(), Failure> {
+fn writ_dbl(call: &mut Call<'_>, from: &AnyPointer, to: &AnyPointer, bytes: u32) -> Result<(), u16> {
     let mut buffer = [0; CHUNK as usize];
     let mut done = 0;
     while done < bytes {
         let piece = &mut buffer[..(bytes - done).min(CHUNK) as usize];
         call.read_at(from, done, piece).map_err(|e| read_error(2, e))?;
-        let written = service(call)?.load_write(to.db, to.at.byte() + done, piece);
+        let written = call.cx.data_blocks().load_write(to.db, to.at.byte() + done, piece);
         written.map_err(|e| load_error(e, 5))?;
         done += piece.len() as u32;
     }

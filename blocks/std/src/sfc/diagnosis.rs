@@ -2,8 +2,8 @@
 
 use crate::call::{Call, write_error};
 use crate::declare::params;
-use crate::table::Row;
-use crate::{Done, Interrupted, Refused, Service};
+use crate::row::Row;
+use crate::{Done, Refused};
 
 params!(RdSinfo { Return { RET_VAL: INT } Output { TOP_SI: START_INFO, START_UP_SI: START_INFO } });
 params!(RdSysSt {
@@ -18,13 +18,13 @@ params!(ObRt {
 });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<RdSinfo>(6, "RD_SINFO", rd_sinfo).needs(Service::StartInfo),
-    Row::sfc::<RdSysSt>(51, "RDSYSST", rdsysst).needs(Service::SystemStatus).note("answers in the same call"),
-    Row::sfc::<ObRt>(78, "OB_RT", ob_rt).needs(Service::SystemStatus),
+    Row::sfc::<RdSinfo>(6, "RD_SINFO", rd_sinfo),
+    Row::sfc::<RdSysSt>(51, "RDSYSST", rdsysst).note("answers in the same call"),
+    Row::sfc::<ObRt>(78, "OB_RT", ob_rt),
 ];
 
 fn rd_sinfo(call: &mut Call<'_>) -> Done {
-    let Some(info) = call.cx.start_info() else { return Err(Interrupted::NoService) };
+    let info = call.cx.start_info();
     let (top, start_up) = (info.current(), info.start_up());
     // Structures of twelve bytes, both outputs.
     let _ = call.cx.write(RdSinfo::TOP_SI as u32, 0, &top);
@@ -48,7 +48,7 @@ fn rdsysst(call: &mut Call<'_>) -> Done {
     let (id, index) = (call.word(RdSysSt::SZL_ID), call.word(RdSysSt::INDEX));
     let target = call.any(RdSysSt::DR);
     let room = target.and_then(|any| any.bytes()).unwrap_or(0).min(LIST as u32) as usize;
-    let Some(status) = call.cx.system_status() else { return Err(Interrupted::NoService) };
+    let status = call.cx.system_status();
     let mut buffer = [0; LIST];
     let (mut records, mut kept, mut used) = (0u16, 0u16, 0usize);
     let header_only = id & HEADER_ONLY == HEADER_ONLY;
@@ -87,7 +87,7 @@ fn rdsysst(call: &mut Call<'_>) -> Done {
 /// RET_VAL is the OB's number. The general code of a wrong first parameter for an OB that has no run times.
 fn ob_rt(call: &mut Call<'_>) -> Done {
     let ob = call.word(ObRt::OB_NR);
-    let Some(status) = call.cx.system_status() else { return Err(Interrupted::NoService) };
+    let status = call.cx.system_status();
     let times = if matches!(ob, 121 | 122) { None } else { status.run_times(ob) };
     let Some(times) = times else { return call.end(ObRt::RET_VAL, 0x8080) };
     call.set(ObRt::PRIO, u32::from(times.priority));

@@ -1,9 +1,9 @@
 //! SFC 36 MSK_FLT, SFC 37 DMSK_FLT, SFC 38 READ_ERR, SFC 44 REPL_VAL. ["Handling Synchronous Errors"]
 
+use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
-use crate::table::Row;
-use crate::{Done, Interrupted, Service};
+use crate::row::Row;
 
 params!(MskFlt {
     Input { PRGFLT_SET_MASK: DWORD, ACCFLT_SET_MASK: DWORD }
@@ -23,15 +23,15 @@ params!(ReadErr {
 params!(ReplVal { Input { VAL: DWORD } Return { RET_VAL: INT } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<MskFlt>(36, "MSK_FLT", msk_flt).needs(Service::ErrorFilter),
-    Row::sfc::<DmskFlt>(37, "DMSK_FLT", dmsk_flt).needs(Service::ErrorFilter),
-    Row::sfc::<ReadErr>(38, "READ_ERR", read_err).needs(Service::ErrorFilter),
-    Row::sfc::<ReplVal>(44, "REPL_VAL", repl_val).needs(Service::ReplaceValue),
+    Row::sfc::<MskFlt>(36, "MSK_FLT", msk_flt),
+    Row::sfc::<DmskFlt>(37, "DMSK_FLT", dmsk_flt),
+    Row::sfc::<ReadErr>(38, "READ_ERR", read_err),
+    Row::sfc::<ReplVal>(44, "REPL_VAL", repl_val),
 ];
 
 fn msk_flt(call: &mut Call<'_>) -> Done {
     let errors = [call.raw(MskFlt::PRGFLT_SET_MASK), call.raw(MskFlt::ACCFLT_SET_MASK)];
-    let Some(filter) = call.cx.error_filter() else { return Err(Interrupted::NoService) };
+    let filter = call.cx.error_filter();
     let already = filter.mask(errors);
     let [programming, access] = filter.masked();
     call.set(MskFlt::PRGFLT_MASKED, programming);
@@ -41,7 +41,7 @@ fn msk_flt(call: &mut Call<'_>) -> Done {
 
 fn dmsk_flt(call: &mut Call<'_>) -> Done {
     let errors = [call.raw(DmskFlt::PRGFLT_RESET_MASK), call.raw(DmskFlt::ACCFLT_RESET_MASK)];
-    let Some(filter) = call.cx.error_filter() else { return Err(Interrupted::NoService) };
+    let filter = call.cx.error_filter();
     let not_masked = filter.unmask(errors);
     let [programming, access] = filter.masked();
     call.set(DmskFlt::PRGFLT_MASKED, programming);
@@ -51,7 +51,7 @@ fn dmsk_flt(call: &mut Call<'_>) -> Done {
 
 fn read_err(call: &mut Call<'_>) -> Done {
     let errors = [call.raw(ReadErr::PRGFLT_QUERY), call.raw(ReadErr::ACCFLT_QUERY)];
-    let Some(filter) = call.cx.error_filter() else { return Err(Interrupted::NoService) };
+    let filter = call.cx.error_filter();
     let ([programming, access], not_masked) = filter.query(errors);
     call.set(ReadErr::PRGFLT_CLR, programming);
     call.set(ReadErr::ACCFLT_CLR, access);
@@ -60,7 +60,7 @@ fn read_err(call: &mut Call<'_>) -> Done {
 
 fn repl_val(call: &mut Call<'_>) -> Done {
     let value = call.raw(ReplVal::VAL);
-    let Some(replaced) = call.cx.replace_value(value) else { return Err(Interrupted::NoService) };
+    let replaced = call.cx.replace_value(value);
     call.end(ReplVal::RET_VAL, if replaced { 0 } else { 0x8080 })
 }
 

@@ -1,18 +1,16 @@
 //! SFC 26 UPDAT_PI, SFC 27 UPDAT_PO. ["Updating the Process Image"]
 
+use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
+use crate::row::Row;
 use crate::services::{ImageError, Images};
-use crate::table::Row;
-use crate::{Done, Interrupted, Service};
 
 params!(Update { Input { PART: BYTE } Return { RET_VAL: INT } Output { FLADDR: WORD } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<Update>(26, "UPDAT_PI", |call| update(call, |images, part| images.update_inputs(part)))
-        .needs(Service::Images),
-    Row::sfc::<Update>(27, "UPDAT_PO", |call| update(call, |images, part| images.update_outputs(part)))
-        .needs(Service::Images),
+    Row::sfc::<Update>(26, "UPDAT_PI", |call| update(call, |images, part| images.update_inputs(part))),
+    Row::sfc::<Update>(27, "UPDAT_PO", |call| update(call, |images, part| images.update_outputs(part))),
 ];
 
 /// Partitions are 0 to 30.
@@ -20,7 +18,7 @@ const PARTITIONS: u8 = 30;
 
 fn update(call: &mut Call<'_>, run: fn(&mut dyn Images, u8) -> Result<(), ImageError>) -> Done {
     let part = call.byte(Update::PART);
-    let Some(images) = call.cx.images() else { return Err(Interrupted::NoService) };
+    let images = call.cx.images();
     let result = if part > PARTITIONS { Err(ImageError::Partition) } else { run(images, part) };
     if let Err(ImageError::Access(address)) = result {
         call.set(Update::FLADDR, u32::from(address));

@@ -1,37 +1,35 @@
 //! SFC 39 DIS_IRT, SFC 40 EN_IRT, SFC 41 DIS_AIRT, SFC 42 EN_AIRT. ["Handling Interrupts and Asynchronous Errors"]
 
+use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
+use crate::row::Row;
 use crate::services::LockError;
-use crate::table::Row;
-use crate::{Done, Interrupted, Service};
 
 params!(Irt { Input { MODE: BYTE, OB_NR: INT } Return { RET_VAL: INT } });
 params!(Airt { Return { RET_VAL: INT } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<Irt>(39, "DIS_IRT", |call| irt(call, true)).needs(Service::InterruptLocks),
-    Row::sfc::<Irt>(40, "EN_IRT", |call| irt(call, false)).needs(Service::InterruptLocks),
+    Row::sfc::<Irt>(39, "DIS_IRT", |call| irt(call, true)),
+    Row::sfc::<Irt>(40, "EN_IRT", |call| irt(call, false)),
     Row::sfc::<Airt>(41, "DIS_AIRT", |call| {
-        let Some(locks) = call.cx.interrupt_locks() else { return Err(Interrupted::NoService) };
+        let locks = call.cx.interrupt_locks();
         // Fewer than 32768 delays in one OB: a nesting depth nobody reaches.
         let delays = locks.delay().min(0x7FFF);
         call.end(Airt::RET_VAL, delays)
     })
-    .needs(Service::InterruptLocks)
     .note("RET_VAL: the number of delays"),
     Row::sfc::<Airt>(42, "EN_AIRT", |call| {
-        let Some(locks) = call.cx.interrupt_locks() else { return Err(Interrupted::NoService) };
+        let locks = call.cx.interrupt_locks();
         let code = locks.undelay().map_or(0x8080, |delays| delays.min(0x7FFF));
         call.end(Airt::RET_VAL, code)
     })
-    .needs(Service::InterruptLocks)
     .note("RET_VAL: the number of delays left"),
 ];
 
 fn irt(call: &mut Call<'_>, disable: bool) -> Done {
     let (mode, ob) = (call.byte(Irt::MODE), call.word(Irt::OB_NR));
-    let Some(locks) = call.cx.interrupt_locks() else { return Err(Interrupted::NoService) };
+    let locks = call.cx.interrupt_locks();
     let result = if disable { locks.disable(mode, ob) } else { locks.enable(mode, ob) };
     let code = match result {
         Ok(()) => 0,

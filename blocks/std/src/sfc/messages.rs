@@ -3,9 +3,9 @@
 
 use crate::call::{Call, read_error, write_error};
 use crate::declare::{Params, params};
+use crate::row::Row;
 use crate::services::{Alarm, AlarmError, InUse, MessageError};
-use crate::table::Row;
-use crate::{AnyPointer, AnyType, Done, Interrupted, Service};
+use crate::{AnyPointer, AnyType, Done, Interrupted};
 
 params!(AlarmS { Input { SIG: BOOL, ID: WORD, EV_ID: DWORD, SD: ANY } Return { RET_VAL: INT } });
 params!(AlarmD { Input { SIG: BOOL, ID: WORD, EV_ID: DWORD, CMP_ID: DWORD, SD: ANY } Return { RET_VAL: INT } });
@@ -15,14 +15,14 @@ params!(DelSi { Input { MODE: INT } Return { RET_VAL: INT } InOut { SYS_INST: AN
 params!(WrUsMsg { Input { SEND: BOOL, EVENTN: WORD, INFO1: ANY, INFO2: ANY } Return { RET_VAL: INT } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<AlarmS>(17, "ALARM_SQ", |call| alarm_s(call, 17)).needs(Service::Messages),
-    Row::sfc::<AlarmS>(18, "ALARM_S", |call| alarm_s(call, 18)).needs(Service::Messages),
-    Row::sfc::<AlarmSc>(19, "ALARM_SC", alarm_sc).needs(Service::Messages),
-    Row::sfc::<WrUsMsg>(52, "WR_USMSG", wr_usmsg).needs(Service::Messages).note("event classes 8, 9, A, B"),
-    Row::sfc::<ReadSi>(105, "READ_SI", read_si).needs(Service::Messages),
-    Row::sfc::<DelSi>(106, "DEL_SI", del_si).needs(Service::Messages),
-    Row::sfc::<AlarmD>(107, "ALARM_DQ", |call| alarm_d(call, 107)).needs(Service::Messages),
-    Row::sfc::<AlarmD>(108, "ALARM_D", |call| alarm_d(call, 108)).needs(Service::Messages),
+    Row::sfc::<AlarmS>(17, "ALARM_SQ", |call| alarm_s(call, 17)),
+    Row::sfc::<AlarmS>(18, "ALARM_S", |call| alarm_s(call, 18)),
+    Row::sfc::<AlarmSc>(19, "ALARM_SC", alarm_sc),
+    Row::sfc::<WrUsMsg>(52, "WR_USMSG", wr_usmsg).note("event classes 8, 9, A, B"),
+    Row::sfc::<ReadSi>(105, "READ_SI", read_si),
+    Row::sfc::<DelSi>(106, "DEL_SI", del_si),
+    Row::sfc::<AlarmD>(107, "ALARM_DQ", |call| alarm_d(call, 107)),
+    Row::sfc::<AlarmD>(108, "ALARM_D", |call| alarm_d(call, 108)),
 ];
 
 /// Longest associated value of an alarm message, in bytes.
@@ -56,7 +56,7 @@ fn alarm(call: &mut Call<'_>, sd: impl Params, message: Alarm<'_>) -> Result<u16
         }
         Some(_) => (0, false),
     };
-    let Some(messages) = call.cx.messages() else { return Err(Interrupted::NoService) };
+    let messages = call.cx.messages();
     Ok(match messages.alarm(Alarm { value: &value[..len], ..message }) {
         Ok(()) if good => 0,
         Ok(()) => 0x0001,
@@ -71,7 +71,7 @@ fn alarm(call: &mut Call<'_>, sd: impl Params, message: Alarm<'_>) -> Result<u16
 /// State of the signal and of the acknowledgement of a message.
 fn alarm_sc(call: &mut Call<'_>) -> Done {
     let id = call.raw(AlarmSc::EV_ID);
-    let Some(messages) = call.cx.messages() else { return Err(Interrupted::NoService) };
+    let messages = call.cx.messages();
     let mut found = None;
     messages.in_use(&mut |number| found = if number.id == id { Some(number) } else { found });
     let code = match found {
@@ -120,7 +120,7 @@ fn read_si(call: &mut Call<'_>) -> Done {
     let code = match resources(call, ReadSi::SYS_INST) {
         Ok((any, room, given)) => match selection(call.int(ReadSi::MODE), given) {
             Some(wanted) => {
-                let Some(messages) = call.cx.messages() else { return Err(Interrupted::NoService) };
+                let messages = call.cx.messages();
                 let mut list = [[0; SYS_INST]; MOST];
                 let mut count = 0;
                 messages.in_use(&mut |number| {
@@ -155,7 +155,7 @@ fn del_si(call: &mut Call<'_>) -> Done {
     let given = if mode == 1 { Ok([0; SYS_INST]) } else { resources(call, DelSi::SYS_INST).map(|(_, _, given)| given) };
     let code = match given.map(|given| selection(mode, given)) {
         Ok(Some(wanted)) => {
-            let Some(messages) = call.cx.messages() else { return Err(Interrupted::NoService) };
+            let messages = call.cx.messages();
             messages.release(&wanted);
             0
         }
@@ -205,7 +205,7 @@ fn user_message(call: &mut Call<'_>) -> Result<u16, Interrupted> {
     if let Err(code) = info(call, WrUsMsg::INFO2, &wide, &mut info2, [0x8084, 0x8087]) {
         return Ok(code);
     }
-    let Some(messages) = call.cx.messages() else { return Err(Interrupted::NoService) };
+    let messages = call.cx.messages();
     Ok(match messages.user_message(event, &info1, &info2, send) {
         Ok(()) => 0,
         Err(MessageError::NoStation) => 0x8091,

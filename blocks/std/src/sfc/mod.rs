@@ -16,7 +16,7 @@ mod partners;
 mod program;
 mod schedule;
 
-use crate::table::Row;
+use crate::row::Row;
 
 pub(crate) const ROWS: &[&[Row]] = &[
     clock::ROWS,

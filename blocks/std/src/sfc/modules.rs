@@ -3,7 +3,7 @@
 
 use crate::call::{Call, read_error, write_error};
 use crate::declare::{Params, params};
-use crate::table::Row;
+use crate::row::Row;
 use crate::{Done, Refused};
 
 params!(DpNrmDg { Input { REQ: BOOL, LADDR: WORD } Return { RET_VAL: INT } Output { RECORD: ANY, BUSY: BOOL } });

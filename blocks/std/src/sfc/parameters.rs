@@ -5,7 +5,7 @@ use super::modules::{NO_JOB, NO_MODULE, is_io, send_record};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
-use crate::table::Row;
+use crate::row::Row;
 
 params!(WrParm {
     Input { REQ: BOOL, IOID: BYTE, LADDR: WORD, RECNUM: BYTE, RECORD: ANY }

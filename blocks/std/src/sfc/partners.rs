@@ -4,7 +4,7 @@
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
-use crate::table::Row;
+use crate::row::Row;
 
 params!(IGet {
     Input { REQ: BOOL, CONT: BOOL, IOID: BYTE, LADDR: WORD, VAR_ADDR: ANY }

@@ -1,9 +1,9 @@
 //! SFC 43 RE_TRIGR, SFC 46 STP, SFC 47 WAIT. ["Controlling Program Execution"]
 
+use crate::Done;
 use crate::call::Call;
 use crate::declare::{Declared, Params, params};
-use crate::table::Row;
-use crate::{Done, Interrupted, Service};
+use crate::row::Row;
 
 /// A block without parameters.
 #[derive(Clone, Copy)]
@@ -24,14 +24,13 @@ pub(super) const ROWS: &[Row] = &[
         Ok(())
     }),
     Row::sfc::<Nothing>(46, "STP", |call| Err(call.cx.stop())),
-    Row::sfc::<Wait>(47, "WAIT", wait).needs(Service::Waiting).note("a time not above 0 does not wait"),
+    Row::sfc::<Wait>(47, "WAIT", wait).note("a time not above 0 does not wait"),
 ];
 
 fn wait(call: &mut Call<'_>) -> Done {
     let time = call.int(Wait::WT);
-    let Some(waiting) = call.cx.waiting() else { return Err(Interrupted::NoService) };
     match u32::try_from(time) {
-        Ok(microseconds @ 1..) => waiting.wait(microseconds),
+        Ok(microseconds @ 1..) => call.cx.wait(microseconds),
         _ => Ok(()),
     }
 }
@@ -48,7 +47,7 @@ mod tests {
         assert_eq!((fake.retriggered, fake.ended), (1, Ok(())));
         let mut fake = Fake::new("SYSTEM:SFC46");
         fake.run();
-        assert_eq!(fake.ended, Err(Interrupted::Abort));
+        assert_eq!(fake.ended, Err(Interrupted));
         for (time, waited) in [(500i16, vec![500]), (0, vec![]), (-1, vec![])] {
             let mut fake = Fake::new("SYSTEM:SFC47").with("WT", time.to_be_bytes());
             fake.run();

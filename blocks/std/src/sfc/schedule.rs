@@ -1,12 +1,12 @@
 //! SFC 28 to 31: time-of-day interrupts; SFC 32 to 34: time-delay interrupts.
 //! ["Handling Time-of-Day Interrupts", "Handling Time-Delay Interrupts"]
 
+use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
 use crate::moment::Moment;
+use crate::row::Row;
 use crate::services::{Period, Schedule};
-use crate::table::Row;
-use crate::{Done, Interrupted, Service};
 
 params!(SetTint { Input { OB_NR: INT, SDT: DT, PERIOD: WORD } Return { RET_VAL: INT } });
 params!(Ob { Input { OB_NR: INT } Return { RET_VAL: INT } });
@@ -14,15 +14,13 @@ params!(Query { Input { OB_NR: INT } Return { RET_VAL: INT } Output { STATUS: WO
 params!(SrtDint { Input { OB_NR: INT, DTIME: TIME, SIGN: WORD } Return { RET_VAL: INT } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<SetTint>(28, "SET_TINT", set_tint).needs(Service::Schedule).note("seconds of SDT count as 0"),
-    Row::sfc::<Ob>(29, "CAN_TINT", |call| on_ob(call, Ob::RET_VAL, can_tint)).needs(Service::Schedule),
-    Row::sfc::<Ob>(30, "ACT_TINT", |call| on_ob(call, Ob::RET_VAL, act_tint)).needs(Service::Schedule),
-    Row::sfc::<Query>(31, "QRY_TINT", |call| query(call, tint_state)).needs(Service::Schedule),
-    Row::sfc::<SrtDint>(32, "SRT_DINT", srt_dint)
-        .needs(Service::Schedule)
-        .note("1 to 60000 ms; a new start begins anew"),
-    Row::sfc::<Ob>(33, "CAN_DINT", |call| on_ob(call, Ob::RET_VAL, can_dint)).needs(Service::Schedule),
-    Row::sfc::<Query>(34, "QRY_DINT", |call| query(call, dint_state)).needs(Service::Schedule),
+    Row::sfc::<SetTint>(28, "SET_TINT", set_tint).note("seconds of SDT count as 0"),
+    Row::sfc::<Ob>(29, "CAN_TINT", |call| on_ob(call, Ob::RET_VAL, can_tint)),
+    Row::sfc::<Ob>(30, "ACT_TINT", |call| on_ob(call, Ob::RET_VAL, act_tint)),
+    Row::sfc::<Query>(31, "QRY_TINT", |call| query(call, tint_state)),
+    Row::sfc::<SrtDint>(32, "SRT_DINT", srt_dint).note("1 to 60000 ms; a new start begins anew"),
+    Row::sfc::<Ob>(33, "CAN_DINT", |call| on_ob(call, Ob::RET_VAL, can_dint)),
+    Row::sfc::<Query>(34, "QRY_DINT", |call| query(call, dint_state)),
 ];
 
 /// OB_NR names no interrupt this CPU has.
@@ -38,7 +36,7 @@ const LOADED: u16 = 1 << 4;
 
 fn set_tint(call: &mut Call<'_>) -> Done {
     let (ob, sdt, period) = (call.word(SetTint::OB_NR), call.dt(SetTint::SDT), call.word(SetTint::PERIOD));
-    let Some(schedule) = call.cx.schedule() else { return Err(Interrupted::NoService) };
+    let schedule = call.cx.schedule();
     let now = schedule.moment();
     let start = Moment::from_bytes(sdt).ok().and_then(|m| Moment::from_ms(m.ms() - m.ms() % 60_000));
     let code = match (schedule.time_of_day(ob), start, Period::from_word(period)) {
@@ -58,7 +56,7 @@ fn set_tint(call: &mut Call<'_>) -> Done {
 /// A block whose only input is OB_NR.
 fn on_ob(call: &mut Call<'_>, ret_val: impl Params, run: fn(&mut dyn Schedule, u16) -> u16) -> Done {
     let ob = call.word(Ob::OB_NR);
-    let Some(schedule) = call.cx.schedule() else { return Err(Interrupted::NoService) };
+    let schedule = call.cx.schedule();
     let code = run(schedule, ob);
     call.end(ret_val, code)
 }
@@ -104,7 +102,7 @@ fn dint_state(schedule: &mut dyn Schedule, ob: u16) -> Option<(bool, bool)> {
 
 fn query(call: &mut Call<'_>, state: State) -> Done {
     let ob = call.word(Query::OB_NR);
-    let Some(schedule) = call.cx.schedule() else { return Err(Interrupted::NoService) };
+    let schedule = call.cx.schedule();
     let state = state(schedule, ob);
     let status =
         state.map_or(0, |(active, loaded)| (if active { ACTIVE } else { 0 }) | if loaded { LOADED } else { 0 });
@@ -115,7 +113,7 @@ fn query(call: &mut Call<'_>, state: State) -> Done {
 fn srt_dint(call: &mut Call<'_>) -> Done {
     let (ob, delay, sign) = (call.word(SrtDint::OB_NR), call.raw(SrtDint::DTIME), call.word(SrtDint::SIGN));
     let now = call.cx.now();
-    let Some(schedule) = call.cx.schedule() else { return Err(Interrupted::NoService) };
+    let schedule = call.cx.schedule();
     let code = match schedule.delay(ob) {
         None => WRONG_OB,
         Some(_) if !(1..=60_000).contains(&delay) => 0x8091,

@@ -6,7 +6,7 @@ use super::Place;
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(Range { Input { S_BIT: POINTER, N: INT } });
 

@@ -6,7 +6,7 @@ use super::Place;
 use crate::Done;
 use crate::call::Call;
 use crate::declare::params;
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(Seg { Input { IN: WORD } Output { OUT: DWORD } });
 params!(Hex { Input { IN: POINTER, N: INT } Return { RET_VAL: WORD } Output { OUT: POINTER } });

@@ -5,7 +5,7 @@ use ob1_model::BlockKind::Fb;
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Declared, Params, params};
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(Imc {
     Input {

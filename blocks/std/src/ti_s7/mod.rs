@@ -18,7 +18,7 @@ use ob1_model::{Area, BitAddr};
 use crate::Refused;
 use crate::call::Call;
 use crate::declare::Params;
-use crate::table::Row;
+use crate::row::Row;
 
 pub(crate) const ROWS: &[&[Row]] = &[
     table::ROWS,

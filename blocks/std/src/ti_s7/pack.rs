@@ -6,7 +6,7 @@ use ob1_model::BlockKind::Fb;
 use super::Place;
 use crate::call::Call;
 use crate::declare::params;
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 use crate::{AnyPointer, AnyType};
 
 params!(Pack {

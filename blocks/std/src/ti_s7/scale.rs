@@ -5,7 +5,7 @@ use ob1_model::BlockKind::Fc;
 use crate::Done;
 use crate::call::{Call, is_invalid};
 use crate::declare::params;
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(Scale {
     Input { IN: INT, HI_LIM: REAL, LO_LIM: REAL, BIPOLAR: BOOL }

@@ -6,7 +6,7 @@ use super::{Element, Place};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(Dev { Input { TBL: POINTER, OUT: POINTER, E_TYPE: BYTE } Return { RET_VAL: WORD } });
 params!(Cdt {

@@ -7,7 +7,7 @@ use super::{Element, Place};
 use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
-use crate::table::{Origin, Row};
+use crate::row::{Origin, Row};
 
 params!(Att { Input { DATA: WORD, TABLE: POINTER } });
 params!(Take { Input { TABLE: POINTER } Return { RET_VAL: WORD } });

@@ -11,8 +11,9 @@ use ob1_model::{BlockId, BlockKind};
 
 use crate::codes;
 use crate::elaborate::Elaborator;
+use crate::identifiers::BlockWord;
 use crate::library::Library;
-use crate::mnemonics::{BlockWord, Shape};
+use crate::mnemonics::Shape;
 use crate::parser::{split_digits, unquote};
 use crate::syntax::{Frame, NameRef};
 use crate::token::{File, Kind, Span};

@@ -9,8 +9,9 @@ use super::constant::{constant, elementary};
 use super::operand::{of_instance, of_param, of_temp};
 use super::{Printer, quoted};
 use crate::fit::same_layout;
-use crate::mnemonics::{Identifier, Shape};
-use crate::operand::width_of;
+use crate::identifiers::Identifier;
+use crate::mnemonics::Shape;
+use crate::type_words::width_of;
 
 impl Printer<'_> {
     /// A call with its actual parameters. The error says what cannot be said.

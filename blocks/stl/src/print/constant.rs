@@ -7,7 +7,7 @@ use ob1_model::{Area, BitAddr, DataType, Layout, S5Time};
 
 use super::Printer;
 use crate::constant::{ANY_TYPES, any_of_number};
-use crate::mnemonics::Identifier;
+use crate::identifiers::Identifier;
 use crate::time;
 
 /// The constant that stands for laid-out bytes of a type; `None` where there is none: NaN, times of a second form,

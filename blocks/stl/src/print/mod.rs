@@ -20,7 +20,8 @@ use ob1_ir::{CodeBlock, Notation};
 use ob1_model::{BlockId, Interface};
 
 use crate::Mnemonics;
-use crate::mnemonics::{IDENTIFIERS, Identifier, ROWS, Shape};
+use crate::identifiers::{IDENTIFIERS, Identifier};
+use crate::mnemonics::{ROWS, Shape};
 
 pub use constant::constant;
 pub use declare::{Declared, Heading};

@@ -4,8 +4,8 @@ use ob1_ir::{AddressRegister, Number, Operand, Place, Pointer, Width};
 use ob1_model::{Area, BitAddr, DataType, Interface, Layout, Param, Section};
 
 use super::{Printer, quoted};
-use crate::mnemonics::Identifier;
-use crate::operand::width_of;
+use crate::identifiers::Identifier;
+use crate::type_words::width_of;
 
 /// The path to what lies `offset` bits into a type and is what `wanted` says, `[2].x`; empty for the type itself.
 pub(super) fn path(ty: &DataType, offset: u32, wanted: &dyn Fn(&DataType) -> bool) -> Option<String> {

@@ -11,7 +11,8 @@ use ob1_model::{Area, BitAddr, DataType, Interface, Layout, Section};
 use super::labels::labels;
 use super::operand::{behind, of_param, of_width};
 use super::{Listing, Printer, Unprintable};
-use crate::mnemonics::{Identifier, RELATIONS, Shape};
+use crate::identifiers::{Identifier, RELATIONS};
+use crate::mnemonics::Shape;
 
 /// The statements of a block.
 pub(super) fn print(printer: Printer<'_>, block: &CodeBlock, listing: &Listing) -> Result<String, Unprintable> {

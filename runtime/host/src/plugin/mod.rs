@@ -123,7 +123,8 @@ impl Plugin {
     /// The blocks for one station, under the numbers `renumber` gives them (their own where it says nothing), with
     /// memory for each block and for each of the `modules`.
     ///
-    /// The blocks belong to one CPU, which runs them on one thread at a time.
+    /// The blocks belong to one CPU, which runs them on one thread at a time: a call of one of them on another thread
+    /// meanwhile is refused, and stops the CPU that made it.
     ///
     /// # Errors
     /// [`Refusal::NoSuchBlock`] and [`Refusal::SameNumber`] for a `renumber` that cannot be.

@@ -55,6 +55,8 @@ pub(crate) struct Cpu {
     pub(crate) asked: u32,
     /// Answers of `call_block`; then `NoBlock`.
     pub(crate) callees: VecDeque<Result<(), NativeError>>,
+    /// What happens during the next `call_block`.
+    pub(crate) during: Option<Box<dyn FnOnce()>>,
     pub(crate) br: Option<bool>,
     /// The CPU itself breaks down in `param_get`.
     pub(crate) breaks: bool,
@@ -120,6 +122,9 @@ impl Cpu {
 }
 
 impl NativeContext for Cpu {
+    fn services(&mut self) -> &mut dyn ob1_cpu::Services {
+        panic!("a plugin's block asks for nothing that is not in the interface")
+    }
     fn param_get(&mut self, index: u32) -> Result<u32, NativeError> {
         assert!(!self.breaks, "the CPU is broken");
         self.asked += 1;
@@ -228,6 +233,9 @@ impl NativeContext for Cpu {
     }
     fn call_block(&mut self, id: BlockId, _instance_db: u16, args: &[NativeArg]) -> Result<(), NativeError> {
         self.calls.push((id, args.to_vec()));
+        if let Some(during) = self.during.take() {
+            during();
+        }
         self.callees.pop_front().unwrap_or(Err(NativeError::NoBlock))
     }
     fn now(&mut self) -> Nanos {

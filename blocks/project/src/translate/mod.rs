@@ -3,22 +3,22 @@
 //! The sources are held against the machine code by compiling them: a block whose source does not give the very same
 //! statements stays in machine code, so that what runs is always what the project has.
 
+mod data_values;
+mod statements;
+
 use std::collections::{BTreeMap, BTreeSet};
 
-use ob1_ir::{CodeBlock, DataKind, Program, Symbol};
-use ob1_mc7::{
-    BlockFoot, BlockHead, BlockImage, CompiledInterface, Decoded, InterfaceKind, MachineBlock, Segments, decode,
-};
+use ob1_ir::{Program, Symbol};
+use ob1_mc7::{BlockFoot, BlockHead, BlockImage, CompiledInterface, Decoded, InterfaceKind};
 use ob1_model::{BlockId, BlockKind, Interface};
-use ob1_stl::print::Printer;
 use ob1_stl::{Library, Mnemonics, Options, Output, Source};
 
+use crate::compiled;
 use crate::folder::{Block, Folder};
 use crate::note::{Note, Notes};
 use crate::overlay::{self, Image};
 use crate::source::{self, Declarations};
 use crate::text::CodePage;
-use crate::{compiled, listing, stand_in, values};
 
 /// How a folder is translated.
 #[derive(Debug)]
@@ -325,137 +325,6 @@ impl<'f> Draft<'f> {
         }
     }
 
-    /// Machine code to statements, with the interfaces all blocks have now.
-    fn decode(&mut self) {
-        let files = self.files();
-        let program = self.compile(&files).program;
-        let mut interfaces: BTreeMap<BlockId, Interface> =
-            program.blocks.into_iter().map(|block| (block.id, block.interface)).collect();
-        for id in self.images.iter().filter(|id| id.kind != BlockKind::Db) {
-            if let Some(compiled) = self.compiled.get(id) {
-                interfaces.insert(*id, compiled.interface(id.kind.has_instance()));
-            }
-        }
-        let library = self.library.clone();
-        let callees = |id: BlockId| interfaces.get(&id).or_else(|| library.get(id).map(|block| &block.interface));
-        let folder = self.folder;
-        for (id, block) in &folder.blocks {
-            let is_here = self.declared.contains_key(id) || self.images.contains(id);
-            if !is_here || id.kind == BlockKind::Db {
-                continue;
-            }
-            let Some(interface) = interfaces.get(id) else {
-                self.leave_out(*id, "it has no interface, neither as text nor compiled");
-                continue;
-            };
-            let segments = Segments::read(&block.segments).unwrap_or_else(|error| {
-                self.note(*id, format!("its networks cannot be told: {error}"));
-                Segments::default()
-            });
-            let machine = MachineBlock {
-                id: *id,
-                name: Some(block.head.name.clone()).filter(|name| !name.is_empty()),
-                interface,
-                code: &block.code,
-                segments: &segments,
-                multi_instance: !block.code_version1,
-            };
-            match decode(&machine, &callees) {
-                Ok(decoded) => drop(self.decoded.insert(*id, decoded)),
-                Err(error) => self.leave_out(*id, error.to_string()),
-            }
-        }
-        self.interfaces = interfaces;
-    }
-
-    /// Blocks that are called and that nobody has get one that does nothing. True when there are any.
-    fn stand_in(&mut self) -> bool {
-        let missing =
-            stand_in::missing(&self.decoded, self.folder, &self.library, &|id| self.decoded.contains_key(&id));
-        for missing in missing {
-            let what = missing.note(self.folder);
-            self.out.notes.push(Note::warning(missing.id.to_string(), what));
-            self.stand_ins.push(Image {
-                file: format!("{}.mc7", source::file_stem(missing.id)),
-                block: missing.image(self.folder),
-            });
-        }
-        overlay::announce(&self.stand_ins, &|_| false, &mut self.library);
-        !self.stand_ins.is_empty()
-    }
-
-    /// Symbols by the address they stand for, as the printer writes it.
-    fn symbols(&self) -> BTreeMap<String, String> {
-        let mut symbols = BTreeMap::new();
-        for symbol in &self.wanted.symbols {
-            symbols.entry(symbol.address.clone()).or_insert_with(|| symbol.name.clone());
-        }
-        symbols
-    }
-
-    /// Statements as text, held against the machine code; what does not give the same stays in machine code.
-    fn write_statements(&mut self) {
-        let (symbols, library, interfaces) =
-            (self.symbols(), self.library.clone(), std::mem::take(&mut self.interfaces));
-        let callees = |id: BlockId| interfaces.get(&id).or_else(|| library.get(id).map(|block| &block.interface));
-        let printer = Printer::new(self.wanted.mnemonics, &callees).with_symbols(&symbols);
-        let mut unsaid = Vec::new();
-        for (id, decoded) in &self.decoded {
-            let Some(block) = self.folder.blocks.get(id).filter(|_| self.declared.contains_key(id)) else { continue };
-            if block.know_how {
-                self.images.insert(*id);
-                self.statements.insert(
-                    *id,
-                    format!("// KNOW_HOW_PROTECT: its statements are in {}.mc7.\n", source::file_stem(*id)),
-                );
-                continue;
-            }
-            self.printed.insert(*id);
-            match printer.statements(&decoded.block, &listing::of(block, decoded)) {
-                Ok(text) => drop(self.statements.insert(*id, text)),
-                Err(why) => unsaid.push((*id, why.to_string())),
-            }
-        }
-        for (id, why) in unsaid {
-            self.stay_compiled(id, &why);
-        }
-        for _ in 0..3 {
-            let files = self.files();
-            let output = self.compile(&files);
-            let mut differ: BTreeMap<BlockId, String> = BTreeMap::new();
-            for diagnostic in output.diagnostics.iter().filter(|d| d.severity == ob1_stl::Severity::Error) {
-                if let Some((Of::Block(id), _)) = files.get(diagnostic.source) {
-                    differ.entry(*id).or_insert_with(|| {
-                        format!("{} {} (line {})", diagnostic.code, diagnostic.message, diagnostic.line)
-                    });
-                }
-            }
-            for block in &output.program.blocks {
-                if let Some(decoded) = self.decoded.get(&block.id).filter(|_| self.printed.contains(&block.id))
-                    && let Some(at) = first_difference(block, &decoded.block)
-                {
-                    differ.entry(block.id).or_insert(at);
-                }
-            }
-            if differ.is_empty() {
-                break;
-            }
-            for (id, why) in differ {
-                self.stay_compiled(id, &why);
-            }
-        }
-    }
-
-    fn stay_compiled(&mut self, id: BlockId, why: &str) {
-        if self.printed.remove(&id) {
-            self.images.insert(id);
-            self.statements.insert(id, format!("// Its statements are in {}.mc7.\n", source::file_stem(id)));
-            self.note(id, format!("it stays in machine code: its source would not say the same: {why}"));
-        } else if id.kind != BlockKind::Db {
-            self.declared.remove(&id);
-        }
-    }
-
     /// Values of data blocks, the files, and the program they make.
     fn finish(mut self) -> Translation {
         self.data_values();
@@ -503,73 +372,6 @@ impl<'f> Draft<'f> {
         out.program = output.program;
         out
     }
-
-    fn data_values(&mut self) {
-        let files = self.files();
-        let program = self.compile(&files).program;
-        for db in &program.data {
-            let id = BlockId::new(BlockKind::Db, db.number);
-            let Some(block) = self.folder.blocks.get(&id).filter(|_| self.shapes.contains_key(&id)) else { continue };
-            if block.code.is_empty() {
-                self.note(id, "it has no values of its own; the start values count");
-                continue;
-            }
-            let (values, unsaid) = values::assignments(&db.components, &db.bytes, &block.code);
-            self.values.insert(id, values);
-            if db.bytes.len() != block.code.len() {
-                self.images.insert(id);
-                let of =
-                    if matches!(db.kind, DataKind::Instance(_)) { "the FB has changed since" } else { "as declared" };
-                self.note(
-                    id,
-                    format!(
-                        "it is {} bytes long, {of} {}: its values are taken as they are",
-                        block.code.len(),
-                        db.bytes.len()
-                    ),
-                );
-            } else if !unsaid.is_empty() {
-                self.images.insert(id);
-                let first = unsaid.first().map_or("", String::as_str);
-                self.note(
-                    id,
-                    format!(
-                        "{} of its values have no constant in STL (the first is {first}): they stay in machine code",
-                        unsaid.len()
-                    ),
-                );
-            }
-        }
-        // A value the compiler does not take as it is written.
-        let files = self.files();
-        let output = self.compile(&files);
-        for diagnostic in output.diagnostics.iter().filter(|d| d.severity == ob1_stl::Severity::Error) {
-            if let Some((Of::Block(id), _)) =
-                files.get(diagnostic.source).filter(|(of, _)| matches!(of, Of::Block(id) if id.kind == BlockKind::Db))
-            {
-                self.values.remove(id);
-                self.images.insert(*id);
-                self.note(*id, format!("its values stay in machine code: {} {}", diagnostic.code, diagnostic.message));
-            }
-        }
-        for db in &output.program.data {
-            let id = BlockId::new(BlockKind::Db, db.number);
-            let block = self.folder.blocks.get(&id).filter(|b| !b.code.is_empty() && b.code != db.bytes);
-            if block.is_some() {
-                self.images.insert(id);
-            }
-        }
-    }
-}
-
-/// Where two blocks differ, in words; `None` when they say the same.
-fn first_difference(source: &CodeBlock, machine: &CodeBlock) -> Option<String> {
-    let pairs = source.code.iter().zip(&machine.code);
-    if let Some((at, (a, b))) = pairs.enumerate().find(|(_, (a, b))| a.op != b.op || a.network != b.network) {
-        return Some(format!("statement {}: {:?} for {:?}", at + 1, a.op, b.op));
-    }
-    let (a, b) = (source.code.len(), machine.code.len());
-    (a != b).then(|| format!("{a} statements for {b}"))
 }
 
 /// A block of a folder as a CPU would hold it.

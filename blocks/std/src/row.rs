@@ -1,0 +1,143 @@
+//! A standard block as a row: what a module of blocks writes down of each, and what becomes of it.
+
+use std::fmt;
+
+use ob1_model::{BitAddr, BlockId, BlockKind, Interface};
+
+use crate::call::Call;
+use crate::declare::{self, Declared, Params};
+use crate::{Context, Done};
+
+/// The library a block comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Origin {
+    /// System functions: part of the CPU, their numbers are fixed and no station file lists them.
+    System,
+    /// "IEC Function Blocks": FC 1 to 40.
+    Iec,
+    /// "TI-S7 Converting Blocks".
+    TiS7,
+    /// "PID Control Blocks".
+    Pid,
+    /// The handling blocks of the CP 240: declared here, served by a plugin.
+    Cp240,
+    /// The handling blocks of the CP 341: declared here, served by a plugin.
+    Cp341,
+    /// The handling blocks of the CP 340: declared here, served by a plugin.
+    Cp340,
+    /// The handling blocks of the CP 040: declared here, served by a plugin.
+    Cp040,
+}
+
+impl Origin {
+    /// The name in a station file: `IEC:FC4`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Origin::System => "SYSTEM",
+            Origin::Iec => "IEC",
+            Origin::TiS7 => "TI-S7",
+            Origin::Pid => "PID",
+            Origin::Cp240 => "CP240",
+            Origin::Cp341 => "CP341",
+            Origin::Cp340 => "CP340",
+            Origin::Cp040 => "CP040",
+        }
+    }
+
+    /// Only names and parameters of its blocks are known here: a plugin has to serve them.
+    #[must_use]
+    pub const fn is_declared_only(self) -> bool {
+        matches!(self, Origin::Cp240 | Origin::Cp341 | Origin::Cp340 | Origin::Cp040)
+    }
+}
+
+/// A row of the table, made at compile time.
+#[derive(Clone, Copy)]
+pub(crate) struct Row {
+    pub(crate) origin: Origin,
+    pub(crate) id: BlockId,
+    pub(crate) name: &'static str,
+    note: &'static str,
+    declared: &'static [Declared],
+    /// The addresses of an instance by byte and bit, and its length, where they do not follow from the declaration.
+    places: Option<(&'static [(u32, u8)], u32)>,
+    run: fn(&mut Call<'_>) -> Done,
+}
+
+impl Row {
+    pub(crate) const fn new<P: Params>(
+        origin: Origin,
+        kind: BlockKind,
+        number: u16,
+        name: &'static str,
+        run: fn(&mut Call<'_>) -> Done,
+    ) -> Self {
+        let id = BlockId::new(kind, number);
+        Self { origin, id, name, note: "", declared: P::DECLARED, places: None, run }
+    }
+
+    pub(crate) const fn sfc<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Done) -> Self {
+        Self::new::<P>(Origin::System, BlockKind::Sfc, number, name, run)
+    }
+
+    pub(crate) const fn sfb<P: Params>(number: u16, name: &'static str, run: fn(&mut Call<'_>) -> Done) -> Self {
+        Self::new::<P>(Origin::System, BlockKind::Sfb, number, name, run)
+    }
+
+    pub(crate) const fn places(self, places: &'static [(u32, u8)], bytes: u32) -> Self {
+        Self { places: Some((places, bytes)), ..self }
+    }
+
+    pub(crate) const fn note(self, note: &'static str) -> Self {
+        Self { note, ..self }
+    }
+}
+
+/// A standard block: what it is called, takes and gives, and its function.
+#[derive(Clone)]
+pub struct StandardBlock {
+    /// Where it comes from.
+    pub origin: Origin,
+    /// Kind and default number. Numbers of blocks that are not system functions are the user's.
+    pub id: BlockId,
+    /// Standard name.
+    pub name: &'static str,
+    /// What one should know of this implementation, for the documentation.
+    pub note: &'static str,
+    /// Parameters with STEP 7's names and types, laid out.
+    pub interface: Interface,
+    run: fn(&mut Call<'_>) -> Done,
+}
+
+impl StandardBlock {
+    pub(crate) fn of(row: &Row) -> Self {
+        let &Row { origin, id, name, note, declared, places, run } = row;
+        let mut interface = declare::interface(declared, id.kind.has_instance());
+        if let Some((places, bytes)) = places {
+            let addresses: Vec<_> = places.iter().map(|(byte, bit)| BitAddr::new(*byte, *bit)).collect();
+            interface.place_at(&addresses, bytes);
+        }
+        Self { origin, id, name, note, interface, run }
+    }
+
+    /// Runs the block: a pure function of parameters, instance, time and what the context answers.
+    ///
+    /// # Errors
+    /// The CPU goes to STOP.
+    pub fn run(&self, cx: &mut dyn Context) -> Done {
+        (self.run)(&mut Call { cx, interface: &self.interface })
+    }
+
+    /// The name in a station file: `IEC:FC4`, `SYSTEM:SFC20`.
+    #[must_use]
+    pub fn key(&self) -> String {
+        format!("{}:{}{}", self.origin.name(), self.id.kind.name(), self.id.number)
+    }
+}
+
+impl fmt::Debug for StandardBlock {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("StandardBlock").field("key", &self.key()).field("name", &self.name).finish_non_exhaustive()
+    }
+}
