@@ -13,6 +13,7 @@ mod frame;
 mod interface;
 mod layout;
 mod meaning;
+mod operating;
 mod s5time;
 mod types;
 
@@ -26,5 +27,6 @@ pub use frame::{
 pub use interface::{Interface, Param, Section};
 pub use layout::{Component, Layout, align_to};
 pub use meaning::StateChange;
+pub use operating::{Command, OperatingState};
 pub use s5time::{S5Time, TimerKind};
 pub use types::{DataType, Dimension, Field};

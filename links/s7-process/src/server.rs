@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use ob1_access::door::{Answer, Ask, Door, DoorError, News, Reading, State, Ticket, What};
+use ob1_access::door::{Answer, Ask, Door, DoorError, News, Reading, Ticket, What};
 use ob1_s7::iso::Refusal;
 use ob1_s7::server::{Connection, CpuEvent};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -180,12 +180,8 @@ impl Server {
     fn event(&mut self, what: &What) {
         match what {
             What::State(state) => {
-                let mode = match state {
-                    State::Stop => 0,
-                    State::Startup => 1,
-                    State::Run => 2,
-                };
-                self.sessions.iter_mut().for_each(|session| session.event(&CpuEvent::Mode(mode)));
+                let mode = CpuEvent::Mode(state.number());
+                self.sessions.iter_mut().for_each(|session| session.event(&mode));
             }
             // One question at a time: the newest entry is what counts.
             What::Diagnosis(_) if self.diagnosis.is_none() => self.diagnosis = Some(self.door.ask(SELF, DIAGNOSIS)),

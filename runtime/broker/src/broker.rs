@@ -3,9 +3,7 @@
 use std::io;
 use std::os::fd::OwnedFd;
 
-use ob1_access::door::{
-    Answer, Ask, Command as Wanted, Document, MESSAGE_BYTES, Refusal, Refused, State, ToBroker, ToLink, What,
-};
+use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, Refusal, Refused, State, ToBroker, ToLink, What};
 use ob1_backplane::WindowReader;
 use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, Nanos};
 use ob1_model::StateChange;
@@ -250,7 +248,8 @@ impl Broker {
             }
             Ask::Command(command) => {
                 client.may_operate()?;
-                vec![PortAsk::Command(self.command(command)?)]
+                self.check(command)?;
+                vec![PortAsk::Command(command)]
             }
             Ask::SetClock(clock) => {
                 client.may_operate()?;
@@ -271,17 +270,9 @@ impl Broker {
         Ok(None)
     }
 
-    fn command(&self, command: Wanted) -> Result<Command, Refusal> {
-        Ok(match command {
-            Wanted::Run => Command::Run,
-            Wanted::Stop => Command::Stop,
-            Wanted::Warm => Command::Warm,
-            Wanted::Cold => Command::Cold,
-            // An S7-300 has none.
-            Wanted::Hot if self.facts.family() != 400 => return Err(Refusal::NotThere),
-            Wanted::Hot => Command::Hot,
-            Wanted::Reset => Command::Reset,
-        })
+    /// Whether this CPU has the command: an S7-300 has no hot restart.
+    fn check(&self, command: Command) -> Result<(), Refusal> {
+        if command == Command::Hot && self.facts.family() != 400 { Err(Refusal::NotThere) } else { Ok(()) }
     }
 
     fn document(&self, which: Document, state: State, present: &[bool]) -> Answer {
@@ -304,8 +295,7 @@ impl Broker {
             [PortAnswer::Clock(clock)] => Answer::Clock(*clock),
             [PortAnswer::State(state), modules @ ..] => {
                 let present = |answer: &PortAnswer| matches!(answer, PortAnswer::Module(module) if module.present);
-                let state = State::of(state.number().into());
-                Answer::Modules { state, present: modules.iter().map(present).collect() }
+                Answer::Modules { state: *state, present: modules.iter().map(present).collect() }
             }
             [PortAnswer::Refused(error)] if *error != ob1_cpu::CellError::NoEntry => {
                 Answer::Refused(Refusal::Cell(*error))

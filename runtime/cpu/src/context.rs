@@ -7,7 +7,7 @@ use ob1_model::{BlockId, BlockKind, Event, FaultKind, Site};
 use ob1_std::services::ErrorFilter;
 
 use crate::engine::{Callee, Engine, Entry, Plan};
-use crate::machine::{Interrupt, Machine};
+use crate::machine::{Attention, Machine};
 use crate::native::Native;
 use crate::{Abort, Clock, DiagEntry, Nanos, ObInfo, ShortText};
 
@@ -22,7 +22,7 @@ pub(crate) struct Blocks {
     pub(crate) plan: Arc<Plan>,
     pub(crate) natives: Vec<Native>,
     /// The same flags as the machine's.
-    pub(crate) interrupt: Interrupt,
+    pub(crate) attention: Attention,
 }
 
 impl Blocks {
@@ -78,7 +78,7 @@ impl Context<'_> {
     #[cold]
     pub(crate) fn attend(&mut self) -> Result<(), Abort> {
         loop {
-            self.machine.interrupt.take_due();
+            self.machine.attention.take_due();
             self.look();
             let at = self.machine.at.take();
             let machine = &mut *self.machine;
@@ -86,7 +86,7 @@ impl Context<'_> {
             if self.machine.hot.stopping {
                 return Err(Abort);
             }
-            if self.machine.interrupt.take_halt() {
+            if self.machine.attention.take_halt() {
                 self.entry(Event::STOP_OPERATOR, 0, "");
                 self.machine.hot.stopping = true;
                 return Err(Abort);

@@ -7,13 +7,13 @@ use ob1_model::Event;
 use ob1_std::moment::Moment;
 use ob1_std::services::WallClock as _;
 
+use crate::access_port::AccessPort;
 use crate::cells;
 use crate::context::Blocks;
 use crate::engine::{Engine, Plan};
 use crate::exchange::{Exchange, Link};
 use crate::interrupts::{Hardware, slot_of};
-use crate::machine::{Interrupt, Machine};
-use crate::port::AccessPort;
+use crate::machine::{Attention, Machine};
 use crate::{
     AccessClient, Accounts, Answer, Ask, Cell, CellError, CellWidth, Command, DiagEntry, InterruptError, LogReader,
     ModuleCounters, ModuleSlot, ModuleStatus, Nanos, ObStatistics, OperatingState, ScanRecord, ScanStatistics,
@@ -117,8 +117,8 @@ impl Cpu {
 
     /// Flags for other threads: look at the watchdog, or stop.
     #[must_use]
-    pub fn interrupt(&self) -> Interrupt {
-        self.machine.interrupt.clone()
+    pub fn attention(&self) -> Attention {
+        self.machine.attention.clone()
     }
 
     /// Bytes of stack that a thread needs to call [`Cpu::cycle`]: for the deepest nesting of organization blocks and

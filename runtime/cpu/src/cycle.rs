@@ -29,7 +29,7 @@ impl Cpu {
         self.machine.hot.now = self.machine.hot.now.max(clock.now());
         self.machine.memory.reuse_deleted();
         self.serve_port();
-        if self.machine.interrupt.take_halt() {
+        if self.machine.attention.take_halt() {
             self.wanted = Some(Command::Stop);
         }
         if let Some(command) = self.wanted.take() {

@@ -4,6 +4,7 @@
 //! [`Cpu::new`] loads a compiled program, native blocks and modules; [`Cpu::cycle`] runs one cycle and says when the
 //! next is due. The CPU knows time only through the [`Clock`] it is given and never sleeps: the caller does.
 
+mod access_port;
 mod accounts;
 mod arena;
 mod cells;
@@ -28,7 +29,6 @@ mod modules;
 mod native;
 mod nesting;
 mod obs;
-mod port;
 mod ports;
 mod retentive;
 mod services;
@@ -41,24 +41,25 @@ mod timers;
 mod wall;
 mod whereabouts;
 
+pub use access_port::{AccessClient, Answer, Ask, Request, Response};
 pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ObStatistics,
     ScanRecord, ScanStatistics, Sums,
 };
-pub use config::{Command, CpuConfig, CycleEnd, ImageErrors, ModuleSlot, OperatingState};
+pub use config::{CpuConfig, CycleEnd, ImageErrors, ModuleSlot};
 pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagEntry, ShortText};
 pub use error::LoadError;
 pub use events::InterruptError;
 pub use exchange::{Group, LINKS, LIST_BYTES, Link, Listing, Returned, TooMuch};
 pub use log::{LOG_TEXT, LogLine, LogReader};
-pub use machine::Interrupt;
+pub use machine::Attention;
 pub use nesting::{MOST_STACK_BYTES, PLUGIN_STACK_BYTES};
 pub use ob1_model::{
-    Cell, CellError, CellWidth, Frame, GROUP_ENTRIES, Piece, Put, WATCH_BYTES, WATCH_LINES, WRITE_BYTES,
+    Cell, CellError, CellWidth, Command, Frame, GROUP_ENTRIES, OperatingState, Piece, Put, WATCH_BYTES, WATCH_LINES,
+    WRITE_BYTES,
 };
 pub use ob1_std::services::StatusError;
-pub use port::{AccessClient, Answer, Ask, Request, Response};
 pub use ports::*;
 pub use retentive::{DataRange, Retentive, RetentiveData, Why};
 pub use services::Services;

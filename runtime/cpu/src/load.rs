@@ -5,6 +5,7 @@ use std::sync::Arc;
 use ob1_ir::{Op, Program, Verified};
 use ob1_model::BlockKind;
 
+use crate::access_port::AccessPort;
 use crate::accounts::{Accounts, Trace, plugin_blocks};
 use crate::context::Blocks;
 use crate::engine::{
@@ -13,11 +14,10 @@ use crate::engine::{
 use crate::events::Diagnoses;
 use crate::interrupts::Interrupts;
 use crate::log::LogWriter;
-use crate::machine::{Interrupt, Machine, Watchdog};
+use crate::machine::{Attention, Machine, Watchdog};
 use crate::native::Native;
 use crate::nesting::Nesting;
 use crate::obs::ObRecords;
-use crate::port::AccessPort;
 use crate::retentive::Keep;
 use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
@@ -77,7 +77,7 @@ impl Cpu {
         let loaded = |id| signatures.find(id).is_some();
         let plugins = natives.iter().any(|native| native.is_plugin());
         let nesting = Nesting::new(&config, &loaded, plugins, engine.stack_per_block()).map_err(|error| vec![error])?;
-        let interrupt = Interrupt::default();
+        let attention = Attention::default();
         let obs: Vec<u16> = signatures
             .0
             .iter()
@@ -103,7 +103,7 @@ impl Cpu {
             engine: engine.engine(&plan).map_err(|reason| vec![LoadError::Engine { reason }])?,
             plan,
             natives: Native::all(natives, config.accounts.blocks),
-            interrupt: interrupt.clone(),
+            attention: attention.clone(),
         };
         let (port, client) = AccessPort::new(config.port_capacity);
         let (log, reader) = LogWriter::new();
@@ -114,7 +114,7 @@ impl Cpu {
             modules,
             diag: DiagBuffer::new(),
             log,
-            interrupt,
+            attention,
             wall: Wall::new(config.date_at_start),
             seen_from_outside: None,
             statements: 0,

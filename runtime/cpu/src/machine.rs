@@ -18,12 +18,12 @@ use crate::{CpuConfig, DiagBuffer, IoError, Memory, Modules, Nanos, ObInfo, Oper
 
 /// Flags that other threads may set; the scan looks at them at safe points.
 #[derive(Clone, Debug, Default)]
-pub struct Interrupt {
+pub struct Attention {
     due: Arc<AtomicBool>,
     halt: Arc<AtomicBool>,
 }
 
-impl Interrupt {
+impl Attention {
     /// Makes the program look at the clock and the watchdog at its next safe point.
     pub fn attend(&self) {
         self.due.store(true, Ordering::Release);
@@ -40,7 +40,7 @@ impl Interrupt {
         self.due.load(Ordering::Relaxed)
     }
 
-    /// The flag that [`Interrupt::is_due`] tells.
+    /// The flag that [`Attention::is_due`] tells.
     pub(crate) fn due(&self) -> &AtomicBool {
         &self.due
     }
@@ -73,7 +73,7 @@ pub(crate) struct Machine {
     pub(crate) diag: DiagBuffer,
     pub(crate) trace: Trace,
     pub(crate) log: LogWriter,
-    pub(crate) interrupt: Interrupt,
+    pub(crate) attention: Attention,
     /// Statements the clock knows of.
     pub(crate) statements: u64,
     /// What engines read and write directly.

@@ -379,7 +379,7 @@ impl NativeContext for Call<'_, '_> {
     fn attend(&mut self) -> Result<(), Abort> {
         let machine = &mut *self.cx.machine;
         machine.hot.pending = machine.hot.pending.saturating_add(1);
-        if machine.hot.pending >= machine.hot.look_after || machine.interrupt.is_due() {
+        if machine.hot.pending >= machine.hot.look_after || machine.attention.is_due() {
             return self.cx.attend();
         }
         if machine.hot.stopping { Err(Abort) } else { Ok(()) }

@@ -110,7 +110,7 @@ impl Machine {
             }
         }
         // What a lock held back comes at the next safe point.
-        self.interrupt.attend();
+        self.attention.attend();
     }
 
     /// Sets and activates the time-of-day interrupts of the configuration.

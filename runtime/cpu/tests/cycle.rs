@@ -103,15 +103,15 @@ fn an_operators_halt_ends_an_endless_loop() {
         let config = CpuConfig { watchdog: 0, ..CpuConfig::default() };
         let endless = program(vec![ob1(vec![Op::Jump(Jump::Always, 0)])], Vec::new());
         let mut bench = Bench::with(Cpu::new(config, &endless, vec![], vec![], common::engine()).expect("loads"));
-        let interrupt = bench.cpu.interrupt();
+        let attention = bench.cpu.attention();
         bench.cpu.request(Command::Stop);
         bench.cycle();
         bench.cpu.request(Command::Run);
         // Set before the start: taken at the cycle control point.
-        interrupt.halt();
+        attention.halt();
         assert_eq!(bench.cycle().state, OperatingState::Stop);
         // Set by the clock in the middle of the loop, as a monitor would.
-        struct Halting(ob1_cpu::Interrupt, u64);
+        struct Halting(ob1_cpu::Attention, u64);
         impl ob1_cpu::Clock for Halting {
             fn now(&mut self) -> u64 {
                 self.1
@@ -124,7 +124,7 @@ fn an_operators_halt_ends_an_endless_loop() {
             }
         }
         bench.cpu.request(Command::Run);
-        let end = bench.cpu.cycle(&mut Halting(interrupt, 0));
+        let end = bench.cpu.cycle(&mut Halting(attention, 0));
         assert_eq!((end.state, bench.events()[0]), (OperatingState::Stop, 0x4304));
     });
 }

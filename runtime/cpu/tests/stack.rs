@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 use common::rack::TestModule;
 use common::{MS, block, call, fc, ob, on_each_engine, program};
 use ob1_cpu::{
-    Abort, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, Interrupt, Module, ModuleSlot, Nanos, NativeBlock,
+    Abort, Attention, Clock, Command, Cpu, CpuConfig, CyclicInterrupt, Family, Module, ModuleSlot, Nanos, NativeBlock,
     NativeContext, NativeError, OperatingState, PLUGIN_STACK_BYTES, TimeOfDay,
 };
 use ob1_ir::{Arg, Call, CallMode, Op, Target};
@@ -38,7 +38,7 @@ enum Next {
 #[derive(Debug, Default)]
 struct Shared {
     now: AtomicU64,
-    interrupt: OnceLock<Interrupt>,
+    attention: OnceLock<Attention>,
     next: Mutex<Vec<Next>>,
     /// Organization blocks whose deepest block has run, outermost first.
     seen: Mutex<Vec<u16>>,
@@ -74,7 +74,7 @@ impl Deep {
         match next {
             Some(Next::Time(ms)) => {
                 self.shared.now.store(ms * MS, Ordering::Relaxed);
-                self.shared.interrupt.get().expect("set").attend();
+                self.shared.attention.get().expect("set").attend();
                 cx.attend()
             }
             Some(Next::Diagnosis) => match cx.diagnostic_interrupt(256, &[1]) {
@@ -175,7 +175,7 @@ fn the_deepest_nesting_fits_the_stack() {
         let modules: Vec<(ModuleSlot, Box<dyn Module>)> =
             vec![(ModuleSlot::new("io", 256), Box::new(TestModule::new(4)))];
         let mut cpu = Cpu::new(config, &program(blocks, vec![]), natives, modules, common::engine()).expect("it loads");
-        let _ = shared.interrupt.set(cpu.interrupt());
+        let _ = shared.attention.set(cpu.attention());
         let stack = cpu.stack_bytes();
         let clock = SharedClock(Arc::clone(&shared));
 

@@ -6,20 +6,21 @@
 
 use std::io;
 use std::os::fd::{AsFd as _, OwnedFd};
-use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use ob1_backplane::{GuardPage, handover};
 use ob1_host::driver::kept_environment;
-use ob1_host::supervisor::{Exit, Input, Phase, Report, Request, Supervisor, Times};
+use ob1_host::supervisor::{Report, Times};
 use rustix::event::{PollFd, PollFlags, poll};
-use rustix::process::{Pid, PidfdFlags, getpid, pidfd_open};
+use rustix::process::{PidfdFlags, getpid, pidfd_open};
 use rustix::time::Timespec;
 
 use crate::io::{Held, ProcessIo};
+use crate::kept::{Charge, Kept};
 
 /// The longest wait between two looks at the guardian.
 const LOOK: Duration = Duration::from_millis(500);
@@ -108,8 +109,9 @@ impl Guardian {
     /// What the system says.
     pub fn start(ward: Ward) -> io::Result<Self> {
         let (stopped, stop) = io::pipe()?;
-        let first = Process::start(&ward)?;
-        let thread = ob1_rt::spawn("ob1-guardian", move || Watch::new(ward, first, stopped.into()).run())?;
+        let guardian = Kept::started(ward, TIMES)?;
+        let watch = Watch { guardian, stopped: stopped.into(), began: Instant::now() };
+        let thread = ob1_rt::spawn("ob1-guardian", move || watch.run())?;
         Ok(Self { stop: Some(stop.into()), thread: Some(thread) })
     }
 }
@@ -123,27 +125,24 @@ impl Drop for Guardian {
     }
 }
 
-/// The child. It sees the end of the runtime by the runtime's pidfd, and by the end of this connection.
-struct Process {
-    child: Child,
-    pidfd: OwnedFd,
-    lifeline: OwnedFd,
-}
+impl Charge for Ward {
+    /// Its lifeline: it sees the end of the runtime by the runtime's pidfd, and by the end of this connection.
+    type Held = OwnedFd;
 
-impl Process {
-    fn start(ward: &Ward) -> io::Result<Self> {
+    fn command(&mut self) -> io::Result<(Command, Self::Held)> {
         let (lifeline, stdin) = handover::pair()?;
-        let mut descriptors = vec![ward.runtime.as_fd(), ward.page_fd.as_fd()];
-        descriptors.extend(ward.image.as_ref().map(|image| image.as_fd()));
-        handover::send(&lifeline, &ward.safe, &descriptors)?;
-        let mut child = Command::new(std::env::current_exe()?)
+        let mut descriptors = vec![self.runtime.as_fd(), self.page_fd.as_fd()];
+        descriptors.extend(self.image.as_ref().map(|image| image.as_fd()));
+        handover::send(&lifeline, &self.safe, &descriptors)?;
+        let mut command = Command::new(std::env::current_exe()?);
+        command
             .arg("janitor")
             .arg("--stopped-ms")
-            .arg(ward.patience.stopped.as_millis().to_string())
+            .arg(self.patience.stopped.as_millis().to_string())
             .arg("--silent-ms")
-            .arg(ward.patience.silent.as_millis().to_string())
-            .arg(&ward.rundir)
-            .args(&ward.published)
+            .arg(self.patience.silent.as_millis().to_string())
+            .arg(&self.rundir)
+            .args(&self.published)
             .env_clear()
             .envs(kept_environment())
             .stdin(Stdio::from(stdin))
@@ -151,113 +150,49 @@ impl Process {
             .stderr(Stdio::null())
             // Out of reach of Ctrl-C and of a kill of the runtime's group.
             .process_group(0)
-            .current_dir("/")
-            .spawn()?;
-        match pidfd_open(Pid::from_child(&child), PidfdFlags::empty()) {
-            Ok(pidfd) => Ok(Self { child, pidfd, lifeline }),
-            Err(error) => {
-                let _ = child.kill();
-                let _ = child.wait();
-                Err(error.into())
-            }
+            .current_dir("/");
+        Ok((command, lifeline))
+    }
+
+    fn begun(&mut self, _held: &mut Self::Held) {}
+
+    fn beats(&self) -> u64 {
+        self.page.guardian_beats()
+    }
+
+    fn tell(&self, report: Report) {
+        match report {
+            Report::Lost(exit) => tracing::warn!("the guardian is gone ({exit}); another is started"),
+            Report::Up(starts) if starts > 1 => tracing::info!("the guardian is up, start {starts}"),
+            _ => {}
         }
     }
 }
 
 /// The thread's work.
 struct Watch {
-    ward: Ward,
-    process: Option<Process>,
-    supervisor: Supervisor,
-    beats: u64,
+    guardian: Kept<Ward>,
     stopped: OwnedFd,
     began: Instant,
 }
 
 impl Watch {
-    fn new(ward: Ward, first: Process, stopped: OwnedFd) -> Self {
-        let mut supervisor = Supervisor::new(TIMES);
-        supervisor.step(0, Input::Tick);
-        supervisor.step(0, Input::Spawned);
-        let beats = ward.page.guardian_beats();
-        Self { ward, process: Some(first), supervisor, beats, stopped, began: Instant::now() }
-    }
-
-    fn now(&self) -> u64 {
-        self.began.elapsed().as_nanos() as u64
-    }
-
     fn run(mut self) {
         loop {
-            let until = self.attend();
-            let look = if self.supervisor.phase() == Phase::Starting { LOOK_STARTING } else { LOOK };
-            let wait = Duration::from_nanos(until.saturating_sub(self.now())).min(look);
+            let now = self.began.elapsed().as_nanos() as u64;
+            let until = self.guardian.attend(now);
+            let look = if self.guardian.is_starting() { LOOK_STARTING } else { LOOK };
+            let wait = Duration::from_nanos(until.saturating_sub(now)).min(look);
             let mut fds = vec![PollFd::new(&self.stopped, PollFlags::IN)];
-            fds.extend(self.process.as_ref().map(|process| PollFd::new(&process.pidfd, PollFlags::IN)));
+            fds.extend(self.guardian.fd());
             // An interrupted wait is a short one.
             let _ = poll(&mut fds, Timespec::try_from(wait).ok().as_ref());
             if fds.first().is_some_and(|stop| !stop.revents().is_empty()) {
                 break;
             }
         }
-        self.end();
-    }
-
-    /// Feeds the supervisor and does what it asks; when it wants to be called again.
-    fn attend(&mut self) -> u64 {
-        let now = self.now();
-        let mut input = self.observe();
-        loop {
-            let step = self.supervisor.step(now, input);
-            match step.report {
-                Some(Report::Lost(exit)) => tracing::warn!("the guardian is gone ({exit}); another is started"),
-                Some(Report::Up(starts)) if starts > 1 => tracing::info!("the guardian is up, start {starts}"),
-                _ => {}
-            }
-            input = match step.request {
-                Some(Request::Spawn) => match Process::start(&self.ward) {
-                    Ok(process) => {
-                        self.beats = self.ward.page.guardian_beats();
-                        self.process = Some(process);
-                        Input::Spawned
-                    }
-                    Err(error) => Input::Exited(Exit::NotStarted(error.raw_os_error().unwrap_or(0))),
-                },
-                Some(Request::Kill) => {
-                    if let Some(process) = &mut self.process {
-                        let _ = process.child.kill();
-                    }
-                    Input::Tick
-                }
-                None => return step.deadline.unwrap_or(u64::MAX),
-            };
-        }
-    }
-
-    fn observe(&mut self) -> Input {
-        let Some(process) = &mut self.process else { return Input::Tick };
-        if let Ok(Some(status)) = process.child.try_wait() {
-            self.process = None;
-            let by_signal = status.signal().map(Exit::Signal);
-            return Input::Exited(by_signal.unwrap_or(Exit::Code(status.code().unwrap_or(-1))));
-        }
-        let beats = self.ward.page.guardian_beats();
-        if beats != self.beats {
-            self.beats = beats;
-            return Input::Heartbeat;
-        }
-        let state = ob1_rt::process_state(process.child.id()).map(|state| state.state);
-        if matches!(state, Some('R' | 'D')) { Input::Starved } else { Input::Tick }
-    }
-
-    /// The end of the connection sends it to its work.
-    fn end(&mut self) {
-        let Some(Process { mut child, pidfd, lifeline }) = self.process.take() else { return };
-        drop(lifeline);
-        let _ = poll(&mut [PollFd::new(&pidfd, PollFlags::IN)], Timespec::try_from(END).ok().as_ref());
-        // Without effect on one that has ended.
-        let _ = child.kill();
-        let _ = child.wait();
+        // The end of the connection sends it to its work.
+        self.guardian.end(END);
     }
 }
 

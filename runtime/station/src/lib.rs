@@ -21,6 +21,7 @@ pub mod guardian;
 mod handling;
 pub mod io;
 pub mod janitor;
+mod kept;
 pub mod library;
 pub mod links;
 pub mod numbers;

@@ -1,7 +1,7 @@
 //! Whatever compiles runs: some thousand statements on the reference engine and on its plain form, with the same memory
 //! after each cycle.
 
-use ob1_cpu::{Clock, Command, Cpu, CpuConfig, Interrupt, Nanos, OperatingState};
+use ob1_cpu::{Attention, Clock, Command, Cpu, CpuConfig, Nanos, OperatingState};
 use ob1_ir::Program;
 use ob1_stl::{Mnemonics, Options, Source, compile};
 
@@ -54,12 +54,12 @@ pub(super) fn both(program: &Program) {
 struct Budget {
     now: Nanos,
     left: u64,
-    interrupt: Interrupt,
+    attention: Attention,
 }
 
 impl Budget {
     fn of(cpu: &Cpu) -> Self {
-        Self { now: 0, left: STATEMENTS, interrupt: cpu.interrupt() }
+        Self { now: 0, left: STATEMENTS, attention: cpu.attention() }
     }
 }
 
@@ -72,7 +72,7 @@ impl Clock for Budget {
         self.now += statements * 100;
         self.left = self.left.saturating_sub(statements);
         if self.left == 0 {
-            self.interrupt.halt();
+            self.attention.halt();
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What a link and the broker say to each other: one message a packet, in the order they were said.
 
-use ob1_model::{Area, BlockId, BlockKind, Cell, CellError, CellWidth, Piece, Put};
+use ob1_model::{Area, BlockId, BlockKind, Cell, CellError, CellWidth, Command, OperatingState as State, Piece, Put};
 
 use super::wire::{Wire, wire};
 use crate::Right;
@@ -16,45 +16,6 @@ pub const OUTSTANDING: usize = 8;
 
 /// Comes back with the answer.
 pub type Ticket = u64;
-
-/// Operating states.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the names say it")]
-pub enum State {
-    #[default]
-    Stop,
-    Startup,
-    Run,
-}
-
-impl State {
-    /// Of the number a snapshot carries: 0 STOP, 1 STARTUP, any other RUN.
-    #[must_use]
-    pub const fn of(number: u64) -> Self {
-        match number {
-            0 => Self::Stop,
-            1 => Self::Startup,
-            _ => Self::Run,
-        }
-    }
-}
-
-/// What an operator can ask for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// STOP to RUN, by a warm restart. Nothing happens in RUN.
-    Run,
-    /// To STOP.
-    Stop,
-    /// Warm restart.
-    Warm,
-    /// Cold restart.
-    Cold,
-    /// Hot restart, S7-400 only.
-    Hot,
-    /// Memory reset.
-    Reset,
-}
 
 /// What a client asks the broker. In brackets: the right it takes beyond reading.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -41,9 +41,10 @@ use ob1_model::{GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
 use thiserror::Error;
 
 pub use messages::{
-    Answer, Ask, BlockFact, Command, Diagnosis, Document, Event, MESSAGE_BYTES, OUTSTANDING, PART_BYTES, Refusal,
-    Refused, State, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
+    Answer, Ask, BlockFact, Diagnosis, Document, Event, MESSAGE_BYTES, OUTSTANDING, PART_BYTES, Refusal, Refused,
+    Ticket, ToBroker, ToLink, VERSION, Welcome, What,
 };
+pub use ob1_model::{Command, OperatingState as State};
 use ranges::Ranges;
 pub use ranges::{Cover, Found};
 pub use reading::Reading;

@@ -2,7 +2,8 @@
 
 use ob1_model::{CellWidth, Piece};
 
-use super::messages::{Refusal, State};
+use super::State;
+use super::messages::Refusal;
 
 /// The pieces of one read, all of one cycle control point. Used again it allocates nothing.
 #[derive(Clone, Debug, Default)]

@@ -17,7 +17,7 @@ impl Context<'_> {
     pub fn hot(&mut self) -> &mut Hot {
         let m = &mut *self.machine;
         let hot = &mut m.hot;
-        *hot.due.get_mut() = std::ptr::from_ref(m.interrupt.due()).cast_mut();
+        *hot.due.get_mut() = std::ptr::from_ref(m.attention.due()).cast_mut();
         *hot.arena.get_mut() = m.memory.bytes.as_mut_ptr();
         hot.arena_len = m.memory.bytes.len() as u32;
         *hot.refs.get_mut() = m.refs.as_mut_ptr();

@@ -40,7 +40,7 @@ impl Looker {
 
     pub fn mark(&self) -> Option<Mark> {
         let [generation, scan, time, state] = self.glass.0.0.each_ref().map(|word| word.load(Ordering::Relaxed));
-        (scan > 0).then(|| Mark { generation, scan, time, state: OperatingState::of(state as u8) })
+        (scan > 0).then(|| Mark { generation, scan, time, state: OperatingState::of(state) })
     }
 
     /// The bytes of a piece in the newest snapshot.

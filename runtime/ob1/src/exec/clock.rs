@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::{Duration, Instant};
 
-use ob1_cpu::{Clock, Interrupt, Nanos};
+use ob1_cpu::{Attention, Clock, Nanos};
 use ob1_rt::MonotonicClock;
 
 use super::ExecArgs;
@@ -51,12 +51,12 @@ pub(super) struct ExecClock {
     looks: u32,
     wall_over: bool,
     halted: bool,
-    interrupt: Interrupt,
+    attention: Attention,
 }
 
 impl ExecClock {
     /// `wall` limits the run where time is virtual.
-    pub(super) fn new(args: &ExecArgs, interrupt: Interrupt, wall: WallTime) -> Self {
+    pub(super) fn new(args: &ExecArgs, attention: Attention, wall: WallTime) -> Self {
         let limit = args.limit.as_nanos() as u64;
         let time = if args.real_time {
             Time::Real(MonotonicClock::start())
@@ -65,7 +65,7 @@ impl ExecClock {
         };
         let wall = (!args.real_time).then_some(wall);
         let halt_at = limit.saturating_add(args.watchdog.as_nanos() as u64);
-        Self { time, limit, halt_at, wall, looks: 0, wall_over: false, halted: false, interrupt }
+        Self { time, limit, halt_at, wall, looks: 0, wall_over: false, halted: false, attention }
     }
 
     /// The next cycle is due then; time is let pass, or waited for.
@@ -99,7 +99,7 @@ impl ExecClock {
         }
         if !self.halted && (self.wall_over || self.now() >= self.halt_at) {
             self.halted = true;
-            self.interrupt.halt();
+            self.attention.halt();
         }
     }
 }
@@ -155,7 +155,7 @@ mod tests {
         let seconds = Arc::new(AtomicU64::new(0));
         let count = seconds.clone();
         let wall = WallTime(Box::new(move || Duration::from_secs(count.fetch_add(1, Ordering::Relaxed) + 1)));
-        let mut clock = ExecClock::new(&args, cpu.interrupt(), wall);
+        let mut clock = ExecClock::new(&args, cpu.attention(), wall);
         let exit = run(&mut cpu, &mut clock, args.start);
         (exit, clock.wall_is_over(), seconds.load(Ordering::Relaxed))
     }

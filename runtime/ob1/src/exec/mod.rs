@@ -57,7 +57,7 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
         // Before the run: a dump that cannot be is known at once, not after a minute.
         dump.bytes(&cpu).map_err(|text| (ExecExit::Other(Exit::Usage), format!("ob1: --dump {text}\n")))?;
     }
-    let mut clock = ExecClock::new(args, cpu.interrupt(), WallTime::start());
+    let mut clock = ExecClock::new(args, cpu.attention(), WallTime::start());
     let meter = Meter::start();
     let exit = ob1_rt::with_stack(cpu.stack_bytes(), || run(&mut cpu, &mut clock, args.start));
     let exit = exit.map_err(|e| (ExecExit::Other(Exit::System), format!("ob1: a thread for the program: {e}\n")))?;

@@ -2,7 +2,7 @@
 
 use ob1_backplane::io_layout::IO_AREA_BYTES;
 use ob1_backplane::{IoField, IoImage};
-use ob1_cpu::{Cell, CellWidth, Clock, Command, Cpu, CpuConfig, Interrupt, Nanos, OperatingState};
+use ob1_cpu::{Attention, Cell, CellWidth, Clock, Command, Cpu, CpuConfig, Nanos, OperatingState};
 use ob1_ir::Program;
 use ob1_model::Area;
 
@@ -46,7 +46,7 @@ pub(super) fn bare_modules() -> Vec<ModuleConfig> {
 struct BenchClock {
     time: VirtualClock,
     scan: u64,
-    interrupt: Interrupt,
+    attention: Attention,
 }
 
 impl Clock for BenchClock {
@@ -59,7 +59,7 @@ impl Clock for BenchClock {
         self.scan = before.saturating_add(statements);
         self.time.executed(self.scan.saturating_sub(before.max(FREE)));
         if self.scan > GIVE_UP {
-            self.interrupt.halt();
+            self.attention.halt();
         }
     }
 
@@ -106,7 +106,7 @@ impl Bench {
         let io = ProcessIo::new(image, Stimulus::default());
         let slots = modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, name, m)?))).collect();
         let cpu = assembly::load_cpu(config, loaded, natives, slots, EngineChoice::Auto).map_err(of_load)?;
-        let clock = BenchClock { time: VirtualClock::new(NS_PER_STATEMENT), scan: 0, interrupt: cpu.interrupt() };
+        let clock = BenchClock { time: VirtualClock::new(NS_PER_STATEMENT), scan: 0, attention: cpu.attention() };
         let inputs = modules.iter().filter_map(|m| match m.kind {
             ModuleKind::Inputs { .. } | ModuleKind::Remote { .. } => {
                 Some(m.input_address..m.input_address + u32::from(m.input_bytes()))

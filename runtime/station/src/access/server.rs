@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Door, Refusal};
 use ob1_access::{Item, Put, value};
-use ob1_cpu::{Family, OperatingState};
+use ob1_cpu::Family;
 use serde_json::Value;
 
 use super::clients::Clients;
@@ -136,7 +136,7 @@ impl Serving {
 
     fn status(&mut self) -> Result<Status, String> {
         match self.control.ask(Ask::Modules)? {
-            Answer::Modules { state, present } => Ok(self.view.status(OperatingState::of(state as u8), &present)),
+            Answer::Modules { state, present } => Ok(self.view.status(state, &present)),
             _ => Err("no answer".into()),
         }
     }

@@ -11,7 +11,7 @@ use ob1_access::Right;
 use ob1_access::door::Door;
 use ob1_backplane::handover;
 use ob1_broker::{Broker, FeedEnd, LinkConfig, RunningBroker};
-use ob1_cpu::{Cpu, Interrupt, LogReader, OperatingState};
+use ob1_cpu::{Attention, Cpu, LogReader, OperatingState};
 use ob1_host::driver::RunningFleet;
 use ob1_rt::MonotonicClock;
 
@@ -51,7 +51,7 @@ const STOP_TIME: u64 = 3_000_000_000;
 pub(super) struct AtWork {
     view: StationView,
     scan: Arc<ScanState>,
-    interrupt: Interrupt,
+    attention: Attention,
     log: Option<LogReader>,
     journal: Journal,
     block: Arc<Running>,
@@ -104,7 +104,7 @@ impl AtWork {
         let scan = Arc::new(ScanState::new(cpu.module_count()));
         let (to_run, entries) = ob1_broker::feed();
         let journal = Journal::new(entries);
-        let (interrupt, log) = (cpu.interrupt(), cpu.log_reader());
+        let (attention, log) = (cpu.attention(), cpu.log_reader());
         last_words::prepare(io.clone(), Arc::clone(&running), cpu.whereabouts()).map_err(system("signals"))?;
         let thread = Scan {
             cpu,
@@ -127,7 +127,7 @@ impl AtWork {
         Ok(Self {
             view,
             scan,
-            interrupt,
+            attention,
             log,
             journal,
             block: running,
@@ -266,7 +266,7 @@ impl AtWork {
 
     /// Sends the CPU to STOP and waits for it.
     fn halt(&self) -> Result<(), Failure> {
-        self.interrupt.halt();
+        self.attention.halt();
         let give_up = self.clock.time().saturating_add(STOP_TIME).saturating_add(self.min_cycle.saturating_mul(2));
         while self.scan.state() != OperatingState::Stop {
             if self.clock.time() >= give_up {

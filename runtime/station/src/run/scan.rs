@@ -63,7 +63,7 @@ impl ScanState {
 
     /// The operating state after the last cycle.
     pub(super) fn state(&self) -> OperatingState {
-        OperatingState::of(self.state.load(Ordering::Acquire))
+        OperatingState::of(self.state.load(Ordering::Acquire).into())
     }
 
     /// Cycles since the start, those in STOP included: a sign of life.

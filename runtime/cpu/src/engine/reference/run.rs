@@ -46,7 +46,7 @@ impl Reference {
         }
         macro_rules! attend {
             () => {
-                if executed >= cx.machine.hot.look_after || runtime.interrupt.is_due() {
+                if executed >= cx.machine.hot.look_after || runtime.attention.is_due() {
                     cx.machine.hot.pending = executed;
                     cx.safe_point(Caller { block: current, statement: pc as u32 })?;
                     executed = cx.machine.hot.pending;

@@ -1,0 +1,51 @@
+//! The operating states of a CPU, and what an operator can ask for.
+
+/// Operating states.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OperatingState {
+    /// The program does not run, outputs are 0. Access port and modules are served.
+    #[default]
+    Stop,
+    /// OB 100 (warm), OB 101 (hot) or OB 102 (cold) runs.
+    Startup,
+    /// The cycle runs.
+    Run,
+}
+
+impl OperatingState {
+    /// As a number: 0 STOP, 1 STARTUP, 2 RUN.
+    #[must_use]
+    pub const fn number(self) -> u8 {
+        self as u8
+    }
+
+    /// Of that number; any other is RUN.
+    #[must_use]
+    pub const fn of(number: u64) -> Self {
+        match number {
+            0 => Self::Stop,
+            1 => Self::Startup,
+            _ => Self::Run,
+        }
+    }
+}
+
+/// What an operator can ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// STOP to RUN, by a warm restart. Nothing happens in RUN.
+    Run,
+    /// To STOP.
+    Stop,
+    /// Warm restart: what is retentive keeps its value, by default all data blocks; process images and the rest of bit
+    /// memory, timers and counters are cleared, other data blocks get their load values.
+    Warm,
+    /// Cold restart: nothing is kept. Data blocks get their load values, those made by the program are deleted.
+    Cold,
+    /// Hot restart, S7-400 only: everything keeps its value, OB 101 runs, and a new cycle begins; what was left of the
+    /// interrupted one is not run. Refused, with an entry in the diagnostic buffer, on an S7-300 and where no RUN came
+    /// before.
+    Hot,
+    /// Memory reset: STOP, everything as after loading, the diagnostic buffer stays.
+    Reset,
+}

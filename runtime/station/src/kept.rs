@@ -1,0 +1,138 @@
+//! A process that the station keeps alive: started, watched by its signs of life, and started again when it is gone or
+//! silent. The supervisor's clock is the caller's.
+
+use std::io;
+use std::os::fd::OwnedFd;
+use std::os::unix::process::ExitStatusExt as _;
+use std::process::{Child, Command};
+use std::time::Duration;
+
+use ob1_host::supervisor::{Exit, Input, Phase, Report, Request, Supervisor, Times};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::process::{Pid, PidfdFlags, pidfd_open};
+use rustix::time::Timespec;
+
+/// What kind of process it is.
+pub(crate) trait Charge {
+    /// What else belongs to a started process; closing it is how the process is told to end.
+    type Held;
+
+    /// The command that starts it, and what has to be kept open for it.
+    fn command(&mut self) -> io::Result<(Command, Self::Held)>;
+
+    /// It has been started.
+    fn begun(&mut self, held: &mut Self::Held);
+
+    /// Its signs of life so far.
+    fn beats(&self) -> u64;
+
+    /// For the log.
+    fn tell(&self, report: Report);
+}
+
+/// A running process, and the descriptor that says when it is gone.
+struct Process<H> {
+    child: Child,
+    pidfd: OwnedFd,
+    held: H,
+}
+
+/// See [the module](self).
+pub(crate) struct Kept<C: Charge> {
+    charge: C,
+    supervisor: Supervisor,
+    process: Option<Process<C::Held>>,
+    beats: u64,
+}
+
+impl<C: Charge> Kept<C> {
+    /// One that is started by the first [`Kept::attend`].
+    pub(crate) fn new(charge: C, times: Times) -> Self {
+        Self { charge, supervisor: Supervisor::new(times), process: None, beats: 0 }
+    }
+
+    /// One that is started now.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub(crate) fn started(charge: C, times: Times) -> io::Result<Self> {
+        let mut kept = Self::new(charge, times);
+        kept.spawn()?;
+        kept.supervisor.step(0, Input::Tick);
+        kept.supervisor.step(0, Input::Spawned);
+        Ok(kept)
+    }
+
+    /// It has been started and has not given its first sign of life.
+    pub(crate) fn is_starting(&self) -> bool {
+        self.supervisor.phase() == Phase::Starting
+    }
+
+    /// What becomes readable when the process ends.
+    pub(crate) fn fd(&self) -> Option<PollFd<'_>> {
+        self.process.as_ref().map(|process| PollFd::new(&process.pidfd, PollFlags::IN))
+    }
+
+    /// Feeds the supervisor and does what it asks; when it wants to be called again.
+    pub(crate) fn attend(&mut self, now: u64) -> u64 {
+        let mut input = self.observe();
+        loop {
+            let step = self.supervisor.step(now, input);
+            if let Some(report) = step.report {
+                self.charge.tell(report);
+            }
+            input = match step.request {
+                Some(Request::Spawn) => match self.spawn() {
+                    Ok(()) => Input::Spawned,
+                    Err(error) => Input::Exited(Exit::NotStarted(error.raw_os_error().unwrap_or(0))),
+                },
+                Some(Request::Kill) => {
+                    if let Some(process) = &mut self.process {
+                        let _ = process.child.kill();
+                    }
+                    Input::Tick
+                }
+                None => return step.deadline.unwrap_or(u64::MAX),
+            };
+        }
+    }
+
+    fn spawn(&mut self) -> io::Result<()> {
+        let (mut command, mut held) = self.charge.command()?;
+        let mut child = command.spawn()?;
+        let pidfd = pidfd_open(Pid::from_child(&child), PidfdFlags::empty()).inspect_err(|_| {
+            let _ = child.kill();
+            let _ = child.wait();
+        })?;
+        self.beats = self.charge.beats();
+        self.charge.begun(&mut held);
+        self.process = Some(Process { child, pidfd, held });
+        Ok(())
+    }
+
+    fn observe(&mut self) -> Input {
+        let Some(process) = &mut self.process else { return Input::Tick };
+        if let Ok(Some(status)) = process.child.try_wait() {
+            self.process = None;
+            let by_signal = status.signal().map(Exit::Signal);
+            return Input::Exited(by_signal.unwrap_or(Exit::Code(status.code().unwrap_or(-1))));
+        }
+        let beats = self.charge.beats();
+        if beats != self.beats {
+            self.beats = beats;
+            return Input::Heartbeat;
+        }
+        let state = ob1_rt::process_state(process.child.id()).map(|state| state.state);
+        if matches!(state, Some('R' | 'D')) { Input::Starved } else { Input::Tick }
+    }
+
+    /// Tells it to end by closing what it holds, and waits so long at the most.
+    pub(crate) fn end(&mut self, patience: Duration) {
+        let Some(Process { mut child, pidfd, held }) = self.process.take() else { return };
+        drop(held);
+        let _ = poll(&mut [PollFd::new(&pidfd, PollFlags::IN)], Timespec::try_from(patience).ok().as_ref());
+        // Without effect on one that has ended.
+        let _ = child.kill();
+        let _ = child.wait();
+    }
+}
