@@ -389,7 +389,7 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
             Refusal::NotThere => Code::NO_BLOCK,
             Refusal::Cell(_) | Refusal::Full | Refusal::Silent => Code::NOT_NOW,
         }),
-        Answer::Diagnostics(_) | Answer::Modules { .. } => Reply::Refused(Code::SERVICE),
+        Answer::Diagnostics(_) | Answer::Modules { .. } | Answer::Document { .. } => Reply::Refused(Code::SERVICE),
     }
 }
 

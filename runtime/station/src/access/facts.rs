@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ob1_access::door::{BlockFact, Diagnosis, Document, State};
 use ob1_access::{Cell, CellWidth, Put};
 use ob1_broker::{DriverState, Facts};
-use ob1_cpu::{CpuConfig, DIAG_ENTRIES, DiagEntry, Family, OperatingState};
+use ob1_cpu::{CpuConfig, DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
@@ -126,7 +126,7 @@ impl Facts for StationFacts {
     fn document(&self, which: Document, state: State, present: &[bool], links: &[(&str, bool)]) -> Box<[u8]> {
         let text = match which {
             Document::Program => Ok(self.view.program.as_ref().map(|program| ob1_ir::write(program))),
-            Document::Status => json(&self.view.status(OperatingState::of(state as u8), present)),
+            Document::Status => json(&self.view.status(state, present)),
             Document::Timing => json(&self.view.timings.snapshot(true)),
             Document::Buffers => json(&self.view.buffers(DIAG_ENTRIES as u32)),
             Document::Links => {
