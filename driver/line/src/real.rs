@@ -242,8 +242,8 @@ impl RealLine {
     }
 }
 
-/// Driven by the owner's clock and poll loop: it waits for [`Self::poll_fds`] until [`Self::deadline`]; when a descriptor
-/// was ready it calls [`Self::ready`]; then, in either case, [`Self::next_event`] until it answers `None`.
+/// Driven by the owner's clock and poll loop: it waits for [`Self::poll_fds`] until [`Self::deadline`]; when a
+/// descriptor was ready it calls [`Self::ready`]; then, in either case, [`Self::next_event`] until it answers `None`.
 impl RealLine {
     /// Sets baud rate and character frame, now and whenever the line comes back. What was still to be sent is lost.
     ///

@@ -70,22 +70,24 @@ const SECTIONS_340: &str = "
 const HEAD_340: &str = "\
 # Conformance of the CP 340 and of the printer driver
 
-What the manual of the CP 340 (04/2011), and that of the CP 341 (09/2008) about the printer driver, say as far as public text has it, with the
-test that proves it or the reason why there is none: *fact only* (nothing to be done by this program), *other module*, *hardware fault*. A row
-that says *ours* is our decision, because the text at hand is silent ([CP 340](../cp340.md), [printer driver](../cp340-printer.md)).
+What the manual of the CP 340 (04/2011), and that of the CP 341 (09/2008) about the printer driver, say as far as public
+text has it, with the test that proves it or the reason why there is none: *fact only* (nothing to be done by this
+program), *other module*, *hardware fault*. A row that says *ours* is our decision, because the text at hand is silent
+([CP 340](../cp340.md), [printer driver](../cp340-printer.md)).
 
-Made of `docs/conformance/cp340.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither, when a test is not there,
-and when a section has no row.
+Made of `docs/conformance/cp340.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither,
+when a test is not there, and when a section has no row.
 ";
 
 const HEAD: &str = "\
 # Conformance of the CP 341
 
-Every row of chapters 3 to 7 of the loadable driver's manual (S4) and of sections 1 to 6 of the reference, with the test that proves it or the
-reason why there is none: *fact only* (nothing to be done by this program), *other module*, *hardware fault*.
+Every row of chapters 3 to 7 of the loadable driver's manual (S4) and of sections 1 to 6 of the reference, with the test
+that proves it or the reason why there is none: *fact only* (nothing to be done by this program), *other module*,
+*hardware fault*.
 
-Made of `docs/conformance/cp341.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither, when a test is not there,
-and when a section has no row.
+Made of `docs/conformance/cp341.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither,
+when a test is not there, and when a section has no row.
 ";
 
 /// One row.

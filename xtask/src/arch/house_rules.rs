@@ -94,8 +94,32 @@ pub(super) fn long_files(tree: &Tree) -> Vec<Finding> {
 /// Columns of a line, as in rustfmt.toml, which leaves comments alone.
 const WIDE: usize = 120;
 
-/// Comments are as narrow as code. Rows of tables cannot be folded.
-pub(super) fn wide_comments(tree: &Tree) -> Vec<Finding> {
+/// Comments and pages are as narrow as code. Rows of tables cannot be folded, and what is quoted keeps its lines.
+pub(super) fn width(tree: &Tree) -> Vec<Finding> {
+    let mut findings = wide_comments(tree);
+    findings.extend(wide_pages(tree));
+    findings
+}
+
+/// `CHANGELOG.md` is many hands' list of one-line entries.
+fn wide_pages(tree: &Tree) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for file in tree.files.iter().filter(|file| file.path.ends_with(".md") && file.path != "CHANGELOG.md") {
+        let mut fenced = false;
+        for (at, line) in file.text.lines().enumerate() {
+            let text = line.trim_start();
+            fenced ^= text.starts_with("```");
+            let is_quoted = fenced || line.starts_with("    ") || text.starts_with(['|', '[', '#']);
+            if !is_quoted && line.chars().count() > WIDE && text.contains(' ') {
+                let what = format!("a line of more than {WIDE} columns");
+                findings.push(Finding { place: format!("{}:{}", file.path, at + 1), rule: "width", what });
+            }
+        }
+    }
+    findings
+}
+
+fn wide_comments(tree: &Tree) -> Vec<Finding> {
     let is_wide = |line: &str| {
         let text = line.trim_start().trim_start_matches('/').trim_start_matches('!').trim_start();
         line.trim_start().starts_with("//") && line.chars().count() > WIDE && !text.starts_with('|')
@@ -139,6 +163,15 @@ mod unit {
         let tree = Tree::of(&[("a/src/lib.rs", &text), ("docs/a.md", &text)]);
         let places: Vec<String> = wide_comments(&tree).into_iter().map(|finding| finding.place).collect();
         assert_eq!(places, ["a/src/lib.rs:2", "a/src/lib.rs:5"]);
+    }
+
+    #[test]
+    fn pages_are_narrow() {
+        let long = format!("x {}", "x".repeat(WIDE - 2));
+        let page = format!("{long}\n{long}x\n| {long} |\n    {long}x\n```text\n{long}x\n```\n{long}y\n");
+        let tree = Tree::of(&[("docs/a.md", &page), ("CHANGELOG.md", &page)]);
+        let places: Vec<String> = width(&tree).into_iter().map(|finding| finding.place).collect();
+        assert_eq!(places, ["docs/a.md:2", "docs/a.md:8"]);
     }
 
     #[test]

@@ -59,7 +59,7 @@ const GUARDS: &[Guard] = &[
     guard("tests", house_rules::tests),
     guard("lints", house_rules::workspace_lints),
     guard("merges", house_rules::merge_marks),
-    guard("width", house_rules::wide_comments),
+    guard("width", house_rules::width),
     Guard { name: "rooms", check: house_rules::long_files, warning: true },
 ];
 

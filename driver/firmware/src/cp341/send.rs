@@ -79,7 +79,8 @@ impl SendChannel {
         (self.job, &self.data[..len])
     }
 
-    /// The data of a SEND as long as its request says: an odd LEN travels with a filler 00h behind them. [reference 1.3]
+    /// The data of a SEND as long as its request says: an odd LEN travels with a filler 00h behind them.
+    /// [reference 1.3]
     pub(crate) fn padded(&mut self, bytes: usize) -> &[u8] {
         let len = self.job().1.len();
         if len == 0 {

@@ -1,7 +1,7 @@
 //! Memory of a plugin's blocks in one station: allocated before the first scan, zeroed at every start-up.
 //!
-//! The blocks of a station share memory, and each can be sent to another thread by itself. So whoever runs or resets one
-//! of them asks first ([`StationMemory::enter`]): one thread at a time is inside, and nobody ever waits.
+//! The blocks of a station share memory, and each can be sent to another thread by itself. So whoever runs or resets
+//! one of them asks first ([`StationMemory::enter`]): one thread at a time is inside, and nobody ever waits.
 
 use std::cell::UnsafeCell;
 use std::collections::BTreeMap;
