@@ -44,6 +44,15 @@ pub struct Typed {
     pub ty: DataType,
 }
 
+impl Item {
+    /// Of a place where a single value of up to 32 bits lies.
+    #[must_use]
+    pub fn of(typed: &Typed) -> Option<Self> {
+        let (width, reading) = of_type(&typed.ty)?;
+        Some(Self { name: typed.name.clone(), cell: typed.cell, width, reading, type_name: typed.ty.name() })
+    }
+}
+
 /// The names of a program: data block components and symbols.
 #[derive(Clone, Debug, Default)]
 pub struct Names {
@@ -104,9 +113,7 @@ impl Names {
     /// What is wrong with the name, in one sentence.
     pub fn parse(&self, name: &str) -> Result<Item, String> {
         let typed = self.typed(name)?;
-        let (width, reading) = of_type(&typed.ty)
-            .ok_or_else(|| format!("{} is a {}, which is no single value", name.trim(), typed.ty.name()))?;
-        Ok(Item { name: typed.name, cell: typed.cell, width, reading, type_name: typed.ty.name() })
+        Item::of(&typed).ok_or_else(|| format!("{} is a {}, which is no single value", name.trim(), typed.ty.name()))
     }
 
     /// Finds a place and its type by name. A symbol has the type of the symbol table where that is as long as the

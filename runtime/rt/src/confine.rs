@@ -42,6 +42,10 @@ pub enum Network {
 pub struct Confinement {
     /// Folders in which it makes, replaces and removes files, links and sockets.
     pub folders: Vec<PathBuf>,
+    /// Files and folders it reads.
+    pub readable: Vec<PathBuf>,
+    /// It waits by epoll, as an async runtime does.
+    pub events: bool,
     /// It opens devices. The rule names `/dev`, not the device: a USB adapter that was pulled out comes back as another
     /// file.
     pub devices: bool,
@@ -131,6 +135,7 @@ fn ruleset(wanted: &Confinement) -> Result<RulesetCreated, landlock::RulesetErro
     let mut places: Vec<(&Path, BitFlags<AccessFs>)> = Vec::new();
     let nearest: Vec<PathBuf> = wanted.folders.iter().map(|folder| existing(folder)).collect();
     places.extend(nearest.iter().map(|folder| (folder.as_path(), all & !AccessFs::Execute)));
+    places.extend(wanted.readable.iter().map(|place| (place.as_path(), read)));
     if wanted.devices {
         places.push((Path::new("/dev"), use_devices));
     }
@@ -144,6 +149,8 @@ fn ruleset(wanted: &Confinement) -> Result<RulesetCreated, landlock::RulesetErro
     for (place, access) in places {
         // What is not there needs no rule.
         if let Ok(file) = PathFd::new(place) {
+            // A rule about a file knows nothing of folders.
+            let access = if place.is_dir() { access } else { access & AccessFs::from_file(LANDLOCK) };
             rules = rules.add_rule(PathBeneath::new(file, access))?;
         }
     }
@@ -241,6 +248,22 @@ const CALLS: &[i64] = &[
     libc::SYS_clone3,
 ];
 
+/// What an async runtime waits with, and what a store on disk needs.
+const EVENT_CALLS: &[i64] = &[
+    libc::SYS_epoll_create1,
+    libc::SYS_epoll_ctl,
+    libc::SYS_epoll_pwait,
+    libc::SYS_epoll_pwait2,
+    libc::SYS_eventfd2,
+    libc::SYS_fsync,
+    libc::SYS_fdatasync,
+    libc::SYS_pwrite64,
+];
+#[cfg(target_arch = "x86_64")]
+const OLD_EVENT_CALLS: &[i64] = &[libc::SYS_epoll_wait];
+#[cfg(not(target_arch = "x86_64"))]
+const OLD_EVENT_CALLS: &[i64] = &[];
+
 /// The same under the names of older machines.
 #[cfg(target_arch = "x86_64")]
 const OLD_CALLS: &[i64] = &[
@@ -275,6 +298,9 @@ fn rule(conditions: Vec<SeccompCondition>) -> Result<SeccompRule, String> {
 
 fn rules(wanted: &Confinement) -> Result<Rules, String> {
     let mut rules: Rules = CALLS.iter().chain(OLD_CALLS).map(|&call| (call, Vec::new())).collect();
+    if wanted.events {
+        rules.extend(EVENT_CALLS.iter().chain(OLD_EVENT_CALLS).map(|&call| (call, Vec::new())));
+    }
     let thread = libc::CLONE_THREAD as u64;
     rules.insert(libc::SYS_clone, vec![rule(vec![condition(0, Op::MaskedEq(thread), thread)?])?]);
     // Its own threads, for `abort`; and whether somebody is there.

@@ -91,6 +91,7 @@ const TABLE: &[Row] = &[
             "ob1-log",
             "ob1-model",
             "ob1-rt",
+            "ob1-stl",
             "clap",
             "http-body-util",
             "hyper",

@@ -51,6 +51,7 @@ fn keys(table: &LinkTable) -> Vec<(&'static str, &'static [LinkKind], Key<'_>)> 
         ("key", WITH_TLS, Key::Secret(&table.key)),
         ("audit", WITH_USERS, Key::Path(&table.audit)),
         ("hosts", &[Web, Metrics], Key::Texts(&table.hosts)),
+        ("reports", &[Web], Key::Path(&table.reports)),
         ("broker", &[Mqtt], Key::Text(&table.broker)),
     ]
 }
@@ -92,6 +93,9 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path) -
         // Whoever may do more than read leaves a trace.
         let audit = absolute(folder, &format!("{station}.audit"));
         config.entry("audit").or_insert_with(|| json!(audit));
+        if matches!(kind, OpcUa | Mqtt) {
+            config.insert("state".into(), json!(absolute(folder, &format!("{station}.gate"))));
+        }
     }
     Some(StationLink {
         name: name(f, "link", &table.name),

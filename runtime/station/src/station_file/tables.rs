@@ -59,6 +59,7 @@ pub(super) struct LinkTable {
     pub(super) key: Option<Placed<String>>,
     pub(super) audit: Option<Placed<String>>,
     pub(super) hosts: Option<Placed<Vec<String>>>,
+    pub(super) reports: Option<Placed<String>>,
 }
 
 #[derive(Debug, Deserialize)]

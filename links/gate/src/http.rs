@@ -1,0 +1,346 @@
+//! HTTP/1.1 for a link: who may connect, how long a request may take, whom it may name. What comes is a stranger's.
+
+use std::convert::Infallible;
+use std::future::Future;
+use std::net::{IpAddr, SocketAddr};
+use std::pin::Pin;
+use std::rc::Rc;
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use http_body_util::{BodyExt as _, Limited};
+use hyper::body::{Bytes, Frame, Incoming};
+use hyper::header::{CACHE_CONTROL, CONTENT_TYPE, HOST, HeaderMap, HeaderValue, ORIGIN};
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Method, Request, Response, StatusCode};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use ob1_gate_core::Link;
+use rustix::net::sockopt;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::TcpListener;
+use tokio::sync::mpsc;
+use tokio::time::timeout;
+use tracing::{debug, warn};
+
+/// A request's head, a handshake, a body: each has so long to come.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// A partner that takes nothing for so long is gone.
+const DEAF: Duration = Duration::from_secs(30);
+/// Longest head and body, in bytes.
+const HEAD: usize = 32 << 10;
+const BODY: usize = 64 << 10;
+/// Connections at a time, where the station file says nothing; of one address at most half of them.
+const CLIENTS: usize = 64;
+/// Without a descriptor the next look for a connection waits so long.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Only what the page brings itself may run, be shown or be asked for.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self'; \
+                      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// A request, whole.
+#[derive(Debug)]
+pub(crate) struct Call {
+    pub(crate) method: Method,
+    pub(crate) path: String,
+    pub(crate) query: String,
+    pub(crate) headers: HeaderMap,
+    pub(crate) body: Bytes,
+    pub(crate) peer: IpAddr,
+    pub(crate) tls: bool,
+}
+
+/// What answers.
+pub(crate) trait Site: 'static {
+    fn call(self: Rc<Self>, call: Call) -> Pin<Box<dyn Future<Output = Reply>>>;
+}
+
+pub(crate) type Reply = Response<Body>;
+
+/// A body that is there, or comes bit by bit.
+#[derive(Debug)]
+pub(crate) enum Body {
+    Whole(Option<Bytes>),
+    Parts(mpsc::Receiver<Bytes>),
+}
+
+impl hyper::body::Body for Body {
+    type Data = Bytes;
+    type Error = Infallible;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
+        match &mut *self {
+            Self::Whole(bytes) => Poll::Ready(bytes.take().map(|bytes| Ok(Frame::data(bytes)))),
+            Self::Parts(parts) => parts.poll_recv(context).map(|part| part.map(|part| Ok(Frame::data(part)))),
+        }
+    }
+
+    fn size_hint(&self) -> hyper::body::SizeHint {
+        match self {
+            Self::Whole(bytes) => hyper::body::SizeHint::with_exact(bytes.as_ref().map_or(0, Bytes::len) as u64),
+            Self::Parts(_) => hyper::body::SizeHint::new(),
+        }
+    }
+
+    fn is_end_stream(&self) -> bool {
+        matches!(self, Self::Whole(None))
+    }
+}
+
+/// An answer of a type.
+pub(crate) fn reply(status: StatusCode, kind: &'static str, body: impl Into<Bytes>) -> Reply {
+    let mut reply = Response::new(Body::Whole(Some(body.into())));
+    *reply.status_mut() = status;
+    reply.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(kind));
+    reply
+}
+
+/// An answer in a sentence.
+pub(crate) fn plain(status: StatusCode, text: impl Into<String>) -> Reply {
+    reply(status, "text/plain; charset=utf-8", text.into() + "\n")
+}
+
+/// Which names a link may be called by.
+#[derive(Debug)]
+struct Names(Vec<String>);
+
+impl Names {
+    /// Addresses are what they say; a name may have been made to lead here by somebody else (DNS rebinding), so only
+    /// those count that the station file has.
+    fn has(&self, host: &str) -> bool {
+        let name = host_name(host);
+        name.parse::<IpAddr>().is_ok()
+            || name.eq_ignore_ascii_case("localhost")
+            || self.0.iter().any(|known| known.eq_ignore_ascii_case(name))
+    }
+}
+
+/// `press.plant:8080`, `[::1]:8080` -> the name.
+fn host_name(host: &str) -> &str {
+    if let Some((name, _)) = host.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
+        return name;
+    }
+    host.rsplit_once(':')
+        .map_or(host, |(name, port)| if port.bytes().all(|b| b.is_ascii_digit()) { name } else { host })
+}
+
+/// Why a request is not even looked at.
+fn stranger(names: &Names, headers: &HeaderMap, method: &Method, tls: bool) -> Option<&'static str> {
+    let text = |value: Option<&HeaderValue>| value.and_then(|value| value.to_str().ok()).map(str::to_owned);
+    let hosts: Vec<_> = headers.get_all(HOST).iter().collect();
+    let [host] = hosts[..] else { return Some("one Host is wanted") };
+    let Some(host) = text(Some(host)).filter(|host| names.has(host)) else {
+        return Some("this station is not called so: the key `hosts` of the link lists its names");
+    };
+    let origin = text(headers.get(ORIGIN));
+    let own = format!("{}://{host}", if tls { "https" } else { "http" });
+    let changes = !matches!(*method, Method::GET | Method::HEAD);
+    if (changes || origin.is_some()) && origin.as_deref() != Some(&own) {
+        return Some("another page asks for this (Origin)");
+    }
+    match text(headers.get("sec-fetch-site")).as_deref() {
+        Some("cross-site" | "same-site") if changes => Some("another page asks for this (Sec-Fetch-Site)"),
+        _ => None,
+    }
+}
+
+/// Serves a link until the process ends.
+pub(crate) async fn serve(link: Link, site: Rc<impl Site>) -> Result<(), String> {
+    let keys = link.station.keys();
+    let number = |key: &str| keys.get(key).and_then(serde_json::Value::as_u64);
+    let clients = number("clients").map_or(CLIENTS, |count| count as usize);
+    let listed = keys.get("hosts").and_then(serde_json::Value::as_array);
+    let hosts = listed.into_iter().flatten().filter_map(|host| host.as_str().map(str::to_owned)).collect();
+    let names = Rc::new(Names(hosts));
+    let counted = Rc::new(std::cell::RefCell::new(Vec::<IpAddr>::new()));
+    let listener = link.listeners.into_iter().next().ok_or("nowhere to listen: see above")?;
+    let listener = TcpListener::from_std(listener).map_err(|error| error.to_string())?;
+    loop {
+        let (stream, peer) = match listener.accept().await {
+            Ok(accepted) => accepted,
+            Err(error) => {
+                debug!("accept: {error}");
+                tokio::time::sleep(PAUSE).await;
+                continue;
+            }
+        };
+        let address = peer.ip().to_canonical();
+        let same = counted.borrow().iter().filter(|other| **other == address).count();
+        if counted.borrow().len() >= clients || same >= clients.div_ceil(2) {
+            debug!(%address, "too many connections");
+            continue;
+        }
+        let _ = stream.set_nodelay(true);
+        let _ = sockopt::set_tcp_user_timeout(&stream, DEAF.as_millis() as u32);
+        let _ = sockopt::set_socket_keepalive(&stream, true);
+        counted.borrow_mut().push(address);
+        let (site, names, counted) = (Rc::clone(&site), Rc::clone(&names), Rc::clone(&counted));
+        let tls = link.tls.as_ref().map(ob1_gate_core::Tls::acceptor);
+        tokio::task::spawn_local(async move {
+            match tls {
+                None => connection(stream, peer, false, names, site).await,
+                Some(acceptor) => match timeout(PATIENCE, acceptor.accept(stream)).await {
+                    Ok(Ok(stream)) => connection(stream, peer, true, names, site).await,
+                    Ok(Err(error)) => debug!(%peer, "TLS: {error}"),
+                    Err(_) => debug!(%peer, "TLS: no handshake"),
+                },
+            }
+            let mut counted = counted.borrow_mut();
+            if let Some(at) = counted.iter().position(|other| *other == address) {
+                counted.swap_remove(at);
+            }
+        });
+    }
+}
+
+async fn connection<S: Site>(
+    stream: impl AsyncRead + AsyncWrite + Unpin + 'static,
+    peer: SocketAddr,
+    tls: bool,
+    names: Rc<Names>,
+    site: Rc<S>,
+) {
+    let service = service_fn(move |request: Request<Incoming>| {
+        let (names, site) = (Rc::clone(&names), Rc::clone(&site));
+        async move { Ok::<_, Infallible>(guarded(answer(request, peer, tls, &names, site).await)) }
+    });
+    let served = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(PATIENCE)
+        .max_buf_size(HEAD)
+        .serve_connection(TokioIo::new(stream), service)
+        .await;
+    if let Err(error) = served {
+        debug!(%peer, "{error}");
+    }
+}
+
+async fn answer<S: Site>(request: Request<Incoming>, peer: SocketAddr, tls: bool, names: &Names, site: Rc<S>) -> Reply {
+    let (head, body) = request.into_parts();
+    if let Some(why) = stranger(names, &head.headers, &head.method, tls) {
+        warn!(%peer, "refused: {why}");
+        return plain(StatusCode::FORBIDDEN, why);
+    }
+    let body = match timeout(PATIENCE, Limited::new(body, BODY).collect()).await {
+        Ok(Ok(body)) => body.to_bytes(),
+        Ok(Err(_)) => return plain(StatusCode::PAYLOAD_TOO_LARGE, "at most 64 KiB"),
+        Err(_) => return plain(StatusCode::REQUEST_TIMEOUT, "the body does not come"),
+    };
+    let path = head.uri.path().to_owned();
+    let query = head.uri.query().unwrap_or_default().to_owned();
+    let call =
+        Call { method: head.method, path, query, headers: head.headers, body, peer: peer.ip().to_canonical(), tls };
+    site.call(call).await
+}
+
+/// What every answer says.
+fn guarded(mut reply: Reply) -> Reply {
+    let headers = reply.headers_mut();
+    for (name, value) in [
+        ("content-security-policy", POLICY),
+        ("x-content-type-options", "nosniff"),
+        ("referrer-policy", "no-referrer"),
+        ("cross-origin-opener-policy", "same-origin"),
+        ("cross-origin-resource-policy", "same-origin"),
+    ] {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    headers.entry(CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
+    reply
+}
+
+/// A value of a query, decoded.
+pub(crate) fn query(query: &str, key: &str) -> Option<String> {
+    query.split('&').find_map(|pair| {
+        let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
+        (name == key).then(|| decode(value))
+    })
+}
+
+/// `%41+b` -> `A b`. What is no character is replaced.
+fn decode(text: &str) -> String {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let [first, tail @ ..] = rest {
+        rest = tail;
+        let hex = |digits: &[u8]| u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok();
+        match (first, tail) {
+            (b'+', _) => bytes.push(b' '),
+            (b'%', [a, b, after @ ..]) if a.is_ascii_hexdigit() && b.is_ascii_hexdigit() => {
+                bytes.extend(hex(&[*a, *b]));
+                rest = after;
+            }
+            _ => bytes.push(*first),
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn queries_are_decoded() {
+        let text = "items=DB10.DBW0%0A%22St%C3%A4rt%22&period=100&odd=%zz%4&plus=a+b";
+        assert_eq!(query(text, "items").as_deref(), Some("DB10.DBW0\n\"Stärt\""));
+        assert_eq!(query(text, "odd").as_deref(), Some("%zz%4"));
+        assert_eq!(query(text, "plus").as_deref(), Some("a b"));
+        assert_eq!(query(text, "none"), None);
+        assert_eq!(query("a=%ff", "a").as_deref(), Some("\u{FFFD}"));
+    }
+
+    #[test]
+    fn a_name_that_was_made_to_lead_here_is_no_name_of_ours() {
+        let names = Names(vec!["press.plant".into()]);
+        for (host, known) in [
+            ("127.0.0.1:8080", true),
+            ("[::1]:8080", true),
+            ("192.0.2.7", true),
+            ("localhost:8080", true),
+            ("Press.Plant:443", true),
+            ("evil.example:8080", false),
+            ("press.plant.evil.example", false),
+            ("localhost.evil.example", false),
+            ("127.0.0.1.evil.example:80", false),
+            ("", false),
+            ("press.plant@evil", false),
+        ] {
+            assert_eq!(names.has(host), known, "{host}");
+        }
+    }
+
+    #[test]
+    fn another_page_changes_nothing() {
+        let names = Names(Vec::new());
+        let refused = |method: &Method, pairs: &[(&'static str, &str)]| {
+            let mut headers = HeaderMap::new();
+            for (name, value) in pairs {
+                headers.append(*name, value.parse().expect("a value"));
+            }
+            stranger(&names, &headers, method, false).is_some()
+        };
+        let host = ("host", "127.0.0.1:8080");
+        let own = ("origin", "http://127.0.0.1:8080");
+        for (method, headers, wrong) in [
+            (Method::GET, &[host][..], false),
+            (Method::GET, &[], true),
+            (Method::GET, &[host, host], true),
+            (Method::GET, &[host, ("origin", "http://evil.example")], true),
+            (Method::POST, &[host], true),
+            (Method::POST, &[host, own], false),
+            (Method::POST, &[host, ("origin", "null")], true),
+            (Method::POST, &[host, ("origin", "https://127.0.0.1:8080")], true),
+            (Method::POST, &[host, ("origin", "http://127.0.0.1:8081")], true),
+            (Method::POST, &[host, own, ("sec-fetch-site", "cross-site")], true),
+            (Method::POST, &[host, own, ("sec-fetch-site", "same-origin")], false),
+            (Method::DELETE, &[("host", "evil.example"), ("origin", "http://evil.example")], true),
+        ] {
+            assert_eq!(refused(&method, headers), wrong, "{method} {headers:?}");
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! A link of type `metrics`: `/metrics` for Prometheus in the text of OpenMetrics, nothing else.
+
+mod text;
+
+use std::cell::RefCell;
+use std::future::Future;
+use std::pin::Pin;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use hyper::header::{AUTHORIZATION, HeaderValue, WWW_AUTHENTICATE};
+use hyper::{Method, StatusCode};
+use ob1_access::door::{Document, What};
+use ob1_gate_core::{Link, Station, Trouble, Users};
+use ring::digest::{SHA256, digest};
+use serde_json::Value;
+
+use crate::http::{self, Call, Reply, Site, plain, reply};
+
+/// The type of OpenMetrics.
+const TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+/// Scrapes in a shorter time get the same figures.
+const AGE: Duration = Duration::from_millis(500);
+/// A password that was right is not computed again for so long: a scrape comes every few seconds.
+const TRUSTED: Duration = Duration::from_secs(300);
+const TRUSTED_ONES: usize = 16;
+
+struct Figures {
+    station: Station,
+    users: Option<Users>,
+    /// Digests of what was right, whose it was, and when.
+    trusted: RefCell<Vec<(Vec<u8>, String, Instant)>>,
+    events: Rc<RefCell<text::Counts>>,
+}
+
+/// Serves a link of type `metrics`.
+pub(crate) async fn serve(mut link: Link) -> Result<(), String> {
+    let station = link.station.clone();
+    let events = Rc::new(RefCell::new(text::Counts::default()));
+    tokio::task::spawn_local(count(station.clone(), Rc::clone(&events)));
+    let figures = Figures { users: link.users.take(), trusted: RefCell::default(), events, station };
+    http::serve(link, Rc::new(figures)).await
+}
+
+/// Counts what happens.
+async fn count(station: Station, counts: Rc<RefCell<text::Counts>>) {
+    let (kept, mut events) = station.events(0);
+    let take = |what: &What| match what {
+        What::Diagnosis(entry) => counts.borrow_mut().event(entry.event),
+        What::Lost(lost) => counts.borrow_mut().lost(*lost),
+        What::State(_) | What::Driver { .. } | What::Link { .. } => {}
+    };
+    kept.iter().for_each(|event| take(&event.what));
+    loop {
+        match events.recv().await {
+            Ok(event) => take(&event.what),
+            Err(tokio::sync::broadcast::error::RecvError::Lagged(lost)) => take(&What::Lost(lost)),
+            Err(tokio::sync::broadcast::error::RecvError::Closed) => return,
+        }
+    }
+}
+
+impl Site for Figures {
+    fn call(self: Rc<Self>, call: Call) -> Pin<Box<dyn Future<Output = Reply>>> {
+        Box::pin(async move {
+            if !matches!(call.method, Method::GET | Method::HEAD) {
+                return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET");
+            }
+            if let Err(refused) = self.known(&call).await {
+                return *refused;
+            }
+            if call.path != "/metrics" {
+                return plain(StatusCode::NOT_FOUND, "figures are at /metrics");
+            }
+            match self.text().await {
+                Ok(text) => reply(StatusCode::OK, TYPE, text),
+                Err(why) => plain(StatusCode::SERVICE_UNAVAILABLE, why.to_string()),
+            }
+        })
+    }
+}
+
+impl Figures {
+    /// With users a name and a password come with each request.
+    async fn known(&self, call: &Call) -> Result<(), Box<Reply>> {
+        let Some(users) = &self.users else { return Ok(()) };
+        let ask = |why: &str| {
+            let mut reply = plain(StatusCode::UNAUTHORIZED, why);
+            reply.headers_mut().insert(WWW_AUTHENTICATE, HeaderValue::from_static("Basic realm=\"ob1\""));
+            Box::new(reply)
+        };
+        let given = call.headers.get(AUTHORIZATION).and_then(|value| value.to_str().ok());
+        let Some((user, password)) = given.and_then(basic) else { return Err(ask("name and password are wanted")) };
+        let proof = digest(&SHA256, format!("{user}\n{password}").as_bytes()).as_ref().to_vec();
+        let now = Instant::now();
+        self.trusted.borrow_mut().retain(|(_, _, since)| now.duration_since(*since) < TRUSTED);
+        let trusted = self.trusted.borrow().iter().any(|(known, _, _)| *known == proof);
+        if trusted && users.right(&user).is_some() {
+            return Ok(());
+        }
+        match users.login(&user, &password, &call.peer.to_string()).await {
+            Ok(login) => {
+                let mut trusted = self.trusted.borrow_mut();
+                trusted.truncate(TRUSTED_ONES - 1);
+                trusted.push((proof, login.user, now));
+                Ok(())
+            }
+            Err(why) => {
+                let _ = self.station.audit().note(&user, &call.peer.to_string(), "scrape", &format!("refused: {why}"));
+                Err(ask(&why.to_string()))
+            }
+        }
+    }
+
+    async fn text(&self) -> Result<String, Trouble> {
+        let mut documents = [const { Value::Null }; 4];
+        let which = [Document::Status, Document::Timing, Document::Links, Document::Buffers];
+        for (value, which) in documents.iter_mut().zip(which) {
+            let text = self.station.document(which, AGE).await?;
+            *value = serde_json::from_slice(&text).map_err(|error| Trouble::Program(error.to_string()))?;
+        }
+        let [status, timing, links, buffers] = documents;
+        Ok(text::figures(&text::Told { status, timing, links, buffers }, &self.events.borrow()))
+    }
+}
+
+/// `Basic bmFtZTpwYXNzd29yZA==`.
+fn basic(header: &str) -> Option<(String, String)> {
+    let text = String::from_utf8(base64(header.strip_prefix("Basic ")?.trim())?).ok()?;
+    let (user, password) = text.split_once(':')?;
+    Some((user.to_owned(), password.to_owned()))
+}
+
+/// Base 64 with padding; `None`: it is none.
+fn base64(text: &str) -> Option<Vec<u8>> {
+    let digits = text.trim_end_matches('=').as_bytes();
+    let (mut bytes, mut bits, mut count) = (Vec::with_capacity(digits.len()), 0u32, 0);
+    for digit in digits {
+        let value = match digit {
+            b'A'..=b'Z' => digit - b'A',
+            b'a'..=b'z' => digit - b'a' + 26,
+            b'0'..=b'9' => digit - b'0' + 52,
+            b'+' => 62,
+            b'/' => 63,
+            _ => return None,
+        };
+        bits = (bits << 6 | u32::from(value)) & 0x3FFF;
+        count += 6;
+        if count >= 8 {
+            count -= 8;
+            bytes.push((bits >> count) as u8);
+        }
+    }
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_and_a_password_out_of_a_header() {
+        let both = |user: &str, password: &str| Some((user.to_owned(), password.to_owned()));
+        for (header, told) in [
+            ("Basic YW5uYTpzZWNyZXQ=", both("anna", "secret")),
+            ("Basic YW5uYTo=", both("anna", "")),
+            ("Basic YTpiOmM=", both("a", "b:c")),
+            ("Basic w7w6w6Q=", both("ü", "ä")),
+            ("Basic YW5uYQ==", None),
+            ("Basic %%%%", None),
+            ("Basic /w==", None),
+            ("Bearer YW5uYTpzZWNyZXQ=", None),
+            ("", None),
+        ] {
+            assert_eq!(basic(header), told, "{header}");
+        }
+    }
+}

@@ -1,0 +1,360 @@
+//! Figures as OpenMetrics: each family with its type and what it means, classic buckets, `# EOF`.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use ob1_model::Event;
+use serde_json::Value;
+
+/// Upper bounds of the buckets of all times, in nanoseconds: 1, 2, 5 a decade from 10 µs to 10 s.
+const BOUNDS: [u64; 19] = [
+    10_000,
+    20_000,
+    50_000,
+    100_000,
+    200_000,
+    500_000,
+    1_000_000,
+    2_000_000,
+    5_000_000,
+    10_000_000,
+    20_000_000,
+    50_000_000,
+    100_000_000,
+    200_000_000,
+    500_000_000,
+    1_000_000_000,
+    2_000_000_000,
+    5_000_000_000,
+    10_000_000_000,
+];
+/// Operating states.
+const STATES: [&str; 3] = ["STOP", "STARTUP", "RUN"];
+
+/// What the station has told.
+pub(super) struct Told {
+    pub(super) status: Value,
+    pub(super) timing: Value,
+    pub(super) links: Value,
+    pub(super) buffers: Value,
+}
+
+/// What has happened since the gate began to listen.
+#[derive(Debug, Default)]
+pub(super) struct Counts {
+    events: BTreeMap<u16, u64>,
+    lost: u64,
+}
+
+impl Counts {
+    pub(super) fn event(&mut self, event: u16) {
+        *self.events.entry(event).or_default() += 1;
+    }
+
+    pub(super) fn lost(&mut self, count: u64) {
+        self.lost += count;
+    }
+}
+
+/// The page.
+struct Page(String);
+
+impl Page {
+    /// Begins a family; of a counter the name without `_total`.
+    fn family(&mut self, name: &str, kind: &str, help: &str) {
+        let unit = if name.ends_with("_seconds") {
+            format!("# UNIT {name} seconds\n")
+        } else if name.ends_with("_bytes") {
+            format!("# UNIT {name} bytes\n")
+        } else {
+            String::new()
+        };
+        let _ = write!(self.0, "# TYPE {name} {kind}\n{unit}# HELP {name} {help}\n");
+    }
+
+    fn sample(&mut self, name: &str, labels: &[(&str, &str)], value: f64) {
+        let labels: Vec<String> = labels.iter().map(|(name, value)| format!("{name}=\"{}\"", escaped(value))).collect();
+        let labels = if labels.is_empty() { String::new() } else { format!("{{{}}}", labels.join(",")) };
+        let _ = writeln!(self.0, "{name}{labels} {value}");
+    }
+
+    fn counter(&mut self, name: &str, help: &str, value: f64) {
+        self.family(name, "counter", help);
+        self.sample(&format!("{name}_total"), &[], value);
+    }
+
+    fn gauge(&mut self, name: &str, help: &str, value: f64) {
+        self.family(name, "gauge", help);
+        self.sample(name, &[], value);
+    }
+
+    /// The buckets of a distribution, its sum and its count.
+    fn histogram(&mut self, name: &str, labels: &[(&str, &str)], spread: &Value) {
+        let buckets: Vec<(u64, u64)> = list(&spread["buckets"])
+            .iter()
+            .filter_map(|bucket| Some((bucket.get(0)?.as_u64()?, bucket.get(1)?.as_u64()?)))
+            .collect();
+        let up_to =
+            |bound: u64| buckets.iter().filter(|(value, _)| *value <= bound).map(|(_, count)| count).sum::<u64>();
+        let count: u64 = buckets.iter().map(|(_, count)| count).sum();
+        let bucket = format!("{name}_bucket");
+        for bound in BOUNDS {
+            let le = seconds(bound as f64).to_string();
+            self.sample(&bucket, &[labels, &[("le", le.as_str())]].concat(), up_to(bound) as f64);
+        }
+        self.sample(&bucket, &[labels, &[("le", "+Inf")]].concat(), count as f64);
+        self.sample(&format!("{name}_sum"), labels, seconds(number(&spread["mean_ns"]) * count as f64));
+        self.sample(&format!("{name}_count"), labels, count as f64);
+    }
+}
+
+fn seconds(ns: f64) -> f64 {
+    // What is 0.00001 shall not be told as 0.000010000000000000001.
+    ns / 1e9
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or(0.0)
+}
+
+fn text(value: &Value) -> &str {
+    value.as_str().unwrap_or_default()
+}
+
+fn list(value: &Value) -> &[Value] {
+    value.as_array().map(Vec::as_slice).unwrap_or_default()
+}
+
+fn escaped(value: &str) -> String {
+    value.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
+}
+
+/// All figures.
+pub(super) fn figures(told: &Told, counts: &Counts) -> String {
+    let mut page = Page(String::with_capacity(32 << 10));
+    cpu(&mut page, told);
+    scan(&mut page, &told.timing);
+    modules(&mut page, &told.status);
+    rest(&mut page, told, counts);
+    page.0 + "# EOF\n"
+}
+
+fn cpu(page: &mut Page, told: &Told) {
+    let (status, timing) = (&told.status, &told.timing);
+    page.family("ob1_station", "info", "the station and the version of this gate");
+    let version = env!("CARGO_PKG_VERSION");
+    page.sample("ob1_station_info", &[("station", text(&status["station"])), ("version", version)], 1.0);
+    page.family("ob1_cpu_state", "stateset", "the operating state of the CPU");
+    for state in STATES {
+        let is = if text(&status["state"]) == state { 1.0 } else { 0.0 };
+        page.sample("ob1_cpu_state", &[("ob1_cpu_state", state)], is);
+    }
+    page.gauge("ob1_runtime_seconds", "since the runtime started", seconds(number(&status["runtime_ns"])));
+    for (name, key, help) in [
+        ("ob1_scans", "scans", "finished cycles in RUN"),
+        ("ob1_statements", "statements", "executed statements"),
+        ("ob1_scan_overruns", "overruns", "cycles that had not ended when the next was due"),
+        ("ob1_scan_missed_deadlines", "missed", "deadlines no cycle began for"),
+        ("ob1_watchdog_expiries", "watchdogs", "expiries of the cycle monitoring time"),
+    ] {
+        page.counter(name, help, number(&timing[key]));
+    }
+    page.gauge("ob1_min_cycle_seconds", "the minimum cycle time", seconds(number(&timing["min_cycle_ns"])));
+}
+
+fn scan(page: &mut Page, timing: &Value) {
+    for (name, key, help) in [
+        ("ob1_scan_cycle_seconds", "cycle", "from the start of a cycle to the start of the next"),
+        ("ob1_scan_execution_seconds", "execution", "from the start of a cycle to its end"),
+        ("ob1_scan_wake_seconds", "wake", "from the deadline of a cycle to its start"),
+        ("ob1_scan_deadlines_seconds", "deadlines", "the same, with a value for each missed deadline too"),
+        ("ob1_scan_inputs_seconds", "inputs", "back plane and process image before OB 1"),
+        ("ob1_scan_outputs_seconds", "outputs", "process image and back plane after OB 1"),
+        ("ob1_scan_links_seconds", "links", "the exchange with links, a part of the inputs"),
+    ] {
+        page.family(name, "histogram", help);
+        page.histogram(name, &[], &timing[key]);
+    }
+    page.family("ob1_ob_execution_seconds", "histogram", "runs of an organization block, without higher classes");
+    for ob in list(&timing["obs"]) {
+        let number = ob["ob"].to_string();
+        page.histogram("ob1_ob_execution_seconds", &[("ob", &number)], &ob["execution"]);
+    }
+    page.family("ob1_ob_overruns", "counter", "lost or skipped requests of an organization block");
+    for ob in list(&timing["obs"]) {
+        page.sample("ob1_ob_overruns_total", &[("ob", &ob["ob"].to_string())], number(&ob["overruns"]));
+    }
+    let late = &timing["late"];
+    page.counter("ob1_scan_late", "scans that began late or took long", number(&late["scans"]));
+    page.family("ob1_scan_late_cause", "counter", "late scans by what made them late");
+    let classes = late["classes"].as_object();
+    for (class, total) in classes.into_iter().flatten() {
+        page.sample("ob1_scan_late_cause_total", &[("cause", class)], number(&total["scans"]));
+    }
+    page.family("ob1_scan_late_cause_seconds", "counter", "delays of late scans by what made them late");
+    for (class, total) in classes.into_iter().flatten() {
+        page.sample("ob1_scan_late_cause_seconds_total", &[("cause", class)], seconds(number(&total["time_ns"])));
+    }
+}
+
+fn modules(page: &mut Page, status: &Value) {
+    let modules = list(&status["modules"]);
+    let labels =
+        |module: &Value| [("module", text(&module["name"]).to_owned()), ("type", text(&module["type"]).to_owned())];
+    let mut each = |name: &str, kind: &str, help: &str, value: &dyn Fn(&Value) -> Option<f64>| {
+        page.family(name, kind, help);
+        let sample = if kind == "counter" { format!("{name}_total") } else { name.to_owned() };
+        for module in modules {
+            let labels = labels(module);
+            let labels = [(labels[0].0, labels[0].1.as_str()), (labels[1].0, labels[1].1.as_str())];
+            if let Some(value) = value(module) {
+                page.sample(&sample, &labels, value);
+            }
+        }
+    };
+    let driver = |module: &Value, key: &str| module["driver"].get(key).map(number);
+    each("ob1_module_present", "gauge", "the module answers", &|module| {
+        Some(f64::from(u8::from(module["present"] == Value::Bool(true))))
+    });
+    each("ob1_driver_starts", "counter", "driver processes that have come up", &|module| driver(module, "starts"));
+    each("ob1_driver_losses", "counter", "driver processes that ended unasked", &|module| driver(module, "losses"));
+    each("ob1_line_ready", "gauge", "the driver of the CP is ready: parameters and line are right", &|module| {
+        module["driver"].get("state").map(|state| f64::from(u8::from(text(state) == "ready")))
+    });
+    page.family("ob1_cp", "counter", "orders, telegrams, errors of a CP (docs/backplane.md)");
+    for module in modules {
+        for (counter, value) in module["counters"].as_object().into_iter().flatten() {
+            let labels = [("module", text(&module["name"])), ("counter", counter.as_str())];
+            page.sample("ob1_cp_total", &labels, number(value));
+        }
+    }
+    page.family("ob1_led", "gauge", "LEDs that are lit");
+    for module in modules {
+        for led in list(&module["leds"]) {
+            page.sample("ob1_led", &[("module", text(&module["name"])), ("led", text(led))], 1.0);
+        }
+    }
+}
+
+fn rest(page: &mut Page, told: &Told, counts: &Counts) {
+    page.family("ob1_link_up", "gauge", "the process of the link is there");
+    for link in list(&told.links) {
+        let up = f64::from(u8::from(link["up"] == Value::Bool(true)));
+        page.sample("ob1_link_up", &[("link", text(&link["name"]))], up);
+    }
+    let memory = &told.status["memory"];
+    page.family("ob1_memory_bytes", "gauge", "memory of the runtime");
+    for (kind, key) in [("resident", "resident_kib"), ("peak", "peak_kib"), ("locked", "locked_kib")] {
+        page.sample("ob1_memory_bytes", &[("kind", kind)], number(&memory[key]) * 1024.0);
+    }
+    page.gauge("ob1_threads", "threads of the runtime", number(&memory["threads"]));
+    page.counter("ob1_log_lines_lost", "log lines that nobody took", number(&told.status["log_lost"]));
+    if let Some(retentive) = told.status.get("retentive") {
+        let age = retentive.get("age_ns").map_or(f64::NAN, number);
+        page.gauge("ob1_retentive_age_seconds", "since the disk held what memory held", seconds(age));
+        let failed = f64::from(u8::from(retentive.get("error").is_some_and(|error| !error.is_null())));
+        page.gauge("ob1_retentive_failed", "retentive memory cannot be written", failed);
+    }
+    page.family("ob1_diagnostic_events", "counter", "entries of the CPU's diagnostic buffer");
+    for (event, count) in &counts.events {
+        let number = format!("{event:04X}h");
+        let change = Event(*event).state_change().map_or("", |change| match change {
+            ob1_model::StateChange::Startup => "startup",
+            ob1_model::StateChange::Run => "run",
+            ob1_model::StateChange::Stop => "stop",
+            ob1_model::StateChange::Fault => "fault",
+        });
+        page.sample("ob1_diagnostic_events_total", &[("event", &number), ("change", change)], *count as f64);
+    }
+    page.counter("ob1_diagnostic_events_lost", "events that came too fast to be counted", counts.lost as f64);
+    page.family("ob1_cp_buffer_entries", "gauge", "entries in the diagnostic buffer of a CP");
+    for buffer in list(&told.buffers) {
+        let count = list(&buffer["entries"]).len() as f64;
+        page.sample("ob1_cp_buffer_entries", &[("module", text(&buffer["name"]))], count);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn told() -> Told {
+        let spread = json!({ "mean_ns": 30_000.0, "buckets": [[10_000, 2], [50_000, 1], [20_000_000_000u64, 1]] });
+        Told {
+            status: json!({
+                "station": "pr\"ess", "state": "RUN", "runtime_ns": 2_000_000_000u64, "log_lost": 3,
+                "memory": { "resident_kib": 2, "threads": 9 }, "retentive": { "age_ns": 5e9, "error": null },
+                "modules": [{
+                    "name": "cp", "type": "cp340", "present": true, "leds": ["TXD"],
+                    "driver": { "starts": 2, "losses": 1, "state": "line error 5" },
+                    "counters": { "telegrams_sent": 7 },
+                }],
+            }),
+            timing: json!({
+                "scans": 4, "cycle": spread, "min_cycle_ns": 10_000_000, "obs": [{ "ob": 1, "execution": spread, "overruns": 0 }],
+                "late": { "scans": 1, "classes": { "kernel": { "scans": 1, "time_ns": 1_500_000 } } },
+            }),
+            links: json!([{ "name": "page", "up": true }, { "name": "figures", "up": false }]),
+            buffers: json!([{ "name": "cp", "entries": [1, 2] }]),
+        }
+    }
+
+    #[test]
+    fn the_figures_are_those_of_the_station() {
+        let mut counts = Counts::default();
+        counts.event(0x4302);
+        counts.event(0x4302);
+        let text = figures(&told(), &counts);
+        for line in [
+            r#"ob1_station_info{station="pr\"ess",version="0.1.0"} 1"#,
+            r#"ob1_cpu_state{ob1_cpu_state="RUN"} 1"#,
+            r#"ob1_cpu_state{ob1_cpu_state="STOP"} 0"#,
+            "ob1_runtime_seconds 2",
+            "ob1_scans_total 4",
+            r#"ob1_scan_cycle_seconds_bucket{le="0.00001"} 2"#,
+            r#"ob1_scan_cycle_seconds_bucket{le="0.00002"} 2"#,
+            r#"ob1_scan_cycle_seconds_bucket{le="0.00005"} 3"#,
+            r#"ob1_scan_cycle_seconds_bucket{le="10"} 3"#,
+            r#"ob1_scan_cycle_seconds_bucket{le="+Inf"} 4"#,
+            "ob1_scan_cycle_seconds_count 4",
+            "ob1_scan_cycle_seconds_sum 0.00012",
+            r#"ob1_ob_execution_seconds_bucket{ob="1",le="0.00001"} 2"#,
+            r#"ob1_scan_late_cause_total{cause="kernel"} 1"#,
+            r#"ob1_scan_late_cause_seconds_total{cause="kernel"} 0.0015"#,
+            r#"ob1_module_present{module="cp",type="cp340"} 1"#,
+            r#"ob1_driver_losses_total{module="cp",type="cp340"} 1"#,
+            r#"ob1_line_ready{module="cp",type="cp340"} 0"#,
+            r#"ob1_cp_total{module="cp",counter="telegrams_sent"} 7"#,
+            r#"ob1_led{module="cp",led="TXD"} 1"#,
+            r#"ob1_link_up{link="figures"} 0"#,
+            r#"ob1_memory_bytes{kind="resident"} 2048"#,
+            r#"ob1_diagnostic_events_total{event="4302h",change="run"} 2"#,
+            "ob1_retentive_age_seconds 5",
+            r#"ob1_cp_buffer_entries{module="cp"} 2"#,
+        ] {
+            assert!(text.lines().any(|told| told == line), "{line}\n{text}");
+        }
+        assert!(text.ends_with("# EOF\n"));
+    }
+
+    /// Each sample belongs to the family above it, and no family comes twice: what a strict reader wants.
+    #[test]
+    fn every_sample_stands_under_its_family() {
+        let text = figures(&told(), &Counts::default());
+        let (mut families, mut current) = (Vec::new(), String::new());
+        for line in text.lines().filter(|line| *line != "# EOF") {
+            if let Some(rest) = line.strip_prefix("# TYPE ") {
+                current = rest.split(' ').next().expect("a name").to_owned();
+                assert!(!families.contains(&current), "{current} twice");
+                families.push(current.clone());
+            } else if !line.starts_with('#') {
+                let name = line.split(['{', ' ']).next().expect("a name");
+                let suffix = name.strip_prefix(current.as_str()).unwrap_or("?");
+                assert!(["", "_total", "_info", "_bucket", "_sum", "_count"].contains(&suffix), "{line}");
+                assert!(line.rsplit(' ').next().is_some_and(|value| value.parse::<f64>().is_ok()), "{line}");
+            }
+        }
+        assert!(families.len() > 30);
+    }
+}

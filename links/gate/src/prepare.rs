@@ -1,0 +1,115 @@
+//! Before the first thread: the doors and what the broker says first, the files that are needed, and the fences.
+
+use std::net::TcpListener;
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
+
+use ob1_access::Right;
+use ob1_access::door::{Door, DoorError};
+use ob1_gate_core::{Audit, Tls, Users};
+use ob1_rt::{Confinement, Network};
+use rustix::event::{PollFd, PollFlags, poll};
+use serde_json::Value;
+use tracing::{error, warn};
+
+/// Most data, in bytes.
+const MEMORY: u64 = 1 << 30;
+/// It comes back by itself, the runtime does not: when memory runs out, the gate goes first.
+const OOM_SCORE: i16 = 600;
+
+/// A link that is ready to be served.
+pub(crate) struct Ready {
+    pub(crate) kind: String,
+    pub(crate) door: Door,
+    pub(crate) ceiling: Right,
+    pub(crate) listeners: Vec<TcpListener>,
+    pub(crate) users: Option<Users>,
+    pub(crate) tls: Option<Tls>,
+    pub(crate) audit: Audit,
+    pub(crate) state: Option<PathBuf>,
+}
+
+/// Waits for the doors of all links, and until each has been welcomed.
+pub(crate) fn doors(input: &OwnedFd) -> Result<Vec<Door>, DoorError> {
+    let wait = |fd: std::os::fd::BorrowedFd<'_>| {
+        // An interrupted wait is a short one.
+        let _ = poll(&mut [PollFd::from_borrowed_fd(fd, PollFlags::IN)], None);
+    };
+    let mut doors = loop {
+        if let Some(doors) = Door::several(input)? {
+            break doors;
+        }
+        wait(std::os::fd::AsFd::as_fd(input));
+    };
+    for door in &mut doors {
+        door.pump()?;
+        while door.welcome().is_none() {
+            wait(door.fd());
+            door.pump()?;
+        }
+    }
+    Ok(doors)
+}
+
+/// Opens what each link needs, then confines the process.
+pub(crate) fn links(doors: Vec<Door>) -> Result<Vec<Ready>, String> {
+    let mut links = doors.into_iter().map(link).collect::<Result<Vec<_>, _>>()?;
+    let mut wanted = Confinement { events: true, memory: MEMORY, oom_score: OOM_SCORE, ..Confinement::default() };
+    for link in &links {
+        let keys = keys(&link.door)?;
+        // Folders, not files: what is renewed is another file of the same name.
+        let of = |key: &str| path(&keys, key).and_then(|path| path.parent().map(Path::to_owned));
+        wanted.readable.extend(["users", "certificate", "key"].into_iter().filter_map(of));
+        wanted.readable.extend(path(&keys, "reports"));
+        wanted.folders.extend(link.state.clone());
+        if link.kind == "mqtt" {
+            wanted.network = Network::Name;
+        }
+    }
+    let refused = ob1_rt::confine(&wanted);
+    refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}"));
+    // Whoever breaks in shall find nothing: without fences there is little to be had here.
+    if refused.iter().any(|(what, _)| matches!(*what, "landlock" | "seccomp" | "no new privileges")) {
+        error!("this process cannot be confined here: every link is read only, and only from this machine");
+        for link in &mut links {
+            link.ceiling = Right::Read;
+            link.listeners.retain(|listener| {
+                listener.local_addr().is_ok_and(|address| address.ip().to_canonical().is_loopback())
+            });
+        }
+    }
+    Ok(links)
+}
+
+fn keys(door: &Door) -> Result<Value, String> {
+    let config = door.welcome().map_or("", |welcome| &welcome.config);
+    serde_json::from_str(config).map_err(|error| format!("the keys of the link: {error}"))
+}
+
+fn path(keys: &Value, key: &str) -> Option<PathBuf> {
+    keys.get(key).and_then(Value::as_str).map(PathBuf::from)
+}
+
+fn link(mut door: Door) -> Result<Ready, String> {
+    let keys = keys(&door)?;
+    let welcome = door.welcome().cloned().ok_or("no welcome")?;
+    let named = |why: &dyn std::fmt::Display| format!("link \"{}\": {why}", welcome.link);
+    let users = path(&keys, "users").map(|file| Users::read(&file)).transpose().map_err(|why| named(&why))?;
+    let tls = match (path(&keys, "certificate"), path(&keys, "key")) {
+        (Some(certificate), Some(key)) => Some(Tls::load(&certificate, &key).map_err(|why| named(&why))?),
+        _ => None,
+    };
+    // Who only reads and has no name leaves no trace.
+    let audit = match path(&keys, "audit").filter(|_| users.is_some() || welcome.rights > Right::Read) {
+        Some(file) => Audit::open(&welcome.link, &file)
+            .map_err(|why| named(&format!("the audit log {}: {why}", file.display())))?,
+        None => Audit::none(&welcome.link),
+    };
+    let state = path(&keys, "state");
+    if let Some(folder) = &state {
+        std::fs::create_dir_all(folder).map_err(|why| named(&format!("{}: {why}", folder.display())))?;
+    }
+    let listeners = door.take_listeners().into_iter().map(TcpListener::from).collect();
+    let kind = keys.get("type").and_then(Value::as_str).unwrap_or_default().to_owned();
+    Ok(Ready { kind, ceiling: welcome.rights, door, listeners, users, tls, audit, state })
+}

@@ -1,0 +1,89 @@
+//! The runtime, and a task for each link.
+
+use std::future::Future;
+use std::pin::Pin;
+use std::time::Duration;
+
+use ob1_access::door::DoorError;
+use ob1_gate_core::{Link, Station};
+use tokio::task::JoinSet;
+use tokio::time::interval;
+use tracing::{error, info};
+
+use crate::prepare::Ready;
+use crate::{metrics, web};
+
+/// Threads for what takes long: a password, a large program.
+const HELPERS: usize = 2;
+/// Between two looks at files that may have been renewed.
+const RENEWED: Duration = Duration::from_secs(5);
+
+type Served = Pin<Box<dyn Future<Output = Result<(), String>>>>;
+type Serve = fn(Link) -> Served;
+
+/// Who serves which type of link.
+const PROTOCOLS: &[(&str, Serve)] =
+    &[("web", |link| Box::pin(web::serve(link))), ("metrics", |link| Box::pin(metrics::serve(link)))];
+
+/// Serves all links until a door closes.
+pub(crate) fn run(links: Vec<Ready>) -> Result<(), String> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .max_blocking_threads(HELPERS)
+        .thread_name("ob1-gate-helper")
+        .build()
+        .map_err(|error| error.to_string())?;
+    tokio::task::LocalSet::new().block_on(&runtime, all(links))
+}
+
+async fn all(links: Vec<Ready>) -> Result<(), String> {
+    let mut doors = JoinSet::new();
+    let mut held = Vec::new();
+    for ready in links {
+        let Ready { kind, door, ceiling, listeners, users, tls, audit, state } = ready;
+        let (station, pump) = Station::new(door, ceiling, audit).map_err(|error| error.to_string())?;
+        doors.spawn(pump);
+        tokio::task::spawn_local(renew(users.clone(), tls.clone()));
+        let name = station.welcome().link.clone();
+        // A link that cannot be served keeps its door: the others go on.
+        held.push(station.clone());
+        let Some((_, serve)) = PROTOCOLS.iter().find(|(known, _)| *known == kind) else {
+            error!("link \"{name}\": this build has no links of type \"{kind}\"");
+            continue;
+        };
+        info!(link = name, kind, "serving");
+        let served = serve(Link { station, listeners, users, tls, state });
+        tokio::task::spawn_local(async move {
+            if let Err(why) = served.await {
+                error!("link \"{name}\": {why}");
+            }
+        });
+    }
+    match doors.join_next().await {
+        None | Some(Ok(DoorError::Closed)) => Ok(()),
+        Some(Ok(error)) => Err(error.to_string()),
+        Some(Err(error)) => Err(error.to_string()),
+    }
+}
+
+/// Users that come and go, certificates that are renewed: without a restart.
+async fn renew(users: Option<ob1_gate_core::Users>, tls: Option<ob1_gate_core::Tls>) {
+    let mut look = interval(RENEWED);
+    let mut told = String::new();
+    loop {
+        look.tick().await;
+        let users = users.as_ref().map(|users| users.refresh().map_err(|error| error.to_string()));
+        let tls = tls.as_ref().map(|tls| tls.refresh().map_err(|error| error.to_string()));
+        for outcome in users.into_iter().chain(tls) {
+            match outcome {
+                Ok(true) => info!("users or certificate read again"),
+                Ok(false) => {}
+                Err(why) if why == told => {}
+                Err(why) => {
+                    error!("{why}; what was read before stays");
+                    told = why;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! The files of the page: they are part of the program, and nothing comes from elsewhere.
+
+use std::sync::LazyLock;
+
+use hyper::StatusCode;
+use hyper::header::{CACHE_CONTROL, ETAG, HeaderMap, HeaderValue, IF_NONE_MATCH};
+
+use crate::http::{Body, Reply, reply};
+
+/// A file.
+pub(super) struct File {
+    path: &'static str,
+    kind: &'static str,
+    text: &'static str,
+}
+
+static FILES: [File; 8] = [
+    File { path: "/", kind: "text/html; charset=utf-8", text: include_str!("../../page/index.html") },
+    File { path: "/style.css", kind: "text/css; charset=utf-8", text: include_str!("../../page/style.css") },
+    File { path: "/app.js", kind: "text/javascript; charset=utf-8", text: include_str!("../../page/app.js") },
+    File { path: "/views.js", kind: "text/javascript; charset=utf-8", text: include_str!("../../page/views.js") },
+    File { path: "/table.js", kind: "text/javascript; charset=utf-8", text: include_str!("../../page/table.js") },
+    File { path: "/program.js", kind: "text/javascript; charset=utf-8", text: include_str!("../../page/program.js") },
+    File { path: "/words.js", kind: "text/javascript; charset=utf-8", text: include_str!("../../page/words.js") },
+    File { path: "/icon.svg", kind: "image/svg+xml", text: include_str!("../../page/icon.svg") },
+];
+
+/// Of all files together: another build has another one.
+static TAG: LazyLock<String> = LazyLock::new(|| {
+    let mut all = ring::digest::Context::new(&ring::digest::SHA256);
+    FILES.iter().for_each(|file| all.update(file.text.as_bytes()));
+    let hex: String = all.finish().as_ref().iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+    format!("\"{hex}\"")
+});
+
+/// The file at this path.
+pub(super) fn find(path: &str) -> Option<&'static File> {
+    FILES.iter().find(|file| file.path == path)
+}
+
+impl File {
+    /// The file, or that it is still the same.
+    pub(super) fn reply(&self, headers: &HeaderMap) -> Reply {
+        let known = headers.get(IF_NONE_MATCH).is_some_and(|tag| tag.as_bytes() == TAG.as_bytes());
+        let mut answer = reply(StatusCode::OK, self.kind, self.text);
+        if known {
+            *answer.status_mut() = StatusCode::NOT_MODIFIED;
+            *answer.body_mut() = Body::Whole(None);
+        }
+        answer.headers_mut().insert(CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+        if let Ok(tag) = HeaderValue::from_str(&TAG) {
+            answer.headers_mut().insert(ETAG, tag);
+        }
+        answer
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The page is light, and asks nobody but the station for anything.
+    #[test]
+    fn the_page_is_small_and_alone() {
+        let bytes: usize = FILES.iter().map(|file| file.text.len()).sum();
+        assert!(bytes <= 150 * 1024, "{bytes} bytes");
+        for file in &FILES {
+            for far in ["http:", "https:", "ws:", "//cdn", "@import", "eval(", "innerHTML", " style=\""] {
+                let found = file.text.replace("http://www.w3.org/2000/svg", "").contains(far);
+                assert!(!found, "{}: {far}", file.path);
+            }
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! The web page: its files, and what it asks.
+
+mod api;
+mod files;
+mod program;
+mod sessions;
+mod stream;
+
+use std::future::Future;
+use std::pin::Pin;
+use std::rc::Rc;
+
+use hyper::header::{ALLOW, HeaderValue};
+use hyper::{Method, StatusCode};
+use ob1_access::Right;
+use ob1_gate_core::{Client, Link, Station, Users, Who};
+
+use crate::http::{self, Call, Reply, Site, plain};
+use sessions::Sessions;
+
+/// A link of type `web`.
+pub(super) struct Page {
+    station: Station,
+    users: Option<Users>,
+    sessions: Sessions,
+    /// Without users everybody is this one, who reads.
+    everybody: Client,
+    reports: Option<std::path::PathBuf>,
+    streams: Rc<std::cell::Cell<usize>>,
+}
+
+/// Serves a link of type `web`.
+pub(crate) async fn serve(mut link: Link) -> Result<(), String> {
+    let station = link.station.clone();
+    let who = Who { user: "-".into(), address: "-".into(), right: Right::Read };
+    let page = Page {
+        everybody: station.client(who),
+        users: link.users.take(),
+        sessions: Sessions::default(),
+        reports: station.keys().get("reports").and_then(|path| path.as_str()).map(Into::into),
+        streams: Rc::default(),
+        station,
+    };
+    http::serve(link, Rc::new(page)).await
+}
+
+impl Site for Page {
+    fn call(self: Rc<Self>, call: Call) -> Pin<Box<dyn Future<Output = Reply>>> {
+        Box::pin(async move { self.answer(call).await })
+    }
+}
+
+impl Page {
+    /// Who asks: `None` is somebody who has to log in first.
+    fn client(&self, call: &Call) -> Option<Client> {
+        match &self.users {
+            None => Some(self.everybody.clone()),
+            Some(users) => self.sessions.client(&call.headers, users),
+        }
+    }
+
+    async fn answer(self: Rc<Self>, call: Call) -> Reply {
+        let reads = matches!(call.method, Method::GET | Method::HEAD);
+        if let Some(file) = files::find(&call.path) {
+            return if reads { file.reply(&call.headers) } else { not_so("GET, HEAD") };
+        }
+        let Some(what) = call.path.strip_prefix("/api/") else {
+            return plain(StatusCode::NOT_FOUND, "there is no such page");
+        };
+        let what = what.to_owned();
+        // What anybody may ask.
+        match (&*what, reads) {
+            ("session", true) => return self.session(&call),
+            ("login", false) => return self.login(&call).await,
+            ("logout", false) => return self.logout(&call),
+            _ => {}
+        }
+        let Some(client) = self.client(&call) else {
+            return plain(StatusCode::UNAUTHORIZED, "log in first");
+        };
+        match (&*what, reads) {
+            ("stream", true) => stream::open(&self, client, &call),
+            ("diagnostics", true) => self.diagnostics(&client).await,
+            ("why", true) => self.why(&client).await,
+            ("status" | "timing" | "buffers" | "links", true) => self.document(&what).await,
+            ("program", true) => program::overview(&self.station).await,
+            ("block", true) => program::block(&self.station, &call.query).await,
+            ("xref", true) => program::xref(&self.station, &call.query).await,
+            ("reports", true) => self.reports(&call.query),
+            ("write", false) => self.write(&client, &call.body).await,
+            ("command", false) => self.command(&client, &call.body).await,
+            ("write" | "command" | "login" | "logout", true) => not_so("POST"),
+            _ if reads => plain(StatusCode::NOT_FOUND, "there is no such question"),
+            _ => not_so("GET, HEAD"),
+        }
+    }
+}
+
+fn not_so(allowed: &'static str) -> Reply {
+    let mut reply = plain(StatusCode::METHOD_NOT_ALLOWED, format!("only {allowed}"));
+    reply.headers_mut().insert(ALLOW, HeaderValue::from_static(allowed));
+    reply
+}

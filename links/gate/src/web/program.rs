@@ -1,0 +1,119 @@
+//! The program: its blocks, their statements, declarations of data blocks, and who uses what.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use hyper::StatusCode;
+use ob1_gate_core::{Catalog, Station};
+use ob1_ir::{CodeBlock, DataBlock, DataKind};
+use ob1_model::{BitAddr, DataType};
+use serde_json::{Value, json};
+
+use super::api::{send, trouble};
+use crate::http::{Reply, plain, query};
+
+/// References that are shown at a time.
+const REFERENCES: usize = 500;
+
+/// All blocks, and the symbols.
+pub(super) async fn overview(station: &Station) -> Reply {
+    let catalog = match station.catalog().await {
+        Ok(catalog) => catalog,
+        Err(why) => return trouble(&why),
+    };
+    let program = &catalog.program;
+    let code = |block: &CodeBlock| {
+        json!({
+            "id": block.id.to_string(), "name": block.name, "statements": block.code.len(),
+            "source": program.sources.get(block.source as usize),
+        })
+    };
+    let data = |block: &DataBlock| {
+        let of = match block.kind {
+            DataKind::Global => None,
+            DataKind::Instance(fb) => Some(fb.to_string()),
+        };
+        json!({ "id": format!("DB {}", block.number), "name": block.name, "bytes": block.bytes.len(), "of": of })
+    };
+    let mut blocks: Vec<&CodeBlock> = program.blocks.iter().collect();
+    blocks.sort_by_key(|block| block.id);
+    send(&json!({
+        "blocks": blocks.into_iter().map(code).collect::<Vec<_>>(),
+        "data": program.data.iter().map(data).collect::<Vec<_>>(),
+        "symbols": program.symbols.iter().map(|s| json!([s.name, s.address])).collect::<Vec<_>>(),
+    }))
+}
+
+/// `?id=FC 1`: its statements; `?id=DB 10`: its declarations.
+pub(super) async fn block(station: &Station, asked: &str) -> Reply {
+    let catalog = match station.catalog().await {
+        Ok(catalog) => catalog,
+        Err(why) => return trouble(&why),
+    };
+    let id = query(asked, "id").unwrap_or_default();
+    let program = &catalog.program;
+    if let Some(block) = program.blocks.iter().find(|block| block.id.to_string() == id) {
+        let statement = |stmt: &ob1_ir::Stmt| json!([stmt.network, stmt.line, stmt.op.to_string()]);
+        return send(&json!({
+            "id": id, "name": block.name, "source": program.sources.get(block.source as usize),
+            "statements": block.code.iter().map(statement).collect::<Vec<_>>(),
+        }));
+    }
+    let number = id.strip_prefix("DB ").and_then(|number| number.parse().ok());
+    match number.and_then(|number: u16| program.data.iter().find(|block| block.number == number)) {
+        Some(block) => {
+            let rows: Vec<Value> =
+                block.components.iter().flat_map(|c| rows(block.number, &c.path, c.at, &c.ty)).collect();
+            send(&json!({ "id": id, "name": block.name, "components": rows }))
+        }
+        None => plain(StatusCode::NOT_FOUND, "there is no such block"),
+    }
+}
+
+/// A declaration, and the members of a structure below it.
+fn rows(db: u16, path: &str, at: BitAddr, ty: &DataType) -> Vec<Value> {
+    let mut all = vec![json!([path, ty.name(), at.to_string(), format!("DB{db}.{path}")])];
+    if let DataType::Struct(fields) = ty {
+        let mut layout = ob1_model::Layout::new();
+        for field in fields {
+            let place = layout.place(&field.ty);
+            all.extend(rows(db, &format!("{path}.{}", field.name), BitAddr(at.0 + place.0), &field.ty));
+        }
+    }
+    all
+}
+
+/// `?operand=MW 10`: who reads and writes it; a part of the name or symbol is enough.
+pub(super) async fn xref(station: &Station, asked: &str) -> Reply {
+    let catalog = match station.catalog().await {
+        Ok(catalog) => catalog,
+        Err(why) => return trouble(&why),
+    };
+    let wanted = query(asked, "operand").unwrap_or_default();
+    match tokio::task::spawn_blocking(move || references(&catalog, &wanted)).await {
+        Ok(found) => send(&found),
+        Err(error) => plain(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
+    }
+}
+
+fn references(catalog: &Arc<Catalog>, wanted: &str) -> Value {
+    let plain = |text: &str| text.chars().filter(|c| !c.is_whitespace()).collect::<String>().to_uppercase();
+    let wanted = plain(wanted);
+    let mut found: BTreeMap<String, Vec<Value>> = BTreeMap::new();
+    let mut count = 0;
+    for reference in ob1_stl::xref(&catalog.program) {
+        let symbol = reference.symbol.clone().unwrap_or_default();
+        if !plain(&reference.operand).contains(&wanted) && !plain(&symbol).contains(&wanted) {
+            continue;
+        }
+        count += 1;
+        if count > REFERENCES {
+            break;
+        }
+        let name =
+            if symbol.is_empty() { reference.operand.clone() } else { format!("{} \"{symbol}\"", reference.operand) };
+        let place = json!([reference.block.to_string(), reference.network, reference.line, reference.access.name()]);
+        found.entry(name).or_default().push(place);
+    }
+    json!({ "more": count > REFERENCES, "operands": found })
+}

@@ -1,0 +1,129 @@
+//! Who is logged in: a random token in a cookie that no other page and no script gets.
+
+use std::cell::RefCell;
+use std::time::{Duration, Instant};
+
+use hyper::header::{COOKIE, HeaderMap};
+use ob1_gate_core::{Client, Users};
+use ring::rand::{SecureRandom as _, SystemRandom};
+
+/// Sessions at a time; the one that has been silent longest goes for a new one.
+const SESSIONS: usize = 128;
+/// Without a request for so long one is logged out; after so long in any case.
+const SILENT: Duration = Duration::from_secs(3600);
+const LONGEST: Duration = Duration::from_secs(12 * 3600);
+/// Bytes of a token.
+const TOKEN: usize = 32;
+
+struct Session {
+    token: [u8; TOKEN],
+    client: Client,
+    began: Instant,
+    last: Instant,
+}
+
+/// All of them.
+#[derive(Default)]
+pub(super) struct Sessions(RefCell<Vec<Session>>);
+
+/// The name of the cookie: with TLS a browser takes it from this very host alone.
+pub(super) const fn cookie_name(tls: bool) -> &'static str {
+    if tls { "__Host-ob1" } else { "ob1" }
+}
+
+impl Sessions {
+    /// A new session: its token.
+    pub(super) fn open(&self, client: Client) -> Option<String> {
+        let mut token = [0; TOKEN];
+        SystemRandom::new().fill(&mut token).ok()?;
+        let mut all = self.0.borrow_mut();
+        if all.len() >= SESSIONS
+            && let Some(at) = (0..all.len()).min_by_key(|at| all[*at].last)
+        {
+            all.swap_remove(at);
+        }
+        let now = Instant::now();
+        all.push(Session { token, client, began: now, last: now });
+        Some(token.iter().map(|byte| format!("{byte:02x}")).collect())
+    }
+
+    /// The client of the session that the cookie names; none when the user is gone or has other rights now.
+    pub(super) fn client(&self, headers: &HeaderMap, users: &Users) -> Option<Client> {
+        let now = Instant::now();
+        let mut all = self.0.borrow_mut();
+        let over = |at: Instant, time| now.duration_since(at) >= time;
+        all.retain(|session| !over(session.last, SILENT) && !over(session.began, LONGEST));
+        let at = place(&all, headers)?;
+        let session = all.get_mut(at)?;
+        let who = session.client.who();
+        if users.right(&who.user) != Some(who.right) {
+            all.swap_remove(at);
+            return None;
+        }
+        session.last = now;
+        Some(session.client.clone())
+    }
+
+    /// The session is over.
+    pub(super) fn close(&self, headers: &HeaderMap) -> Option<Client> {
+        let mut all = self.0.borrow_mut();
+        let at = place(&all, headers)?;
+        Some(all.swap_remove(at).client)
+    }
+}
+
+fn place(all: &[Session], headers: &HeaderMap) -> Option<usize> {
+    tokens(headers).into_iter().find_map(|token| {
+        // Of 256 random bits no guess comes near: how long a comparison takes tells nothing.
+        all.iter().position(|session| session.token == token)
+    })
+}
+
+/// All that could be a token; others may have set cookies of the same name.
+fn tokens(headers: &HeaderMap) -> Vec<[u8; TOKEN]> {
+    let texts = headers.get_all(COOKIE).iter().filter_map(|value| value.to_str().ok());
+    let pairs = texts.flat_map(|text| text.split(';')).filter_map(|pair| pair.trim().split_once('='));
+    pairs
+        .filter(|(name, _)| [cookie_name(true), cookie_name(false)].contains(name))
+        .filter_map(|(_, value)| token(value))
+        .take(4)
+        .collect()
+}
+
+fn token(text: &str) -> Option<[u8; TOKEN]> {
+    let digits = text.as_bytes();
+    if digits.len() != 2 * TOKEN || !digits.iter().all(u8::is_ascii_hexdigit) {
+        return None;
+    }
+    let mut token = [0; TOKEN];
+    for (byte, pair) in token.iter_mut().zip(digits.chunks(2)) {
+        *byte = u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()?;
+    }
+    Some(token)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_tokens_are_tokens() {
+        let good = "ab".repeat(TOKEN);
+        let count = |cookies: &[&str]| {
+            let mut headers = HeaderMap::new();
+            for cookie in cookies {
+                headers.append(COOKIE, cookie.parse().expect("a value"));
+            }
+            tokens(&headers).len()
+        };
+        assert_eq!(count(&[&format!("ob1={good}")]), 1);
+        assert_eq!(count(&[&format!("a=b; __Host-ob1={good};x"), &format!("ob1={good}")]), 2);
+        let wrong =
+            [format!("ob1={}", &good[1..]), format!("ob1={}+f", &good[2..]), format!("ob2={good}"), "ob1".into()];
+        for cookie in wrong {
+            assert_eq!(count(&[&cookie]), 0, "{cookie}");
+        }
+        let many = vec![format!("ob1={good}"); 100].join("; ");
+        assert_eq!(count(&[&many]), 4, "bounded");
+    }
+}

@@ -1,0 +1,239 @@
+//! What the page is told without asking: server-sent events with the station's state, what happens, and the values of
+//! a variable table.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use hyper::StatusCode;
+use hyper::body::Bytes;
+use hyper::header::{CONTENT_TYPE, HeaderValue};
+use ob1_access::door::{Document, Event, What};
+use ob1_access::{CellWidth, Datum, Form, Names, Typed, value};
+use ob1_gate_core::{Client, Trouble, Watch, iso};
+use serde_json::{Value, json};
+use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::mpsc;
+use tokio::time::{interval, timeout};
+
+use super::Page;
+use super::api::entry;
+use crate::http::{Body, Call, Reply, plain, query};
+
+/// Streams at a time.
+const STREAMS: usize = 32;
+/// Messages that may wait for a browser; who takes none for so long is let go.
+const WAITING: usize = 32;
+const DEAF: Duration = Duration::from_secs(20);
+/// Between two looks at the station's figures.
+const STATUS: Duration = Duration::from_secs(1);
+/// Variables of a table, and how often they are looked at.
+const ITEMS: usize = 500;
+const PERIODS: (u64, u64) = (100, 60_000);
+
+/// Counts a stream as long as it lives.
+struct Counted(Rc<Cell<usize>>);
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        self.0.set(self.0.get().saturating_sub(1));
+    }
+}
+
+/// A line of a variable table.
+struct Line {
+    typed: Result<Typed, String>,
+    form: Form,
+    /// Its place in the reading.
+    index: usize,
+}
+
+/// Opens a stream: `items` are names, one a line; `period` in milliseconds.
+pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
+    if page.streams.get() >= STREAMS {
+        return plain(StatusCode::SERVICE_UNAVAILABLE, "too many look at this station: close another page");
+    }
+    page.streams.set(page.streams.get() + 1);
+    let counted = Counted(Rc::clone(&page.streams));
+    let (to, parts) = mpsc::channel(WAITING);
+    let after = call.headers.get("last-event-id").and_then(|id| id.to_str().ok()?.parse().ok()).unwrap_or(u64::MAX);
+    let items = query(&call.query, "items").unwrap_or_default();
+    let period = query(&call.query, "period").and_then(|text| text.parse().ok()).unwrap_or(1000);
+    let page = Rc::clone(page);
+    tokio::task::spawn_local(async move {
+        let _counted = counted;
+        let _ = run(&page, &client, &to, after, &items, period.clamp(PERIODS.0, PERIODS.1)).await;
+    });
+    let mut reply = hyper::Response::new(Body::Parts(parts));
+    reply.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("text/event-stream"));
+    reply
+}
+
+type To = mpsc::Sender<Bytes>;
+
+/// Sends one message; an error: nobody takes it.
+async fn say(to: &To, name: &str, id: Option<u64>, data: &str) -> Result<(), ()> {
+    let id = id.map_or_else(String::new, |id| format!("id: {id}\n"));
+    let text = format!("{id}event: {name}\ndata: {data}\n\n");
+    timeout(DEAF, to.send(Bytes::from(text))).await.map_err(drop)?.map_err(drop)
+}
+
+async fn run(page: &Page, client: &Client, to: &To, after: u64, items: &str, period: u64) -> Result<(), ()> {
+    let station = &page.station;
+    let (kept, mut events) = station.events(after);
+    let mut status = interval(STATUS);
+    let (lines, mut watch) = table(page, items, period).await;
+    if !lines.is_empty() {
+        let names: Vec<Value> = lines.iter().map(head).collect();
+        say(to, "table", None, &json!(names).to_string()).await?;
+    }
+    for event in kept {
+        say(to, "event", Some(event.number), &told(&event).to_string()).await?;
+    }
+    loop {
+        tokio::select! {
+            _ = status.tick() => {
+                let text = station.document(Document::Status, STATUS * 4 / 5).await;
+                match text {
+                    Ok(text) => say(to, "status", None, &String::from_utf8_lossy(&text)).await?,
+                    Err(why) => say(to, "trouble", None, &json!(why.to_string()).to_string()).await?,
+                }
+                // Who is logged out, or may less now, sees nothing more.
+                if page.users.as_ref().is_some_and(|users| users.right(&client.who().user).is_none()) {
+                    return Err(());
+                }
+            }
+            event = events.recv() => match event {
+                Ok(event) => say(to, "event", Some(event.number), &told(&event).to_string()).await?,
+                Err(RecvError::Lagged(count)) => say(to, "lost", None, &count.to_string()).await?,
+                Err(RecvError::Closed) => return Err(()),
+            },
+            reading = newest(&mut watch) => match reading {
+                Ok(reading) => {
+                    let shown: Vec<Value> = lines.iter().map(|line| shown(line, &reading)).collect();
+                    let data = json!({ "scan": reading.scan, "values": shown });
+                    say(to, "values", None, &data.to_string()).await?;
+                }
+                Err(Trouble::Gone) => return Err(()),
+                Err(why) => say(to, "trouble", None, &json!(why.to_string()).to_string()).await?,
+            },
+        }
+    }
+}
+
+async fn newest(watch: &mut Option<Watch>) -> Result<std::sync::Arc<ob1_access::door::Reading>, Trouble> {
+    match watch {
+        Some(watch) => watch.next().await,
+        None => std::future::pending().await,
+    }
+}
+
+async fn table(page: &Page, items: &str, period: u64) -> (Vec<Line>, Option<Watch>) {
+    let names: Vec<&str> = items.lines().map(str::trim).filter(|name| !name.is_empty()).take(ITEMS).collect();
+    if names.is_empty() {
+        return (Vec::new(), None);
+    }
+    let catalog = page.station.catalog().await;
+    let (mut lines, mut pieces) = (Vec::new(), Vec::new());
+    for text in names {
+        let (name, form) = Form::split(text);
+        let found = match &catalog {
+            Ok(catalog) => find(&catalog.names, name),
+            Err(why) => Err(why.to_string()),
+        };
+        let typed = found.map(|(typed, piece)| {
+            pieces.push(piece);
+            typed
+        });
+        lines.push(Line { typed, form, index: pieces.len().saturating_sub(1) });
+    }
+    let watch = (!pieces.is_empty()).then(|| page.station.watch(pieces, Duration::from_millis(period)));
+    (lines, watch)
+}
+
+fn find(names: &Names, name: &str) -> Result<(Typed, ob1_access::Piece), String> {
+    let typed = names.typed(name)?;
+    let piece = typed.piece().ok_or_else(|| format!("{name} is a {}, which has no value", typed.ty.name()))?;
+    Ok((typed, piece))
+}
+
+fn head(line: &Line) -> Value {
+    match &line.typed {
+        Ok(typed) => json!({ "name": typed.name, "type": typed.ty.name() }),
+        Err(why) => json!({ "error": why }),
+    }
+}
+
+/// A value in its form; the reason where there is none.
+fn shown(line: &Line, reading: &ob1_access::door::Reading) -> Value {
+    let Ok(typed) = &line.typed else { return Value::Null };
+    let bytes = match reading.piece(line.index) {
+        Ok(bytes) => bytes,
+        Err(why) => return json!({ "error": why.to_string() }),
+    };
+    let single = ob1_access::Item::of(typed);
+    match (single, typed.value(bytes)) {
+        (Some(item), datum) if line.form != Form::Plain || matches!(datum, Some(Datum::Bool(_)) | None) => {
+            let bits = bytes.iter().fold(0, |bits, byte| bits << 8 | u32::from(*byte));
+            let bits = if item.width == CellWidth::Bit && typed.cell.block().is_some() {
+                bits >> (typed.cell.bit() % 8) & 1
+            } else {
+                bits
+            };
+            let json = value::to_json(&item, bits);
+            Value::String(line.form.show(&json, &value::to_hex(&item, bits)))
+        }
+        (_, Some(datum)) => Value::String(text(&datum)),
+        (_, None) => json!({ "error": "not what its type says" }),
+    }
+}
+
+/// A value as people write it.
+fn text(datum: &Datum) -> String {
+    match datum {
+        Datum::Bool(bit) => u8::from(*bit).to_string(),
+        Datum::Byte(value) => value.to_string(),
+        Datum::Word(value) => value.to_string(),
+        Datum::DWord(value) => value.to_string(),
+        Datum::Int(value) => value.to_string(),
+        Datum::DInt(value) => value.to_string(),
+        Datum::Real(value) => value.to_string(),
+        Datum::Duration(ms) => format!("{}.{:03} s", ms / 1000, (ms % 1000).abs()),
+        Datum::Moment(ms) => iso(u64::try_from(*ms).unwrap_or(0)).replace('T', " ").replace('Z', ""),
+        Datum::Text(text) => format!("'{text}'"),
+        Datum::Bytes(bytes) => bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" "),
+        Datum::List(list) => list.iter().map(text).collect::<Vec<_>>().join(", "),
+    }
+}
+
+/// An event for the page.
+fn told(event: &Event) -> Value {
+    match &event.what {
+        What::Diagnosis(diagnosis) => json!({ "what": "diagnosis", "entry": entry(diagnosis) }),
+        What::State(state) => json!({ "what": "state", "state": format!("{state:?}").to_uppercase() }),
+        What::Driver { name, up } => json!({ "what": "driver", "name": name, "up": up }),
+        What::Link { name, up } => json!({ "what": "link", "name": name, "up": up }),
+        What::Lost(count) => json!({ "what": "lost", "count": count }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_as_people_write_them() {
+        for (datum, shown) in [
+            (Datum::Bool(true), "1"),
+            (Datum::Int(-5), "-5"),
+            (Datum::Duration(1500), "1.500 s"),
+            (Datum::Duration(-20), "0.020 s"),
+            (Datum::Moment(0), "1970-01-01 00:00:00.000"),
+            (Datum::Text("Öl".into()), "'Öl'"),
+            (Datum::List(vec![Datum::Word(1), Datum::Word(2)]), "1, 2"),
+            (Datum::Bytes(vec![1, 0xAB]), "01 AB"),
+        ] {
+            assert_eq!(text(&datum), shown);
+        }
+    }
+}
