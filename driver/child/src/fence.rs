@@ -48,7 +48,7 @@ pub fn raise() -> Result<Vec<ob1_rt::Refusal>, String> {
     ob1_rt::close_inherited();
     let folders = fence.folders;
     let wanted =
-        Confinement { folders, devices: true, processes: false, network, memory: MEMORY, oom_score: OOM_SCORE };
+        Confinement { folders, devices: true, network, memory: MEMORY, oom_score: OOM_SCORE, ..Confinement::default() };
     Ok(ob1_rt::confine(&wanted))
 }
 

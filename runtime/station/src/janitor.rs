@@ -94,6 +94,7 @@ fn confine(rundir: &Path, published: &[PathBuf]) {
         network: Network::None,
         memory: 64 << 20,
         oom_score: -500,
+        ..Confinement::default()
     });
 }
 

@@ -56,7 +56,7 @@ pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
     page.streams.set(page.streams.get() + 1);
     let counted = Counted(Rc::clone(&page.streams));
     let (to, parts) = mpsc::channel(WAITING);
-    let after = call.headers.get("last-event-id").and_then(|id| id.to_str().ok()?.parse().ok()).unwrap_or(u64::MAX);
+    let after = call.headers.get("last-event-id").and_then(|id| id.to_str().ok()?.parse().ok());
     let items = query(&call.query, "items").unwrap_or_default();
     let period = query(&call.query, "period").and_then(|text| text.parse().ok()).unwrap_or(1000);
     let page = Rc::clone(page);
@@ -78,9 +78,11 @@ async fn say(to: &To, name: &str, id: Option<u64>, data: &str) -> Result<(), ()>
     timeout(DEAF, to.send(Bytes::from(text))).await.map_err(drop)?.map_err(drop)
 }
 
-async fn run(page: &Page, client: &Client, to: &To, after: u64, items: &str, period: u64) -> Result<(), ()> {
+async fn run(page: &Page, client: &Client, to: &To, after: Option<u64>, items: &str, period: u64) -> Result<(), ()> {
     let station = &page.station;
-    let (kept, mut events) = station.events(after);
+    let (kept, mut events) = station.events(after.unwrap_or(0));
+    // Who comes for the first time asks for what has been; who comes again gets what was missed.
+    let kept = if after.is_some() { kept } else { Vec::new() };
     let mut status = interval(STATUS);
     let (lines, mut watch) = table(page, items, period).await;
     if !lines.is_empty() {
