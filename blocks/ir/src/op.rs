@@ -131,6 +131,30 @@ pub enum Convert {
     Tad,
 }
 
+impl Convert {
+    /// Every conversion.
+    pub const ALL: [Self; 18] = [
+        Self::Bti,
+        Self::Itb,
+        Self::Btd,
+        Self::Dtb,
+        Self::Itd,
+        Self::Dtr,
+        Self::Rnd,
+        Self::RndPlus,
+        Self::RndMinus,
+        Self::Trunc,
+        Self::Invi,
+        Self::Invd,
+        Self::Negi,
+        Self::Negd,
+        Self::Negr,
+        Self::Abs,
+        Self::Taw,
+        Self::Tad,
+    ];
+}
+
 /// Floating-point functions of ACCU1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[expect(missing_docs, reason = "mnemonics of the reference")]
@@ -182,6 +206,28 @@ pub enum Jump {
     IfNotPositive,
     /// `SPU`: unordered, overflow in a division.
     IfUnordered,
+}
+
+impl Jump {
+    /// Every condition.
+    pub const ALL: [Self; 16] = [
+        Self::Always,
+        Self::IfRlo,
+        Self::IfNotRlo,
+        Self::IfRloSaveBr,
+        Self::IfNotRloSaveBr,
+        Self::IfBr,
+        Self::IfNotBr,
+        Self::IfOverflow,
+        Self::IfStoredOverflow,
+        Self::IfZero,
+        Self::IfNotZero,
+        Self::IfPositive,
+        Self::IfNegative,
+        Self::IfNotNegative,
+        Self::IfNotPositive,
+        Self::IfUnordered,
+    ];
 }
 
 /// One statement's operation. Jump targets are statement indices in the same block.

@@ -110,27 +110,7 @@ pub(super) fn plain() -> Vec<Op> {
         all.extend([Op::WordLogic(logic, None), Op::DWordLogic(logic, None)]);
     }
     all.extend(SHIFTS.map(|shift| Op::Shift(shift, None)));
-    let convert = [
-        Convert::Bti,
-        Convert::Itb,
-        Convert::Btd,
-        Convert::Dtb,
-        Convert::Itd,
-        Convert::Dtr,
-        Convert::Rnd,
-        Convert::RndPlus,
-        Convert::RndMinus,
-        Convert::Trunc,
-        Convert::Invi,
-        Convert::Invd,
-        Convert::Negi,
-        Convert::Negd,
-        Convert::Negr,
-        Convert::Abs,
-        Convert::Taw,
-        Convert::Tad,
-    ];
-    all.extend(convert.map(Op::Convert));
+    all.extend(Convert::ALL.map(Op::Convert));
     let math = [
         MathFn::Sqr,
         MathFn::Sqrt,

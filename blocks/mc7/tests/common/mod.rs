@@ -270,7 +270,7 @@ impl Made<'_> {
                 ]),
             ),
             22 => self.shift(),
-            23 => self.bytes.of(&CONVERSIONS),
+            23 => Op::Convert(self.bytes.of(&Convert::ALL)),
             24 => self.bytes.of(&PLAIN),
             25 => {
                 if self.bytes.flag() {
@@ -286,7 +286,7 @@ impl Made<'_> {
             }
             30 | 31 => {
                 let to = u32::from(self.bytes.word());
-                if self.bytes.byte().is_multiple_of(8) { Op::Loop(to) } else { Op::Jump(self.bytes.of(&JUMPS), to) }
+                if self.bytes.byte().is_multiple_of(8) { Op::Loop(to) } else { Op::Jump(self.bytes.of(&Jump::ALL), to) }
             }
             32 => return self.jump_list(),
             33 => {
@@ -522,46 +522,6 @@ const SHIFTS: [(Shift, u8); 8] = [
     (Shift::RightDInt, 32),
     (Shift::RotateLeft, 32),
     (Shift::RotateRight, 32),
-];
-
-const JUMPS: [Jump; 16] = [
-    Jump::Always,
-    Jump::IfRlo,
-    Jump::IfNotRlo,
-    Jump::IfRloSaveBr,
-    Jump::IfNotRloSaveBr,
-    Jump::IfBr,
-    Jump::IfNotBr,
-    Jump::IfOverflow,
-    Jump::IfStoredOverflow,
-    Jump::IfZero,
-    Jump::IfNotZero,
-    Jump::IfPositive,
-    Jump::IfNegative,
-    Jump::IfNotNegative,
-    Jump::IfNotPositive,
-    Jump::IfUnordered,
-];
-
-const CONVERSIONS: [Op; 18] = [
-    Op::Convert(Convert::Bti),
-    Op::Convert(Convert::Itb),
-    Op::Convert(Convert::Btd),
-    Op::Convert(Convert::Dtb),
-    Op::Convert(Convert::Itd),
-    Op::Convert(Convert::Dtr),
-    Op::Convert(Convert::Rnd),
-    Op::Convert(Convert::RndPlus),
-    Op::Convert(Convert::RndMinus),
-    Op::Convert(Convert::Trunc),
-    Op::Convert(Convert::Invi),
-    Op::Convert(Convert::Invd),
-    Op::Convert(Convert::Negi),
-    Op::Convert(Convert::Negd),
-    Op::Convert(Convert::Negr),
-    Op::Convert(Convert::Abs),
-    Op::Convert(Convert::Taw),
-    Op::Convert(Convert::Tad),
 ];
 
 const PLAIN: [Op; 17] = [
