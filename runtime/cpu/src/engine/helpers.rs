@@ -195,6 +195,7 @@ impl Context<'_> {
     pub fn call_native(&mut self, native: u32, at: Caller, call: &Call, r: &mut Regs) -> Result<(), Abort> {
         let tops = Tops::of(self.machine);
         let entry = call::entry(call, tops, r);
+        let (db, di) = (r.db, r.di);
         let supplied = call::check_depth(self.machine).and_then(|()| {
             if call.patches.is_empty() {
                 return call::fixed_references(call, self.machine);
@@ -205,6 +206,8 @@ impl Context<'_> {
             tops.release(self.machine);
             return self.fault_at(at, fault, r);
         }
+        // Fully qualified actuals have gone through the data block registers; the caller's come back.
+        (r.db, r.di) = (db, di);
         self.run_native(native, at, call, &entry, tops, r)
     }
 

@@ -206,6 +206,9 @@ impl Tape {
         if matches!(question, Question::SafePoint(_)) && m.hot.pending < m.hot.look_after && self.difference.is_none() {
             return Answer::Done(Ok(()));
         }
+        // At a peripheral access the count need not be in memory, and the access leaves it as it is.
+        let counted = !matches!(question, Question::Read(..) | Question::Write(..));
+        let executed = m.hot.pending;
         let asked = self.events.get(played).map(|event| (event.question, event.pending));
         match asked {
             _ if self.difference.is_some() => {}
@@ -213,8 +216,8 @@ impl Tape {
                 self.differs(What::Question(Some(recorded), Some(question)), at);
             }
             None => self.differs(What::Question(None, Some(question)), at),
-            Some((_, pending)) if pending != m.hot.pending => {
-                self.differs(What::Statements(pending, m.hot.pending), at);
+            Some((_, pending)) if counted && pending != executed => {
+                self.differs(What::Statements(pending, executed), at);
             }
             Some(_) => {}
         }
@@ -241,6 +244,9 @@ impl Tape {
             rest.restore(m);
         }
         m.hot.set_values(&event.hot);
+        if !counted {
+            m.hot.pending = executed;
+        }
         // OB 121 and OB 122 have taken the registers.
         m.interrupted = None;
         let answer = event.answer;
