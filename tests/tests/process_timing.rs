@@ -36,7 +36,7 @@ fn station(site: &Site) -> Running {
 fn station_with(site: &Site, watchdog: &str, tables: &str) -> Running {
     let plugin = native::build(site, "tests/native/timing_blocks.c", "timing_blocks.so", &[]);
     let toml = format!(
-        "[station]\nname = \"timed\"\n\n[cpu]\nmin_cycle = \"10ms\"\nwatchdog = \"{watchdog}\"\nmissed = \"skip\"\n\n\
+        "[station]\nname = \"timed\"\n\n[cpu]\nmin_cycle = \"10ms\"\nwatchdog = \"{watchdog}\"\nmissed = \"skip\"\nengine = \"reference\"\n\n\
          [timing]\nlate = \"5ms\"\nlong = \"3ms\"\nrecorder = 20\n\n[program]\nsources = [\"timed.awl\"]\n\n\
          [[plugin]]\npath = \"{}\"\n{tables}",
         plugin.display()

@@ -76,7 +76,13 @@ impl Cpu {
 
         let loaded = |id| signatures.find(id).is_some();
         let plugins = natives.iter().any(|native| native.is_plugin());
-        let nesting = Nesting::new(&config, &loaded, plugins, engine.stack_per_block()).map_err(|error| vec![error])?;
+        let mut stack_per_block = engine.stack_per_block();
+        let mut nesting = Nesting::new(&config, &loaded, plugins, stack_per_block);
+        if nesting.is_err() && engine.stack_is_for_later() {
+            stack_per_block = 0;
+            nesting = Nesting::new(&config, &loaded, plugins, stack_per_block);
+        }
+        let nesting = nesting.map_err(|error| vec![error])?;
         let attention = Attention::default();
         let obs: Vec<u16> = signatures
             .0
@@ -97,6 +103,7 @@ impl Cpu {
             timers: config.timers,
             counters: config.counters,
             nesting_depth: config.nesting_depth,
+            stack_per_block,
             frames: usize::from(config.nesting_depth) * nesting.obs,
         });
         let blocks = Blocks {

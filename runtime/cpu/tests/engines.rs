@@ -5,8 +5,8 @@ mod common;
 use std::sync::Arc;
 
 use common::*;
-use ob1_cpu::engine::{PLAIN, REFERENCE};
-use ob1_cpu::{Cpu, CpuConfig};
+use ob1_cpu::engine::{Engine, Factory, PLAIN, Plan, REFERENCE};
+use ob1_cpu::{Cpu, CpuConfig, LoadError};
 use ob1_ir::{Arg, NumberFormat, Op, Program, Width};
 use ob1_model::{BlockKind, DataType, Interface, Section};
 
@@ -26,7 +26,7 @@ fn counting() -> Program {
 
 #[test]
 fn an_engine_is_exchanged_between_two_scans() {
-    let cpu = Cpu::new(CpuConfig::default(), &counting(), vec![], vec![], REFERENCE).expect("loads");
+    let cpu = Cpu::new(CpuConfig::default(), &counting(), vec![], vec![], &Later(6 * 1024, true)).expect("loads");
     let mut bench = Bench::with(cpu);
     let mut expected = 0;
     for (name, factory) in ENGINES {
@@ -43,6 +43,41 @@ fn an_engine_is_exchanged_between_two_scans() {
             assert_eq!(bench.mw(10), expected, "{name}");
         }
     }
+}
+
+/// The reference engine, with so many bytes of stack a block for one that takes over, if there is room or in any case.
+struct Later(usize, bool);
+
+impl Factory for Later {
+    fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
+        REFERENCE.engine(plan)
+    }
+
+    fn stack_per_block(&self) -> usize {
+        self.0
+    }
+
+    fn stack_is_for_later(&self) -> bool {
+        self.1
+    }
+}
+
+#[test]
+fn without_stack_for_it_a_program_runs_and_no_machine_code_takes_over() {
+    let load = |factory| Cpu::new(CpuConfig::default(), &counting(), vec![], vec![], factory);
+    let native = ENGINES.iter().find(|(name, _)| *name == "native").expect("a row").1;
+    // Once it was wanted in any case, once nobody has asked for it.
+    assert!(matches!(load(&Later(8 << 20, false)).map(|_| ()), Err(e) if matches!(e[..], [LoadError::Stack { .. }])));
+    for factory in [&Later(8 << 20, true) as &dyn Factory, REFERENCE] {
+        let mut bench = Bench::with(load(factory).expect("it loads without"));
+        assert_eq!(bench.cpu.plan().stack_per_block, 0);
+        assert!(native.engine(bench.cpu.plan()).is_err_and(|why| why.contains("stack")));
+        bench.run();
+        assert_eq!((bench.mw(10), bench.cpu.engine()), (1, "reference"));
+    }
+    let asked = load(&Later(6 * 1024, true)).expect("it loads");
+    assert_eq!(asked.plan().stack_per_block, 6 * 1024);
+    assert!(native.engine(asked.plan()).is_ok());
 }
 
 #[test]

@@ -95,8 +95,8 @@ fn listing(path: &str) -> Result<(), String> {
     let cpu = cpu(path, &program, REFERENCE)?;
     let compiler = Compiler::new(Target::Host, Tier::Optimised).map_err(|e| e.to_string())?;
     for block in 0..cpu.plan().blocks.len() {
-        let (form, code) = compiler.listing(cpu.plan(), block as u32).map_err(|e| e.to_string())?;
-        println!("{}\n{form}\n{code}", cpu.plan().blocks[block].id);
+        let made = compiler.listing(cpu.plan(), block as u32).map_err(|e| e.to_string())?;
+        println!("{}\n{}\n{}", cpu.plan().blocks[block].id, made.form, made.code);
     }
     Ok(())
 }

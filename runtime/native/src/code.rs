@@ -7,20 +7,30 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, fcntl_get_seals, memfd_create};
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 
-/// A memory file with these bytes, which nobody can change any more.
+/// An empty memory file for code. Filled and sealed later, by who may make none then.
 ///
 /// # Errors
 /// The system has no room for it.
-pub fn sealed(bytes: &[u8]) -> io::Result<OwnedFd> {
+pub fn memory_file() -> io::Result<File> {
     // Without MFD_EXEC a system may refuse to execute it. Kernels before 6.3 do not know the flag.
     const EXEC: MemfdFlags = MemfdFlags::from_bits_retain(0x10);
     let flags = MemfdFlags::ALLOW_SEALING | MemfdFlags::CLOEXEC;
     let fd = memfd_create("ob1-code", flags | EXEC).or_else(|_| memfd_create("ob1-code", flags))?;
-    let mut file = File::from(fd);
+    Ok(File::from(fd))
+}
+
+/// A memory file with these bytes, which nobody can change any more.
+///
+/// # Errors
+/// The system has no room for it.
+pub fn seal(mut file: File, bytes: &[u8]) -> io::Result<OwnedFd> {
     file.write_all(bytes)?;
-    fcntl_add_seals(&file, SealFlags::WRITE | SealFlags::GROW | SealFlags::SHRINK | SealFlags::SEAL)?;
+    fcntl_add_seals(&file, SEALS)?;
     Ok(file.into())
 }
+
+/// Nobody can write it, and it keeps its length.
+const SEALS: SealFlags = SealFlags::WRITE.union(SealFlags::GROW).union(SealFlags::SHRINK).union(SealFlags::SEAL);
 
 /// A mapping of code.
 #[derive(Debug)]
@@ -35,10 +45,10 @@ unsafe impl Send for CodeMemory {}
 unsafe impl Sync for CodeMemory {}
 
 impl CodeMemory {
-    /// Maps a memory file of [`sealed`].
+    /// Maps a memory file of [`seal`].
     pub(crate) fn map(fd: BorrowedFd<'_>) -> io::Result<Self> {
         let seals = fcntl_get_seals(fd)?;
-        if !seals.contains(SealFlags::WRITE | SealFlags::SHRINK) {
+        if !seals.contains(SEALS) {
             return Err(io::Error::other("a memory file that is not sealed"));
         }
         let len = rustix::fs::fstat(fd)?.st_size as usize;
@@ -51,7 +61,13 @@ impl CodeMemory {
 
     /// Maps these bytes.
     pub(crate) fn of(bytes: &[u8]) -> io::Result<Self> {
-        Self::map(sealed(bytes)?.as_fd())
+        Self::map(seal(memory_file()?, bytes)?.as_fd())
+    }
+
+    /// The bytes.
+    pub(crate) fn bytes(&self) -> &[u8] {
+        // SAFETY: mapped readable, as long as `self`; sealed, so that nobody can change them.
+        unsafe { std::slice::from_raw_parts(self.address, self.len) }
     }
 
     /// The address of a byte.

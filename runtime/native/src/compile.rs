@@ -48,6 +48,7 @@ pub struct Image {
     pub(crate) functions: Vec<Compiled>,
     /// Bytes of stack that one block takes at most.
     pub(crate) stack: u32,
+    pub(crate) tier: Tier,
 }
 
 impl Image {
@@ -98,6 +99,7 @@ pub(crate) fn helper_signature(convention: CallConv) -> Signature {
 /// Makes the code of processors.
 pub struct Compiler {
     isa: OwnedTargetIsa,
+    tier: Tier,
 }
 
 impl fmt::Debug for Compiler {
@@ -134,13 +136,13 @@ impl Compiler {
             }
         }
         let isa = builder.finish(settings::Flags::new(flags)).map_err(|error| wrong(&error))?;
-        Ok(Self { isa })
+        Ok(Self { isa, tier })
     }
 
     /// The code of all blocks of a plan. A block that has none is run by the reference.
     #[must_use]
     pub fn image(&self, plan: &Plan) -> Image {
-        let mut image = Image::default();
+        let mut image = Image { tier: self.tier, ..Image::default() };
         let mut context = cranelift_codegen::Context::new();
         let mut frontend = FunctionBuilderContext::new();
         for block in 0..plan.blocks.len() as u32 {
@@ -191,14 +193,14 @@ impl Compiler {
         signature.params.push(AbiParam::new(types::I64));
         signature.returns.push(AbiParam::new(types::I32));
         context.func = Function::with_name_signature(UserFuncName::user(0, block), signature);
-        translate(plan, block, &mut context.func, frontend, self.isa.frontend_config())
+        translate(plan, block, &mut context.func, frontend, self.isa.frontend_config(), self.tier)
     }
 
-    /// Cranelift's intermediate form and the machine code of a block, for a reader.
+    /// What becomes of a block, for a reader.
     ///
     /// # Errors
     /// It cannot be compiled.
-    pub fn listing(&self, plan: &Plan, block: u32) -> Result<(String, String), CompileError> {
+    pub fn listing(&self, plan: &Plan, block: u32) -> Result<Listing, CompileError> {
         let mut context = cranelift_codegen::Context::new();
         let mut frontend = FunctionBuilderContext::new();
         self.translated(plan, block, &mut context, &mut frontend);
@@ -207,8 +209,35 @@ impl Compiler {
         let compiled = context
             .compile(&*self.isa, &mut ControlPlane::default())
             .map_err(|error| CompileError(error.inner.to_string()))?;
-        Ok((form, compiled.vcode.clone().unwrap_or_default()))
+        let mut statements = vec![0; plan.blocks[block as usize].stmts.len()];
+        for part in compiled.buffer.get_srclocs_sorted() {
+            if let Some(bytes) = statements.get_mut(part.loc.bits() as usize) {
+                *bytes += part.end - part.start;
+            }
+        }
+        Ok(Listing {
+            form,
+            code: compiled.vcode.clone().unwrap_or_default(),
+            bytes: compiled.buffer.data().len(),
+            stack: frame(compiled),
+            statements,
+        })
     }
+}
+
+/// What becomes of a block.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Listing {
+    /// Cranelift's intermediate form.
+    pub form: String,
+    /// The machine code, as text.
+    pub code: String,
+    /// Bytes of machine code.
+    pub bytes: usize,
+    /// Bytes of stack it takes.
+    pub stack: u32,
+    /// Bytes of machine code of each statement; a block that has become part of it counts as the call.
+    pub statements: Vec<u32>,
 }
 
 /// Bytes of stack that compiled code takes.

@@ -1,19 +1,27 @@
 //! The engine: compiled blocks, and the reference for what is not compiled.
 
+use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 
 use ob1_cpu::Abort;
-use ob1_cpu::engine::{Caller, Context, Engine, Entry, Factory, Plan, Regs};
+use ob1_cpu::engine::{Context, Engine, Entry, Factory, Plan, Regs};
 
 use crate::code::CodeMemory;
 use crate::compile::{Compiled, Compiler, Image, Target, Tier};
+use crate::file::{Contents, Order};
 use crate::run::{Run, interpret};
+
+/// What the engine is called.
+pub const NAME: &str = "native";
+/// What it is called while its code is that of the fast tier.
+pub const NAME_FAST: &str = "native, fast tier";
 
 /// The code of a plan, in place.
 pub(crate) struct Code {
     pub(crate) plan: Arc<Plan>,
     pub(crate) functions: Vec<Compiled>,
     memory: Option<CodeMemory>,
+    tier: Tier,
 }
 
 /// Runs blocks as machine code.
@@ -36,18 +44,64 @@ impl Native {
         if image.functions.len() != plan.blocks.len() {
             return Err("the code is of another program".into());
         }
+        has_stack(plan)?;
         let memory = if image.bytes.is_empty() {
             None
         } else {
             Some(CodeMemory::of(&image.bytes).map_err(|error| format!("no memory for code: {error}"))?)
         };
-        Ok(Self { code: Code { plan: Arc::clone(plan), functions: image.functions, memory } })
+        Ok(Self { code: Code { plan: Arc::clone(plan), functions: image.functions, memory, tier: image.tier } })
+    }
+
+    /// The engine of a plan and a sealed code file ([`Image::file`]), which may come from anywhere: whatever is not
+    /// made for this order is refused before any of it could run.
+    ///
+    /// # Errors
+    /// What is wrong with the file, or the system has no room for it.
+    pub fn of_file(plan: &Arc<Plan>, order: &Order, file: BorrowedFd<'_>) -> Result<Self, String> {
+        has_stack(plan)?;
+        let memory = CodeMemory::map(file).map_err(|error| format!("it cannot be mapped: {error}"))?;
+        let statements: Vec<usize> = plan.blocks.iter().map(|block| block.stmts.len()).collect();
+        let Contents { tier, functions } = crate::file::read(memory.bytes(), order, &statements)?;
+        Ok(Self { code: Code { plan: Arc::clone(plan), functions, memory: Some(memory), tier } })
+    }
+}
+
+impl Native {
+    /// In a line: which code, of how many blocks.
+    #[must_use]
+    pub fn told(&self) -> String {
+        let functions = &self.code.functions;
+        let compiled = functions.iter().filter(|function| function.at.is_some()).count();
+        let bytes = self.code.memory.as_ref().map_or(0, |memory| memory.bytes().len());
+        format!("{}, {compiled} of {} blocks, {} KiB", self.name(), functions.len(), bytes.div_ceil(1024))
+    }
+}
+
+/// The stack that was reckoned at load is enough for nested compiled blocks.
+fn has_stack(plan: &Plan) -> Result<(), String> {
+    if plan.stack_per_block < crate::STACK_PER_BLOCK {
+        return Err("the stack for so many nested blocks would be too large for machine code".into());
+    }
+    Ok(())
+}
+
+/// What a thread does after it was given code that another has put into place, before it executes any: what it has
+/// fetched ahead of that is forgotten. The kernel has kept the caches when the code was mapped.
+pub fn synchronise() {
+    #[cfg(target_arch = "aarch64")]
+    // SAFETY: a barrier; it touches neither memory nor registers.
+    unsafe {
+        std::arch::asm!("isb", options(nostack, preserves_flags));
     }
 }
 
 impl Engine for Native {
     fn name(&self) -> &'static str {
-        "native"
+        match self.code.tier {
+            Tier::Fast => NAME_FAST,
+            Tier::Optimised => NAME,
+        }
     }
 
     fn plan(&self) -> &Arc<Plan> {
@@ -73,7 +127,7 @@ impl Code {
     pub(crate) fn run(&self, block: u32, r: &mut Regs, cx: &mut Context<'_>) -> Result<(), Abort> {
         let at = self.functions.get(block as usize).and_then(|compiled| compiled.at);
         let Some(address) = at.zip(self.memory.as_ref()).and_then(|(at, memory)| memory.at(at)) else {
-            return interpret(self, block, 0, r, cx).map(|_| ());
+            return interpret(self, block, 0, &[], r, cx).map(|_| ());
         };
         let mut run = Run::new(*r, self, cx);
         // SAFETY: the address is that of a function that `Compiler` has made with this signature for this processor, in
@@ -87,12 +141,6 @@ impl Code {
             std::panic::resume_unwind(Box::new("a helper of compiled code has panicked"));
         }
         if answer == 0 { Ok(()) } else { Err(Abort) }
-    }
-
-    /// The statement, for those who ask.
-    #[allow(dead_code)]
-    pub(crate) fn site(&self, at: Caller) -> Option<ob1_model::Site> {
-        self.plan.site(at)
     }
 }
 

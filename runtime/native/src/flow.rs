@@ -53,8 +53,8 @@ pub(crate) struct Env<'a> {
     pub(crate) plan: &'a Plan,
     /// The block has `MCRA`: what depends on the master control relay is left to the reference.
     pub(crate) mcr: bool,
-    /// It is an organization block: nobody sees its registers at the end.
-    pub(crate) organization: bool,
+    /// The registers somebody sees when the block has ended.
+    pub(crate) end: Set,
 }
 
 impl Env<'_> {
@@ -209,8 +209,8 @@ impl Env<'_> {
                 _ => (CC, 0),
             },
             Op::Loop(_) | Op::JumpList { .. } => (A1, 0),
-            Op::EndIf => (RLO | self.at_end(), RLO | CHAIN),
-            Op::End => (self.at_end(), ALL),
+            Op::EndIf => (RLO | self.end, RLO | CHAIN),
+            Op::End => (self.end, ALL),
             Op::OpenDb(..) => (AR2, 0),
             Op::LoadTimer(_) | Op::LoadCounter(_) => (needed(A2, A1) | AR2, A1 | A2),
             Op::ResetTimer(_) | Op::CountUp(_) | Op::CountDown(_) | Op::ResetCounter(_) => (RLO | AR2, FC | OR),
@@ -220,17 +220,12 @@ impl Env<'_> {
             _ => (ALL & !(CC | OV | OS | BR), 0),
         }
     }
-
-    /// What is seen when the block has ended.
-    pub(crate) fn at_end(&self) -> Set {
-        if self.organization { 0 } else { RESULTS }
-    }
 }
 
 /// Registers whose values are needed before each statement; the last entry stands for the end.
 pub(crate) fn liveness(stmts: &[Stmt], env: &Env<'_>) -> Vec<Set> {
     let mut live = vec![0; stmts.len() + 1];
-    live[stmts.len()] = env.at_end();
+    live[stmts.len()] = env.end;
     loop {
         let mut changed = false;
         for (i, stmt) in stmts.iter().enumerate().rev() {
@@ -275,6 +270,15 @@ pub(crate) fn targets(stmts: &[Stmt]) -> Vec<bool> {
             }
             _ => {}
         }
+    }
+    marks
+}
+
+/// For each statement (and the end) whether a jump leads back to it.
+pub(crate) fn loops(stmts: &[Stmt]) -> Vec<bool> {
+    let mut marks = vec![false; stmts.len() + 1];
+    for (pc, stmt) in stmts.iter().enumerate() {
+        successors(&stmt.op, pc, &mut |next| marks[next] |= next <= pc);
     }
     marks
 }

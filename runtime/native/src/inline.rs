@@ -77,7 +77,8 @@ fn leaf(plan: &Plan, block: u32, instance: bool) -> bool {
     {
         return false;
     }
-    let env = Env { plan, mcr: code.stmts.iter().any(|s| matches!(s.op, Op::McrActivate)), organization: false };
+    let mcr = code.stmts.iter().any(|s| matches!(s.op, Op::McrActivate));
+    let env = Env { plan, mcr, end: flow::RESULTS };
     let marks = flow::targets(&code.stmts);
     let mut open = 0u32;
     for (pc, stmt) in code.stmts.iter().enumerate() {
@@ -162,7 +163,6 @@ pub(crate) fn room(t: &mut Translation<'_, '_>) -> Option<Value> {
 impl Translation<'_, '_> {
     /// The call at `pc`, when its block becomes part of this one.
     pub(crate) fn inlined_call(&mut self, pc: usize) -> bool {
-        let Some(room) = self.room else { return false };
         if self.body.inlined.is_some() {
             return false;
         }
@@ -171,9 +171,6 @@ impl Translation<'_, '_> {
         let call = &plan.blocks[self.block as usize].calls[index as usize];
         let Some((callee, instance)) = candidate(plan, call) else { return false };
         self.now.uncounted += 1;
-        let full = crate::translate::state::not(Bit::Val(room), &mut self.b);
-        let full = full.value(self.vars.rlo, &mut self.b);
-        self.leave_if(full, pc);
         self.safe_point(pc + 1);
         let base = plan.blocks[self.block as usize].local_len;
         let mut refs: Vec<Reference> = call.refs.iter().map(|bit| Reference::Arena(*bit)).collect();
@@ -199,7 +196,10 @@ impl Translation<'_, '_> {
             db: if let Data::Known(db) = self.now.db { Some(db.number) } else { None },
             di: None,
         };
-        let mut body = Body::new(plan, callee, entry, call.instance_bytes);
+        // Behind the call AR2 is the caller's again.
+        let given_back = if instance.is_some() { flow::AR2 } else { 0 };
+        let end = self.body.live[pc + 1] & flow::RESULTS & !given_back;
+        let mut body = Body::new(plan, callee, entry, call.instance_bytes, end);
         body.inlined = Some(Inlined { local: base, refs, instance: instance.map(|db| db.at.0) });
         body.ends_within();
         let outer = std::mem::replace(&mut self.body, body);

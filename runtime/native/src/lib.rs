@@ -7,16 +7,20 @@
 
 mod code;
 mod compile;
+mod digest;
 mod engine;
+mod file;
 mod flow;
 mod inline;
 mod place;
 mod run;
 mod translate;
 
-pub use code::sealed;
-pub use compile::{CompileError, Compiler, Image, Target, Tier};
-pub use engine::{AtLoad, Native};
+pub use code::{memory_file, seal};
+pub use compile::{CompileError, Compiler, Image, Listing, Target, Tier};
+pub use digest::fingerprint;
+pub use engine::{AtLoad, NAME, NAME_FAST, Native, synchronise};
+pub use file::Order;
 
 /// Bytes of stack that a nested block takes at most: its code's frame and the helpers between.
 const STACK_PER_BLOCK: usize = 6 * 1024;

@@ -8,6 +8,7 @@ use ob1_ir::Op;
 use ob1_model::TimerKind;
 
 use crate::engine::Code;
+use crate::translate::Resume;
 
 /// A helper of compiled code: this run, and two numbers.
 pub(crate) type Helper = extern "C" fn(*mut Run, u32, u32) -> i32;
@@ -23,6 +24,7 @@ pub(crate) struct Run {
     pub(crate) safe_point: Helper,
     pub(crate) step: Helper,
     pub(crate) leave: Helper,
+    pub(crate) whole: Helper,
     pub(crate) call: Helper,
     pub(crate) timer: Helper,
     pub(crate) time_left: Helper,
@@ -51,6 +53,7 @@ impl Run {
             safe_point,
             step,
             leave,
+            whole,
             call,
             timer,
             time_left,
@@ -188,12 +191,27 @@ fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Con
 /// The reference executes statements from `statement` on, up to the next place where compiled code can be entered; its
 /// number is the answer.
 extern "C" fn leave(run: *mut Run, block: u32, statement: u32) -> i32 {
-    guarded(run, |parts| interpret(parts.code, block, statement, parts.regs, parts.cx))
+    guarded(run, |parts| {
+        let resume = &parts.code.functions[block as usize].made.resume;
+        interpret(parts.code, block, statement, resume, parts.regs, parts.cx)
+    })
 }
 
-pub(crate) fn interpret(code: &Code, block: u32, from: u32, r: &mut Regs, cx: &mut Context<'_>) -> Result<i32, Abort> {
+/// The same up to the end of the block.
+extern "C" fn whole(run: *mut Run, block: u32, statement: u32) -> i32 {
+    guarded(run, |parts| interpret(parts.code, block, statement, &[], parts.regs, parts.cx))
+}
+
+/// The reference executes the statements of a block from `from` on, up to one of `resume` or the end.
+pub(crate) fn interpret(
+    code: &Code,
+    block: u32,
+    from: u32,
+    resume: &[Resume],
+    r: &mut Regs,
+    cx: &mut Context<'_>,
+) -> Result<i32, Abort> {
     let body = &code.plan.blocks[block as usize];
-    let resume = &code.functions[block as usize].made.resume;
     let mut pc = from as usize;
     let mut first = true;
     loop {

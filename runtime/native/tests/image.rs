@@ -9,7 +9,7 @@ use std::os::fd::AsRawFd;
 
 use ob1_cpu::engine::REFERENCE;
 use ob1_cpu::{Cpu, system_blocks};
-use ob1_native::{Compiler, Target, Tier, sealed};
+use ob1_native::{Compiler, Target, Tier, memory_file, seal};
 
 /// The plans of random programs, which use every kind of statement.
 fn cpus(first: u64, count: u64) -> Vec<Cpu> {
@@ -44,13 +44,15 @@ fn every_block_is_compiled_for_every_processor() {
 fn a_listing_shows_form_and_code() {
     let cpus = cpus(5000, 5);
     let compiler = Compiler::new(Target::Aarch64, Tier::Optimised).expect("a processor Cranelift knows");
-    let (form, code) = compiler.listing(cpus[0].plan(), 0).expect("compiles");
-    assert!(form.contains("function") && code.contains("ret"), "{form}\n{code}");
+    let made = compiler.listing(cpus[0].plan(), 0).expect("compiles");
+    assert!(made.form.contains("function") && made.code.contains("ret"), "{made:?}");
+    let of_statements: u32 = made.statements.iter().sum();
+    assert!((1..=made.bytes as u32).contains(&of_statements), "{of_statements} of {}", made.bytes);
 }
 
 #[test]
 fn sealed_code_cannot_be_changed() {
-    let fd = sealed(&[0xC3; 100]).expect("a memory file");
+    let fd = seal(memory_file().expect("a memory file"), &[0xC3; 100]).expect("a memory file");
     // By another way to the same file.
     let path = format!("/proc/self/fd/{}", fd.as_raw_fd());
     let denied = std::fs::OpenOptions::new().write(true).open(path).and_then(|mut file| file.write_all(&[0x90]));

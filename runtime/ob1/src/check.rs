@@ -3,15 +3,17 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use ob1_cpu::Module;
+use ob1_cpu::{Cpu, CpuConfig, Module};
 use ob1_model::Section;
 use ob1_params::CpKind;
 
 use crate::exit::Exit;
 use ob1_station::assembly;
+use ob1_station::compiling;
+use ob1_station::engine::EngineChoice;
 use ob1_station::finding::{Finding, Level};
 use ob1_station::io::{ProcessIo, Stimulus};
-use ob1_station::library::Chosen;
+use ob1_station::library::{Choice, Chosen};
 use ob1_station::numbers;
 use ob1_station::posture;
 use ob1_station::program::{self, Loaded};
@@ -40,6 +42,8 @@ pub struct Options {
     pub lints: bool,
     /// The compiled program as text.
     pub listing: bool,
+    /// The listing shows machine code, too.
+    pub native: bool,
     /// Findings as JSON.
     pub json: bool,
     /// Modules and parameters too.
@@ -145,6 +149,10 @@ fn check_sources(files: &[PathBuf], options: &Options) -> Checked {
             if options.listing {
                 text += &ob1_stl::listing(&compiled.program);
             }
+            if options.native {
+                let standard = program::in_use(&compiled.program, &sources.library, &compiled.demanded);
+                text += &machine_code(&compiled.program, &standard);
+            }
             compiled.findings
         }
         Err(findings) => findings,
@@ -186,10 +194,13 @@ fn check_station(path: &Path, options: &Options) -> Checked {
     }
     let mut text = if options.verbose { describe(&station) } else { String::new() };
     let mut findings = match check_program(&station) {
-        Ok(loaded) => {
+        Ok((loaded, cpu)) => {
             text += &numbers::note(&loaded.numbers, station.program.numbers.as_deref());
             if options.listing {
                 text += &ob1_stl::listing(&loaded.program);
+            }
+            if options.native {
+                text += &compiling::listing(cpu.plan()).unwrap_or_else(|why| format!("no machine code: {why}\n"));
             }
             loaded.findings
         }
@@ -199,7 +210,15 @@ fn check_station(path: &Path, options: &Options) -> Checked {
     Checked { findings, text }
 }
 
-fn check_program(station: &Station) -> Result<Loaded, Vec<Finding>> {
+/// The machine code of sources without a station.
+fn machine_code(program: &ob1_ir::Program, standard: &[Choice]) -> String {
+    let natives = program::native_standard_blocks(standard);
+    let cpu = Cpu::new(CpuConfig::default(), program, natives, Vec::new(), EngineChoice::Reference.factory());
+    let listing = cpu.map_err(|errors| format!("{errors:?}")).and_then(|cpu| compiling::listing(cpu.plan()));
+    listing.unwrap_or_else(|why| format!("no machine code: {why}\n"))
+}
+
+fn check_program(station: &Station) -> Result<(Loaded, Cpu), Vec<Finding>> {
     let stimulus = station.stimulus.as_deref().map_or(Ok(Stimulus::default()), Stimulus::load)?;
     let loaded = program::load(station).map_err(|failure| failure.findings().to_vec())?;
     let seen: Vec<_> = station.modules.iter().map(assembly::plugin_module).collect();
@@ -207,9 +226,9 @@ fn check_program(station: &Station) -> Result<Loaded, Vec<Finding>> {
     let io = ProcessIo::new(ob1_backplane::IoImage::heap(), stimulus);
     let modules =
         station.modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, &station.name, m)?))).collect();
-    assembly::load_cpu(station.cpu.clone(), &loaded, natives, modules, station.engine)
+    let cpu = assembly::load_cpu(station.cpu.clone(), &loaded, natives, modules, station.engine)
         .map_err(|failure| [failure.findings(), loaded.findings.as_slice()].concat())?;
-    Ok(loaded)
+    Ok((loaded, cpu))
 }
 
 /// A module over memory of this process, without a driver.

@@ -15,7 +15,7 @@ use crate::xref::{self, XrefArgs};
 use crate::{check, diag, remote, soak, top, trace};
 use ob1_station::access::protocol::CommandName;
 use ob1_station::library::Chosen;
-use ob1_station::{guardian, janitor, out, run, station_file};
+use ob1_station::{compiling, guardian, janitor, out, run, station_file};
 
 const AFTER: &str = "\
 Examples:
@@ -86,6 +86,9 @@ enum Command {
         /// Links that drivers publish.
         published: Vec<PathBuf>,
     },
+    /// Makes machine code of a program; started by `run` and `exec`.
+    #[command(hide = true)]
+    CompileBlocks,
 }
 
 /// Run a station: load the program, start the drivers, scan until Ctrl-C
@@ -166,6 +169,9 @@ struct CheckArgs {
     /// Also print the compiled program: blocks, layout of data, statements
     #[arg(long)]
     listing: bool,
+    /// With --listing: also the machine code that the native engine makes of each block, and its bytes by statement
+    #[arg(long, requires = "listing")]
+    native: bool,
     /// Look for the classic porting traps too
     #[arg(long)]
     lints: bool,
@@ -480,6 +486,7 @@ impl Command {
                 standard: args.library,
                 lints: args.lints,
                 listing: args.listing,
+                native: args.native,
                 json: args.json,
                 verbose: args.verbose,
             }),
@@ -526,6 +533,13 @@ impl Command {
                 janitor::run(&rundir, &published, guardian::Patience { stopped, silent });
                 Exit::Ok
             }
+            Command::CompileBlocks => match compiling::compile_blocks() {
+                Ok(()) => Exit::Ok,
+                Err(why) => {
+                    errs!("ob1: compile-blocks: {why}\n");
+                    Exit::System
+                }
+            },
         };
         exit.into()
     }

@@ -107,7 +107,8 @@ pub fn recorder(station: &str, json: bool) -> Exit {
 fn print_status(status: &Status) {
     say!("{} is in {}, process {}, {:.1} s", status.station, status.state, status.pid, status.runtime_ns as f64 / 1e9);
     say!(
-        "scans {}   overruns {}   missed deadlines {}   late {}   watchdog {}",
+        "engine {}   scans {}   overruns {}   missed deadlines {}   late {}   watchdog {}",
+        status.engine,
         status.scans,
         status.overruns,
         status.missed,

@@ -45,6 +45,20 @@ fn a_listing_has_blocks_and_layouts() {
 }
 
 #[test]
+fn a_listing_shows_machine_code() {
+    for file in ["traffic-light/station.toml", "traffic-light/traffic-light.awl"] {
+        let listing = ob1(&["check", file, "--listing", "--native"]);
+        assert_eq!(listing.status.code(), Some(0), "{listing:?}");
+        let listing = text(&listing);
+        let head = listing.lines().find(|line| line.starts_with("FC 2: ")).expect("a block");
+        let bytes = head.split(' ').find_map(|word| word.parse::<u32>().ok()).expect("a number");
+        assert!(head.contains("bytes of machine code") && bytes > 0, "{head}");
+        assert!(listing.contains("bytes  line "), "{listing}");
+    }
+    assert_eq!(ob1(&["check", "traffic-light/station.toml", "--native"]).status.code(), Some(1), "with --listing only");
+}
+
+#[test]
 fn lints_are_looked_for_on_request() {
     let folder = tempfile::tempdir().expect("a directory");
     let source =

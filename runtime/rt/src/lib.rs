@@ -29,7 +29,7 @@ pub use continued::Continued;
 pub use crash::{LastWords, Place, take_handler_stack};
 pub use exit::{ExitGuard, lower_exit_guard};
 pub use fence::{ALLOWED_SYSTEM_CALLS, FenceError, fence_scan};
-pub use posture::{Grant, Outcome, Posture, lock_memory, pin_to, raise_priority, set_timer_slack};
+pub use posture::{Grant, Outcome, Posture, lock_memory, may_lock_all, pin_to, raise_priority, set_timer_slack};
 pub use reservation::{RESERVED_BYTES, reserve};
 pub use stack::{
     PREFAULT_BYTES, THREAD_STACK_BYTES, block_signals, prefault_stack, spawn, spawn_with_stack, warm_heap, with_stack,

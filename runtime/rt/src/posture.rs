@@ -62,8 +62,7 @@ const AFFINITY_REMEDY: &str =
 #[must_use]
 pub fn lock_memory() -> Grant {
     let what = "lock memory".to_owned();
-    let may_lock_all = capabilities(None).is_ok_and(|c| c.effective.contains(CapabilitySet::IPC_LOCK))
-        || getrlimit(Resource::Memlock).current.is_none();
+    let may_lock_all = may_lock_all();
     let now = MlockAllFlags::CURRENT | MlockAllFlags::ONFAULT;
     let flags = if may_lock_all { now | MlockAllFlags::FUTURE } else { now };
     match mlockall(flags) {
@@ -78,6 +77,13 @@ pub fn lock_memory() -> Grant {
         },
         Err(why) => Grant::refused(what, why, LOCK_REMEDY),
     }
+}
+
+/// No limit on locked memory holds for this process: it has CAP_IPC_LOCK, or the limit is infinite.
+#[must_use]
+pub fn may_lock_all() -> bool {
+    capabilities(None).is_ok_and(|c| c.effective.contains(CapabilitySet::IPC_LOCK))
+        || getrlimit(Resource::Memlock).current.is_none()
 }
 
 /// Raises the calling thread, and it alone, to SCHED_FIFO with `priority` (1 to 99). Threads and processes it starts

@@ -17,6 +17,7 @@ use ob1_rt::MonotonicClock;
 use serde_json::json;
 
 use crate::bus::{self, AddedBus};
+use crate::compiling::Request;
 use crate::engine::EngineChoice;
 use crate::fence;
 use crate::finding::{Finding, Level};
@@ -46,6 +47,8 @@ pub struct Assembly {
     pub links: Vec<(String, PathBuf)>,
     /// Which native block runs.
     pub running: Arc<Running>,
+    /// What is to be compiled beside, when the station file leaves the engine to us.
+    pub compile: Option<Request>,
 }
 
 /// Why there is none.
@@ -213,6 +216,10 @@ pub fn assemble(
     let mut config = station.cpu.clone();
     config.date_at_start = date_now();
     let rules = config.clone();
+    let compiles = station.engine == EngineChoice::Auto;
+    let program = (compiles || !station.links.is_empty()).then(|| Arc::new(loaded.program.clone()));
+    let compile = program.iter().find(|_| compiles);
+    let compile = compile.map(|program| Request::new(&config, Arc::clone(program), &natives));
     let cpu = load_cpu(config, loaded, natives, building.modules, station.engine).map_err(AssemblyError::Load)?;
     let view = StationView {
         name: station.name.clone(),
@@ -220,7 +227,8 @@ pub fn assemble(
         names: Arc::new(Names::new(&loaded.program)),
         places: Arc::new(Places::new(&loaded.program)),
         blocks: crate::access::facts::blocks(&loaded.program),
-        program: (!station.links.is_empty()).then(|| Arc::new(loaded.program.clone())),
+        program: program.filter(|_| !station.links.is_empty()),
+        engine: Arc::default(),
         modules: building.views,
         panel: building.io.as_ref().and_then(|io| Panel::new(io, &station.modules)),
         posture: Arc::new(OnceLock::new()),
@@ -228,7 +236,8 @@ pub fn assemble(
         clock,
         timings: Timings::new(cpu.accounts(), &rules, clock),
     };
-    Ok(Assembly { cpu, view, fleet: building.fleet, io: building.io, links: building.links, running })
+    view.engine.set(cpu.engine());
+    Ok(Assembly { cpu, view, fleet: building.fleet, io: building.io, links: building.links, running, compile })
 }
 
 /// The ptys the drivers of a station publish: what has to go should the runtime be killed.

@@ -1,6 +1,7 @@
 //! Which engine runs the program: `[cpu] engine`, `ob1 exec --engine`.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
 
 use ob1_arena::Arena;
 use ob1_cpu::engine::{Both, Engine, Factory, PLAIN, Plan, REFERENCE};
@@ -9,7 +10,7 @@ use ob1_native::{AtLoad, Tier};
 /// The engine asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EngineChoice {
-    /// What the house takes: the reference engine, as long as a program would wait for its machine code at load.
+    /// The reference engine at once, and machine code as soon as a process beside has made it ([`crate::compiling`]).
     #[default]
     Auto,
     /// The one that compiles to machine code.
@@ -43,11 +44,12 @@ impl EngineChoice {
             .ok_or_else(|| "one of auto, native, reference, both, plain".to_owned())
     }
 
-    /// What makes the engine.
+    /// What makes the engine the CPU begins with.
     #[must_use]
     pub fn factory(self) -> &'static dyn Factory {
         match self {
-            EngineChoice::Auto | EngineChoice::Reference => REFERENCE,
+            EngineChoice::Auto => &Succeeded,
+            EngineChoice::Reference => REFERENCE,
             EngineChoice::Plain => PLAIN,
             EngineChoice::Native => &Compiled,
             EngineChoice::Both => &Both(&Compiled),
@@ -75,9 +77,69 @@ impl Factory for Compiled {
     }
 }
 
+/// The reference engine, with memory and stack for machine code that takes over later.
+struct Succeeded;
+
+impl Factory for Succeeded {
+    fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
+        REFERENCE.engine(plan)
+    }
+
+    fn arena(&self, bytes: usize) -> Arena {
+        // A limit on locked memory counts reserved addresses. Where there is one, locking comes first: the checks of
+        // compiled code do not need the reservation.
+        if ob1_rt::may_lock_all() { Compiled.arena(bytes) } else { Arena::new(bytes) }
+    }
+
+    fn stack_per_block(&self) -> usize {
+        NATIVE.stack_per_block()
+    }
+
+    fn stack_is_for_later(&self) -> bool {
+        true
+    }
+}
+
+/// The names of all engines, by which [`InUse`] tells them.
+const NAMES: [&str; 5] = ["reference", "plain", "both", ob1_native::NAME_FAST, ob1_native::NAME];
+
+/// Which engine runs, as other threads see it.
+#[derive(Debug, Default)]
+pub struct InUse(AtomicU8);
+
+impl InUse {
+    /// This one from now on.
+    pub fn set(&self, name: &str) {
+        let index = NAMES.iter().position(|known| *known == name).unwrap_or(0);
+        self.0.store(index as u8, Ordering::Relaxed);
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        NAMES.get(usize::from(self.0.load(Ordering::Relaxed))).copied().unwrap_or(NAMES[0])
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_engine_is_told_by_its_name() {
+        let program = ob1_ir::Program::default();
+        let in_use = InUse::default();
+        assert_eq!(in_use.name(), "reference");
+        let words = EngineChoice::WORDS.iter().map(|(word, _)| *word).chain(["plain"]);
+        for choice in words.filter_map(|word| EngineChoice::parse(word).ok()) {
+            let config = ob1_cpu::CpuConfig::default();
+            let cpu = ob1_cpu::Cpu::new(config, &program, Vec::new(), Vec::new(), choice.factory()).expect("it loads");
+            in_use.set(cpu.engine());
+            assert_eq!(in_use.name(), cpu.engine());
+        }
+        in_use.set(ob1_native::NAME_FAST);
+        assert_eq!(in_use.name(), ob1_native::NAME_FAST);
+    }
 
     #[test]
     fn every_word_has_its_choice() {

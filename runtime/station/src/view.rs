@@ -15,6 +15,7 @@ use ob1_rt::{Grant, MonotonicClock};
 use crate::access::protocol::{
     CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times,
 };
+use crate::engine::InUse;
 use crate::io::Panel;
 use crate::retentive::health::Health;
 use crate::station_file::{ModuleConfig, ModuleKind};
@@ -82,6 +83,8 @@ pub struct StationView {
     pub clock: MonotonicClock,
     /// The accounts of every scan.
     pub timings: Timings,
+    /// The engine that runs its program.
+    pub engine: Arc<InUse>,
 }
 
 /// A module, as seen from other threads than the scan.
@@ -220,6 +223,7 @@ impl StationView {
             runtime_ns: self.clock.time(),
             scans: statistics.scans,
             statements: statistics.statements,
+            engine: self.engine.name().to_owned(),
             overruns: statistics.overruns,
             missed: figures.missed,
             late: figures.late,

@@ -129,4 +129,10 @@ pub trait Factory {
     fn stack_per_block(&self) -> usize {
         0
     }
+
+    /// That stack is for an engine that may take over later. When there is no room for so much, the program is loaded
+    /// without: [`Plan::stack_per_block`] says so.
+    fn stack_is_for_later(&self) -> bool {
+        false
+    }
 }

@@ -11,7 +11,8 @@ pub const ENGINES: &[(&str, &dyn Factory)] = &[
     ("plain", PLAIN),
     ("native", &AtLoad(Tier::Optimised)),
     ("native, fast tier", &AtLoad(Tier::Fast)),
-    ("both", &Both(PLAIN)),
+    ("both, plain", &Both(PLAIN)),
+    ("both", &Both(&AtLoad(Tier::Optimised))),
 ];
 
 thread_local! {

@@ -4,21 +4,28 @@
 //! Before anybody may look (the reference, a safe point, a call, a place where jumps meet, an access whose place is
 //! computed) everything is written.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use cranelift_codegen::ir::{InstBuilder, Value, types};
+use cranelift_frontend::Variable;
 
 use super::Translation;
 use super::operand::Spot;
 
 /// Places whose value waits to be written, at most: more would only move to the stack.
 const WAITING: usize = 12;
+/// Places whose values are known where jumps meet, at most.
+const SENT: usize = 8;
 /// Places whose value is known, at most.
 const KNOWN: usize = 64;
 
+/// A place: its part, first byte, bytes.
+pub(crate) type Place = (Part, u32, u32);
+
 /// The part of the arena, in which places do not overlap those of the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Part {
+pub(crate) enum Part {
     /// From the arena's first byte.
     Arena,
     /// From the first byte of the block's local data.
@@ -50,6 +57,15 @@ impl Cache {
         self.held.clear();
     }
 
+    /// Forgets but what waits to be written and the `most` places known shortest. What is left.
+    fn keep(&mut self, most: usize) -> Vec<Place> {
+        let mut ages: Vec<u64> = self.held.values().filter(|held| !held.waits).map(|held| held.age).collect();
+        ages.sort_unstable_by_key(|age| Reverse(*age));
+        let least = ages.get(most.wrapping_sub(1)).copied().unwrap_or(0);
+        self.held.retain(|_, held| held.waits || most > 0 && held.age >= least);
+        self.held.iter().map(|(key, held)| (key.0, key.1, held.bytes)).collect()
+    }
+
     /// Forgets the place known longest when there are too many.
     fn limit(&mut self) {
         if self.held.len() > KNOWN
@@ -79,6 +95,85 @@ impl Translation<'_, '_> {
         } else {
             None
         }
+    }
+
+    /// Forgets but what waits to be written and the `most` places known shortest. Places in this order.
+    pub(crate) fn keep(&mut self, most: usize) -> Vec<Place> {
+        if self.fast {
+            self.write_back();
+        }
+        self.checked.cache.keep(if self.fast { 0 } else { most })
+    }
+
+    /// The values of places that are known.
+    pub(crate) fn held(&self, places: &[Place]) -> Vec<Value> {
+        places.iter().filter_map(|(part, at, _)| Some(self.checked.cache.held.get(&(*part, *at))?.value)).collect()
+    }
+
+    /// The values of known places are these from here on.
+    pub(crate) fn hold(&mut self, places: &[Place], values: &[Value]) {
+        for ((part, at, _), value) in places.iter().zip(values) {
+            if let Some(held) = self.checked.cache.held.get_mut(&(*part, *at)) {
+                held.value = *value;
+            }
+        }
+    }
+
+    /// What memory has at a place.
+    pub(crate) fn load_place(&mut self, (part, at, bytes): Place) -> Value {
+        let base = if part == Part::Arena { self.arena } else { self.local };
+        self.load_arena(Spot { base, offset: at, bit: super::operand::BitAt::Known(0) }, bytes * 8)
+    }
+
+    /// Jumps meet before statement `pc`: the variables of its places get their values. Only places that all ways know
+    /// are known there.
+    pub(crate) fn send_places(&mut self, pc: usize) {
+        if self.fast || self.body.loops[pc] {
+            return;
+        }
+        let mut cache = self.checked.cache.clone();
+        let sent = cache.keep(SENT);
+        let all = match self.body.meeting[pc].take() {
+            None => sent,
+            Some(before) => before.into_iter().filter(|place| sent.contains(place)).collect(),
+        };
+        for place in &all {
+            let value = cache.held[&(place.0, place.1)].value;
+            let var = self.variable(*place);
+            self.b.def_var(var, value);
+        }
+        self.body.meeting[pc] = Some(all);
+    }
+
+    /// What is known where jumps have met.
+    pub(crate) fn take_places(&mut self, pc: usize) {
+        for place in self.body.meeting[pc].clone().unwrap_or_default() {
+            let var = self.variable(place);
+            let value = self.b.use_var(var);
+            self.know(place, value);
+        }
+    }
+
+    /// Memory is known to have this value.
+    fn know(&mut self, (part, at, bytes): Place, value: Value) {
+        let cache = &mut self.checked.cache;
+        cache.turns += 1;
+        cache.held.insert((part, at), Held { value, bytes, waits: false, age: cache.turns });
+    }
+
+    /// The variable of a place, for where jumps meet.
+    pub(crate) fn variable(&mut self, place: Place) -> Variable {
+        if let Some(var) = self.places.get(&place) {
+            return *var;
+        }
+        let ty = match place.2 {
+            1 => types::I8,
+            2 => types::I16,
+            _ => types::I32,
+        };
+        let var = self.b.declare_var(ty);
+        self.places.insert(place, var);
+        var
     }
 
     /// 8, 16 or 32 bits of memory.

@@ -2,17 +2,21 @@
 
 use std::mem::offset_of;
 
-use cranelift_codegen::ir::{self, BlockArg, InstBuilder, JumpTableData, Value, condcodes::IntCC, types};
+use cranelift_codegen::ir::{self, BlockArg, InstBuilder, JumpTableData, condcodes::IntCC, types};
 use ob1_cpu::engine::Hot;
 use ob1_ir::{Jump, StatusBit};
 
 use super::state::{self, Bit, State};
-use super::{Checked, Translation};
+use super::{Checked, Landing, Translation};
 use crate::run::Run;
+
+/// Places whose values are kept over a safe point, at most, besides those that wait to be written.
+const KEPT: usize = 0;
 
 impl Translation<'_, '_> {
     /// False when nothing falls through.
     pub(crate) fn jump(&mut self, on: Jump, to: usize, pc: usize) -> bool {
+        let mut when = true;
         let taken = match on {
             Jump::Always => Bit::Known(true),
             Jump::IfRlo | Jump::IfNotRlo | Jump::IfRloSaveBr | Jump::IfNotRloSaveBr => {
@@ -22,12 +26,14 @@ impl Translation<'_, '_> {
                 }
                 self.now.rlo = Bit::Known(true);
                 self.end_chain(Bit::Known(true));
-                if matches!(on, Jump::IfRlo | Jump::IfRloSaveBr) { rlo } else { state::not(rlo, &mut self.b) }
+                when = matches!(on, Jump::IfRlo | Jump::IfRloSaveBr);
+                rlo
             }
             Jump::IfBr | Jump::IfNotBr => {
                 let br = self.status(StatusBit::BinaryResult);
                 self.end_chain(Bit::Known(true));
-                if on == Jump::IfBr { br } else { state::not(br, &mut self.b) }
+                when = on == Jump::IfBr;
+                br
             }
             Jump::IfStoredOverflow => {
                 let os = self.status(StatusBit::StoredOverflow);
@@ -44,25 +50,28 @@ impl Translation<'_, '_> {
             Jump::IfUnordered => self.status(StatusBit::Unordered),
         };
         match taken {
-            Bit::Known(true) => {
+            Bit::Known(bit) if bit == when => {
                 self.go(to, pc);
                 false
             }
-            Bit::Known(false) => true,
+            Bit::Known(_) => true,
             taken => {
-                let condition = taken.value(self.vars.rlo, &mut self.b);
-                self.branch(condition, |t| t.go(to, pc));
+                self.branch(taken, when, |t| t.go(to, pc));
                 true
             }
         }
     }
 
-    /// Another way when `condition` is not 0, which does not come back here.
-    fn branch(&mut self, condition: Value, other: impl FnOnce(&mut Self)) {
+    /// Another way when `condition` is (`when`) or is not 1, which does not come back here.
+    ///
+    /// What waits for memory is written before: both ways need it, and each would calculate it again.
+    fn branch(&mut self, condition: Bit, when: bool, other: impl FnOnce(&mut Self)) {
         self.write_back();
+        let condition = condition.condition(self.vars.rlo, &mut self.b);
         let taken = self.b.create_block();
         let next = self.b.create_block();
-        self.b.ins().brif(condition, taken, &[], next, &[]);
+        let (one, zero) = if when { (taken, next) } else { (next, taken) };
+        self.b.ins().brif(condition, one, &[], zero, &[]);
         self.b.seal_block(taken);
         self.b.seal_block(next);
         self.b.switch_to_block(taken);
@@ -92,7 +101,7 @@ impl Translation<'_, '_> {
         let word = self.b.ins().ireduce(types::I16, left);
         let zero = self.b.ins().iconst(types::I16, 0);
         let more = self.b.ins().icmp(IntCC::NotEqual, word, zero);
-        self.branch(more, |t| t.go(to, pc));
+        self.branch(Bit::Val(more), true, |t| t.go(to, pc));
     }
 
     /// `SPL`.
@@ -116,31 +125,45 @@ impl Translation<'_, '_> {
     }
 
     /// Looks at the clock and at what is due when it is time, before statement `statement`.
+    ///
+    /// Memory need not have what waits for it unless somebody looks; behind the look all is read again.
     pub(crate) fn safe_point(&mut self, statement: usize) {
-        self.write_back();
         self.count();
         let executed = self.executed();
         let look_after = self.load_state(types::I32, self.hot, offset_of!(Hot, look_after));
         let late = self.b.ins().icmp(IntCC::UnsignedGreaterThanOrEqual, executed, look_after);
+        let [looks, early, next] = [(); 3].map(|()| self.b.create_block());
+        self.b.set_cold_block(looks);
+        let kept = self.keep(KEPT);
+        let values = self.held(&kept);
+        let mut params = Vec::with_capacity(values.len());
+        for value in &values {
+            let ty = self.b.func.dfg.value_type(*value);
+            params.push(self.b.append_block_param(next, ty));
+        }
+        let arguments: Vec<BlockArg> = values.into_iter().map(BlockArg::from).collect();
+        self.b.ins().brif(late, looks, &[], early, &[]);
+        self.b.seal_block(early);
+        self.b.switch_to_block(early);
         let flags = self.state_flags();
         let due = self.b.ins().load(types::I8, flags, self.due, 0);
-        let look = self.b.ins().bor(late, due);
-        let looks = self.b.create_block();
-        let next = self.b.create_block();
-        self.b.set_cold_block(looks);
-        self.b.ins().brif(look, looks, &[], next, &[]);
+        self.b.ins().brif(due, looks, &[], next, &arguments);
         self.b.seal_block(looks);
         self.b.switch_to_block(looks);
+        let cache = self.checked.cache.clone();
+        self.write_back();
         self.tell_count();
         let (block, at) = (self.word(self.block), self.word(statement as u32));
         let answer = self.call_helper(offset_of!(Run, safe_point), block, at);
         self.abort_if(answer);
         self.take_count();
-        self.b.ins().jump(next, &[]);
+        // Others may have written.
+        let again: Vec<BlockArg> = kept.iter().map(|place| BlockArg::from(self.load_place(*place))).collect();
+        self.b.ins().jump(next, &again);
         self.b.seal_block(next);
         self.b.switch_to_block(next);
-        // Others may have written.
-        self.checked.cache.forget();
+        self.checked.cache = cache;
+        self.hold(&kept, &params);
     }
 
     /// The end of the block. It counts as the statement it is on the CPU.
@@ -151,7 +174,7 @@ impl Translation<'_, '_> {
             return;
         }
         self.write_back();
-        let seen = self.body.env.at_end();
+        let seen = self.body.env.end;
         self.spill(seen);
         self.tell_count();
         let done = self.word(0);
@@ -161,8 +184,7 @@ impl Translation<'_, '_> {
     /// `BEB`.
     pub(crate) fn end_if(&mut self) {
         let rlo = self.rlo();
-        let condition = rlo.value(self.vars.rlo, &mut self.b);
-        self.branch(condition, |t| {
+        self.branch(rlo, true, |t| {
             // The statement counts as the end.
             t.now.uncounted -= 1;
             t.end();
@@ -184,7 +206,7 @@ impl Translation<'_, '_> {
         self.b.ins().jump(here, &[]);
         let (db, di) = (self.now.db, self.now.di);
         self.resume.push((pc as u32, self.landings.len() as u32 + 1));
-        self.landings.push((here, 0, crate::flow::Facts::NONE));
+        self.landings.push(Landing { block: here, live: 0, met: None });
         self.b.switch_to_block(here);
         self.now = State { db, di, uncounted: 1, ..State::variables() };
         self.checked = Checked::default();

@@ -37,6 +37,9 @@ impl Translation<'_, '_> {
 
     /// A bit of a byte that was read.
     pub(crate) fn bit_of(&mut self, byte: Value, spot: Spot) -> Bit {
+        if let BitAt::Known(bit) = spot.bit {
+            return Bit::At(byte, bit);
+        }
         let shift = self.shift_of(spot);
         let shifted = self.b.ins().ushr(byte, shift);
         let one = self.b.ins().iconst(types::I8, 1);
@@ -45,21 +48,30 @@ impl Translation<'_, '_> {
 
     /// Writes a bit into a byte that was read.
     pub(crate) fn put_bit(&mut self, byte: Value, spot: Spot, value: Bit) {
-        let mask = match spot.bit {
-            BitAt::Known(bit) => self.b.ins().iconst(types::I8, 1 << bit),
-            BitAt::Computed(_) => {
-                let shift = self.shift_of(spot);
-                let one = self.b.ins().iconst(types::I8, 1);
-                self.b.ins().ishl(one, shift)
-            }
-        };
+        if let BitAt::Known(at) = spot.bit {
+            let one = self.b.ins().iconst(types::I8, 1 << at);
+            let rest = self.b.ins().iconst(types::I8, !(1i64 << at) & 0xFF);
+            let new = match value {
+                Bit::Known(true) => self.b.ins().bor(byte, one),
+                Bit::Known(false) => self.b.ins().band(byte, rest),
+                value => {
+                    let cleared = self.b.ins().band(byte, rest);
+                    let placed = value.alone_at(at, self.vars.rlo, &mut self.b);
+                    self.b.ins().bor(cleared, placed)
+                }
+            };
+            self.put_content(spot, new);
+            return;
+        }
+        let shift = self.shift_of(spot);
+        let one = self.b.ins().iconst(types::I8, 1);
+        let mask = self.b.ins().ishl(one, shift);
         let new = match value {
             Bit::Known(true) => self.b.ins().bor(byte, mask),
             Bit::Known(false) => self.b.ins().band_not(byte, mask),
             value => {
                 let v = value.value(self.vars.rlo, &mut self.b);
                 let cleared = self.b.ins().band_not(byte, mask);
-                let shift = self.shift_of(spot);
                 let placed = self.b.ins().ishl(v, shift);
                 self.b.ins().bor(cleared, placed)
             }
@@ -69,9 +81,13 @@ impl Translation<'_, '_> {
 
     /// Sets or clears a bit of a byte that was read, when `when` is 1.
     pub(crate) fn change_bit(&mut self, byte: Value, spot: Spot, set: bool, when: Bit) {
-        let v = when.value(self.vars.rlo, &mut self.b);
-        let shift = self.shift_of(spot);
-        let placed = self.b.ins().ishl(v, shift);
+        let placed = if let BitAt::Known(at) = spot.bit {
+            when.alone_at(at, self.vars.rlo, &mut self.b)
+        } else {
+            let v = when.value(self.vars.rlo, &mut self.b);
+            let shift = self.shift_of(spot);
+            self.b.ins().ishl(v, shift)
+        };
         let new = if set { self.b.ins().bor(byte, placed) } else { self.b.ins().band_not(byte, placed) };
         self.put_content(spot, new);
     }

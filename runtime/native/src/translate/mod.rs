@@ -15,12 +15,15 @@ pub(crate) mod state;
 mod timers;
 mod words;
 
+use std::collections::BTreeMap;
+
 use cranelift_codegen::ir::{self, AliasRegion, AliasRegionData, InstBuilder, MemFlagsData, SigRef, Value, types};
-use cranelift_frontend::FunctionBuilder;
+use cranelift_frontend::{FunctionBuilder, Variable};
 use ob1_cpu::engine::{Op as PlanOp, Plan, Regs};
 use ob1_ir::{Op, Stmt};
 use ob1_model::BlockKind;
 
+use crate::compile::Tier;
 use crate::flow::{self, Env, Facts, How, Set};
 use crate::run::Run;
 use state::{Bit, Data, State, Vars};
@@ -56,7 +59,7 @@ pub(crate) struct Translation<'a, 'f> {
     /// Registers that some statement changes.
     pub(crate) changed: Set,
     /// Entries from the reference: where they lead and what they need.
-    pub(crate) landings: Vec<(ir::Block, Set, Facts)>,
+    pub(crate) landings: Vec<Landing>,
     pub(crate) resume: Vec<Resume>,
     /// Where the reference is asked to go on; its argument is the statement.
     pub(crate) leave: ir::Block,
@@ -65,10 +68,19 @@ pub(crate) struct Translation<'a, 'f> {
     /// Where an abort returns.
     pub(crate) abort: ir::Block,
     pub(crate) helper: SigRef,
-    /// There is room for a block that has become part of this one; made at the entry when it is needed.
-    pub(crate) room: Option<Value>,
     /// Registers that are needed behind the statement being translated.
     pub(crate) wanted: Set,
+    /// Compiled quickly: what memory holds is not carried on where ways meet.
+    pub(crate) fast: bool,
+    /// The variables of places of memory, for where ways meet.
+    pub(crate) places: BTreeMap<cache::Place, Variable>,
+}
+
+/// Where the reference can go on: the code, the registers it needs, and the statement when jumps lead there, too.
+pub(crate) struct Landing {
+    pub(crate) block: ir::Block,
+    pub(crate) live: Set,
+    pub(crate) met: Option<usize>,
 }
 
 /// Checks that hold until the registers they are about change, or jumps meet.
@@ -95,6 +107,10 @@ pub(crate) struct Body<'a> {
     pub(crate) facts: Vec<Option<Facts>>,
     /// Code of the statements jumps lead to.
     pub(crate) starts: Vec<Option<ir::Block>>,
+    /// Statements a jump leads back to: not all that is known there is seen before.
+    pub(crate) loops: Vec<bool>,
+    /// Places whose values all ways know that lead to a statement so far.
+    pub(crate) meeting: Vec<Option<Vec<cache::Place>>>,
     /// Set when the block has become part of its caller.
     pub(crate) inlined: Option<Inlined>,
     pub(crate) instance_bytes: u32,
@@ -121,15 +137,17 @@ pub(crate) enum Reference {
 }
 
 impl<'a> Body<'a> {
-    pub(crate) fn new(plan: &'a Plan, block: u32, entry: Facts, instance_bytes: u32) -> Self {
+    pub(crate) fn new(plan: &'a Plan, block: u32, entry: Facts, instance_bytes: u32, end: Set) -> Self {
         let code = &plan.blocks[block as usize];
         let mcr = code.stmts.iter().any(|s| matches!(s.op, Op::McrActivate));
-        let env = Env { plan, mcr, organization: code.id.kind == BlockKind::Ob };
+        let env = Env { plan, mcr, end };
         let marks = flow::targets(&code.stmts);
         Self {
             live: flow::liveness(&code.stmts, &env),
             facts: flow::facts(&code.stmts, entry, &marks, &env),
             starts: vec![None; code.stmts.len() + 1],
+            loops: flow::loops(&code.stmts),
+            meeting: vec![None; code.stmts.len() + 1],
             stmts: &code.stmts,
             ops: &code.ops,
             env,
@@ -166,6 +184,7 @@ pub(crate) fn translate(
     func: &mut ir::Function,
     context: &mut cranelift_frontend::FunctionBuilderContext,
     target: cranelift_codegen::isa::TargetFrontendConfig,
+    tier: Tier,
 ) -> Made {
     let arena_region = func.dfg.alias_regions.insert(AliasRegionData { user_id: 1, description: "arena".into() });
     let state_region = func.dfg.alias_regions.insert(AliasRegionData { user_id: 2, description: "state".into() });
@@ -182,7 +201,9 @@ pub(crate) fn translate(
         b.set_cold_block(cold);
     }
     let facts = Facts { fc: Some(false), or: Some(false), ..Facts::NONE };
-    let body = Body::new(plan, block, facts, crate::inline::instance_bytes(plan, block));
+    // Nobody sees the registers of an organization block at its end.
+    let end = if plan.blocks[block as usize].id.kind == BlockKind::Ob { 0 } else { flow::RESULTS };
+    let body = Body::new(plan, block, facts, crate::inline::instance_bytes(plan, block), end);
     let unknown = b.ins().iconst(types::I64, 0);
     let mut t = Translation {
         b,
@@ -207,8 +228,9 @@ pub(crate) fn translate(
         dispatch,
         abort,
         helper,
-        room: None,
         wanted: flow::ALL,
+        fast: tier == Tier::Fast,
+        places: BTreeMap::new(),
     };
     t.enter();
     t.statements();
@@ -236,6 +258,9 @@ impl Translation<'_, '_> {
         let two = self.b.ins().iconst(types::I64, 2);
         let first = self.b.ins().ishl(first, two);
         self.refs = self.b.ins().iadd(refs, first);
+        if let Some(room) = crate::inline::room(self) {
+            self.leave_for_good_unless(room);
+        }
         let executed = self.load_state(types::I32, self.hot, offset_of!(ob1_cpu::engine::Hot, pending));
         self.b.def_var(self.vars.executed, executed);
         let live = self.body.live[0];
@@ -243,7 +268,6 @@ impl Translation<'_, '_> {
         self.reload_data();
         self.now.fc = Bit::Known(false);
         self.now.or = Bit::Known(false);
-        self.room = crate::inline::room(self);
     }
 
     /// Every statement of the body.
@@ -286,6 +310,7 @@ impl Translation<'_, '_> {
         self.b.switch_to_block(start);
         self.now = self.at_start(pc);
         self.checked = Checked::default();
+        self.take_places(pc);
         true
     }
 
@@ -315,6 +340,9 @@ impl Translation<'_, '_> {
         let body_stmts = self.body.stmts;
         let op = &body_stmts[pc].op;
         self.wanted = self.body.live[pc + 1];
+        if self.body.inlined.is_none() {
+            self.b.set_srcloc(ir::SourceLoc::new(pc as u32));
+        }
         if !matches!(op, Op::Call(_)) {
             self.now.uncounted += 1;
         }

@@ -7,7 +7,7 @@ use ob1_cpu::engine::{BR, Db, Hot, OS, OV, Plan, Regs};
 use ob1_ir::Op;
 
 use super::state::{self, Accu, Bit, Cc, Data, Reg, State};
-use super::{Checked, Translation};
+use super::{Checked, Landing, Translation};
 use crate::flow::{self, Facts, Set};
 use crate::run::Run;
 
@@ -252,6 +252,7 @@ impl Translation<'_, '_> {
                 }
             }
         }
+        self.send_places(pc);
         self.count();
     }
 
@@ -292,7 +293,6 @@ impl Translation<'_, '_> {
         if state::constant(&self.b, bad) == Some(0) {
             return;
         }
-        self.write_back();
         let exit = self.b.create_block();
         let next = self.b.create_block();
         self.b.set_cold_block(exit);
@@ -306,8 +306,23 @@ impl Translation<'_, '_> {
         self.b.switch_to_block(next);
     }
 
+    /// At the entry: the reference runs the whole block when `room` is 0.
+    pub(crate) fn leave_for_good_unless(&mut self, room: Value) {
+        let (whole, next) = (self.b.create_block(), self.b.create_block());
+        self.b.set_cold_block(whole);
+        self.b.ins().brif(room, next, &[], whole, &[]);
+        self.b.seal_block(whole);
+        self.b.seal_block(next);
+        self.b.switch_to_block(whole);
+        let (block, first) = (self.word(self.block), self.word(0));
+        let answer = self.call_helper(offset_of!(Run, whole), block, first);
+        self.b.ins().return_(&[answer]);
+        self.b.switch_to_block(next);
+    }
+
     fn leave_here(&mut self, pc: usize) {
         debug_assert!(self.body.inlined.is_none(), "what can fail is not inlined");
+        self.write_back();
         self.spill(self.body.live[pc]);
         // The statement itself is counted by the reference.
         self.now.uncounted = self.now.uncounted.saturating_sub(1);
@@ -359,13 +374,13 @@ impl Translation<'_, '_> {
 
     /// The reference can go on at statement `pc`, whose code is `block`.
     pub(crate) fn landing(&mut self, pc: usize, block: ir::Block) {
-        let facts = self.body.facts[pc].unwrap_or(Facts::NONE);
         self.resume.push((pc as u32, self.landings.len() as u32 + 1));
-        self.landings.push((block, self.body.live[pc], facts));
+        self.landings.push(Landing { block, live: self.body.live[pc], met: Some(pc) });
     }
 
     /// The ways back from the reference, and the way out of an abort.
     pub(crate) fn ways_back(&mut self) {
+        self.b.set_srcloc(ir::SourceLoc::default());
         let at = self.b.append_block_param(self.leave, types::I32);
         self.b.switch_to_block(self.leave);
         let block = self.word(self.block);
@@ -378,12 +393,12 @@ impl Translation<'_, '_> {
         let ended = self.b.create_block();
         self.b.set_cold_block(ended);
         let mut calls = vec![self.b.func.dfg.block_call(ended, &[])];
-        for (block, live, facts) in std::mem::take(&mut self.landings) {
+        for to in std::mem::take(&mut self.landings) {
             let landing = self.b.create_block();
             self.b.set_cold_block(landing);
             let call = self.b.func.dfg.block_call(landing, &[]);
             calls.push(call);
-            self.land(landing, block, live, facts);
+            self.land(landing, &to);
         }
         self.b.switch_to_block(self.dispatch);
         let table = JumpTableData::new(self.b.func.dfg.block_call(self.abort, &[]), &calls);
@@ -399,11 +414,11 @@ impl Translation<'_, '_> {
         self.b.ins().return_(&[aborted]);
     }
 
-    fn land(&mut self, landing: ir::Block, block: ir::Block, live: Set, facts: Facts) {
+    fn land(&mut self, landing: ir::Block, to: &Landing) {
         self.b.switch_to_block(landing);
         self.now = State::variables();
         self.take_count();
-        self.reload(live);
+        self.reload(to.live);
         self.reload_data();
         for (i, accu) in self.now.a.into_iter().enumerate() {
             if let Accu::Full(v) = accu {
@@ -431,7 +446,11 @@ impl Translation<'_, '_> {
         if let Cc::Word(v) = self.now.cc {
             self.b.def_var(self.vars.cc, v);
         }
-        let _ = facts;
-        self.b.ins().jump(block, &[]);
+        for place in to.met.and_then(|pc| self.body.meeting[pc].clone()).unwrap_or_default() {
+            let value = self.load_place(place);
+            let var = self.variable(place);
+            self.b.def_var(var, value);
+        }
+        self.b.ins().jump(to.block, &[]);
     }
 }

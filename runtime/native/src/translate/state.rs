@@ -10,6 +10,9 @@ use cranelift_frontend::{FunctionBuilder, Variable};
 use ob1_cpu::engine::{CC0, CC1, Db};
 use ob1_ir::StatusBit;
 
+/// What a floating-point result is that is no number.
+const NO_NUMBER: i64 = 0x7FFF_FFFF;
+
 /// A bit of the status word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Bit {
@@ -17,6 +20,8 @@ pub(crate) enum Bit {
     Known(bool),
     /// 0 or 1 in eight bits.
     Val(Value),
+    /// One of eight bits; the others mean nothing. Bits of one place in their bytes are combined without a shift.
+    At(Value, u8),
 }
 
 /// An accumulator.
@@ -172,8 +177,70 @@ impl Bit {
             Bit::Var => b.use_var(var),
             Bit::Known(bit) => b.ins().iconst(types::I8, i64::from(bit)),
             Bit::Val(v) => v,
+            Bit::At(v, n) => {
+                let low = moved(v, n, 0, b);
+                let one = b.ins().iconst(types::I8, 1);
+                b.ins().band(low, one)
+            }
         }
     }
+
+    /// A value that is 0 when the bit is.
+    pub(crate) fn condition(self, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+        match self {
+            Bit::At(v, n) => masked(v, n, b),
+            other => other.value(var, b),
+        }
+    }
+
+    /// A value with this bit at place `to`, and zeros.
+    pub(crate) fn alone_at(self, to: u8, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+        match self {
+            Bit::At(v, n) => {
+                let v = moved(v, n, to, b);
+                masked(v, to, b)
+            }
+            other => {
+                let v = other.value(var, b);
+                moved(v, 0, to, b)
+            }
+        }
+    }
+}
+
+/// Eight bits, moved so that bit `from` is bit `to`.
+fn moved(v: Value, from: u8, to: u8, b: &mut FunctionBuilder<'_>) -> Value {
+    let by = b.ins().iconst(types::I8, i64::from(from.abs_diff(to)));
+    match from.cmp(&to) {
+        std::cmp::Ordering::Equal => v,
+        std::cmp::Ordering::Greater => b.ins().ushr(v, by),
+        std::cmp::Ordering::Less => b.ins().ishl(v, by),
+    }
+}
+
+/// Bit `n` of a value, the others 0.
+fn masked(v: Value, n: u8, b: &mut FunctionBuilder<'_>) -> Value {
+    let mask = b.ins().iconst(types::I8, 1 << n);
+    b.ins().band(v, mask)
+}
+
+/// Two bits at one place of their values, the lower of theirs, and whether the other bits of both are 0.
+fn side_by_side(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Option<(Value, Value, u8, bool)> {
+    match (x, y) {
+        (Bit::Val(x), Bit::Val(y)) => Some((x, y, 0, true)),
+        (Bit::Val(x), Bit::At(y, n)) => Some((x, moved(y, n, 0, b), 0, false)),
+        (Bit::At(x, n), Bit::Val(y)) => Some((moved(x, n, 0, b), y, 0, false)),
+        (Bit::At(x, n), Bit::At(y, m)) => {
+            let to = n.min(m);
+            Some((moved(x, n, to, b), moved(y, m, to, b), to, false))
+        }
+        _ => None,
+    }
+}
+
+/// What two bits have given.
+fn combined(result: Value, at: u8, clean: bool) -> Bit {
+    if clean { Bit::Val(result) } else { Bit::At(result, at) }
 }
 
 /// `a & b`.
@@ -181,8 +248,12 @@ pub(crate) fn and(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
     match (x, y) {
         (Bit::Known(false), _) | (_, Bit::Known(false)) => Bit::Known(false),
         (Bit::Known(true), other) | (other, Bit::Known(true)) => other,
-        (Bit::Val(x), Bit::Val(y)) => Bit::Val(b.ins().band(x, y)),
-        _ => unreachable_bit(),
+        _ => {
+            let Some((u, v, at, clean)) = side_by_side(x, y, b) else { return unreachable_bit() };
+            // One without other bits clears those of the other.
+            let clean = clean || matches!(x, Bit::Val(_)) || matches!(y, Bit::Val(_));
+            combined(b.ins().band(u, v), at, clean)
+        }
     }
 }
 
@@ -191,8 +262,10 @@ pub(crate) fn or(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
     match (x, y) {
         (Bit::Known(true), _) | (_, Bit::Known(true)) => Bit::Known(true),
         (Bit::Known(false), other) | (other, Bit::Known(false)) => other,
-        (Bit::Val(x), Bit::Val(y)) => Bit::Val(b.ins().bor(x, y)),
-        _ => unreachable_bit(),
+        _ => {
+            let Some((u, v, at, clean)) = side_by_side(x, y, b) else { return unreachable_bit() };
+            combined(b.ins().bor(u, v), at, clean)
+        }
     }
 }
 
@@ -202,8 +275,10 @@ pub(crate) fn xor(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
         (Bit::Known(x), Bit::Known(y)) => Bit::Known(x != y),
         (Bit::Known(false), other) | (other, Bit::Known(false)) => other,
         (Bit::Known(true), other) | (other, Bit::Known(true)) => not(other, b),
-        (Bit::Val(x), Bit::Val(y)) => Bit::Val(b.ins().bxor(x, y)),
-        _ => unreachable_bit(),
+        _ => {
+            let Some((u, v, at, clean)) = side_by_side(x, y, b) else { return unreachable_bit() };
+            combined(b.ins().bxor(u, v), at, clean)
+        }
     }
 }
 
@@ -215,6 +290,7 @@ pub(crate) fn not(x: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
             let one = b.ins().iconst(types::I8, 1);
             Bit::Val(b.ins().bxor(x, one))
         }
+        Bit::At(x, n) => Bit::At(b.ins().bnot(x), n),
         Bit::Var => unreachable_bit(),
     }
 }
@@ -273,6 +349,11 @@ pub(crate) fn word(cc: Cc, var: Variable, b: &mut FunctionBuilder<'_>) -> Value 
 pub(crate) fn placed(bit: Bit, mask: u32, b: &mut FunctionBuilder<'_>) -> Value {
     match bit {
         Bit::Known(bit) => b.ins().iconst(types::I32, i64::from(if bit { mask } else { 0 })),
+        Bit::At(v, n) => {
+            let low = moved(v, n, 0, b);
+            let low = masked(low, 0, b);
+            placed(Bit::Val(low), mask, b)
+        }
         Bit::Val(v) => {
             let wide = b.ins().uextend(types::I32, v);
             let shift = b.ins().iconst(types::I32, i64::from(mask.trailing_zeros()));
@@ -337,7 +418,7 @@ pub(crate) fn full(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Va
         Accu::Real(v) => {
             let bits = b.ins().bitcast(types::I32, cranelift_codegen::ir::MemFlagsData::new(), v);
             let no_number = b.ins().fcmp(FloatCC::Unordered, v, v);
-            let known = b.ins().iconst(types::I32, 0x7FFF_FFFF);
+            let known = b.ins().iconst(types::I32, NO_NUMBER);
             b.ins().select(no_number, known, bits)
         }
     }
@@ -367,9 +448,29 @@ pub(crate) fn real(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Va
         Accu::Real(v) => v,
         other => {
             let bits = full(other, var, b);
+            if let Some(v) = real_of(bits, b) {
+                return v;
+            }
             b.ins().bitcast(types::F32, cranelift_codegen::ir::MemFlagsData::new(), bits)
         }
     }
+}
+
+/// The floating-point result whose bits these are, made by [`full`]. What is no number stays no number whichever it is.
+fn real_of(bits: Value, b: &FunctionBuilder<'_>) -> Option<Value> {
+    use cranelift_codegen::ir::{InstructionData, Opcode, ValueDef};
+    let made = |v: Value| match b.func.dfg.value_def(v) {
+        ValueDef::Result(inst, 0) => Some(b.func.dfg.insts[inst]),
+        _ => None,
+    };
+    let InstructionData::Ternary { opcode: Opcode::Select, args: [no_number, known, bits] } = made(bits)? else {
+        return None;
+    };
+    let InstructionData::FloatCompare { cond: FloatCC::Unordered, args: [x, y], .. } = made(no_number)? else {
+        return None;
+    };
+    let InstructionData::LoadNoOffset { opcode: Opcode::Bitcast, arg, .. } = made(bits)? else { return None };
+    (x == y && x == arg && constant(b, known) == Some(NO_NUMBER)).then_some(x)
 }
 
 /// Where a value's high word comes from.

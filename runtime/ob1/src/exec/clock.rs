@@ -139,7 +139,7 @@ mod tests {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU64, Ordering};
 
-    use super::super::{compile, load, run};
+    use super::super::{Engines, compile, load, run};
     use super::*;
     use crate::exit::ExecExit;
 
@@ -151,12 +151,13 @@ mod tests {
         std::fs::write(&path, text).expect("writable");
         let args = ExecArgs::of_words([&[path.to_str().expect("UTF-8")], words].concat());
         let program = compile(&args, &[]).expect("it compiles");
-        let mut cpu = load(&args, &[], &program.0).expect("it loads");
+        let (mut cpu, _) = load(&args, &[], &program.0).expect("it loads");
         let seconds = Arc::new(AtomicU64::new(0));
         let count = seconds.clone();
         let wall = WallTime(Box::new(move || Duration::from_secs(count.fetch_add(1, Ordering::Relaxed) + 1)));
         let mut clock = ExecClock::new(&args, cpu.attention(), wall);
-        let exit = run(&mut cpu, &mut clock, args.start);
+        let mut engines = Engines::new(&args, &cpu, None);
+        let exit = run(&mut cpu, &mut clock, args.start, &mut engines);
         (exit, clock.wall_is_over(), seconds.load(Ordering::Relaxed))
     }
 

@@ -7,7 +7,10 @@
 mod args;
 mod clock;
 mod dump;
+mod engines;
 mod stats;
+
+use std::sync::Arc;
 
 use ob1_cpu::{Clock as _, Command, Cpu, CpuConfig, DiagEntry, Family, OperatingState};
 use ob1_ir::Program;
@@ -19,6 +22,9 @@ pub use stats::{STATS_SCHEMA, Stats};
 
 use crate::exit::{ExecExit, Exit};
 use clock::{ExecClock, WallTime};
+use engines::Engines;
+use ob1_station::compiling::Request;
+use ob1_station::engine::EngineChoice;
 use ob1_station::finding::Finding;
 use ob1_station::library::Choice;
 use ob1_station::offer::Unserved;
@@ -52,14 +58,15 @@ fn try_exec(args: &ExecArgs) -> Result<ExecExit, Failure> {
     args.check().map_err(usage)?;
     let standard = args.standard().map_err(usage)?;
     let (program, standard) = compile(args, &standard)?;
-    let mut cpu = load(args, &standard, &program)?;
+    let (mut cpu, request) = load(args, &standard, &program)?;
     for dump in &args.dump {
         // Before the run: a dump that cannot be is known at once, not after a minute.
         dump.bytes(&cpu).map_err(|text| (ExecExit::Other(Exit::Usage), format!("ob1: --dump {text}\n")))?;
     }
     let mut clock = ExecClock::new(args, cpu.attention(), WallTime::start());
     let meter = Meter::start();
-    let exit = ob1_rt::with_stack(cpu.stack_bytes(), || run(&mut cpu, &mut clock, args.start));
+    let mut engines = Engines::new(args, &cpu, request);
+    let exit = ob1_rt::with_stack(cpu.stack_bytes(), || run(&mut cpu, &mut clock, args.start, &mut engines));
     let exit = exit.map_err(|e| (ExecExit::Other(Exit::System), format!("ob1: a thread for the program: {e}\n")))?;
     let stats = meter.stop(&cpu, clock.now(), exit);
     match exit {
@@ -106,7 +113,8 @@ fn compile(args: &ExecArgs, standard: &[Choice]) -> Result<(Program, Vec<Choice>
     Ok((compiled.program, standard))
 }
 
-fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<Cpu, Failure> {
+/// The CPU, and what is to be compiled beside.
+fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<(Cpu, Option<Request>), Failure> {
     let config = CpuConfig {
         input_bytes: args.inputs,
         output_bytes: args.outputs,
@@ -124,12 +132,15 @@ fn load(args: &ExecArgs, standard: &[Choice], program: &Program) -> Result<Cpu, 
         ..CpuConfig::default()
     };
     let natives = program::native_standard_blocks(standard);
+    let request =
+        (args.engine == EngineChoice::Auto).then(|| Request::new(&config, Arc::new(program.clone()), &natives));
     let cpu = Cpu::new(config, program, natives, Vec::new(), args.engine.factory());
-    cpu.map_err(|errors| rejected(&Unserved::new(standard, &[]).findings(&errors, program)))
+    let cpu = cpu.map_err(|errors| rejected(&Unserved::new(standard, &[]).findings(&errors, program)))?;
+    Ok((cpu, request))
 }
 
 /// Cycles until the end.
-fn run(cpu: &mut Cpu, clock: &mut ExecClock, start: Start) -> ExecExit {
+fn run(cpu: &mut Cpu, clock: &mut ExecClock, start: Start, engines: &mut Engines) -> ExecExit {
     if start == Start::Hot {
         cpu.assume_run();
     }
@@ -143,6 +154,7 @@ fn run(cpu: &mut Cpu, clock: &mut ExecClock, start: Start) -> ExecExit {
         if end.state == OperatingState::Stop {
             return ending(cpu, clock);
         }
+        engines.attend(cpu);
         clock.wait_until(end.next_deadline);
         if clock.is_over() {
             return ExecExit::Limit;

@@ -180,7 +180,7 @@ pub(super) mod tests {
                 "worst": [], "newest": []}});
         let times =
             json!({"count": 1, "min_ns": 1, "mean_ns": 1.0, "p50_ns": 1, "p99_ns": 1, "p999_ns": 1, "max_ns": 1});
-        let status = json!({"station": "press", "pid": 42, "state": "RUN", "runtime_ns": seconds * 1_000_000_000, "scans": scans, "statements": 1,
+        let status = json!({"station": "press", "pid": 42, "state": "RUN", "runtime_ns": seconds * 1_000_000_000, "scans": scans, "statements": 1, "engine": "native",
             "overruns": 2, "missed": 3, "late": 1, "watchdogs": 0, "cycle": times, "wake": times, "execution": times,
             "modules": [{"name": "cp", "type": "cp240", "address": 256, "present": true, "leds": ["PW", "TxD"],
                 "driver": {"pid": 43, "starts": 1, "losses": 0, "state": "ready"},

@@ -17,7 +17,7 @@ pub(super) fn head(data: &Data) -> String {
     let (s, t) = (&data.now.status, &data.now.timing);
     let rate = data.scan_rate().map_or_else(String::new, |rate| format!(" ({rate:.0}/s)"));
     format!(
-        "{}  {}  process {}  {}  scans {}{rate}  late {}  overruns {}  missed {}  watchdog {}  memory {} KiB",
+        "{}  {}  process {}  {}  scans {}{rate}  late {}  overruns {}  missed {}  watchdog {}  memory {} KiB  engine {}",
         s.station,
         s.state,
         s.pid,
@@ -27,7 +27,8 @@ pub(super) fn head(data: &Data) -> String {
         t.overruns,
         t.missed,
         t.watchdogs,
-        s.memory.resident_kib
+        s.memory.resident_kib,
+        s.engine
     )
 }
 
@@ -131,6 +132,7 @@ mod tests {
         for part in [
             "press  RUN  process 42",
             "scans 12000 (1000/s)",
+            "engine native",
             "wake-up                  12000    20.0 µs",
             "*PW .ER *TxD .RxD  ready (43), lost 0  orders 121 open 1 done 120",
             "10.0/s out 5.0/s in",

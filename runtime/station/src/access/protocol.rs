@@ -166,6 +166,9 @@ pub struct Status {
     pub scans: u64,
     /// Statements executed.
     pub statements: u64,
+    /// The engine that runs the program now.
+    #[serde(default)]
+    pub engine: String,
     /// Cycles that began late because the one before took too long.
     pub overruns: u64,
     /// Deadlines no cycle began for.

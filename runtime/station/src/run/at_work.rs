@@ -26,6 +26,7 @@ use super::{Failure, Options};
 use crate::access::facts::StationFacts;
 use crate::access::server::Server;
 use crate::assembly::{Assembly, find_program};
+use crate::compiling::Compiling;
 use crate::exit::Exit;
 use crate::guardian::Guardian;
 use crate::io::ProcessIo;
@@ -59,6 +60,8 @@ pub(super) struct AtWork {
     min_cycle: u64,
     thread: Option<JoinHandle<Result<(), String>>>,
     monitor: Option<Monitor>,
+    /// Makes machine code beside.
+    compiling: Option<Compiling>,
     observer: Option<Observer>,
     keeper: Option<Keeper>,
     server: Option<Server>,
@@ -83,7 +86,7 @@ impl AtWork {
         clock: MonotonicClock,
         options: &Options,
     ) -> Result<Self, Failure> {
-        let Assembly { mut cpu, view, fleet, io, links, running } = assembly;
+        let Assembly { mut cpu, view, fleet, io, links, running, compile } = assembly;
         // First: a folder that cannot be used is told before anything has been started.
         let (keeper, retentive) = keep(station, &mut cpu, &view)?;
         for (name, target) in links {
@@ -106,6 +109,8 @@ impl AtWork {
         let journal = Journal::new(entries);
         let (attention, log) = (cpu.attention(), cpu.log_reader());
         last_words::prepare(io.clone(), Arc::clone(&running), cpu.whereabouts()).map_err(system("signals"))?;
+        let compiling = compile.map(|request| Compiling::start(request, cpu.plan())).transpose();
+        let (compiling, successors) = compiling.map_err(system("the thread that compiles"))?.unzip();
         let thread = Scan {
             cpu,
             clock,
@@ -119,6 +124,8 @@ impl AtWork {
             late,
             feeds: [to_run, to_broker],
             guard: io.as_ref().map(|io| io.guard().clone()),
+            successors,
+            engine: Arc::clone(&view.engine),
         }
         .start()
         .map_err(system("the scan thread"))?;
@@ -135,6 +142,7 @@ impl AtWork {
             min_cycle: station.cpu.min_cycle,
             thread: Some(thread),
             monitor: Some(monitor),
+            compiling,
             observer: Some(observer),
             keeper,
             server: Some(server),
@@ -247,6 +255,7 @@ impl AtWork {
         drop(self.keeper.take());
         self.scan.finish();
         drop(self.monitor.take());
+        drop(self.compiling.take());
         if !self.fence
             && let Some(thread) = self.thread.take()
         {

@@ -98,8 +98,8 @@ impl Report {
         }
         let _ = writeln!(
             out,
-            "scans {}   statements {}   overruns {}   watchdog {}   memory {} KiB",
-            s.scans, s.statements, s.overruns, s.watchdogs, s.memory.peak_kib
+            "scans {}   statements {}   engine {}   overruns {}   watchdog {}   memory {} KiB",
+            s.scans, s.statements, s.engine, s.overruns, s.watchdogs, s.memory.peak_kib
         );
         let _ = writeln!(out, "time in µs       min      mean       p50       p99     p99.9       max");
         row(&mut out, "cycle", &s.cycle);

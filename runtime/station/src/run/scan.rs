@@ -14,6 +14,8 @@ use ob1_broker::Feed;
 use ob1_cpu::{Clock, Command, Cpu, Nanos, OperatingState};
 use ob1_rt::{Grant, MonotonicClock};
 
+use crate::compiling::Successors;
+use crate::engine::InUse;
 use crate::posture;
 use crate::retentive::keeper::ScanEnd;
 use crate::station_file::Realtime;
@@ -138,6 +140,10 @@ pub(super) struct Scan {
     pub(super) feeds: [Feed; 2],
     /// Where the guardian looks for signs of life.
     pub(super) guard: Option<GuardPage>,
+    /// Engines that take over between two cycles.
+    pub(super) successors: Option<Successors>,
+    /// Which one runs.
+    pub(super) engine: Arc<InUse>,
 }
 
 impl Scan {
@@ -192,6 +198,9 @@ impl Scan {
             }
             if end.late {
                 self.late.send(self.cpu.last_scan(), self.cpu.sums());
+            }
+            if let Some(name) = self.successors.as_mut().and_then(|engines| engines.take_over(&mut self.cpu)) {
+                self.engine.set(name);
             }
             if let Some(retentive) = &mut self.retentive {
                 retentive.after_cycle(&mut self.cpu);

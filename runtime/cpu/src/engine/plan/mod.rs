@@ -101,6 +101,9 @@ pub struct Plan {
     pub counters: u16,
     /// Blocks that can be nested in one organization block.
     pub nesting_depth: u8,
+    /// Bytes of stack for a nested block of statements that the thread which runs the CPU has; an engine that needs
+    /// more cannot take over.
+    pub stack_per_block: usize,
     /// Blocks of statements that can be entered and not left, in all organization blocks that run at one time.
     pub frames: usize,
 }

@@ -1,0 +1,232 @@
+//! Code as a file: what the process that compiles hands the process that runs.
+//!
+//! ```text
+//!  0  "ob1code" and a 1            16  fingerprint of the plan        32  digest of all that follows
+//! 48  tier, bytes of stack, functions, first byte of the code, bytes of the code: 32 bits each
+//! 68  for each function: its first byte in the code (none: FFFFFFFF), entries; for each entry its statement and number
+//!     the code, at a multiple of 64
+//! ```
+//!
+//! Numbers have their low byte first. The digest begins with a secret that the runtime has given for this one request.
+//! A file that is of another plan, of another request, damaged or not sound in itself is refused.
+
+use crate::compile::{Compiled, Image, Tier};
+use crate::digest::{BYTES, Digest};
+use crate::translate::Made;
+
+/// What a file begins with.
+const MAGIC: &[u8; 8] = b"ob1code\x01";
+const FINGERPRINT: usize = 16;
+const DIGEST: usize = FINGERPRINT + BYTES;
+const HEAD: usize = DIGEST + BYTES;
+const TABLE: usize = HEAD + 5 * 4;
+/// Functions begin at multiples of it.
+const ALIGNMENT: usize = 64;
+const NONE: u32 = u32::MAX;
+
+/// What a code file is for: the plan, and the secret of the request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Order {
+    /// [`crate::fingerprint`] of the plan.
+    pub fingerprint: [u8; BYTES],
+    /// Known to the runtime and to the process that compiles for it.
+    pub secret: [u8; BYTES],
+}
+
+impl Order {
+    /// As it is sent: the fingerprint, the secret.
+    #[must_use]
+    pub fn bytes(&self) -> [u8; 2 * BYTES] {
+        let mut bytes = [0; 2 * BYTES];
+        bytes[..BYTES].copy_from_slice(&self.fingerprint);
+        bytes[BYTES..].copy_from_slice(&self.secret);
+        bytes
+    }
+
+    /// Of what [`Order::bytes`] has given.
+    #[must_use]
+    pub fn of(bytes: &[u8]) -> Option<Self> {
+        let (fingerprint, secret) = bytes.split_first_chunk()?;
+        Some(Self { fingerprint: *fingerprint, secret: secret.try_into().ok()? })
+    }
+}
+
+/// What a good file says.
+#[derive(Debug)]
+pub(crate) struct Contents {
+    pub(crate) tier: Tier,
+    /// Their places count from the file's first byte.
+    pub(crate) functions: Vec<Compiled>,
+}
+
+impl Image {
+    /// The code as a file for this order.
+    #[must_use]
+    pub fn file(&self, order: &Order) -> Vec<u8> {
+        let entries: usize = self.functions.iter().map(|function| 2 + 2 * function.made.resume.len()).sum();
+        let code_at = (TABLE + 4 * entries).next_multiple_of(ALIGNMENT);
+        let mut file = Vec::with_capacity(code_at + self.bytes.len());
+        file.extend_from_slice(MAGIC);
+        file.resize(FINGERPRINT, 0);
+        file.extend_from_slice(&order.fingerprint);
+        file.resize(HEAD, 0);
+        let mut put = |number: u32| file.extend_from_slice(&number.to_le_bytes());
+        put(u32::from(self.tier == Tier::Optimised));
+        put(self.stack);
+        put(self.functions.len() as u32);
+        put(code_at as u32);
+        put(self.bytes.len() as u32);
+        for function in &self.functions {
+            put(function.at.unwrap_or(NONE));
+            put(function.made.resume.len() as u32);
+            for (statement, number) in &function.made.resume {
+                put(*statement);
+                put(*number);
+            }
+        }
+        file.resize(code_at, 0);
+        file.extend_from_slice(&self.bytes);
+        let digest = digest(&file, order);
+        file[DIGEST..HEAD].copy_from_slice(&digest);
+        file
+    }
+}
+
+fn digest(file: &[u8], order: &Order) -> [u8; BYTES] {
+    let mut digest = Digest::new(&order.secret);
+    digest.add(&file[..DIGEST]);
+    digest.add(&file[HEAD..]);
+    digest.bytes()
+}
+
+/// Numbers of 32 bits, one after the other.
+struct Numbers<'a>(&'a [u8]);
+
+impl Numbers<'_> {
+    fn next(&mut self) -> Result<u32, String> {
+        let (number, rest) = self.0.split_first_chunk::<4>().ok_or("it ends too early")?;
+        self.0 = rest;
+        Ok(u32::from_le_bytes(*number))
+    }
+}
+
+/// Reads a file of code for this order; `statements` says how many each block has.
+///
+/// # Errors
+/// What is wrong with it.
+pub(crate) fn read(file: &[u8], order: &Order, statements: &[usize]) -> Result<Contents, String> {
+    if file.len() < TABLE || !file.starts_with(MAGIC) {
+        return Err("it is no code file of this version".into());
+    }
+    if file[FINGERPRINT..DIGEST] != order.fingerprint {
+        return Err("it is of another program".into());
+    }
+    if file[DIGEST..HEAD] != digest(file, order) {
+        return Err("its digest is wrong: it is damaged, or made for somebody else".into());
+    }
+    let mut numbers = Numbers(&file[HEAD..]);
+    let tier = if numbers.next()? == 1 { Tier::Optimised } else { Tier::Fast };
+    let (stack, functions, code_at, code_len) = (numbers.next()?, numbers.next()?, numbers.next()?, numbers.next()?);
+    if stack > crate::FRAME {
+        return Err(format!("its frames take {stack} bytes, {} were reckoned with", crate::FRAME));
+    }
+    if functions as usize != statements.len() {
+        return Err(format!("it has {functions} blocks, the program {}", statements.len()));
+    }
+    let whole = (code_at as usize).checked_add(code_len as usize) == Some(file.len());
+    if !whole || !(code_at as usize).is_multiple_of(ALIGNMENT) {
+        return Err("its parts do not fill it".into());
+    }
+    let functions = statements.iter().map(|&statements| function(&mut numbers, statements, code_at, code_len));
+    Ok(Contents { tier, functions: functions.collect::<Result<_, String>>()? })
+}
+
+fn function(numbers: &mut Numbers<'_>, statements: usize, code_at: u32, code_len: u32) -> Result<Compiled, String> {
+    let at = match numbers.next()? {
+        NONE => None,
+        at if at < code_len => Some(code_at + at),
+        at => return Err(format!("code at {at} of {code_len}")),
+    };
+    let mut resume = Vec::new();
+    for _ in 0..numbers.next()? {
+        let (statement, number) = (numbers.next()?, numbers.next()?);
+        let ascends = resume.last().is_none_or(|(last, _)| *last < statement);
+        if statement as usize > statements || number == 0 || number as i32 <= 0 || !ascends {
+            return Err(format!("an entry {number} at statement {statement} of {statements}"));
+        }
+        resume.push((statement, number));
+    }
+    Ok(Compiled { at, made: Made { resume } })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ORDER: Order = Order { fingerprint: [7; BYTES], secret: [9; BYTES] };
+
+    fn image() -> Image {
+        let made = Made { resume: vec![(1, 2), (3, 1)] };
+        let functions = vec![Compiled { at: Some(0), made }, Compiled::default()];
+        Image { bytes: vec![0xC3; 40], functions, stack: 200, tier: Tier::Optimised }
+    }
+
+    /// The file with other contents and a digest that is right for them.
+    fn forged(change: impl FnOnce(&mut Vec<u8>)) -> Result<Contents, String> {
+        let mut file = image().file(&ORDER);
+        change(&mut file);
+        let right = digest(&file, &ORDER);
+        file[DIGEST..HEAD].copy_from_slice(&right);
+        read(&file, &ORDER, &[5, 0])
+    }
+
+    #[test]
+    fn a_file_says_what_was_written() {
+        let contents = read(&image().file(&ORDER), &ORDER, &[5, 0]).expect("a good file");
+        assert_eq!(contents.tier, Tier::Optimised);
+        assert_eq!(contents.functions[0].made.resume, [(1, 2), (3, 1)]);
+        let at = contents.functions[0].at.expect("it has code") as usize;
+        assert_eq!(image().file(&ORDER)[at..], [0xC3; 40]);
+        assert_eq!(contents.functions[1].at, None);
+    }
+
+    #[test]
+    fn every_damage_is_seen() {
+        let good = image().file(&ORDER);
+        for at in 0..good.len() {
+            for bit in 0..8 {
+                let mut bad = good.clone();
+                bad[at] ^= 1 << bit;
+                // Between the magic and the fingerprint nothing stands; the digest covers that, too.
+                assert!(read(&bad, &ORDER, &[5, 0]).is_err(), "byte {at}, bit {bit}");
+            }
+            assert!(read(&good[..at], &ORDER, &[5, 0]).is_err(), "{at} bytes");
+        }
+        assert!(read(&[good.clone(), vec![0]].concat(), &ORDER, &[5, 0]).is_err());
+    }
+
+    #[test]
+    fn a_file_for_somebody_else_is_refused() {
+        let good = image().file(&ORDER);
+        let other = Order { fingerprint: [8; BYTES], ..ORDER };
+        assert!(read(&good, &other, &[5, 0]).is_err_and(|why| why.contains("another program")));
+        let other = Order { secret: [8; BYTES], ..ORDER };
+        assert!(read(&good, &other, &[5, 0]).is_err_and(|why| why.contains("digest")));
+    }
+
+    #[test]
+    fn one_that_is_not_sound_is_refused_though_its_digest_is_right() {
+        assert!(forged(|_| ()).is_ok());
+        let put =
+            |at: usize, number: u32| move |file: &mut Vec<u8>| file[at..at + 4].copy_from_slice(&number.to_le_bytes());
+        assert!(forged(put(HEAD + 4, 1 << 20)).is_err_and(|why| why.contains("frames")));
+        assert!(forged(put(HEAD + 8, 3)).is_err_and(|why| why.contains("blocks")));
+        assert!(forged(put(HEAD + 12, 1)).is_err_and(|why| why.contains("parts")));
+        assert!(forged(put(HEAD + 16, 41)).is_err_and(|why| why.contains("parts")));
+        assert!(forged(put(TABLE, 40)).is_err_and(|why| why.contains("code at 40")));
+        assert!(forged(put(TABLE + 4, u32::MAX)).is_err());
+        assert!(forged(put(TABLE + 8, 9)).is_err_and(|why| why.contains("entry")));
+        assert!(forged(put(TABLE + 12, 0)).is_err_and(|why| why.contains("entry")));
+        assert!(forged(put(TABLE + 16, 1)).is_err_and(|why| why.contains("entry")));
+    }
+}

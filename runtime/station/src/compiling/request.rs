@@ -1,0 +1,191 @@
+//! What the process that compiles is told: the program, the parameters of native blocks, and the sizes of the CPU. It
+//! loads them as the runtime has done, and makes code of the same plan.
+
+use std::sync::Arc;
+
+use ob1_cpu::engine::{Plan, REFERENCE};
+use ob1_cpu::{Abort, Cpu, CpuConfig, NativeBlock, NativeContext};
+use ob1_ir::{CodeBlock, Program};
+use ob1_model::{BlockId, Interface};
+use serde::{Deserialize, Serialize};
+
+/// A loaded program as the process that compiles can be told of it.
+#[derive(Clone, Debug)]
+pub struct Request {
+    sizes: Sizes,
+    program: Arc<Program>,
+    natives: Vec<(BlockId, Interface)>,
+}
+
+/// What of a CPU's configuration its plan depends on.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+struct Sizes {
+    input_bytes: u32,
+    output_bytes: u32,
+    memory_bytes: u32,
+    timers: u16,
+    counters: u16,
+    local_bytes: u32,
+    db_pool_bytes: u32,
+    accumulators: u8,
+    nesting_depth: u8,
+}
+
+/// A request as it is sent.
+#[derive(Deserialize, Serialize)]
+struct Sent {
+    sizes: Sizes,
+    /// In the file form of programs; the native blocks as blocks without statements.
+    program: String,
+    natives: String,
+}
+
+impl Request {
+    /// Of a CPU that is made of these.
+    #[must_use]
+    pub fn new(config: &CpuConfig, program: Arc<Program>, natives: &[Box<dyn NativeBlock>]) -> Self {
+        let sizes = Sizes {
+            input_bytes: config.input_bytes,
+            output_bytes: config.output_bytes,
+            memory_bytes: config.memory_bytes,
+            timers: config.timers,
+            counters: config.counters,
+            local_bytes: config.local_bytes,
+            db_pool_bytes: config.db_pool_bytes,
+            accumulators: config.accumulators,
+            nesting_depth: config.nesting_depth,
+        };
+        let natives = natives.iter().map(|native| (native.id(), native.interface().clone())).collect();
+        Self { sizes, program, natives }
+    }
+
+    /// As it is sent.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(super) fn write(&self) -> Result<Vec<u8>, String> {
+        let block = |(id, interface): &(BlockId, Interface)| CodeBlock {
+            id: *id,
+            name: None,
+            interface: interface.clone(),
+            code: Vec::new(),
+            source: 0,
+        };
+        let natives = Program { blocks: self.natives.iter().map(block).collect(), ..Program::default() };
+        let sent = Sent { sizes: self.sizes, program: ob1_ir::write(&self.program), natives: ob1_ir::write(&natives) };
+        serde_json::to_vec(&sent).map_err(|error| error.to_string())
+    }
+}
+
+/// The plan of a request that was received.
+///
+/// # Errors
+/// It is none, or of a program that cannot be loaded.
+pub(super) fn plan(bytes: &[u8]) -> Result<Arc<Plan>, String> {
+    let sent: Sent = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
+    let program = ob1_ir::parse(&sent.program).map_err(|error| format!("the program: {error}"))?;
+    let natives = ob1_ir::parse(&sent.natives).map_err(|error| format!("native blocks: {error}"))?;
+    let Sizes {
+        input_bytes,
+        output_bytes,
+        memory_bytes,
+        timers,
+        counters,
+        local_bytes,
+        db_pool_bytes,
+        accumulators,
+        nesting_depth,
+    } = sent.sizes;
+    let config = CpuConfig {
+        input_bytes,
+        output_bytes,
+        memory_bytes,
+        timers,
+        counters,
+        local_bytes,
+        db_pool_bytes,
+        accumulators,
+        nesting_depth,
+        ..CpuConfig::default()
+    };
+    let known = |block: CodeBlock| Box::new(Known(block.id, block.interface)) as Box<dyn NativeBlock>;
+    let natives = natives.blocks.into_iter().map(known).collect();
+    let cpu = Cpu::new(config, &program, natives, Vec::new(), REFERENCE);
+    cpu.map(|cpu| Arc::clone(cpu.plan())).map_err(|errors| format!("{errors:?}"))
+}
+
+/// A native block of which only the parameters are known. Nothing runs here.
+struct Known(BlockId, Interface);
+
+impl NativeBlock for Known {
+    fn id(&self) -> BlockId {
+        self.0
+    }
+
+    fn name(&self) -> &str {
+        ""
+    }
+
+    fn interface(&self) -> &Interface {
+        &self.1
+    }
+
+    fn reset(&self) {}
+
+    fn call(&self, _cx: &mut dyn NativeContext) -> Result<(), Abort> {
+        Err(Abort)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_native::fingerprint;
+
+    fn program(text: &str) -> Arc<Program> {
+        let source = ob1_stl::Source { name: "p.awl".into(), bytes: text.as_bytes().to_vec() };
+        let mut library = ob1_stl::Library::new();
+        for block in ob1_std::library() {
+            library.insert(block.id, block.name, block.interface);
+        }
+        let output = ob1_stl::compile(&[source], &library, &ob1_stl::Options::default());
+        assert!(output.is_good(), "{:#?}", output.diagnostics);
+        Arc::new(output.program)
+    }
+
+    #[test]
+    fn who_compiles_has_the_same_plan() {
+        let program = program(
+            "DATA_BLOCK DB 7\nSTRUCT\n x : INT := 5;\n s : STRING[10] := 'abc';\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n\
+             FUNCTION FC 1 : INT\nVAR_INPUT\n x : INT;\nEND_VAR\nBEGIN\nL #x;\nT #RET_VAL;\nEND_FUNCTION\n\
+             ORGANIZATION_BLOCK OB 1\nVAR_TEMP\n r : INT;\nEND_VAR\nBEGIN\nCALL FC 1 (x := DB7.DBW0, RET_VAL := MW 2);\n\
+             L 1.5;\nT MD 8;\nCALL SFC 46;\nEND_ORGANIZATION_BLOCK\n",
+        );
+        let config = CpuConfig { memory_bytes: 1024, timers: 10, accumulators: 4, ..CpuConfig::default() };
+        let natives = ob1_cpu::system_blocks();
+        let request = Request::new(&config, Arc::clone(&program), &natives);
+        let cpu = Cpu::new(config, &program, natives, Vec::new(), REFERENCE).expect("it loads");
+        let theirs = plan(&request.write().expect("it can be written")).expect("it loads there, too");
+        assert_eq!(fingerprint(&theirs), fingerprint(cpu.plan()));
+    }
+
+    #[test]
+    fn another_size_is_another_plan() {
+        let program = program("ORGANIZATION_BLOCK OB 1\nBEGIN\nU M 0.0;\n= M 0.1;\nEND_ORGANIZATION_BLOCK\n");
+        let of = |memory_bytes| {
+            let config = CpuConfig { memory_bytes, ..CpuConfig::default() };
+            fingerprint(
+                &plan(&Request::new(&config, Arc::clone(&program), &[]).write().expect("written")).expect("loads"),
+            )
+        };
+        assert_eq!(of(256), of(256));
+        assert_ne!(of(256), of(512));
+    }
+
+    #[test]
+    fn what_is_no_request_is_refused() {
+        for bytes in [&b""[..], b"{}", b"\xFF\xFF", br#"{"sizes":{},"program":"","natives":""}"#] {
+            assert!(plan(bytes).is_err());
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Machine code that takes over while a station runs, and what becomes of the station when none comes.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+
+use common::processes::Watched;
+use common::site::Site;
+use common::station::Running;
+use common::{Guard, program, python};
+use rustix::process::Signal;
+
+/// A station with a counter that a scan moves by one, and so many statements besides.
+fn site(statements: usize, more: &str) -> Site {
+    let site = Site::new();
+    let load: String =
+        (0..statements / 4).map(|n| format!("L MW {};\nL {n};\n+I;\nT MW {};\n", n % 90, n % 90)).collect();
+    let awl = format!(
+        "FUNCTION FC 1 : VOID\nBEGIN\n{load}END_FUNCTION\n\
+         ORGANIZATION_BLOCK OB 1\nBEGIN\nL MD 200;\nL L#1;\n+D;\nT MD 200;\nU M 210.0;\nSPBN end;\nCALL FC 1;\nend: NOP 0;\n\
+         END_ORGANIZATION_BLOCK\n"
+    );
+    site.write("e.awl", &awl);
+    let toml = format!(
+        "[station]\nname = \"engines\"\n\n[cpu]\nmin_cycle = \"5ms\"\n{more}\n[program]\nsources = [\"e.awl\"]\n"
+    );
+    site.write("e.toml", &toml);
+    site
+}
+
+/// The process that compiles.
+fn compiler(site: &Site) -> Option<Watched> {
+    let compiles = |process: &Watched| {
+        let words = fs::read(format!("/proc/{}/cmdline", process.pid)).unwrap_or_default();
+        words.split(|byte| *byte == 0).any(|word| word == b"compile-blocks")
+    };
+    site.processes().into_iter().find(compiles)
+}
+
+fn until_native(station: &Running) {
+    station.until("machine code has taken over", |s| (s.status().engine == "native").then_some(()));
+}
+
+/// Rights and file of each mapping of a process.
+fn mappings(pid: u32) -> Vec<(String, String)> {
+    let maps = fs::read_to_string(format!("/proc/{pid}/maps")).expect("a living process");
+    let of = |line: &str| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        (words[1].to_owned(), words.get(5).copied().unwrap_or_default().to_owned())
+    };
+    maps.lines().map(of).collect()
+}
+
+#[test]
+fn machine_code_takes_over_between_two_scans() {
+    let site = site(400, "");
+    let station = site.run("e.toml").until_run();
+    until_native(&station);
+    let before = station.cell("MD200");
+    station.set("M210.0", 1);
+    station.scans(20);
+    assert!(station.cell("MD200") >= before + 20, "the counter goes on from where it was");
+    // Every scan has counted once, whatever engine ran it.
+    station
+        .ask(ob1_station::access::protocol::Op::Command { command: ob1_station::access::protocol::CommandName::Stop })
+        .expect("a command");
+    station.until("STOP", |s| (s.status().state == "STOP").then_some(()));
+    let (counted, scans) = (station.cell("MD200"), station.status().scans);
+    assert_eq!(u64::try_from(counted), Ok(scans), "scans and their count");
+    let pid = station.process.pid;
+    let maps = mappings(pid);
+    assert!(maps.iter().all(|(rights, _)| !(rights.contains('w') && rights.contains('x'))), "{maps:?}");
+    assert!(maps.iter().any(|(rights, file)| rights == "r-xp" && file.contains("memfd:ob1-code")), "{maps:?}");
+    assert!(compiler(&site).is_none(), "its work is done");
+    let ended = station.interrupt();
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    assert!(ended.out.contains("engine native"), "{ended:?}");
+}
+
+#[test]
+fn a_station_whose_compiler_is_killed_stays_on_the_reference_engine() {
+    // Enough to compile for a while.
+    let site = site(60_000, "");
+    let station = site.run("e.toml");
+    let guard = Guard::begin();
+    let compiler = loop {
+        if let Some(compiler) = compiler(&site) {
+            break compiler;
+        }
+        assert!(!guard.is_over(), "no process compiles");
+        std::thread::yield_now();
+    };
+    compiler.signal(Signal::KILL);
+    compiler.wait("the process that compiles");
+    let station = station.until_run();
+    station.scans(50);
+    assert_eq!(station.status().engine, "reference");
+    let ended = station.interrupt();
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    assert_eq!(ended.err.matches("machine code: the process that compiles is gone").count(), 1, "{ended:?}");
+    assert!(ended.err.contains("signal 9"), "{ended:?}");
+}
+
+#[test]
+fn nothing_compiles_when_the_engine_is_named() {
+    let site = site(400, "engine = \"reference\"");
+    let station = site.run("e.toml").until_run();
+    station.scans(20);
+    assert_eq!((station.status().engine.as_str(), compiler(&site).is_none()), ("reference", true));
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn the_compiler_ends_with_its_runtime() {
+    let site = site(60_000, "");
+    let station = site.run("e.toml");
+    let guard = Guard::begin();
+    while compiler(&site).is_none() {
+        assert!(!guard.is_over(), "no process compiles");
+        std::thread::yield_now();
+    }
+    station.kill();
+    site.wait_until_empty();
+}
+
+/// Starts `ob1 run` where no memory can be both written and executed, nor become executable: what
+/// `MemoryDenyWriteExecute` of systemd asks for. Exit 77: this kernel does not have it.
+const DENY: &str = "
+import ctypes, os, sys
+if ctypes.CDLL(None, use_errno=True).prctl(65, 1, 0, 0, 0) != 0:
+    sys.exit(77)
+os.execv(sys.argv[1], sys.argv[1:])
+";
+
+/// Linux 6.3 and later refuse it.
+fn kernel_denies() -> bool {
+    let release = fs::read_to_string("/proc/sys/kernel/osrelease").expect("a kernel");
+    let mut numbers = release.split(['.', '-']).map_while(|part| part.trim().parse::<u32>().ok());
+    (numbers.next(), numbers.next()) >= (Some(6), Some(3))
+}
+
+#[test]
+fn machine_code_runs_where_memory_is_never_writable_and_executable() {
+    let site = site(400, "");
+    let ob1 = program("ob1");
+    let probe = site.command(python()).args(["-c", DENY]).arg(Path::new("/bin/true")).status().expect("it starts");
+    if probe.code() == Some(77) {
+        assert!(!kernel_denies(), "this kernel should know PR_SET_MDWE");
+        return;
+    }
+    let mut command = site.command(python());
+    command.args(["-c", DENY]).arg(&ob1).args(["run", "e.toml"]);
+    let station = Running::start_command(&site, "e.toml", command).until_run();
+    until_native(&station);
+    station.scans(20);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
