@@ -36,6 +36,11 @@ fn the_same_seed_gives_the_same_log_and_another_another() {
 }
 
 #[test]
+fn either_engine_gives_the_same_log() {
+    pair::assert_engines_agree(&folder(), 1..=4);
+}
+
+#[test]
 fn seeds_of_a_simulated_minute() {
     for seed in 1..=16 {
         let outcome = run(&Scenario::demo(&folder(), seed));

@@ -14,9 +14,8 @@ void ob1(void)
 {
     for (int16_t i = 50; i != 0; i--) {
         PUT_MW(200, i);
-        put_real(memory + 104, 1.5f);
-        /* Or the compiler would calculate everything that follows. */
-        __asm__ volatile("" ::: "memory");
+        /* Of the counter: no compiler can calculate what follows. */
+        put_real(memory + 104, (float)i / 32.0f);
         STEP(0); STEP(1); STEP(2); STEP(3); STEP(4); STEP(5); STEP(6); STEP(7); STEP(8); STEP(9);
         STEP(10); STEP(11); STEP(12); STEP(13); STEP(14); STEP(15); STEP(16); STEP(17); STEP(18); STEP(19);
     }

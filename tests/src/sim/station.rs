@@ -81,6 +81,12 @@ impl SimStation {
         }
     }
 
+    /// The engine that runs its program.
+    #[must_use]
+    pub fn engine(&self) -> &'static str {
+        self.cpu.engine()
+    }
+
     /// A double word of a data block; 0 where there is none.
     #[must_use]
     pub fn ledger(&self, db: u16, byte: usize) -> u32 {

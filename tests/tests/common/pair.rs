@@ -10,6 +10,39 @@ pub(crate) fn example(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name)
 }
 
+/// The files of an example whose stations run on this engine, in a folder of their own.
+pub(crate) fn on_engine(folder: &Path, engine: &str) -> tempfile::TempDir {
+    let copy = tempfile::tempdir().expect("room for a folder");
+    for entry in std::fs::read_dir(folder).expect("the example").map(|entry| entry.expect("a file")) {
+        let to = copy.path().join(entry.file_name());
+        match std::fs::read_to_string(entry.path()) {
+            Ok(text) if entry.path().extension().is_some_and(|end| end == "toml") => {
+                let engine = format!("[cpu]\nengine = \"{engine}\"\n");
+                std::fs::write(to, super::site::replaced(&text, "[cpu]\n", &engine)).expect("room");
+            }
+            Ok(text) => std::fs::write(to, text).expect("room"),
+            // A folder.
+            Err(_) => {}
+        }
+    }
+    copy
+}
+
+/// On each engine the same seed gives the same log, to the byte.
+pub(crate) fn assert_engines_agree(folder: &Path, seeds: impl Iterator<Item = u64>) {
+    let folders = ["reference", "native"].map(|engine| on_engine(folder, engine));
+    for seed in seeds {
+        let [one, two] = folders.each_ref().map(|folder| {
+            let outcome = run(&Scenario { duration: 30 * SECOND, ..Scenario::demo(folder.path(), seed) });
+            let engine = outcome.stations[0].engine();
+            (outcome.log, engine)
+        });
+        assert_eq!((one.1, two.1), ("reference", "native"));
+        assert!(one.0.lines().count() > 100, "something has happened");
+        assert_eq!(one.0, two.0, "seed {seed}");
+    }
+}
+
 /// Runs it.
 pub(crate) fn run(scenario: &Scenario) -> Outcome {
     sim::run(scenario).unwrap_or_else(|message| {
