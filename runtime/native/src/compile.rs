@@ -96,6 +96,14 @@ pub(crate) fn helper_signature(convention: CallConv) -> Signature {
     signature
 }
 
+/// The signature of compiled blocks: the run; 0 when the block has ended.
+pub(crate) fn block_signature(convention: CallConv) -> Signature {
+    let mut signature = Signature::new(convention);
+    signature.params.push(AbiParam::new(types::I64));
+    signature.returns.push(AbiParam::new(types::I32));
+    signature
+}
+
 /// Makes the code of processors.
 pub struct Compiler {
     isa: OwnedTargetIsa,
@@ -189,9 +197,7 @@ impl Compiler {
     ) -> Made {
         context.clear();
         let convention = self.isa.default_call_conv();
-        let mut signature = Signature::new(convention);
-        signature.params.push(AbiParam::new(types::I64));
-        signature.returns.push(AbiParam::new(types::I32));
+        let signature = block_signature(convention);
         context.func = Function::with_name_signature(UserFuncName::user(0, block), signature);
         translate(plan, block, &mut context.func, frontend, self.isa.frontend_config(), self.tier)
     }

@@ -20,8 +20,25 @@ pub const NAME_FAST: &str = "native, fast tier";
 pub(crate) struct Code {
     pub(crate) plan: Arc<Plan>,
     pub(crate) functions: Vec<Compiled>,
+    pub(crate) entries: Entries,
     memory: Option<CodeMemory>,
     tier: Tier,
+}
+
+/// Where the code of each block begins; null where there is none.
+pub(crate) struct Entries(pub(crate) Box<[*const u8]>);
+
+// SAFETY: addresses in a mapping that is read and executed only, which lives as long as they do.
+unsafe impl Send for Entries {}
+// SAFETY: as above.
+unsafe impl Sync for Entries {}
+
+impl Code {
+    fn new(plan: &Arc<Plan>, functions: Vec<Compiled>, memory: Option<CodeMemory>, tier: Tier) -> Self {
+        let address = |function: &Compiled| function.at.zip(memory.as_ref()).and_then(|(at, memory)| memory.at(at));
+        let entries = functions.iter().map(|function| address(function).unwrap_or(std::ptr::null())).collect();
+        Self { plan: Arc::clone(plan), functions, entries: Entries(entries), memory, tier }
+    }
 }
 
 /// Runs blocks as machine code.
@@ -50,7 +67,7 @@ impl Native {
         } else {
             Some(CodeMemory::of(&image.bytes).map_err(|error| format!("no memory for code: {error}"))?)
         };
-        Ok(Self { code: Code { plan: Arc::clone(plan), functions: image.functions, memory, tier: image.tier } })
+        Ok(Self { code: Code::new(plan, image.functions, memory, image.tier) })
     }
 
     /// The engine of a plan and a sealed code file ([`Image::file`]), which may come from anywhere: whatever is not
@@ -63,7 +80,7 @@ impl Native {
         let memory = CodeMemory::map(file).map_err(|error| format!("it cannot be mapped: {error}"))?;
         let statements: Vec<usize> = plan.blocks.iter().map(|block| block.stmts.len()).collect();
         let Contents { tier, functions } = crate::file::read(memory.bytes(), order, &statements)?;
-        Ok(Self { code: Code { plan: Arc::clone(plan), functions, memory: Some(memory), tier } })
+        Ok(Self { code: Code::new(plan, functions, Some(memory), tier) })
     }
 }
 
@@ -125,8 +142,7 @@ impl Engine for Native {
 impl Code {
     /// Runs a block whose registers and local data are in place.
     pub(crate) fn run(&self, block: u32, r: &mut Regs, cx: &mut Context<'_>) -> Result<(), Abort> {
-        let at = self.functions.get(block as usize).and_then(|compiled| compiled.at);
-        let Some(address) = at.zip(self.memory.as_ref()).and_then(|(at, memory)| memory.at(at)) else {
+        let Some(address) = self.entries.0.get(block as usize).copied().filter(|address| !address.is_null()) else {
             return interpret(self, block, 0, &[], r, cx).map(|_| ());
         };
         let mut run = Run::new(*r, self, cx);

@@ -3,7 +3,7 @@
 use std::mem::offset_of;
 
 use cranelift_codegen::ir::{InstBuilder, Value, condcodes::IntCC, types};
-use ob1_cpu::engine::{Call, CallTarget, Callee, Hot, InSource, InstanceOf, OutTarget, Plan, RefArg};
+use ob1_cpu::engine::{Call, CallTarget, Callee, Db, Hot, InSource, InstanceOf, OutTarget, Plan, RefArg};
 use ob1_ir::{CallMode, Number, Op, Place};
 use ob1_model::{Area, BlockKind};
 
@@ -16,7 +16,7 @@ use crate::translate::{Body, Checked, Inlined, Reference, Translation};
 /// Most statements of a block that becomes part of its callers.
 const STATEMENTS: usize = 48;
 /// AR2 of a function block with an instance of its own.
-const INSTANCE: u32 = (Area::Db.pointer_code() as u32) << 24;
+pub(crate) const INSTANCE: u32 = (Area::Db.pointer_code() as u32) << 24;
 
 /// Bytes of the instance of a function block.
 pub(crate) fn instance_bytes(plan: &Plan, block: u32) -> u32 {
@@ -25,7 +25,12 @@ pub(crate) fn instance_bytes(plan: &Plan, block: u32) -> u32 {
 }
 
 /// A call whose block becomes part of the caller: its index, and where its instance lies.
-fn candidate(plan: &Plan, call: &Call) -> Option<(u32, Option<ob1_cpu::engine::Db>)> {
+fn candidate(plan: &Plan, call: &Call) -> Option<(u32, Option<Db>)> {
+    simple(plan, call).filter(|(block, instance)| leaf(plan, *block, instance.is_some()))
+}
+
+/// A call of a block of statements whose parameters are places known at load: its index, and where its instance lies.
+pub(crate) fn simple(plan: &Plan, call: &Call) -> Option<(u32, Option<Db>)> {
     let CallTarget::Known(Callee::Code(block)) = call.target else { return None };
     if call.mode != CallMode::Call || call.list.is_some() {
         return None;
@@ -64,7 +69,7 @@ fn candidate(plan: &Plan, call: &Call) -> Option<(u32, Option<ob1_cpu::engine::D
         }
         _ => return None,
     };
-    leaf(plan, block, instance.is_some()).then_some((block, instance))
+    Some((block, instance))
 }
 
 /// The block can become part of another: short, without loops and calls, and nothing in it can fail.
@@ -141,6 +146,11 @@ pub(crate) fn room(t: &mut Translation<'_, '_>) -> Option<Value> {
     if !any {
         return None;
     }
+    Some(room_for(t, local, refs))
+}
+
+/// There is room for one more block with so many bytes of local data and so many references.
+pub(crate) fn room_for(t: &mut Translation<'_, '_>, local: u32, refs: u32) -> Value {
     let (depth, room) = (u32::from(t.plan.nesting_depth), t.plan.areas.local.len);
     let mut check = |at: usize, more: u32, most: u32| {
         let used = t.load_state(types::I32, t.hot, at);
@@ -157,7 +167,18 @@ pub(crate) fn room(t: &mut Translation<'_, '_>) -> Option<Value> {
     let most = t.load_state(types::I32, t.hot, offset_of!(Hot, refs_len));
     let refs = t.b.ins().icmp(IntCC::UnsignedLessThanOrEqual, needed, most);
     let both = t.b.ins().band(depth, local);
-    Some(t.b.ins().band(both, refs))
+    t.b.ins().band(both, refs)
+}
+
+/// The references of a simple call.
+pub(crate) fn references(call: &Call) -> Vec<Reference> {
+    let mut refs: Vec<Reference> = call.refs.iter().map(|bit| Reference::Arena(*bit)).collect();
+    for (index, patch) in &call.patches {
+        if let (RefArg::Local(at), Some(slot)) = (patch, refs.get_mut(usize::from(*index))) {
+            *slot = Reference::Local(*at);
+        }
+    }
+    refs
 }
 
 impl Translation<'_, '_> {
@@ -173,22 +194,9 @@ impl Translation<'_, '_> {
         self.now.uncounted += 1;
         self.safe_point(pc + 1);
         let base = plan.blocks[self.block as usize].local_len;
-        let mut refs: Vec<Reference> = call.refs.iter().map(|bit| Reference::Arena(*bit)).collect();
-        for (index, patch) in &call.patches {
-            if let (RefArg::Local(at), Some(slot)) = (patch, refs.get_mut(usize::from(*index))) {
-                *slot = Reference::Local(*at);
-            }
-        }
+        let refs = references(call);
         if let Some(db) = instance {
-            for input in &call.ins {
-                let value = match &input.from {
-                    InSource::Const(value) => self.word(*value),
-                    InSource::Arena(bit) => self.read_at(self.arena, bit.0, input.bits),
-                    InSource::Place(Place::Fixed(_, at)) => self.read_at(self.local, at.0, input.bits),
-                    _ => continue,
-                };
-                self.write_at(self.arena, db.at.0 * 8 + input.at, input.bits, value);
-            }
+            self.copy_in(call, db);
         }
         let entry = Facts {
             fc: Some(false),
@@ -224,16 +232,34 @@ impl Translation<'_, '_> {
         let cache = std::mem::take(&mut self.checked.cache);
         self.checked = Checked { instance: None, cache, ..checked };
         if let Some(db) = instance {
-            for out in &call.outs {
-                let value = self.read_at(self.arena, db.at.0 * 8 + out.at, out.bits);
-                match &out.to {
-                    OutTarget::Arena(bit) => self.write_at(self.arena, bit.0, out.bits, value),
-                    OutTarget::Place(Place::Fixed(_, at)) => self.write_at(self.local, at.0, out.bits, value),
-                    OutTarget::Place(_) => {}
-                }
-            }
+            self.copy_out(call, db);
         }
         true
+    }
+
+    /// The actual parameters into the instance.
+    pub(crate) fn copy_in(&mut self, call: &Call, db: Db) {
+        for input in &call.ins {
+            let value = match &input.from {
+                InSource::Const(value) => self.word(*value),
+                InSource::Arena(bit) => self.read_at(self.arena, bit.0, input.bits),
+                InSource::Place(Place::Fixed(_, at)) => self.read_at(self.local, at.0, input.bits),
+                _ => continue,
+            };
+            self.write_at(self.arena, db.at.0 * 8 + input.at, input.bits, value);
+        }
+    }
+
+    /// The results out of the instance.
+    pub(crate) fn copy_out(&mut self, call: &Call, db: Db) {
+        for out in &call.outs {
+            let value = self.read_at(self.arena, db.at.0 * 8 + out.at, out.bits);
+            match &out.to {
+                OutTarget::Arena(bit) => self.write_at(self.arena, bit.0, out.bits, value),
+                OutTarget::Place(Place::Fixed(_, at)) => self.write_at(self.local, at.0, out.bits, value),
+                OutTarget::Place(_) => {}
+            }
+        }
     }
 
     /// The status word at the beginning of a called block and behind the call.

@@ -32,6 +32,8 @@ pub(crate) struct Run {
     pub(crate) cpu: *mut Context<'static>,
     /// The code of all blocks.
     pub(crate) code: *const Code,
+    /// By the number of a block: where its code begins; null: the reference runs it.
+    pub(crate) entries: *const *const u8,
     /// A helper has panicked.
     pub(crate) panicked: bool,
 }
@@ -59,6 +61,7 @@ impl Run {
             time_left,
             cpu: std::ptr::from_mut(cx).cast(),
             code,
+            entries: code.entries.0.as_ptr(),
             panicked: false,
         }
     }

@@ -212,10 +212,11 @@ impl Translation<'_, '_> {
         self.checked = Checked::default();
         self.safe_point(pc + 1);
         self.tell_count();
+        let next = self.b.create_block();
+        self.call_directly(pc, next);
         let (block, at) = (self.word(self.block), self.word(pc as u32));
         let answer = self.call_helper(offset_of!(Run, call), block, at);
         let other = self.b.create_block();
-        let next = self.b.create_block();
         self.b.set_cold_block(other);
         self.b.ins().brif(answer, other, &[], next, &[]);
         self.b.seal_block(other);

@@ -8,6 +8,7 @@ mod arithmetic;
 mod bits;
 pub(crate) mod cache;
 mod control;
+mod direct;
 mod memory;
 pub(crate) mod operand;
 mod spill;
@@ -68,6 +69,8 @@ pub(crate) struct Translation<'a, 'f> {
     /// Where an abort returns.
     pub(crate) abort: ir::Block,
     pub(crate) helper: SigRef,
+    /// The signature of other compiled blocks.
+    pub(crate) other: SigRef,
     /// Registers that are needed behind the statement being translated.
     pub(crate) wanted: Set,
     /// Compiled quickly: what memory holds is not carried on where ways meet.
@@ -192,6 +195,7 @@ pub(crate) fn translate(
     let vars = Vars::declare(&mut b);
     let helper = crate::compile::helper_signature(target.default_call_conv);
     let helper = b.import_signature(helper);
+    let other = b.import_signature(crate::compile::block_signature(target.default_call_conv));
     let entry = b.create_block();
     b.append_block_params_for_function_params(entry);
     b.switch_to_block(entry);
@@ -228,6 +232,7 @@ pub(crate) fn translate(
         dispatch,
         abort,
         helper,
+        other,
         wanted: flow::ALL,
         fast: tier == Tier::Fast,
         places: BTreeMap::new(),

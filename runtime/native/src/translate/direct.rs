@@ -1,0 +1,168 @@
+//! Calls from compiled block to compiled block: the frame is made here, nothing of the CPU is asked.
+//!
+//! The called block runs on the same [`Run`]: its registers are the caller's, as on the CPU. What the caller gets back
+//! of them when the block ends is kept in this function's frame meanwhile.
+
+use std::mem::offset_of;
+
+use cranelift_codegen::ir::{self, InstBuilder, Type, Value, types};
+use ob1_cpu::engine::{Call, Db, Hot, OS, Op, Regs};
+
+use super::{Checked, Reference, Translation};
+use crate::inline::{self, INSTANCE};
+use crate::run::Run;
+
+/// What a caller gets back: where, and how wide. A data block register is two values of 64 bits.
+const KEPT: [(Type, usize); 12] = [
+    (types::I64, offset_of!(Regs, db)),
+    (types::I64, offset_of!(Regs, db) + 8),
+    (types::I64, offset_of!(Regs, di)),
+    (types::I64, offset_of!(Regs, di) + 8),
+    (types::I64, offset_of!(Regs, nest)),
+    (types::I32, offset_of!(Regs, local)),
+    (types::I32, offset_of!(Regs, local_len)),
+    (types::I32, offset_of!(Regs, previous_local)),
+    (types::I32, offset_of!(Regs, previous_local_len)),
+    (types::I32, offset_of!(Regs, refs)),
+    (types::I32, offset_of!(Regs, mcr)),
+    (types::I8, offset_of!(Regs, mcr_active)),
+];
+const _: () = assert!(size_of::<Db>() == 16);
+
+impl Translation<'_, '_> {
+    /// The call at `pc`, when its block and its parameters are known at load: it goes on at `next`. What is emitted behind
+    /// this is for a block without code, and where there is no room for one more.
+    pub(crate) fn call_directly(&mut self, pc: usize, next: ir::Block) {
+        let plan = self.plan;
+        let Op::Call { call: index } = self.body.ops[pc] else { return };
+        let call = &plan.blocks[self.block as usize].calls[index as usize];
+        let Some((callee, instance)) = inline::simple(plan, call) else { return };
+        let local_len = plan.blocks[callee as usize].local_len;
+        let room = inline::room_for(self, local_len, call.refs.len() as u32);
+        let entries = self.load_state(types::I64, self.run, offset_of!(Run, entries));
+        let address = self.load_state(types::I64, entries, callee as usize * 8);
+        let (free, direct, asked) = (self.b.create_block(), self.b.create_block(), self.b.create_block());
+        self.b.set_cold_block(asked);
+        self.b.ins().brif(room, free, &[], asked, &[]);
+        self.b.seal_block(free);
+        self.b.switch_to_block(free);
+        self.b.ins().brif(address, direct, &[], asked, &[]);
+        self.b.seal_block(direct);
+        self.b.seal_block(asked);
+        self.b.switch_to_block(direct);
+        self.run_directly(call, instance, local_len, address);
+        self.b.ins().jump(next, &[]);
+        self.b.switch_to_block(asked);
+        self.checked = Checked::default();
+    }
+
+    fn run_directly(&mut self, call: &Call, instance: Option<Db>, local_len: u32, address: Value) {
+        if let Some(db) = instance {
+            self.copy_in(call, db);
+            self.write_back();
+        }
+        let kept = KEPT.map(|(ty, at)| self.load_state(ty, self.run, Self::reg(at)));
+        let tops = [offset_of!(Hot, refs_top), offset_of!(Hot, local_top), offset_of!(Hot, depth)];
+        let [refs, local, depth] = tops.map(|at| self.load_state(types::I32, self.hot, at));
+        let ar2 = instance.map(|_| self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, ar2))));
+        self.put_references(call, refs);
+        let added = [call.refs.len() as u32, local_len, 1];
+        for ((at, top), more) in tops.into_iter().zip([refs, local, depth]).zip(added) {
+            let more = self.word(more);
+            let top = self.b.ins().iadd(top, more);
+            self.store_state(top, self.hot, at);
+        }
+        let first = self.word(self.plan.areas.local.at.0);
+        let first = self.b.ins().iadd(first, local);
+        let (length, own) = (self.word(local_len), self.word(self.plan.blocks[self.block as usize].local_len));
+        // The caller's local data begins where it has kept it.
+        let previous = kept[5];
+        let one = self.word(1);
+        for (value, at) in [
+            (first, offset_of!(Regs, local)),
+            (length, offset_of!(Regs, local_len)),
+            (previous, offset_of!(Regs, previous_local)),
+            (own, offset_of!(Regs, previous_local_len)),
+            (refs, offset_of!(Regs, refs)),
+            (one, offset_of!(Regs, mcr)),
+        ] {
+            self.store_state(value, self.run, Self::reg(at));
+        }
+        let none = self.b.ins().iconst(types::I64, 0);
+        self.store_state(none, self.run, Self::reg(offset_of!(Regs, nest)));
+        let inactive = self.b.ins().iconst(types::I8, 0);
+        self.store_state(inactive, self.run, Self::reg(offset_of!(Regs, mcr_active)));
+        if let Some(db) = instance {
+            self.put_instance(db);
+        }
+        self.end_of_chain();
+        let answer = self.b.ins().call_indirect(self.other, address, &[self.run]);
+        let answer = self.b.inst_results(answer)[0];
+        self.abort_if(answer);
+        for (value, (_, at)) in kept.into_iter().zip(KEPT) {
+            self.store_state(value, self.run, Self::reg(at));
+        }
+        for (at, top) in tops.into_iter().zip([refs, local, depth]) {
+            self.store_state(top, self.hot, at);
+        }
+        if let Some(ar2) = ar2 {
+            self.store_state(ar2, self.run, Self::reg(offset_of!(Regs, ar2)));
+        }
+        self.end_of_chain();
+        if let Some(db) = instance {
+            self.checked = Checked::default();
+            self.copy_out(call, db);
+            self.write_back();
+        }
+    }
+
+    /// The references to the actual parameters onto their stack, from `top` on.
+    fn put_references(&mut self, call: &Call, top: Value) {
+        let refs = inline::references(call);
+        if refs.is_empty() {
+            return;
+        }
+        let stack = self.load_state(types::I64, self.hot, offset_of!(Hot, refs));
+        let top = self.b.ins().uextend(types::I64, top);
+        let two = self.b.ins().iconst(types::I64, 2);
+        let top = self.b.ins().ishl(top, two);
+        let stack = self.b.ins().iadd(stack, top);
+        let first = self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, local)));
+        let three = self.word(3);
+        let first = self.b.ins().ishl(first, three);
+        for (index, reference) in refs.into_iter().enumerate() {
+            let value = match reference {
+                Reference::Arena(bit) => self.word(bit),
+                Reference::Local(bit) => {
+                    let bit = self.word(bit);
+                    self.b.ins().iadd(first, bit)
+                }
+            };
+            self.store_state(value, stack, 4 * index);
+        }
+    }
+
+    /// The instance of a function block is the open DI, and AR2 its beginning.
+    fn put_instance(&mut self, db: Db) {
+        let first = u64::from(db.at.0) | u64::from(db.len) << 32;
+        let second = u64::from(db.writable) | u64::from(db.number) << 32;
+        for (value, at) in [(first, 0), (second, 8)] {
+            let value = self.b.ins().iconst(types::I64, value as i64);
+            self.store_state(value, self.run, Self::reg(offset_of!(Regs, di) + at));
+        }
+        let ar2 = self.word(INSTANCE);
+        self.store_state(ar2, self.run, Self::reg(offset_of!(Regs, ar2)));
+    }
+
+    /// The status word at the beginning of a called block and behind the call: OS = 0, the chain has ended.
+    fn end_of_chain(&mut self) {
+        let flags = self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, flags)));
+        let rest = self.word(!OS);
+        let flags = self.b.ins().band(flags, rest);
+        self.store_state(flags, self.run, Self::reg(offset_of!(Regs, flags)));
+        for (at, value) in [(offset_of!(Regs, fc), 0), (offset_of!(Regs, or), 0), (offset_of!(Regs, sta), 1)] {
+            let value = self.b.ins().iconst(types::I8, value);
+            self.store_state(value, self.run, Self::reg(at));
+        }
+    }
+}
