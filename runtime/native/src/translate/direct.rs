@@ -30,8 +30,8 @@ const KEPT: [(Type, usize); 12] = [
 const _: () = assert!(size_of::<Db>() == 16);
 
 impl Translation<'_, '_> {
-    /// The call at `pc`, when its block and its parameters are known at load: it goes on at `next`. What is emitted behind
-    /// this is for a block without code, and where there is no room for one more.
+    /// The call at `pc`, when its block and its parameters are known at load: it goes on at `next`. What is emitted
+    /// behind this is for a block without code, and where there is no room for one more.
     pub(crate) fn call_directly(&mut self, pc: usize, next: ir::Block) {
         let plan = self.plan;
         let Op::Call { call: index } = self.body.ops[pc] else { return };
