@@ -59,6 +59,11 @@ fn seeds_that_once_failed() {
         // A driver was killed in the middle of a block. The next one refused each character of the rest, the sender
         // asked anew for each NAK, and two of the requests came as data: they cancel out in the check character.
         2007,
+        // The rest of a block that nobody listened to any more has an STX among its data: a block of its own, with a
+        // right check character.
+        8162,
+        // Both asked at once, one withdrew: the other's DLE is no data, and the next request is no repetition.
+        9754, 9981,
     ] {
         let outcome = run(&Scenario::demo(&folder(), seed));
         assert!(outcome.verdict.broken.is_empty(), "seed {seed}\n{}{}", outcome.verdict, replay(seed));

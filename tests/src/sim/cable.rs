@@ -90,6 +90,10 @@ impl Cable {
         let (end, event) = self.line.pop(now, buffer)?;
         let input = match event {
             SimEvent::Rx(count) => {
+                // The machine counts its answer as out from this instant on, before it is told so.
+                if !self.line.is_sending(end, now) {
+                    self.arrived[end as usize].answers(false);
+                }
                 for byte in &buffer[..count] {
                     if let Some(payload) = self.arrived[end as usize].push(now, *byte) {
                         if !self.telegrams.contains(payload) {
@@ -176,7 +180,7 @@ impl LinePort for CableEnd<'_> {
         arrived.answers(true);
         match bytes {
             [tap::NAK] => arrived.refuses(),
-            [tap::STX] => arrived.asks(),
+            [tap::DLE] => arrived.accepts(),
             _ => {}
         }
         self.cable.orphaned[self.end as usize] = false;

@@ -10,7 +10,8 @@ use ob1_cpu::Nanos;
 /// A connection request.
 pub const STX: u8 = 0x02;
 const ETX: u8 = 0x03;
-const DLE: u8 = 0x10;
+/// Ready to receive, and received.
+pub const DLE: u8 = 0x10;
 /// A refusal.
 pub const NAK: u8 = 0x15;
 
@@ -37,6 +38,11 @@ pub struct Tap {
 enum State {
     #[default]
     Idle,
+    /// A connection is asked for, and the receiver has not said DLE yet.
+    Asked,
+    /// The same, and since then a refusal has gone out, perhaps for what came before the request in the same burst, or
+    /// the sender has answered a request of the receiver's own: the next STX is no repetition.
+    AskedOnce,
     Data,
     Dle,
     Check,
@@ -45,8 +51,8 @@ enum State {
 impl Tap {
     /// Takes a character that was complete at `now`; answers a payload whose block has a right check character.
     ///
-    /// An STX begins a block where none is open; an open one ends with its check character, or by silence longer than
-    /// ZVZ.
+    /// An STX asks for a connection where no block is open, and the receiver's DLE opens it; an open one ends with its
+    /// check character, or by silence longer than ZVZ.
     pub fn push(&mut self, now: Nanos, byte: u8) -> Option<&[u8]> {
         self.hear(now);
         if byte == STX && self.state == State::Data && self.payload.is_empty() {
@@ -58,16 +64,17 @@ impl Tap {
             // Perhaps one more of these: nobody may take it for data.
             self.spoilt |= self.asked_again;
         }
-        if self.state != State::Idle && self.state != State::Check {
+        if matches!(self.state, State::Data | State::Dle) {
             self.check ^= byte;
         }
         match (self.state, byte) {
-            (State::Idle, STX) => {
-                (self.state, self.begun) = (State::Data, now);
-                self.payload.clear();
-                (self.check, self.spoilt, self.asked_again) = (0, false, false);
+            (State::Idle | State::Asked | State::AskedOnce, STX) => {
+                self.asked_again = self.state == State::Asked;
+                (self.state, self.begun) = (State::Asked, now);
             }
-            (State::Idle, _) => {}
+            // Before the DLE nothing is data: an answer to a request of the receiver's own, which it puts above this one.
+            (State::Asked, _) => self.state = State::AskedOnce,
+            (State::Idle | State::AskedOnce, _) => {}
             (State::Data, DLE) => self.state = State::Dle,
             (State::Data, _) => self.payload.push(byte),
             (State::Dle, DLE) => {
@@ -89,10 +96,25 @@ impl Tap {
         None
     }
 
-    /// The sender puts a connection request on the line: it has no block open, whatever became of the request before.
+    /// The sender puts a connection request on the line: what follows is its block, whatever became of the one before.
     pub fn request(&mut self, now: Nanos) {
-        self.state = State::Idle;
-        let _ = self.push(now, STX);
+        self.hear(now);
+        self.begun = now;
+        self.asked_again = false;
+        self.open();
+    }
+
+    /// The receiver puts a DLE on the line: where a connection was asked for, the block begins [S0 L1650-L1660].
+    pub fn accepts(&mut self) {
+        if matches!(self.state, State::Asked | State::AskedOnce) {
+            self.open();
+        }
+    }
+
+    fn open(&mut self) {
+        self.state = State::Data;
+        self.payload.clear();
+        (self.check, self.spoilt) = (0, false);
     }
 
     /// A character that could not be read: what is open cannot become good.
@@ -112,15 +134,7 @@ impl Tap {
 
     /// The receiver refuses: it has no block open any more, and what comes is a request or means nothing.
     pub fn refuses(&mut self) {
-        self.state = State::Idle;
-    }
-
-    /// The receiver asks itself instead of answering a request: it does not take that one, and the partner withdraws it
-    /// or asks again [S0 L1650-L1660].
-    pub fn asks(&mut self) {
-        if self.state == State::Data && self.payload.is_empty() {
-            self.state = State::Idle;
-        }
+        self.state = if self.state == State::Asked { State::AskedOnce } else { State::Idle };
     }
 
     fn hear(&mut self, now: Nanos) {
@@ -135,46 +149,53 @@ impl Tap {
 mod tests {
     use super::*;
 
-    fn good(bytes: &[u8]) -> Vec<Vec<u8>> {
+    /// What comes good out of a line whose receiver says DLE to the first character of each block.
+    fn good(blocks: &[&[u8]]) -> Vec<Vec<u8>> {
         let mut tap = Tap::default();
-        (1..).zip(bytes).filter_map(|(at, byte)| tap.push(at, *byte).map(<[u8]>::to_vec)).collect()
+        blocks.iter().zip(1..).flat_map(|(block, at)| block_at(&mut tap, 1_000 * at, block)).collect()
+    }
+
+    fn block_at(tap: &mut Tap, at: Nanos, block: &[u8]) -> Vec<Vec<u8>> {
+        let mut good = Vec::new();
+        for (now, byte) in (at..).zip(block) {
+            good.extend(tap.push(now, *byte).map(<[u8]>::to_vec));
+            if now == at {
+                tap.accepts();
+            }
+        }
+        good
     }
 
     #[test]
     fn check_values_of_the_reference() {
         // Reference 5.1.
-        assert_eq!(good(b"\x02\x31\x10\x03\x22"), [b"\x31"]);
-        assert_eq!(good(b"\x02\x10\x10\x10\x03\x13"), [b"\x10"]);
-        assert_eq!(good(b"\x02\x02\x10\x10\x03\x15\x10\x03\x07"), [b"\x02\x10\x03\x15"]);
+        assert_eq!(good(&[b"\x02\x31\x10\x03\x22"]), [b"\x31"]);
+        assert_eq!(good(&[b"\x02\x10\x10\x10\x03\x13"]), [b"\x10"]);
+        assert_eq!(good(&[b"\x02\x02\x10\x10\x03\x15\x10\x03\x07"]), [b"\x02\x10\x03\x15"]);
     }
 
     #[test]
     fn a_wrong_check_character_is_not_good() {
-        assert!(good(b"\x02\x31\x10\x03\x23").is_empty());
-        assert_eq!(good(b"\x02\x31\x10\x03\x23\x02\x41\x42\x43\x10\x03\x53"), [b"ABC"]);
+        assert!(good(&[b"\x02\x31\x10\x03\x23"]).is_empty());
+        assert_eq!(good(&[b"\x02\x31\x10\x03\x23", b"\x02\x41\x42\x43\x10\x03\x53"]), [b"ABC"]);
     }
 
     #[test]
     fn silence_and_unreadable_characters_end_what_is_open() {
+        let block: &[u8] = b"\x02\x31\x10\x03\x22";
         let mut tap = Tap::default();
-        let mut good = 0;
-        for (at, byte) in
-            [(0, 0x02), (1, 0x31), (ZVZ + 2, 0x02), (ZVZ + 3, 0x31), (ZVZ + 4, 0x10), (ZVZ + 5, 0x03), (ZVZ + 6, 0x22)]
-        {
-            good += u32::from(tap.push(at, byte).is_some());
-        }
-        assert_eq!(good, 1);
-        for byte in [0x02, 0x31] {
-            assert!(tap.push(ZVZ + 7, byte).is_none());
-        }
-        tap.spoil(ZVZ + 8);
-        assert!([0x10, 0x03, 0x22].into_iter().all(|byte| tap.push(ZVZ + 9, byte).is_none()));
-        for byte in [0x02, 0x31, 0x10, 0x03] {
-            assert!(tap.push(ZVZ + 10, byte).is_none());
-        }
-        tap.spoil(ZVZ + 11);
-        let good = b"\x02\x31\x10\x03\x22".iter().filter(|byte| tap.push(ZVZ + 12, **byte).is_some()).count();
-        assert_eq!(good, 1, "the block after one whose check character could not be read");
+        assert!(block_at(&mut tap, 0, b"\x02\x31").is_empty());
+        assert_eq!(block_at(&mut tap, 2 * ZVZ, block), [b"\x31"]);
+        assert!(block_at(&mut tap, 2 * ZVZ + 9, b"\x02\x31").is_empty());
+        tap.spoil(2 * 2 * ZVZ + 90);
+        assert!([0x10, 0x03, 0x22].into_iter().all(|byte| tap.push(2 * 2 * ZVZ + 91, byte).is_none()));
+        assert!(block_at(&mut tap, 2 * 2 * 2 * ZVZ + 900, b"\x02\x31\x10\x03").is_empty());
+        tap.spoil(2 * 2 * 2 * ZVZ + 910);
+        assert_eq!(
+            block_at(&mut tap, 2 * 2 * 2 * 2 * ZVZ + 9000, block),
+            [b"\x31"],
+            "after one whose check character could not be read"
+        );
     }
 
     /// A driver that was started anew refuses the rest of a block its predecessor was at, a NAK for each character;
@@ -182,33 +203,29 @@ mod tests {
     #[test]
     fn a_block_that_was_refused_is_over() {
         let mut tap = Tap::default();
-        for byte in [STX, 0x31, 0x32] {
-            assert!(tap.push(1, byte).is_none());
-        }
+        assert!(block_at(&mut tap, 1, &[STX, 0x31, 0x32]).is_empty());
         tap.refuses();
+        assert!(tap.push(2, STX).is_none());
+        tap.accepts();
         let mut good = Vec::new();
-        for (at, byte) in (2..).zip(*b"\x02\x02\x02\x31\x10\x03\x22") {
+        for (at, byte) in (3..).zip(*b"\x02\x02\x31\x10\x03\x22") {
             good.extend(tap.push(at, byte).map(<[u8]>::to_vec));
         }
         assert_eq!(good, [b"\x02\x02\x31"]);
     }
 
-    /// The acknowledgement of a block is lost, the partner asks, the sender asks anew: the partner withdraws, takes the
-    /// block again, and its acknowledgement and its next request arrive together.
+    /// Both ask at once, and the receiver has the higher priority: the sender withdraws and says DLE. This DLE belongs to
+    /// the receiver's block, so it is no data; nor is what the sender answers to it.
     #[test]
-    fn a_request_that_is_answered_by_a_request_is_void() {
+    fn what_comes_before_the_receivers_answer_is_no_data() {
         let mut tap = Tap::default();
-        assert!(tap.push(1, STX).is_none());
-        tap.asks();
-        let good =
-            |tap: &mut Tap, at: u64, bytes: &[u8]| bytes.iter().filter(|byte| tap.push(at, **byte).is_some()).count();
-        assert_eq!(good(&mut tap, 2, &[DLE]), 0);
-        assert_eq!(good(&mut tap, 3, &[DLE, STX]), 0);
-        assert_eq!(good(&mut tap, 4, b"\x31\x10\x03\x22"), 1);
-        // In the middle of a block nothing changes.
-        assert_eq!(good(&mut tap, 5, b"\x02\x31"), 0);
-        tap.asks();
-        assert_eq!(good(&mut tap, 6, b"\x10\x03\x22"), 1);
+        assert!([STX, DLE, DLE].into_iter().all(|byte| tap.push(1, byte).is_none()));
+        assert_eq!(block_at(&mut tap, 2, b"\x02\x31\x10\x03\x22"), [b"\x31"]);
+        // In the middle of a block an answer changes nothing.
+        assert!(block_at(&mut tap, 3, b"\x02\x31").is_empty());
+        tap.accepts();
+        assert!([0x10, 0x03].into_iter().all(|byte| tap.push(4, byte).is_none()));
+        assert!(tap.push(4, 0x22).is_some());
     }
 
     #[test]
@@ -216,16 +233,20 @@ mod tests {
         let mut tap = Tap::default();
         // In one go, and while the answer leaves.
         assert!(tap.push(1, STX).is_none() && tap.push(1, STX).is_none());
+        tap.accepts();
         tap.answers(true);
         assert!(tap.push(2, STX).is_none());
         tap.answers(false);
-        let mut good = |at: Nanos, bytes: &[u8]| bytes.iter().filter(|byte| tap.push(at, **byte).is_some()).count();
-        assert_eq!(good(3, b"\x31\x10\x03\x22"), 1);
+        let good =
+            |tap: &mut Tap, at: Nanos, bytes: &[u8]| bytes.iter().filter(|byte| tap.push(at, **byte).is_some()).count();
+        assert_eq!(good(&mut tap, 3, b"\x31\x10\x03\x22"), 1);
         // The same, and two more of them behind the answer: they leave the check character right.
-        assert_eq!(good(4, b"\x02\x02"), 0);
-        assert_eq!(good(5, b"\x02\x02\x31\x10\x03\x22"), 0);
+        assert_eq!(good(&mut tap, 4, b"\x02\x02"), 0);
+        tap.accepts();
+        assert_eq!(good(&mut tap, 5, b"\x02\x02\x31\x10\x03\x22"), 0);
         // Asked once, they are data.
-        assert_eq!(good(6, b"\x02"), 0);
-        assert_eq!(good(7, b"\x02\x02\x31\x10\x03\x22"), 1);
+        assert_eq!(good(&mut tap, 6, b"\x02"), 0);
+        tap.accepts();
+        assert_eq!(good(&mut tap, 7, b"\x02\x02\x31\x10\x03\x22"), 1);
     }
 }
