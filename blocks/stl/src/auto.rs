@@ -113,7 +113,7 @@ fn count(file: &File<'_>, words: [&Words; 2]) -> Votes {
     while let Some(first) = token(at) {
         let starts = at == 0 || matches!(kind(at - 1), Some(Kind::Newline | Kind::Semicolon));
         if starts && first.kind == Kind::Word && kind(at + 1) == Some(Kind::Colon) {
-            // A label before its statement; also a declaration, whose type is no mnemonic, and a line of the header.
+            // A label before its statement; also a declaration, whose type is not a mnemonic, and a line of the header.
             let header = ["VERSION", "AUTHOR", "FAMILY", "NAME"].iter().any(|w| file.of(first).eq_ignore_ascii_case(w));
             at += 2;
             if !header {

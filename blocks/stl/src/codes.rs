@@ -51,18 +51,18 @@ codes! {
         "Organization blocks have VAR_TEMP only, functions no VAR, data blocks a STRUCT.";
     MISPLACED = "S0109", Error, "A word or statement stands where it cannot.",
         "Remove it or move it.";
-    HEAD = "S0110", Error, "A word or line of a block's head that is none.",
+    HEAD = "S0110", Error, "A word or line that does not belong into a block's head.",
         "Between the block's name and its declarations stand TITLE, VERSION, AUTHOR, FAMILY, NAME, KNOW_HOW_PROTECT and their like.";
     OTHER_LANGUAGE = "S0111", Error, "A file that is not STL.",
         "Translate the file into STL, or export it as such.";
-    OB_NAME = "S0112", Error, "The name of an organization block tells no number.",
+    OB_NAME = "S0112", Error, "No number is known for the name of an organization block.",
         "Write [program] numbers = { \"name\" = \"OB 35\" } in the station file.";
     // Declarations
     DECLARATION = "S0201", Error, "A declaration is not well formed.",
         "Write name : TYPE; or name : TYPE := start value;";
     MISSING_SEMICOLON = "S0202", Error, "A semicolon is missing after a declaration.",
         "End each declaration with a semicolon.";
-    UNKNOWN_TYPE = "S0203", Error, "A word that is no data type.",
+    UNKNOWN_TYPE = "S0203", Error, "A word that is not a data type.",
         "Use an elementary type, STRING[n], ARRAY [..] OF, STRUCT, UDT n, FB n, or a parameter type.";
     TYPE_DEPTH = "S0204", Error, "Types lie too deep in each other.",
         "Flatten the structure.";
@@ -93,9 +93,9 @@ codes! {
     TYPE_WITHOUT_STL = "S0217", Error, "A type of TIA Portal that STL cannot work on.",
         "STL has no statement for types of 64 bits, WSTRING, VARIANT, and counters but those of INT.";
     // Statements and operands
-    UNKNOWN_MNEMONIC = "S0301", Error, "A word that is no mnemonic.",
+    UNKNOWN_MNEMONIC = "S0301", Error, "A word that is not a mnemonic.",
         "See the list of mnemonics; a call's parameters follow CALL directly.";
-    UNKNOWN_OPERAND = "S0302", Error, "A word that is no operand.",
+    UNKNOWN_OPERAND = "S0302", Error, "A word that is not an operand.",
         "Write an address (M 1.0, DB10.DBW 20), #name for a declared name, \"name\" for a symbol.";
     FOREIGN_MNEMONIC = "S0303", Error, "A word of the other set of mnemonics.",
         "Write a source in one set. Which: --mnemonics de, en or auto (in the station file: mnemonics = ...).";
@@ -146,7 +146,7 @@ codes! {
     BRACKETS = "S0505", Error, "Brackets do not match or are nested too deep.",
         "Close each bracket in its block; at most 7 may be open, and 8 MCR(.";
     // Calls
-    CALL_TARGET = "S0601", Error, "What is called is no block.",
+    CALL_TARGET = "S0601", Error, "CALL names something that is not a block.",
         "Call FC, FB, SFC, SFB by number or symbol, or a multi-instance by #name.";
     NO_BLOCK = "S0602", Error, "A block that is used is neither in the program nor in the library.",
         "Load its source, or import the project.";
@@ -165,11 +165,11 @@ codes! {
     PARAMETER_TYPE = "S0609", Error, "An actual parameter does not fit its formal.",
         "Supply an operand of the same width: a bit for BOOL, a word for INT and WORD.";
     // Symbol tables
-    TABLE_FORM = "S0701", Error, "A file is no symbol table, or not of the form its name says.",
+    TABLE_FORM = "S0701", Error, "A file is not a symbol table, or has another form than its name says.",
         "Export it from the symbol editor as .SDF, .ASC, .SEQ or .DIF, and keep the extension.";
     TABLE_ROW = "S0702", Warning, "A row of a symbol table is not well formed.",
         "Correct the row, or export the table once more; the others are read.";
-    TABLE_ADDRESS = "S0703", Warning, "A symbol table gives an address that is none.",
+    TABLE_ADDRESS = "S0703", Warning, "A symbol table gives something that is not an address.",
         "Write an address of either set of mnemonics: M 1.0, E 0.0 or I 0.0, Z 5 or C 5, DB 10, FC 9.";
     SYMBOL_TWICE = "S0704", Warning, "The symbol tables have a name twice.",
         "Rename one of them. Upper and lower case are the same.";
@@ -199,7 +199,7 @@ codes! {
         "Remove the label, or look for the jump that is missing.";
     LOCAL_IS_SHARED = "S0909", Lint, "A name with # is not declared in the block and is taken as the shared symbol.",
         "Write the symbol in quotes, or declare the name.";
-    DB_NOT_THERE = "S0910", Lint, "A data block is opened that is in no source.",
+    DB_NOT_THERE = "S0910", Lint, "A data block that is in no source is opened.",
         "Load its source, unless the program makes the data block itself (SFC 22).";
 }
 

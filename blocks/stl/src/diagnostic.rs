@@ -370,13 +370,13 @@ mod tests {
             0,
             Span { start: 8, end: 10 },
             &codes::UNKNOWN_OPERAND,
-            "MX is no operand",
+            "MX is not an operand",
             "Did you mean MW?",
         );
         let found = sink.finish(&[&source.text()]);
         assert_eq!(
             render(&found[0], &source),
-            "pump.awl:2:4: error S0302: MX is no operand\n  |\n2 | \tL MX 10\n  | \t  ^^\n  = Did you mean MW?\n"
+            "pump.awl:2:4: error S0302: MX is not an operand\n  |\n2 | \tL MX 10\n  | \t  ^^\n  = Did you mean MW?\n"
         );
         assert_eq!(render_all(&found, std::slice::from_ref(&source)), render(&found[0], &source));
     }

@@ -201,7 +201,7 @@ impl<'e> Elaborator<'e> {
                 let symbols = &self.world.symbols;
                 let known = symbols.keys().map(String::as_str).chain(type_words().map(|w| -> &str { w }));
                 let shown: String = symbol.chars().take(64).collect();
-                let message = format!("{shown} is no data type");
+                let message = format!("{shown} is not a data type");
                 self.sink.report_unknown(file, span, &codes::UNKNOWN_TYPE, message, symbol, known);
                 None
             }

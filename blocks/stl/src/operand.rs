@@ -138,7 +138,7 @@ impl<'w> Resolver<'w> {
             // No identifier is that long or has a component: it is a symbol without its quotes.
             self.world.report_unknown_symbol(text, reader.index, token.span, reader.sink);
         } else {
-            let message = format!("{shown} is no operand");
+            let message = format!("{shown} is not an operand");
             let known = self.words.identifier_words();
             reader.sink.report_unknown(reader.index, token.span, &codes::UNKNOWN_OPERAND, message, letters, known);
         }

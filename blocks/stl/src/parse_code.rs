@@ -98,7 +98,7 @@ impl Parser<'_, '_> {
             return;
         }
         let known = self.words.mnemonic_words().chain(keywords());
-        let message = format!("{shown} is no mnemonic");
+        let message = format!("{shown} is not a mnemonic");
         self.sink.report_unknown(self.index, head.span, &codes::UNKNOWN_MNEMONIC, message, text, known);
     }
 

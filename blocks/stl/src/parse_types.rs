@@ -248,7 +248,7 @@ impl Parser<'_, '_> {
         }
         self.at = before;
         let known = type_words();
-        let message = format!("{word} is no data type");
+        let message = format!("{word} is not a data type");
         self.sink.report_unknown(self.index, span, &codes::UNKNOWN_TYPE, message, word, known);
         self.bump();
         TypeKind::Bad

@@ -137,7 +137,7 @@ fn form(name: &str, text: &str, sink: &mut Sink) -> Option<TableForm> {
         }
         // A first row with a mistake is reported as such.
         (said, looks) if said.or(looks).is_some() => return said.or(looks),
-        _ => "the file is no symbol table: its first line fits none of SDF, ASC, SEQ, DIF".to_owned(),
+        _ => "the file is not a symbol table: its first line is neither SDF nor ASC, SEQ or DIF".to_owned(),
     };
     sink.report(0, crate::token::Span { start: 0, end: 1 }, &codes::TABLE_FORM, message);
     None

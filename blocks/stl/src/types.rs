@@ -155,7 +155,12 @@ impl Elaborator<'_> {
             },
             BlockWord::Fb | BlockWord::Sfb => self.instance(file, span, word, number, nesting)?,
             _ => {
-                self.sink.report(file, span, &codes::UNKNOWN_TYPE, format!("{} {number} is no data type", word.name()));
+                self.sink.report(
+                    file,
+                    span,
+                    &codes::UNKNOWN_TYPE,
+                    format!("{} {number} is not a data type", word.name()),
+                );
                 return None;
             }
         };

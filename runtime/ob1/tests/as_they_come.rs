@@ -139,7 +139,7 @@ fn messages_have_a_limit_and_the_rest_is_counted() {
     let said = text(&checked);
     assert_eq!(said.matches("error S0301").count(), 100, "{said}");
     assert_eq!(said.matches("f0.awl:").count(), 20, "{said}");
-    assert!(said.contains("and 300 more") && said.contains("300 S0301 A word that is no mnemonic."), "{said}");
+    assert!(said.contains("and 300 more") && said.contains("300 S0301 A word that is not a mnemonic."), "{said}");
     assert!(said.contains("400 errors"), "{said}");
     let all = text(&ob1(folder.path(), &["check", "p", "--all-messages"]));
     assert_eq!(all.matches("error S0301").count(), 400);
@@ -156,4 +156,22 @@ fn what_the_libraries_have_is_no_matter_of_plugins() {
     assert!(!said.contains("plugin"), "{said}");
     let said = text(&ob1(folder.path(), &["check", "b.awl"]));
     assert!(said.contains("BLKMOV is the usual name of SFC 20"), "{said}");
+}
+
+#[test]
+fn calls_of_a_block_in_scl_are_held_against_its_declarations() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scl =
+        "FUNCTION FC 7 : INT\nVAR_INPUT\n  a : INT;\nEND_VAR\nIF a > 3 THEN\n  FC7 := a;\nEND_IF;\nEND_FUNCTION\n";
+    write(folder.path(), "p/limit.scl", scl);
+    let call = |actual: &str| {
+        format!("FUNCTION FC 1 : VOID\nBEGIN\nCALL FC 7 ({actual} := 1, RET_VAL := MW 0);\nUC FC 7;\nEND_FUNCTION\n")
+    };
+    let errors = |text: &str| text.lines().filter(|l| l.contains("error S")).map(str::to_owned).collect::<Vec<_>>();
+    let scl = "p/limit.scl:1:1: error S0111: this is SCL; its declarations are known, its statements are not compiled";
+    write(folder.path(), "p/caller.awl", &call("a"));
+    assert_eq!(errors(&text(&ob1(folder.path(), &["check", "p"]))), [scl]);
+    write(folder.path(), "p/caller.awl", &call("b"));
+    let missing = "p/caller.awl:3:1: error S0608: an actual parameter is missing in the call of FC 7: a";
+    assert_eq!(errors(&text(&ob1(folder.path(), &["check", "p"]))), [missing, scl]);
 }
