@@ -72,7 +72,7 @@ impl Tap {
                 self.asked_again = self.state == State::Asked;
                 (self.state, self.begun) = (State::Asked, now);
             }
-            // Before the DLE nothing is data: an answer to a request of the receiver's own, which it puts above this one.
+            // Before the DLE nothing is data: it answers a request of the receiver's own, which it puts above this one.
             (State::Asked, _) => self.state = State::AskedOnce,
             (State::Idle | State::AskedOnce, _) => {}
             (State::Data, DLE) => self.state = State::Dle,
@@ -214,8 +214,8 @@ mod tests {
         assert_eq!(good, [b"\x02\x02\x31"]);
     }
 
-    /// Both ask at once, and the receiver has the higher priority: the sender withdraws and says DLE. This DLE belongs to
-    /// the receiver's block, so it is no data; nor is what the sender answers to it.
+    /// Both ask at once, and the receiver has the higher priority: the sender withdraws and says DLE. This DLE belongs
+    /// to the receiver's block, so it is not data; nor is what the sender answers to it.
     #[test]
     fn what_comes_before_the_receivers_answer_is_no_data() {
         let mut tap = Tap::default();
