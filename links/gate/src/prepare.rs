@@ -59,7 +59,7 @@ pub(crate) fn links(doors: Vec<Door>) -> Result<Vec<Ready>, String> {
         let keys = keys(&link.door)?;
         // Folders, not files: what is renewed is another file of the same name.
         let of = |key: &str| path(&keys, key).and_then(|path| path.parent().map(Path::to_owned));
-        wanted.readable.extend(["users", "certificate", "key"].into_iter().filter_map(of));
+        wanted.readable.extend(["users", "certificate", "key", "ca", "password_file"].into_iter().filter_map(of));
         wanted.readable.extend(path(&keys, "reports"));
         wanted.folders.extend(link.state.clone());
         if link.kind == "mqtt" {

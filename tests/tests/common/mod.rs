@@ -8,6 +8,7 @@
 
 pub(crate) mod cp341;
 pub(crate) mod diagnosis;
+pub(crate) mod gate;
 pub(crate) mod kills;
 pub(crate) mod ledger;
 pub(crate) mod meters;

@@ -25,7 +25,7 @@ pub const LINE: &str = "C009";
 /// Two keys that do not go together.
 pub const CONTRADICTION: &str = "C010";
 /// A link that strangers could use.
-pub const UNPROTECTED: &str = "C011";
+pub const UNPROTECTED: &str = "C017";
 
 /// Collects findings of one file.
 #[derive(Debug)]
