@@ -3,6 +3,8 @@
 pub mod awlsim;
 pub mod bench;
 pub mod compare;
+#[path = "../../driver/protocols/tests/defaults/mod.rs"]
+mod defaults;
 pub mod fuzz;
 pub mod meters;
 pub mod modbus_slave;

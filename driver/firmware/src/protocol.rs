@@ -96,7 +96,7 @@ fn ascii_config(p: &AsciiParams, char_time: Nanos) -> ascii::Config {
         flow: p.flow,
         zna: Nanos::from(p.zna_ms) * MS,
         zvz: Nanos::from(p.zvz_ms) * MS,
-        ..ascii::Config::cp240(char_time)
+        ..ascii::Config::unset(char_time)
     }
 }
 
@@ -107,12 +107,13 @@ fn stx_etx_config(p: &StxEtxParams, char_time: Nanos) -> stx_etx::Config {
         flow: p.flow,
         zna: Nanos::from(p.zna_ms) * MS,
         tmo: Nanos::from(p.tmo_ms) * MS,
-        ..stx_etx::Config::cp240(char_time)
+        ..stx_etx::Config::unset(char_time)
     }
 }
 
 fn s3964_config(p: &S3964Params, char_time: Nanos) -> s3964::Config {
-    s3964::Config {
+    s3964::Config::cp240(s3964::Settings {
+        bcc: p.bcc,
         priority: match p.priority {
             Priority::Low => s3964::Priority::Low,
             Priority::High => s3964::Priority::High,
@@ -124,8 +125,8 @@ fn s3964_config(p: &S3964Params, char_time: Nanos) -> s3964::Config {
         // [S0 "STX repetitions"] counts the repetitions, [S0 "DBL"] the attempts.
         connect_attempts: u16::from(p.stx_repetitions) + 1,
         block_attempts: u16::from(p.dbl).max(1),
-        ..s3964::Config::cp240(p.bcc, char_time)
-    }
+        char_time,
+    })
 }
 
 /// The protocol at work. The variants differ in size by little and there is one of it: no box but for what has areas

@@ -1,6 +1,8 @@
 //! Whatever is put in, in whatever order: no panic, each order ends exactly once, nothing is delivered that has no
 //! room, and when the line falls silent for good the machine comes to rest by itself.
 
+mod defaults;
+
 use ob1_protocols::ascii::{self, Ascii, Criterion, Sending};
 use ob1_protocols::esp2::{self, Esp2};
 use ob1_protocols::mbus::{self, MBus};
@@ -194,7 +196,7 @@ proptest! {
         zna in 0..3_u64,
         qvz in 0..2_u64,
     ) {
-        let base = if cp341 { s3964::Config::cp341(bcc, MS) } else { s3964::Config::cp240(bcc, MS) };
+        let base = if cp341 { defaults::cp341(bcc, MS) } else { defaults::cp240(bcc, MS) };
         let priority = if high { Priority::High } else { Priority::Low };
         drive(&mut S3964::<1024>::new(s3964::Config { priority, zna: zna * 20 * MS, qvz: qvz * base.qvz, ..base }), &steps);
     }
@@ -211,7 +213,7 @@ proptest! {
         let flow = [ascii::Flow::None, ascii::Flow::Hardware, ascii::Flow::XonXoff][flow];
         let signals = (signals && flow != ascii::Flow::Hardware).then_some(Times { rts_off: 30 * MS, output_wait: 50 * MS });
         let (zna, pause) = (zna * 20 * MS, pause * 20 * MS);
-        let config = ascii::Config { criterion, flow, zna, pause, signals, ..ascii::Config::cp240(MS) };
+        let config = ascii::Config { criterion, flow, zna, pause, signals, ..defaults::ascii(MS) };
         drive(&mut Ascii::<1024>::new(config), &steps);
     }
 
@@ -252,7 +254,7 @@ proptest! {
     ) {
         let flow = [ascii::Flow::None, ascii::Flow::Hardware, ascii::Flow::XonXoff][flow];
         let (start, end) = (Flags::new([0x02, 0x10], start), Flags::new(if same { [0x02, 0x10] } else { [0x03, 0x15] }, end));
-        let config = stx_etx::Config { flow, start, end, zna: zna * 20 * MS, ..stx_etx::Config::cp240(MS) };
+        let config = stx_etx::Config { flow, start, end, zna: zna * 20 * MS, ..defaults::stx_etx(MS) };
         drive(&mut StxEtx::<1024>::new(config), &steps);
     }
 }

@@ -1,13 +1,14 @@
 //! ASCII: every branch as a message table. One character takes 1 ms.
 
 mod common;
+mod defaults;
 
 use common::check;
 use ob1_protocols::MS;
 use ob1_protocols::ascii::{Ascii, Config, Criterion, Flow};
 
 fn config() -> Config {
-    Config::cp240(MS)
+    defaults::ascii(MS)
 }
 
 fn run(config: Config, table: &str) {

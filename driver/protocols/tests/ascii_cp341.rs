@@ -2,6 +2,7 @@
 //! secondary signals; as message tables. One character takes 1 ms, ZVZ is 20 ms. [reference 6]
 
 mod common;
+mod defaults;
 
 use common::check;
 use ob1_protocols::MS;
@@ -9,7 +10,7 @@ use ob1_protocols::ascii::{Ascii, Config, Criterion, Flags, Flow, Sending};
 use ob1_protocols::signals::Times;
 
 fn config(criterion: Criterion) -> Config {
-    Config { criterion, zvz: 20 * MS, ..Config::cp240(MS) }
+    Config { criterion, zvz: 20 * MS, ..defaults::ascii(MS) }
 }
 
 /// CR, or CR LF.

@@ -1,6 +1,8 @@
 //! Two ASCII machines on a two-wire line that panics when both send at once: question and answer, each after the
 //! silence that ends the other.
 
+mod defaults;
+
 use ob1_line::sim::{End, SimConfig, SimEvent, SimLine};
 use ob1_protocols::ascii::{Ascii, Config};
 use ob1_protocols::{Event, Input, LineInput, MS, Machine, Nanos, Order, SendError, Sink, Wire};
@@ -39,7 +41,7 @@ impl Sink for Port<'_> {
 #[test]
 fn question_and_answer_on_two_wires() {
     let sim = SimConfig { half_duplex: true, ..SimConfig::new(19_200, 22) };
-    let config = Config { zvz: 20 * MS, ..Config::cp240(sim.char_time) };
+    let config = Config { zvz: 20 * MS, ..defaults::ascii(sim.char_time) };
     let char_time = sim.char_time;
     let mut line = SimLine::new(sim, 0);
     let mut machines = [Ascii::<1024>::new(config.clone()), Ascii::<1024>::new(config)];

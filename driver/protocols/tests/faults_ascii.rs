@@ -1,6 +1,7 @@
 //! ASCII on a bad line, see [`pair`]. It has no check but parity, frame and silence: a telegram that is accepted is
 //! what stood between two silences, every character of it readable.
 
+mod defaults;
 mod pair;
 
 use ob1_line::sim::{End, SimConfig, SplitMix64};
@@ -67,7 +68,7 @@ impl<const FRAGMENTED: bool> Duet for Pair<FRAGMENTED> {
             // [S0 "ASCII"]: the silence between two telegrams is the sender's.
             zna: zvz.max(2 * sim.char_time) + 20 * MS,
             flow_wait: 2 * SECOND,
-            ..Config::cp240(sim.char_time)
+            ..defaults::ascii(sim.char_time)
         };
         let judge = || Silences {
             fragmented: FRAGMENTED,

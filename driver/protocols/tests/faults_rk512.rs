@@ -16,6 +16,7 @@
 
 #![allow(clippy::disallowed_methods)] // A test reads its seeds and its environment.
 
+mod defaults;
 mod s3964_frame;
 
 use std::collections::VecDeque;
@@ -356,9 +357,9 @@ fn run(seed: u64, faults: bool, trace: bool) -> Sum {
     };
     sim.faults_until = FAULTY;
     let bcc = rng.below(4) != 0;
-    let low = Config::cp240(s3964::Config::cp240(bcc, sim.char_time));
+    let low = Config::cp240(defaults::cp240(bcc, sim.char_time));
     let high = match rng.below(3) {
-        0 => Config::cp341(s3964::Config::cp341(bcc, sim.char_time)),
+        0 => Config::cp341(defaults::cp341(bcc, sim.char_time)),
         _ => Config { line: s3964::Config { priority: Priority::High, ..low.line.clone() }, ..low.clone() },
     };
     let mut stations = [Station::new(End::A, high, rng.next_u64()), Station::new(End::B, low, rng.next_u64())];

@@ -1,5 +1,6 @@
 //! 3964 and 3964R on a bad line, see [`pair`].
 
+mod defaults;
 mod pair;
 mod s3964_frame;
 
@@ -47,9 +48,9 @@ impl<const BCC: bool> Duet for Pair<BCC> {
 
     fn stage(rng: &mut SplitMix64) -> Stage<S3964, Blocks<BCC>> {
         let sim = SimConfig::new([9600, 19_200, 115_200][rng.below(3) as usize], 22);
-        let low = Config::cp240(BCC, sim.char_time);
+        let low = defaults::cp240(BCC, sim.char_time);
         let high = match rng.below(3) {
-            0 => Config::cp341(BCC, sim.char_time),
+            0 => defaults::cp341(BCC, sim.char_time),
             _ => Config { priority: Priority::High, ..low.clone() },
         };
         let partners =

@@ -1,6 +1,7 @@
 //! STX/ETX on a bad line, see [`pair`]. What is accepted stood between start and end characters, every character of it
 //! readable and none later than TMO, and no start or end within it was overlooked.
 
+mod defaults;
 mod pair;
 
 use ob1_line::sim::{End, SimConfig, SplitMix64};
@@ -68,7 +69,7 @@ impl Duet for Pair {
             // Without end characters the silence behind a telegram is the sender's.
             zna: if end.as_slice().is_empty() { tmo + 20 * MS } else { 0 },
             flow_wait: 2 * SECOND,
-            ..Config::cp240(sim.char_time)
+            ..defaults::stx_etx(sim.char_time)
         };
         let judge = || Brackets {
             start: start.as_slice().to_vec(),

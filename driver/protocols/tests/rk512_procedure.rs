@@ -1,5 +1,6 @@
 //! RK 512, branch by branch of the procedure's text, in virtual time.
 
+mod defaults;
 mod rk512_table;
 
 use ob1_protocols::rk512::{Area, Command, Config, Coordination, Event, Flag, OrderError, Refusal, Request, code};
@@ -9,7 +10,7 @@ use ob1_protocols::{MS, Nanos, SECOND, s3964};
 const CHAR: Nanos = 1_041_667;
 
 fn cp240(bcc: bool) -> Config {
-    Config::cp240(s3964::Config::cp240(bcc, CHAR))
+    Config::cp240(defaults::cp240(bcc, CHAR))
 }
 
 /// A CP 240 on 3964R; the first line of each table is the first tick.
@@ -290,7 +291,7 @@ fn no_reaction() {
 /// [reference 4.7]: 20 s at the CP 341, no BWZ.
 #[test]
 fn the_cp_341_waits_longer() {
-    let config = Config::cp341(s3964::Config::cp341(true, CHAR));
+    let config = Config::cp341(defaults::cp341(true, CHAR));
     rk512_table::check::<4096>(
         config,
         &format!(
@@ -318,7 +319,7 @@ fn the_longest_orders() {
         table + "\n900 partner FF 00 00 00 => ended ok"
     };
     rk512_table::check::<1024>(cp240(true), &telegrams(1024));
-    let mut line = s3964::Config::cp341(true, CHAR);
+    let mut line = defaults::cp341(true, CHAR);
     line.nak_at_start = false;
     rk512_table::check::<4096>(Config::cp341(line), &telegrams(4096));
     // What is longer than the buffer is not begun, and not taken from the partner.

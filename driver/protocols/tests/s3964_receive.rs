@@ -1,13 +1,14 @@
 //! 3964(R), receiving role: every branch of the procedure text as a message table. One character takes 1 ms.
 
 mod common;
+mod defaults;
 
 use common::check;
 use ob1_protocols::MS;
 use ob1_protocols::s3964::{Config, S3964};
 
 fn config(bcc: bool) -> Config {
-    Config::cp240(bcc, MS)
+    defaults::cp240(bcc, MS)
 }
 
 fn run(config: Config, table: &str) {
@@ -335,7 +336,7 @@ fn abort_drops_the_reception() {
 #[test]
 fn what_the_cp_341_does_while_the_line_is_free() {
     run(
-        Config { nak_at_start: false, ..Config::cp341(true, MS) },
+        Config { nak_at_start: false, ..defaults::cp341(true, MS) },
         "0    start
          0    rx 41 => !Idle: Unexpected(65)
          100  rx STX                          # part of the noise
@@ -364,7 +365,7 @@ fn what_the_cp_341_does_while_the_line_is_free() {
 #[test]
 fn the_cp_341_waits_for_a_repetition() {
     run(
-        Config { nak_at_start: false, block_attempts: 2, ..Config::cp341(true, MS) },
+        Config { nak_at_start: false, block_attempts: 2, ..defaults::cp341(true, MS) },
         "0    start
          0    rx STX => tx DLE
          1    done

@@ -1,13 +1,14 @@
 //! 3964(R), sending role: every branch of the procedure text as a message table. One character takes 1 ms.
 
 mod common;
+mod defaults;
 
 use common::check;
 use ob1_protocols::s3964::{Config, Priority, S3964};
 use ob1_protocols::{MS, SECOND};
 
 fn config(bcc: bool) -> Config {
-    Config::cp240(bcc, MS)
+    defaults::cp240(bcc, MS)
 }
 
 fn run(config: Config, table: &str) {
@@ -462,7 +463,7 @@ fn an_open_circuit_runs_into_qvz() {
 #[test]
 fn what_the_cp_341_does_otherwise() {
     run(
-        Config { qvz: 500 * MS, repetition_wait: 4 * SECOND, ..Config::cp341(true, MS) },
+        Config { qvz: 500 * MS, repetition_wait: 4 * SECOND, ..defaults::cp341(true, MS) },
         "0   start => tx NAK
          1   done
          10  order 6*31 => tx STX

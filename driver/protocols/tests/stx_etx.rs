@@ -1,6 +1,7 @@
 //! STX/ETX: every branch as a message table. One character takes 1 ms.
 
 mod common;
+mod defaults;
 
 use common::check;
 use ob1_protocols::MS;
@@ -8,7 +9,7 @@ use ob1_protocols::ascii::Flow;
 use ob1_protocols::stx_etx::{Config, Flags, StxEtx};
 
 fn config() -> Config {
-    Config::cp240(MS)
+    defaults::stx_etx(MS)
 }
 
 /// Start characters `{` `(`, end characters `)` `}`, as many as given.

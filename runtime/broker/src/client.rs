@@ -10,8 +10,12 @@ use crate::LinkConfig;
 
 /// Clients of one link at a time.
 const CLIENTS: usize = 4096;
-/// After a wrong password nobody is let in for so long.
+/// After a wrong password its client is not let in for so long.
 const WRONG_PASSWORD: Nanos = 250_000_000;
+/// Wrong passwords that all clients of a link may have given within [`WINDOW`]. A client that comes back under another
+/// number has no more tries than that; who gives the right one is not held up by a few mistakes of others.
+const WRONG_TOGETHER: u32 = 16;
+const WINDOW: Nanos = 1_000_000_000;
 
 /// Something of a client that waits for its turn at the scan.
 #[derive(Debug)]
@@ -27,6 +31,8 @@ pub(crate) struct Client {
     jobs: VecDeque<Job>,
     /// Handed over, not answered.
     pub(crate) out: usize,
+    /// It has given a wrong password.
+    locked_until: Nanos,
 }
 
 /// All clients of a link.
@@ -35,7 +41,8 @@ pub(crate) struct Clients {
     list: BTreeMap<u32, Client>,
     /// The one whose turn was last.
     last: u32,
-    locked_until: Nanos,
+    /// Wrong passwords within the window that began then.
+    wrong: (Nanos, u32),
 }
 
 impl Clients {
@@ -44,7 +51,7 @@ impl Clients {
         if self.list.len() >= CLIENTS && !self.list.contains_key(&number) {
             return None;
         }
-        let new = || Client { right: config.rights, jobs: VecDeque::new(), out: 0 };
+        let new = || Client { right: config.rights, jobs: VecDeque::new(), out: 0, locked_until: 0 };
         Some(self.list.entry(number).or_insert_with(new))
     }
 
@@ -86,12 +93,20 @@ impl Clients {
 
     /// The right that this password gives.
     pub(crate) fn login(&mut self, number: u32, given: &str, config: &LinkConfig, now: Nanos) -> Result<(), Refusal> {
-        let known = config.password.as_deref().filter(|_| now >= self.locked_until).ok_or(Refusal::Password)?;
-        if !same(known.as_bytes(), given.as_bytes()) {
-            self.locked_until = now.saturating_add(WRONG_PASSWORD);
+        if now >= self.wrong.0.saturating_add(WINDOW) {
+            self.wrong = (now, 0);
+        }
+        let may_try = self.wrong.1 < WRONG_TOGETHER;
+        let known = config.password.as_deref().filter(|_| may_try).ok_or(Refusal::Password)?;
+        let client = self.of(number, config).ok_or(Refusal::Full)?;
+        if now < client.locked_until {
             return Err(Refusal::Password);
         }
-        let client = self.of(number, config).ok_or(Refusal::Full)?;
+        if !same(known.as_bytes(), given.as_bytes()) {
+            client.locked_until = now.saturating_add(WRONG_PASSWORD);
+            self.wrong.1 += 1;
+            return Err(Refusal::Password);
+        }
         client.right = config.rights.max(config.password_rights);
         Ok(())
     }
@@ -180,11 +195,20 @@ mod tests {
         assert_eq!(clients.login(1, "secret", &config, WRONG_PASSWORD), Ok(()));
         assert_eq!(clients.known(1).map(|client| client.right), Some(Right::Operate));
         assert_eq!(clients.of(2, &config).map(|client| client.right), Some(Right::Read));
+        // Whoever comes again and again under another number.
+        let second = 5 * WINDOW;
+        for number in 100..100 + WRONG_TOGETHER {
+            assert_eq!(clients.login(number, "guess", &config, second), Err(Refusal::Password));
+        }
+        assert_eq!(clients.login(200, "secret", &config, second + WINDOW - 1), Err(Refusal::Password));
+        assert_eq!(clients.login(200, "secret", &config, second + WINDOW), Ok(()));
         for wrong in ["", "secretsecret", "Secret", "secret "] {
             let mut clients = Clients::default();
             assert_eq!(clients.login(1, wrong, &config, 0), Err(Refusal::Password), "{wrong}");
         }
+        assert_eq!(clients.login(2, "no", &config, WRONG_PASSWORD), Err(Refusal::Password));
+        assert_eq!(clients.login(3, "secret", &config, WRONG_PASSWORD), Ok(()), "another's mistake");
         let without = LinkConfig::default();
-        assert_eq!(clients.login(3, "", &without, WRONG_PASSWORD * 9), Err(Refusal::Password));
+        assert_eq!(clients.login(4, "", &without, WRONG_PASSWORD * 9), Err(Refusal::Password));
     }
 }

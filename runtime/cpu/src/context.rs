@@ -9,7 +9,7 @@ use ob1_std::services::ErrorFilter;
 use crate::engine::{Callee, Engine, Entry, Plan};
 use crate::machine::{Attention, Machine};
 use crate::native::Native;
-use crate::{Abort, Clock, DiagEntry, Nanos, ObInfo, ShortText};
+use crate::{Abort, Clock, DiagEntry, Nanos, ObInfo, Running, ShortText};
 
 /// Statements after which the engine looks at the clock at its next safe point, at the latest.
 const STATEMENTS_PER_LOOK: u32 = 1000;
@@ -21,6 +21,7 @@ pub(crate) struct Blocks {
     pub(crate) engine: Box<dyn Engine>,
     pub(crate) plan: Arc<Plan>,
     pub(crate) natives: Vec<Native>,
+    pub(crate) running: Arc<Running>,
     /// The same flags as the machine's.
     pub(crate) attention: Attention,
 }

@@ -14,6 +14,7 @@ use crate::engine::{Engine, Plan};
 use crate::exchange::{Exchange, Link};
 use crate::interrupts::{Hardware, slot_of};
 use crate::machine::{Attention, Machine};
+use crate::natives::Running;
 use crate::{
     AccessClient, Accounts, Answer, Ask, Cell, CellError, CellWidth, Command, DiagEntry, InterruptError, LogReader,
     ModuleCounters, ModuleSlot, ModuleStatus, Nanos, ObStatistics, OperatingState, ScanRecord, ScanStatistics,
@@ -113,6 +114,12 @@ impl Cpu {
             return Err(engine);
         }
         Ok(std::mem::replace(&mut self.blocks.engine, engine))
+    }
+
+    /// Which native block runs, for a monitor.
+    #[must_use]
+    pub fn running(&self) -> Arc<Running> {
+        Arc::clone(&self.blocks.running)
     }
 
     /// Flags for other threads: look at the watchdog, or stop.

@@ -27,6 +27,7 @@ mod memory;
 mod messages;
 mod modules;
 mod native;
+mod natives;
 mod nesting;
 mod obs;
 mod ports;
@@ -54,6 +55,7 @@ pub use events::InterruptError;
 pub use exchange::{Group, LINKS, LIST_BYTES, Link, Listing, Returned, TooMuch};
 pub use log::{LOG_TEXT, LogLine, LogReader};
 pub use machine::Attention;
+pub use natives::{Natives, Running};
 pub use nesting::{MOST_STACK_BYTES, PLUGIN_STACK_BYTES};
 pub use ob1_model::{
     Cell, CellError, CellWidth, Command, Frame, GROUP_ENTRIES, OperatingState, Piece, Put, WATCH_BYTES, WATCH_LINES,

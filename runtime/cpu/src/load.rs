@@ -22,7 +22,7 @@ use crate::retentive::Keep;
 use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
-use crate::{Cpu, CpuConfig, DiagBuffer, LoadError, Memory, Module, ModuleSlot, Modules, NativeBlock, ObInfo};
+use crate::{Cpu, CpuConfig, DiagBuffer, LoadError, Memory, Module, ModuleSlot, Modules, NativeBlock, Natives, ObInfo};
 
 /// Most bytes of a data block.
 const DB_BYTES: usize = 65_534;
@@ -39,15 +39,16 @@ impl Cpu {
     pub fn new(
         config: CpuConfig,
         program: &Program,
-        natives: Vec<Box<dyn NativeBlock>>,
+        natives: impl Into<Natives>,
         modules: Vec<(ModuleSlot, Box<dyn Module>)>,
         engine: &dyn Factory,
     ) -> Result<Self, Vec<LoadError>> {
+        let natives = natives.into();
         let mut errors = Vec::new();
         check_config(&config, &mut errors);
         check_data(program, &mut errors);
         let modules = Modules::new(modules, &mut errors);
-        let interface = |id| natives.iter().find(|native| native.id() == id).map(|native| native.interface());
+        let interface = |id| natives.get(id).map(NativeBlock::interface);
         let verified = ob1_ir::verify(program, &interface);
         if let Err(findings) = &verified {
             errors.extend(findings.iter().map(|finding| LoadError::of(finding, program)));
@@ -75,7 +76,7 @@ impl Cpu {
         }
 
         let loaded = |id| signatures.find(id).is_some();
-        let plugins = natives.iter().any(|native| native.is_plugin());
+        let plugins = natives.iter().any(NativeBlock::is_plugin);
         let mut stack_per_block = engine.stack_per_block();
         let mut nesting = Nesting::new(&config, &loaded, plugins, stack_per_block);
         if nesting.is_err() && engine.stack_is_for_later() {
@@ -90,7 +91,7 @@ impl Cpu {
             .filter(|s| s.id.kind == BlockKind::Ob && s.id.number < 128)
             .map(|s| s.id.number)
             .collect();
-        let timed = natives.iter().map(|block| &**block as &dyn NativeBlock).filter(|_| config.accounts.blocks);
+        let timed = natives.iter().filter(|_| config.accounts.blocks);
         let accounts = Accounts::new(&config.accounts, config.min_cycle, &obs, plugin_blocks(timed));
         let accounts = Arc::new(accounts);
         let plan = Arc::new(Plan {
@@ -110,6 +111,7 @@ impl Cpu {
             engine: engine.engine(&plan).map_err(|reason| vec![LoadError::Engine { reason }])?,
             plan,
             natives: Native::all(natives, config.accounts.blocks),
+            running: Arc::default(),
             attention: attention.clone(),
         };
         let (port, client) = AccessPort::new(config.port_capacity);
@@ -215,17 +217,13 @@ fn check_data(program: &Program, errors: &mut Vec<LoadError>) {
     }
 }
 
-fn signatures(
-    program: Verified<&Program>,
-    natives: &[Box<dyn NativeBlock>],
-    errors: &mut Vec<LoadError>,
-) -> Signatures {
+fn signatures(program: Verified<&Program>, natives: &Natives, errors: &mut Vec<LoadError>) -> Signatures {
     let mut list = Vec::with_capacity(program.blocks.len() + natives.len());
     for (i, block) in (0u32..).zip(&program.blocks) {
         let written = |formal: usize| writes_param(block, formal);
         list.push(Signature::new(block.id, Callee::Code(i), &block.interface, &written));
     }
-    for (i, native) in (0u32..).zip(natives) {
+    for (i, native) in (0u32..).zip(natives.iter()) {
         list.push(Signature::new(native.id(), Callee::Native(i), native.interface(), &|_| false));
     }
     list.sort_by_key(|s| s.id);

@@ -8,7 +8,7 @@ use crate::engine::{Callee, Entry, Interrupted, POINTER_BITS, RAW};
 use crate::timers::Counter;
 use crate::{
     Abort, DiagEntry, Instance, IoError, ModuleStatus, Nanos, NativeArea, NativeArg, NativeBlock, NativeContext,
-    NativeError, ObInfo, Services, ShortText, TimerState,
+    NativeError, Natives, ObInfo, Running, Services, ShortText, TimerState,
 };
 
 /// A formal parameter of a native block.
@@ -31,18 +31,24 @@ pub(crate) struct Native {
     has_instance: bool,
     instance_bytes: u32,
     is_plugin: bool,
+    /// What [`Running`] holds while it runs.
+    word: u32,
     /// Its account, for a block of a plugin.
     account: Option<u32>,
 }
 
 impl Native {
     /// All native blocks; those of plugins get their accounts, in their order, when `timed`.
-    pub(crate) fn all(blocks: Vec<Box<dyn NativeBlock>>, timed: bool) -> Vec<Self> {
+    pub(crate) fn all(blocks: Natives, timed: bool) -> Vec<Self> {
         let mut accounts = 0..;
         let account = |block: &dyn NativeBlock, accounts: &mut std::ops::RangeFrom<u32>| {
             if timed && block.is_plugin() { accounts.next() } else { None }
         };
-        blocks.into_iter().map(|block| Self { account: account(&*block, &mut accounts), ..Self::new(block) }).collect()
+        blocks
+            .into_blocks()
+            .into_iter()
+            .map(|block| Self { account: account(&*block, &mut accounts), ..Self::new(block) })
+            .collect()
     }
 
     fn new(block: Box<dyn NativeBlock>) -> Self {
@@ -57,7 +63,8 @@ impl Native {
             })
             .collect();
         let (id, instance_bytes, is_plugin) = (block.id(), interface.instance_bytes, block.is_plugin());
-        Self { id, formals, has_instance: id.kind.has_instance(), instance_bytes, is_plugin, account: None, block }
+        let (word, has_instance) = (Running::word(id), id.kind.has_instance());
+        Self { id, formals, has_instance, instance_bytes, is_plugin, word, account: None, block }
     }
 }
 
@@ -81,9 +88,12 @@ pub(crate) fn call(index: u32, entry: &Entry, cx: &mut Context<'_>) -> Result<bo
 
 #[inline]
 fn run(native: &Native, entry: &Entry, cx: &mut Context<'_>) -> Result<bool, Abort> {
+    let outer = cx.blocks.running.replace(native.word);
     let mut call = Call { cx, native, entry, br: true };
-    native.block.call(&mut call)?;
-    Ok(call.br)
+    let result = native.block.call(&mut call);
+    let br = call.br;
+    cx.blocks.running.replace(outer);
+    result.map(|()| br)
 }
 
 /// The same with the time it takes, without organization blocks and plugin blocks that run within it. The CPU's own

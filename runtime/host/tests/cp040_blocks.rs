@@ -4,7 +4,7 @@ mod support;
 
 use std::collections::BTreeMap;
 
-use ob1_cpu::{ModuleStatus, NativeBlock};
+use ob1_cpu::{ModuleStatus, Natives};
 use ob1_host::plugin::{Plugin, PluginModule};
 use ob1_model::BlockKind;
 
@@ -43,7 +43,7 @@ impl Fb {
     }
 
     /// One call: DONE, ERROR and STATUS. BR is the contrary of ERROR.
-    fn call(&mut self, cpu: &mut Cpu, blocks: &[Box<dyn NativeBlock>]) -> (u32, u32, u32) {
+    fn call(&mut self, cpu: &mut Cpu, blocks: &Natives) -> (u32, u32, u32) {
         std::mem::swap(&mut cpu.instance, &mut self.instance);
         assert_eq!(cpu.call(find(blocks, BlockKind::Fb, self.number), &self.params), Ok(()));
         std::mem::swap(&mut cpu.instance, &mut self.instance);
@@ -54,7 +54,7 @@ impl Fb {
     }
 }
 
-fn cp040() -> (Cpu, Vec<Box<dyn NativeBlock>>) {
+fn cp040() -> (Cpu, Natives) {
     let mut cpu = Cpu::new();
     cpu.module = Registers {
         address: ADR,

@@ -4,7 +4,7 @@ mod support;
 
 use std::collections::BTreeMap;
 
-use ob1_cpu::{ModuleStatus, NativeBlock};
+use ob1_cpu::{ModuleStatus, NativeBlock, Natives};
 use ob1_host::plugin::{Plugin, PluginModule, Setting};
 use ob1_model::{BlockKind, DataType, FaultKind, Section};
 
@@ -12,7 +12,7 @@ use support::{Cpu, Registers, find, plugin};
 
 const ADR: u32 = 256;
 
-fn blocks() -> Vec<Box<dyn NativeBlock>> {
+fn blocks() -> Natives {
     let plugin = Plugin::load(&plugin("ob1_cp240")).expect("it is ours");
     plugin.station(&BTreeMap::new(), &[PluginModule::at(ADR)]).expect("nothing is renumbered")
 }
@@ -43,7 +43,7 @@ impl Send {
         Self([ADR, db, abd, anz, 1, 0, 0, 0, 0, 0, 0, 0x55])
     }
 
-    fn call(&mut self, cpu: &mut Cpu, blocks: &[Box<dyn NativeBlock>]) {
+    fn call(&mut self, cpu: &mut Cpu, blocks: &Natives) {
         assert_eq!(cpu.call(find(blocks, BlockKind::Fc, 0), &self.0), Ok(()));
         self.0 = std::array::from_fn(|i| cpu.params[i].expect("an FC has all its parameters"));
     }
@@ -67,7 +67,7 @@ impl Receive {
         Self([ADR, db, abd, 0, 0, 0, 0, 0, 0, 0, 0x55])
     }
 
-    fn call(&mut self, cpu: &mut Cpu, blocks: &[Box<dyn NativeBlock>]) {
+    fn call(&mut self, cpu: &mut Cpu, blocks: &Natives) {
         assert_eq!(cpu.call(find(blocks, BlockKind::Fc, 1), &self.0), Ok(()));
         self.0 = std::array::from_fn(|i| cpu.params[i].expect("an FC has all its parameters"));
     }
@@ -282,7 +282,7 @@ fn control_bits_from_before_the_start_up_are_no_job() {
     let (blocks, mut cpu) = (blocks(), cpu());
     let mut send = Send::new(10, 0, 30);
     send.call(&mut cpu, &blocks);
-    for block in &blocks {
+    for block in blocks.iter() {
         block.reset();
     }
     send.call(&mut cpu, &blocks);
@@ -290,7 +290,7 @@ fn control_bits_from_before_the_start_up_are_no_job() {
 }
 
 /// The actual parameters of FC 9: ADR, TIMER_NR, ANL, NULL, RESET, STEUERB_S, STEUERB_R.
-fn synchron(cpu: &mut Cpu, blocks: &[Box<dyn NativeBlock>], params: &mut [u32; 7]) {
+fn synchron(cpu: &mut Cpu, blocks: &Natives, params: &mut [u32; 7]) {
     assert_eq!(cpu.call(find(blocks, BlockKind::Fc, 9), params), Ok(()));
     *params = std::array::from_fn(|i| cpu.params[i].expect("an FC has all its parameters"));
 }
@@ -360,7 +360,7 @@ fn addresses_and_timers_that_are_not_there_are_faults() {
 }
 
 /// The plugin's blocks for a module with these settings.
-fn blocks_with(settings: &[(&str, Setting)]) -> Vec<Box<dyn NativeBlock>> {
+fn blocks_with(settings: &[(&str, Setting)]) -> Natives {
     let plugin = Plugin::load(&plugin("ob1_cp240")).expect("it is ours");
     let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
     plugin.station(&BTreeMap::new(), &[PluginModule { address: ADR, settings }]).expect("nothing is renumbered")

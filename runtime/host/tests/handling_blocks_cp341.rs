@@ -6,7 +6,7 @@ mod support;
 
 use std::collections::BTreeMap;
 
-use ob1_cpu::{ModuleStatus, NativeBlock};
+use ob1_cpu::{ModuleStatus, Natives};
 use ob1_host::plugin::{Plugin, PluginModule};
 use ob1_model::BlockKind;
 
@@ -22,7 +22,7 @@ const L_TYP: usize = 5;
 const NDR: usize = 10;
 const LEN: usize = 12;
 
-fn blocks() -> Vec<Box<dyn NativeBlock>> {
+fn blocks() -> Natives {
     let plugin = Plugin::load(&plugin("ob1_cp341")).expect("it is ours");
     plugin.station(&BTreeMap::new(), &[PluginModule::at(LADDR)]).expect("nothing is renumbered")
 }
@@ -156,7 +156,7 @@ impl FakeCp {
 
 /// P_SND_RK, P_RCV_RK, their instances, CPU and CP.
 struct Bench {
-    blocks: Vec<Box<dyn NativeBlock>>,
+    blocks: Natives,
     cpu: Cpu,
     cp: FakeCp,
     instances: [Vec<u8>; 2],

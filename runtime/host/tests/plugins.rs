@@ -180,34 +180,6 @@ fn stations_and_modules_have_memory_of_their_own() {
     assert_eq!(call(1, 256), counts(2, 2));
 }
 
-/// Blocks of a station share memory, and each of them is `Send`.
-#[test]
-fn blocks_of_a_station_run_on_one_thread_at_a_time() {
-    let mut blocks =
-        Plugin::load(&plugin("ob1_panicking_plugin")).and_then(|p| p.station(&BTreeMap::new(), &[])).expect("it loads");
-    let at = blocks.iter().position(|block| block.id() == BlockId::new(BlockKind::Fc, 220)).expect("FC 220");
-    let other = blocks.remove(at);
-    let mut cpu = Cpu::new();
-    cpu.during = Some(Box::new(move || {
-        assert!(catch_unwind(AssertUnwindSafe(|| other.reset())).is_err(), "a block is running");
-        assert_eq!(Cpu::new().call(&*other, &[5]), Ok(()), "a block that a block calls");
-        let elsewhere = std::thread::spawn(move || {
-            let mut cpu = Cpu::new();
-            let ended = cpu.call(&*other, &[5]);
-            (ended, cpu.stops, other)
-        });
-        let (ended, stops, other) = elsewhere.join().expect("it is refused");
-        assert_eq!(ended, Err(Abort));
-        let expected = "FC 220 PANICS: blocks of its station run on another thread";
-        assert_eq!(stops, [(Event::PLUGIN_STOP, expected.to_owned())]);
-        assert_eq!(Cpu::new().call(&*other, &[5]), Ok(()));
-    }));
-    cpu.callees.push_back(Ok(()));
-    assert_eq!(cpu.call(find(&blocks, BlockKind::Fc, 223), &[7]), Ok(()));
-    assert!(cpu.during.is_none(), "it was called");
-    blocks.iter().for_each(|block| block.reset());
-}
-
 #[test]
 fn a_panic_of_the_cpu_is_the_cpus_own() {
     let blocks =

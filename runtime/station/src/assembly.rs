@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use ob1_backplane::{CpuSide, IoImage, Segment};
-use ob1_cpu::{Cpu, CpuConfig, LoadError, Module, ModuleSlot};
+use ob1_cpu::{Cpu, CpuConfig, LoadError, Module, ModuleSlot, Running};
 use ob1_host::driver::{DriverCommand, Fleet};
 use ob1_host::module::{CpModule, CpSettings};
 use ob1_host::plugin::{PluginModule, Setting};
@@ -29,7 +29,6 @@ use crate::simulated;
 use crate::station_file::{AbdUnit, Absent, Line, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
 use crate::timing::Timings;
 use crate::view::{ModuleView, Places, StationView};
-use crate::watched::{Running, watch_all};
 use ob1_access::Names;
 
 /// A station, ready to run in this process.
@@ -148,7 +147,7 @@ pub fn cp_settings(
 pub fn load_cpu(
     config: CpuConfig,
     loaded: &Loaded,
-    natives: Vec<Box<dyn ob1_cpu::NativeBlock>>,
+    natives: ob1_cpu::Natives,
     modules: Vec<(ModuleSlot, Box<dyn Module>)>,
     engine: EngineChoice,
 ) -> Result<Cpu, LoadFailure> {
@@ -210,9 +209,8 @@ pub fn assemble(
     for config in &station.modules {
         building.add(config)?;
     }
-    let running = Arc::new(Running::default());
     let seen: Vec<PluginModule> = station.modules.iter().map(plugin_module).collect();
-    let natives = watch_all(loaded.native_blocks(&seen).map_err(AssemblyError::Load)?, &running);
+    let natives = loaded.native_blocks(&seen).map_err(AssemblyError::Load)?;
     let mut config = station.cpu.clone();
     config.date_at_start = date_now();
     let rules = config.clone();
@@ -236,6 +234,7 @@ pub fn assemble(
         clock,
         timings: Timings::new(cpu.accounts(), &rules, clock),
     };
+    let running = cpu.running();
     view.engine.set(cpu.engine());
     Ok(Assembly { cpu, view, fleet: building.fleet, io: building.io, links: building.links, running, compile })
 }

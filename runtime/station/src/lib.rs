@@ -36,4 +36,3 @@ pub mod simulated;
 pub mod station_file;
 pub mod timing;
 pub mod view;
-pub mod watched;

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ob1_cpu::NativeBlock;
+use ob1_cpu::Natives;
 use ob1_host::plugin::{Plugin, PluginError, PluginModule};
 use ob1_ir::Program;
 use ob1_mc7::BlockImage;
@@ -109,7 +109,7 @@ impl Loaded {
     ///
     /// # Errors
     /// As [`load`]: a renumbering that cannot be.
-    pub fn native_blocks(&self, modules: &[PluginModule]) -> Result<Vec<Box<dyn NativeBlock>>, LoadFailure> {
+    pub fn native_blocks(&self, modules: &[PluginModule]) -> Result<Natives, LoadFailure> {
         let mut blocks = native_standard_blocks(&self.standard);
         for (plugin, renumber) in &self.plugins {
             let of_plugin = plugin.station(renumber, modules).map_err(|e| LoadFailure::Plugin(vec![of_error(&e)]))?;
@@ -174,13 +174,13 @@ fn of_error(error: &PluginError) -> Finding {
 
 /// The blocks of the CPU itself, and the standard blocks a program has chosen.
 #[must_use]
-pub fn native_standard_blocks(standard: &[Choice]) -> Vec<Box<dyn NativeBlock>> {
+pub fn native_standard_blocks(standard: &[Choice]) -> Natives {
     let mut blocks = ob1_cpu::system_blocks();
     let chosen = standard.iter().filter_map(|choice| Some((choice.id, choice.block()?)));
     // A declared block is a plugin's business.
     let ours = chosen.filter(|(_, block)| !block.origin.is_declared_only());
     blocks.extend(ours.map(|(id, block)| ob1_cpu::standard_block(id, block)));
-    blocks
+    blocks.into()
 }
 
 /// What the compiler is told of system blocks, standard blocks and plugins.

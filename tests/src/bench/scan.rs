@@ -151,7 +151,7 @@ impl Station {
 
     fn build_with(statements: &str, plugin: Option<&Arc<Plugin>>, accounts: AccountsConfig) -> Result<Self, Failure> {
         let mut library = Library::new();
-        let mut natives = Vec::new();
+        let mut natives = ob1_cpu::Natives::default();
         let mut modules: Vec<(ModuleSlot, Box<dyn Module>)> = Vec::new();
         let mut cp = None;
         if let Some(plugin) = plugin {

@@ -1,6 +1,7 @@
 //! RK 512: the decoder is total and goes there and back; the machine takes any characters, orders and answers at any
 //! time, ends each order once, and answers each question of the partner once.
 
+use crate::defaults;
 use ob1_protocols::rk512::codec::{HEADER, Telegram, parse};
 use ob1_protocols::rk512::{Answer, AnswerError, Config, Event, Input, Order, OrderError, Owner, Request, Rk512};
 use ob1_protocols::{LineFault, LineInput, MS, Wire, s3964};
@@ -58,10 +59,10 @@ impl Owner for Books {
 fn play(script: &[u8]) {
     let Some((&mode, mut rest)) = script.split_first() else { return };
     let line = match mode % 4 {
-        0 => s3964::Config::cp240(true, MS),
-        1 => s3964::Config::cp240(false, MS),
-        2 => s3964::Config::cp341(true, MS),
-        _ => s3964::Config { priority: s3964::Priority::High, ..s3964::Config::cp240(true, MS) },
+        0 => defaults::cp240(true, MS),
+        1 => defaults::cp240(false, MS),
+        2 => defaults::cp341(true, MS),
+        _ => s3964::Config { priority: s3964::Priority::High, ..defaults::cp240(true, MS) },
     };
     let config = if mode % 4 == 2 { Config::cp341(line) } else { Config::cp240(line) };
     let (mut machine, mut books, mut now) = (Rk512::<512>::new(config), Books::default(), 0);

@@ -1,6 +1,7 @@
 //! ASCII and STX/ETX on any characters: no panic, nothing longer than the room, and what is received does not depend on
 //! how the characters are handed over.
 
+use crate::defaults;
 use ob1_protocols::ascii::{Criterion, Sending};
 use ob1_protocols::signals::Times;
 use ob1_protocols::stx_etx::{Config, Flags, StxEtx};
@@ -75,12 +76,12 @@ pub fn run(data: &[u8]) {
         start: Flags::new([*start_1, *start_2], (setup >> 3) & 3),
         end: Flags::new([*end_1, *end_2], (setup >> 5) & 3),
         flow,
-        ..Config::cp240(MS)
+        ..defaults::stx_etx(MS)
     };
     let whole = receive(&mut StxEtx::<1024>::new(config.clone()), data, usize::MAX, room);
     assert_eq!(whole, receive(&mut StxEtx::<1024>::new(config), data, 1, room));
     let criterion = if setup & 0x80 == 0 { Criterion::Silence } else { Criterion::Fragments };
-    let config = ascii::Config { criterion, flow, ..ascii::Config::cp240(MS) };
+    let config = ascii::Config { criterion, flow, ..defaults::ascii(MS) };
     whole_and_piecewise(config, data, room);
     cp341(*setup, [*start_1, *start_2], [*end_1, *end_2], data);
 }
@@ -90,7 +91,7 @@ fn cp341(setup: u8, [sending, length]: [u8; 2], end: [u8; 2], data: &[u8]) {
     let room = if setup & 4 == 0 { 1024 } else { 20 };
     let flow = [ascii::Flow::None, ascii::Flow::XonXoff][usize::from(setup & 1)];
     let signals = (setup & 2 != 0).then_some(Times { rts_off: 30 * MS, output_wait: 50 * MS });
-    let base = ascii::Config { flow, signals, pause: 20 * MS, ..ascii::Config::cp240(MS) };
+    let base = ascii::Config { flow, signals, pause: 20 * MS, ..defaults::ascii(MS) };
     let end = Flags::new(end, 1 + (setup >> 5 & 1));
     let sending = [Sending::Through, Sending::Whole, Sending::Appended][usize::from(sending) % 3];
     let criterion = Criterion::Characters { end, sending };

@@ -99,7 +99,7 @@ impl Protocol {
                     criterion: ascii::Criterion::Silence,
                     flow: parameters.line.flow,
                     flow_wait: Nanos::from(p.flow_wait_ms) * MS,
-                    ..ascii::Config::cp240(char_time)
+                    ..ascii::Config::unset(char_time)
                 };
                 // What one job prints may be longer than a CP 340's telegrams.
                 return Self::Printer(Box::new(Printer::new(p)), Plain::ascii(config, CpKind::Cp341));
@@ -216,12 +216,13 @@ fn ascii_config(p: &AsciiOf341, parameters: &Parameters, late: Nanos) -> ascii::
             rts_off: Nanos::from(rts_off_ms) * MS,
             output_wait: Nanos::from(output_wait_ms) * MS,
         }),
-        ..ascii::Config::cp240(parameters.line_settings().char_time_ns())
+        ..ascii::Config::unset(parameters.line_settings().char_time_ns())
     }
 }
 
 fn s3964_config(p: &S3964Of341, char_time: Nanos) -> s3964::Config {
-    s3964::Config {
+    s3964::Config::cp341(s3964::Settings {
+        bcc: p.bcc,
         priority: match p.priority {
             Priority::Low => s3964::Priority::Low,
             Priority::High => s3964::Priority::High,
@@ -230,6 +231,8 @@ fn s3964_config(p: &S3964Of341, char_time: Nanos) -> s3964::Config {
         qvz: Nanos::from(p.qvz_ms) * MS,
         connect_attempts: p.connect_attempts,
         block_attempts: p.block_attempts,
-        ..s3964::Config::cp341(p.bcc, char_time)
-    }
+        zna: 0,
+        bwz: 0,
+        char_time,
+    })
 }

@@ -15,7 +15,7 @@ mod receive;
 
 use crate::flow::Gate;
 pub use crate::flow::{Flow, XOFF, XON};
-use crate::machine::{Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, SECOND, Sink, TELEGRAM_MAX, What};
+use crate::machine::{Event, Input, LineFault, LineInput, Machine, Nanos, Order, SECOND, Sink, TELEGRAM_MAX, What};
 pub use crate::output::Flags;
 use crate::output::{Extent, Output, Rules};
 use crate::signals::Times;
@@ -76,15 +76,15 @@ pub struct Config {
 }
 
 impl Config {
-    /// The defaults of the parameter table: ZNA 0, ZVZ 200 ms, no flow control.
-    /// [S0 "Structure of the parameter bytes of ASCII"]
-    pub fn cp240(char_time: Nanos) -> Self {
+    /// Nothing set: no times, no flow control, telegrams end with silence. The defaults of the parameters stand in
+    /// `ob1-params`.
+    pub const fn unset(char_time: Nanos) -> Self {
         Self {
             criterion: Criterion::Silence,
             flow: Flow::None,
             zna: 0,
             pause: 0,
-            zvz: 200 * MS,
+            zvz: 0,
             char_time,
             flow_wait: 20 * SECOND,
             signals: None,

@@ -48,23 +48,36 @@ pub struct Config {
     pub repetition_wait: Nanos,
 }
 
+/// What is set at an interface, with the words of [`Config`]. The defaults stand where the parameters are, in
+/// `ob1-params`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the fields of Config")]
+pub struct Settings {
+    pub bcc: bool,
+    pub priority: Priority,
+    pub zvz: Nanos,
+    pub qvz: Nanos,
+    pub zna: Nanos,
+    pub bwz: Nanos,
+    pub char_time: Nanos,
+    pub connect_attempts: u16,
+    pub block_attempts: u16,
+}
+
 impl Config {
-    /// The CP 240 with the defaults of its parameter table: ZVZ 200 ms, QVZ 500 ms, BWZ 2 s, low priority, 5
-    /// repetitions of STX, DBL 6. [S0 "Structure of parameter bytes for 3964(R) / 3964(R) with RK512"]
-    ///
-    /// A block is repeated 5 times like STX [S0 "Timeout times"], which is the default DBL with the first attempt
-    /// included; so DBL is taken as the number of attempts.
-    pub fn cp240(bcc: bool, char_time: Nanos) -> Self {
+    /// The CP 240.
+    pub const fn cp240(set: Settings) -> Self {
+        let Settings { bcc, priority, zvz, qvz, zna, bwz, char_time, connect_attempts, block_attempts } = set;
         Self {
             bcc,
-            priority: Priority::Low,
-            zvz: 200 * MS,
-            qvz: 500 * MS,
-            zna: 0,
-            bwz: 2 * SECOND,
+            priority,
+            zvz,
+            qvz,
+            zna,
+            bwz,
             char_time,
-            connect_attempts: 6,
-            block_attempts: 6,
+            connect_attempts,
+            block_attempts,
             // The text says 250 bytes, the technical data 1024. [reference 5.7]
             telegram_max: TELEGRAM_MAX,
             buffer_wait: 0,           // [S0 "Passive operation"]: not ready: NAK
@@ -75,25 +88,16 @@ impl Config {
         }
     }
 
-    /// The CP 341 with its defaults: ZVZ 220 ms, QVZ 2 s (without BCC 550 ms), high priority, 6 attempts each, 4 s for
-    /// the repetition of a refused block, 400 ms for a receive buffer. [reference 5.2 to 5.4]
-    pub fn cp341(bcc: bool, char_time: Nanos) -> Self {
+    /// The CP 341: 4 s for the repetition of a refused block, 400 ms for a receive buffer. [reference 5.2 to 5.4]
+    pub const fn cp341(set: Settings) -> Self {
         Self {
-            bcc,
-            priority: Priority::High,
-            zvz: 220 * MS,
-            qvz: if bcc { 2 * SECOND } else { 550 * MS },
-            zna: 0,
-            bwz: 0,
-            char_time,
-            connect_attempts: 6,
-            block_attempts: 6,
             telegram_max: 4096,
             buffer_wait: 400 * MS,
             nak_at_start: true,
             nak_after_silence: true,
             break_ends_order: true,
             repetition_wait: 4 * SECOND,
+            ..Self::cp240(set)
         }
     }
 

@@ -15,7 +15,7 @@ mod config;
 mod receive;
 mod send;
 
-pub use config::{Config, Priority};
+pub use config::{Config, Priority, Settings};
 
 use crate::machine::{
     Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, Phase, SECOND, SendError, Sink, TELEGRAM_MAX, What,

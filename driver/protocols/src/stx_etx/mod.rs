@@ -19,7 +19,7 @@ mod decoder;
 
 use crate::flow::{Flow, Gate, XOFF, XON};
 use crate::machine::{
-    Event, Input, LineFault, LineInput, MS, Machine, Nanos, Order, Phase, SECOND, Sink, TELEGRAM_MAX, What,
+    Event, Input, LineFault, LineInput, Machine, Nanos, Order, Phase, SECOND, Sink, TELEGRAM_MAX, What,
 };
 pub use crate::output::Flags;
 use crate::output::{Extent, Output, Rules};
@@ -45,15 +45,14 @@ pub struct Config {
 }
 
 impl Config {
-    /// The defaults of the parameter table: STX, ETX, ZNA 0, TMO 200 ms, no flow control.
-    /// [S0 "Structure of parameter bytes for STX/ETX"]
-    pub fn cp240(char_time: Nanos) -> Self {
+    /// Nothing set: no characters, no times, no flow control. The defaults of the parameters stand in `ob1-params`.
+    pub const fn unset(char_time: Nanos) -> Self {
         Self {
-            start: Flags::new([0x02, 0], 1),
-            end: Flags::new([0x03, 0], 1),
+            start: Flags::NONE,
+            end: Flags::NONE,
             flow: Flow::None,
             zna: 0,
-            tmo: 200 * MS,
+            tmo: 0,
             char_time,
             flow_wait: 20 * SECOND,
         }

@@ -35,7 +35,7 @@ pub(super) struct PluginBlock {
     memory: Arc<StationMemory>,
 }
 
-// SAFETY: the state is reached by this block alone, while its thread is inside; see `StationMemory`.
+// SAFETY: the state is reached through this block alone; see `StationMemory`.
 unsafe impl Send for PluginBlock {}
 
 impl PluginBlock {
@@ -100,26 +100,16 @@ impl NativeBlock for PluginBlock {
     }
 
     fn reset(&self) {
-        let alone = self.memory.alone();
-        // The CPU resets its blocks while none of them runs.
-        let alone = alone.as_ref().expect("a block is reset while a block of its station runs");
-        self.state.clear(alone);
-        self.memory.clear(alone);
+        self.state.clear();
+        self.memory.clear();
     }
 
     #[inline]
     fn call(&self, cx: &mut dyn NativeContext) -> Result<(), Abort> {
-        let Some(_inside) = self.memory.enter() else {
-            let (id, name) = (self.id, self.name.as_str());
-            return Err(cx.stop(
-                Event::PLUGIN_STOP,
-                Line::new(format_args!("{id} {name}: blocks of its station run on another thread")).as_str(),
-            ));
-        };
         let mut frame = Frame { cx, memory: &self.memory, abort: false, panic: None };
         // SAFETY: an entry of the type the interface names, with a table that lives for ever, the frame as the call
-        // context it gives back to the host's functions, and its own state, which no other thread reaches while this
-        // one is inside. The frame is not touched until the entry has returned.
+        // context it gives back to the host's functions, and its own state. The frame is not touched until the entry
+        // has returned.
         let status = unsafe { (self.code.entry)(&raw const HOST, (&raw mut frame).cast(), self.state.pointer()) };
         if let Some(panic) = frame.panic.take() {
             resume_unwind(panic);

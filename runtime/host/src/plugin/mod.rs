@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use libloading::Library;
-use ob1_cpu::NativeBlock;
+use ob1_cpu::{NativeBlock, Natives};
 use ob1_model::{BlockId, Interface};
 
 use block::PluginBlock;
@@ -123,8 +123,8 @@ impl Plugin {
     /// The blocks for one station, under the numbers `renumber` gives them (their own where it says nothing), with
     /// memory for each block and for each of the `modules`.
     ///
-    /// The blocks belong to one CPU, which runs them on one thread at a time: a call of one of them on another thread
-    /// meanwhile is refused, and stops the CPU that made it.
+    /// The blocks share the memory of the modules. They stay together and belong to one CPU, which runs them on one
+    /// thread at a time.
     ///
     /// # Errors
     /// [`Refusal::NoSuchBlock`] and [`Refusal::SameNumber`] for a `renumber` that cannot be.
@@ -132,7 +132,7 @@ impl Plugin {
         &self,
         renumber: &BTreeMap<BlockId, BlockId>,
         modules: &[PluginModule],
-    ) -> Result<Vec<Box<dyn NativeBlock>>, PluginError> {
+    ) -> Result<Natives, PluginError> {
         let refuse = |refusal| PluginError { path: self.path.clone(), refusal };
         if let Some((from, _)) = renumber.iter().find(|(from, _)| !self.info.blocks.iter().any(|b| b.id == **from)) {
             return Err(refuse(Refusal::NoSuchBlock(*from)));
@@ -147,7 +147,7 @@ impl Plugin {
             }
             blocks.push(Box::new(PluginBlock::new(id, info, *code, self.panic_message, Arc::clone(&memory))));
         }
-        Ok(blocks)
+        Ok(blocks.into())
     }
 }
 

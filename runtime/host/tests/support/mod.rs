@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_cpu::{
     Abort, Instance, ModuleError, ModuleStatus, Nanos, NativeArea, NativeArg, NativeBlock, NativeContext, NativeError,
-    ObInfo, TimerState,
+    Natives, ObInfo, TimerState,
 };
 use ob1_model::{BlockId, BlockKind, Event, FaultKind, TimerKind};
 
@@ -55,8 +55,6 @@ pub(crate) struct Cpu {
     pub(crate) asked: u32,
     /// Answers of `call_block`; then `NoBlock`.
     pub(crate) callees: VecDeque<Result<(), NativeError>>,
-    /// What happens during the next `call_block`.
-    pub(crate) during: Option<Box<dyn FnOnce()>>,
     pub(crate) br: Option<bool>,
     /// The CPU itself breaks down in `param_get`.
     pub(crate) breaks: bool,
@@ -233,9 +231,6 @@ impl NativeContext for Cpu {
     }
     fn call_block(&mut self, id: BlockId, _instance_db: u16, args: &[NativeArg]) -> Result<(), NativeError> {
         self.calls.push((id, args.to_vec()));
-        if let Some(during) = self.during.take() {
-            during();
-        }
         self.callees.pop_front().unwrap_or(Err(NativeError::NoBlock))
     }
     fn now(&mut self) -> Nanos {
@@ -267,7 +262,7 @@ impl NativeContext for Cpu {
 }
 
 /// The block of this id among those of a station.
-pub(crate) fn find(blocks: &[Box<dyn NativeBlock>], kind: BlockKind, number: u16) -> &dyn NativeBlock {
+pub(crate) fn find(blocks: &Natives, kind: BlockKind, number: u16) -> &dyn NativeBlock {
     let id = BlockId::new(kind, number);
-    blocks.iter().find(|block| block.id() == id).unwrap_or_else(|| panic!("no {id}")).as_ref()
+    blocks.get(id).unwrap_or_else(|| panic!("no {id}"))
 }

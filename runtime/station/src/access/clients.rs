@@ -1,8 +1,8 @@
 //! The connections of the socket: lines in, lines out, and nobody who waits for another.
 //!
 //! A client that sends nothing keeps its place until somebody else needs it: then the one that has been silent longest
-//! goes. One that does not take its answer is asked nothing more, and goes after a while. Each client gets one answer
-//! in turn.
+//! goes. One that does not take its answer is asked nothing more, and goes after a while. Each client has one request
+//! under way at a time.
 
 use std::io::{self, Read as _, Write as _};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -45,28 +45,53 @@ impl BackOff {
 }
 
 struct Client {
+    /// Not 0, and nobody else's while it is there.
+    number: u32,
     stream: UnixStream,
     input: Vec<u8>,
     output: Vec<u8>,
     /// When it last sent or took something.
     active: Instant,
+    /// Its request is under way.
+    waits: bool,
     /// It goes when it has taken what is left.
     closing: bool,
     gone: bool,
 }
 
 impl Client {
-    fn new(stream: UnixStream, now: Instant) -> Self {
-        Self { stream, input: Vec::new(), output: Vec::new(), active: now, closing: false, gone: false }
+    fn new(number: u32, stream: UnixStream, now: Instant) -> Self {
+        let (input, output) = (Vec::new(), Vec::new());
+        Self { number, stream, input, output, active: now, waits: false, closing: false, gone: false }
     }
 
     fn wants(&self) -> PollFlags {
-        if self.output.is_empty() { PollFlags::IN } else { PollFlags::OUT }
+        match (self.output.is_empty(), self.waits) {
+            (false, _) => PollFlags::OUT,
+            // Its end is told all the same.
+            (true, true) => PollFlags::empty(),
+            (true, false) => PollFlags::IN,
+        }
+    }
+
+    /// Something of what it wants is there.
+    fn work(&mut self, what: PollFlags, now: Instant) {
+        if !self.output.is_empty() {
+            self.write(now);
+        } else if self.waits {
+            self.gone |= what.intersects(PollFlags::HUP | PollFlags::ERR);
+        } else {
+            self.read(now);
+        }
     }
 
     /// A whole line waits, and nothing stands in its way.
     fn is_ready(&self) -> bool {
-        !self.gone && self.output.is_empty() && self.input.contains(&b'\n')
+        self.may_ask() && self.input.contains(&b'\n')
+    }
+
+    fn may_ask(&self) -> bool {
+        !self.gone && !self.waits && self.output.is_empty()
     }
 
     fn take_line(&mut self) -> Option<Vec<u8>> {
@@ -115,16 +140,26 @@ fn is_nothing(error: &io::Error) -> bool {
 /// All of them.
 pub(super) struct Clients {
     list: Vec<Client>,
+    last: u32,
+    /// Who has gone since the last look.
+    gone: Vec<u32>,
     back_off: BackOff,
 }
 
 impl Clients {
     pub(super) fn new() -> Self {
-        Self { list: Vec::new(), back_off: BackOff::NONE }
+        Self { list: Vec::new(), last: 0, gone: Vec::new(), back_off: BackOff::NONE }
     }
 
-    /// Waits for something to do, reads, writes and lets clients in; false when the server is to end.
-    pub(super) fn wait(&mut self, listener: &UnixListener, stopped: &io::PipeReader) -> bool {
+    /// Waits for something to do, also at `other` and not longer than `due`; reads, writes and lets clients in. False
+    /// when the server is to end.
+    pub(super) fn wait(
+        &mut self,
+        listener: &UnixListener,
+        stopped: &io::PipeReader,
+        other: Option<PollFd<'_>>,
+        due: Option<Duration>,
+    ) -> bool {
         let now = Instant::now();
         let pause = self.back_off.left(now);
         let mut fds = vec![PollFd::new(stopped, PollFlags::IN)];
@@ -132,8 +167,13 @@ impl Clients {
         if pause.is_none() {
             fds.push(PollFd::new(listener, PollFlags::IN));
         }
+        let callers = fds.len() - 1;
+        fds.extend(other);
         let timeout = self
             .timeout(now, pause)
+            .into_iter()
+            .chain(due)
+            .min()
             .map(|time| Timespec { tv_sec: time.as_secs() as i64, tv_nsec: i64::from(time.subsec_nanos()) });
         match poll(&mut fds, timeout.as_ref()) {
             Ok(_) => {}
@@ -144,17 +184,17 @@ impl Clients {
                 return true;
             }
         }
-        let ready: Vec<bool> = fds.iter().map(|fd| !fd.revents().is_empty()).collect();
+        let ready: Vec<PollFlags> = fds.iter().map(PollFd::revents).collect();
         drop(fds);
-        if ready.first() == Some(&true) {
+        if ready.first().is_some_and(|stopped| !stopped.is_empty()) {
             return false;
         }
         let now = Instant::now();
-        for (client, _) in self.list.iter_mut().zip(ready.iter().skip(1)).filter(|(_, ready)| **ready) {
-            if client.output.is_empty() { client.read(now) } else { client.write(now) }
+        for (client, what) in self.list.iter_mut().zip(ready.iter().skip(1)).filter(|(_, what)| !what.is_empty()) {
+            client.work(*what, now);
         }
-        self.list.retain(|client| !client.gone && !client.is_stuck(now));
-        if pause.is_none() && ready.last() == Some(&true) {
+        self.drop_where(|client| client.gone || client.is_stuck(now));
+        if pause.is_none() && ready.get(callers).is_some_and(|caller| !caller.is_empty()) {
             self.admit(listener, now);
         }
         true
@@ -179,7 +219,8 @@ impl Clients {
                     if self.list.len() >= CLIENTS {
                         self.close_the_most_silent();
                     }
-                    self.list.push(Client::new(stream, now));
+                    self.last = self.last.wrapping_add(1).max(1);
+                    self.list.push(Client::new(self.last, stream, now));
                 }
             }
             Err(error) if is_nothing(&error) || error.kind() == io::ErrorKind::ConnectionAborted => {}
@@ -193,22 +234,55 @@ impl Clients {
 
     fn close_the_most_silent(&mut self) {
         if let Some(index) = (0..self.list.len()).min_by_key(|index| self.list[*index].active) {
-            self.list.remove(index);
+            let client = self.list.remove(index);
+            self.gone.push(client.number);
         }
     }
 
-    /// One line of each client that has one: `answer` gives what it is told.
-    pub(super) fn answer_each(&mut self, mut answer: impl FnMut(&[u8]) -> Vec<u8>, too_long: impl Fn() -> Vec<u8>) {
-        for client in self.list.iter_mut().filter(|client| !client.gone && client.output.is_empty()) {
+    fn drop_where(&mut self, is_gone: impl Fn(&Client) -> bool) {
+        let gone = &mut self.gone;
+        self.list.retain(|client| {
+            let stays = !is_gone(client);
+            if !stays {
+                gone.push(client.number);
+            }
+            stays
+        });
+    }
+
+    /// Who has gone since the last call.
+    pub(super) fn take_gone(&mut self) -> Vec<u32> {
+        std::mem::take(&mut self.gone)
+    }
+
+    /// One line of each client that has one and waits for nothing: `begin` gives what it is told, or nothing as long as
+    /// its request is under way.
+    pub(super) fn take_requests(
+        &mut self,
+        mut begin: impl FnMut(u32, &[u8]) -> Option<Vec<u8>>,
+        too_long: impl Fn() -> Vec<u8>,
+    ) {
+        for client in self.list.iter_mut().filter(|client| client.may_ask()) {
             if let Some(line) = client.take_line() {
-                let line = answer(&line);
-                client.answer(line, Instant::now());
+                match begin(client.number, &line) {
+                    Some(line) => client.answer(line, Instant::now()),
+                    None => client.waits = true,
+                }
             } else if client.input.len() > LINE_BYTES && !client.closing {
                 client.closing = true;
                 client.answer(too_long(), Instant::now());
             }
         }
-        self.list.retain(|client| !client.gone);
+        self.drop_where(|client| client.gone);
+    }
+
+    /// The request of this client has ended.
+    pub(super) fn answer(&mut self, number: u32, line: Vec<u8>) {
+        if let Some(client) = self.list.iter_mut().find(|client| client.number == number) {
+            client.waits = false;
+            client.answer(line, Instant::now());
+        }
+        self.drop_where(|client| client.gone);
     }
 }
 
@@ -242,14 +316,14 @@ mod tests {
         let mut ends = Vec::new();
         for _ in 0..CLIENTS {
             ends.push(UnixStream::connect(&path).expect("it listens"));
-            assert!(clients.wait(&listener, &stopped));
+            assert!(clients.wait(&listener, &stopped, None, None));
         }
         // The oldest has something to say.
         ends[0].write_all(b"1\n").expect("connected");
-        assert!(clients.wait(&listener, &stopped));
-        clients.answer_each(|line| line.to_vec(), Vec::new);
+        assert!(clients.wait(&listener, &stopped, None, None));
+        clients.take_requests(|_, line| Some(line.to_vec()), Vec::new);
         ends.push(UnixStream::connect(&path).expect("it listens"));
-        assert!(clients.wait(&listener, &stopped));
+        assert!(clients.wait(&listener, &stopped, None, None));
         assert_eq!(clients.list.len(), CLIENTS);
         let mut answer = [0; 2];
         ends[0].read_exact(&mut answer).expect("it is there still");
@@ -267,19 +341,70 @@ mod tests {
         let (stopped, _stop) = io::pipe().expect("a pipe");
         let mut clients = Clients::new();
         let mut slow = UnixStream::connect(&path).expect("it listens");
-        assert!(clients.wait(&listener, &stopped));
+        assert!(clients.wait(&listener, &stopped, None, None));
         let mut quick = UnixStream::connect(&path).expect("it listens");
-        assert!(clients.wait(&listener, &stopped));
+        assert!(clients.wait(&listener, &stopped, None, None));
         slow.write_all(b"1\n2\n3\n").expect("connected");
         for round in 0..20 {
             quick.write_all(b"q\n").expect("connected");
-            assert!(clients.wait(&listener, &stopped));
-            clients.answer_each(|line| if line == b"q\n" { line.to_vec() } else { vec![b'x'; 4 << 20] }, Vec::new);
+            assert!(clients.wait(&listener, &stopped, None, None));
+            let answer = |_, line: &[u8]| Some(if line == b"q\n" { line.to_vec() } else { vec![b'x'; 4 << 20] });
+            clients.take_requests(answer, Vec::new);
             let mut answer = [0; 2];
             quick.read_exact(&mut answer).expect("an answer");
             assert_eq!(&answer, b"q\n", "round {round}");
         }
         let waiting = clients.list.iter().find(|client| !client.output.is_empty()).expect("the slow one");
         assert_eq!(waiting.input, b"2\n3\n");
+    }
+
+    /// A request that waits for the scan holds nobody up, and an end is noticed meanwhile.
+    #[test]
+    fn a_request_under_way_waits_alone() {
+        let folder = tempfile::tempdir().expect("a directory");
+        let path = folder.path().join("s");
+        let listener = UnixListener::bind(&path).expect("a socket");
+        listener.set_nonblocking(true).expect("a socket");
+        let (stopped, _stop) = io::pipe().expect("a pipe");
+        let mut clients = Clients::new();
+        let mut ends: Vec<UnixStream> = Vec::new();
+        for _ in 0..3 {
+            ends.push(UnixStream::connect(&path).expect("it listens"));
+            assert!(clients.wait(&listener, &stopped, None, None));
+        }
+        for end in &mut ends[..2] {
+            end.write_all(b"later\nafter that\n").expect("connected");
+        }
+        let mut asked = Vec::new();
+        let mut begin = |clients: &mut Clients| {
+            let request = |number, line: &[u8]| {
+                asked.push((number, line.to_vec()));
+                (line == b"now\n").then(|| line.to_vec())
+            };
+            clients.take_requests(request, Vec::new);
+        };
+        while clients.list.iter().filter(|client| client.waits).count() < 2 {
+            assert!(clients.wait(&listener, &stopped, None, None));
+            begin(&mut clients);
+        }
+        for _ in 0..5 {
+            ends[2].write_all(b"now\n").expect("connected");
+            assert!(clients.wait(&listener, &stopped, None, None));
+            begin(&mut clients);
+            let mut answer = [0; 4];
+            ends[2].read_exact(&mut answer).expect("an answer");
+            assert_eq!(&answer, b"now\n");
+        }
+        // One of those that wait goes.
+        drop(ends.remove(1));
+        assert!(clients.wait(&listener, &stopped, None, None));
+        assert_eq!(clients.take_gone(), [2]);
+        clients.answer(1, b"done\n".to_vec());
+        begin(&mut clients);
+        let mut answer = [0; 5];
+        ends[0].read_exact(&mut answer).expect("an answer");
+        assert_eq!(&answer, b"done\n");
+        let of_first: Vec<_> = asked.iter().filter(|(number, _)| *number == 1).map(|(_, line)| &line[..]).collect();
+        assert_eq!(of_first, [&b"later\n"[..], b"after that\n"], "one at a time, in order");
     }
 }

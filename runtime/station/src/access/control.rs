@@ -1,14 +1,16 @@
-//! The control socket's own door to the broker: it asks and waits, because it serves one request at a time.
+//! The control socket's own door to the broker. Requests of many clients are under way at a time; none of them waits for
+//! another.
 //!
 //! What is asked for is watched, all of it at once, for as long as somebody asks; nobody who asks costs the scan more
 //! than that copy.
 
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use ob1_access::door::{Answer, Ask, Door, News, NotYet, Reading, Refusal, Refused};
+use ob1_access::door::{Answer, Ask, Door, News, NotYet, Reading, Refusal, Refused, Ticket};
 use ob1_access::{Cell, CellWidth, Piece, Put};
 use ob1_cpu::GROUP_ENTRIES;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::event::{PollFd, PollFlags};
 
 /// Pause between two looks at the window, while a snapshot is waited for.
 const LOOK: Duration = Duration::from_micros(200);
@@ -18,131 +20,220 @@ const TICK: Duration = Duration::from_secs(1);
 /// A cell and how much of it.
 pub(super) type Wanted = (Cell, CellWidth);
 
+/// A request under way.
+pub(super) struct Pending {
+    client: u32,
+    give_up: Instant,
+    work: Work,
+}
+
+enum Work {
+    /// The bits of cells, all of one cycle control point after `seen`.
+    Read {
+        wanted: Vec<Wanted>,
+        values: Vec<Result<u32, Refusal>>,
+        part: usize,
+        seen: u64,
+    },
+    /// Groups of puts, one after the other: each lands at one cycle control point, or none of it does.
+    Write {
+        rest: VecDeque<Put>,
+        before: usize,
+        group: Option<(Ticket, usize)>,
+    },
+    Ask(Ticket),
+}
+
+/// How a request ended.
+pub(super) enum Outcome {
+    /// The bits, or why there are none, cell by cell.
+    Read(Vec<Result<u32, Refusal>>),
+    /// The error names the entry. A read after this sees what was written.
+    Written(Result<(), (usize, Refusal)>),
+    Answer(Answer),
+}
+
+impl Pending {
+    /// When it wants to be looked at again, whatever comes.
+    pub(super) fn due(&self, now: Instant) -> Duration {
+        let left = self.give_up.saturating_duration_since(now);
+        if matches!(self.work, Work::Read { .. }) { left.min(LOOK) } else { left }
+    }
+
+    pub(super) const fn client(&self) -> u32 {
+        self.client
+    }
+}
+
 pub(super) struct Control {
     door: Door,
     answer_time: Duration,
     reading: Reading,
     ticked: Instant,
+    /// What has come in this round.
+    news: Vec<News>,
+    /// Why there is no door any more.
+    gone: Option<String>,
 }
 
 impl Control {
     pub(super) fn new(door: Door, answer_time: Duration) -> Self {
-        Self { door, answer_time, reading: Reading::new(), ticked: Instant::now() }
+        let reading = Reading::new();
+        Self { door, answer_time, reading, ticked: Instant::now(), news: Vec::new(), gone: None }
     }
 
-    /// To be called when nothing is asked: what was asked for long ago is let go.
-    pub(super) fn tick(&mut self) {
+    /// What becomes ready when the broker says something.
+    pub(super) fn fd(&self) -> PollFd<'_> {
+        let mut flags = PollFlags::IN;
+        flags.set(PollFlags::OUT, self.door.wants_write());
+        // A door that is gone is told of once, by what is under way.
+        PollFd::from_borrowed_fd(self.door.fd(), if self.gone.is_some() { PollFlags::empty() } else { flags })
+    }
+
+    /// Whether the broker is there.
+    pub(super) const fn is_there(&self) -> bool {
+        self.gone.is_none()
+    }
+
+    /// Begins a round: hears what has come. What was asked for long ago is let go.
+    pub(super) fn pump(&mut self) {
         while self.ticked.elapsed() >= TICK {
             self.ticked += TICK;
             self.door.tick();
         }
-        // A door that is gone says so at the next question.
-        let _ = self.door.pump();
-        while self.door.take_news().is_some() {}
+        if let Err(error) = self.door.pump() {
+            self.gone = Some(error.to_string());
+        }
+        self.news.clear();
+        // What nobody waits for is of a request that was given up.
+        self.news.extend(std::iter::from_fn(|| self.door.take_news()));
     }
 
-    /// The bits of these cells, all of one cycle control point after this call has begun.
-    pub(super) fn read(&mut self, wanted: &[Wanted]) -> Result<Vec<Result<u32, Refusal>>, String> {
-        if wanted.is_empty() {
-            return Ok(Vec::new());
-        }
-        let pieces: Vec<Piece> = wanted.iter().map(|(cell, width)| piece(*cell, *width)).collect();
+    /// The bits of these cells.
+    pub(super) fn read(&self, client: u32, wanted: Vec<Wanted>) -> Pending {
         // What lies there already may have been taken long ago.
-        let seen = self.door.newest_scan();
-        let give_up = Instant::now() + self.answer_time;
-        loop {
-            self.pump()?;
-            match self.door.read(&pieces, &mut self.reading) {
-                Ok(()) if self.reading.scan > seen => break,
-                Ok(()) | Err(NotYet::Coming | NotYet::Busy) => {}
-                Err(NotYet::TooMuch) if wanted.len() > 1 => {
-                    // More than can be watched at a time: one part after the other.
-                    let (first, rest) = wanted.split_at(wanted.len() / 2);
-                    let mut values = self.read(first)?;
-                    values.extend(self.read(rest)?);
-                    return Ok(values);
-                }
-                Err(NotYet::TooMuch) => return Err("the cell cannot be watched".into()),
-            }
-            self.wait(LOOK, give_up)?;
+        let (part, seen) = (wanted.len(), self.door.newest_scan());
+        let values = Vec::with_capacity(part);
+        let work = Work::Read { wanted, values, part, seen };
+        Pending { client, give_up: Instant::now() + self.answer_time, work }
+    }
+
+    /// Writes.
+    pub(super) fn write(&self, client: u32, puts: Vec<Put>) -> Pending {
+        let work = Work::Write { rest: puts.into(), before: 0, group: None };
+        Pending { client, give_up: self.broker_gives_up(), work }
+    }
+
+    /// Asks.
+    pub(super) fn ask(&mut self, client: u32, ask: Ask) -> Pending {
+        let work = Work::Ask(self.door.ask(client, ask));
+        Pending { client, give_up: self.broker_gives_up(), work }
+    }
+
+    /// The broker gives up first, and says so.
+    fn broker_gives_up(&self) -> Instant {
+        Instant::now() + self.answer_time * 2
+    }
+
+    /// Nobody waits for this client's requests any more.
+    pub(super) fn client_gone(&mut self, client: u32) {
+        self.door.client_gone(client);
+    }
+
+    /// Goes on with a request; `None`: later. Reads are asked for in the order they came: while what one of them wants
+    /// is only asked for, `may_read` becomes false for those behind it, which could take its place at the broker.
+    pub(super) fn advance(&mut self, pending: &mut Pending, may_read: &mut bool) -> Option<Result<Outcome, String>> {
+        if let Some(why) = &self.gone {
+            return Some(Err(why.clone()));
         }
-        let value = |(index, (cell, width)): (usize, &Wanted)| {
-            let value = self.reading.value(index)?;
-            // A bit in memory comes with its byte.
-            let bit = *width == CellWidth::Bit && cell.block().is_some();
-            Ok(if bit { value >> (cell.bit() % 8) & 1 } else { value })
+        let (client, is_late) = (pending.client, Instant::now() >= pending.give_up);
+        let ended = match &mut pending.work {
+            Work::Read { wanted, values, part, seen } => self.go_on_reading(wanted, values, part, seen, may_read),
+            Work::Write { rest, before, group } => self.go_on_writing(client, rest, before, group),
+            Work::Ask(asked) => self.answer(*asked),
         };
-        Ok(wanted.iter().enumerate().map(value).collect())
+        ended.or_else(|| is_late.then(|| Err(Refusal::Silent.to_string())))
     }
 
-    /// Writes: up to [`GROUP_ENTRIES`] of them land at one cycle control point, or none does. The error names the
-    /// entry. A read after this sees what was written.
-    pub(super) fn write(&mut self, puts: Vec<Put>) -> Result<Result<(), (usize, Refusal)>, String> {
-        let mut puts = puts.into_iter().peekable();
-        let mut before = 0;
-        while puts.peek().is_some() {
-            let part: Vec<Put> = puts.by_ref().take(GROUP_ENTRIES).collect();
-            let count = part.len();
-            let written = self.door.write(0, part).map_err(|error| error.to_string())?;
-            let outcome = self.until(|news| match news {
-                News::Written { ticket, outcome, .. } if ticket == written => Some(outcome),
-                _ => None,
-            })?;
-            match outcome {
-                Err(Refused { why: Refusal::Silent, .. }) => return Err(Refusal::Silent.to_string()),
-                Err(Refused { entry, why }) => return Ok(Err((before + entry as usize, why))),
-                Ok(_) => before += count,
+    fn go_on_reading(
+        &mut self,
+        wanted: &[Wanted],
+        values: &mut Vec<Result<u32, Refusal>>,
+        part: &mut usize,
+        seen: &mut u64,
+        may_read: &mut bool,
+    ) -> Option<Result<Outcome, String>> {
+        while *may_read {
+            let rest = wanted.get(values.len()..).unwrap_or_default();
+            if rest.is_empty() {
+                return Some(Ok(Outcome::Read(std::mem::take(values))));
+            }
+            *part = (*part).clamp(1, rest.len());
+            let pieces: Vec<Piece> = rest.iter().take(*part).map(|(cell, width)| piece(*cell, *width)).collect();
+            match self.door.read(&pieces, &mut self.reading) {
+                Ok(()) if self.reading.scan > *seen => {
+                    let value = |(index, wanted)| value_of(&self.reading, index, wanted);
+                    values.extend(rest.iter().take(*part).enumerate().map(value));
+                    *seen = self.reading.scan;
+                }
+                Ok(()) | Err(NotYet::Busy) => return None,
+                Err(NotYet::Coming) => *may_read = false,
+                // More than can be watched at a time: one part after the other.
+                Err(NotYet::TooMuch) if *part > 1 => *part /= 2,
+                Err(NotYet::TooMuch) => return Some(Err("the cell cannot be watched".into())),
             }
         }
-        Ok(Ok(()))
+        None
     }
 
-    /// Asks and waits for the answer.
-    pub(super) fn ask(&mut self, ask: Ask) -> Result<Answer, String> {
-        let asked = self.door.ask(0, ask);
-        let answer = self.until(|news| match news {
-            News::Answer { ticket, answer, .. } if ticket == asked => Some(answer),
+    fn go_on_writing(
+        &mut self,
+        client: u32,
+        rest: &mut VecDeque<Put>,
+        before: &mut usize,
+        group: &mut Option<(Ticket, usize)>,
+    ) -> Option<Result<Outcome, String>> {
+        if let Some((written, count)) = *group {
+            match self.news.iter().find_map(|news| match news {
+                News::Written { ticket, outcome, .. } if *ticket == written => Some(*outcome),
+                _ => None,
+            })? {
+                Err(Refused { why: Refusal::Silent, .. }) => return Some(Err(Refusal::Silent.to_string())),
+                Err(Refused { entry, why }) => {
+                    return Some(Ok(Outcome::Written(Err((*before + entry as usize, why)))));
+                }
+                Ok(_) => *before += count,
+            }
+        }
+        if rest.is_empty() {
+            return Some(Ok(Outcome::Written(Ok(()))));
+        }
+        let part: Vec<Put> = rest.drain(..rest.len().min(GROUP_ENTRIES)).collect();
+        let count = part.len();
+        match self.door.write(client, part) {
+            Ok(ticket) => *group = Some((ticket, count)),
+            Err(error) => return Some(Err(error.to_string())),
+        }
+        None
+    }
+
+    fn answer(&self, asked: Ticket) -> Option<Result<Outcome, String>> {
+        let answer = self.news.iter().find_map(|news| match news {
+            News::Answer { ticket, answer, .. } if *ticket == asked => Some(answer),
             _ => None,
         })?;
-        match answer {
+        Some(match answer {
             Answer::Refused(why) => Err(why.to_string()),
-            answer => Ok(answer),
-        }
+            answer => Ok(Outcome::Answer(answer.clone())),
+        })
     }
+}
 
-    /// Waits for what `wanted` takes; others are of a request that was given up.
-    fn until<T>(&mut self, wanted: impl Fn(News) -> Option<T>) -> Result<T, String> {
-        // The broker gives up first, and says so.
-        let give_up = Instant::now() + self.answer_time * 2;
-        loop {
-            self.pump()?;
-            while let Some(news) = self.door.take_news() {
-                if let Some(found) = wanted(news) {
-                    return Ok(found);
-                }
-            }
-            self.wait(self.answer_time, give_up)?;
-        }
-    }
-
-    fn pump(&mut self) -> Result<(), String> {
-        self.door.pump().map_err(|error| error.to_string())
-    }
-
-    fn wait(&mut self, time: Duration, give_up: Instant) -> Result<(), String> {
-        self.pump()?;
-        let left = give_up.saturating_duration_since(Instant::now());
-        if left.is_zero() {
-            return Err(Refusal::Silent.to_string());
-        }
-        let time = time.min(left);
-        let timeout = Timespec { tv_sec: time.as_secs() as i64, tv_nsec: i64::from(time.subsec_nanos()) };
-        let mut flags = PollFlags::IN;
-        flags.set(PollFlags::OUT, self.door.wants_write());
-        // An interrupted poll is a short wait.
-        let _ = poll(&mut [PollFd::from_borrowed_fd(self.door.fd(), flags)], Some(&timeout));
-        Ok(())
-    }
+fn value_of(reading: &Reading, index: usize, (cell, width): &Wanted) -> Result<u32, Refusal> {
+    let value = reading.value(index)?;
+    // A bit in memory comes with its byte.
+    let bit = *width == CellWidth::Bit && cell.block().is_some();
+    Ok(if bit { value >> (cell.bit() % 8) & 1 } else { value })
 }
 
 /// The bytes a cell lies in, or its value.

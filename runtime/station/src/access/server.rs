@@ -1,12 +1,12 @@
-//! The socket of a running station: a thread with a door to the broker, as every link has one. It serves one request at
-//! a time.
+//! The socket of a running station: a thread with a door to the broker, as every link has one. Each client has one
+//! request under way at a time, and none waits for another's.
 
 use std::io;
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use ob1_access::door::{Answer, Ask, Command, Diagnosis, Door, Refusal};
 use ob1_access::{Item, Put, value};
@@ -14,8 +14,8 @@ use ob1_cpu::Family;
 use serde_json::Value;
 
 use super::clients::Clients;
-use super::control::Control;
-use super::protocol::{CellValue, CommandName, Diagnostic, LINE_BYTES, Op, Request, Response, Status};
+use super::control::{Control, Outcome, Pending};
+use super::protocol::{CellValue, CommandName, Diagnostic, LINE_BYTES, Op, Request, Response};
 use crate::view::{StationView, event_number};
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
@@ -42,7 +42,7 @@ impl Server {
         let socket = socket.to_owned();
         let answer_time = ANSWER_TIME + Duration::from_nanos(min_cycle.saturating_mul(2));
         let thread = ob1_rt::spawn("ob1-access", move || {
-            Serving { control: Control::new(door, answer_time), view }.run(&listener, &stopped);
+            Serving { control: Control::new(door, answer_time), view, under_way: Vec::new() }.run(&listener, &stopped);
             let _ = std::fs::remove_file(socket);
         })?;
         Ok(Self { stop: Some(stop), thread: Some(thread) })
@@ -61,45 +61,104 @@ impl Drop for Server {
 struct Serving {
     control: Control,
     view: StationView,
+    /// What waits for the broker or the scan, in the order it came.
+    under_way: Vec<UnderWay>,
+}
+
+struct UnderWay {
+    pending: Pending,
+    id: Value,
+    then: Then,
+}
+
+/// What becomes of the answer.
+enum Then {
+    Values(Vec<Item>),
+    Written(Vec<String>),
+    Done,
+    Status,
+    Diagnostics(u32),
 }
 
 impl Serving {
     fn run(&mut self, listener: &UnixListener, stopped: &io::PipeReader) {
         let mut clients = Clients::new();
         let too_long = || line(&Response::refused(Value::Null, format!("a line has at most {LINE_BYTES} bytes")));
-        while clients.wait(listener, stopped) {
-            self.control.tick();
-            clients.answer_each(|request| line(&self.answer(request)), too_long);
+        loop {
+            let now = Instant::now();
+            let due = self.under_way.iter().map(|request| request.pending.due(now)).min();
+            if !clients.wait(listener, stopped, self.control.is_there().then(|| self.control.fd()), due) {
+                return;
+            }
+            self.control.pump();
+            for gone in clients.take_gone() {
+                self.under_way.retain(|request| request.pending.client() != gone);
+                self.control.client_gone(gone);
+            }
+            clients
+                .take_requests(|client, request| self.begin(client, request).map(|response| line(&response)), too_long);
+            for (client, response) in self.go_on() {
+                clients.answer(client, line(&response));
+            }
         }
     }
 
-    fn answer(&mut self, line: &[u8]) -> Response {
+    /// The answer, where nothing has to be waited for.
+    fn begin(&mut self, client: u32, line: &[u8]) -> Option<Response> {
         let request: Request = match serde_json::from_slice(line) {
             Ok(request) => request,
-            Err(error) => return Response::refused(Value::Null, format!("no request: {error}; see docs/access.md")),
+            Err(error) => {
+                let why = format!("no request: {error}; see docs/access.md");
+                return Some(Response::refused(Value::Null, why));
+            }
         };
-        let id = request.id.clone();
-        match self.serve(request.op, id.clone()) {
-            Ok(response) => response,
-            Err(error) => Response::refused(id, error),
+        match self.serve(client, request.op) {
+            Ok(Begun::Answered(response)) => Some(Response { id: request.id, ..*response }),
+            Ok(Begun::UnderWay(pending, then)) => {
+                self.under_way.push(UnderWay { pending, id: request.id, then });
+                None
+            }
+            Err(error) => Some(Response::refused(request.id, error)),
         }
     }
 
-    fn serve(&mut self, op: Op, id: Value) -> Result<Response, String> {
-        let mut response = Response::done(id);
+    /// Goes on with what is under way; the answers to what has ended.
+    fn go_on(&mut self) -> Vec<(u32, Response)> {
+        let mut answers = Vec::new();
+        let mut may_read = true;
+        for mut request in std::mem::take(&mut self.under_way) {
+            match self.control.advance(&mut request.pending, &mut may_read) {
+                None => self.under_way.push(request),
+                Some(ended) => {
+                    let response = ended.and_then(|outcome| self.response(outcome, request.then));
+                    let response = match response {
+                        Ok(response) => Response { id: request.id, ..response },
+                        Err(error) => Response::refused(request.id, error),
+                    };
+                    answers.push((request.pending.client(), response));
+                }
+            }
+        }
+        answers
+    }
+
+    fn serve(&mut self, client: u32, op: Op) -> Result<Begun, String> {
+        let mut response = Response::done(Value::Null);
         match op {
-            Op::Get { items } => response.values = Some(self.get(&items)?),
+            Op::Get { items } => {
+                let items: Vec<Item> =
+                    items.iter().map(|name| self.view.names.parse(name)).collect::<Result<_, _>>()?;
+                let wanted = items.iter().map(|item| (item.cell, item.width)).collect();
+                return Ok(Begun::UnderWay(self.control.read(client, wanted), Then::Values(items)));
+            }
             Op::Set { items } => {
                 let (mut names, mut puts) = (Vec::with_capacity(items.len()), Vec::with_capacity(items.len()));
-                for (name, value) in &items {
-                    let item = self.view.names.parse(name)?;
-                    puts.push(Put::Value(item.cell, item.width, value::from_json(&item, value)?));
+                for (name, value) in items {
+                    let item = self.view.names.parse(&name)?;
+                    puts.push(Put::Value(item.cell, item.width, value::from_json(&item, &value)?));
                     names.push(name);
                 }
-                if let Err((entry, error)) = self.control.write(puts)? {
-                    let name = names.get(entry).map_or("", |name| name.as_str());
-                    return Err(format!("{name}: {error}"));
-                }
+                return Ok(Begun::UnderWay(self.control.write(client, puts), Then::Written(names)));
             }
             Op::Command { command } => {
                 let command = match command {
@@ -113,39 +172,43 @@ impl Serving {
                     CommandName::Hot => Command::Hot,
                     CommandName::Reset => Command::Reset,
                 };
-                self.control.ask(Ask::Command(command))?;
+                return Ok(Begun::UnderWay(self.control.ask(client, Ask::Command(command)), Then::Done));
             }
-            Op::Status => response.status = Some(self.status()?),
+            Op::Status => return Ok(Begun::UnderWay(self.control.ask(client, Ask::Modules), Then::Status)),
             Op::Diag { count } => {
-                response.diagnostics = Some(self.diagnostics(count)?);
-                response.cps = Some(self.view.buffers(count));
+                let ask = Ask::Diagnostics(count.min(u32::from(u16::MAX)) as u16);
+                return Ok(Begun::UnderWay(self.control.ask(client, ask), Then::Diagnostics(count)));
             }
             Op::ResetStatistics => self.view.timings.reset(),
             Op::Timing { histograms } => response.timing = Some(Box::new(self.view.timings.snapshot(histograms))),
             Op::Recorder => response.recorder = Some(Box::new(self.view.timings.recorder())),
         }
+        Ok(Begun::Answered(Box::new(response)))
+    }
+
+    fn response(&self, outcome: Outcome, then: Then) -> Result<Response, String> {
+        let mut response = Response::done(Value::Null);
+        match (then, outcome) {
+            (Then::Values(items), Outcome::Read(values)) => {
+                let values = items.iter().zip(values).map(|(item, value)| cell_value(item, value));
+                response.values = Some(values.collect::<Result<_, _>>()?);
+            }
+            (Then::Written(names), Outcome::Written(Err((entry, error)))) => {
+                let name = names.get(entry).map_or("", |name| name.as_str());
+                return Err(format!("{name}: {error}"));
+            }
+            (Then::Written(_), Outcome::Written(Ok(()))) | (Then::Done, Outcome::Answer(_)) => {}
+            (Then::Status, Outcome::Answer(Answer::Modules { state, present })) => {
+                response.status = Some(self.view.status(state, &present));
+            }
+            (Then::Diagnostics(count), Outcome::Answer(answer)) => {
+                let entries = if let Answer::Diagnostics(entries) = answer { entries } else { Vec::new() };
+                response.diagnostics = Some(entries.into_iter().map(|entry| self.diagnostic(entry)).collect());
+                response.cps = Some(self.view.buffers(count));
+            }
+            _ => return Err("no answer".into()),
+        }
         Ok(response)
-    }
-
-    fn get(&mut self, names: &[String]) -> Result<Vec<CellValue>, String> {
-        let items: Vec<Item> = names.iter().map(|name| self.view.names.parse(name)).collect::<Result<_, _>>()?;
-        let wanted: Vec<_> = items.iter().map(|item| (item.cell, item.width)).collect();
-        let values = self.control.read(&wanted)?;
-        items.iter().zip(values).map(|(item, value)| cell_value(item, value)).collect()
-    }
-
-    fn status(&mut self) -> Result<Status, String> {
-        match self.control.ask(Ask::Modules)? {
-            Answer::Modules { state, present } => Ok(self.view.status(state, &present)),
-            _ => Err("no answer".into()),
-        }
-    }
-
-    fn diagnostics(&mut self, count: u32) -> Result<Vec<Diagnostic>, String> {
-        match self.control.ask(Ask::Diagnostics(count.min(u32::from(u16::MAX)) as u16))? {
-            Answer::Diagnostics(entries) => Ok(entries.into_iter().map(|entry| self.diagnostic(entry)).collect()),
-            _ => Ok(Vec::new()),
-        }
     }
 
     fn diagnostic(&self, entry: Diagnosis) -> Diagnostic {
@@ -160,6 +223,12 @@ impl Serving {
             remedy: entry.remedy,
         }
     }
+}
+
+/// A request, once it has been looked at.
+enum Begun {
+    Answered(Box<Response>),
+    UnderWay(Pending, Then),
 }
 
 fn cell_value(item: &Item, value: Result<u32, Refusal>) -> Result<CellValue, String> {

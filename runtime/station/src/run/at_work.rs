@@ -11,7 +11,7 @@ use ob1_access::Right;
 use ob1_access::door::Door;
 use ob1_backplane::handover;
 use ob1_broker::{Broker, FeedEnd, LinkConfig, RunningBroker};
-use ob1_cpu::{Attention, Cpu, LogReader, OperatingState};
+use ob1_cpu::{Attention, Cpu, LogReader, OperatingState, Running};
 use ob1_host::driver::RunningFleet;
 use ob1_rt::MonotonicClock;
 
@@ -39,7 +39,6 @@ use crate::rundir::RunDir;
 use crate::station_file::{Station, StationLink};
 use crate::timing::Observer;
 use crate::view::{StationView, state_name};
-use crate::watched::Running;
 
 /// Time between two looks at the scan and the clock.
 const TICK: Duration = Duration::from_millis(20);

@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use ob1_cpu::Whereabouts;
+use ob1_cpu::{Running, Whereabouts};
 use ob1_rt::LastWords;
 
 use crate::exit::Exit;
 use crate::io::ProcessIo;
-use crate::watched::Running;
 
 /// Prepares for a crash of this process.
 ///

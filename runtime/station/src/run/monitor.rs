@@ -13,7 +13,7 @@ use ob1_model::BlockId;
 use super::scan::ScanState;
 use crate::exit::Exit;
 use crate::io::ProcessIo;
-use crate::watched::Running;
+use ob1_cpu::Running;
 
 /// Time between two looks.
 const LOOK: Duration = Duration::from_millis(100);

@@ -7,6 +7,7 @@ mod modbus;
 mod queue;
 mod stations;
 
+use crate::defaults;
 use ob1_protocols::modbus::{Master, Mode, Slave, frame, master, slave};
 use ob1_protocols::rk512::{Area, Command, Coordination, Request};
 use ob1_protocols::{Ascii, MS, Nanos, S3964, SECOND, StxEtx, ascii, rk512, s3964, stx_etx};
@@ -77,7 +78,7 @@ fn costs() -> Result<Vec<Figure>, Failure> {
 
 fn cases(baud: u32) -> Vec<Case> {
     let char_time = char_time(baud);
-    let of_3964 = |bcc, priority| s3964::Config { priority, ..s3964::Config::cp240(bcc, char_time) };
+    let of_3964 = |bcc, priority| s3964::Config { priority, ..defaults::cp240(bcc, char_time) };
     let pair_of_3964 = |bcc| {
         [
             OfMachine::side(<S3964>::new(of_3964(bcc, s3964::Priority::High)), payload()),
@@ -88,11 +89,11 @@ fn cases(baud: u32) -> Vec<Case> {
         <StxEtx>::new(stx_etx::Config {
             start: stx_etx::Flags::new([2, 0], 1),
             end: stx_etx::Flags::new([3, 0], 1),
-            ..stx_etx::Config::cp240(char_time)
+            ..defaults::stx_etx(char_time)
         })
     };
     // Telegrams are told apart by pauses: ZNA longer than the receiver's ZVZ.
-    let ascii = || <Ascii>::new(ascii::Config { zna: 20 * MS, zvz: 0, ..ascii::Config::cp240(char_time) });
+    let ascii = || <Ascii>::new(ascii::Config { zna: 20 * MS, zvz: 0, ..defaults::ascii(char_time) });
     let of_rk512 = |order: Option<(Request, Vec<u8>)>| {
         let priority = if order.is_some() { s3964::Priority::High } else { s3964::Priority::Low };
         OfRk512::side(rk512::Config::cp240(of_3964(true, priority)), order)
