@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use ob1_cpu::engine::{Plan, REFERENCE};
-use ob1_cpu::{Abort, Cpu, CpuConfig, NativeBlock, NativeContext};
+use ob1_cpu::{Abort, Cpu, CpuConfig, NativeBlock, NativeContext, Natives};
 use ob1_ir::{CodeBlock, Program};
 use ob1_model::{BlockId, Interface};
 use serde::{Deserialize, Serialize};
@@ -43,7 +43,7 @@ struct Sent {
 impl Request {
     /// Of a CPU that is made of these.
     #[must_use]
-    pub fn new(config: &CpuConfig, program: Arc<Program>, natives: &[Box<dyn NativeBlock>]) -> Self {
+    pub fn new(config: &CpuConfig, program: Arc<Program>, natives: &Natives) -> Self {
         let sizes = Sizes {
             input_bytes: config.input_bytes,
             output_bytes: config.output_bytes,
@@ -109,7 +109,7 @@ pub(super) fn plan(bytes: &[u8]) -> Result<Arc<Plan>, String> {
         ..CpuConfig::default()
     };
     let known = |block: CodeBlock| Box::new(Known(block.id, block.interface)) as Box<dyn NativeBlock>;
-    let natives = natives.blocks.into_iter().map(known).collect();
+    let natives: Vec<_> = natives.blocks.into_iter().map(known).collect();
     let cpu = Cpu::new(config, &program, natives, Vec::new(), REFERENCE);
     cpu.map(|cpu| Arc::clone(cpu.plan())).map_err(|errors| format!("{errors:?}"))
 }
@@ -145,7 +145,7 @@ mod tests {
     fn program(text: &str) -> Arc<Program> {
         let source = ob1_stl::Source { name: "p.awl".into(), bytes: text.as_bytes().to_vec() };
         let mut library = ob1_stl::Library::new();
-        for block in ob1_std::library() {
+        for block in ob1_std::system_functions() {
             library.insert(block.id, block.name, block.interface);
         }
         let output = ob1_stl::compile(&[source], &library, &ob1_stl::Options::default());
@@ -162,7 +162,7 @@ mod tests {
              L 1.5;\nT MD 8;\nCALL SFC 46;\nEND_ORGANIZATION_BLOCK\n",
         );
         let config = CpuConfig { memory_bytes: 1024, timers: 10, accumulators: 4, ..CpuConfig::default() };
-        let natives = ob1_cpu::system_blocks();
+        let natives = Natives::from(ob1_cpu::system_blocks());
         let request = Request::new(&config, Arc::clone(&program), &natives);
         let cpu = Cpu::new(config, &program, natives, Vec::new(), REFERENCE).expect("it loads");
         let theirs = plan(&request.write().expect("it can be written")).expect("it loads there, too");
@@ -175,7 +175,8 @@ mod tests {
         let of = |memory_bytes| {
             let config = CpuConfig { memory_bytes, ..CpuConfig::default() };
             fingerprint(
-                &plan(&Request::new(&config, Arc::clone(&program), &[]).write().expect("written")).expect("loads"),
+                &plan(&Request::new(&config, Arc::clone(&program), &Natives::default()).write().expect("written"))
+                    .expect("loads"),
             )
         };
         assert_eq!(of(256), of(256));
