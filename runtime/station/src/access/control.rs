@@ -1,5 +1,5 @@
-//! The control socket's own door to the broker. Requests of many clients are under way at a time; none of them waits for
-//! another.
+//! The control socket's own door to the broker. Requests of many clients are under way at a time; none of them waits
+//! for another.
 //!
 //! What is asked for is watched, all of it at once, for as long as somebody asks; nobody who asks costs the scan more
 //! than that copy.
