@@ -79,7 +79,7 @@ fn compile(statements: usize) -> Result<f64, Failure> {
 
 /// A program of functions of [`BODY`] statements, called from OB 1, with a data block and a symbol for every four of
 /// them.
-fn program(statements: usize) -> (String, Vec<Symbol>) {
+pub(super) fn program(statements: usize) -> (String, Vec<Symbol>) {
     let functions = statements / BODY;
     let mut text = String::with_capacity(statements * 24);
     let mut symbols = Vec::new();

@@ -12,6 +12,7 @@ pub mod driver;
 pub mod engines;
 pub mod kill_runtime;
 pub mod line;
+pub mod machine_code;
 pub mod memory;
 pub mod peer;
 pub mod scan;

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    access, backplane, causes, compile, disturb, driver, engines, kill_runtime, line, memory, scan, stl, wake,
+    access, backplane, causes, compile, disturb, driver, engines, kill_runtime, line, machine_code, memory, scan, stl,
+    wake,
 };
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
@@ -120,12 +121,21 @@ fn measure(names: &[&str]) -> Result<bool, Failure> {
     let mut met = true;
     for name in if names.is_empty() { &NAMES } else { names } {
         let figures = match *name {
-            "scan" => vec![scan::empty()?, scan::accounts()?, scan::late_scan()?],
+            "scan" => {
+                let mut figures =
+                    vec![scan::empty()?, scan::accounts()?, scan::late_scan()?, machine_code::take_over()?];
+                figures.extend(machine_code::scan()?);
+                figures
+            }
             "pair" => vec![scan::idle_pair()?],
             "backplane" => vec![backplane::measure()?],
             "driver" => vec![driver::measure()?],
             "line" => line::measure()?,
-            "compile" => compile::measure()?.into(),
+            "compile" => {
+                let mut figures: Vec<_> = compile::measure()?.into();
+                figures.extend(machine_code::compiler()?);
+                figures
+            }
             "access" => access::figures()?,
             _ => memory::measure()?.into(),
         };

@@ -96,11 +96,11 @@ impl Compiling {
     /// # Errors
     /// What the system says when it has no thread or descriptor left.
     pub fn start(request: Request, plan: &Arc<Plan>) -> io::Result<(Self, Successors)> {
-        let (come, successors) = rings();
+        let (giver, successors) = Giver::pair();
         let (stopped, stop) = io::pipe()?;
         let plan = Arc::clone(plan);
         let work = move || {
-            let mut work = Work { plan, rings: come, sent: 0, stopped: stopped.into() };
+            let mut work = Work { plan, giver, sent: 0, stopped: stopped.into() };
             match work.run(&request) {
                 Ok(Outcome::Stopped) => {}
                 Ok(Outcome::Done) => work.bury(),
@@ -115,16 +115,39 @@ impl Compiling {
     }
 }
 
-/// The thread's ends of the rings.
-struct Ends {
+/// The other end: gives engines to the scan and takes back those that ran before.
+pub struct Giver {
     to_scan: Producer<Box<dyn Engine>>,
     from_scan: Consumer<Box<dyn Engine>>,
 }
 
-fn rings() -> (Ends, Successors) {
-    let (to_scan, come) = RingBuffer::new(TIERS.len());
-    let (gone, from_scan) = RingBuffer::new(TIERS.len());
-    (Ends { to_scan, from_scan }, Successors { come, gone })
+impl fmt::Debug for Giver {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Giver").field("room", &self.to_scan.slots()).finish_non_exhaustive()
+    }
+}
+
+impl Giver {
+    /// Both ends, with room for one engine of each tier.
+    #[must_use]
+    pub fn pair() -> (Self, Successors) {
+        let (to_scan, come) = RingBuffer::new(TIERS.len());
+        let (gone, from_scan) = RingBuffer::new(TIERS.len());
+        (Self { to_scan, from_scan }, Successors { come, gone })
+    }
+
+    /// The scan finds it behind its next cycle.
+    ///
+    /// # Errors
+    /// There is no room; it comes back.
+    pub fn give(&mut self, engine: Box<dyn Engine>) -> Result<(), Box<dyn Engine>> {
+        self.to_scan.push(engine).map_err(|rtrb::PushError::Full(engine)| engine)
+    }
+
+    /// An engine that ran before.
+    pub fn take_back(&mut self) -> Option<Box<dyn Engine>> {
+        self.from_scan.pop().ok()
+    }
 }
 
 /// How the work has ended.
@@ -184,7 +207,7 @@ impl Process {
 /// The thread's work.
 struct Work {
     plan: Arc<Plan>,
-    rings: Ends,
+    giver: Giver,
     /// Engines that were given to the scan.
     sent: usize,
     stopped: OwnedFd,
@@ -204,7 +227,7 @@ impl Work {
             let engine = engine.map_err(|why| format!("a file of code is refused: {why}"))?;
             tracing::info!("machine code: {}", engine.told());
             // There is room for one of each tier.
-            let _ = self.rings.to_scan.push(Box::new(engine));
+            let _ = self.giver.give(Box::new(engine));
             self.sent += 1;
         }
         Ok(Outcome::Done)
@@ -232,7 +255,7 @@ impl Work {
     /// Waits for the engines that the scan gives back, and gives back their memory.
     fn bury(&mut self) {
         loop {
-            while self.rings.from_scan.pop().is_ok() {
+            while self.giver.take_back().is_some() {
                 self.sent -= 1;
             }
             if self.sent == 0 {
@@ -240,7 +263,7 @@ impl Work {
             }
             let mut fds = [PollFd::new(&self.stopped, PollFlags::IN)];
             let _ = poll(&mut fds, Timespec::try_from(LOOK).ok().as_ref());
-            if !fds[0].revents().is_empty() || self.rings.from_scan.is_abandoned() {
+            if !fds[0].revents().is_empty() || self.giver.from_scan.is_abandoned() {
                 return;
             }
         }
@@ -251,4 +274,93 @@ fn secret() -> io::Result<[u8; 16]> {
     let mut secret = [0; 16];
     io::Read::read_exact(&mut std::fs::File::open("/dev/urandom")?, &mut secret)?;
     Ok(secret)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_cpu::{Clock, Command as Wish, CpuConfig, Nanos};
+    use ob1_ir::Program;
+    use ob1_native::{Compiler, Target};
+
+    struct Still;
+
+    impl Clock for Still {
+        fn now(&mut self) -> Nanos {
+            0
+        }
+        fn executed(&mut self, _statements: u64) {}
+    }
+
+    fn cpu() -> Cpu {
+        let text = "ORGANIZATION_BLOCK OB 1\nBEGIN\nL MW 2;\n+ 1;\nT MW 2;\nEND_ORGANIZATION_BLOCK\n";
+        let source = ob1_stl::Source { name: "p.awl".into(), bytes: text.as_bytes().to_vec() };
+        let program: Program =
+            ob1_stl::compile(&[source], &ob1_stl::Library::new(), &ob1_stl::Options::default()).program;
+        let auto = crate::engine::EngineChoice::Auto.factory();
+        let mut cpu = Cpu::new(CpuConfig::default(), &program, Vec::new(), Vec::new(), auto).expect("it loads");
+        cpu.request(Wish::Run);
+        cpu
+    }
+
+    fn file(cpu: &Cpu, order: &Order, tier: Tier) -> OwnedFd {
+        let image = Compiler::new(Target::Host, tier).expect("this processor").image(cpu.plan());
+        ob1_native::seal(memory_file().expect("memory"), &image.file(order)).expect("memory")
+    }
+
+    #[test]
+    fn each_tier_takes_over_and_gives_back_what_ran_before() {
+        let mut cpu = cpu();
+        let (mut giver, mut successors) = Giver::pair();
+        let order = Order { fingerprint: fingerprint(cpu.plan()), secret: [5; 16] };
+        let mut scans = 0;
+        let mut run = |cpu: &mut Cpu| {
+            cpu.cycle(&mut Still);
+            scans += 1;
+            assert_eq!(cpu.bit_memory()[2..4], u16::to_be_bytes(scans));
+        };
+        run(&mut cpu);
+        assert_eq!(successors.take_over(&mut cpu), None);
+        for (tier, name, before) in [
+            (Tier::Fast, ob1_native::NAME_FAST, "reference"),
+            (Tier::Optimised, ob1_native::NAME, ob1_native::NAME_FAST),
+        ] {
+            let file = file(&cpu, &order, tier);
+            let engine = Native::of_file(cpu.plan(), &order, file.as_fd()).expect("a good file");
+            assert!(giver.give(Box::new(engine)).is_ok());
+            assert_eq!(successors.take_over(&mut cpu), Some(name));
+            assert_eq!(giver.take_back().map(|engine| engine.name()), Some(before));
+            run(&mut cpu);
+        }
+    }
+
+    #[test]
+    fn an_engine_of_another_program_does_not_take_over() {
+        let (mut one, other) = (cpu(), cpu());
+        let (mut giver, mut successors) = Giver::pair();
+        let plain = ob1_cpu::engine::PLAIN.engine(other.plan()).expect("it runs everything");
+        assert!(giver.give(plain).is_ok());
+        assert_eq!((successors.take_over(&mut one), one.engine()), (None, "reference"));
+        assert_eq!(giver.take_back().map(|engine| engine.name()), Some("plain"));
+    }
+
+    #[test]
+    fn a_file_that_can_be_changed_or_is_not_ours_is_refused() {
+        let cpu = cpu();
+        let order = Order { fingerprint: fingerprint(cpu.plan()), secret: [5; 16] };
+        let image = Compiler::new(Target::Host, Tier::Fast).expect("this processor").image(cpu.plan());
+        let why = |file: &OwnedFd, order: &Order| Native::of_file(cpu.plan(), order, file.as_fd()).map(|_| ()).err();
+        // Good, but not sealed: whoever wrote it could change it while it runs.
+        let mut open = memory_file().expect("memory");
+        open.write_all(&image.file(&order)).expect("memory");
+        assert!(why(&open.into(), &order).is_some_and(|why| why.contains("not sealed")));
+        let good = file(&cpu, &order, Tier::Fast);
+        assert_eq!(why(&good, &order), None);
+        assert!(why(&good, &Order { secret: [6; 16], ..order }).is_some_and(|why| why.contains("digest")));
+        let mut bytes = image.file(&order);
+        let last = bytes.len() - 1;
+        bytes[last] ^= 1;
+        let damaged = ob1_native::seal(memory_file().expect("memory"), &bytes).expect("memory");
+        assert!(why(&damaged, &order).is_some_and(|why| why.contains("digest")));
+    }
 }

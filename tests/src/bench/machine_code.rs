@@ -1,0 +1,160 @@
+//! The native engine at work: how long its compiler takes for a large program and how much code that gives; what the
+//! change of the engine costs the scan; and the execution time of a scan of 10,000 statements on either engine.
+
+use std::time::Instant;
+
+use ob1_cpu::engine::{Factory, PLAIN, REFERENCE};
+use ob1_cpu::{Command, Cpu, CpuConfig};
+use ob1_native::{AtLoad, Compiler, Target, Tier};
+use ob1_station::compiling::Giver;
+use ob1_stl::{Library, Options, Source};
+
+use super::peer::Failure;
+use super::{Figure, compile, median};
+
+/// Statements of the programs compiled; the figures are those of the first.
+const SIZES: [usize; 2] = [100_000, 500_000];
+/// Bytes of machine code a statement may take.
+const BYTES: f64 = 60.0;
+/// Five times the statements may take this many times as long.
+const LINEAR: f64 = 6.0;
+/// Statements of a scan whose time is measured, and scans.
+const SCAN: usize = 10_000;
+const SCANS: usize = 20_000;
+/// The native engine's 99th percentile by the reference engine's.
+const TIMES: f64 = 3.0;
+/// Changes of the engine.
+const CHANGES: usize = 1001;
+
+/// A CPU with a generated program of so many statements, in STOP.
+fn cpu(statements: usize, factory: &dyn Factory) -> Result<Cpu, Failure> {
+    let (text, symbols) = compile::program(statements);
+    let options = Options { symbols, ..Options::default() };
+    let output = ob1_stl::compile(&[Source::new("generated.awl", text.into_bytes())], &Library::new(), &options);
+    if !output.is_good() {
+        return Err("the generated program is refused".into());
+    }
+    let config = CpuConfig { watchdog: 0, ..CpuConfig::default() };
+    Cpu::new(config, &output.program, Vec::new(), Vec::new(), factory).map_err(|why| format!("{why:?}").into())
+}
+
+/// The compiler of both tiers.
+///
+/// # Errors
+/// The generated program is refused, or there is no code for this processor.
+pub fn compiler() -> Result<Vec<Figure>, Failure> {
+    let mut figures = Vec::new();
+    let cpus = [cpu(SIZES[0], REFERENCE)?, cpu(SIZES[1], REFERENCE)?];
+    for (tier, name) in [(Tier::Fast, "fast"), (Tier::Optimised, "optimised")] {
+        let compiler = Compiler::new(Target::Host, tier).map_err(|error| error.to_string())?;
+        let mut times = [0.0; SIZES.len()];
+        let mut bytes = 0.0;
+        for (index, cpu) in cpus.iter().enumerate() {
+            let statements: usize = cpu.plan().blocks.iter().map(|block| block.stmts.len()).sum();
+            let began = Instant::now();
+            let image = compiler.image(cpu.plan());
+            times[index] = began.elapsed().as_secs_f64() * 1e3;
+            let of_each = image.len() as f64 / statements as f64;
+            bytes = if index == 0 { of_each } else { bytes };
+            let (compiled, all) = image.blocks();
+            println!(
+                "machine code, {name} tier: {statements:>7} statements {:>8.1} ms, {of_each:.1} bytes each, \
+                 {compiled} of {all} blocks",
+                times[index]
+            );
+        }
+        let growth = times[1] / times[0];
+        figures.push(Figure {
+            what: format!("machine code of 100,000, {name} tier").into(),
+            value: times[0],
+            unit: "ms",
+            floor: None,
+            aim: ("", true),
+        });
+        figures.push(Figure {
+            what: "bytes of it for a statement".into(),
+            value: bytes,
+            unit: "",
+            floor: None,
+            aim: ("<= 60", bytes <= BYTES),
+        });
+        figures.push(Figure {
+            what: "five times the statements: times as long".into(),
+            value: growth,
+            unit: "x",
+            floor: None,
+            aim: ("< 6", growth < LINEAR),
+        });
+    }
+    Ok(figures)
+}
+
+/// What it costs the scan that another engine takes over.
+///
+/// # Errors
+/// The generated program is refused.
+pub fn take_over() -> Result<Figure, Failure> {
+    let mut cpu = cpu(1000, &AtLoad(Tier::Fast))?;
+    let (mut giver, mut successors) = Giver::pair();
+    let mut times = Vec::with_capacity(CHANGES);
+    for turn in 0..CHANGES {
+        let next: &dyn Factory = if turn % 2 == 0 { PLAIN } else { REFERENCE };
+        let engine = next.engine(cpu.plan())?;
+        giver.give(engine).map_err(|_| "the ring is full")?;
+        let began = Instant::now();
+        let name = successors.take_over(&mut cpu);
+        times.push(began.elapsed().as_nanos() as f64);
+        if name.is_none() || giver.take_back().is_none() {
+            return Err("no engine has taken over".into());
+        }
+    }
+    let value = median(&mut times);
+    Ok(Figure {
+        what: "another engine takes over".into(),
+        value,
+        unit: "ns",
+        floor: None,
+        aim: ("< 5000 ns", value < 5000.0),
+    })
+}
+
+/// The 99th and 99.9th percentile of the execution time of a scan on the native engine, beside the reference engine's.
+///
+/// # Errors
+/// The generated program is refused.
+pub fn scan() -> Result<Vec<Figure>, Failure> {
+    let mut cpus = [cpu(SCAN, REFERENCE)?, cpu(SCAN, &AtLoad(Tier::Optimised))?];
+    let mut times = [Vec::with_capacity(SCANS), Vec::with_capacity(SCANS)];
+    let mut clock = ob1_rt::MonotonicClock::start();
+    for cpu in &mut cpus {
+        cpu.request(Command::Run);
+        cpu.cycle(&mut clock);
+    }
+    // In turns: a restless moment of the machine meets both.
+    for _ in 0..SCANS {
+        for (cpu, times) in cpus.iter_mut().zip(&mut times) {
+            let began = Instant::now();
+            cpu.cycle(&mut clock);
+            times.push(began.elapsed().as_nanos() as f64);
+        }
+    }
+    let at = |times: &mut Vec<f64>, share: f64| {
+        times.sort_by(f64::total_cmp);
+        times[((times.len() - 1) as f64 * share) as usize]
+    };
+    let [mut reference, mut native] = times;
+    let mut figures = Vec::new();
+    for (share, what) in [(0.99, "p99 of a scan, 10,000 statements"), (0.999, "p99.9 of it")] {
+        let (one, two) = (at(&mut reference, share), at(&mut native, share));
+        let met = one / two >= TIMES;
+        let aim = if share < 0.995 { (">= 3 x faster", met) } else { ("", true) };
+        figures.push(Figure {
+            what: what.into(),
+            value: two,
+            unit: "ns",
+            floor: Some(("on the reference engine", one)),
+            aim,
+        });
+    }
+    Ok(figures)
+}
