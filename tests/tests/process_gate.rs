@@ -313,3 +313,43 @@ fn an_unprotected_page_is_refused() {
     let public = run("listen = \"127.0.0.1:0\"\nrights = \"write\"\nusers = \"a.users\"");
     assert!(public.code == Some(6) && public.err.contains("chmod 600"), "{public:?}");
 }
+
+/// Over TLS: a client that trusts this certificate alone gets the page and a cookie for this host alone; whoever speaks
+/// plainly gets nothing.
+#[test]
+fn a_page_over_tls() {
+    const CLIENT: &str = "
+import json, ssl, sys, urllib.request
+context = ssl.create_default_context(cafile=sys.argv[2])
+base = 'https://localhost:' + sys.argv[1]
+def ask(path, body=None):
+    heads = {'Origin': base, 'Content-Type': 'application/json'}
+    data = None if body is None else json.dumps(body).encode()
+    answer = urllib.request.urlopen(urllib.request.Request(base + path, data, heads), context=context, timeout=60)
+    return answer.headers, answer.read()
+heads, page = ask('/')
+heads, _ = ask('/api/login', {'user': 'anna', 'password': 'anna-password'})
+print(json.dumps({'page': len(page), 'cookie': heads['Set-Cookie']}))
+";
+    let site = Site::new();
+    users(&site);
+    for (file, mode) in [("test.crt", 0o644), ("test.key", 0o600)] {
+        let copy = site.path(file);
+        std::fs::copy(common::checkout("tests/fixtures/tls").join(file), &copy).expect("a fixture");
+        std::fs::set_permissions(&copy, std::fs::Permissions::from_mode(mode)).expect("a mode");
+    }
+    let port = common::s7::free_port();
+    let keys = format!(
+        "[[link]]\ntype = \"web\"\nname = \"panel\"\nlisten = \"127.0.0.1:{port}\"\nusers = \"a.users\"\n\
+         certificate = \"test.crt\"\nkey = \"test.key\"\n"
+    );
+    let (_station, _, _) = station(&site, "gate-tls", &keys);
+    let mut client = site.command(common::python());
+    client.args(["-c", CLIENT, &port.to_string()]).arg(site.path("test.crt"));
+    let output = client.output().expect("Python starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let told: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let cookie = told["cookie"].as_str().expect("a cookie");
+    assert!(cookie.starts_with("__Host-ob1=") && cookie.contains("; Secure"), "{cookie}");
+    assert!(Visitor::at(port).try_get("/").is_none_or(|answer| answer.status >= 400), "plain");
+}

@@ -34,6 +34,13 @@ pub(crate) const LIBMODBUS: Need = Need {
     here: || python("import ctypes; ctypes.CDLL('libmodbus.so.5')"),
 };
 
+/// The browser that looks at the page of a station, and what steers it.
+pub(crate) const BROWSER: Need = Need {
+    what: "Chromium with its driver",
+    packages: &["chromium", "chromium-driver"],
+    here: || on_path("chromium") && on_path("chromedriver"),
+};
+
 /// Makes sure that all of `needs` are here.
 ///
 /// # Errors

@@ -27,6 +27,14 @@ export function table(heads, rows, caption) {
         cell instanceof HTMLTableCellElement ? cell : h("td", {}, cell)))))));
 }
 
+/** Draws anew; whoever was at one of the tables by keyboard stays there. */
+export function redraw(parent, ...children) {
+  const places = () => [...parent.querySelectorAll("[tabindex='0']")];
+  const at = places().indexOf(document.activeElement);
+  parent.replaceChildren(...children.filter((child) => child !== null && child !== undefined));
+  if (at >= 0) places()[at]?.focus({ preventScroll: true });
+}
+
 export const state = { session: null, status: null, view: null, stream: null, items: "", period: 1000 };
 let toldTimer;
 
@@ -178,5 +186,9 @@ async function begin() {
 }
 
 byId("language").addEventListener("click", () => { switchLanguage(); show(); });
-addEventListener("hashchange", () => { show(); byId("main").focus(); });
+addEventListener("hashchange", () => {
+  show();
+  byId("main").focus({ preventScroll: true });
+  scrollTo(0, 0);
+});
 begin();

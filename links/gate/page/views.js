@@ -1,5 +1,5 @@
 // What the station is, how it scans, what has happened, and the reports of soak runs.
-import { ask, dialog, h, may, state, table, tell } from "/app.js";
+import { ask, dialog, h, may, redraw, state, table, tell } from "/app.js";
 import { say } from "/words.js";
 
 const time = (ns) => ns >= 1e9 ? `${(ns / 1e9).toFixed(2)} s` : ns >= 1e6 ? `${(ns / 1e6).toFixed(2)} ms` : `${(ns / 1e3).toFixed(1)} µs`;
@@ -92,7 +92,7 @@ export function station(main) {
       h("div", { class: "quiet" }, status.station),
       h("div", {}, missing || (stopped && why?.stop?.change === "fault") ? led("SF") : null, stopped ? led("STOP") : led("RUN"))),
       ...status.modules.map(module));
-    figures.replaceChildren(table([say("what"), say("value")], [
+    redraw(figures, table([say("what"), say("value")], [
       [say("uptime"), duration(status.runtime_ns)], [say("scans"), `${status.scans}`],
       [`${say("execution")} (${say("median")}, 99 %, ${say("greatest")})`,
         `${time(status.execution.p50_ns)}, ${time(status.execution.p99_ns)}, ${time(status.execution.max_ns)}`],
@@ -142,12 +142,12 @@ export function scan(main) {
         [name, `${total.scans}`, time(total.time_ns), time(total.worst_ns)]);
       const newest = [...late.newest].reverse().slice(0, 20).map((entry) =>
         [`${entry.scan}`, time(entry.lateness_ns), time(entry.execution_ns), `${entry.class}: ${entry.what}`]);
-      main.replaceChildren(histogram(say("execution"), timing.execution), histogram(say("cycle"), timing.cycle),
+      redraw(main, histogram(say("execution"), timing.execution), histogram(say("cycle"), timing.cycle),
         histogram(say("wake"), timing.wake), h("h2", {}, `${say("late")}: ${late.scans}`),
         classes.length ? table([say("cause"), say("count"), say("delay"), say("greatest")], classes, say("cause"))
           : h("p", {}, say("nothingLate")),
-        newest.length ? h("h2", {}, say("newest")) : null ?? "",
-        newest.length ? table([say("scan"), say("delay"), say("execution"), say("cause")], newest, say("newest")) : "");
+        newest.length ? h("h2", {}, say("newest")) : null,
+        newest.length ? table([say("scan"), say("delay"), say("execution"), say("cause")], newest, say("newest")) : null);
     } catch (error) { tell(error.message); }
     busy = false;
   };

@@ -117,6 +117,11 @@ impl Visitor {
     }
 }
 
+/// The answer that comes over a connection.
+pub(crate) fn answer(stream: TcpStream) -> Option<Answer> {
+    read(&mut BufReader::new(stream))
+}
+
 fn head(reader: &mut BufReader<TcpStream>) -> Option<String> {
     let mut head = String::new();
     while !head.ends_with("\r\n\r\n") {
@@ -131,7 +136,9 @@ fn read(reader: &mut BufReader<TcpStream>) -> Option<Answer> {
     let head = head(reader)?;
     let status = head.split(' ').nth(1)?.parse().ok()?;
     let mut body = Vec::new();
-    let _ = reader.read_to_end(&mut body);
+    let length =
+        head.lines().find_map(|line| line.to_ascii_lowercase().strip_prefix("content-length:")?.trim().parse().ok());
+    let _ = reader.take(length.unwrap_or(u64::MAX)).read_to_end(&mut body);
     Some(Answer { status, head, body: String::from_utf8_lossy(&body).into_owned() })
 }
 

@@ -6,6 +6,7 @@
 // Each test binary uses a part of it.
 #![allow(dead_code)]
 
+pub(crate) mod browser;
 pub(crate) mod cp341;
 pub(crate) mod diagnosis;
 pub(crate) mod gate;
