@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::Guard;
 use super::gate::Visitor;
+use super::processes::Watched;
 use super::s7::free_port;
 
 /// The key under which WebDriver names an element. [W3C WebDriver, 12.1]
@@ -37,7 +38,7 @@ impl Browser {
         let guard = Guard::begin();
         while !browser.try_call("GET", "/status", &Value::Null).is_some_and(|status| status["ready"] == true) {
             assert!(!guard.is_over(), "chromedriver does not come up");
-            std::thread::park_timeout(PAUSE);
+            assert!(!browser.ended(), "chromedriver has ended");
         }
         // The container of a test has no user namespaces for the sandbox, and a small /dev/shm.
         let args = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-proxy-server"];
@@ -50,6 +51,11 @@ impl Browser {
         let made = browser.call("POST", "/session", &wanted);
         browser.session = format!("/session/{}", made["sessionId"].as_str().expect("a session"));
         browser
+    }
+
+    /// Waits a moment for its end, which is none as a rule.
+    fn ended(&self) -> bool {
+        Watched::find(self.driver.id()).is_none_or(|process| process.ends_within(PAUSE))
     }
 
     fn try_call(&self, method: &str, path: &str, body: &Value) -> Option<Value> {
@@ -85,7 +91,7 @@ impl Browser {
         let guard = Guard::begin();
         while self.run(&format!("return Boolean({expression})")) != true {
             assert!(!guard.is_over(), "never true: {expression}\n{}", self.text("body"));
-            std::thread::park_timeout(PAUSE);
+            assert!(!self.ended(), "chromedriver has ended");
         }
     }
 
