@@ -53,7 +53,7 @@ impl<'w> Resolver<'w> {
         Self { nested: true, ..*self }.operand(reader)
     }
 
-    /// Reads one operand. `None` when it is none (reported).
+    /// Reads one operand. `None` when it is not valid (reported).
     pub(crate) fn operand(&self, reader: &mut Reader<'_, '_>) -> Option<Value<'w>> {
         let span = reader.here();
         let Some(token) = reader.peek() else {
@@ -363,7 +363,7 @@ impl<'w> Resolver<'w> {
             Some(Symbolic::Timer(n)) => Some(Value::Timer(Number::Fixed(*n))),
             Some(Symbolic::Counter(n)) => Some(Value::Counter(Number::Fixed(*n))),
             Some(Symbolic::Unknown(address)) => {
-                let message = format!("the symbol table gives \"{name}\" the address {address}, which is none");
+                let message = format!("the symbol table gives \"{name}\" the address {address}, which is not valid");
                 reader.report(span, &codes::UNKNOWN_SYMBOL, message);
                 None
             }

@@ -348,7 +348,7 @@ impl<'s> Parser<'_, 's> {
             }
             let Some(word) = self.keyword() else {
                 if begin.is_some_and(|begin| self.at < begin) {
-                    self.report(token.span, &codes::HEAD, "this stands in the block's head, and is none of its words");
+                    self.report(token.span, &codes::HEAD, "this word does not belong in the head of a block");
                     self.skip_line();
                     continue;
                 }

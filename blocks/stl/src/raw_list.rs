@@ -66,7 +66,7 @@ impl<'s> Lowerer<'_, 's> {
     }
 }
 
-/// One entry. `None` when it is none (reported).
+/// One entry. `None` when it is not valid (reported).
 fn entry(resolver: &crate::operand::Resolver<'_>, reader: &mut Reader<'_, '_>, span: Span) -> Option<u32> {
     let wrong = |reader: &mut Reader<'_, '_>| {
         let message = "the list holds pointers P#M 1.0, P#V 10.0 and numbers N#15, with commas between them";

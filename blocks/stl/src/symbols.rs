@@ -13,7 +13,7 @@ use crate::value::Value;
 use crate::words::Words;
 use crate::world::{Symbolic, World};
 
-/// Reads the addresses of a symbol table. One that is none is kept as such and reported where it is used.
+/// Reads the addresses of a symbol table. An invalid one is kept and reported where it is used.
 pub(crate) fn read(symbols: &[Symbol], words: &Words) -> BTreeMap<String, Symbolic> {
     symbols.iter().map(|s| (s.name.to_uppercase(), address(s, words))).collect()
 }

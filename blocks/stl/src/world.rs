@@ -103,7 +103,7 @@ pub(crate) enum Symbolic {
     Memory(Operand, Option<DataType>),
     Timer(u16),
     Counter(u16),
-    /// The table gives an address that is none.
+    /// The address in the table is not valid.
     Unknown(String),
     /// A block that could not be given a number (reported).
     Nameless,

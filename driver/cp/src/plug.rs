@@ -151,7 +151,7 @@ impl<L: LinePort + ?Sized> CpPort for Plug<'_, L> {
     }
 
     fn leds(&mut self, leds: Leds) {
-        self.end.segment.set_leds(translate::leds(leds));
+        self.end.segment.set_leds(leds);
     }
 
     fn count(&mut self, counter: CpCounter, n: u64) {

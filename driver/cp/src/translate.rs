@@ -1,7 +1,7 @@
 //! One thing, two names: the firmware's words in those of the back plane.
 
-use ob1_backplane::{Counter, Leds as SegmentLeds, ModemInputs};
-use ob1_firmware::{CpCounter, Leds, ModemLines};
+use ob1_backplane::{Counter, ModemInputs};
+use ob1_firmware::{CpCounter, ModemLines};
 
 /// Number of the diagnostic record with the text of the last line error (UTF-8, at most 240 bytes; empty: the line is
 /// up).
@@ -50,10 +50,6 @@ pub(crate) const fn counter(counter: CpCounter) -> Counter {
         CpCounter::LineFaults => Counter::LineFaults,
         CpCounter::LineRestarts => Counter::LineRestarts,
     }
-}
-
-pub(crate) const fn leds(leds: Leds) -> SegmentLeds {
-    SegmentLeds { power: leds.power, transmit: leds.transmit, receive: leds.receive, error: leds.error }
 }
 
 pub(crate) fn modem(lines: ModemLines, rts: bool, dtr: bool) -> ModemInputs {

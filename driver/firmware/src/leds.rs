@@ -1,6 +1,7 @@
 //! The four LEDs on the front [S0 "LEDs"].
 
 use ob1_protocols::{MS, Nanos, SECOND};
+pub use ob1_words::Leds;
 
 /// How long ER stays on after the last error. [S0 L1458]
 const ERROR_TIME: Nanos = 4 * SECOND;
@@ -10,23 +11,6 @@ const FLASH: Nanos = 250 * MS;
 
 /// How long RxD stays on after the last byte, so that it can be seen.
 const RECEIVE_TIME: Nanos = 50 * MS;
-
-/// The LEDs as they are now.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Leds {
-    /// PW, yellow: the module has power.
-    pub power: bool,
-    /// ER, red: open circuit, overflow, parity or framing error in the last 4 s.
-    pub error: bool,
-    /// TxD, green: transmits.
-    pub transmit: bool,
-    /// RxD, green: receives.
-    pub receive: bool,
-}
-
-impl Leds {
-    pub(crate) const NONE: Self = Self { power: false, error: false, transmit: false, receive: false };
-}
 
 /// What makes them light up and go out.
 #[derive(Debug)]
@@ -178,7 +162,7 @@ mod tests {
         let mut leds = LedDriver::new();
         leds.parameters(0, true, true);
         leds.error(0);
-        assert!(!leds.at(0).error, "an error of the line is none");
+        assert!(!leds.at(0).error, "an error of the line does not count");
         leds.overflow(0);
         assert!(leds.at(100 * SECOND).error);
         leds.stop_run();

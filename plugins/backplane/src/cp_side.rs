@@ -15,7 +15,7 @@ use crate::registers::{IoBytes, RegisterWriter};
 use crate::segment::Segment;
 use crate::seqlock::{Freshness, SeqReader};
 use crate::sync::{Ordering, fence};
-use crate::words::{CpuState, DriverState, Leds, ModemInputs, ModemOutputs};
+use crate::words::{self, CpuState, DriverState, Leds, ModemInputs, ModemOutputs};
 
 /// A point in the CPU side's history, for [`CpSide::prepare_sleep`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -238,7 +238,7 @@ impl CpSide {
 
     /// Shows the LEDs.
     pub fn set_leds(&mut self, leds: Leds) {
-        self.cells().cp.leds.store(leds.to_word(), Ordering::Relaxed);
+        self.cells().cp.leds.store(words::leds_to_word(leds), Ordering::Relaxed);
     }
 
     /// Shows the modem lines.

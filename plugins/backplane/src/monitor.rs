@@ -8,7 +8,7 @@ use crate::header;
 use crate::registers::IoBytes;
 use crate::segment::Segment;
 use crate::sync::Ordering;
-use crate::words::{DriverState, Leds, ModemInputs};
+use crate::words::{self, DriverState, Leds, ModemInputs};
 
 /// A view of one CP that disturbs nobody. Every value is a single word, checked.
 #[derive(Clone, Debug)]
@@ -59,7 +59,7 @@ impl Monitor {
     /// The LEDs of the CP.
     #[must_use]
     pub fn leds(&self) -> Leds {
-        Leds::from_word(self.cells().cp.leds.load(Ordering::Relaxed))
+        words::leds_from_word(self.cells().cp.leds.load(Ordering::Relaxed))
     }
 
     /// State of the modem lines at the CP.

@@ -1,5 +1,7 @@
 //! State words of the segment: what they mean, and that anything else is a fault.
 
+pub use ob1_words::Leds;
+
 use crate::fault::Fault;
 
 /// State of the driver process, as it says itself; `Absent` is set by the runtime when it has seen the driver's end.
@@ -78,29 +80,15 @@ impl CpuState {
     }
 }
 
-/// The LEDs on the front of a CP.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Leds {
-    /// PW: the CP is supplied.
-    pub power: bool,
-    /// TxD: it sends.
-    pub transmit: bool,
-    /// RxD: it receives.
-    pub receive: bool,
-    /// ER (CP 240) or SF (CP 341): error.
-    pub error: bool,
+/// The word of the LEDs.
+pub(crate) fn leds_to_word(leds: Leds) -> u64 {
+    bits([leds.power, leds.transmit, leds.receive, leds.error])
 }
 
-impl Leds {
-    pub(crate) fn to_word(self) -> u64 {
-        bits([self.power, self.transmit, self.receive, self.error])
-    }
-
-    /// Unknown bits mean nothing and are dropped.
-    pub(crate) fn from_word(word: u64) -> Self {
-        let [power, transmit, receive, error] = flags(word);
-        Self { power, transmit, receive, error }
-    }
+/// Unknown bits mean nothing and are dropped.
+pub(crate) fn leds_from_word(word: u64) -> Leds {
+    let [power, transmit, receive, error] = flags(word);
+    Leds { power, transmit, receive, error }
 }
 
 /// Modem lines the CPU drives.
@@ -189,15 +177,15 @@ mod tests {
 
     #[test]
     fn lamps_and_lines_have_their_bits() {
-        assert_eq!(Leds { power: true, ..Leds::default() }.to_word(), 1);
-        assert_eq!(Leds { error: true, ..Leds::default() }.to_word(), 8);
+        assert_eq!(leds_to_word(Leds { power: true, ..Leds::default() }), 1);
+        assert_eq!(leds_to_word(Leds { error: true, ..Leds::default() }), 8);
         assert_eq!(ModemInputs { cts: true, rts: true, ..ModemInputs::default() }.to_word(), 0b10_0001);
         assert_eq!(ModemInputs { cd: true, ..ModemInputs::default() }.to_word(), 8);
         assert_eq!(ModemOutputs { drive_rts: true, dtr: true, ..ModemOutputs::default() }.to_word(), 9);
         for word in 0..64 {
             assert_eq!(ModemInputs::from_word(word).to_word(), word);
             assert_eq!(ModemOutputs::from_word(word).to_word(), word & 15);
-            assert_eq!(Leds::from_word(word).to_word(), word & 15);
+            assert_eq!(leds_to_word(leds_from_word(word)), word & 15);
         }
     }
 }

@@ -12,3 +12,6 @@ extern crate std;
 pub mod channels;
 pub mod cp040;
 pub mod cp240;
+mod leds;
+
+pub use leds::Leds;

@@ -31,7 +31,7 @@ impl Stream {
     /// The event after number `after`. When some are gone that nobody has got: how many, as the last of them.
     pub(crate) fn after(&self, after: u64) -> Option<Event> {
         let first = self.kept.front()?;
-        // Who knows a number from another run of the station begins anew.
+        // A client with a number from another run of the station begins anew.
         let after = if after > self.newest { 0 } else { after };
         if after + 1 < first.number {
             let lost = first.number - 1 - after;

@@ -197,7 +197,7 @@ impl Timer {
         image
     }
 
-    /// The timer of an image; `None` when it is none.
+    /// The timer of an image; `None` when the image is not one of a timer.
     pub(crate) fn from_image(image: &[u8], now: Nanos) -> Option<Self> {
         let [kind, bits, base, _, low, high, _, _, left @ ..] = image else { return None };
         let flag = |n: u8| bits >> n & 1 == 1;
@@ -287,7 +287,7 @@ impl Counter {
         [low, high, flags.into_iter().rev().fold(0, |bits, flag| bits << 1 | u8::from(flag)), 0]
     }
 
-    /// The counter of an image; `None` when it is none.
+    /// The counter of an image; `None` when the image is not one of a counter.
     pub(crate) fn from_image(image: &[u8]) -> Option<Self> {
         let [low, high, bits, 0] = *image else { return None };
         let value = u16::from_le_bytes([low, high]);

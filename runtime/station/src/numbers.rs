@@ -14,7 +14,7 @@ use crate::station_file::parse_block;
 /// Reads a file of numbers; none when there is no file.
 ///
 /// # Errors
-/// The file cannot be read, or has a line that is none.
+/// The file cannot be read, or a line of it has no meaning.
 pub(crate) fn read(path: &Path) -> Result<Vec<Numbered>, Vec<Finding>> {
     let name = path.display().to_string();
     let text = match std::fs::read_to_string(path) {

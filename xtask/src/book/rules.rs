@@ -110,7 +110,7 @@ impl Book {
         Some(at(path, span.line, format!("`{text}` does not exist")))
     }
 
-    /// `cargo xtask VERB` with a verb that is none.
+    /// `cargo xtask VERB` with an unknown verb.
     fn verb(&self, path: &str, code: &Placed) -> Option<Finding> {
         let rest = code.text.split_once("cargo xtask ")?.1;
         let verb: String = rest.chars().take_while(|c| c.is_ascii_alphanumeric() || *c == '-').collect();

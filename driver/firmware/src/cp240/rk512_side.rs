@@ -73,7 +73,7 @@ impl<const N: usize> Record<N> {
 pub(crate) enum Handed<'a> {
     /// An order.
     Order(Request, &'a [u8]),
-    /// An order that is none: its header, or its length.
+    /// An invalid order: its header or its length is wrong.
     BadOrder,
     /// The answer to the order of the partner that is with the CPU.
     Answer(Answer<'a>),

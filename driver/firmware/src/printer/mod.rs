@@ -73,7 +73,7 @@ impl Printer {
     /// behind them the bytes. `docs/cp341-channels.md`
     ///
     /// # Errors
-    /// Nothing is printed: the job is none (0301h), or what it makes is too long.
+    /// Nothing is printed: the job is not valid (0301h), or what it makes is too long.
     pub(crate) fn print(&mut self, job: &[u8]) -> Result<Printout, u16> {
         const WRONG: u16 = 0x0301;
         let (lengths, mut rest) = job.split_at_checked(2 * (VARIABLES + 1)).ok_or(WRONG)?;

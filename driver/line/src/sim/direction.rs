@@ -120,7 +120,7 @@ impl Direction {
         waiting as usize
     }
 
-    /// Characters that have arrived by `limit`, up to the first thing that is none; or that thing, if it stands first.
+    /// Characters that have arrived by `limit`, up to the first other event; or that event, if it comes first.
     pub(super) fn take_arrivals(&mut self, limit: Nanos, buffer: &mut [u8]) -> SimEvent {
         let mut taken = 0;
         while let Some(item) = self.items.front().filter(|item| item.arrival <= limit) {

@@ -67,7 +67,7 @@ pub(super) const ROWS: &[Row] = &[
     here(0x0E55, "The reply's byte counter is wrong", SLAVE),
     here(0x0E56, "The reply does not echo the request", SLAVE),
     here(0x0E57, "The reply's LRC is wrong", SLAVE),
-    here(0x0E58, "The reply has a character that is none of 0-9, A-F", "Check the slave: is it set to ASCII, not RTU?"),
+    here(0x0E58, "The reply has a character other than 0-9, A-F", "Check the slave: is it set to ASCII, not RTU?"),
     here(0x0E61, "Slave: exception 01, it does not have this function", MANUAL),
     here(0x0E62, "Slave: exception 02, it does not have this address", MANUAL),
     here(0x0E63, "Slave: exception 03, this value is not allowed", MANUAL),

@@ -51,7 +51,7 @@ pub enum Step {
     Noise(u8),
     /// A frame is complete and its check sum right.
     Telegram(Bytes),
-    /// What looked like a frame is none.
+    /// What looked like a frame is not a valid one.
     Wrong {
         /// Computed from what came in.
         computed: u8,

@@ -123,7 +123,7 @@ impl MBus {
         if self.state != State::Idle {
             return out.sent(Err(SendError::Busy));
         }
-        // [S0 "Overview of M-Bus telegrams"]: the length tells the frame; a lone baud rate is none.
+        // [S0 "Overview of M-Bus telegrams"]: the length tells the frame; a baud rate alone is not a telegram.
         let frame = match *telegram {
             [] | [_] => return out.sent(Err(SendError::Frame)),
             [_, SINGLE] => Frame::Single,

@@ -94,7 +94,7 @@ impl Function {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Exception {
-    /// The function code is none of the eight.
+    /// The function code is not one of the eight.
     Function = 1,
     /// Not all of it lies inside the area.
     Address = 2,

@@ -212,7 +212,7 @@ impl<const N: usize> Rk512<N> {
         self.forget_own_telegram();
     }
 
-    /// A reaction that is none ends the order it would belong to. [reference 3.12]
+    /// An invalid reaction ends the order it would belong to. [reference 3.12]
     pub(super) fn bad_reaction(&mut self, now: Nanos, bad: BadReaction, out: &mut dyn Owner) {
         if self.awaits_reaction() {
             self.end_own(now, Err(OrderError::BadReaction(bad)), out);

@@ -220,7 +220,7 @@ fn letters(command: u8, area: u8) -> Result<(Command, Area), Malformed> {
     }
 }
 
-/// Why a telegram is none.
+/// Why a telegram is not valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Malformed {
     /// Fewer than 4 bytes, or fewer than 10 for the first telegram of an order.
@@ -229,7 +229,7 @@ pub enum Malformed {
     FirstBytes,
     /// The same, in a reaction.
     ReactionBytes,
-    /// The third byte is none of A, O, E (and not the 00h of a reaction).
+    /// The third byte is neither A, O nor E (nor the 00h of a reaction).
     CommandLetter,
     /// The fourth byte is no area, or none the command may name.
     AreaLetter,

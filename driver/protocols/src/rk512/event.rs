@@ -168,7 +168,7 @@ pub enum OrderError {
     NoReaction,
     /// No reaction within BWZ, and the telegram has been sent DBL times.
     BwzExceeded,
-    /// The reaction is none, or not to this order.
+    /// The reaction is not valid, or not the one to this order.
     BadReaction(BadReaction),
     /// Longer than the buffer; nothing was sent.
     TooLong,
@@ -255,7 +255,7 @@ pub enum Event {
     Abandoned,
     /// Our reaction could not be sent.
     ReactionNotSent(SendError),
-    /// A reaction that belongs to nothing, or is none.
+    /// A reaction that belongs to no order, or is not valid.
     BadReaction(BadReaction),
     /// BWZ ran out, our telegram is sent again: the n-th repetition.
     Repetition(u16),

@@ -394,7 +394,7 @@ impl Reader {
         );
     }
 
-    /// A frame tells its length; what is none goes on to a pause or to what the other side says.
+    /// A frame tells its length; anything else ends with a pause, or when the other side speaks.
     /// Both directions at once, each by itself: there are no answers on this line.
     fn enocean(&mut self, way: Way, byte: u8, out: &mut Out<'_>) {
         let side = &mut self.sides[way as usize];

@@ -72,7 +72,7 @@ pub struct Record<'a> {
 }
 
 impl<'a> Record<'a> {
-    /// Reads a record; `None`: it is none of this version.
+    /// Reads a record; `None`: it is not a record of this version.
     #[must_use]
     pub fn read(bytes: &'a [u8]) -> Option<Self> {
         let (time, rest) = bytes.split_first_chunk::<8>()?;

@@ -422,7 +422,7 @@ impl ToBroker {
         super::wire::encode(self)
     }
 
-    /// Of a packet; `None`: it is none.
+    /// Of a packet; `None`: it is not a message.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         super::wire::decode(bytes)
@@ -436,7 +436,7 @@ impl ToLink {
         super::wire::encode(self)
     }
 
-    /// Of a packet; `None`: it is none.
+    /// Of a packet; `None`: it is not a message.
     #[must_use]
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         super::wire::decode(bytes)

@@ -238,7 +238,7 @@ impl Door {
             }
             ToLink::Unwatched { generation, refused } => {
                 self.ranges.unwatched(generation, &refused);
-                // Who waits for one of them learns it by reading again.
+                // A reader that waits for one of them learns of it by reading again.
                 self.news.push_back(News::Watching);
             }
             ToLink::Written { client, ticket, outcome } => {

@@ -306,7 +306,7 @@ impl Driver {
             process.has_beaten();
             return Input::Heartbeat;
         }
-        // Who comes late himself has not seen what the driver could do meanwhile.
+        // After a late look the supervisor cannot tell what the driver did meanwhile.
         if process.is_starved() || since_last_look > LOOK_LATE { Input::Starved } else { Input::Tick }
     }
 

@@ -1,4 +1,4 @@
-//! A look as text, for pipes and for terminals that are none.
+//! A look as text, for pipes and files.
 
 use std::fmt::Write as _;
 

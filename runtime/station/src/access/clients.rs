@@ -331,7 +331,7 @@ mod tests {
         assert_eq!(ends[1].read(&mut answer).expect("an end"), 0, "the most silent");
     }
 
-    /// Who takes nothing is asked nothing; the others go on.
+    /// A client that does not take its answer is asked nothing more; the others go on.
     #[test]
     fn a_slow_reader_waits_alone() {
         let folder = tempfile::tempdir().expect("a directory");

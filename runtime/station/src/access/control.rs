@@ -14,7 +14,7 @@ use rustix::event::{PollFd, PollFlags};
 
 /// Pause between two looks at the window, while a snapshot is waited for.
 const LOOK: Duration = Duration::from_micros(200);
-/// How often what nobody asks for any more is looked for.
+/// How often the door lets go of what is no longer asked for.
 const TICK: Duration = Duration::from_secs(1);
 
 /// A cell and how much of it.

@@ -80,7 +80,7 @@ impl Request {
 /// The plan of a request that was received.
 ///
 /// # Errors
-/// It is none, or of a program that cannot be loaded.
+/// It is no request, or its program cannot be loaded.
 pub(super) fn plan(bytes: &[u8]) -> Result<Arc<Plan>, String> {
     let sent: Sent = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
     let program = ob1_ir::parse(&sent.program).map_err(|error| format!("the program: {error}"))?;

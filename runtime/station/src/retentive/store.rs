@@ -230,7 +230,7 @@ fn lock(folder: &Path, station: &str) -> Result<Lock, StoreError> {
     }
 }
 
-/// The bytes of a file, if there is one; why it is refused, if it is none that could be ours. Never waits.
+/// The bytes of a file, if there is one; why it is refused, if it cannot be one of ours. Never waits.
 fn read(path: &Path) -> Result<Option<Vec<u8>>, String> {
     let there = match fs::symlink_metadata(path) {
         Ok(there) => there,

@@ -263,7 +263,7 @@ impl AtWork {
         self.outputs_off();
         self.drain_log();
         drop(self.server.take());
-        // Who finds its door closed ends by itself.
+        // A process that finds its door closed ends by itself.
         drop(self.broker.take());
         drop(self.links.take());
         if let Some(fleet) = self.fleet.take() {

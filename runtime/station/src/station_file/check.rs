@@ -169,7 +169,7 @@ fn family(f: &mut Findings<'_>, value: Option<&Placed<i64>>) -> Family {
         None | Some((300, _)) => Family::S7_300,
         Some((400, _)) => Family::S7_400,
         Some((other, at)) => {
-            f.error(VALUE, at, format!("family = {other} is none"), "300 (S7-300) or 400 (S7-400)");
+            f.error(VALUE, at, format!("family = {other} does not exist"), "300 (S7-300) or 400 (S7-400)");
             Family::S7_300
         }
     }

@@ -141,7 +141,7 @@ pub(super) unsafe extern "C" fn log(call: *mut CallContext, level: u8, text: Tex
     }
 }
 
-/// The extensions by name; null for what is none.
+/// The extensions by name; null for an unknown name.
 pub(super) unsafe extern "C" fn extension(_call: *mut CallContext, name: Text) -> *const c_void {
     // SAFETY: see the head of `host_table`.
     match unsafe { given(name) } {

@@ -1,0 +1,19 @@
+//! The four LEDs on the front of a CP. [S0 "LEDs"]
+
+/// The LEDs as they are now.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Leds {
+    /// PW, yellow: the module has power. CP 040: RUN.
+    pub power: bool,
+    /// TxD, green: it sends.
+    pub transmit: bool,
+    /// RxD, green: it receives.
+    pub receive: bool,
+    /// ER (CP 240), SF (CP 340, CP 341), IF or MF (CP 040), red: an error.
+    pub error: bool,
+}
+
+impl Leds {
+    /// All of them out.
+    pub const NONE: Self = Self { power: false, transmit: false, receive: false, error: false };
+}
