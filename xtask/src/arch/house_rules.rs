@@ -75,7 +75,7 @@ pub(super) fn workspace_lints(tree: &Tree) -> Vec<Finding> {
 }
 
 /// Past this many lines without its tests a file wants a second room.
-const LONG: usize = 800;
+const LONG: usize = 600;
 
 /// Names long files.
 pub(super) fn long_files(tree: &Tree) -> Vec<Finding> {

@@ -241,3 +241,21 @@ pub(crate) fn check<const N: usize>(config: Config, table: &str) {
         assert_eq!(bench.seen(), expected(outputs));
     }
 }
+
+/// 9600 baud, 10 bits.
+pub(crate) const CHAR: Nanos = 1_041_667;
+
+/// A CP 240 on 3964 or 3964R.
+pub(crate) fn cp240(bcc: bool) -> Config {
+    Config::cp240(crate::defaults::cp240(bcc, CHAR))
+}
+
+/// A CP 240 on both; the first line of each table is the first tick.
+pub(crate) fn check_cp240(table: &str) {
+    for bcc in [true, false] {
+        check::<1024>(cp240(bcc), &format!("0 start\n{table}"));
+    }
+}
+
+/// SEND of 8 words to DB 5, DW 1.
+pub(crate) const SEND_8: &str = "00 00 41 44 05 01 00 08 FF FF";

@@ -1,6 +1,7 @@
 //! What the tests of the CPU share: a clock in virtual time, and programs written directly as intermediate code.
 #![allow(dead_code, unreachable_pub, unused_imports, reason = "each test crate uses its own part")]
 
+pub mod calls;
 pub mod engines;
 pub mod rack;
 pub mod random;
