@@ -11,6 +11,9 @@ use crate::{pick, shell};
 const SIEGES: &[Siege] = &[
     Siege { name: "kill", package: "ob1-tests", binary: "process_siege", rounds: 1_000 },
     Siege { name: "socket", package: "ob1-tests", binary: "process_siege", rounds: 100_000 },
+    Siege { name: "s7_kill", package: "ob1-tests", binary: "process_s7_siege", rounds: 100 },
+    Siege { name: "s7_sessions", package: "ob1-tests", binary: "process_s7_siege", rounds: 1_000_000 },
+    Siege { name: "s7_torn", package: "ob1-tests", binary: "process_s7_siege", rounds: 10_000_000 },
     Siege { name: "segment", package: "ob1-tests", binary: "siege", rounds: 1_000_000 },
     Siege { name: "input", package: "ob1-tests", binary: "siege", rounds: 100_000 },
     Siege { name: "cut", package: "ob1-tests", binary: "siege", rounds: 1_000 },

@@ -2,61 +2,8 @@
 
 use ob1_model::{Area, BitAddr};
 
-/// Type code of an ANY pointer (byte 1).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the data types of the STL reference")]
-pub enum AnyType {
-    Nil,
-    Bool,
-    Byte,
-    Char,
-    Word,
-    Int,
-    DWord,
-    DInt,
-    Real,
-    Date,
-    TimeOfDay,
-    Time,
-    S5Time,
-    DateAndTime,
-    String,
-}
-
-impl AnyType {
-    const fn from_code(code: u8) -> Option<Self> {
-        Some(match code {
-            0x00 => AnyType::Nil,
-            0x01 => AnyType::Bool,
-            0x02 => AnyType::Byte,
-            0x03 => AnyType::Char,
-            0x04 => AnyType::Word,
-            0x05 => AnyType::Int,
-            0x06 => AnyType::DWord,
-            0x07 => AnyType::DInt,
-            0x08 => AnyType::Real,
-            0x09 => AnyType::Date,
-            0x0A => AnyType::TimeOfDay,
-            0x0B => AnyType::Time,
-            0x0C => AnyType::S5Time,
-            0x0E => AnyType::DateAndTime,
-            0x13 => AnyType::String,
-            _ => return None,
-        })
-    }
-
-    /// Bits of one element. A STRING's count is its bytes.
-    const fn bits(self) -> u32 {
-        match self {
-            AnyType::Nil => 0,
-            AnyType::Bool => 1,
-            AnyType::Byte | AnyType::Char | AnyType::String => 8,
-            AnyType::Word | AnyType::Int | AnyType::Date | AnyType::S5Time => 16,
-            AnyType::DWord | AnyType::DInt | AnyType::Real | AnyType::TimeOfDay | AnyType::Time => 32,
-            AnyType::DateAndTime => 64,
-        }
-    }
-}
+pub use ob1_words::any::AnyType;
+use ob1_words::any::Fields;
 
 /// A parsed ANY pointer to memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,21 +25,16 @@ impl AnyPointer {
     /// type or area.
     #[must_use]
     pub fn parse(bytes: &[u8; 10]) -> Option<Self> {
-        if bytes[0] != 0x10 {
+        let Fields { ty, count, db, area, start } = Fields::read(bytes)?;
+        // Timers and counters are no memory.
+        if matches!(ty, AnyType::Timer | AnyType::Counter) {
             return None;
         }
-        let ty = AnyType::from_code(bytes[1])?;
-        let area = match (ty, bytes[6]) {
+        let area = match (ty, area) {
             (AnyType::Nil, 0) => Area::Memory,
             (_, code) => Area::from_pointer_code(code)?,
         };
-        Some(Self {
-            ty,
-            count: u16::from_be_bytes([bytes[2], bytes[3]]),
-            db: u16::from_be_bytes([bytes[4], bytes[5]]),
-            area,
-            at: BitAddr(u32::from_be_bytes([0, bytes[7], bytes[8], bytes[9]]) & 0x7_FFFF),
-        })
+        Some(Self { ty, count, db, area, at: BitAddr(start & 0x7_FFFF) })
     }
 
     /// Bytes it names; `None` when it names bits that are not whole bytes, or does not begin at one.

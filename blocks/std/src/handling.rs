@@ -102,6 +102,55 @@ params!(Com040 {
         STATUS_RECV: WORD }
     InOut { CONTROL: BYTE }
 });
+// CP 343: library CP 300.
+params!(AgSend {
+    Input { ACT: BOOL, ID: INT, LADDR: WORD, SEND: ANY, LEN: INT }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+});
+params!(AgReceive {
+    Input { ID: INT, LADDR: WORD, RECV: ANY }
+    Output { NDR: BOOL, ERROR: BOOL, STATUS: WORD, LEN: INT }
+});
+params!(AgLock { Input { ACT: BOOL, ID: INT, LADDR: WORD } Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD } });
+params!(AgControl {
+    Input { ACT: BOOL, ID: INT, LADDR: WORD, CMD: INT }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD, RESULT1: DWORD, RESULT2: DWORD }
+});
+params!(Usend {
+    Input { REQ: BOOL, ID: WORD, R_ID: DWORD }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+    InOut { SD_1: ANY }
+});
+params!(Urcv {
+    Input { EN_R: BOOL, ID: WORD, R_ID: DWORD }
+    Output { NDR: BOOL, ERROR: BOOL, STATUS: WORD }
+    InOut { RD_1: ANY }
+});
+params!(Bsend {
+    Input { REQ: BOOL, R: BOOL, ID: WORD, R_ID: DWORD }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+    InOut { SD_1: ANY, LEN: WORD }
+});
+params!(Brcv {
+    Input { EN_R: BOOL, ID: WORD, R_ID: DWORD }
+    Output { NDR: BOOL, ERROR: BOOL, STATUS: WORD }
+    InOut { RD_1: ANY, LEN: WORD }
+});
+params!(Get {
+    Input { REQ: BOOL, ID: WORD }
+    Output { NDR: BOOL, ERROR: BOOL, STATUS: WORD }
+    InOut { ADDR_1: ANY, RD_1: ANY }
+});
+params!(Put {
+    Input { REQ: BOOL, ID: WORD }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+    InOut { ADDR_1: ANY, SD_1: ANY }
+});
+params!(ConnectionControl {
+    Input { EN_R: BOOL, ID: WORD }
+    Return { RET_VAL: INT }
+    Output { ERROR: BOOL, STATUS: WORD, C_CONN: BOOL, C_STATUS: WORD }
+});
 
 pub(crate) const ROWS: &[&[Row]] = &[
     &[
@@ -133,6 +182,22 @@ pub(crate) const ROWS: &[&[Row]] = &[
         declared::<Send040>(Origin::Cp040, Fb, 60, "SEND"),
         declared::<Receive040>(Origin::Cp040, Fb, 61, "RECEIVE"),
         declared::<Com040>(Origin::Cp040, Fb, 65, "CP040_COM"),
+    ],
+    &[
+        declared::<AgSend>(Origin::Cp300, Fc, 5, "AG_SEND"),
+        declared::<AgReceive>(Origin::Cp300, Fc, 6, "AG_RECV"),
+        declared::<AgLock>(Origin::Cp300, Fc, 7, "AG_LOCK"),
+        declared::<AgLock>(Origin::Cp300, Fc, 8, "AG_UNLOCK"),
+        declared::<AgControl>(Origin::Cp300, Fc, 10, "AG_CNTRL"),
+        declared::<AgSend>(Origin::Cp300, Fc, 50, "AG_LSEND"),
+        declared::<AgReceive>(Origin::Cp300, Fc, 60, "AG_LRECV"),
+        declared::<ConnectionControl>(Origin::Cp300, Fc, 62, "C_CNTRL"),
+        declared::<Usend>(Origin::Cp300, Fb, 8, "USEND"),
+        declared::<Urcv>(Origin::Cp300, Fb, 9, "URCV"),
+        declared::<Bsend>(Origin::Cp300, Fb, 12, "BSEND"),
+        declared::<Brcv>(Origin::Cp300, Fb, 13, "BRCV"),
+        declared::<Get>(Origin::Cp300, Fb, 14, "GET"),
+        declared::<Put>(Origin::Cp300, Fb, 15, "PUT"),
     ],
 ];
 

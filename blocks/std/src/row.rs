@@ -27,6 +27,8 @@ pub enum Origin {
     Cp340,
     /// The handling blocks of the CP 040: declared here, served by a plugin.
     Cp040,
+    /// The handling blocks of the CP 343 (library CP 300): declared here, served by a plugin.
+    Cp300,
 }
 
 impl Origin {
@@ -42,13 +44,14 @@ impl Origin {
             Origin::Cp341 => "CP341",
             Origin::Cp340 => "CP340",
             Origin::Cp040 => "CP040",
+            Origin::Cp300 => "CP300",
         }
     }
 
     /// Only names and parameters of its blocks are known here: a plugin has to serve them.
     #[must_use]
     pub const fn is_declared_only(self) -> bool {
-        matches!(self, Origin::Cp240 | Origin::Cp341 | Origin::Cp340 | Origin::Cp040)
+        matches!(self, Origin::Cp240 | Origin::Cp341 | Origin::Cp340 | Origin::Cp040 | Origin::Cp300)
     }
 }
 

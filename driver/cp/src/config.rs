@@ -41,7 +41,12 @@ impl Config {
         let keys: Keys =
             serde_json::from_slice(json).map_err(|e| Refused(format!("the driver's configuration: {e}")))?;
         let Some(cp_type) = CpType::of(&keys.module, &keys.params) else {
-            let known = CpKind::TABLE.map(|row| row.name).join(" or a ");
+            let known = CpKind::TABLE
+                .iter()
+                .filter(|row| !row.has_boxes)
+                .map(|row| row.name)
+                .collect::<Vec<_>>()
+                .join(" or a ");
             return Err(Refused(format!("module \"{}\": this driver is a {known}", keys.module)));
         };
         let line = keys.line.parse().map_err(|e| Refused(format!("{e}")))?;

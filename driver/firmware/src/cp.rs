@@ -30,5 +30,22 @@ pub fn of(kind: CpKind, generation: u64, io_bytes: usize) -> Box<dyn Cp> {
         CpKind::Cp240 => Box::new(Cp240::new(generation)),
         CpKind::Cp040 => Box::new(Cp040::new(io_bytes)),
         CpKind::Cp341 | CpKind::Cp340 => Box::new(Cp341::of(kind)),
+        CpKind::Cp343 => Box::new(Elsewhere),
     }
+}
+
+/// A CP whose firmware is another process: the link of a CP 343. No serial driver is asked for one.
+#[derive(Debug)]
+struct Elsewhere;
+
+impl Cp for Elsewhere {
+    fn step(&mut self, _: Nanos, _: CpInput<'_>, _: &mut dyn CpPort) -> Option<Nanos> {
+        None
+    }
+
+    fn is_working(&self) -> bool {
+        false
+    }
+
+    fn enable_diagnostics(&mut self, _: bool) {}
 }

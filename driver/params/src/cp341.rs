@@ -135,7 +135,7 @@ pub fn protocols_of(kind: CpKind) -> Protocols {
     match kind {
         CpKind::Cp341 => PROTOCOLS_341,
         CpKind::Cp340 => cp340::PROTOCOLS_340,
-        CpKind::Cp240 | CpKind::Cp040 => &[],
+        CpKind::Cp240 | CpKind::Cp040 | CpKind::Cp343 => &[],
     }
 }
 

@@ -11,6 +11,8 @@ pub enum CpKind {
     Cp341,
     /// Siemens CP 340.
     Cp340,
+    /// Siemens CP 343: Ethernet.
+    Cp343,
 }
 
 /// What tells a type from the others.
@@ -29,6 +31,8 @@ pub struct CpRow {
     /// Its handling blocks talk to it in channels (`docs/cp341-channels.md`), its parameters are keys without another
     /// form, and it has a diagnostic buffer of its own.
     pub has_channels: bool,
+    /// Its handling blocks have boxes (`docs/cp343.md`), and its driver is the process of a link.
+    pub has_boxes: bool,
     /// The place of the diagnostic record is its own: there is none for the text of a line error.
     pub has_record: bool,
     /// It wants the outputs as they stand before its first parameters. A CP 341 wants them behind: its driver says
@@ -43,7 +47,7 @@ const SIEMENS_LEDS: [&str; 4] = ["", "SF", "TXD", "RXD"];
 
 impl CpKind {
     /// All rows, each type once.
-    pub const TABLE: [CpRow; 4] = [
+    pub const TABLE: [CpRow; 5] = [
         CpRow {
             kind: Self::Cp240,
             name: "cp240",
@@ -51,6 +55,7 @@ impl CpKind {
             io_bytes: Some(16),
             leds: VIPA_LEDS,
             has_channels: false,
+            has_boxes: false,
             has_record: false,
             outputs_first: true,
         },
@@ -61,6 +66,7 @@ impl CpKind {
             io_bytes: Some(16),
             leds: SIEMENS_LEDS,
             has_channels: true,
+            has_boxes: false,
             has_record: true,
             outputs_first: false,
         },
@@ -71,6 +77,7 @@ impl CpKind {
             io_bytes: Some(16),
             leds: SIEMENS_LEDS,
             has_channels: true,
+            has_boxes: false,
             has_record: true,
             outputs_first: false,
         },
@@ -81,6 +88,18 @@ impl CpKind {
             io_bytes: None,
             leds: VIPA_LEDS,
             has_channels: false,
+            has_boxes: false,
+            has_record: true,
+            outputs_first: true,
+        },
+        CpRow {
+            kind: Self::Cp343,
+            name: "cp343",
+            text: "CP 343",
+            io_bytes: Some(16),
+            leds: ["", "SF", "", ""],
+            has_channels: false,
+            has_boxes: true,
             has_record: true,
             outputs_first: true,
         },
@@ -116,7 +135,7 @@ mod tests {
 
     #[test]
     fn every_type_has_its_row() {
-        for kind in [CpKind::Cp240, CpKind::Cp040, CpKind::Cp341, CpKind::Cp340] {
+        for kind in [CpKind::Cp240, CpKind::Cp040, CpKind::Cp341, CpKind::Cp340, CpKind::Cp343] {
             assert_eq!((kind.row().kind, CpKind::of_name(kind.name())), (kind, Some(kind)));
         }
         assert_eq!(CpKind::of_name("cp999"), None);

@@ -5,7 +5,8 @@ use std::time::Duration;
 use ob1_access::Right;
 use ob1_access::door::Welcome;
 use ob1_s7::Rights;
-use ob1_s7::iso::Place;
+use ob1_s7::coupling::ConnectionKind;
+use ob1_s7::iso::{Place, Tsap};
 use ob1_s7::server::Settings;
 use serde::Deserialize;
 
@@ -24,13 +25,47 @@ struct Keys {
     clients: usize,
     idle: u64,
     password_rights: Option<String>,
+    connections: Vec<ConnectionKeys>,
+}
+
+/// A connection of a CP 343, as the runtime says it.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct ConnectionKeys {
+    pub(crate) id: u16,
+    #[serde(rename = "type")]
+    kind: String,
+    pub(crate) active: bool,
+    /// Address and port.
+    pub(crate) partner: Option<String>,
+    /// TSAPs.
+    #[serde(default)]
+    pub(crate) local: Vec<u8>,
+    #[serde(default)]
+    pub(crate) remote: Vec<u8>,
+    /// Which of the sockets that were bound for the CP, from 0.
+    pub(crate) socket: Option<usize>,
+}
+
+impl ConnectionKeys {
+    pub(crate) fn kind(&self) -> ConnectionKind {
+        match self.kind.as_str() {
+            "tcp" => ConnectionKind::Tcp,
+            "udp" => ConnectionKind::Udp,
+            "s7" => ConnectionKind::S7,
+            _ => ConnectionKind::Iso,
+        }
+    }
+
+    pub(crate) fn tsap(&self, bytes: &[u8]) -> Tsap {
+        Tsap::new(bytes).unwrap_or_default()
+    }
 }
 
 impl Default for Keys {
     fn default() -> Self {
         let pdu = Settings::default().pdu;
         // Where the CPU of an S7-300 sits.
-        Self { rack: 0, slot: 2, pdu, clients: CLIENTS, idle: 0, password_rights: None }
+        Self { rack: 0, slot: 2, pdu, clients: CLIENTS, idle: 0, password_rights: None, connections: Vec::new() }
     }
 }
 
@@ -51,7 +86,7 @@ impl Config {
     ///
     /// # Errors
     /// The keys are not those of this version.
-    pub(crate) fn of(welcome: &Welcome) -> Result<Self, serde_json::Error> {
+    pub(crate) fn of(welcome: &Welcome) -> Result<(Self, Vec<ConnectionKeys>), serde_json::Error> {
         let keys: Keys = serde_json::from_str(&welcome.config)?;
         let unlocked = keys.password_rights.as_deref().and_then(Right::named);
         let clients = keys.clients.clamp(1, MOST_CLIENTS);
@@ -62,13 +97,14 @@ impl Config {
             connections: clients as u16,
             ..Settings::default()
         };
-        Ok(Self {
+        let config = Self {
             place: Place { rack: keys.rack, slot: keys.slot },
             settings,
             unlocked: unlocked.map_or(settings.rights, rights),
             clients,
             idle: (keys.idle > 0).then(|| Duration::from_secs(keys.idle)),
-        })
+        };
+        Ok((config, keys.connections))
     }
 }
 

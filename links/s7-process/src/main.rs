@@ -7,11 +7,12 @@
 mod asks;
 mod cells;
 mod config;
+mod coupler;
 mod server;
 mod session;
 mod slots;
 
-use std::os::fd::AsFd;
+use std::os::fd::{AsFd, OwnedFd};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -19,15 +20,20 @@ use std::time::Duration;
 
 use clap::Parser;
 use ob1_access::door::{Door, DoorError};
+use ob1_backplane::{CpSide, Segment, handover};
 use ob1_rt::{Confinement, Network};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use tracing::{error, info, warn};
 use tracing_subscriber::EnvFilter;
 
+use coupler::Coupler;
 use server::Server;
 
 /// How long what is still to be logged may hold up the end.
 const LAST_WORDS: Duration = Duration::from_millis(200);
+/// So long the doorbell of a station that ends may take.
+const FAREWELL: Timespec = Timespec { tv_sec: 2, tv_nsec: 0 };
 /// Most data, in bytes: 128 connections, each with all it can hold.
 const MEMORY: u64 = 256 << 20;
 /// It comes back by itself, the runtime does not: when memory runs out, the link goes first.
@@ -35,7 +41,7 @@ const OOM_SCORE: i16 = 500;
 
 const HELP: &str = "\
 The runtime starts it for each [[link]] with type = \"s7\". Standard input is the socket of the broker; everything else,
-the listening sockets too, comes through it. SIGINT and SIGHUP are ignored (the runtime decides); SIGTERM ends it.
+the listening sockets too, comes through it; of a CP 343 (--cp) standard input is its doorbell. SIGINT and SIGHUP are ignored (the runtime decides); SIGTERM ends it.
 
 Exit codes:
   0  the station has closed the door, or SIGTERM
@@ -52,6 +58,15 @@ struct Arguments {
     /// Name for the log.
     #[arg(long, default_value = "s7")]
     name: String,
+
+    /// Be the Ethernet CP of a station too: standard input is the doorbell of the back plane, standard output hands over
+    /// its segment and the door.
+    #[arg(long)]
+    cp: bool,
+
+    /// Path of the segment, for people: it comes by standard output.
+    #[arg(long, hide = true)]
+    segment: Option<std::path::PathBuf>,
 }
 
 fn main() -> ExitCode {
@@ -64,7 +79,7 @@ fn run(arguments: &Arguments) -> ExitCode {
     // Before anything is opened, and before there is a thread. Sockets to listen on come through the door.
     ob1_rt::close_inherited();
     let refused = ob1_rt::confine(&Confinement {
-        network: Network::None,
+        network: if arguments.cp { Network::Address } else { Network::None },
         memory: MEMORY,
         oom_score: OOM_SCORE,
         ..Confinement::default()
@@ -89,8 +104,21 @@ fn run(arguments: &Arguments) -> ExitCode {
             error!("signal {signal}: {error}");
         }
     }
-    let door = rustix::stdio::stdin().as_fd().try_clone_to_owned().map_err(DoorError::from).and_then(Door::new);
-    let served = door.and_then(|door| Server::new(door, terminate).run());
+    let ends =
+        if arguments.cp { back_plane() } else { Ok((rustix::stdio::stdin().as_fd().try_clone_to_owned(), None)) };
+    let (door, coupler) = match ends {
+        Ok(ends) => ends,
+        Err(why) => {
+            error!("the back plane: {why}");
+            return ExitCode::from(1);
+        }
+    };
+    let door = door.map_err(DoorError::from).and_then(Door::new);
+    let served = door.and_then(|door| Server::new(door, terminate, coupler).run());
+    if arguments.cp && matches!(served, Err(DoorError::Closed)) {
+        // The station ends, and says so by the doorbell next: who went before it would be started again.
+        let _ = poll(&mut [PollFd::from_borrowed_fd(rustix::stdio::stdin(), PollFlags::IN)], Some(&FAREWELL));
+    }
     match served {
         Ok(()) => {
             info!("terminated");
@@ -105,4 +133,15 @@ fn run(arguments: &Arguments) -> ExitCode {
             ExitCode::from(1)
         }
     }
+}
+
+/// The door and the back plane, handed over by the runtime.
+fn back_plane() -> Result<(std::io::Result<OwnedFd>, Option<Coupler>), String> {
+    let handed = handover::receive(rustix::stdio::stdout(), &mut [0]).map_err(|error| error.to_string())?;
+    let mut descriptors = handed.map(|(_, descriptors)| descriptors).unwrap_or_default().into_iter();
+    let (Some(segment), Some(door)) = (descriptors.next(), descriptors.next()) else {
+        return Err("the runtime has not handed over a segment and a door".into());
+    };
+    let side = Segment::received(segment).and_then(|segment| CpSide::attach(&segment));
+    Ok((Ok(door), Some(Coupler::new(side.map_err(|error| error.to_string())?))))
 }

@@ -17,6 +17,7 @@ use tracing::{debug, info, warn};
 
 use crate::asks::Surroundings;
 use crate::config::Config;
+use crate::coupler::{Coupler, keep_alive};
 use crate::session::Session;
 use crate::slots::{Verdict, admit};
 
@@ -29,10 +30,6 @@ const HALF_OPEN: usize = 64;
 const CALL: Duration = Duration::from_secs(10);
 /// Accepted in one round: those who are served come in between.
 const ACCEPTS: usize = 64;
-/// A partner that is gone is noticed after a minute.
-const KEEPALIVE_IDLE: Duration = Duration::from_secs(30);
-const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(10);
-const KEEPALIVE_COUNT: u32 = 3;
 /// Lines about connections in the log, of each [`TICK`].
 const LINES: u32 = 10;
 /// The newest entry of the diagnostic buffer.
@@ -58,6 +55,8 @@ pub(crate) struct Server {
     subscribed: bool,
     /// Waiting for the newest entry of the diagnostic buffer.
     diagnosis: Option<Ticket>,
+    /// The process is an Ethernet CP too.
+    coupler: Option<Coupler>,
 }
 
 /// What is ready after a wait.
@@ -65,10 +64,14 @@ pub(crate) struct Server {
 struct Ready {
     accept: Vec<usize>,
     read: Vec<usize>,
+    /// The doorbell of the back plane.
+    rung: bool,
+    /// Descriptors of the CP, in its order.
+    coupler: Vec<bool>,
 }
 
 impl Server {
-    pub(crate) fn new(door: Door, terminate: Arc<AtomicBool>) -> Self {
+    pub(crate) fn new(door: Door, terminate: Arc<AtomicBool>, coupler: Option<Coupler>) -> Self {
         let now = Instant::now();
         Self {
             door,
@@ -86,6 +89,7 @@ impl Server {
             unsaid: 0,
             subscribed: false,
             diagnosis: None,
+            coupler,
         }
     }
 
@@ -108,6 +112,12 @@ impl Server {
                     session.receive(&mut self.buffer, now);
                 }
             }
+            if let Some(coupler) = &mut self.coupler {
+                coupler.ready(&ready.coupler);
+                if ready.rung && doorbell_closed()? {
+                    return Ok(());
+                }
+            }
         }
         Ok(())
     }
@@ -118,10 +128,15 @@ impl Server {
         }
         let Some(welcome) = self.door.welcome() else { return };
         match Config::of(welcome) {
-            Ok(config) => {
+            Ok((config, connections)) => {
                 info!(link = welcome.link, rack = config.place.rack, slot = config.place.slot, "serving");
                 self.config = Some(config);
                 self.listeners = self.door.take_listeners();
+                if let Some(coupler) = &mut self.coupler {
+                    // The first is the server's, those behind it belong to connections.
+                    let sockets = self.listeners.split_off(self.listeners.len().min(1));
+                    coupler.configure(&connections, config.settings, sockets.into_iter().map(Some).collect());
+                }
             }
             Err(error) => {
                 warn!("the keys of the link: {error}");
@@ -133,6 +148,9 @@ impl Server {
     fn times(&mut self, now: Instant) {
         if now >= self.beat {
             self.door.beat();
+            if let Some(coupler) = &mut self.coupler {
+                coupler.beat();
+            }
             self.beat = now + BEAT;
         }
         if now >= self.tick {
@@ -166,12 +184,13 @@ impl Server {
                 }
                 News::Watching => {}
                 News::Written { client, .. } | News::Answer { client, .. } => {
-                    let Some(session) = self.sessions.iter_mut().find(|session| session.number == *client) else {
-                        continue;
-                    };
                     let mut around =
                         Surroundings { door: &mut self.door, reading: &mut self.reading, config: &config, now };
-                    session.news(&news, &mut around);
+                    if let Some(session) = self.sessions.iter_mut().find(|session| session.number == *client) {
+                        session.news(&news, &mut around);
+                    } else if let Some(coupler) = &mut self.coupler {
+                        coupler.news(*client, &news, &mut around);
+                    }
                 }
             }
         }
@@ -203,6 +222,11 @@ impl Server {
             }
         }
         over.into_iter().for_each(|(number, why)| self.close(number, why));
+        if let Some(coupler) = &mut self.coupler {
+            let mut around = Surroundings { door: &mut self.door, reading: &mut self.reading, config: &config, now };
+            let next = &mut self.next;
+            coupler.serve(&mut around, &mut || number(next));
+        }
         if !self.subscribed && self.sessions.iter().any(Session::wants_events) {
             self.door.ask(SELF, Ask::Events { after: u64::MAX });
             self.subscribed = true;
@@ -217,6 +241,9 @@ impl Server {
             let Some(called) = self.sessions.get(index).and_then(|s| s.call()).map(|call| call.called.clone()) else {
                 return;
             };
+            if self.is_for_coupler(index) {
+                continue;
+            }
             let resource = called.resource();
             let others: Vec<_> = self.sessions.iter().filter_map(|session| session.occupant(now)).collect();
             let verdict = admit(config.clients, resource, &others);
@@ -245,6 +272,18 @@ impl Server {
                 }
             }
         }
+    }
+
+    /// A call for a connection of the CP goes there.
+    fn is_for_coupler(&mut self, index: usize) -> bool {
+        let Some(coupler) = &mut self.coupler else { return false };
+        let Some(session) = self.sessions.get(index) else { return false };
+        let Some(connection) = session.call().and_then(|call| coupler.find(call, session.peer.ip())) else {
+            return false;
+        };
+        let (socket, transport) = self.sessions.swap_remove(index).into_call();
+        coupler.called(connection, socket, transport);
+        true
     }
 
     fn say(&mut self, line: impl FnOnce()) {
@@ -284,12 +323,8 @@ impl Server {
 
     fn open(&mut self, socket: OwnedFd, peer: SocketAddrAny, config: &Config, now: Instant) {
         let Ok(peer) = SocketAddr::try_from(peer) else { return };
-        // Without them a connection works too, only a dead partner is noticed later.
         let _ = sockopt::set_tcp_nodelay(&socket, true);
-        let _ = sockopt::set_socket_keepalive(&socket, true);
-        let _ = sockopt::set_tcp_keepidle(&socket, KEEPALIVE_IDLE);
-        let _ = sockopt::set_tcp_keepintvl(&socket, KEEPALIVE_INTERVAL);
-        let _ = sockopt::set_tcp_keepcnt(&socket, KEEPALIVE_COUNT);
+        keep_alive(&socket);
         let mut half_open = self.sessions.iter().filter(|session| session.resource.is_none());
         if half_open.clone().count() >= HALF_OPEN
             && let Some(oldest) = half_open.clone().map(|s| s.since).min()
@@ -297,13 +332,20 @@ impl Server {
         {
             self.close(number, "it has not said whom it wants, and others wait");
         }
-        // Each number once, so that nobody gets the rights of one before.
-        self.next = self.next.checked_add(1).unwrap_or(SELF + 1);
         let connection = Connection::new(config.settings);
-        self.sessions.push(Session::new(self.next, TcpStream::from(socket), peer, connection, now));
+        self.sessions.push(Session::new(number(&mut self.next), TcpStream::from(socket), peer, connection, now));
     }
 
-    fn wait(&self) -> Result<Ready, DoorError> {
+    fn wait(&mut self) -> Result<Ready, DoorError> {
+        let sleeps = self.coupler.as_mut().is_none_or(Coupler::prepare_sleep);
+        let ready = self.poll(sleeps);
+        if let Some(coupler) = &mut self.coupler {
+            coupler.awake();
+        }
+        ready
+    }
+
+    fn poll(&self, sleeps: bool) -> Result<Ready, DoorError> {
         let mut due = self.beat.min(self.tick);
         let mut fds = Vec::with_capacity(1 + self.listeners.len() + self.sessions.len());
         let door = if self.door.wants_write() { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
@@ -317,20 +359,46 @@ impl Server {
             fds.push(PollFd::from_borrowed_fd(session.socket().as_fd(), flags));
             due = session.due(self.start).map_or(due, |at| at.min(due));
         }
+        let sessions = fds.len();
+        let stdin = rustix::stdio::stdin();
+        if let Some(coupler) = &self.coupler {
+            fds.push(PollFd::from_borrowed_fd(stdin, PollFlags::IN));
+            coupler.poll_fds(&mut fds);
+            due = coupler.due().map_or(due, |at| at.min(due));
+        }
         let now = Instant::now();
-        let timeout = due.saturating_duration_since(now);
+        let timeout = if sleeps { due.saturating_duration_since(now) } else { Duration::ZERO };
         match poll(&mut fds, Timespec::try_from(timeout).ok().as_ref()) {
             Ok(_) | Err(Errno::INTR) => {}
             Err(error) => return Err(std::io::Error::from(error).into()),
         }
         let mut ready = Ready::default();
         let listeners = 1 + self.listeners.len();
-        for (index, _) in fds.iter().enumerate().skip(1).filter(|(_, fd)| !fd.revents().is_empty()) {
+        let is_ready = |fd: &PollFd<'_>| !fd.revents().is_empty();
+        ready.rung = fds.get(sessions).is_some_and(is_ready);
+        ready.coupler = fds.iter().skip(sessions + 1).map(is_ready).collect();
+        for (index, _) in fds.iter().enumerate().take(sessions).skip(1).filter(|(_, fd)| !fd.revents().is_empty()) {
             match index.checked_sub(listeners) {
                 None => ready.accept.push(index - 1),
                 Some(session) => ready.read.push(session),
             }
         }
         Ok(ready)
+    }
+}
+
+/// Each number once, so that nobody gets the rights of one before.
+fn number(next: &mut u32) -> u32 {
+    *next = next.checked_add(1).unwrap_or(SELF + 1);
+    *next
+}
+
+/// Takes the rings of the doorbell; true at its end.
+fn doorbell_closed() -> Result<bool, DoorError> {
+    let mut rings = [0; 64];
+    match rustix::io::read(rustix::stdio::stdin(), &mut rings) {
+        Ok(0) => Ok(true),
+        Ok(_) | Err(Errno::AGAIN | Errno::INTR) => Ok(false),
+        Err(error) => Err(std::io::Error::from(error).into()),
     }
 }

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 use ob1_access::door::News;
-use ob1_s7::iso::{Call, Refusal, Resource};
+use ob1_s7::iso::{Call, Refusal, Resource, Transport};
 use ob1_s7::server::{Connection, CpuEvent, End};
 
 use crate::asks::{Asks, Surroundings};
@@ -59,6 +59,11 @@ impl Session {
 
     pub(crate) fn call(&self) -> Option<&Call> {
         self.connection.call()
+    }
+
+    /// The socket, and the call that stands in its transport, for whoever it is for.
+    pub(crate) fn into_call(self) -> (TcpStream, Transport) {
+        (self.socket, self.connection.into_transport())
     }
 
     pub(crate) fn accept(&mut self, resource: Resource) {

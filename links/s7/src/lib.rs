@@ -8,10 +8,12 @@
 //! - [`wire`]: the telegrams of S7 itself, as a codec that both roles share.
 //! - [`server`]: a connection as the CPU sees it.
 //! - [`client`]: a connection as a programming device sees it.
+//! - [`coupling`]: an Ethernet CP: the connections of handling blocks to other PLCs.
 //! - [`codes`]: every code that says why something was refused.
 
 pub mod client;
 pub mod codes;
+pub mod coupling;
 pub mod iso;
 pub mod server;
 pub mod wire;

@@ -4,7 +4,7 @@
 //! behind stands still.
 
 use crate::layout::{
-    BUFFER_SLOTS, COUNTER_WORDS, EVENT_SLOTS, IO_BYTES_MAX, JSON_BYTES, PARAMETER_BYTES, RECORD_BYTES,
+    BOX_BYTES, BOXES, BUFFER_SLOTS, COUNTER_WORDS, EVENT_SLOTS, IO_BYTES_MAX, JSON_BYTES, PARAMETER_BYTES, RECORD_BYTES,
 };
 use crate::seqlock::SeqCell;
 use crate::sync::{AtomicU64, Pad, Words};
@@ -138,6 +138,35 @@ pub(crate) struct BufferCells {
     pub(crate) entries: Words<BUFFER_SLOTS>,
 }
 
+/// Words of a box.
+pub(crate) const BOX_WORDS: usize = BOX_BYTES / 8;
+
+/// One direction of a box of a CP 343.
+#[repr(C)]
+#[derive(Default)]
+pub(crate) struct BoxCells {
+    pub(crate) content: SeqCell<BOX_WORDS>,
+    pad: Pad<15>,
+}
+
+/// One direction of all boxes.
+#[repr(transparent)]
+pub(crate) struct BoxRow(pub(crate) [BoxCells; BOXES]);
+
+impl Default for BoxRow {
+    fn default() -> Self {
+        Self(core::array::from_fn(|_| BoxCells::default()))
+    }
+}
+
+/// The boxes of a CP 343.
+#[repr(C)]
+#[derive(Default)]
+pub(crate) struct BoxesCells {
+    pub(crate) to_cp: BoxRow,
+    pub(crate) to_cpu: BoxRow,
+}
+
 /// The whole segment.
 #[repr(C, align(128))]
 #[derive(Default)]
@@ -158,6 +187,7 @@ pub(crate) struct SegmentCells {
     pub(crate) channels: ChannelsCells,
     pub(crate) buffer: BufferCells,
     pad_buffer: Pad<271>,
+    pub(crate) boxes: BoxesCells,
 }
 
 /// The same memory as one row of words.
@@ -224,6 +254,8 @@ pub(crate) const OFFSETS: &[(usize, &str)] = {
         (offset_of!(SegmentCells, channels.receive_to_cpu.block.data), "receive_to_cpu.data"),
         (offset_of!(SegmentCells, buffer.written), "buffer.written"),
         (offset_of!(SegmentCells, buffer.entries), "buffer.entries"),
+        (offset_of!(SegmentCells, boxes.to_cp), "boxes.to_cp"),
+        (offset_of!(SegmentCells, boxes.to_cpu), "boxes.to_cpu"),
     ]
 };
 

@@ -1,6 +1,7 @@
 //! The driver's end of a segment: the CP's side of the back plane. It believes the CPU side as little as that believes
 //! the driver.
 
+use crate::boxes::BoxEnd;
 use crate::buffer::{BufferEntry, BufferWriter};
 use crate::bytes::copy_out;
 use crate::cells::{IO_WORDS, PARAMS_WORDS, RECORD_WORDS, SegmentCells};
@@ -33,6 +34,7 @@ pub struct CpSide {
     json: Box<[u8; JSON_BYTES]>,
     events: Producer,
     channels: ChannelEnd,
+    boxes: BoxEnd,
     buffer: BufferWriter,
 }
 
@@ -57,6 +59,8 @@ impl CpSide {
         inputs.clear(&cells.inputs.registers);
         let mut channels = ChannelEnd::new(Way::ToCpu);
         channels.clear(&cells.channels);
+        let boxes = BoxEnd::new(Way::ToCpu);
+        boxes.clear(&cells.boxes);
         clear_record(&cells.diagnosis);
         book_lost(&cells.counters);
         counters::add(&cells.counters, Counter::DriverStarts, 1);
@@ -76,6 +80,7 @@ impl CpSide {
             json: Box::new([0; JSON_BYTES]),
             events,
             channels,
+            boxes,
             buffer: BufferWriter::resume(&cells.buffer),
         })
     }
@@ -217,6 +222,22 @@ impl CpSide {
     /// Copies what the CPU shows in a channel. A stale copy is whole, only not the newest.
     pub fn read_channel(&mut self, channel: Channel, into: &mut ChannelBlock) -> Freshness {
         self.channels.read(&self.segment.cells().channels, channel, into)
+    }
+
+    /// Shows the CPU bytes in a box, from its first one on.
+    pub fn write_box(&mut self, index: usize, bytes: &[u8]) {
+        self.boxes.write(&self.segment.cells().boxes, index, bytes);
+    }
+
+    /// Whether the CPU shows another content of a box than the one read last.
+    #[must_use]
+    pub fn box_changed(&self, index: usize) -> bool {
+        self.boxes.changed(&self.cells().boxes, index)
+    }
+
+    /// Copies what the CPU shows in a box, as many bytes as `into` has. A stale copy is whole, only not the newest.
+    pub fn read_box(&mut self, index: usize, into: &mut [u8]) -> Freshness {
+        self.boxes.read(&self.segment.cells().boxes, index, into)
     }
 
     /// Adds to a counter.

@@ -1,6 +1,7 @@
 //! The CPU's end of a segment. It belongs to the scan: it allocates nothing, waits for nobody, makes no system call,
 //! and believes nothing.
 
+use crate::boxes::BoxEnd;
 use crate::bytes::copy_out;
 use crate::cells::{IO_WORDS, RECORD_WORDS, SegmentCells};
 use crate::channel::{Channel, ChannelBlock, ChannelEnd, Way};
@@ -25,6 +26,7 @@ pub struct CpuSide {
     diagnosis: SeqReader<RECORD_WORDS>,
     events: Consumer,
     channels: ChannelEnd,
+    boxes: BoxEnd,
     state: CpuState,
     modem: ModemOutputs,
     changes: u64,
@@ -48,6 +50,7 @@ impl CpuSide {
             diagnosis: SeqReader::new(),
             events: Consumer::new(),
             channels: ChannelEnd::new(Way::ToCp),
+            boxes: BoxEnd::new(Way::ToCp),
             state: CpuState::Stop,
             modem: ModemOutputs::default(),
             changes: 0,
@@ -64,6 +67,8 @@ impl CpuSide {
         self.outputs.rewrite(&cells.outputs.registers);
         self.events.publish(&cells.events);
         self.channels.rewrite(&cells.channels);
+        // Jobs do not outlive a driver: the handling blocks see its successor and begin anew.
+        self.boxes.clear(&cells.boxes);
         self.set_modem_outputs(self.modem);
         self.set_cpu_state(self.state);
     }
@@ -197,6 +202,17 @@ impl CpuSide {
     /// Copies what the CP shows in a channel. A stale copy is whole, only not the newest.
     pub fn read_channel(&mut self, channel: Channel, into: &mut ChannelBlock) -> Freshness {
         self.channels.read(&self.monitor.cells().channels, channel, into)
+    }
+
+    /// Shows the CP bytes in a box, from its first one on.
+    pub fn write_box(&mut self, index: usize, bytes: &[u8]) {
+        self.boxes.write(&self.monitor.cells().boxes, index, bytes);
+        self.changed();
+    }
+
+    /// Copies what the CP shows in a box, as many bytes as `into` has. A stale copy is whole, only not the newest.
+    pub fn read_box(&mut self, index: usize, into: &mut [u8]) -> Freshness {
+        self.boxes.read(&self.monitor.cells().boxes, index, into)
     }
 
     /// Tells the CP the state of the CPU.

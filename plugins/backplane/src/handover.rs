@@ -12,7 +12,7 @@ use rustix::net::{
 };
 
 /// Descriptors in one message, at most.
-pub const DESCRIPTORS_MAX: usize = 4;
+pub const DESCRIPTORS_MAX: usize = 24;
 
 /// The two ends of a socket that keeps the borders of messages: ours, and the one that becomes a descriptor of a child.
 /// Both are closed on exec.

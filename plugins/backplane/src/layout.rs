@@ -10,7 +10,7 @@ pub const MAGIC: u64 = u64::from_ne_bytes(*b"OB1BPLN\0");
 pub const LAYOUT_VERSION: u64 = 1;
 
 /// Size of a segment in bytes; a segment of any other size is refused.
-pub const SEGMENT_BYTES: usize = 0x3000;
+pub const SEGMENT_BYTES: usize = 0x17000;
 
 /// Smallest number of register bytes of a module, each way.
 pub const IO_BYTES_MIN: usize = 8;
@@ -32,6 +32,15 @@ pub const CHANNELS_VERSION: u64 = 1;
 
 /// Bytes of a channel's block, each way: 32 that describe it, 32 of user data.
 pub const CHANNEL_BYTES: usize = ob1_words::channels::BLOCK_BYTES;
+
+/// Boxes of a CP 343 (`docs/cp343.md`).
+pub const BOXES: usize = if cfg!(loom) { 1 } else { ob1_words::boxes::BOXES };
+
+/// Bytes of a box, each way.
+pub const BOX_BYTES: usize = ob1_words::boxes::BOX_BYTES;
+
+/// Bytes from one box to the next: its sequence, its data, and what fills the line.
+pub const BOX_STRIDE: usize = 640;
 
 /// Bytes of data in one event record.
 pub const EVENT_DATA_BYTES: usize = 16;
@@ -135,4 +144,6 @@ pub const FIELDS: &[Field] = &[
     field(0x2488, 64, "receive_to_cpu.data", Writer::Cp),
     field(0x2500, 8, "buffer.written", Writer::Cp),
     field(0x2580, 520, "buffer.entries", Writer::Cp),
+    field(0x3000, BOXES * BOX_STRIDE, "boxes.to_cp", Writer::Cpu),
+    field(0xd000, BOXES * BOX_STRIDE, "boxes.to_cpu", Writer::Cp),
 ];

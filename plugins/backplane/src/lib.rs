@@ -26,6 +26,7 @@
 // `bus_image` and `window`.
 #![allow(unsafe_code)]
 
+mod boxes;
 mod buffer;
 #[cfg(not(loom))]
 mod bus_image;

@@ -79,5 +79,6 @@ pub use formal::{Formal, In, InOut, Out, Readable, Return, Static, Writable};
 pub use modules::ModuleInfo;
 pub use param::{Param, Section};
 pub use reply::{Abort, OrStop, Refused, Reply};
+pub use settings::STATION;
 pub use state::Zeroable;
 pub use timers::{Timer, TimerKind};

@@ -6,6 +6,10 @@ use crate::Cx;
 use crate::reply::{Refused, Reply, reply};
 use crate::text::text;
 
+/// The address under which [`Cx::setting_int`] and [`Cx::setting_text`] find what is said of the station as a whole:
+/// `connection.3` is the address of the CP that has connection 3.
+pub const STATION: u32 = u32::MAX;
+
 impl<M> Cx<'_, M> {
     /// The host's table; `None` on a host without settings.
     fn settings(&mut self) -> Option<&'static SettingsTable> {

@@ -9,6 +9,8 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod any;
+pub mod boxes;
 pub mod channels;
 pub mod cp040;
 pub mod cp240;

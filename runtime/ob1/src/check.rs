@@ -279,6 +279,11 @@ fn describe(station: &Station) -> String {
                 let keys: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
                 let _ = writeln!(text, "  params = {{ {} }}", keys.join(", "));
             }
+            ModuleKind::Ethernet { .. } => {
+                let inputs = span(module.input_address, module.input_bytes());
+                let outputs = span(module.output_address, module.output_bytes());
+                let _ = writeln!(text, "{}: cp343, inputs {inputs}, outputs {outputs}", module.name);
+            }
             ModuleKind::Keyed { params, line, .. } => {
                 let inputs = span(module.input_address, module.input_bytes());
                 let outputs = span(module.output_address, module.output_bytes());

@@ -9,7 +9,7 @@ use ob1_backplane::{CpuSide, IoImage, Segment};
 use ob1_cpu::{Cpu, CpuConfig, LoadError, Module, ModuleSlot, Running};
 use ob1_host::driver::{DriverCommand, Fleet};
 use ob1_host::module::{CpModule, CpSettings};
-use ob1_host::plugin::{PluginModule, Setting};
+use ob1_host::plugin::{PluginModule, STATION, Setting};
 use ob1_host::supervisor::Times;
 use ob1_ir::Program;
 use ob1_params::Value;
@@ -26,7 +26,7 @@ use crate::offer::Unserved;
 use crate::program::{LoadFailure, Loaded};
 use crate::retentive::health::Health;
 use crate::simulated;
-use crate::station_file::{AbdUnit, Absent, Line, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
+use crate::station_file::{AbdUnit, Absent, Line, LinkKind, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
 use crate::timing::Timings;
 use crate::view::{ModuleView, Places, StationView};
 use ob1_access::Names;
@@ -91,6 +91,22 @@ pub fn plugin_module(config: &ModuleConfig) -> PluginModule {
     module
 }
 
+/// All modules as the plugins see them, and the station as a whole: which CP has which connection.
+#[must_use]
+pub fn plugin_modules(station: &Station) -> Vec<PluginModule> {
+    let mut whole = PluginModule::at(STATION);
+    for link in &station.links {
+        let Some(module) = station.modules.iter().find(|module| link.cp.as_ref() == Some(&module.name)) else {
+            continue;
+        };
+        for connection in &link.connections {
+            let address = Setting::Int(i64::from(module.input_address));
+            whole.settings.insert(format!("connection.{}", connection.id), address);
+        }
+    }
+    station.modules.iter().map(plugin_module).chain([whole]).collect()
+}
+
 /// What a CP of the station is told: parameter bytes, and the driver's configuration as JSON. `None` for process I/O.
 ///
 /// With the runtime directory of a station that runs, and its simulated lines, also where its line is and where it can
@@ -107,6 +123,15 @@ pub fn cp_settings(
             (*bytes, line, diagnostics)
         }
         ModuleKind::Keyed { line, diagnostics, .. } => ([0; 16], line, diagnostics),
+        ModuleKind::Ethernet { .. } => {
+            let json = json!({ "module": row.name, "station": station, "name": config.name });
+            return Some(CpSettings {
+                json: json.to_string().into_bytes(),
+                absent_is_fault: config.absent == Absent::Fault,
+                boxes: row.has_boxes,
+                ..CpSettings::default()
+            });
+        }
         ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } | ModuleKind::Remote { .. } => return None,
     };
     let mut text = line.to_string();
@@ -136,6 +161,7 @@ pub fn cp_settings(
         json: json.to_string().into_bytes(),
         absent_is_fault: config.absent == Absent::Fault,
         channels: row.has_channels,
+        boxes: row.has_boxes,
         diagnostics: *diagnostics,
     })
 }
@@ -209,7 +235,7 @@ pub fn assemble(
     for config in &station.modules {
         building.add(config)?;
     }
-    let seen: Vec<PluginModule> = station.modules.iter().map(plugin_module).collect();
+    let seen = plugin_modules(station);
     let natives = loaded.native_blocks(&seen).map_err(AssemblyError::Load)?;
     let mut config = station.cpu.clone();
     config.date_at_start = date_now();
@@ -304,10 +330,20 @@ impl Building<'_> {
         if let Some(path) = segment.path() {
             self.links.push((format!("{}.segment", config.name), path));
         }
+        let is_link = matches!(config.kind, ModuleKind::Ethernet { .. });
+        let program = match &config.driver {
+            Some(program) => program.clone(),
+            None if is_link => find_program(LinkKind::S7.program()).map_err(|e| system(&e))?,
+            None => self.drivers.program.clone(),
+        };
+        let mut args: Vec<OsString> = vec!["--name".into(), config.name.clone().into()];
+        if is_link {
+            args.push("--cp".into());
+        }
         let command = DriverCommand {
             name: config.name.clone(),
-            program: config.driver.clone().unwrap_or_else(|| self.drivers.program.clone()),
-            args: vec!["--name".into(), config.name.clone().into()],
+            program,
+            args,
             env: self.drivers.env.iter().cloned().chain([fence::variable([self.rundir], config.kind.line())]).collect(),
             descriptors: Vec::new(),
         };

@@ -142,6 +142,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("plugins/slio", ALL),
     ("plugins/cp340", ALL),
     ("plugins/cp341", ALL),
+    ("plugins/cp343", ALL),
     ("plugins/ptp", ALL),
     ("plugins/mbus", ALL),
     ("plugins/mbus-records", ALL),

@@ -14,6 +14,7 @@ const BOTH_SIDES: &[&str] = &[
     "plugins/cp240/src",
     "plugins/cp340/src",
     "plugins/cp341/src",
+    "plugins/cp343/src",
     "plugins/ptp/src",
     "plugins/slio/src",
 ];

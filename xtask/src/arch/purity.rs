@@ -79,6 +79,7 @@ const PLUGIN_CRATES: &[&str] = &[
     "plugins/cp240",
     "plugins/cp340",
     "plugins/cp341",
+    "plugins/cp343",
     "plugins/ptp",
     "plugins/slio",
     "plugins/sdk",

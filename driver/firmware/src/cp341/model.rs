@@ -30,7 +30,7 @@ impl Model {
     pub(crate) const fn of(kind: CpKind) -> &'static Self {
         match kind {
             CpKind::Cp340 => &CP340,
-            CpKind::Cp341 | CpKind::Cp240 | CpKind::Cp040 => &CP341,
+            CpKind::Cp341 | CpKind::Cp240 | CpKind::Cp040 | CpKind::Cp343 => &CP341,
         }
     }
 }

@@ -15,6 +15,9 @@ impl Connection {
             self.end = Some(End::NotS7);
             return;
         };
+        if self.partner_telegram(&pdu) {
+            return;
+        }
         let step = match pdu.kind {
             Kind::Job | Kind::UserData if bytes.len() > self.pdu_bytes() => {
                 self.refuse_job(pdu.reference, Code::PDU_SIZE)
@@ -62,7 +65,7 @@ impl Connection {
             return self.refuse_job(pdu.reference, Code::PDU_SIZE);
         }
         let [calling, called] = [word(a, b), word(c, d)].map(|jobs| jobs.clamp(1, self.settings.jobs));
-        self.agreed = Some(Agreed { pdu: usize::from(bytes), jobs: usize::from(calling) });
+        self.agreed = Some(Agreed { pdu: usize::from(bytes), jobs: usize::from(calling), own: usize::from(called) });
         let mut parameters = vec![function::SETUP, 0];
         for agreed in [calling, called, bytes] {
             parameters.extend_from_slice(&agreed.to_be_bytes());

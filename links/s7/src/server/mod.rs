@@ -11,6 +11,7 @@ mod lists;
 mod load;
 mod long;
 mod messages;
+mod partner;
 mod service;
 mod test_jobs;
 mod var;
@@ -106,7 +107,10 @@ enum Step {
 #[derive(Clone, Copy, Debug)]
 struct Agreed {
     pdu: usize,
+    /// Jobs of the partner that may be outstanding.
     jobs: usize,
+    /// Jobs of ours, where the partner is a CPU too.
+    own: usize,
 }
 
 /// A connection.
@@ -129,6 +133,7 @@ pub struct Connection {
     cyclic: cyclic::Cyclic,
     tests: test_jobs::TestJobs,
     subscribed: messages::Subscribed,
+    partner: Option<partner::Partner>,
     counts: Counts,
     end: Option<End>,
 }
@@ -153,6 +158,7 @@ impl Connection {
             cyclic: cyclic::Cyclic::default(),
             tests: test_jobs::TestJobs::default(),
             subscribed: messages::Subscribed::default(),
+            partner: None,
             counts: Counts::default(),
             end: None,
         }
@@ -261,7 +267,7 @@ impl Connection {
 
     fn is_busy(&self) -> bool {
         let most = self.agreed.map_or(1, |agreed| agreed.jobs);
-        self.queue.len() >= most || self.transport.output().len() >= OUTPUT
+        self.queue.len() >= most || self.transport.output().len() >= OUTPUT || self.is_full()
     }
 
     /// Bytes a telegram may have.
@@ -276,7 +282,8 @@ impl Connection {
                 Ok(None) => return,
                 Ok(Some(Event::Call(call))) => self.call = Some(call),
                 Ok(Some(Event::Message(message))) => self.telegram(&message),
-                Ok(Some(Event::Open | Event::Ended(_))) => self.end = Some(End::Closed),
+                Ok(Some(Event::Open)) => self.opened(),
+                Ok(Some(Event::Ended(_))) => self.end = Some(End::Closed),
                 Err(why) => self.end = Some(End::Broken(why)),
             }
         }

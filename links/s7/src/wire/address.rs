@@ -1,5 +1,7 @@
 //! Addresses of variables: the items of reads and writes.
 
+use ob1_words::any::AnyType;
+
 use crate::codes::ItemCode;
 
 /// Memory a client can address.
@@ -70,34 +72,40 @@ pub enum DataType {
     Timer,
 }
 
-/// Byte on the wire, type, bytes of an element.
-const TYPES: [(u8, DataType, u32); 15] = [
-    (0x01, DataType::Bit, 1),
-    (0x02, DataType::Byte, 1),
-    (0x03, DataType::Char, 1),
-    (0x04, DataType::Word, 2),
-    (0x05, DataType::Int, 2),
-    (0x06, DataType::DWord, 4),
-    (0x07, DataType::DInt, 4),
-    (0x08, DataType::Real, 4),
-    (0x09, DataType::Date, 2),
-    (0x0A, DataType::TimeOfDay, 4),
-    (0x0B, DataType::Time, 4),
-    (0x0C, DataType::S5Time, 2),
-    (0x0F, DataType::DateAndTime, 8),
-    (0x1C, DataType::Counter, 2),
-    (0x1D, DataType::Timer, 2),
+/// The types, as an ANY pointer has them.
+const TYPES: [(AnyType, DataType); 15] = [
+    (AnyType::Bool, DataType::Bit),
+    (AnyType::Byte, DataType::Byte),
+    (AnyType::Char, DataType::Char),
+    (AnyType::Word, DataType::Word),
+    (AnyType::Int, DataType::Int),
+    (AnyType::DWord, DataType::DWord),
+    (AnyType::DInt, DataType::DInt),
+    (AnyType::Real, DataType::Real),
+    (AnyType::Date, DataType::Date),
+    (AnyType::TimeOfDay, DataType::TimeOfDay),
+    (AnyType::Time, DataType::Time),
+    (AnyType::S5Time, DataType::S5Time),
+    (AnyType::DateAndTime, DataType::DateAndTime),
+    (AnyType::Counter, DataType::Counter),
+    (AnyType::Timer, DataType::Timer),
 ];
+/// On the wire this type has another code than in memory.
+const DATE_AND_TIME: u8 = 0x0F;
 
 impl DataType {
-    fn row(self) -> (u8, u32) {
-        TYPES.iter().find(|row| row.1 == self).map_or((2, 1), |row| (row.0, row.2))
+    fn any(self) -> AnyType {
+        TYPES.iter().find(|row| row.1 == self).map_or(AnyType::Byte, |row| row.0)
+    }
+
+    fn code(self) -> u8 {
+        if self == Self::DateAndTime { DATE_AND_TIME } else { self.any() as u8 }
     }
 
     /// Bytes of one element; a bit is carried in one.
     #[must_use]
     pub fn bytes(self) -> u32 {
-        self.row().1
+        self.any().bits().div_ceil(8)
     }
 }
 
@@ -156,7 +164,7 @@ impl Address {
             return Err(ItemCode::TYPE);
         }
         let area = Area::of(area).ok_or(ItemCode::NO_OBJECT)?;
-        let ty = TYPES.iter().find(|row| row.0 == ty).ok_or(ItemCode::TYPE)?.1;
+        let ty = TYPES.iter().find(|row| row.1.code() == ty).ok_or(ItemCode::TYPE)?.1;
         let start = u32::from_be_bytes([0, x, y, z]);
         let address = Self {
             area,
@@ -193,7 +201,7 @@ impl Address {
     /// The bytes of the item.
     pub fn write(&self, out: &mut Vec<u8>) {
         out.extend_from_slice(&ANY);
-        out.push(self.ty.row().0);
+        out.push(self.ty.code());
         out.extend_from_slice(&self.count.to_be_bytes());
         out.extend_from_slice(&self.db.to_be_bytes());
         out.push(self.area.byte());
@@ -249,7 +257,7 @@ mod tests {
     #[test]
     fn an_address_goes_both_ways() {
         for area in [Area::Peripheral, Area::Inputs, Area::Outputs, Area::Memory, Area::Db] {
-            for (_, ty, _) in TYPES.iter().filter(|row| row.0 < 0x1C) {
+            for (_, ty) in TYPES.iter().filter(|row| row.1.code() < 0x1C) {
                 let db = if area == Area::Db { 65_535 } else { 0 };
                 let count = if *ty == DataType::Bit { 1 } else { 222 };
                 let address = Address { area, db, start: 0x00FF_FFF8, ty: *ty, count };

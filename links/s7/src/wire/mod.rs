@@ -5,6 +5,7 @@ mod block;
 mod clock;
 mod data;
 mod password;
+pub mod pbc;
 mod pdu;
 mod userdata;
 

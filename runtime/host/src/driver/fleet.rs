@@ -85,13 +85,21 @@ impl DriverStatus {
     }
 }
 
+/// Makes a descriptor for a process that is about to be started.
+pub type HandOver = Box<dyn Fn() -> io::Result<OwnedFd> + Send>;
+
 /// Drivers to be started.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Fleet {
     drivers: Vec<Driver>,
 }
 
-#[derive(Debug)]
+impl std::fmt::Debug for Fleet {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_list().entries(self.drivers.iter().map(|driver| &driver.command.name)).finish()
+    }
+}
+
 struct Driver {
     command: DriverCommand,
     segment: Segment,
@@ -105,6 +113,7 @@ struct Driver {
     looked: Nanos,
     reports: Producer<Report>,
     status: Arc<DriverStatus>,
+    hand_over: Option<HandOver>,
 }
 
 impl Fleet {
@@ -141,8 +150,16 @@ impl Fleet {
             looked: 0,
             reports: producer,
             status,
+            hand_over: None,
         });
         Ok(port)
+    }
+
+    /// Each process of this driver gets a descriptor of its own behind the others.
+    pub fn hand_over(&mut self, name: &str, make: HandOver) {
+        if let Some(driver) = self.drivers.iter_mut().find(|driver| driver.command.name == name) {
+            driver.hand_over = Some(make);
+        }
     }
 
     /// Starts the supervisor thread, which starts the drivers. Call it from an ordinary thread: the new one inherits
@@ -317,7 +334,8 @@ impl Driver {
         self.status.incidents.store(self.supervisor.incidents(), Ordering::Relaxed);
         self.status.attempts.fetch_add(1, Ordering::Release);
         self.last_beat = self.monitor.cp_heartbeat();
-        match Process::start(&self.command, &self.segment, &self.stdin) {
+        let own = self.hand_over.as_ref().map(|make| make()).transpose();
+        match own.and_then(|own| Process::start(&self.command, &self.segment, &self.stdin, own.as_ref())) {
             Ok(process) => {
                 self.status.pid.store(process.id(), Ordering::Relaxed);
                 self.process = Some(process);

@@ -9,5 +9,5 @@ mod fleet;
 mod process;
 
 pub use doorbell::Doorbell;
-pub use fleet::{DriverPort, DriverStatus, Fleet, RunningFleet, STOP_WAIT};
+pub use fleet::{DriverPort, DriverStatus, Fleet, HandOver, RunningFleet, STOP_WAIT};
 pub use process::{DriverCommand, kept_environment};

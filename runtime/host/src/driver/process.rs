@@ -55,12 +55,20 @@ impl Process {
     ///
     /// The segment's descriptor lies in a socket that is its standard output: `/proc/PID/fd` is closed to a driver with
     /// fewer rights than the runtime. The path is for drivers of others, and for people.
-    pub(super) fn start(command: &DriverCommand, segment: &Segment, stdin: &OwnedFd) -> io::Result<Self> {
+    pub(super) fn start(
+        command: &DriverCommand,
+        segment: &Segment,
+        stdin: &OwnedFd,
+        own: Option<&OwnedFd>,
+    ) -> io::Result<Self> {
         let (Some(path), Some(descriptor)) = (segment.path(), segment.descriptor()) else {
             return Err(io::Error::new(io::ErrorKind::Unsupported, "its segment is not shared memory"));
         };
         let (ours, stdout) = handover::pair()?;
-        let handed: Vec<_> = iter::once(descriptor).chain(command.descriptors.iter().map(|fd| fd.as_fd())).collect();
+        let handed: Vec<_> = iter::once(descriptor)
+            .chain(command.descriptors.iter().map(|fd| fd.as_fd()))
+            .chain(own.map(|fd| fd.as_fd()))
+            .collect();
         handover::send(&ours, &[1], &handed)?;
         let mut child = Command::new(&command.program)
             .arg("--segment")

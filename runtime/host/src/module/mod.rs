@@ -9,7 +9,7 @@ pub(crate) mod messages;
 #[cfg(test)]
 mod tests;
 
-use ob1_backplane::layout::CHANNEL_BYTES;
+use ob1_backplane::layout::{BOX_BYTES, CHANNEL_BYTES};
 use ob1_backplane::{Channel, Counter, CpuSide, CpuState, DriverState, Fault, TooLong};
 use ob1_cpu::{Module, ModuleCounters, ModuleEntry, ModuleError, ModuleEvent, ModuleStatus, Nanos};
 
@@ -33,6 +33,8 @@ pub struct CpSettings {
     /// It has channels (the CP 341): its handling blocks read and write them as data records.
     /// (`docs/cp341-channels.md`) So it has a diagnostic buffer of its own too.
     pub channels: bool,
+    /// It has boxes (the CP 343): its handling blocks read and write them as data records. (`docs/cp343.md`)
+    pub boxes: bool,
     /// `diagnostics = true`: it may raise diagnostic interrupts (OB 82). Whatever its driver does, it may not
     /// otherwise.
     pub diagnostics: bool,
@@ -96,6 +98,11 @@ impl CpModule {
     fn send_parameters(&mut self) {
         // The length was checked when the module was made.
         let _fits = self.side.write_params(&self.settings.parameters, &self.settings.json);
+    }
+
+    /// The box that stands under a record number.
+    fn box_of(&self, record: u8) -> Option<usize> {
+        self.settings.boxes.then(|| ob1_words::boxes::of_record(record)).flatten()
     }
 
     /// The channel that stands under a record number.
@@ -211,6 +218,12 @@ impl Module for CpModule {
             into[..len].copy_from_slice(&block[..len]);
             return Ok(len);
         }
+        if let Some(index) = self.box_of(record) {
+            let len = into.len().min(BOX_BYTES);
+            let into = into.get_mut(..len).unwrap_or_default();
+            let _freshness = self.side.read_box(index, into);
+            return Ok(len);
+        }
         match self.side.read_diagnosis() {
             Ok(found) if !found.data().is_empty() => {
                 let data = found.data();
@@ -238,6 +251,13 @@ impl Module for CpModule {
         }
         if let Some(channel) = self.channel(record) {
             self.side.write_channel(channel, from.try_into().map_err(|_| ModuleError::Outside)?);
+            return Ok(());
+        }
+        if let Some(index) = self.box_of(record) {
+            if from.len() > BOX_BYTES {
+                return Err(ModuleError::Outside);
+            }
+            self.side.write_box(index, from);
             return Ok(());
         }
         self.side.write_record(u32::from(record), from).map_err(|_| ModuleError::Outside)

@@ -25,7 +25,7 @@ use ob1_model::{BlockId, Interface};
 use block::PluginBlock;
 pub use error::{PluginError, Refusal};
 use memory::StationMemory;
-pub use settings::{PluginModule, Setting};
+pub use settings::{PluginModule, STATION, Setting};
 use table::{Code, PanicMessage};
 
 /// A block a plugin brings.

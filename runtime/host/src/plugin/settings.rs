@@ -11,6 +11,9 @@ pub enum Setting {
     Text(String),
 }
 
+/// The address under which plugins find what is said of the station as a whole; no module has it.
+pub const STATION: u32 = u32::MAX;
+
 /// A module of a station as its plugins see it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PluginModule {

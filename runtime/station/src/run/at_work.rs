@@ -1,5 +1,6 @@
 //! A station at work: its threads and processes, from their start to their orderly end.
 
+use std::net::{SocketAddr, TcpListener, UdpSocket};
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
@@ -10,9 +11,9 @@ use std::time::Duration;
 use ob1_access::Right;
 use ob1_access::door::Door;
 use ob1_backplane::handover;
-use ob1_broker::{Broker, FeedEnd, LinkConfig, RunningBroker};
+use ob1_broker::{Broker, FeedEnd, Handle, LinkConfig, RunningBroker};
 use ob1_cpu::{Attention, Cpu, LogReader, OperatingState, Running};
-use ob1_host::driver::RunningFleet;
+use ob1_host::driver::{HandOver, RunningFleet};
 use ob1_rt::MonotonicClock;
 
 use super::console::LiveLine;
@@ -36,7 +37,7 @@ use crate::retentive;
 use crate::retentive::keeper::{Keeper, ScanEnd};
 use crate::retentive::store::StoreError;
 use crate::rundir::RunDir;
-use crate::station_file::{Station, StationLink};
+use crate::station_file::{ConnectionType, Station, StationLink};
 use crate::timing::Observer;
 use crate::view::{StationView, state_name};
 
@@ -85,7 +86,7 @@ impl AtWork {
         clock: MonotonicClock,
         options: &Options,
     ) -> Result<Self, Failure> {
-        let Assembly { mut cpu, view, fleet, io, links, running, compile } = assembly;
+        let Assembly { mut cpu, view, mut fleet, io, links, running, compile } = assembly;
         // First: a folder that cannot be used is told before anything has been started.
         let (keeper, retentive) = keep(station, &mut cpu, &view)?;
         for (name, target) in links {
@@ -100,6 +101,11 @@ impl AtWork {
             open_doors(station, &mut cpu, fed, &view, clock, listeners).map_err(system("the broker"))?;
         let server = Server::start(&rundir.socket(), door, view.clone(), station.cpu.min_cycle)
             .map_err(system("the control socket"))?;
+        for (index, link) in station.links.iter().enumerate() {
+            if let Some(cp) = &link.cp {
+                fleet.hand_over(cp, door_for_each(broker.handle(), index + 1));
+            }
+        }
         let fleet = fleet.start(clock).map_err(system("the drivers"))?;
         let (observer, late) =
             Observer::start(view.timings.clone(), station.realtime.affinity.clone()).map_err(system("the observer"))?;
@@ -335,9 +341,18 @@ fn keep_secret(station: &Station) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The listening sockets of all links, bound before anything is started.
-fn listen(station: &Station) -> Result<Vec<Option<OwnedFd>>, Failure> {
-    let refused = |link: &StationLink, listen: std::net::SocketAddr, error: &std::io::Error| {
+/// A CP 343 is started as the driver of its module: each process of it gets a door of its own.
+fn door_for_each(broker: Handle, link: usize) -> HandOver {
+    Box::new(move || {
+        let (ours, theirs) = handover::pair()?;
+        broker.connect(link, ours);
+        Ok(theirs)
+    })
+}
+
+/// The sockets of all links, bound before anything is started: the listening one first, then those of connections.
+fn listen(station: &Station) -> Result<Vec<Vec<OwnedFd>>, Failure> {
+    let refused = |link: &StationLink, listen: SocketAddr, error: &std::io::Error| {
         let remedy = match error.kind() {
             std::io::ErrorKind::PermissionDenied => {
                 "ports below 1024 need CAP_NET_BIND_SERVICE (systemd: AmbientCapabilities), or take another port"
@@ -348,12 +363,31 @@ fn listen(station: &Station) -> Result<Vec<Option<OwnedFd>>, Failure> {
         let name = &link.name;
         Failure(Exit::System, format!("ob1: link \"{name}\" cannot listen on {listen}: {error}\n  = {remedy}\n"))
     };
+    let tcp = |at: SocketAddr| {
+        let listener = TcpListener::bind(at)?;
+        listener.set_nonblocking(true)?;
+        Ok(OwnedFd::from(listener))
+    };
+    let udp = |at: SocketAddr, partner: Option<SocketAddr>| {
+        let socket = UdpSocket::bind(at)?;
+        // Who else sends is not heard.
+        if let Some(partner) = partner {
+            socket.connect(partner)?;
+        }
+        socket.set_nonblocking(true)?;
+        Ok(OwnedFd::from(socket))
+    };
     let bind = |link: &StationLink| {
-        let Some(listen) = link.listen else { return Ok(None) };
-        let refused = |error: &std::io::Error| refused(link, listen, error);
-        let listener = std::net::TcpListener::bind(listen).map_err(|error| refused(&error))?;
-        listener.set_nonblocking(true).map_err(|error| refused(&error))?;
-        Ok(Some(OwnedFd::from(listener)))
+        let mut sockets = Vec::new();
+        if let Some(listen) = link.listen {
+            sockets.push(tcp(listen).map_err(|error| refused(link, listen, &error))?);
+        }
+        for connection in &link.connections {
+            let Some(at) = connection.bind else { continue };
+            let bound = if connection.ty == ConnectionType::Udp { udp(at, connection.partner) } else { tcp(at) };
+            sockets.push(bound.map_err(|error| refused(link, at, &error))?);
+        }
+        Ok(sockets)
     };
     station.links.iter().map(bind).collect()
 }
@@ -365,24 +399,27 @@ fn open_doors(
     entries: FeedEnd,
     view: &StationView,
     clock: MonotonicClock,
-    listeners: Vec<Option<OwnedFd>>,
+    listeners: Vec<Vec<OwnedFd>>,
 ) -> std::io::Result<(RunningBroker, Door, Links)> {
     // Whoever may open the control socket is the user who runs the station.
     let control = LinkConfig { rights: Right::Operate, ..LinkConfig::default() };
     let facts = Box::new(StationFacts::new(view.clone(), &station.cpu));
-    let of = |(link, listener): (&StationLink, Option<OwnedFd>)| LinkConfig {
+    let of = |(link, listeners): (&StationLink, Vec<OwnedFd>)| LinkConfig {
         name: link.name.clone(),
         rights: link.rights,
         allowed: link.allowed.clone(),
         password: link.password.clone(),
         password_rights: link.password_rights,
         config: link.config.clone(),
-        listeners: listener.into_iter().collect(),
+        listeners,
     };
     let configs = std::iter::once(control).chain(station.links.iter().zip(listeners).map(of)).collect();
     let broker = Broker::new(cpu, configs, entries, facts)?;
     let mut specs: Vec<LinkSpec> = Vec::with_capacity(station.links.len());
     for (index, (link, beats)) in station.links.iter().zip(broker.beats().into_iter().skip(1)).enumerate() {
+        if link.cp.is_some() {
+            continue;
+        }
         let program = find_program(link.kind.program()).map_err(std::io::Error::other)?;
         let (door, several) = ((index + 1, beats), link.kind.shares_its_process());
         match specs.iter_mut().find(|spec| several && spec.program == program) {

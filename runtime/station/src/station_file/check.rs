@@ -9,7 +9,7 @@ use ob1_model::{BlockId, BlockKind};
 use super::findings::{CONTRADICTION, Findings, TWICE, UNREADABLE, VALUE};
 use super::tables::{CpuTable, Placed, PluginTable, StationFile, TimingTable};
 use super::types::{Mnemonics, Plugin, Realtime, Station};
-use super::{buses, interrupts, link, modules, parse_duration, retentive, simulated};
+use super::{buses, connection, interrupts, link, modules, parse_duration, retentive, simulated};
 use crate::engine::EngineChoice;
 use crate::finding::{Finding, Text, nearest};
 use crate::library::{self, Choice};
@@ -24,6 +24,8 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
     let mut buses = buses::Buses::new(f, &file.bus, &cpu, folder);
     let mut modules = modules::modules(f, &file.module, &mut buses, folder);
     let buses = buses.finish(f, &mut modules);
+    let mut links = link::links(f, &file.link, file.station.name.get_ref(), folder);
+    connection::connections(f, &file.connection, &file.module, &modules, &mut links);
     let station = Station {
         name: name(f, "station", &file.station.name),
         cpu,
@@ -44,7 +46,7 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
         plugins: plugins(f, &file.plugin, folder),
         modules,
         buses,
-        links: link::links(f, &file.link, file.station.name.get_ref(), folder),
+        links,
         simulated_lines: simulated::lines(f, file, folder),
         stimulus: file.process_io.stimulus.as_ref().map(|s| folder.join(s.get_ref())),
     };

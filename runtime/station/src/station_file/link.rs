@@ -107,6 +107,8 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path) -
         password_rights: unlocked.unwrap_or(rights),
         config: Value::Object(config).to_string(),
         secrets,
+        cp: None,
+        connections: Vec::new(),
     })
 }
 

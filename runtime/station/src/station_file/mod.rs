@@ -5,6 +5,7 @@
 
 mod buses;
 mod check;
+mod connection;
 mod coupler;
 mod cp040;
 mod devices;

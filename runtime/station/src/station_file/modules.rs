@@ -12,7 +12,7 @@ use super::findings::{ADDRESS, CONTRADICTION, Findings, LINE, MISSING, PARAMETER
 use super::line::{self, Line};
 use super::tables::{ModuleTable, Placed};
 use super::types::{AbdUnit, Absent, ModuleConfig, ModuleKind};
-use super::{coupler, cp040, keyed};
+use super::{connection, coupler, cp040, keyed};
 
 /// The last byte of the peripheral area.
 const LAST_ADDRESS: i64 = 65_535;
@@ -81,6 +81,7 @@ fn module(f: &mut Findings<'_>, table: &ModuleTable, ty: Type, folder: &Path) ->
         Type::Cp(CpKind::Cp240) => cp240(f, table, folder)?,
         Type::Cp(CpKind::Cp040) => cp040::module(f, table, folder)?,
         Type::Cp(kind @ (CpKind::Cp341 | CpKind::Cp340)) => keyed::module(f, table, folder, kind)?,
+        Type::Cp(CpKind::Cp343) => connection::module(f, table)?,
         Type::DigitalIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
         Type::AnalogIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
         Type::DigitalOut | Type::AnalogOut => ModuleKind::Outputs { bytes: io_bytes(f, table, ty) },

@@ -33,7 +33,23 @@ pub(super) struct StationFile {
     #[serde(default)]
     pub(super) link: Vec<LinkTable>,
     #[serde(default)]
+    pub(super) connection: Vec<ConnectionTable>,
+    #[serde(default)]
     pub(super) process_io: ProcessIoTable,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ConnectionTable {
+    pub(super) module: Placed<String>,
+    pub(super) id: Placed<i64>,
+    #[serde(rename = "type")]
+    pub(super) kind: Placed<String>,
+    pub(super) active: Option<bool>,
+    pub(super) partner: Option<Placed<String>>,
+    pub(super) local_tsap: Option<Placed<String>>,
+    pub(super) remote_tsap: Option<Placed<String>>,
+    pub(super) local_port: Option<Placed<i64>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -224,6 +240,7 @@ pub(super) struct ModuleTable {
     pub(super) params: Option<Placed<BTreeMap<Placed<String>, Placed<toml::Value>>>>,
     pub(super) raw: Option<Placed<String>>,
     pub(super) line: Option<Placed<String>>,
+    pub(super) link: Option<Placed<String>>,
     pub(super) absent: Option<Placed<String>>,
     pub(super) abd: Option<Placed<String>>,
     pub(super) diagnostics: Option<Placed<bool>>,

@@ -95,6 +95,52 @@ pub struct StationLink {
     pub config: String,
     /// Files that nobody but the user of the station may read.
     pub secrets: Vec<PathBuf>,
+    /// Its process is this CP 343 too.
+    pub cp: Option<String>,
+    /// The connections of that CP.
+    pub connections: Vec<StationConnection>,
+}
+
+/// The kinds of connection of a CP 343.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConnectionType {
+    /// Plain TCP.
+    Tcp,
+    /// UDP.
+    Udp,
+    /// ISO on TCP.
+    Iso,
+    /// S7 connection.
+    S7,
+}
+
+impl ConnectionType {
+    /// It is told by TSAPs; the others by ports.
+    #[must_use]
+    pub const fn has_tsaps(self) -> bool {
+        matches!(self, Self::Iso | Self::S7)
+    }
+}
+
+/// A connection of a CP 343.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StationConnection {
+    /// ID of the handling blocks, one in the station.
+    pub id: u16,
+    /// The kind.
+    pub ty: ConnectionType,
+    /// We make the connection.
+    pub active: bool,
+    /// The partner, and the only one who may call.
+    pub partner: Option<std::net::SocketAddr>,
+    /// Our TSAP.
+    pub local: Vec<u8>,
+    /// The partner's.
+    pub remote: Vec<u8>,
+    /// Our port.
+    pub port: Option<u16>,
+    /// What is bound for it: the address of the link, and that port.
+    pub bind: Option<std::net::SocketAddr>,
 }
 
 /// A bus with remote modules: a process, and the lines it owns.
@@ -327,6 +373,11 @@ pub enum ModuleKind {
         /// Errors raise diagnostic interrupts (OB 82).
         diagnostics: bool,
     },
+    /// A CP 343: the process of its link.
+    Ethernet {
+        /// The link; `None`: the only one.
+        link: Option<String>,
+    },
     /// Process inputs: `di` or `ai`.
     Inputs {
         /// Bytes.
@@ -354,6 +405,7 @@ impl ModuleKind {
             Self::Cp240 { .. } => Some(CpKind::Cp240),
             Self::Cp040 { .. } => Some(CpKind::Cp040),
             Self::Keyed { params, .. } => Some(params.kind),
+            Self::Ethernet { .. } => Some(CpKind::Cp343),
             Self::Inputs { .. } | Self::Outputs { .. } | Self::Remote { .. } => None,
         }
     }
@@ -371,7 +423,7 @@ impl ModuleKind {
     pub fn line(&self) -> Option<&Line> {
         match self {
             Self::Cp240 { line, .. } | Self::Cp040 { line, .. } | Self::Keyed { line, .. } => Some(line),
-            Self::Inputs { .. } | Self::Outputs { .. } | Self::Remote { .. } => None,
+            Self::Ethernet { .. } | Self::Inputs { .. } | Self::Outputs { .. } | Self::Remote { .. } => None,
         }
     }
 }

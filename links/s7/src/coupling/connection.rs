@@ -1,0 +1,312 @@
+//! A connection: its TCP connection, what it speaks, and what waits on it.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use super::{Condition, ConnectionKind, PATIENCE, RETRY, RETRY_MAX, Spec, Traffic};
+use crate::iso::{Event, Transport};
+use crate::server::{Connection, Settings};
+
+/// Telegrams, and bytes of a stream, that wait for AG_RECV; then the partner has to wait, and datagrams are lost.
+const MESSAGES: usize = 8;
+const STREAM: usize = 16 * 1024;
+/// Longest datagram.
+const DATAGRAM: usize = 2048;
+/// R_IDs whose USEND waits for a URCV.
+const INBOX: usize = 64;
+
+/// What is spoken.
+#[derive(Debug)]
+enum Wire {
+    None,
+    Stream(Vec<u8>),
+    Datagrams(VecDeque<Vec<u8>>),
+    Iso(Transport),
+    S7(Box<Connection>),
+}
+
+/// A job of ours at the partner.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Own {
+    pub(super) reference: u16,
+    /// The box it is for, and the job in it.
+    pub(super) at: usize,
+    pub(super) job: u16,
+    pub(super) since: u64,
+}
+
+#[derive(Debug)]
+pub(super) struct Link {
+    pub(super) spec: Spec,
+    wire: Wire,
+    /// The TCP connection is there, or wanted.
+    is_wired: bool,
+    asked: bool,
+    retry_at: u64,
+    wait: u64,
+    since: u64,
+    is_broken: bool,
+    told_up: bool,
+    pub(super) is_locked: bool,
+    /// Bytes that have gone out, of all connections so far.
+    out: u64,
+    stream: Vec<u8>,
+    messages: VecDeque<Vec<u8>>,
+    pub(super) own: Vec<Own>,
+    /// Newest data of USEND, and whether older ones were lost.
+    pub(super) inbox: BTreeMap<u32, (Vec<u8>, bool)>,
+    /// First parts of BSEND that wait for a BRCV: until when, and what.
+    pub(super) parts: BTreeMap<u32, (u64, crate::client::Came)>,
+    /// R_IDs a BRCV has asked for since the start.
+    pub(super) known: Vec<u32>,
+    pub(super) traffic: Traffic,
+}
+
+impl Link {
+    pub(super) fn new(spec: Spec) -> Self {
+        let wire = if spec.kind == ConnectionKind::Udp { Wire::Datagrams(VecDeque::new()) } else { Wire::None };
+        Self {
+            spec,
+            wire,
+            is_wired: false,
+            asked: false,
+            retry_at: 0,
+            wait: RETRY,
+            since: 0,
+            is_broken: false,
+            told_up: false,
+            is_locked: false,
+            out: 0,
+            stream: Vec::new(),
+            messages: VecDeque::new(),
+            own: Vec::new(),
+            inbox: BTreeMap::new(),
+            parts: BTreeMap::new(),
+            known: Vec::new(),
+            traffic: Traffic::default(),
+        }
+    }
+
+    pub(super) fn condition(&self) -> Condition {
+        match &self.wire {
+            Wire::Datagrams(_) | Wire::Stream(_) => Condition::Up,
+            Wire::None if self.asked => Condition::Coming,
+            Wire::None => Condition::Down,
+            Wire::Iso(transport) if transport.is_open() => Condition::Up,
+            Wire::S7(connection) if connection.pdu().is_some() && connection.end().is_none() => Condition::Up,
+            Wire::Iso(_) | Wire::S7(_) => Condition::Coming,
+        }
+    }
+
+    /// A TCP connection has to be made now.
+    pub(super) fn wants_connection(&mut self, now: u64) -> bool {
+        let wants = self.spec.active
+            && self.spec.kind != ConnectionKind::Udp
+            && !self.is_wired
+            && !self.asked
+            && now >= self.retry_at;
+        if wants {
+            (self.asked, self.since) = (true, now);
+        }
+        wants
+    }
+
+    /// Setting up has taken too long, or a job of ours has no answer.
+    pub(super) fn is_late(&self, now: u64) -> bool {
+        let coming = (self.asked || self.is_wired) && self.condition() == Condition::Coming;
+        coming && now >= self.since + PATIENCE || self.own.iter().any(|own| now >= own.since + PATIENCE)
+    }
+
+    pub(super) fn due(&self) -> Option<u64> {
+        let own = self.own.iter().map(|own| own.since + PATIENCE).min();
+        let parts = self.parts.values().map(|(until, _)| *until).min();
+        let coming = match self.condition() {
+            Condition::Coming => Some(self.since + PATIENCE),
+            Condition::Down if self.spec.active => Some(self.retry_at),
+            _ => None,
+        };
+        [own, parts, coming].into_iter().flatten().min()
+    }
+
+    pub(super) fn connected(&mut self, settings: Settings, now: u64) {
+        (self.is_wired, self.asked, self.since) = (true, false, now);
+        let (local, remote) = (self.spec.local.clone(), self.spec.remote.clone());
+        self.wire = match self.spec.kind {
+            ConnectionKind::Udp => return,
+            ConnectionKind::Tcp => Wire::Stream(Vec::new()),
+            ConnectionKind::Iso => {
+                let mut transport = Transport::new();
+                transport.call(local, remote);
+                Wire::Iso(transport)
+            }
+            ConnectionKind::S7 => Wire::S7(Box::new(Connection::calling(settings, local, remote))),
+        };
+        self.is_up();
+    }
+
+    pub(super) fn called(&mut self, mut transport: Transport, settings: Settings, now: u64) {
+        (self.is_wired, self.asked, self.since) = (true, false, now);
+        self.wire = if self.spec.kind == ConnectionKind::S7 {
+            Wire::S7(Box::new(Connection::called(settings, transport)))
+        } else {
+            transport.accept();
+            Wire::Iso(transport)
+        };
+        // What came behind the call.
+        self.events();
+        self.is_up();
+    }
+
+    /// Counts each time it comes up.
+    fn is_up(&mut self) {
+        if !self.told_up && self.condition() == Condition::Up {
+            self.told_up = true;
+            self.wait = RETRY;
+            self.traffic.ups += 1;
+        }
+    }
+
+    pub(super) fn lost(&mut self, now: u64) {
+        self.out += self.output().len() as u64;
+        if self.spec.kind != ConnectionKind::Udp {
+            self.wire = Wire::None;
+        }
+        (self.is_wired, self.asked, self.is_broken, self.told_up) = (false, false, false, false);
+        self.retry_at = now + self.wait;
+        self.wait = (self.wait * 2).min(RETRY_MAX);
+        self.stream.clear();
+        self.own.clear();
+        self.parts.clear();
+    }
+
+    pub(super) fn broken(&mut self) -> bool {
+        let ended = match &self.wire {
+            Wire::S7(connection) => connection.end().is_some(),
+            Wire::Iso(transport) => transport.is_ended(),
+            _ => false,
+        };
+        ended || self.is_broken
+    }
+
+    pub(super) fn room(&self) -> usize {
+        match &self.wire {
+            Wire::None => 0,
+            Wire::Stream(_) => STREAM.saturating_sub(self.stream.len()),
+            Wire::Datagrams(_) => DATAGRAM,
+            Wire::Iso(_) if self.messages.len() >= MESSAGES => 0,
+            Wire::Iso(transport) => transport.room(),
+            Wire::S7(connection) => connection.room(),
+        }
+    }
+
+    pub(super) fn receive(&mut self, bytes: &[u8], _now: u64) {
+        match &mut self.wire {
+            Wire::None => {}
+            Wire::Stream(_) => self.stream.extend_from_slice(bytes),
+            Wire::Datagrams(_) if self.messages.len() < MESSAGES => self.messages.push_back(bytes.to_vec()),
+            Wire::Datagrams(_) => self.traffic.errors += 1,
+            Wire::Iso(transport) => self.is_broken |= transport.receive(bytes).is_err(),
+            Wire::S7(connection) => connection.receive(bytes),
+        }
+        self.events();
+        self.is_up();
+    }
+
+    /// Whole telegrams of an ISO-on-TCP connection.
+    fn events(&mut self) {
+        let Wire::Iso(transport) = &mut self.wire else { return };
+        while self.messages.len() < MESSAGES {
+            match transport.event() {
+                Ok(Some(Event::Message(message))) => self.messages.push_back(message),
+                Ok(Some(Event::Open)) => {}
+                Ok(None) => return,
+                Ok(Some(Event::Ended(_) | Event::Call(_))) | Err(_) => {
+                    self.is_broken = true;
+                    return;
+                }
+            }
+        }
+    }
+
+    pub(super) fn output(&self) -> &[u8] {
+        match &self.wire {
+            Wire::None | Wire::Datagrams(_) => &[],
+            Wire::Stream(output) => output,
+            Wire::Iso(transport) => transport.output(),
+            Wire::S7(connection) => connection.output(),
+        }
+    }
+
+    pub(super) fn sent(&mut self, count: usize) {
+        let count = count.min(self.output().len());
+        self.out += count as u64;
+        match &mut self.wire {
+            Wire::None | Wire::Datagrams(_) => {}
+            Wire::Stream(output) => drop(output.drain(..count)),
+            Wire::Iso(transport) => transport.sent(count),
+            Wire::S7(connection) => connection.sent(count),
+        }
+    }
+
+    pub(super) fn take_datagram(&mut self) -> Option<Vec<u8>> {
+        match &mut self.wire {
+            Wire::Datagrams(waiting) => waiting.pop_front(),
+            _ => None,
+        }
+    }
+
+    /// Bytes that have gone out.
+    pub(super) const fn out(&self) -> u64 {
+        self.out
+    }
+
+    /// Everything so far is out when so many bytes have gone.
+    pub(super) fn out_with_this(&self) -> u64 {
+        self.out + self.output().len() as u64
+    }
+
+    /// Sends a telegram, or bytes; it is out when so many bytes have gone.
+    pub(super) fn send(&mut self, bytes: &[u8]) -> u64 {
+        match &mut self.wire {
+            Wire::None | Wire::S7(_) => {}
+            Wire::Stream(output) => output.extend_from_slice(bytes),
+            Wire::Datagrams(waiting) => waiting.push_back(bytes.to_vec()),
+            Wire::Iso(transport) => transport.send(bytes),
+        }
+        self.out_with_this()
+    }
+
+    /// A telegram that has come; of a stream so many bytes, when they are all there.
+    pub(super) fn take(&mut self, room: usize) -> Option<Vec<u8>> {
+        if self.spec.kind == ConnectionKind::Tcp {
+            return (self.stream.len() >= room).then(|| self.stream.drain(..room).collect());
+        }
+        let message = self.messages.pop_front();
+        self.events();
+        message
+    }
+
+    /// The connection to another CPU.
+    pub(super) fn s7(&mut self) -> Option<&mut Connection> {
+        match &mut self.wire {
+            Wire::S7(connection) => Some(connection),
+            _ => None,
+        }
+    }
+
+    /// Keeps the newest data of a USEND.
+    pub(super) fn keep(&mut self, r_id: u32, items: Vec<u8>) {
+        let is_older = self.inbox.contains_key(&r_id);
+        if is_older || self.inbox.len() < INBOX {
+            self.inbox.insert(r_id, (items, is_older));
+        } else {
+            self.traffic.errors += 1;
+        }
+    }
+
+    /// A BRCV or URCV has asked for it.
+    pub(super) fn know(&mut self, r_id: u32) {
+        if !self.known.contains(&r_id) && self.known.len() < INBOX {
+            self.known.push(r_id);
+        }
+    }
+}

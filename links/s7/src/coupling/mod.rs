@@ -1,0 +1,297 @@
+//! An Ethernet CP as a machine: the connections of its station to other PLCs, and the jobs its handling blocks have on
+//! them. (docs/cp343.md)
+//!
+//! Whoever owns it makes and loses TCP connections for it, moves bytes, shows it what the CPU writes into the boxes and
+//! shows the CPU what it answers. It has no socket and no clock; times are milliseconds from any beginning.
+
+mod blocks;
+mod boxes;
+mod connection;
+mod datagram;
+mod vars;
+
+use std::collections::VecDeque;
+
+use ob1_words::boxes::{BOXES, Service, status};
+
+use crate::iso::{Call, Transport, Tsap};
+use crate::server::{Reply, Request, Settings};
+use boxes::{Phase, Slot};
+use connection::Link;
+
+/// Before the first try to make a connection that was lost, and most between two tries.
+const RETRY: u64 = 250;
+const RETRY_MAX: u64 = 4_000;
+/// A connection that is being set up, and a job of ours, get so long.
+const PATIENCE: u64 = 10_000;
+/// A part of BSEND waits so long for a BRCV that is known, but not ready.
+const NOT_READY: u64 = 3_000;
+
+/// The kinds of connection of an Ethernet CP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConnectionKind {
+    /// Plain TCP: a stream of bytes.
+    Tcp,
+    /// UDP: telegrams without a connection.
+    Udp,
+    /// ISO on TCP: telegrams.
+    Iso,
+    /// S7: PUT, GET, USEND, BSEND.
+    S7,
+}
+
+/// A connection as it is configured.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Spec {
+    /// ID of the handling blocks.
+    pub id: u16,
+    /// The kind.
+    pub kind: ConnectionKind,
+    /// We make the connection.
+    pub active: bool,
+    /// Our TSAP.
+    pub local: Tsap,
+    /// The partner's TSAP; of a connection we wait for: empty is anybody's.
+    pub remote: Tsap,
+}
+
+/// What the machine wants of its owner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// Make the TCP connection of this index.
+    Connect(usize),
+    /// Close it.
+    Close(usize),
+}
+
+/// How a connection is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Condition {
+    /// It is not there.
+    Down,
+    /// It is being set up.
+    Coming,
+    /// Data can be sent.
+    Up,
+}
+
+/// What has gone over a connection.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Jobs that ended without error.
+    pub jobs: u64,
+    /// Jobs that ended with one.
+    pub errors: u64,
+    /// Times the connection came up.
+    pub ups: u64,
+}
+
+/// The connections of a CP.
+#[derive(Debug)]
+pub struct Coupling {
+    links: Vec<Link>,
+    slots: Vec<Slot>,
+    actions: VecDeque<Action>,
+    settings: Settings,
+    now: u64,
+    runs: bool,
+}
+
+impl Coupling {
+    /// A CP with these connections; partners of S7 connections are served with these settings.
+    #[must_use]
+    pub fn new(specs: Vec<Spec>, settings: Settings) -> Self {
+        Self {
+            links: specs.into_iter().map(Link::new).collect(),
+            slots: (0..BOXES).map(|_| Slot::default()).collect(),
+            actions: VecDeque::new(),
+            settings,
+            now: 0,
+            runs: false,
+        }
+    }
+
+    /// The next thing to do.
+    pub fn action(&mut self) -> Option<Action> {
+        self.actions.pop_front()
+    }
+
+    /// The CPU runs, or stops: in STOP no block is called, and every job is gone.
+    pub fn run(&mut self, runs: bool) {
+        if self.runs && !runs {
+            (0..self.slots.len()).for_each(|index| self.cancel(index));
+        }
+        self.runs = runs;
+    }
+
+    /// The connection that waits for this call.
+    #[must_use]
+    pub fn find(&self, call: &Call) -> Option<usize> {
+        self.links.iter().position(|link| {
+            let spec = &link.spec;
+            let is_ours = !spec.active && matches!(spec.kind, ConnectionKind::Iso | ConnectionKind::S7);
+            let is_partner = spec.remote.bytes().is_empty() || spec.remote == call.calling;
+            is_ours && spec.local == call.called && is_partner
+        })
+    }
+
+    /// The connection of an index, as it is configured.
+    #[must_use]
+    pub fn spec(&self, index: usize) -> Option<&Spec> {
+        self.links.get(index).map(|link| &link.spec)
+    }
+
+    /// How a connection is, and what has gone over it.
+    #[must_use]
+    pub fn condition(&self, index: usize) -> (Condition, Traffic) {
+        self.links.get(index).map_or((Condition::Down, Traffic::default()), |link| (link.condition(), link.traffic))
+    }
+
+    /// Time passes; when [`Coupling::tick`] is wanted again.
+    pub fn tick(&mut self, now: u64) -> Option<u64> {
+        self.now = now;
+        for index in 0..self.links.len() {
+            self.times(index);
+        }
+        let due = self.links.iter().filter_map(Link::due).min();
+        self.slots.iter().filter_map(|slot| slot.held.as_ref().map(|held| held.until)).chain(due).min()
+    }
+
+    /// Somebody has called, and [`Coupling::find`] has found this connection for it. A connection that was there is
+    /// given up: the partner has started anew.
+    pub fn called(&mut self, index: usize, transport: Transport, now: u64) {
+        self.now = now;
+        self.lost(index, now);
+        let (settings, now) = (self.settings, self.now);
+        if let Some(link) = self.links.get_mut(index) {
+            link.called(transport, settings, now);
+        }
+        self.advance(index);
+    }
+
+    /// The TCP connection is made: ours, or one that was waited for.
+    pub fn connected(&mut self, index: usize, now: u64) {
+        self.now = now;
+        let settings = self.settings;
+        if let Some(link) = self.links.get_mut(index) {
+            link.connected(settings, now);
+        }
+        self.advance(index);
+    }
+
+    /// The TCP connection is gone, or could not be made.
+    pub fn lost(&mut self, index: usize, now: u64) {
+        self.now = now;
+        let Some(link) = self.links.get_mut(index) else { return };
+        link.lost(now);
+        self.orphans(index);
+    }
+
+    /// Bytes that may be given to [`Coupling::receive`] now.
+    #[must_use]
+    pub fn room(&self, index: usize) -> usize {
+        self.links.get(index).map_or(0, Link::room)
+    }
+
+    /// Bytes, or one datagram, from the wire.
+    pub fn receive(&mut self, index: usize, bytes: &[u8], now: u64) {
+        self.now = now;
+        if let Some(link) = self.links.get_mut(index) {
+            link.receive(bytes, now);
+        }
+        self.advance(index);
+    }
+
+    /// What has to go out.
+    #[must_use]
+    pub fn output(&self, index: usize) -> &[u8] {
+        self.links.get(index).map_or(&[], Link::output)
+    }
+
+    /// So many bytes of it are out.
+    pub fn sent(&mut self, index: usize, count: usize, now: u64) {
+        self.now = now;
+        if let Some(link) = self.links.get_mut(index) {
+            link.sent(count);
+        }
+        self.advance(index);
+    }
+
+    /// The next datagram that has to go out.
+    pub fn datagram(&mut self, index: usize) -> Option<Vec<u8>> {
+        self.links.get_mut(index)?.take_datagram()
+    }
+
+    /// What a partner asks of the CPU.
+    pub fn next_ask(&mut self, index: usize) -> Option<Request> {
+        self.links.get_mut(index)?.s7()?.next_ask()
+    }
+
+    /// What the CPU says to it.
+    pub fn reply(&mut self, index: usize, id: u64, reply: Reply) {
+        if let Some(connection) = self.links.get_mut(index).and_then(Link::s7) {
+            connection.reply(id, reply);
+        }
+        self.advance(index);
+    }
+
+    /// What happens to a connection's jobs now that something has happened to it.
+    fn advance(&mut self, index: usize) {
+        self.came(index);
+        if self.links.get_mut(index).is_some_and(Link::broken) {
+            self.drop_link(index);
+        }
+        self.flushed(index);
+        self.waiting(index);
+        self.queued(index);
+    }
+
+    /// Closes a connection from our side.
+    fn drop_link(&mut self, index: usize) {
+        let now = self.now;
+        self.actions.push_back(Action::Close(index));
+        if let Some(link) = self.links.get_mut(index) {
+            link.lost(now);
+        }
+        self.orphans(index);
+    }
+
+    fn times(&mut self, index: usize) {
+        let now = self.now;
+        let Some(link) = self.links.get_mut(index) else { return };
+        if link.is_late(now) {
+            self.drop_link(index);
+        } else if link.wants_connection(now) {
+            self.actions.push_back(Action::Connect(index));
+        }
+        self.expire(index);
+    }
+
+    /// Jobs that were at work on a connection that is gone.
+    fn orphans(&mut self, index: usize) {
+        let Some(id) = self.links.get(index).map(|link| link.spec.id) else { return };
+        for at in 0..self.slots.len() {
+            let Some(slot) = self.slots.get_mut(at).filter(|slot| slot.order.id == id) else { continue };
+            slot.held = None;
+            if slot.phase != Phase::Running && slot.phase != Phase::Giving {
+                continue;
+            }
+            let service = slot.order.service;
+            match service {
+                Some(Service::Send) => self.fail(at, status::NOT_CONNECTED),
+                Some(Service::Usend | Service::Bsend | Service::Put | Service::Get) if self.is_running(at) => {
+                    self.fail(at, status::CONNECTION);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn is_running(&self, at: usize) -> bool {
+        self.slots.get(at).is_some_and(|slot| slot.phase == Phase::Running)
+    }
+
+    fn link_of(&self, id: u16) -> Option<usize> {
+        self.links.iter().position(|link| link.spec.id == id)
+    }
+}

@@ -1,0 +1,254 @@
+//! AG_SEND, AG_RECV, AG_LSEND, AG_LRECV, AG_LOCK, AG_UNLOCK, AG_CNTRL: TCP, UDP and ISO-on-TCP connections.
+
+use ob1_sdk::{Abort, Block, Cx, Kind, Param, Refused, interface};
+use ob1_words::boxes::Service;
+
+use crate::area::Span;
+use crate::job::{End, Wanted, turn};
+use crate::state::CpState;
+
+/// STATUS: the job is under way.
+const RUNNING: u16 = 0x8181;
+/// STATUS of AG_RECV: no data yet.
+const NO_DATA: u16 = 0x8180;
+/// STATUS: SEND, RECV or CMD cannot be.
+const PARAMETER: u16 = 0x8184;
+/// STATUS: LEN does not fit.
+const LENGTH: u16 = 0x8185;
+/// STATUS: no module at LADDR.
+const NO_MODULE: u16 = 0x8090;
+/// STATUS: the CP does not answer.
+const ABSENT: u16 = 0x80C0;
+/// STATUS: too many jobs.
+const FULL: u16 = 0x80C3;
+/// STATUS: the area of SEND, or of RECV, is too short.
+const SOURCE: u16 = 0x8F22;
+const TARGET: u16 = 0x8F23;
+/// STATUS: the data block is not there, or cannot be written.
+const DB_NUMBER: u16 = 0x8F32;
+const NO_DB: u16 = 0x8F3A;
+const READ_ONLY: u16 = 0x8F30;
+/// Most data of a job.
+const LEN_MAX: i16 = 8192;
+
+/// Jobs of a connection that cannot be under way at the same time have the same owner.
+fn owner(class: u64, id: i16) -> u64 {
+    1 << 63 | class << 16 | u64::from(id as u16)
+}
+
+fn status(end: End, outside: u16) -> Option<u16> {
+    Some(match end {
+        End::Idle | End::Running | End::Done(_) => return None,
+        End::Failed(status) => status,
+        End::NoModule => NO_MODULE,
+        End::Absent => ABSENT,
+        End::Full => FULL,
+        End::Memory(Refused::NoDb) => NO_DB,
+        End::Memory(Refused::DbNumber) => DB_NUMBER,
+        End::Memory(Refused::ReadOnly) => READ_ONLY,
+        End::Memory(_) => outside,
+    })
+}
+
+interface! {
+    /// AG_SEND and AG_LSEND.
+    pub(crate) mod snd {
+        /// 1: a job begins, when none is under way.
+        in     ACT: Bool;
+        /// The connection.
+        in     ID: Int;
+        /// Logical base address of the CP.
+        in     LADDR: Word;
+        /// The data.
+        in     SEND: Any;
+        /// Bytes of it, 1 to 8192.
+        in     LEN: Int;
+        /// The telegram is out: for one call.
+        out    DONE: Bool;
+        /// It could not be sent: for one call.
+        out    ERROR: Bool;
+        /// Why, or 8181h while it is under way.
+        out    STATUS: Word;
+    }
+}
+
+/// FC 5, FC 50.
+pub(crate) struct Send<const NUMBER: u16>;
+
+impl<const NUMBER: u16> Block for Send<NUMBER> {
+    const KIND: Kind = Kind::Fc;
+    const NUMBER: u16 = NUMBER;
+    const NAME: &'static str = if NUMBER == 5 { "AG_SEND" } else { "AG_LSEND" };
+    const PARAMS: &'static [Param] = snd::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let (act, id, laddr) = (cx.get(snd::ACT)?, cx.get(snd::ID)?, cx.get(snd::LADDR)?);
+        let mut wanted = Wanted::new(u32::from(laddr), owner(1, id), Service::Send, id as u16);
+        let len = cx.get(snd::LEN)?;
+        let span = Span::of(cx, snd::SEND)?;
+        let wrong = match span {
+            None => Some(PARAMETER),
+            Some(span) if !(1..=LEN_MAX).contains(&len) || len as u32 > span.len => Some(LENGTH),
+            Some(span) => {
+                wanted.source = span.first(len as u32);
+                None
+            }
+        };
+        wanted.begins = act && wrong.is_none();
+        let end = turn(cx, &mut wanted)?;
+        let status = match end {
+            End::Idle => wrong.filter(|_| act),
+            end => status(end, SOURCE),
+        };
+        cx.set(snd::DONE, matches!(end, End::Done(_)))?;
+        cx.set(snd::ERROR, status.is_some())?;
+        cx.set(snd::STATUS, status.unwrap_or(if end == End::Running { RUNNING } else { 0 }))?;
+        cx.set_br(status.is_none())
+    }
+}
+
+interface! {
+    /// AG_RECV and AG_LRECV.
+    pub(crate) mod rcv {
+        /// The connection.
+        in     ID: Int;
+        /// Logical base address of the CP.
+        in     LADDR: Word;
+        /// Room for the data; on a TCP connection it is filled.
+        in     RECV: Any;
+        /// New data are there: for one call.
+        out    NDR: Bool;
+        /// Data could not be taken: for one call.
+        out    ERROR: Bool;
+        /// Why, or 8180h while there are none, 8181h while they come.
+        out    STATUS: Word;
+        /// Bytes that have come, while NDR is 1.
+        out    LEN: Int;
+    }
+}
+
+/// FC 6, FC 60.
+pub(crate) struct Receive<const NUMBER: u16>;
+
+impl<const NUMBER: u16> Block for Receive<NUMBER> {
+    const KIND: Kind = Kind::Fc;
+    const NUMBER: u16 = NUMBER;
+    const NAME: &'static str = if NUMBER == 6 { "AG_RECV" } else { "AG_LRECV" };
+    const PARAMS: &'static [Param] = rcv::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let (id, laddr) = (cx.get(rcv::ID)?, cx.get(rcv::LADDR)?);
+        let mut wanted = Wanted::new(u32::from(laddr), owner(2, id), Service::Receive, id as u16);
+        let span = Span::of(cx, rcv::RECV)?;
+        wanted.target = span.unwrap_or(Span::NONE);
+        wanted.begins = span.is_some();
+        let end = turn(cx, &mut wanted)?;
+        let status = if span.is_none() { Some(PARAMETER) } else { status(end, TARGET) };
+        let len = if let End::Done(len) = end { Some(len) } else { None };
+        cx.set(rcv::NDR, len.is_some())?;
+        cx.set(rcv::ERROR, status.is_some())?;
+        cx.set(rcv::STATUS, status.unwrap_or(if len.is_some() { 0 } else { NO_DATA }))?;
+        cx.set(rcv::LEN, len.unwrap_or(0) as i16)?;
+        cx.set_br(status.is_none())
+    }
+}
+
+interface! {
+    /// AG_LOCK and AG_UNLOCK.
+    pub(crate) mod lock {
+        /// 1: a job begins.
+        in     ACT: Bool;
+        /// The connection.
+        in     ID: Int;
+        /// Logical base address of the CP.
+        in     LADDR: Word;
+        /// Done: for one call.
+        out    DONE: Bool;
+        /// Not done: for one call.
+        out    ERROR: Bool;
+        /// Why, or 8181h while it is under way.
+        out    STATUS: Word;
+    }
+}
+
+/// FC 7 AG_LOCK, FC 8 AG_UNLOCK.
+pub(crate) struct Lock<const NUMBER: u16>;
+
+impl<const NUMBER: u16> Block for Lock<NUMBER> {
+    const KIND: Kind = Kind::Fc;
+    const NUMBER: u16 = NUMBER;
+    const NAME: &'static str = if NUMBER == 7 { "AG_LOCK" } else { "AG_UNLOCK" };
+    const PARAMS: &'static [Param] = lock::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let (act, id, laddr) = (cx.get(lock::ACT)?, cx.get(lock::ID)?, cx.get(lock::LADDR)?);
+        let service = if NUMBER == 7 { Service::Lock } else { Service::Unlock };
+        let mut wanted = Wanted::new(u32::from(laddr), owner(u64::from(NUMBER), id), service, id as u16);
+        wanted.begins = act;
+        let end = turn(cx, &mut wanted)?;
+        let status = status(end, PARAMETER);
+        cx.set(lock::DONE, matches!(end, End::Done(_)))?;
+        cx.set(lock::ERROR, status.is_some())?;
+        cx.set(lock::STATUS, status.unwrap_or(if end == End::Running { RUNNING } else { 0 }))?;
+        cx.set_br(status.is_none())
+    }
+}
+
+interface! {
+    /// AG_CNTRL.
+    pub(crate) mod cntrl {
+        /// 1: a job begins.
+        in     ACT: Bool;
+        /// The connection.
+        in     ID: Int;
+        /// Logical base address of the CP.
+        in     LADDR: Word;
+        /// 0 nothing, 1 state of the connection, 2 reset it, 3 and 4 the same of all, 5 and 6 take locks away.
+        in     CMD: Int;
+        /// Done: for one call.
+        out    DONE: Bool;
+        /// Not done: for one call.
+        out    ERROR: Bool;
+        /// Why, or 8181h while it is under way.
+        out    STATUS: Word;
+        /// See docs/cp343.md.
+        out    RESULT1: DWord;
+        /// See docs/cp343.md.
+        out    RESULT2: DWord;
+    }
+}
+
+/// FC 10.
+pub(crate) struct Control;
+
+impl Block for Control {
+    const KIND: Kind = Kind::Fc;
+    const NUMBER: u16 = 10;
+    const NAME: &'static str = "AG_CNTRL";
+    const PARAMS: &'static [Param] = cntrl::PARAMS;
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let (act, id, laddr) = (cx.get(cntrl::ACT)?, cx.get(cntrl::ID)?, cx.get(cntrl::LADDR)?);
+        let mut wanted = Wanted::new(u32::from(laddr), owner(10, id), Service::Control, id as u16);
+        wanted.put_front(&cx.get(cntrl::CMD)?.to_be_bytes());
+        wanted.begins = act;
+        let end = turn(cx, &mut wanted)?;
+        let status = status(end, PARAMETER);
+        let is_done = matches!(end, End::Done(_));
+        let [a, b, c, d, e, f, g, h] = if is_done { wanted.small } else { [0; 8] };
+        cx.set(cntrl::DONE, is_done)?;
+        cx.set(cntrl::ERROR, status.is_some())?;
+        cx.set(cntrl::STATUS, status.unwrap_or(if end == End::Running { RUNNING } else { 0 }))?;
+        cx.set(cntrl::RESULT1, u32::from_be_bytes([a, b, c, d]))?;
+        cx.set(cntrl::RESULT2, u32::from_be_bytes([e, f, g, h]))?;
+        cx.set_br(status.is_none())
+    }
+}

@@ -1,0 +1,240 @@
+//! A job at the CP: its data go piece by piece, one a call, and what comes back comes the same way.
+
+use ob1_sdk::{Abort, Cx, Refused};
+use ob1_words::boxes::{Answer, BOX_BYTES, HEAD_BYTES, Order, Service, State, pieces, range, record};
+
+use crate::area::Span;
+use crate::state::{CpState, Phase, Slot};
+
+/// Longest head in front of the data: how many items, a length, an ANY pointer.
+const FRONT: usize = 13;
+/// Bytes of a result that is no memory of the program.
+pub(crate) const SMALL: usize = 8;
+
+/// What a call wants.
+#[derive(Debug)]
+pub(crate) struct Wanted {
+    /// Address of the module.
+    pub(crate) laddr: u32,
+    /// The block: no other has this number at the module.
+    pub(crate) owner: u64,
+    /// A job is to begin, if none is under way.
+    pub(crate) begins: bool,
+    pub(crate) service: Service,
+    pub(crate) id: u16,
+    pub(crate) r_id: u32,
+    /// In front of the data.
+    pub(crate) front: ([u8; FRONT], usize),
+    pub(crate) source: Span,
+    /// Where data of the CP go.
+    pub(crate) target: Span,
+    /// Or the first of them, where they are a result.
+    pub(crate) small: [u8; SMALL],
+}
+
+impl Wanted {
+    pub(crate) fn new(laddr: u32, owner: u64, service: Service, id: u16) -> Self {
+        Self {
+            laddr,
+            owner,
+            begins: false,
+            service,
+            id,
+            r_id: 0,
+            front: ([0; FRONT], 0),
+            source: Span::NONE,
+            target: Span::NONE,
+            small: [0; SMALL],
+        }
+    }
+
+    /// Puts bytes in front of the data.
+    pub(crate) fn put_front(&mut self, bytes: &[u8]) {
+        let (front, len) = &mut self.front;
+        for byte in bytes {
+            if let Some(place) = front.get_mut(*len) {
+                *place = *byte;
+                *len += 1;
+            }
+        }
+    }
+
+    fn len(&self) -> u32 {
+        self.front.1 as u32 + self.source.len
+    }
+
+    fn room(&self) -> u32 {
+        if self.target.len > 0 { self.target.len } else { SMALL as u32 }
+    }
+}
+
+/// What has become of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum End {
+    /// No job.
+    Idle,
+    /// Under way.
+    Running,
+    /// Ended without error, with so many bytes of the CP.
+    Done(u32),
+    /// Ended with this STATUS of the CP.
+    Failed(u16),
+    /// There is no such module, or it is no CP 343.
+    NoModule,
+    /// The CP does not answer, or has started anew.
+    Absent,
+    /// All boxes have jobs.
+    Full,
+    /// The program's memory cannot be read, or not be written.
+    Memory(Refused),
+}
+
+/// A call: one step of the job.
+pub(crate) fn turn(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted) -> Result<End, Abort> {
+    let (Ok(info), Ok(state)) = (cx.module_info(wanted.laddr)?, cx.module_state(wanted.laddr)?) else {
+        return Ok(End::NoModule);
+    };
+    let Some((index, slot)) = state.slot(wanted.owner, wanted.begins) else {
+        return Ok(if wanted.begins { End::Full } else { End::Idle });
+    };
+    let is_busy = slot.phase() != Phase::Idle;
+    if !info.present || is_busy && slot.generation.get() != info.generation {
+        slot.set(Phase::Idle);
+        return Ok(if is_busy || wanted.begins { End::Absent } else { End::Idle });
+    }
+    slot.generation.set(info.generation);
+    let mut head = [0; HEAD_BYTES];
+    let record = record(index);
+    if cx.record_read(wanted.laddr, record, &mut head)? != Ok(HEAD_BYTES) {
+        slot.set(Phase::Idle);
+        return Ok(End::NoModule);
+    }
+    let answer = Answer::read(&head);
+    // What is to be received has another length now.
+    let is_other = slot.phase() == Phase::Giving && wanted.begins && slot.room.get() != wanted.room();
+    if !is_busy || is_other {
+        if !wanted.begins {
+            return Ok(End::Idle);
+        }
+        let mut number = answer.job.wrapping_add(1).max(1);
+        if number == slot.job.get() {
+            number = number.wrapping_add(1).max(1);
+        }
+        slot.job.set(number);
+        slot.set(Phase::Giving);
+        slot.piece.set(0);
+        slot.room.set(wanted.room());
+        return give(cx, wanted, slot, record);
+    }
+    if answer.job != slot.job.get() {
+        return Ok(End::Running);
+    }
+    match answer.state {
+        State::Collecting if slot.phase() == Phase::Giving && answer.piece == slot.piece.get() + 1 => {
+            slot.piece.set(answer.piece);
+            give(cx, wanted, slot, record)
+        }
+        State::Giving => {
+            if slot.phase() == Phase::Giving {
+                slot.set(Phase::Taking);
+                slot.piece.set(0);
+            }
+            if answer.piece == slot.piece.get() { take(cx, wanted, slot, record) } else { Ok(End::Running) }
+        }
+        State::Done => {
+            slot.set(Phase::Idle);
+            Ok(End::Done(0))
+        }
+        State::Failed => {
+            slot.set(Phase::Idle);
+            Ok(End::Failed(answer.status))
+        }
+        State::None | State::Collecting | State::Running => Ok(End::Running),
+    }
+}
+
+/// Gives a job up; true if there was one.
+pub(crate) fn cancel(cx: &mut Cx<'_, CpState>, laddr: u32, owner: u64) -> Result<bool, Abort> {
+    let Ok(state) = cx.module_state(laddr)? else { return Ok(false) };
+    let Some((index, slot)) = state.slot(owner, false).filter(|(_, slot)| slot.phase() != Phase::Idle) else {
+        return Ok(false);
+    };
+    slot.set(Phase::Idle);
+    // A CP that is gone has forgotten it anyway.
+    let _told = cx.record_write(laddr, record(index), &Order::NONE.bytes())?;
+    Ok(true)
+}
+
+fn order(wanted: &Wanted, slot: &Slot) -> Order {
+    Order {
+        service: Some(wanted.service),
+        job: slot.job.get(),
+        id: wanted.id,
+        r_id: wanted.r_id,
+        piece: slot.piece.get(),
+        len: wanted.len(),
+        taken: 0,
+        room: slot.room.get(),
+    }
+}
+
+/// Shows the CP the piece that is due.
+fn give(cx: &mut Cx<'_, CpState>, wanted: &Wanted, slot: &Slot, record: u8) -> Result<End, Abort> {
+    let mut block = [0; BOX_BYTES];
+    let (head, data) = block.split_at_mut(HEAD_BYTES);
+    head.copy_from_slice(&order(wanted, slot).bytes());
+    let piece = range(slot.piece.get(), wanted.len() as usize);
+    let front = wanted.front.0.get(..wanted.front.1).unwrap_or_default();
+    let data = data.get_mut(..piece.len()).unwrap_or_default();
+    let ahead = front.get(piece.start.min(front.len())..).unwrap_or_default();
+    let ahead = ahead.get(..ahead.len().min(data.len())).unwrap_or_default();
+    let (begin, rest) = data.split_at_mut(ahead.len());
+    begin.copy_from_slice(ahead);
+    let from = (piece.start + ahead.len()).saturating_sub(front.len());
+    if let Err(refused) = wanted.source.read(cx, from as u32, rest)? {
+        cancel(cx, wanted.laddr, wanted.owner)?;
+        return Ok(End::Memory(refused));
+    }
+    let shown = block.get(..HEAD_BYTES + piece.len()).unwrap_or_default();
+    Ok(match cx.record_write(wanted.laddr, record, shown)? {
+        Ok(()) => End::Running,
+        Err(_) => {
+            slot.set(Phase::Idle);
+            End::Absent
+        }
+    })
+}
+
+/// Takes the piece the CP shows.
+fn take(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted, slot: &Slot, record: u8) -> Result<End, Abort> {
+    let mut block = [0; BOX_BYTES];
+    if cx.record_read(wanted.laddr, record, &mut block)? != Ok(BOX_BYTES) {
+        return Ok(End::Running);
+    }
+    let Some((head, data)) = block.split_first_chunk::<HEAD_BYTES>() else { return Ok(End::Running) };
+    let answer = Answer::read(head);
+    if answer.state != State::Giving || answer.job != slot.job.get() || answer.piece != slot.piece.get() {
+        return Ok(End::Running);
+    }
+    // A CP that gives more than there is room for is not believed.
+    let len = answer.len.min(slot.room.get());
+    let piece = range(answer.piece, len as usize);
+    let bytes = data.get(..piece.len()).unwrap_or_default();
+    if wanted.target.len > 0 {
+        if let Err(refused) = wanted.target.write(cx, piece.start as u32, bytes)? {
+            cancel(cx, wanted.laddr, wanted.owner)?;
+            return Ok(End::Memory(refused));
+        }
+    } else {
+        wanted.small.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
+    }
+    let taken = answer.piece + 1;
+    slot.piece.set(taken);
+    let order = Order { taken, ..order(wanted, slot) };
+    let told = cx.record_write(wanted.laddr, record, &order.bytes())?;
+    if taken < pieces(answer.len as usize) && told.is_ok() {
+        return Ok(End::Running);
+    }
+    slot.set(Phase::Idle);
+    Ok(End::Done(len))
+}

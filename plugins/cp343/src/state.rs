@@ -1,0 +1,82 @@
+//! What the blocks remember of a module: which job is in which box.
+
+use std::cell::Cell;
+
+use ob1_words::boxes::BOXES;
+
+ob1_sdk::state! {
+    /// Per module and station, zeroed at every start-up of the CPU.
+    #[derive(Debug)]
+    pub struct CpState {
+        slots: [Slot; BOXES],
+        /// Counts what happens in the slots: the one that has rested longest is given up first.
+        clock: Cell<u32>,
+    }
+}
+
+ob1_sdk::state! {
+    /// A box and whose job is in it.
+    #[derive(Debug)]
+    pub struct Slot {
+        /// The block that has it; 0: none.
+        pub(crate) owner: Cell<u64>,
+        /// The start of the CP it belongs to.
+        pub(crate) generation: Cell<u32>,
+        /// Number of the job.
+        pub(crate) job: Cell<u16>,
+        /// See [`Phase`].
+        phase: Cell<u8>,
+        /// The piece shown last, or pieces taken.
+        pub(crate) piece: Cell<u16>,
+        /// Room for data, as it was when the job began.
+        pub(crate) room: Cell<u32>,
+        used: Cell<u32>,
+    }
+}
+
+/// Where a job is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Phase {
+    Idle,
+    /// Its data go to the CP, or it is at work there.
+    Giving,
+    /// Data come.
+    Taking,
+}
+
+impl Slot {
+    pub(crate) fn phase(&self) -> Phase {
+        match self.phase.get() {
+            1 => Phase::Giving,
+            2 => Phase::Taking,
+            _ => Phase::Idle,
+        }
+    }
+
+    pub(crate) fn set(&self, phase: Phase) {
+        self.phase.set(phase as u8);
+    }
+}
+
+impl CpState {
+    /// The box of a block; one that has none gets one when it wants to begin.
+    pub(crate) fn slot(&self, owner: u64, begins: bool) -> Option<(usize, &Slot)> {
+        let find = |wanted: u64| self.slots.iter().position(|slot| slot.owner.get() == wanted);
+        let resting = || {
+            let idle = self.slots.iter().enumerate().filter(|(_, slot)| slot.phase() == Phase::Idle);
+            idle.min_by_key(|(_, slot)| slot.used.get()).map(|(index, _)| index)
+        };
+        let index = match find(owner) {
+            Some(index) => index,
+            None if begins => find(0).or_else(resting)?,
+            None => return None,
+        };
+        let slot = self.slots.get(index)?;
+        if begins {
+            slot.owner.set(owner);
+            self.clock.set(self.clock.get().wrapping_add(1));
+            slot.used.set(self.clock.get());
+        }
+        Some((index, slot))
+    }
+}

@@ -1,0 +1,300 @@
+//! CP 343: the boxes. Each handling block that has a job at the CP has a box of its own: 512 bytes to the CP and 512
+//! bytes from it, read and written as data records. (docs/cp343.md)
+//!
+//! The CPU shows a job with its first piece of data; the CP says how many pieces it has, then that it is at work, then
+//! the end, or piece by piece what has come. A box of the CP counts only under the number of the job the CPU shows.
+
+/// Boxes of a module.
+pub const BOXES: usize = 64;
+/// Bytes of a box, each way.
+pub const BOX_BYTES: usize = 512;
+/// Bytes of its head: enough to see how a job is.
+pub const HEAD_BYTES: usize = 32;
+/// Bytes of data in a box.
+pub const PIECE: usize = BOX_BYTES - HEAD_BYTES;
+/// Most data of a job: BSEND over a CP, with the heads of its areas.
+pub const DATA_MAX: usize = 65_536;
+
+/// The box a data record stands for: records 80h to BFh.
+#[must_use]
+pub fn of_record(number: u8) -> Option<usize> {
+    number.checked_sub(RECORD).map(usize::from).filter(|index| *index < BOXES)
+}
+
+/// The data record of a box.
+#[must_use]
+pub const fn record(index: usize) -> u8 {
+    RECORD + (index % BOXES) as u8
+}
+
+const RECORD: u8 = 0x80;
+
+/// Pieces of so many bytes; a job without data has one, which is empty.
+#[must_use]
+pub const fn pieces(bytes: usize) -> u16 {
+    let pieces = bytes.div_ceil(PIECE);
+    if pieces == 0 { 1 } else { pieces as u16 }
+}
+
+/// The bytes of a piece in data of this length; empty behind them.
+#[must_use]
+pub fn range(piece: u16, bytes: usize) -> core::ops::Range<usize> {
+    let from = (usize::from(piece) * PIECE).min(bytes);
+    from..(from + PIECE).min(bytes)
+}
+
+macro_rules! codes {
+    ($(#[$doc:meta])* $name:ident { $($(#[$item:meta])* $variant:ident = $value:literal,)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(u8)]
+        pub enum $name { $($(#[$item])* $variant = $value,)* }
+
+        impl $name {
+            /// Of the byte in a box.
+            #[must_use]
+            pub const fn of(byte: u8) -> Option<Self> {
+                match byte { $($value => Some(Self::$variant),)* _ => None }
+            }
+        }
+    };
+}
+
+codes! {
+    /// What a job is for.
+    Service {
+        /// AG_SEND, AG_LSEND: the data go to the partner.
+        Send = 1,
+        /// AG_RECV, AG_LRECV: waits for data of the partner.
+        Receive = 2,
+        /// AG_LOCK.
+        Lock = 3,
+        /// AG_UNLOCK.
+        Unlock = 4,
+        /// AG_CNTRL: the data are CMD; eight bytes come back.
+        Control = 5,
+        /// C_CNTRL: two bytes come back.
+        Status = 6,
+        /// USEND.
+        Usend = 7,
+        /// URCV.
+        Urcv = 8,
+        /// BSEND.
+        Bsend = 9,
+        /// BRCV.
+        Brcv = 10,
+        /// PUT: the data are items with their values.
+        Put = 11,
+        /// GET: the data are items; their values come back.
+        Get = 12,
+    }
+}
+
+codes! {
+    /// What the CP says of a job.
+    State {
+        /// No job.
+        None = 0,
+        /// So many pieces are there; the next one is wanted.
+        Collecting = 1,
+        /// At work, or waiting for the partner.
+        Running = 2,
+        /// Data for the CPU: this piece of them.
+        Giving = 3,
+        /// Ended without error.
+        Done = 4,
+        /// Ended with this STATUS.
+        Failed = 5,
+    }
+}
+
+/// The head of what the CPU shows. Words are big-endian.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Order {
+    /// What it is for; `None`: nothing, a job under way is cancelled.
+    pub service: Option<Service>,
+    /// Its number, never 0.
+    pub job: u16,
+    /// The connection.
+    pub id: u16,
+    /// R_ID of the blocks that have one.
+    pub r_id: u32,
+    /// The piece of data behind the head.
+    pub piece: u16,
+    /// Bytes of all pieces.
+    pub len: u32,
+    /// Pieces of the CP's data that have been taken.
+    pub taken: u16,
+    /// Room for data of the CP.
+    pub room: u32,
+}
+
+impl Order {
+    /// Nothing.
+    pub const NONE: Self = Self { service: None, job: 0, id: 0, r_id: 0, piece: 0, len: 0, taken: 0, room: 0 };
+
+    /// As it lies in the box.
+    #[must_use]
+    pub fn bytes(&self) -> [u8; HEAD_BYTES] {
+        let mut head = [0; HEAD_BYTES];
+        head[0] = self.service.map_or(0, |service| service as u8);
+        head[2..4].copy_from_slice(&self.job.to_be_bytes());
+        head[4..6].copy_from_slice(&self.id.to_be_bytes());
+        head[6..8].copy_from_slice(&self.piece.to_be_bytes());
+        head[8..12].copy_from_slice(&self.r_id.to_be_bytes());
+        head[12..16].copy_from_slice(&self.len.to_be_bytes());
+        head[16..18].copy_from_slice(&self.taken.to_be_bytes());
+        head[20..24].copy_from_slice(&self.room.to_be_bytes());
+        head
+    }
+
+    /// Out of a box.
+    #[must_use]
+    pub const fn read(head: &[u8; HEAD_BYTES]) -> Self {
+        Self {
+            service: Service::of(head[0]),
+            job: word(head, 2),
+            id: word(head, 4),
+            piece: word(head, 6),
+            r_id: dword(head, 8),
+            len: dword(head, 12),
+            taken: word(head, 16),
+            room: dword(head, 20),
+        }
+    }
+}
+
+/// The head of what the CP shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Answer {
+    /// How the job is.
+    pub state: State,
+    /// Whose state it is.
+    pub job: u16,
+    /// [`State::Collecting`]: pieces that are there. [`State::Giving`]: the piece behind the head.
+    pub piece: u16,
+    /// [`State::Failed`]: the STATUS of the block.
+    pub status: u16,
+    /// [`State::Giving`]: bytes of all pieces.
+    pub len: u32,
+}
+
+impl Answer {
+    /// Nothing is there.
+    pub const NONE: Self = Self { state: State::None, job: 0, piece: 0, status: 0, len: 0 };
+
+    /// As it lies in the box.
+    #[must_use]
+    pub fn bytes(&self) -> [u8; HEAD_BYTES] {
+        let mut head = [0; HEAD_BYTES];
+        head[0] = self.state as u8;
+        head[2..4].copy_from_slice(&self.job.to_be_bytes());
+        head[6..8].copy_from_slice(&self.piece.to_be_bytes());
+        head[8..10].copy_from_slice(&self.status.to_be_bytes());
+        head[12..16].copy_from_slice(&self.len.to_be_bytes());
+        head
+    }
+
+    /// Out of a box; a state that is none is no job.
+    #[must_use]
+    pub const fn read(head: &[u8; HEAD_BYTES]) -> Self {
+        let state = match State::of(head[0]) {
+            Some(state) => state,
+            None => State::None,
+        };
+        Self { state, job: word(head, 2), piece: word(head, 6), status: word(head, 8), len: dword(head, 12) }
+    }
+}
+
+const fn word(head: &[u8; HEAD_BYTES], at: usize) -> u16 {
+    u16::from_be_bytes([head[at], head[at + 1]])
+}
+
+const fn dword(head: &[u8; HEAD_BYTES], at: usize) -> u32 {
+    u32::from_be_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]])
+}
+
+/// An item of PUT or GET in front of the data: the ten bytes of an ANY pointer into the partner, as ADDR_i has them.
+pub const ITEM_BYTES: usize = 10;
+/// Items of one PUT or GET, at most: SFB 14 and 15.
+pub const ITEMS_MAX: usize = 4;
+
+/// What the CP says itself in STATUS.
+pub mod status {
+    /// AG blocks: the job is not possible on this connection, or the connection is not configured.
+    pub const NOT_CONFIGURED: u16 = 0x8183;
+    /// AG blocks: LEN, or what has come, is longer than the area.
+    pub const LENGTH: u16 = 0x8185;
+    /// AG blocks: ID is not that of a connection.
+    pub const ID: u16 = 0x8186;
+    /// AG blocks: the connection is not established.
+    pub const NOT_CONNECTED: u16 = 0x8304;
+    /// AG blocks: locked by AG_LOCK. (ours)
+    pub const LOCKED: u16 = 0x80C4;
+    /// AG_CNTRL: CMD is unknown.
+    pub const COMMAND: u16 = 0x8184;
+    /// FB/SFB: the connection is not configured, not established, or lost.
+    pub const CONNECTION: u16 = 1;
+    /// FB/SFB: the partner refuses.
+    pub const REFUSED: u16 = 2;
+    /// FB/SFB: the partner does not know R_ID.
+    pub const R_ID: u16 = 3;
+    /// FB/SFB: the areas of both sides do not fit each other.
+    pub const AREA: u16 = 4;
+    /// BSEND, BRCV: reset.
+    pub const RESET: u16 = 5;
+    /// FB/SFB: the receiving block of the partner is not ready.
+    pub const DISABLED: u16 = 6;
+    /// FB/SFB: access to the partner's memory was refused.
+    pub const REMOTE: u16 = 8;
+    /// URCV: older data were overwritten.
+    pub const OVERRUN: u16 = 9;
+    /// FB/SFB: no access to the memory of this CPU.
+    pub const LOCAL: u16 = 10;
+    /// FB/SFB: REQ came while a job was under way.
+    pub const BUSY: u16 = 11;
+    /// FB/SFB: two receiving blocks have the same R_ID on this connection.
+    pub const TWICE: u16 = 18;
+    /// FB/SFB: too many jobs at the same time.
+    pub const FULL: u16 = 20;
+    /// FB/SFB: a job is under way.
+    pub const RUNNING: u16 = 25;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heads_go_both_ways() {
+        for service in (0..=u8::MAX).map(Service::of) {
+            let order = Order {
+                service,
+                job: 0x102,
+                id: 0x304,
+                r_id: 0x506_0708,
+                piece: 9,
+                len: 70_000,
+                taken: 3,
+                room: 65_536,
+            };
+            assert_eq!(Order::read(&order.bytes()), order);
+        }
+        assert_eq!((1..=u8::MAX).filter(|byte| Service::of(*byte).is_some()).count(), 12);
+        for state in (0..=u8::MAX).filter_map(State::of) {
+            let answer = Answer { state, job: 1, piece: 2, status: 0x8304, len: 32_768 };
+            assert_eq!(Answer::read(&answer.bytes()), answer);
+        }
+        assert_eq!(Answer::read(&[0xFF; HEAD_BYTES]).state, State::None);
+    }
+
+    #[test]
+    fn pieces_are_480_bytes() {
+        assert_eq!([0, 1, 480, 481, 32_768].map(pieces), [1, 1, 1, 2, 69]);
+        assert_eq!((range(0, 500), range(1, 500), range(2, 500)), (0..480, 480..500, 500..500));
+        for index in 0..BOXES {
+            assert_eq!(of_record(record(index)), Some(index));
+        }
+        assert_eq!((of_record(0x7F), of_record(0xC0)), (None, None));
+    }
+}
