@@ -292,7 +292,7 @@ fn run(seed: u64, chunks: u64, odds: u64) -> Tally {
                     *wire = Wire::default();
                 }
                 for plc in &mut plcs {
-                    if plc.machine.condition(index).0 == Condition::Up || plc.machine.output(index).len() > 0 {
+                    if plc.machine.condition(index).0 == Condition::Up || !plc.machine.output(index).is_empty() {
                         plc.machine.lost(index, now);
                     }
                 }

@@ -14,8 +14,11 @@ use crate::wire::{ANSWER_HEAD, Address, DataItems, Items, JOB_HEAD, Kind, functi
 /// Bytes of an item in front of its value.
 const ITEM: usize = 4;
 
+/// Addresses in the partner, each with the bytes it has here.
+type Wanted = Vec<(Address, usize)>;
+
 /// The items of a box, and the values behind them.
-fn items(data: &[u8]) -> Option<(Vec<(Address, usize)>, &[u8])> {
+fn items(data: &[u8]) -> Option<(Wanted, &[u8])> {
     let (count, mut rest) = data.split_first()?;
     let mut items = Vec::with_capacity(ITEMS_MAX);
     for _ in 0..*count {
