@@ -1,5 +1,5 @@
-//! Two stations with a CP 343 each, as the example has them: PUT and GET, BSEND and BRCV, ISO on TCP and TCP; also while
-//! the process of one CP is killed.
+//! Two stations with a CP 343 each, as the example has them: PUT and GET, BSEND and BRCV, ISO on TCP and TCP; also
+//! while the process of one CP is killed.
 
 mod common;
 

@@ -147,8 +147,8 @@ fn s7_flood() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// Sessions with damage in any place: the process lives, its memory stays, whoever comes next is served, and without the
-/// right nothing has changed.
+/// Sessions with damage in any place: the process lives, its memory stays, whoever comes next is served, and without
+/// the right nothing has changed.
 #[test]
 fn s7_sessions() {
     let site = Site::new();

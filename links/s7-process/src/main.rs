@@ -59,8 +59,8 @@ struct Arguments {
     #[arg(long, default_value = "s7")]
     name: String,
 
-    /// Be the Ethernet CP of a station too: standard input is the doorbell of the back plane, standard output hands over
-    /// its segment and the door.
+    /// Be the Ethernet CP of a station too: standard input is the doorbell of the back plane, standard output hands
+    /// over its segment and the door.
     #[arg(long)]
     cp: bool,
 

@@ -1,5 +1,5 @@
-//! Two Ethernet CPs on a bad network, in virtual time: PUT, GET, BSEND, USEND, ISO on TCP and TCP in both directions, with
-//! connections that break at any moment. What was said to be done has been done, and nothing comes torn.
+//! Two Ethernet CPs on a bad network, in virtual time: PUT, GET, BSEND, USEND, ISO on TCP and TCP in both directions,
+//! with connections that break at any moment. What was said to be done has been done, and nothing comes torn.
 
 use std::collections::VecDeque;
 
@@ -16,6 +16,8 @@ const S7: usize = 0;
 const ISO: usize = 1;
 const TCP: usize = 2;
 const UDP: usize = 3;
+/// Those with a TCP connection.
+const STREAMS: [usize; 3] = [ISO, TCP, S7];
 const TCP_BYTES: usize = 700;
 
 struct Random(u64);
@@ -251,7 +253,7 @@ fn run(seed: u64, chunks: u64, odds: u64) -> Tally {
         assert!(now < 100_000_000, "nothing moves any more: {tally:?}");
         for (me, plc) in plcs.iter_mut().enumerate() {
             plc.machine.tick(now);
-            for index in [S7, ISO, TCP] {
+            for index in STREAMS {
                 plc.serve(index);
             }
             while let Some(action) = plc.machine.action() {
@@ -264,7 +266,7 @@ fn run(seed: u64, chunks: u64, odds: u64) -> Tally {
                     Action::Close(index) => wires[index].is_up = false,
                 }
             }
-            for index in [S7, ISO, TCP] {
+            for index in STREAMS {
                 let output = plc.machine.output(index).to_vec();
                 if output.is_empty() || !wires[index].is_up {
                     continue;

@@ -2,6 +2,7 @@
 
 use ob1_sdk::{Abort, Block, Cx, Kind, Param, Refused, interface};
 use ob1_words::boxes::Service;
+use ob1_words::boxes::status::{COMMAND, LENGTH};
 
 use crate::area::Span;
 use crate::job::{End, Wanted, turn};
@@ -12,9 +13,7 @@ const RUNNING: u16 = 0x8181;
 /// STATUS of AG_RECV: no data yet.
 const NO_DATA: u16 = 0x8180;
 /// STATUS: SEND, RECV or CMD cannot be.
-const PARAMETER: u16 = 0x8184;
-/// STATUS: LEN does not fit.
-const LENGTH: u16 = 0x8185;
+const PARAMETER: u16 = COMMAND;
 /// STATUS: no module at LADDR.
 const NO_MODULE: u16 = 0x8090;
 /// STATUS: the CP does not answer.

@@ -1,5 +1,5 @@
-//! USEND, URCV, BSEND, BRCV, GET, PUT and C_CNTRL: S7 connections. They have no LADDR: the connections of a station have
-//! numbers of their own, and the station file says at which CP each is.
+//! USEND, URCV, BSEND, BRCV, GET, PUT and C_CNTRL: S7 connections. They have no LADDR: the connections of a station
+//! have numbers of their own, and the station file says at which CP each is.
 
 use std::fmt::Write as _;
 
