@@ -1,10 +1,8 @@
 //! What a bus is made of. The runtime writes it as JSON, the process of the bus reads it: one definition for both.
 
+pub use ob1_protocols::Nanos;
 pub use ob1_protocols::modbus::pdu::exception_text;
 use serde::{Deserialize, Serialize};
-
-/// Nanoseconds.
-pub type Nanos = u64;
 
 /// A bus: the lines of one process, and the bytes they carry.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

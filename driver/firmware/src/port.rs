@@ -1,7 +1,7 @@
 //! What goes into a CP and what comes out: the plugs of the module.
 
 use ob1_params::{Cp341 as Keys, LineSettings, ParamError};
-use ob1_protocols::{Event, LineInput, Nanos, Wire, rk512};
+use ob1_protocols::{Event, LineFault, LineInput, Nanos, What, Wire, rk512};
 
 use crate::cp040::DiagnosticRecord;
 use crate::cp341::{Channel, ChannelBlock};
@@ -94,6 +94,24 @@ pub enum CpCounter {
     LineFaults,
     /// Times it came back.
     LineRestarts,
+}
+
+impl CpCounter {
+    /// What an occurrence of a protocol counts as, at the CP 240 and the CP 040.
+    pub(crate) const fn of(what: What) -> Option<Self> {
+        match what {
+            What::NoBuffer | What::TooLong => Some(Self::Rejected),
+            What::CharacterDelay
+            | What::Restarted
+            | What::BadDle(_)
+            | What::BadCheck { .. }
+            | What::Modbus(_)
+            | What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {
+                Some(Self::ReceiveErrors)
+            }
+            _ => None,
+        }
+    }
 }
 
 /// Why a CP shows a start-up identifier.

@@ -70,21 +70,14 @@ impl Sink for Outlet<'_> {
         if event.lights_er() && event.what != What::Line(LineFault::Gone) {
             self.leds.error(self.now);
         }
+        if let Some(counter) = CpCounter::of(event.what) {
+            self.port.count(counter, 1);
+        }
         match event.what {
-            What::NoBuffer => {
-                self.port.count(CpCounter::Rejected, 1);
-                self.tell(ReturnValue::NoBuffer);
-            }
-            What::TooLong => {
-                self.port.count(CpCounter::Rejected, 1);
-                self.tell(ReturnValue::Length);
-            }
+            What::NoBuffer => self.tell(ReturnValue::NoBuffer),
+            What::TooLong => self.tell(ReturnValue::Length),
             What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {
-                self.port.count(CpCounter::ReceiveErrors, 1);
                 self.tell(ReturnValue::Character);
-            }
-            What::CharacterDelay | What::Restarted | What::BadDle(_) | What::BadCheck { .. } | What::Modbus(_) => {
-                self.port.count(CpCounter::ReceiveErrors, 1);
             }
             _ => {}
         }

@@ -82,16 +82,8 @@ impl Sink for Outlet<'_> {
                 self.diagnosis.error(kind, event.number().unwrap_or(0));
             }
         }
-        match event.what {
-            What::NoBuffer | What::TooLong => self.port.count(CpCounter::Rejected, 1),
-            What::CharacterDelay | What::Restarted | What::BadDle(_) | What::BadCheck { .. } => {
-                self.port.count(CpCounter::ReceiveErrors, 1);
-            }
-            What::Line(LineFault::Parity | LineFault::Framing | LineFault::Overrun | LineFault::Break) => {
-                self.port.count(CpCounter::ReceiveErrors, 1);
-            }
-            What::Modbus(_) => self.port.count(CpCounter::ReceiveErrors, 1),
-            _ => {}
+        if let Some(counter) = CpCounter::of(event.what) {
+            self.port.count(counter, 1);
         }
         self.port.event(self.now, CpEvent::Protocol(event));
     }

@@ -290,6 +290,35 @@ impl Clients {
 mod tests {
     use super::*;
 
+    /// A socket, and its server's clients.
+    struct Site {
+        folder: tempfile::TempDir,
+        listener: UnixListener,
+        stopped: io::PipeReader,
+        /// Not dropped: the server would end.
+        _stop: io::PipeWriter,
+        clients: Clients,
+    }
+
+    impl Site {
+        fn new() -> Self {
+            let folder = tempfile::tempdir().expect("a directory");
+            let listener = UnixListener::bind(folder.path().join("s")).expect("a socket");
+            listener.set_nonblocking(true).expect("a socket");
+            let (stopped, stop) = io::pipe().expect("a pipe");
+            Self { folder, listener, stopped, _stop: stop, clients: Clients::new() }
+        }
+
+        fn connect(&self) -> UnixStream {
+            UnixStream::connect(self.folder.path().join("s")).expect("it listens")
+        }
+
+        /// One round; whether the server goes on.
+        fn wait(&mut self) -> bool {
+            self.clients.wait(&self.listener, &self.stopped, None, None)
+        }
+    }
+
     #[test]
     fn without_descriptors_nobody_is_asked_for_longer_and_longer() {
         let mut back_off = BackOff::NONE;
@@ -307,24 +336,19 @@ mod tests {
 
     #[test]
     fn the_most_silent_makes_room() {
-        let folder = tempfile::tempdir().expect("a directory");
-        let path = folder.path().join("s");
-        let listener = UnixListener::bind(&path).expect("a socket");
-        listener.set_nonblocking(true).expect("a socket");
-        let (stopped, _stop) = io::pipe().expect("a pipe");
-        let mut clients = Clients::new();
+        let mut site = Site::new();
         let mut ends = Vec::new();
         for _ in 0..CLIENTS {
-            ends.push(UnixStream::connect(&path).expect("it listens"));
-            assert!(clients.wait(&listener, &stopped, None, None));
+            ends.push(site.connect());
+            assert!(site.wait());
         }
         // The oldest has something to say.
         ends[0].write_all(b"1\n").expect("connected");
-        assert!(clients.wait(&listener, &stopped, None, None));
-        clients.take_requests(|_, line| Some(line.to_vec()), Vec::new);
-        ends.push(UnixStream::connect(&path).expect("it listens"));
-        assert!(clients.wait(&listener, &stopped, None, None));
-        assert_eq!(clients.list.len(), CLIENTS);
+        assert!(site.wait());
+        site.clients.take_requests(|_, line| Some(line.to_vec()), Vec::new);
+        ends.push(site.connect());
+        assert!(site.wait());
+        assert_eq!(site.clients.list.len(), CLIENTS);
         let mut answer = [0; 2];
         ends[0].read_exact(&mut answer).expect("it is there still");
         assert_eq!(&answer, b"1\n");
@@ -334,43 +358,33 @@ mod tests {
     /// A client that does not take its answer is asked nothing more; the others go on.
     #[test]
     fn a_slow_reader_waits_alone() {
-        let folder = tempfile::tempdir().expect("a directory");
-        let path = folder.path().join("s");
-        let listener = UnixListener::bind(&path).expect("a socket");
-        listener.set_nonblocking(true).expect("a socket");
-        let (stopped, _stop) = io::pipe().expect("a pipe");
-        let mut clients = Clients::new();
-        let mut slow = UnixStream::connect(&path).expect("it listens");
-        assert!(clients.wait(&listener, &stopped, None, None));
-        let mut quick = UnixStream::connect(&path).expect("it listens");
-        assert!(clients.wait(&listener, &stopped, None, None));
+        let mut site = Site::new();
+        let mut slow = site.connect();
+        assert!(site.wait());
+        let mut quick = site.connect();
+        assert!(site.wait());
         slow.write_all(b"1\n2\n3\n").expect("connected");
         for round in 0..20 {
             quick.write_all(b"q\n").expect("connected");
-            assert!(clients.wait(&listener, &stopped, None, None));
+            assert!(site.wait());
             let answer = |_, line: &[u8]| Some(if line == b"q\n" { line.to_vec() } else { vec![b'x'; 4 << 20] });
-            clients.take_requests(answer, Vec::new);
+            site.clients.take_requests(answer, Vec::new);
             let mut answer = [0; 2];
             quick.read_exact(&mut answer).expect("an answer");
             assert_eq!(&answer, b"q\n", "round {round}");
         }
-        let waiting = clients.list.iter().find(|client| !client.output.is_empty()).expect("the slow one");
+        let waiting = site.clients.list.iter().find(|client| !client.output.is_empty()).expect("the slow one");
         assert_eq!(waiting.input, b"2\n3\n");
     }
 
     /// A request that waits for the scan holds nobody up, and an end is noticed meanwhile.
     #[test]
     fn a_request_under_way_waits_alone() {
-        let folder = tempfile::tempdir().expect("a directory");
-        let path = folder.path().join("s");
-        let listener = UnixListener::bind(&path).expect("a socket");
-        listener.set_nonblocking(true).expect("a socket");
-        let (stopped, _stop) = io::pipe().expect("a pipe");
-        let mut clients = Clients::new();
+        let mut site = Site::new();
         let mut ends: Vec<UnixStream> = Vec::new();
         for _ in 0..3 {
-            ends.push(UnixStream::connect(&path).expect("it listens"));
-            assert!(clients.wait(&listener, &stopped, None, None));
+            ends.push(site.connect());
+            assert!(site.wait());
         }
         for end in &mut ends[..2] {
             end.write_all(b"later\nafter that\n").expect("connected");
@@ -383,24 +397,24 @@ mod tests {
             };
             clients.take_requests(request, Vec::new);
         };
-        while clients.list.iter().filter(|client| client.waits).count() < 2 {
-            assert!(clients.wait(&listener, &stopped, None, None));
-            begin(&mut clients);
+        while site.clients.list.iter().filter(|client| client.waits).count() < 2 {
+            assert!(site.wait());
+            begin(&mut site.clients);
         }
         for _ in 0..5 {
             ends[2].write_all(b"now\n").expect("connected");
-            assert!(clients.wait(&listener, &stopped, None, None));
-            begin(&mut clients);
+            assert!(site.wait());
+            begin(&mut site.clients);
             let mut answer = [0; 4];
             ends[2].read_exact(&mut answer).expect("an answer");
             assert_eq!(&answer, b"now\n");
         }
         // One of those that wait goes.
         drop(ends.remove(1));
-        assert!(clients.wait(&listener, &stopped, None, None));
-        assert_eq!(clients.take_gone(), [2]);
-        clients.answer(1, b"done\n".to_vec());
-        begin(&mut clients);
+        assert!(site.wait());
+        assert_eq!(site.clients.take_gone(), [2]);
+        site.clients.answer(1, b"done\n".to_vec());
+        begin(&mut site.clients);
         let mut answer = [0; 5];
         ends[0].read_exact(&mut answer).expect("an answer");
         assert_eq!(&answer, b"done\n");
