@@ -8,7 +8,7 @@ use common::site::Site;
 use rustix::process::Signal;
 use serde_json::json;
 
-const PAGES: [&str; 6] = ["station", "scan", "diagnostics", "variables", "program", "reports"];
+const PAGES: [&str; 7] = ["station", "scan", "diagnostics", "variables", "program", "telegrams", "reports"];
 /// Wide and narrow.
 const WIDTHS: [u32; 2] = [320, 1200];
 

@@ -353,3 +353,87 @@ print(json.dumps({'page': len(page), 'cookie': heads['Set-Cookie']}))
     assert!(cookie.starts_with("__Host-ob1=") && cookie.contains("; Secure"), "{cookie}");
     assert!(Visitor::at(port).try_get("/").is_none_or(|answer| answer.status >= 400), "plain");
 }
+
+/// A real Prometheus takes the figures: their values are the station's, their types are those the document says, and the
+/// rules of the example are rules.
+#[test]
+fn prometheus_scrapes_it() {
+    let site = Site::new();
+    let (station, _, figures) = station(&site, "gate-prometheus", "");
+    std::fs::copy(common::checkout("examples/web/alerts.yml"), site.path("alerts.yml")).expect("a file of the example");
+    let port = common::s7::free_port();
+    let config = std::fs::read_to_string(common::checkout("examples/web/prometheus.yml")).expect("a file");
+    let config =
+        config.replace("127.0.0.1:9464", &format!("127.0.0.1:{figures}")).replace("interval: 5s", "interval: 1s");
+    site.write("prometheus.yml", &config);
+    let mut prometheus = site.command("prometheus");
+    prometheus
+        .args(["--config.file=prometheus.yml", "--storage.tsdb.path=tsdb"])
+        .arg(format!("--web.listen-address=127.0.0.1:{port}"))
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null());
+    // The site's broom ends it.
+    let mut prometheus = prometheus.spawn().expect("prometheus, which `cargo xtask test` installs");
+    let api =
+        |path: &str| Visitor::at(port).try_get(path).filter(|a| a.status == 200).map(|a| a.json()["data"].clone());
+    let value = |query: &str| -> Option<f64> {
+        let found = api(&format!("/api/v1/query?query={query}"))?;
+        found["result"][0]["value"][1].as_str()?.parse().ok()
+    };
+    station.until("it is scraped", |_| value("ob1_scans_total").filter(|scans| *scans > 0.0));
+    let scans = value("ob1_scans_total").expect("scraped");
+    assert!(scans <= station.status().scans as f64);
+    assert_eq!(value("ob1_cpu_state%7Bob1_cpu_state=%22RUN%22%7D"), Some(1.0));
+    station.until("buckets", |_| {
+        let count = value("ob1_scan_execution_seconds_count")?;
+        let infinite = value("ob1_scan_execution_seconds_bucket%7Ble=%22%2BInf%22%7D")?;
+        (count > 0.0 && count == infinite).then_some(())
+    });
+    let kind = |name: &str| {
+        let told = api(&format!("/api/v1/metadata?metric={name}")).expect("metadata");
+        told[name][0]["type"].as_str().map(str::to_owned)
+    };
+    for (name, wanted) in [
+        ("ob1_scans", "counter"),
+        ("ob1_scan_execution_seconds", "histogram"),
+        ("ob1_link_up", "gauge"),
+        ("ob1_cpu_state", "stateset"),
+        ("ob1_station", "info"),
+    ] {
+        assert_eq!(kind(name).as_deref(), Some(wanted), "{name}");
+    }
+    station.set("M 9.0", 1);
+    station.until("STOP", |_| value("ob1_cpu_state%7Bob1_cpu_state=%22STOP%22%7D").filter(|is| *is == 1.0));
+    let rules = api("/api/v1/rules").expect("rules");
+    let names: Vec<&str> = rules["groups"][0]["rules"]
+        .as_array()
+        .map_or_else(Vec::new, |all| all.iter().filter_map(|rule| rule["name"].as_str()).collect());
+    assert!(names.contains(&"CpuInStop") && names.len() >= 7, "{names:?}");
+    let _ = prometheus.kill();
+    let _ = prometheus.wait();
+}
+
+/// What goes over the lines of the CPs is shown as it comes; a link that may not show everything shows none of it.
+#[test]
+fn telegrams_are_shown() {
+    let site = Site::two_stations_on_a_cable();
+    let port = common::s7::free_port();
+    let limited = common::s7::free_port();
+    let text = std::fs::read_to_string(site.path("station-a.toml")).expect("a station");
+    let link = |name: &str, port: u16, keys: &str| {
+        format!("\n[[link]]\ntype = \"web\"\nname = \"{name}\"\nlisten = \"127.0.0.1:{port}\"\n{keys}\n")
+    };
+    site.write("station-a.toml", &(text + &link("page", port, "") + &link("limited", limited, "areas = [\"M\"]")));
+    let a = site.run("station-a.toml").until_run();
+    let _b = site.run("station-b.toml").until_run();
+    a.until("the page is served", |_| Visitor::at(port).try_get("/api/session"));
+    let mut stream = Visitor::at(port).stream("?telegrams=1", "");
+    let (_, out) = stream.until("telegram", |told| told["way"] == "out");
+    assert!(
+        out["hex"].as_str().is_some_and(|hex| !hex.is_empty()) && out["ms"].as_u64().is_some_and(|ms| ms > 1 << 40)
+    );
+    stream.until("telegram", |told| told["way"] == "in");
+    let mut stream = Visitor::at(limited).stream("?telegrams=1", "");
+    let (_, none) = stream.next("telegram").expect("an answer");
+    assert_eq!(none, json!({ "none": true }));
+}

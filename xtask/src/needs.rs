@@ -41,6 +41,10 @@ pub(crate) const BROWSER: Need = Need {
     here: || on_path("chromium") && on_path("chromedriver"),
 };
 
+/// What scrapes the figures of a station.
+pub(crate) const PROMETHEUS: Need =
+    Need { what: "Prometheus", packages: &["prometheus"], here: || on_path("prometheus") && on_path("promtool") };
+
 /// Makes sure that all of `needs` are here.
 ///
 /// # Errors

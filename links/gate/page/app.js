@@ -1,10 +1,10 @@
 // The frame of the page: who is here, which view is shown, what the station tells without being asked.
 import { current, say, switchLanguage } from "/words.js";
-import { diagnostics, reports, scan, station } from "/views.js";
+import { diagnostics, reports, scan, station, telegrams } from "/views.js";
 import { variables } from "/table.js";
 import { program } from "/program.js";
 
-const views = { station, scan, diagnostics, variables, program, reports };
+const views = { station, scan, diagnostics, variables, program, telegrams, reports };
 const byId = (id) => document.getElementById(id);
 
 /** An element: `h("p", { class: "quiet" }, "text", child)`. Text stays text. */
@@ -35,7 +35,7 @@ export function redraw(parent, ...children) {
   if (at >= 0) places()[at]?.focus({ preventScroll: true });
 }
 
-export const state = { session: null, status: null, view: null, stream: null, items: "", period: 1000 };
+export const state = { session: null, status: null, view: null, stream: null, items: "", period: 1000, telegrams: false };
 let toldTimer;
 
 /** Says something for a few seconds. */
@@ -147,7 +147,7 @@ function show() {
 /** Listens to the station; a table asks for its values too. */
 export function listen() {
   state.stream?.close();
-  const query = state.items ? `?period=${state.period}&items=${encodeURIComponent(state.items)}` : "";
+  const query = state.items ? `?period=${state.period}&items=${encodeURIComponent(state.items)}` : state.telegrams ? "?telegrams=1" : "";
   const stream = new EventSource(`/api/stream${query}`);
   state.stream = stream;
   const on = (name, act) => stream.addEventListener(name, (event) => act(JSON.parse(event.data)));
@@ -166,6 +166,7 @@ export function listen() {
   on("event", (event) => state.view?.event?.(event));
   on("table", (heads) => state.view?.heads?.(heads));
   on("values", (values) => state.view?.values?.(values));
+  on("telegram", (told) => state.view?.telegram?.(told));
   on("trouble", (text) => { byId("connection").textContent = text; });
 }
 

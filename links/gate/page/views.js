@@ -1,5 +1,5 @@
 // What the station is, how it scans, what has happened, and the reports of soak runs.
-import { ask, dialog, h, may, redraw, state, table, tell } from "/app.js";
+import { ask, dialog, h, listen, may, redraw, state, table, tell } from "/app.js";
 import { say } from "/words.js";
 
 const time = (ns) => ns >= 1e9 ? `${(ns / 1e9).toFixed(2)} s` : ns >= 1e6 ? `${(ns / 1e6).toFixed(2)} ms` : `${(ns / 1e3).toFixed(1)} µs`;
@@ -203,4 +203,36 @@ export function reports(main) {
   };
   look();
   return {};
+}
+
+/** Characters of one direction that follow each other are one line. */
+export function telegrams(main) {
+  const body = h("tbody");
+  let last = null;
+  const text = (hex) => hex.replace(/../g, (pair) => {
+    const code = parseInt(pair, 16);
+    return code >= 32 && code < 127 ? String.fromCharCode(code) : "·";
+  });
+  main.replaceChildren(h("p", { class: "quiet" }, say("telegramsHelp")), h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": say("telegrams") },
+    h("table", { id: "telegrams" }, h("thead", {}, h("tr", {}, ["since", "name", "what", "value"].map((key) => h("th", { scope: "col" }, say(key))))), body)));
+  const apart = 100;
+  state.telegrams = true;
+  listen();
+  return {
+    telegram(told) {
+      if (told.none) { main.append(h("p", {}, say("noTaps"))); return; }
+      const follows = last && told.hex && last.hex && last.cp === told.cp && last.way === told.way && told.ms - last.ms < apart && last.hex.length < 512;
+      if (follows) {
+        last.hex += told.hex;
+        last.ms = told.ms;
+      } else {
+        last = { ...told, cell: h("td", { class: "code" }) };
+        body.prepend(h("tr", {}, h("td", {}, new Date(told.ms).toISOString().slice(11, 23)), h("td", {}, told.cp),
+          h("td", {}, told.way === "out" ? `→ ${say("sent")}` : told.way === "in" ? `← ${say("received")}` : told.way), last.cell));
+        while (body.children.length > 200) body.lastElementChild.remove();
+      }
+      last.cell.textContent = last.hex ? `${last.hex.replace(/../g, "$& ")} ${text(last.hex)}` : last.text ?? "";
+    },
+    leave() { state.telegrams = false; listen(); },
+  };
 }

@@ -2,7 +2,7 @@
 const words = {
   en: {
     skip: "To the content", station: "Station", scan: "Scan", diagnostics: "Diagnostics", variables: "Variables",
-    program: "Program", reports: "Soak reports", language: "Deutsch", login: "Log in", logout: "Log out",
+    program: "Program", telegrams: "Telegrams", reports: "Soak reports", telegramsHelp: "What goes over the lines of the CPs, as it comes; newest first. `ob1 trace` reads it by its protocol.", sent: "sent", received: "received", noTaps: "This link may not show telegrams, or there is no CP.", language: "Deutsch", login: "Log in", logout: "Log out",
     user: "Name", password: "Password", cancel: "Cancel", ok: "OK", noConnection: "no connection, trying again",
     loginWanted: "This station asks who you are.", running: "The station runs.", starting: "The station starts up.",
     stopped: "The station is in STOP.", stoppedBy: "It stands because of:", lastStop: "The last STOP came of:",
@@ -28,7 +28,7 @@ const words = {
   },
   de: {
     skip: "Zum Inhalt", station: "Station", scan: "Zyklus", diagnostics: "Diagnose", variables: "Variablen",
-    program: "Programm", reports: "Dauerläufe", language: "English", login: "Anmelden", logout: "Abmelden",
+    program: "Programm", telegrams: "Telegramme", reports: "Dauerläufe", telegramsHelp: "Was über die Leitungen der CPs geht, wie es kommt; das Neueste zuerst. `ob1 trace` liest es nach seinem Protokoll.", sent: "gesendet", received: "empfangen", noTaps: "Diese Kopplung darf keine Telegramme zeigen, oder es gibt keinen CP.", language: "English", login: "Anmelden", logout: "Abmelden",
     user: "Name", password: "Kennwort", cancel: "Abbrechen", ok: "OK", noConnection: "keine Verbindung, neuer Versuch",
     loginWanted: "Diese Station fragt, wer Sie sind.", running: "Die Station läuft.", starting: "Die Station läuft an.",
     stopped: "Die Station ist in STOP.", stoppedBy: "Sie steht wegen:", lastStop: "Der letzte STOP kam von:",

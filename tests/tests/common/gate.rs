@@ -136,10 +136,27 @@ fn read(reader: &mut BufReader<TcpStream>) -> Option<Answer> {
     let head = head(reader)?;
     let status = head.split(' ').nth(1)?.parse().ok()?;
     let mut body = Vec::new();
-    let length =
-        head.lines().find_map(|line| line.to_ascii_lowercase().strip_prefix("content-length:")?.trim().parse().ok());
-    let _ = reader.take(length.unwrap_or(u64::MAX)).read_to_end(&mut body);
+    let heads = head.to_ascii_lowercase();
+    if heads.contains("transfer-encoding: chunked") {
+        while let Some(mut chunk) = chunk(reader) {
+            body.append(&mut chunk);
+        }
+    } else {
+        let length = heads.lines().find_map(|line| line.strip_prefix("content-length:")?.trim().parse().ok());
+        let _ = reader.take(length.unwrap_or(u64::MAX)).read_to_end(&mut body);
+    }
     Some(Answer { status, head, body: String::from_utf8_lossy(&body).into_owned() })
+}
+
+/// The next chunk of a body; `None`: that was the last.
+fn chunk(reader: &mut BufReader<TcpStream>) -> Option<Vec<u8>> {
+    let mut size = String::new();
+    reader.read_line(&mut size).ok()?;
+    let size = usize::from_str_radix(size.trim(), 16).ok().filter(|size| *size > 0)?;
+    let mut chunk = vec![0; size + 2];
+    reader.read_exact(&mut chunk).ok()?;
+    chunk.truncate(size);
+    Some(chunk)
 }
 
 /// Server-sent events, one after the other.
@@ -157,12 +174,7 @@ impl Stream {
                 self.text = rest;
                 return Some(line);
             }
-            let mut size = String::new();
-            self.reader.read_line(&mut size).ok()?;
-            let size = usize::from_str_radix(size.trim(), 16).ok().filter(|size| *size > 0)?;
-            let mut chunk = vec![0; size + 2];
-            self.reader.read_exact(&mut chunk).ok()?;
-            chunk.truncate(size);
+            let chunk = chunk(&mut self.reader)?;
             self.text += &String::from_utf8(chunk).ok()?;
         }
     }

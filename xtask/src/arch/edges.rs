@@ -93,6 +93,8 @@ const TABLE: &[Row] = &[
             "ob1-ir",
             "ob1-log",
             "ob1-model",
+            // The records of a driver's tap.
+            "ob1-protocols",
             "ob1-rt",
             "ob1-stl",
             "clap",

@@ -5,6 +5,7 @@ mod files;
 mod program;
 mod sessions;
 mod stream;
+mod taps;
 
 use std::future::Future;
 use std::pin::Pin;
@@ -26,6 +27,8 @@ pub(super) struct Page {
     /// Without users everybody is this one, who reads.
     everybody: Client,
     reports: Option<std::path::PathBuf>,
+    /// Where the drivers tell what goes over their lines.
+    taps: Option<std::path::PathBuf>,
     streams: Rc<std::cell::Cell<usize>>,
 }
 
@@ -38,6 +41,7 @@ pub(crate) async fn serve(mut link: Link) -> Result<(), String> {
         users: link.users.take(),
         sessions: Sessions::default(),
         reports: station.keys().get("reports").and_then(|path| path.as_str()).map(Into::into),
+        taps: station.keys().get("taps").and_then(|path| path.as_str()).map(Into::into),
         streams: Rc::default(),
         station,
     };

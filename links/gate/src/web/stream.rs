@@ -16,8 +16,8 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc;
 use tokio::time::{interval, timeout};
 
-use super::Page;
 use super::api::entry;
+use super::{Page, taps};
 use crate::http::{Body, Call, Reply, plain, query};
 
 /// Streams at a time.
@@ -60,9 +60,11 @@ pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
     let items = query(&call.query, "items").unwrap_or_default();
     let period = query(&call.query, "period").and_then(|text| text.parse().ok()).unwrap_or(1000);
     let page = Rc::clone(page);
+    let telegrams = query(&call.query, "telegrams").is_some();
     tokio::task::spawn_local(async move {
         let _counted = counted;
-        let _ = run(&page, &client, &to, after, &items, period.clamp(PERIODS.0, PERIODS.1)).await;
+        let taps = if telegrams { taps::open(&page).await } else { None };
+        let _ = run(&page, &client, &to, after, (&items, period.clamp(PERIODS.0, PERIODS.1)), taps).await;
     });
     let mut reply = hyper::Response::new(Body::Parts(parts));
     reply.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("text/event-stream"));
@@ -78,7 +80,14 @@ async fn say(to: &To, name: &str, id: Option<u64>, data: &str) -> Result<(), ()>
     timeout(DEAF, to.send(Bytes::from(text))).await.map_err(drop)?.map_err(drop)
 }
 
-async fn run(page: &Page, client: &Client, to: &To, after: Option<u64>, items: &str, period: u64) -> Result<(), ()> {
+async fn run(
+    page: &Page,
+    client: &Client,
+    to: &To,
+    after: Option<u64>,
+    (items, period): (&str, u64),
+    mut taps: Option<taps::Taps>,
+) -> Result<(), ()> {
     let station = &page.station;
     let (kept, mut events) = station.events(after.unwrap_or(0));
     // Who comes for the first time asks for what has been; who comes again gets what was missed.
@@ -110,6 +119,7 @@ async fn run(page: &Page, client: &Client, to: &To, after: Option<u64>, items: &
                 Err(RecvError::Lagged(count)) => say(to, "lost", None, &count.to_string()).await?,
                 Err(RecvError::Closed) => return Err(()),
             },
+            heard = taps::next(&mut taps) => say(to, "telegram", None, &heard.to_string()).await?,
             reading = newest(&mut watch) => match reading {
                 Ok(reading) => {
                     let shown: Vec<Value> = lines.iter().map(|line| shown(line, &reading)).collect();

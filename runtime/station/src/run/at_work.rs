@@ -8,8 +8,8 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use ob1_access::Right;
 use ob1_access::door::Door;
+use ob1_access::{Allowed, Right};
 use ob1_backplane::handover;
 use ob1_broker::{Broker, FeedEnd, Handle, LinkConfig, RunningBroker};
 use ob1_cpu::{Attention, Cpu, LogReader, OperatingState, Running};
@@ -37,7 +37,7 @@ use crate::retentive;
 use crate::retentive::keeper::{Keeper, ScanEnd};
 use crate::retentive::store::StoreError;
 use crate::rundir::RunDir;
-use crate::station_file::{ConnectionType, Station, StationLink};
+use crate::station_file::{ConnectionType, LinkKind, Station, StationLink};
 use crate::timing::Observer;
 use crate::view::{StationView, state_name};
 
@@ -97,8 +97,8 @@ impl AtWork {
         let (to_broker, fed) = ob1_broker::feed();
         keep_secret(station)?;
         let listeners = listen(station)?;
-        let (broker, door, links) =
-            open_doors(station, &mut cpu, fed, &view, clock, listeners).map_err(system("the broker"))?;
+        let (broker, door, links) = open_doors(station, &mut cpu, fed, &view, clock, (listeners, &rundir.socket()))
+            .map_err(system("the broker"))?;
         let server = Server::start(&rundir.socket(), door, view.clone(), station.cpu.min_cycle)
             .map_err(system("the control socket"))?;
         for (index, link) in station.links.iter().enumerate() {
@@ -392,6 +392,18 @@ fn listen(station: &Station) -> Result<Vec<Vec<OwnedFd>>, Failure> {
     station.links.iter().map(bind).collect()
 }
 
+/// The keys of a link; a page that may show everything is told where the drivers tell what goes over their lines.
+fn with_taps(link: &StationLink, control_socket: &Path) -> String {
+    let keys: Option<serde_json::Value> = serde_json::from_str(&link.config).ok();
+    match (keys, control_socket.parent()) {
+        (Some(mut keys), Some(folder)) if link.kind == LinkKind::Web && link.allowed == Allowed::default() => {
+            keys["taps"] = serde_json::json!(folder);
+            keys.to_string()
+        }
+        _ => link.config.clone(),
+    }
+}
+
 /// Starts the broker and the processes of the links; the door is that of the control socket.
 fn open_doors(
     station: &Station,
@@ -399,7 +411,7 @@ fn open_doors(
     entries: FeedEnd,
     view: &StationView,
     clock: MonotonicClock,
-    listeners: Vec<Vec<OwnedFd>>,
+    (listeners, control_socket): (Vec<Vec<OwnedFd>>, &Path),
 ) -> std::io::Result<(RunningBroker, Door, Links)> {
     // Whoever may open the control socket is the user who runs the station.
     let control = LinkConfig { rights: Right::Operate, ..LinkConfig::default() };
@@ -410,7 +422,7 @@ fn open_doors(
         allowed: link.allowed.clone(),
         password: link.password.clone(),
         password_rights: link.password_rights,
-        config: link.config.clone(),
+        config: with_taps(link, control_socket),
         listeners,
     };
     let configs = std::iter::once(control).chain(station.links.iter().zip(listeners).map(of)).collect();
