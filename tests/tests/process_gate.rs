@@ -354,7 +354,7 @@ print(json.dumps({'page': len(page), 'cookie': heads['Set-Cookie']}))
     assert!(Visitor::at(port).try_get("/").is_none_or(|answer| answer.status >= 400), "plain");
 }
 
-/// A real Prometheus takes the figures: their values are the station's, their types are those the document says, and the
+/// A real Prometheus takes the figures: their values are the station's, their types those the document says, and the
 /// rules of the example are rules.
 #[test]
 fn prometheus_scrapes_it() {
