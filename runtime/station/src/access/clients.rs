@@ -389,10 +389,10 @@ mod tests {
         for end in &mut ends[..2] {
             end.write_all(b"later\nafter that\n").expect("connected");
         }
-        let mut asked = Vec::new();
-        let mut begin = |clients: &mut Clients| {
+        let asked = std::cell::RefCell::new(Vec::new());
+        let begin = |clients: &mut Clients| {
             let request = |number, line: &[u8]| {
-                asked.push((number, line.to_vec()));
+                asked.borrow_mut().push((number, line.to_vec()));
                 (line == b"now\n").then(|| line.to_vec())
             };
             clients.take_requests(request, Vec::new);
@@ -409,6 +409,10 @@ mod tests {
             ends[2].read_exact(&mut answer).expect("an answer");
             assert_eq!(&answer, b"now\n");
         }
+        let of_first = || -> Vec<Vec<u8>> {
+            asked.borrow().iter().filter(|(number, _)| *number == 1).map(|(_, line)| line.clone()).collect()
+        };
+        assert_eq!(of_first(), [b"later\n"], "the next one when this one is answered");
         // One of those that wait goes.
         drop(ends.remove(1));
         assert!(site.wait());
@@ -418,7 +422,6 @@ mod tests {
         let mut answer = [0; 5];
         ends[0].read_exact(&mut answer).expect("an answer");
         assert_eq!(&answer, b"done\n");
-        let of_first: Vec<_> = asked.iter().filter(|(number, _)| *number == 1).map(|(_, line)| &line[..]).collect();
-        assert_eq!(of_first, [&b"later\n"[..], b"after that\n"], "one at a time, in order");
+        assert_eq!(of_first(), [&b"later\n"[..], b"after that\n"], "one at a time, in order");
     }
 }
