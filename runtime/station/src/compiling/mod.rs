@@ -194,6 +194,8 @@ impl Process {
 
     /// What it has died of.
     fn death(&mut self) -> String {
+        // One that ends has its reason already; one that has only closed its socket is not waited for.
+        let _ = self.child.kill();
         match self.child.wait() {
             Ok(status) => status.signal().map_or_else(
                 || format!("it has ended with exit code {}", status.code().unwrap_or(-1)),
@@ -242,6 +244,10 @@ impl Work {
                     return files.into_iter().next().map(Some).ok_or_else(|| "a message without code has come".into());
                 }
                 Ok(None) => {}
+                // It has not even read the request.
+                Err(error) if error.kind() == io::ErrorKind::ConnectionReset => {
+                    return Err(format!("the process that compiles is gone: {}", process.death()));
+                }
                 Err(error) => return Err(format!("the process that compiles cannot be heard: {error}")),
             }
             let mut fds = [PollFd::new(&self.stopped, PollFlags::IN), PollFd::new(&process.socket, PollFlags::IN)];
