@@ -21,7 +21,7 @@ fn the_station_file_of_the_document_is_good() {
     let text = blocks(&document("station-file.md"), "toml").concat();
     let station = ob1_station::station_file::parse(&text, "station-file.md", Path::new("/s"));
     let station = station.unwrap_or_else(|findings| panic!("{findings:?}"));
-    assert_eq!((station.modules.len(), station.buses.len(), station.plugins.len()), (10, 2, 1));
+    assert_eq!((station.modules.len(), station.buses.len(), station.plugins.len()), (11, 2, 1));
 }
 
 #[test]
