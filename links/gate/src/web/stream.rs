@@ -103,6 +103,8 @@ async fn run(
     }
     loop {
         tokio::select! {
+            // The browser has gone: its place is free at once.
+            () = to.closed() => return Err(()),
             _ = status.tick() => {
                 let text = station.document(Document::Status, STATUS * 4 / 5).await;
                 match text {
