@@ -1,0 +1,86 @@
+//! Which records are under way, and which have arrived.
+
+use std::collections::VecDeque;
+
+/// Publishes at QoS 1 under way at a time.
+pub(crate) const WINDOW: usize = 100;
+
+/// The publishes of one connection, in the order they were asked for. A broker acknowledges in that order, but one
+/// that does not loses nothing: a record has arrived when all before it have.
+#[derive(Debug, Default)]
+pub(crate) struct Flow {
+    window: VecDeque<Under>,
+}
+
+#[derive(Debug)]
+struct Under {
+    /// Its packet identifier, once it is on the wire.
+    packet: Option<u16>,
+    arrived: bool,
+    /// Whether it is the next record of the store; others are messages of the connection's own.
+    stored: bool,
+}
+
+impl Flow {
+    /// Records of the store that are under way.
+    pub(crate) fn stored(&self) -> usize {
+        self.window.iter().filter(|under| under.stored).count()
+    }
+
+    /// Whether there is room for one more.
+    pub(crate) fn has_room(&self) -> bool {
+        self.window.len() < WINDOW
+    }
+
+    /// One has been asked for.
+    pub(crate) fn asked(&mut self, stored: bool) {
+        self.window.push_back(Under { packet: None, arrived: false, stored });
+    }
+
+    /// The next one is on the wire.
+    pub(crate) fn sent(&mut self, packet: u16) {
+        if let Some(under) = self.window.iter_mut().find(|under| under.packet.is_none()) {
+            under.packet = Some(packet);
+        }
+    }
+
+    /// One is acknowledged: so many records of the store have arrived now.
+    pub(crate) fn acknowledged(&mut self, packet: u16) -> usize {
+        if let Some(under) = self.window.iter_mut().find(|under| under.packet == Some(packet) && !under.arrived) {
+            under.arrived = true;
+        }
+        let mut arrived = 0;
+        while self.window.front().is_some_and(|under| under.arrived) {
+            arrived += usize::from(self.window.pop_front().is_some_and(|under| under.stored));
+        }
+        arrived
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_has_arrived_when_all_before_it_have() {
+        let mut flow = Flow::default();
+        flow.asked(false);
+        (0..3).for_each(|_| flow.asked(true));
+        (1..=4).for_each(|packet| flow.sent(packet));
+        assert_eq!(flow.stored(), 3);
+        assert_eq!((flow.acknowledged(3), flow.acknowledged(2)), (0, 0));
+        assert_eq!((flow.acknowledged(9), flow.acknowledged(3)), (0, 0), "unknown, twice");
+        assert_eq!((flow.acknowledged(1), flow.stored()), (2, 1));
+        assert_eq!((flow.acknowledged(4), flow.stored()), (1, 0));
+    }
+
+    #[test]
+    fn the_window_is_bounded() {
+        let mut flow = Flow::default();
+        (0..WINDOW).for_each(|_| flow.asked(true));
+        assert!(!flow.has_room());
+        flow.sent(1);
+        assert_eq!(flow.acknowledged(1), 1);
+        assert!(flow.has_room());
+    }
+}

@@ -1,0 +1,412 @@
+//! What a link does: looks at its values, tells what has changed, and keeps it until it has arrived.
+
+use std::future::pending;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use ob1_access::door::Reading;
+use ob1_access::{Datum, Names};
+use ob1_gate_core::{Station, Trouble, unix_now};
+use rumqttc::{Event, LastWill, Outgoing, Packet, Publish, QoS, Transport};
+use serde_json::{Value, json};
+use tokio::time::{Instant, sleep_until};
+
+use crate::commands::Commands;
+use crate::connection::Connection;
+use crate::flow::Flow;
+use crate::items::Items;
+use crate::keys::Settings;
+use crate::node::{self, Node};
+use crate::sparkplug::{Metric, Payload, REBIRTH};
+use crate::store::{Record, Store};
+use crate::topics::{self, ONLINE};
+
+/// How long until the next try, at first and at most.
+const FIRST_TRY: Duration = Duration::from_millis(250);
+const LAST_TRY: Duration = Duration::from_secs(30);
+/// Metrics of a message of Sparkplug.
+const METRICS: usize = 200;
+/// Messages of old values before the others get their turn.
+const AT_ONCE: usize = 20;
+/// How long the last word may take when the station ends.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// See [the module](self).
+pub(crate) struct Session {
+    station: Station,
+    settings: Settings,
+    transport: Option<Transport>,
+    items: Items,
+    store: Store,
+    node: Option<Node>,
+    commands: Option<Commands>,
+    /// Until the first reading there is nothing to be born with.
+    looked: bool,
+    /// Of the newest look.
+    scan: u64,
+    /// Values told since the start of the link.
+    number: u64,
+    connection: Option<Connection>,
+    /// The broker has taken us.
+    online: bool,
+    try_at: Instant,
+    wait: Duration,
+    flow: Flow,
+    /// Of Sparkplug, which knows no acknowledgement: records sent, and how many of them before the ping that is under
+    /// way. What was sent before a ping that is answered has arrived: the broker works in order.
+    sent: usize,
+    sent_before_ping: usize,
+}
+
+impl Session {
+    pub(crate) fn new(
+        station: Station,
+        settings: Settings,
+        transport: Option<Transport>,
+        names: &Names,
+        items: Items,
+        store: Store,
+        state: PathBuf,
+    ) -> Result<Self, String> {
+        let node =
+            settings.sparkplug.as_ref().map(|group| Node::open(group, &station.welcome().station, Path::new(&state)));
+        let address = format!("{}:{}", settings.host, settings.port);
+        let commands = match settings.commands.as_slice() {
+            [] => None,
+            wanted => Some(Commands::of(wanted, names, &settings.allowed, &station, &address)?),
+        };
+        Ok(Self {
+            looked: items.list.is_empty(),
+            scan: 0,
+            number: 0,
+            station,
+            settings,
+            transport,
+            items,
+            store,
+            node,
+            commands,
+            connection: None,
+            online: false,
+            try_at: Instant::now(),
+            wait: FIRST_TRY,
+            flow: Flow::default(),
+            sent: 0,
+            sent_before_ping: 0,
+        })
+    }
+
+    /// Runs until the station is gone.
+    pub(crate) async fn run(mut self) -> Trouble {
+        let mut watch = self.station.watch(self.items.pieces.clone(), self.settings.every);
+        let trouble = loop {
+            let connecting = self.connection.is_some();
+            tokio::select! {
+                newest = watch.next() => match newest {
+                    Ok(reading) => self.look(&reading),
+                    Err(trouble @ Trouble::Gone) => break trouble,
+                    // Told once by the settings' check; here another part of the gate has taken the room.
+                    Err(trouble) => tracing::warn!(link = %self.name(), "{trouble}"),
+                },
+                event = happened(self.connection.as_mut()) => match event {
+                    Ok(event) => self.happened(event),
+                    Err(why) => self.broken(&why),
+                },
+                () = sleep_until(self.try_at), if !connecting && self.looked => self.begin(),
+            }
+            self.send();
+        };
+        self.end().await;
+        trouble
+    }
+
+    fn name(&self) -> String {
+        self.station.welcome().link.clone()
+    }
+
+    fn topic(&self, rest: &str) -> String {
+        format!("{}/{rest}", self.settings.prefix)
+    }
+
+    fn begin(&mut self) {
+        let will = match &mut self.node {
+            Some(node) => {
+                let death = node.next_death().encode();
+                LastWill::new(node.topic("NDEATH"), death, QoS::AtLeastOnce, false)
+            }
+            None => LastWill::new(self.topic(ONLINE), "false", QoS::AtLeastOnce, true),
+        };
+        match Connection::begin(&self.settings, self.transport.as_ref(), will) {
+            Ok(connection) => self.connection = Some(connection),
+            Err(why) => self.broken(&why),
+        }
+    }
+
+    /// The connection is gone: what has not arrived is sent again by the next one.
+    fn broken(&mut self, why: &str) {
+        let waits = self.wait;
+        tracing::warn!(link = %self.name(), "broker {}: {why}; next try in {waits:?}", self.settings.host);
+        (self.connection, self.online) = (None, false);
+        self.flow = Flow::default();
+        (self.sent, self.sent_before_ping) = (0, 0);
+        self.try_at = Instant::now() + self.wait;
+        self.wait = (self.wait * 2).min(LAST_TRY);
+    }
+
+    fn happened(&mut self, event: Event) {
+        match event {
+            Event::Incoming(Packet::ConnAck(_)) => self.welcomed(),
+            Event::Incoming(Packet::PubAck(ack)) => {
+                let arrived = self.flow.acknowledged(ack.pkid);
+                self.store.arrived(arrived);
+            }
+            // Packet 0: QoS 0, which is never acknowledged.
+            Event::Outgoing(Outgoing::Publish(packet)) if packet != 0 => self.flow.sent(packet),
+            Event::Outgoing(Outgoing::PingReq) => self.sent_before_ping = self.sent,
+            Event::Incoming(Packet::PingResp) if self.node.is_some() => {
+                let arrived = std::mem::take(&mut self.sent_before_ping);
+                self.store.arrived(arrived);
+                self.sent -= arrived.min(self.sent);
+            }
+            Event::Incoming(Packet::Publish(publish)) => self.command(&publish),
+            _ => {}
+        }
+    }
+
+    /// The broker has taken us.
+    fn welcomed(&mut self) {
+        tracing::info!(link = %self.name(), "connected to broker {}", self.settings.host);
+        (self.online, self.wait) = (true, FIRST_TRY);
+        let Some(connection) = &self.connection else { return };
+        let client = connection.client.clone();
+        if let Some(node) = &self.node {
+            // A host may ask for a new birth, whether there are commands or not.
+            let _ = client.try_subscribe(node.topic("NCMD"), QoS::AtLeastOnce);
+            self.birth();
+            return;
+        }
+        for name in self.commands.iter().flat_map(Commands::names) {
+            let _ = client.try_subscribe(self.topic(&format!("{name}/set")), QoS::AtLeastOnce);
+        }
+        self.flow.asked(false);
+        let _ = client.try_publish(self.topic(ONLINE), QoS::AtLeastOnce, true, "true");
+        // A broker that has lost what it retained gets it again, behind all that waits.
+        if self.settings.retain {
+            let now = unix_now();
+            let all: Vec<Record> =
+                self.items.list.iter().map(|item| topics::record(item, item.value().as_ref(), now, 0)).collect();
+            all.into_iter().for_each(|record| self.keep(record));
+        }
+    }
+
+    fn birth(&mut self) {
+        if let (Some(node), Some(connection)) = (&mut self.node, &self.connection) {
+            let payload = node.birth(&self.items.list).encode();
+            let _ = connection.client.try_publish(node.topic("NBIRTH"), QoS::AtMostOnce, false, payload);
+        }
+    }
+
+    /// A snapshot is there.
+    fn look(&mut self, reading: &Arc<Reading>) {
+        let first = !std::mem::replace(&mut self.looked, true);
+        let (now, scan) = (unix_now(), reading.scan);
+        self.scan = scan;
+        let changes = self.items.changes(reading);
+        if self.node.is_none() {
+            for (index, value) in changes {
+                self.told(index, value.as_ref(), now, scan);
+            }
+            return;
+        }
+        // The first values are those of the birth.
+        if first {
+            return;
+        }
+        // As long as nothing older waits they are told at once; kept they are in any case, until it is known that they
+        // have arrived.
+        let live = self.online && self.store.in_memory() && self.waiting() == self.sent;
+        for (index, value) in &changes {
+            let metric = node::historical(&self.items.list[*index], value.as_ref(), now);
+            self.keep(Record { topic: String::new(), payload: metric.encode() });
+        }
+        if live && self.tell(&changes, now) {
+            self.sent = self.waiting();
+        }
+    }
+
+    /// Tells values of now; false when there is no room on the way.
+    fn tell(&mut self, changes: &[(usize, Option<Datum>)], now: u64) -> bool {
+        let (Some(node), Some(connection)) = (&mut self.node, &self.connection) else { return false };
+        for changes in changes.chunks(METRICS) {
+            let metrics = changes
+                .iter()
+                .map(|(index, value)| node::live(*index, &self.items.list[*index], value.as_ref(), now))
+                .collect();
+            let payload = node.data(metrics).encode();
+            if connection.client.try_publish(node.topic("NDATA"), QoS::AtMostOnce, false, payload).is_err() {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// A value on a plain topic.
+    fn told(&mut self, index: usize, value: Option<&Datum>, now: u64, scan: u64) {
+        self.number += 1;
+        let record = topics::record(&self.items.list[index], value, now, scan, self.number);
+        self.keep(record);
+    }
+
+    fn waiting(&mut self) -> usize {
+        self.store.ready().map_or(0, std::collections::VecDeque::len)
+    }
+
+    fn keep(&mut self, record: Record) {
+        if let Err(error) = self.store.push(record) {
+            tracing::error!(link = %self.name(), "the store cannot be written: {error}; a value is lost");
+        }
+        match self.store.take_lost() {
+            0 => {}
+            lost => tracing::warn!(link = %self.name(), "the store is full: {lost} values are lost"),
+        }
+    }
+
+    /// Sends what waits, as far as there is room.
+    fn send(&mut self) {
+        if !self.online {
+            return;
+        }
+        let Some(connection) = &self.connection else { return };
+        let ready = match self.store.ready() {
+            Ok(ready) => ready,
+            Err(error) => {
+                tracing::error!("the store cannot be read: {error}");
+                return;
+            }
+        };
+        if let Some(node) = &mut self.node {
+            for _ in 0..AT_ONCE {
+                let old: Vec<Metric> = ready
+                    .range(self.sent.min(ready.len())..)
+                    .take(METRICS)
+                    .filter_map(|record| Metric::decode(&record.payload))
+                    .collect();
+                // What cannot be read, from an older version, is passed over with the others.
+                let count = ready.len().saturating_sub(self.sent).min(METRICS);
+                if count == 0 {
+                    return;
+                }
+                let payload = node.data(old).encode();
+                if connection.client.try_publish(node.topic("NDATA"), QoS::AtMostOnce, false, payload).is_err() {
+                    return;
+                }
+                self.sent += count;
+            }
+            return;
+        }
+        while self.flow.has_room() {
+            let Some(record) = ready.get(self.flow.stored()) else { return };
+            let topic = format!("{}/{}", self.settings.prefix, record.topic);
+            let asked =
+                connection.client.try_publish(topic, QoS::AtLeastOnce, self.settings.retain, record.payload.clone());
+            if asked.is_err() {
+                return;
+            }
+            self.flow.asked(true);
+        }
+    }
+
+    /// Something has come: a value to be written, or that a birth is wanted.
+    fn command(&mut self, publish: &Publish) {
+        // What was said before we were there is not meant for now.
+        if publish.retain {
+            tracing::warn!(link = %self.name(), "a retained command on {} is ignored", publish.topic);
+            return;
+        }
+        let Some(node) = &self.node else {
+            let name = publish.topic.strip_prefix(&self.settings.prefix).and_then(|rest| rest.strip_prefix('/'));
+            let Some(name) = name.and_then(|rest| rest.strip_suffix("/set")) else { return };
+            let value = serde_json::from_slice(&publish.payload);
+            self.write(name.to_owned(), value.map_err(|error| format!("this is no JSON: {error}")));
+            return;
+        };
+        if publish.topic != node.topic("NCMD") {
+            return;
+        }
+        let Some(payload) = Payload::decode(&publish.payload) else {
+            tracing::warn!(link = %self.name(), "a command is no payload of Sparkplug B");
+            return;
+        };
+        for metric in payload.metrics {
+            if metric.name.as_deref() == Some(REBIRTH) {
+                self.birth();
+                continue;
+            }
+            let by_alias = metric.alias.and_then(|alias| self.items.list.get((alias as usize).checked_sub(1)?));
+            let name = metric.name.clone().or_else(|| by_alias.map(|item| item.name.clone()));
+            if let (Some(name), Some(value)) = (name, &metric.value) {
+                self.write(name, Ok(value.json(metric.datatype)));
+            }
+        }
+    }
+
+    /// Writes in a task of its own, and says on a plain topic what became of it.
+    fn write(&self, name: String, value: Result<Value, String>) {
+        let (Some(commands), Some(connection)) = (self.commands.clone(), &self.connection) else { return };
+        let client = connection.client.clone();
+        let answer = self.node.is_none().then(|| self.topic(&format!("{name}/result")));
+        let link = self.name();
+        tokio::spawn(async move {
+            let outcome = match value {
+                Ok(value) => commands.write(&name, &value).await,
+                Err(why) => Err(why),
+            };
+            let told = match &outcome {
+                Ok(scan) => json!({ "ok": true, "scan": scan }),
+                Err(why) => {
+                    tracing::warn!(link, "command {name}: {why}");
+                    json!({ "ok": false, "error": why })
+                }
+            };
+            if let Some(topic) = answer {
+                let _ = client.try_publish(topic, QoS::AtMostOnce, false, told.to_string());
+            }
+        });
+    }
+
+    /// The last word, and what waits is put onto the disk.
+    async fn end(&mut self) {
+        let last = match &self.node {
+            Some(node) => (node.topic("NDEATH"), node.death().encode(), false),
+            None => (self.topic(ONLINE), b"false".to_vec(), true),
+        };
+        if let Some(connection) = self.connection.as_mut().filter(|_| self.online) {
+            let (topic, payload, retain) = last;
+            let _ = connection.client.try_publish(topic, QoS::AtLeastOnce, retain, payload);
+            let _ = connection.client.try_disconnect();
+            let farewell = async {
+                while let Ok(event) = connection.next().await {
+                    match event {
+                        Event::Outgoing(Outgoing::Publish(packet)) if packet != 0 => self.flow.sent(packet),
+                        Event::Incoming(Packet::PubAck(ack)) => self.store.arrived(self.flow.acknowledged(ack.pkid)),
+                        Event::Outgoing(Outgoing::Disconnect) => return,
+                        _ => {}
+                    }
+                }
+            };
+            let _ = tokio::time::timeout(FAREWELL, farewell).await;
+        }
+        if let Err(error) = self.store.close() {
+            tracing::error!(link = %self.name(), "what waits cannot be kept: {error}");
+        }
+    }
+}
+
+/// What happens to a connection; without one nothing does.
+async fn happened(connection: Option<&mut Connection>) -> Result<Event, String> {
+    match connection {
+        Some(connection) => connection.next().await,
+        None => pending().await,
+    }
+}

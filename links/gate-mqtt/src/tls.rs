@@ -1,0 +1,41 @@
+//! TLS to the broker: rustls with ring, as everywhere in the gate.
+
+use std::sync::Arc;
+
+use rumqttc::tokio_rustls::rustls::crypto::ring;
+use rumqttc::tokio_rustls::rustls::pki_types::pem::PemObject as _;
+use rumqttc::tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rumqttc::tokio_rustls::rustls::{ClientConfig, RootCertStore};
+use rumqttc::{TlsConfiguration, Transport};
+
+use crate::keys::TlsFiles;
+
+/// The way to a broker whose certificate is signed by the given one.
+///
+/// # Errors
+/// Which file cannot be used, and why.
+pub(crate) fn transport(files: &TlsFiles) -> Result<Transport, String> {
+    let wrong = |path: &std::path::Path, why: &dyn std::fmt::Display| format!("{}: {why}", path.display());
+    let mut roots = RootCertStore::empty();
+    for certificate in CertificateDer::pem_file_iter(&files.ca).map_err(|error| wrong(&files.ca, &error))? {
+        let added = certificate.map_err(|error| wrong(&files.ca, &error)).map(|certificate| roots.add(certificate))?;
+        added.map_err(|error| wrong(&files.ca, &error))?;
+    }
+    if roots.is_empty() {
+        return Err(wrong(&files.ca, &"there is no certificate in it"));
+    }
+    let builder = ClientConfig::builder_with_provider(Arc::new(ring::default_provider()))
+        .with_safe_default_protocol_versions()
+        .map_err(|error| error.to_string())?
+        .with_root_certificates(roots);
+    let config = match &files.own {
+        None => builder.with_no_client_auth(),
+        Some((certificate, key)) => {
+            let chain = CertificateDer::pem_file_iter(certificate).map_err(|error| wrong(certificate, &error))?;
+            let chain = chain.collect::<Result<Vec<_>, _>>().map_err(|error| wrong(certificate, &error))?;
+            let own = PrivateKeyDer::from_pem_file(key).map_err(|error| wrong(key, &error))?;
+            builder.with_client_auth_cert(chain, own).map_err(|error| wrong(certificate, &error))?
+        }
+    };
+    Ok(Transport::tls_with_config(TlsConfiguration::Rustls(Arc::new(config))))
+}

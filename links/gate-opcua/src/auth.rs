@@ -1,0 +1,104 @@
+//! Who comes in, and what each may do: anonymous clients read, where that is allowed; users are those of the gate.
+
+use std::collections::HashMap;
+
+use async_trait::async_trait;
+use ob1_access::Right;
+use ob1_gate_core::{Audit, Users};
+use opcua_crypto::SecurityPolicy;
+use opcua_server::ServerEndpoint;
+use opcua_server::authenticator::{AuthManager, Password, UserToken, user_pass_security_policy_id};
+use opcua_types::{Error, StatusCode, UAString, UserTokenPolicy, UserTokenType};
+use parking_lot::Mutex;
+
+/// The token that the server gives all anonymous clients.
+const ANONYMOUS: &str = "ANONYMOUS";
+/// Users that are remembered with their rights; those of the file are fewer.
+const REMEMBERED: usize = 10_000;
+
+/// See [the module](self).
+pub(crate) struct Auth {
+    users: Option<Users>,
+    anonymous: bool,
+    audit: Audit,
+    /// The rights of those who have come in.
+    known: Mutex<HashMap<String, Right>>,
+}
+
+impl Auth {
+    pub(crate) fn new(users: Option<Users>, anonymous: bool, audit: Audit) -> Self {
+        Self { users, anonymous, audit, known: Mutex::default() }
+    }
+
+    /// What a session may do now: who is taken out of the file has no right any more.
+    pub(crate) fn right(&self, token: &UserToken) -> Right {
+        if token.0 == ANONYMOUS {
+            return Right::Read;
+        }
+        let known = self.known.lock().get(&token.0).copied();
+        let now = self.users.as_ref().and_then(|users| users.right(&token.0));
+        known.zip(now).map_or(Right::Read, |(known, now)| known.min(now))
+    }
+
+    /// The name for the audit log.
+    pub(crate) fn user(&self, token: &UserToken) -> String {
+        if token.0 == ANONYMOUS { "-".to_owned() } else { token.0.clone() }
+    }
+}
+
+fn rejected(why: impl std::fmt::Display) -> Error {
+    Error::new(StatusCode::BadIdentityTokenRejected, why.to_string())
+}
+
+#[async_trait]
+impl AuthManager for Auth {
+    async fn authenticate_anonymous_token(&self, _endpoint: &ServerEndpoint) -> Result<(), Error> {
+        if self.anonymous { Ok(()) } else { Err(rejected("anonymous clients are not allowed")) }
+    }
+
+    async fn authenticate_username_identity_token(
+        &self,
+        endpoint: &ServerEndpoint,
+        username: &str,
+        password: &Password,
+    ) -> Result<UserToken, Error> {
+        let users = self.users.as_ref().ok_or_else(|| rejected("this link has no users"))?;
+        // The server does not tell where a client is; wrong passwords are counted by name.
+        let outcome = users.login(username, password.get(), "opc.tcp").await;
+        let told = outcome.as_ref().map_or_else(ToString::to_string, |_| "done".to_owned());
+        let noted = self.audit.note(username, &endpoint.security_policy, "login", &told);
+        let login = outcome.map_err(rejected)?;
+        if login.right > Right::Read {
+            noted.map_err(rejected)?;
+        }
+        let mut known = self.known.lock();
+        if known.len() >= REMEMBERED {
+            known.clear();
+        }
+        known.insert(login.user.clone(), login.right);
+        Ok(UserToken(login.user))
+    }
+
+    fn user_token_policies(&self, endpoint: &ServerEndpoint) -> Vec<UserTokenPolicy> {
+        let policy = |id: UAString, token_type, security_policy_uri: UAString| UserTokenPolicy {
+            policy_id: id,
+            token_type,
+            issued_token_type: UAString::null(),
+            issuer_endpoint_url: UAString::null(),
+            security_policy_uri,
+        };
+        let mut policies = Vec::new();
+        if self.anonymous {
+            policies.push(policy("anonymous".into(), UserTokenType::Anonymous, UAString::null()));
+        }
+        if self.users.is_some() {
+            // Over a channel without security the password alone is encrypted, by the server's key.
+            let own = match endpoint.security_policy() {
+                SecurityPolicy::None => endpoint.password_security_policy().to_uri().into(),
+                _ => UAString::null(),
+            };
+            policies.push(policy(user_pass_security_policy_id(endpoint), UserTokenType::UserName, own));
+        }
+        policies
+    }
+}

@@ -1,0 +1,68 @@
+//! Diagnostic events of the station as events of its object.
+
+use std::sync::Arc;
+
+use ob1_access::door::{Event, What};
+use ob1_gate_core::Station;
+use opcua_nodes::BaseEventType;
+use opcua_server::SubscriptionCache;
+use opcua_types::{ByteString, DateTime, LocalizedText, ObjectTypeId};
+use tokio::sync::broadcast::error::RecvError;
+
+use crate::manager::node_id;
+use crate::space::ROOT;
+
+/// Severities, 1 to 1000 [OPC 10000-5, 6.4.2].
+const FAULT: u16 = 700;
+const CHANGE: u16 = 300;
+const TOLD: u16 = 100;
+
+/// Tells events for as long as the station lives; those of before are history.
+pub(crate) async fn run(station: Station, subscriptions: Arc<SubscriptionCache>) {
+    let (_, mut coming) = station.events(u64::MAX);
+    let mut number = 0;
+    loop {
+        let told = match coming.recv().await {
+            Ok(event) => {
+                number = event.number;
+                words(&event)
+            }
+            Err(RecvError::Lagged(lost)) => (format!("{lost} events were lost: too many at a time"), CHANGE),
+            Err(RecvError::Closed) => return,
+        };
+        let (text, severity) = told;
+        let id = ByteString::from(number.to_be_bytes().to_vec());
+        let event =
+            BaseEventType::new(ObjectTypeId::SystemEventType, id, LocalizedText::new("en", &text), DateTime::now())
+                .set_source_node(node_id(ROOT))
+                .set_source_name(station.welcome().station.as_str().into())
+                .set_receive_time(DateTime::now())
+                .set_severity(severity);
+        let source = node_id(ROOT);
+        subscriptions.notify_events(std::iter::once((&event as &dyn opcua_nodes::Event, &source)));
+    }
+}
+
+/// An event in words, and how urgent it is.
+fn words(event: &Event) -> (String, u16) {
+    match &event.what {
+        What::Diagnosis(entry) => {
+            let mut text = format!("{:04X}h {}", entry.event, entry.text);
+            for (before, more) in [(", ", &entry.place), ("; ", &entry.remedy)] {
+                if !more.is_empty() {
+                    text += before;
+                    text += more;
+                }
+            }
+            (text, if entry.remedy.is_empty() { TOLD } else { FAULT })
+        }
+        What::State(state) => (format!("operating state {}", format!("{state:?}").to_uppercase()), CHANGE),
+        What::Driver { name, up } => (format!("driver of {name} {}", if *up { "runs" } else { "is down" }), level(*up)),
+        What::Link { name, up } => (format!("link {name} {}", if *up { "runs" } else { "is down" }), level(*up)),
+        What::Lost(count) => (format!("{count} events were lost"), CHANGE),
+    }
+}
+
+const fn level(up: bool) -> u16 {
+    if up { TOLD } else { FAULT }
+}

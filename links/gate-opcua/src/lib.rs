@@ -1,0 +1,203 @@
+//! OPC UA of a station: namespace 2 has the cells by the names the tools take (`ns=2;s=MW10`), data blocks as objects
+//! from their declarations, diagnostic events, and methods for the operating state (docs/opcua.md).
+//!
+//! async-opcua speaks the protocol; what a node is, what it holds and who may change it is decided here and in
+//! `ob1-gate-core`. No node is stored: the program's catalog says which there are.
+
+mod attributes;
+mod auth;
+mod events;
+mod keys;
+mod limits;
+mod manager;
+mod monitor;
+mod pki;
+mod sample;
+mod space;
+mod value;
+
+use std::net::{SocketAddr, TcpListener};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use ob1_access::{Allowed, Cell, Piece};
+use ob1_gate_core::{Link, Station};
+use ob1_model::Area;
+use opcua_crypto::SecurityPolicy;
+use opcua_server::node_manager::ServerContext;
+use opcua_server::{ANONYMOUS_USER_TOKEN_ID, Server, ServerBuilder, ServerEndpoint, ServerHandle};
+use opcua_types::{BuildInfo, DateTime, MessageSecurityMode, VariableId, Variant};
+use tokio::task::JoinSet;
+
+use crate::auth::Auth;
+use crate::keys::{Keys, Settings};
+use crate::manager::Manager;
+use crate::monitor::Monitor;
+use crate::pki::Pki;
+
+/// How often it is looked whether a server has to be begun anew.
+const LOOK: Duration = Duration::from_secs(1);
+
+/// Serves a link until its station is gone.
+///
+/// # Errors
+/// What is wrong with the link's keys, its files or its sockets.
+pub async fn serve(link: Link) -> Result<(), String> {
+    let Link { station, listeners, users, state, .. } = link;
+    let keys: Keys = serde_json::from_value(station.keys().clone()).map_err(|error| error.to_string())?;
+    let addresses = listeners.iter().map(TcpListener::local_addr).collect::<Result<Vec<_>, _>>();
+    let addresses = addresses.map_err(|error| error.to_string())?;
+    let loopback = addresses.iter().all(|address| address.ip().is_loopback());
+    let settings = keys.settle(loopback, station.ceiling(), users.is_some())?;
+    let state: PathBuf = state.ok_or("it has no folder for its certificates")?.join(&station.welcome().link);
+    let name = format!("ob1 {}", station.welcome().station);
+    let uri = format!("urn:ob1:{}:{}", station.welcome().station, station.welcome().link);
+    let first = *addresses.first().ok_or("it needs `listen`")?;
+    let made = {
+        let (name, uri) = (name.clone(), uri.clone());
+        tokio::task::spawn_blocking(move || pki::open(&state, &name, &uri, first.ip())).await
+    };
+    let pki = made.map_err(|error| error.to_string())??;
+    let auth = Arc::new(Auth::new(users, settings.anonymous, station.audit().clone()));
+    let about = Arc::new(About { station, settings, auth, pki, name, uri });
+    let mut servers = JoinSet::new();
+    for (listener, address) in listeners.into_iter().zip(addresses) {
+        let about = Arc::clone(&about);
+        servers.spawn(async move { about.keep(&listener, address).await });
+    }
+    while let Some(ended) = servers.join_next().await {
+        ended.map_err(|error| error.to_string())??;
+    }
+    Ok(())
+}
+
+/// What all servers of a link have in common.
+struct About {
+    station: Station,
+    settings: Settings,
+    auth: Arc<Auth>,
+    pki: Pki,
+    name: String,
+    uri: String,
+}
+
+impl About {
+    /// Keeps a server at a socket until the station is gone. The library forgets nothing of an item that is deleted,
+    /// so a server is begun anew after many of them.
+    async fn keep(&self, listener: &TcpListener, address: SocketAddr) -> Result<(), String> {
+        loop {
+            let monitor = Arc::new(Monitor::new(self.settings.items, heartbeat(&self.settings.allowed)));
+            let (server, handle) = self.server(address, &monitor)?;
+            let socket = listener.try_clone().and_then(tokio::net::TcpListener::from_std);
+            let socket = socket.map_err(|error| format!("{address}: {error}"))?;
+            let running = tokio::spawn(server.run_with(socket));
+            let gone = tokio::select! {
+                () = monitor.gone() => true,
+                () = worn(&monitor, &handle, &self.pki) => false,
+            };
+            handle.cancel();
+            let ended = running.await;
+            monitor.stop();
+            if gone {
+                return Ok(());
+            }
+            ended.map_err(|error| error.to_string())??;
+            tracing::info!(link = %self.station.welcome().link, "the OPC UA server is begun anew");
+        }
+    }
+
+    fn server(&self, address: SocketAddr, monitor: &Arc<Monitor>) -> Result<(Server, ServerHandle), String> {
+        let settings = &self.settings;
+        let mut builder = ServerBuilder::new()
+            .application_name(&self.name)
+            .application_uri(&self.uri)
+            .product_uri("urn:ob1")
+            .build_info(BuildInfo {
+                product_uri: "urn:ob1".into(),
+                manufacturer_name: "ob1".into(),
+                product_name: "ob1".into(),
+                software_version: env!("CARGO_PKG_VERSION").into(),
+                build_number: env!("CARGO_PKG_VERSION").into(),
+                build_date: DateTime::null(),
+            })
+            .pki_dir(&self.pki.folder)
+            .certificate_path(&self.pki.certificate)
+            .private_key_path(&self.pki.key)
+            .trust_client_certs(settings.trust == keys::Trust::Any)
+            .check_cert_time(true)
+            .host(address.ip().to_string())
+            .port(address.port())
+            .discovery_urls(vec![format!("opc.tcp://{address}/")])
+            .limits(limits::limits(settings.sessions, settings.items))
+            .subscription_poll_interval_ms(limits::POLL_MS)
+            .max_session_timeout_ms(limits::SESSION_MS)
+            .max_timeout_ms(limits::SESSION_MS as u32)
+            .diagnostics_enabled(true)
+            .with_authenticator(Arc::clone(&self.auth) as Arc<_>);
+        for (name, endpoint) in endpoints(settings.open) {
+            builder = builder.add_endpoint(name, endpoint);
+        }
+        let (station, auth) = (self.station.clone(), Arc::clone(&self.auth));
+        let (monitor, allowed) = (Arc::clone(monitor), settings.allowed.clone());
+        builder
+            .with_node_manager(move |context: ServerContext| Manager::new(station, auth, monitor, allowed, &context))
+            .build()
+    }
+}
+
+/// A byte of the first area that the link may read.
+fn heartbeat(allowed: &Allowed) -> Option<Piece> {
+    let cells = [Area::Memory, Area::Input, Area::Output].map(|area| Cell::Area(area, 0));
+    cells.into_iter().find(|cell| allowed.has(*cell)).map(|at| Piece::Bytes { at, len: 1 })
+}
+
+/// The endpoints: the policies of today, and on loopback one without security. None with SHA-1 signatures.
+fn endpoints(open: bool) -> Vec<(String, ServerEndpoint)> {
+    let anonymous: &[&str] = &[ANONYMOUS_USER_TOKEN_ID];
+    let mut all = Vec::new();
+    for policy in
+        [SecurityPolicy::Basic256Sha256, SecurityPolicy::Aes128Sha256RsaOaep, SecurityPolicy::Aes256Sha256RsaPss]
+    {
+        for mode in [MessageSecurityMode::Sign, MessageSecurityMode::SignAndEncrypt] {
+            all.push((format!("{policy} {mode}"), ServerEndpoint::from(("/", policy, mode, anonymous))));
+        }
+    }
+    if open {
+        let mut endpoint = ServerEndpoint::from(("/", SecurityPolicy::None, MessageSecurityMode::None, anonymous));
+        endpoint.password_security_policy = Some(SecurityPolicy::Basic256Sha256.to_string());
+        all.push(("open".to_owned(), endpoint));
+    }
+    all
+}
+
+/// Waits until so many items have been deleted that the server is better begun anew.
+async fn worn(monitor: &Monitor, handle: &ServerHandle, pki: &Pki) {
+    loop {
+        tokio::time::sleep(LOOK).await;
+        pki::prune(&pki.folder);
+        let sessions = VariableId::Server_ServerDiagnostics_ServerDiagnosticsSummary_CurrentSessionCount;
+        let sessions = handle.info().diagnostics.get(sessions).and_then(|value| value.value);
+        let idle = matches!(sessions, Some(Variant::UInt32(0)));
+        let deleted = monitor.deleted();
+        if deleted >= limits::RENEW_ANYWAY || idle && deleted >= limits::RENEW_IDLE {
+            return;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn beyond_loopback_nothing_goes_without_security_or_with_old_policies() {
+        let policies = |open| endpoints(open).into_iter().map(|(_, e)| e.security_policy).collect::<Vec<_>>();
+        let far = policies(false);
+        assert!(!far.is_empty());
+        for policy in far.iter().chain(&policies(true)[..6]) {
+            assert!(!["None", "Basic256", "Basic128Rsa15"].contains(&policy.as_str()), "{policy}");
+        }
+        assert_eq!(policies(true).iter().filter(|policy| *policy == "None").count(), 1);
+    }
+}

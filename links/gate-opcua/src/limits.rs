@@ -1,0 +1,70 @@
+//! What clients may cost. Each number stands in docs/opcua.md, "Limits".
+
+use std::time::Duration;
+
+use opcua_server::{Limits, OperationalLimits, SubscriptionLimits};
+
+/// Shortest sampling interval, in milliseconds.
+pub(crate) const SAMPLING_MS: f64 = 50.0;
+/// Longest.
+pub(crate) const SLOWEST_MS: f64 = 3_600_000.0;
+/// How often the server looks whether something is to be published.
+pub(crate) const POLL_MS: u64 = 25;
+/// New items that come within this time begin together.
+pub(crate) const SETTLE: Duration = Duration::from_millis(20);
+/// Sessions, unless the link says another number.
+pub(crate) const SESSIONS: usize = 20;
+/// Monitored items of all clients together, unless the link says another number.
+pub(crate) const ITEMS: usize = 20_000;
+/// Requests of all clients that change something, under way at a time.
+pub(crate) const CHANGES: usize = 32;
+/// A session that asks nothing for so long is closed.
+pub(crate) const SESSION_MS: u64 = 60_000;
+/// Deleted items leave a little behind in the server: after so many it is begun anew when nobody is connected,
+pub(crate) const RENEW_IDLE: usize = 10_000;
+/// and after so many in any case; clients connect again.
+pub(crate) const RENEW_ANYWAY: usize = 1_000_000;
+
+/// All limits of a server.
+pub(crate) fn limits(sessions: usize, items: usize) -> Limits {
+    Limits {
+        // An array of a data block has 65536 elements at most; a message holds one.
+        max_array_length: 65_536,
+        max_string_length: 65_536,
+        max_byte_string_length: 65_536,
+        max_message_size: 4 << 20,
+        max_chunk_count: 64,
+        max_browse_continuation_points: 50,
+        max_history_continuation_points: 1,
+        max_query_continuation_points: 1,
+        max_sessions: sessions,
+        subscriptions: SubscriptionLimits {
+            max_subscriptions_per_session: 10,
+            max_pending_publish_requests: 20,
+            max_publish_requests_per_subscription: 4,
+            min_sampling_interval_ms: SAMPLING_MS,
+            min_publishing_interval_ms: SAMPLING_MS,
+            // A subscription whose client is dead lives 300 publishing intervals at most.
+            max_keep_alive_count: 100,
+            default_keep_alive_count: 10,
+            max_lifetime_count: 300,
+            max_monitored_items_per_sub: items,
+            max_monitored_item_queue_size: 100,
+            max_notifications_per_publish: 10_000,
+            max_queued_notifications: 20,
+        },
+        operational: OperationalLimits {
+            max_nodes_per_read: 1_000,
+            max_nodes_per_write: 1_000,
+            max_nodes_per_method_call: 10,
+            max_nodes_per_browse: 1_000,
+            max_nodes_per_register_nodes: 1_000,
+            max_monitored_items_per_call: 1_000,
+            max_nodes_per_translate_browse_paths_to_node_ids: 100,
+            max_references_per_browse_node: 1_000,
+            max_subscriptions_per_call: 10,
+            ..OperationalLimits::default()
+        },
+        ..Limits::default()
+    }
+}

@@ -1,0 +1,53 @@
+//! Values out of snapshots, and what became of questions, as status codes.
+
+use ob1_access::Typed;
+use ob1_access::door::Refusal;
+use ob1_gate_core::Trouble;
+use opcua_types::{DataValue, DateTime, StatusCode};
+
+use crate::value::{Shape, cell_error, variant};
+
+/// What stands in a snapshot, as the value of a node.
+pub(crate) fn sample(typed: &Typed, bytes: Result<&[u8], Refusal>) -> DataValue {
+    let bytes = match bytes {
+        Ok(bytes) => bytes,
+        Err(refusal) => return bad(refused(refusal)),
+    };
+    let now = DateTime::now();
+    let value = typed.value(bytes).zip(Shape::of(&typed.ty)).map(|(value, shape)| variant(value, &shape));
+    DataValue {
+        // What lies there is no date, no time: the client learns it, and that it is not the connection.
+        status: Some(if value.is_some() { StatusCode::Good } else { StatusCode::BadDataEncodingInvalid }),
+        value,
+        source_timestamp: Some(now),
+        server_timestamp: Some(now),
+        ..DataValue::default()
+    }
+}
+
+/// No value, and why.
+pub(crate) fn bad(status: StatusCode) -> DataValue {
+    DataValue { status: Some(status), server_timestamp: Some(DateTime::now()), ..DataValue::default() }
+}
+
+/// What the broker refuses, as OPC UA says it.
+pub(crate) fn refused(refusal: Refusal) -> StatusCode {
+    match refusal {
+        Refusal::Cell(error) => cell_error(error),
+        Refusal::Right | Refusal::Password => StatusCode::BadUserAccessDenied,
+        Refusal::NotThere => StatusCode::BadNotFound,
+        Refusal::Full => StatusCode::BadTooManyOperations,
+        Refusal::Silent => StatusCode::BadTimeout,
+    }
+}
+
+/// What went wrong, as OPC UA says it.
+pub(crate) fn status(trouble: &Trouble) -> StatusCode {
+    match trouble {
+        Trouble::Refused { why, .. } => refused(*why),
+        Trouble::User => StatusCode::BadUserAccessDenied,
+        Trouble::TooMuch | Trouble::Group => StatusCode::BadEncodingLimitsExceeded,
+        Trouble::Gone => StatusCode::BadNoCommunication,
+        Trouble::Audit(_) | Trouble::Program(_) => StatusCode::BadInternalError,
+    }
+}

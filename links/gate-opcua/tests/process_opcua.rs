@@ -1,0 +1,258 @@
+//! OPC UA of a station that runs, by a client nobody here wrote: asyncua. What it reads is what `ob1 get` says, what it
+//! writes arrives, and without the right nothing does.
+
+mod common;
+
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+
+use common::fleet::{asyncua, connected, opcua, users};
+use common::gate::gate;
+use common::site::Site;
+use rustix::process::Signal;
+use serde_json::{Value, json};
+
+const WITH_USERS: &str = "rights = \"operate\"\nusers = \"gate.users\"\ntrust = \"any\"\n";
+
+fn user(name: &str) -> [String; 4] {
+    ["--user".into(), name.into(), "--password".into(), format!("{name}-secret")]
+}
+
+#[test]
+fn a_client_browses_and_reads_what_the_tools_read() {
+    let site = Site::new();
+    let (station, port) = opcua(&site, "ua-read", "");
+    let mut client = connected(&site, port, &[]);
+    let top = client.done(&json!({ "op": "find", "path": ["ua-read"] }));
+    assert_eq!(top["id"], "/");
+    let block = client.done(&json!({ "op": "find", "path": ["ua-read", "DataBlocks", "DB10", "motor", "speed"] }));
+    assert_eq!(block["id"], "DB10.motor.speed");
+    let names = client.done(&json!({ "op": "children", "id": "DB10" }))["names"].clone();
+    assert_eq!(names, json!(["number", "real", "text", "delay", "ramp", "motor", "moment", "axes"]));
+    let symbols = client.done(&json!({ "op": "children", "id": "/Symbols" }))["ids"].clone();
+    assert_eq!(symbols, json!(["\"Start\"", "\"Level\""]));
+    assert_eq!(client.done(&json!({ "op": "children", "id": "/Memory" }))["ids"].as_array().map(Vec::len), Some(256));
+
+    station.set("MW 10", 4660);
+    station.set("MW 20", -5);
+    let ids = [
+        "MW10",
+        "DB10.number",
+        "DB10.real",
+        "DB10.text",
+        "DB10.delay",
+        "DB10.ramp",
+        "DB10.ramp[2]",
+        "DB10.motor.speed",
+        "DB10.motor.on",
+        "DB10.moment",
+        "DB10.DBW0",
+        "\"Level\"",
+        "M10.1",
+        "T0",
+        "/State",
+        "MW999",
+        "DB99.DBW0",
+        "nonsense",
+    ];
+    let answer = client.done(&json!({ "op": "read", "ids": ids }));
+    assert_eq!(
+        answer["values"],
+        json!([
+            4660,
+            -7,
+            1.5,
+            "hello",
+            1500.0,
+            [1, 2, 3],
+            2,
+            70000,
+            true,
+            "2026-01-02T03:04:05.678",
+            65529,
+            -5,
+            false,
+            0.0,
+            "RUN",
+            "BadNodeIdUnknown",
+            "BadNotFound",
+            "BadNodeIdUnknown"
+        ])
+    );
+    assert_eq!(
+        answer["types"].as_array().map(|types| types[..6].to_vec()),
+        Some(["UInt16", "Int16", "Float", "String", "Double", "Int16"].map(Value::from).to_vec())
+    );
+    let about = client.done(&json!({ "op": "attributes", "id": "DB10.ramp" }));
+    assert_eq!(
+        (&about["description"], &about["rank"], &about["dimensions"], &about["writable"]),
+        (&json!("ARRAY [1..3] OF INT"), &json!(1), &json!([3]), &json!(false))
+    );
+    drop(client);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn writes_and_methods_go_by_the_right_of_the_user() {
+    let site = Site::new();
+    users(&site);
+    let (station, port) = opcua(&site, "ua-write", WITH_USERS);
+    let write = |id: &str, kind: &str, value: Value| json!({ "op": "write", "id": id, "type": kind, "value": value });
+    let words = user("anna");
+    let mut anna = connected(&site, port, &words.each_ref().map(String::as_str));
+    for (id, kind, value) in [
+        ("MW10", "UInt16", json!(4711)),
+        ("DB10.number", "Int16", json!(-9)),
+        ("DB10.text", "String", json!("bye")),
+        ("DB10.delay", "Double", json!(2500.0)),
+        ("DB10.ramp", "Int16", json!([7, 8, 9])),
+        ("DB10.moment", "DateTime", json!("2030-12-31T23:59:59.500")),
+        ("\"Start\"", "Boolean", json!(true)),
+        ("DB10.axes[1].pos", "Float", json!(-0.25)),
+    ] {
+        anna.done(&write(id, kind, value.clone()));
+        let read = anna.done(&json!({ "op": "read", "ids": [id] }))["values"][0].clone();
+        assert!(read == value || read == json!(format!("{}000", value.as_str().unwrap_or("-"))), "{id}: {read}");
+    }
+    assert_eq!(station.cells(&["MW 10", "DB10.DBW 0", "M 10.0"]), [4711, 65527, 1]);
+    for (id, kind, value, why) in [
+        ("MW10", "Int16", json!(1), "BadTypeMismatch"),
+        ("MW10", "UInt32", json!(1), "BadTypeMismatch"),
+        ("DB10.text", "String", json!("more than twenty letters"), "BadOutOfRange"),
+        ("DB10.ramp", "Int16", json!([1]), "BadTypeMismatch"),
+        ("DB10", "Int16", json!(1), "BadNotWritable"),
+        ("nonsense", "Int16", json!(1), "BadNodeIdUnknown"),
+    ] {
+        assert_eq!(anna.ask(&write(id, kind, value))["error"], why, "{id}");
+    }
+    anna.done(&json!({ "op": "call", "id": "/Stop" }));
+    assert_eq!(station.status().state, "STOP");
+    anna.done(&json!({ "op": "call", "id": "/Start" }));
+    assert_eq!(station.status().state, "RUN");
+
+    let words = user("bert");
+    let mut bert = connected(&site, port, &words.each_ref().map(String::as_str));
+    let mut nobody = connected(&site, port, &[]);
+    for client in [&mut bert, &mut nobody] {
+        assert_eq!(client.done(&json!({ "op": "read", "ids": ["MW10"] }))["values"], json!([4711]));
+        assert_eq!(client.ask(&write("MW10", "UInt16", json!(0)))["error"], "BadUserAccessDenied");
+        assert_eq!(client.ask(&json!({ "op": "call", "id": "/Stop" }))["error"], "BadUserAccessDenied");
+        assert_eq!(client.done(&json!({ "op": "attributes", "id": "MW10" }))["writable"], false);
+    }
+    assert_eq!((station.cell("MW 10"), station.status().state.as_str()), (4711, "RUN"));
+    let mut wrong = asyncua(&site, port, &["--user", "anna", "--password", "guess"]);
+    assert_eq!(wrong.answer()["ok"], false);
+    let log = std::fs::read_to_string(site.path("ua-write.audit")).expect("an audit log");
+    for what in ["\"login\"", "write MW10 = 4711", "command Stop", "\"anna\"", "refused"] {
+        assert!(log.contains(what), "{what}: {log}");
+    }
+    drop((anna, bert, nobody, wrong));
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn a_channel_is_encrypted_with_a_key_of_its_own() {
+    let site = Site::new();
+    users(&site);
+    let (station, port) = opcua(&site, "ua-secure", WITH_USERS);
+    let mut plain = connected(&site, port, &[]);
+    let endpoints = plain.done(&json!({ "op": "endpoints" }))["endpoints"].clone();
+    let policies: Vec<&str> =
+        endpoints.as_array().expect("a list").iter().filter_map(|one| one["policy"].as_str()).collect();
+    assert!(policies.contains(&"Aes256_Sha256_RsaPss") && policies.contains(&"Basic256Sha256"), "{policies:?}");
+    assert!(!policies.contains(&"Basic128Rsa15") && !policies.contains(&"Basic256"), "{policies:?}");
+    for policy in ["Basic256Sha256", "Aes256Sha256RsaPss"] {
+        let words = user("anna");
+        let mut more: Vec<&str> = words.iter().map(String::as_str).collect();
+        more.extend(["--policy", policy]);
+        let mut client = connected(&site, port, &more);
+        client.done(&json!({ "op": "write", "id": "MW10", "type": "UInt16", "value": 99 }));
+        assert_eq!(station.cell("MW 10"), 99, "{policy}");
+        station.set("MW 10", 0);
+    }
+    let key = site.path("ua-secure.gate/scada/pki/private/private.pem");
+    let mode = std::os::unix::fs::MetadataExt::mode(&std::fs::metadata(key).expect("a key")) & 0o777;
+    assert_eq!(mode, 0o600);
+    drop(plain);
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn changes_and_events_are_told_and_the_server_comes_back() {
+    let site = Site::new();
+    let (station, port) = opcua(&site, "ua-watch", "");
+    let mut client = connected(&site, port, &[]);
+    client.done(&json!({ "op": "watch", "ids": ["MW20", "M10.0"], "every": 50 }));
+    let first = client.done(&json!({ "op": "changes", "count": 2 }))["changes"].clone();
+    assert!(first.as_array().is_some_and(|all| all.contains(&json!(["MW20", 0]))), "{first}");
+    // Bits beside it and other words do not concern it.
+    station.set("M 10.1", 1);
+    station.set("MW 22", 7);
+    for value in [1, 2, 3] {
+        station.set("MW 20", value);
+        assert_eq!(client.done(&json!({ "op": "changes", "count": 1 }))["changes"], json!([["MW20", value]]));
+    }
+    client.done(&json!({ "op": "events" }));
+    assert!(site.ob1(&["ctl", "station.toml", "stop"]).code == Some(0));
+    loop {
+        let event = client.done(&json!({ "op": "event" }));
+        if event["message"].as_str().is_some_and(|text| text.contains("STOP")) {
+            break;
+        }
+    }
+    drop(client);
+
+    // Killed, it comes back, and a client finds the same.
+    let (_, gate) = gate(&station);
+    gate.signal(Signal::KILL);
+    gate.wait("the gate has ended");
+    station.until("the link answers again", |_| {
+        let mut client = asyncua(&site, port, &[]);
+        (client.answer()["ok"] == true).then(|| client.done(&json!({ "op": "read", "ids": ["MW20"] })))
+    });
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// Noise, half messages, giants, and more than there is room for: refused, and the others go on.
+#[test]
+fn hostile_input_changes_nothing() {
+    let site = Site::new();
+    let (station, port) = opcua(&site, "ua-hostile", "items = 2000\n");
+    let mut client = connected(&site, port, &[]);
+    let mut state = 4840u32;
+    let mut noise = move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        state >> 16
+    };
+    let hello = |len: u32, size: u32| {
+        let url = b"opc.tcp://127.0.0.1:4840/";
+        let mut bytes = b"HELF".to_vec();
+        bytes.extend(len.to_le_bytes());
+        [0, 65_536, 65_536, size, 0, url.len() as u32].iter().for_each(|word| bytes.extend(word.to_le_bytes()));
+        bytes.extend(url);
+        bytes
+    };
+    for round in 0..120 {
+        let Ok(mut socket) = TcpStream::connect(("127.0.0.1", port)) else { continue };
+        let mut bytes = match round % 4 {
+            0 => Vec::new(),
+            1 => hello(u32::MAX, 0),
+            2 => hello(57, u32::MAX),
+            _ => [hello(57, 0), b"OPNF\xFF\xFF\xFF\x7F".to_vec()].concat(),
+        };
+        let len = noise() % 3000;
+        bytes.extend((0..len).map(|_| noise() as u8));
+        let _ = socket.write_all(&bytes);
+        let _ = socket.shutdown(std::net::Shutdown::Write);
+        let _ = socket.read(&mut [0; 64]);
+    }
+    assert_eq!(client.done(&json!({ "op": "read", "ids": ["MW20"] }))["values"], json!([0]));
+    let accepted = client.done(&json!({ "op": "flood", "ids": ["MW20", "MW22"], "count": 5000 }))["accepted"].as_u64();
+    assert_eq!(accepted, Some(2000));
+    let huge: Vec<i32> = vec![0; 100_000];
+    assert_eq!(client.ask(&json!({ "op": "write", "id": "MW20", "type": "Int32", "value": huge }))["ok"], false);
+    let mut other = connected(&site, port, &[]);
+    assert_eq!(other.done(&json!({ "op": "read", "ids": ["MW20"] }))["values"], json!([0]));
+    drop((client, other));
+    assert_eq!(station.interrupt().code(), Some(0));
+}
