@@ -14,6 +14,7 @@ mod figures;
 mod fuzz;
 mod loom_miri;
 mod needs;
+mod package;
 mod pick;
 mod python;
 mod shell;
@@ -42,6 +43,8 @@ usage: cargo xtask VERB [...]
   siege [WHAT] [--rounds N]       attacks, long: kill socket segment input cut writer (all: one after the other)
   arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files and the conformance table
   book [--check]                  docs/ as a book: pages, links, snippets and command lines checked, then made by mdBook into target/book
+  package [--check] [--debug]     a .deb and an archive of all programs and plugins, in target/dist; --check: made twice, lintian,
+                                  the unit, new stations and plugins, a bare Debian; --debug: quickly, with the book's pages as they are
   ci                              what .ci/run does
   fmt                             formats the workspace
   help                            this text
@@ -62,6 +65,7 @@ fn main() -> ExitCode {
         "siege" => siege::run(&rest),
         "arch" => arch::run(&rest),
         "book" => book::run(&rest, USAGE),
+        "package" => package::run(&rest),
         "ci" => ci::ci(&rest),
         "fmt" => ci::fmt(&rest),
         "help" | "--help" | "-h" => {

@@ -45,6 +45,17 @@ pub(crate) const BROWSER: Need = Need {
 pub(crate) const PROMETHEUS: Need =
     Need { what: "Prometheus", packages: &["prometheus"], here: || on_path("prometheus") && on_path("promtool") };
 
+/// Debian's judge of packages.
+pub(crate) const LINTIAN: Need = Need { what: "lintian", packages: &["lintian"], here: || on_path("lintian") };
+
+/// What makes a bare Debian.
+pub(crate) const DEBOOTSTRAP: Need =
+    Need { what: "debootstrap", packages: &["debootstrap"], here: || on_path("debootstrap") };
+
+/// What boots it.
+pub(crate) const NSPAWN: Need =
+    Need { what: "systemd-nspawn", packages: &["systemd-container"], here: || on_path("systemd-nspawn") };
+
 /// Makes sure that all of `needs` are here.
 ///
 /// # Errors

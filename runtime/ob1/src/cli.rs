@@ -10,6 +10,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
 use crate::import::{self, CompareArgs, ImportArgs, UploadArgs};
+use crate::new::{self, NewArgs};
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
 use crate::{check, diag, remote, soak, top, trace};
@@ -19,6 +20,7 @@ use ob1_station::{compiling, guardian, janitor, out, run, station_file};
 
 const AFTER: &str = "\
 Examples:
+  ob1 new station press                            a station that runs, to begin with
   ob1 run examples/two-stations/station-a.toml     run a station until Ctrl-C
   ob1 run press.toml --for 10s --report run.json   ten seconds, figures as JSON
   ob1 check press.toml                             everything that is wrong with a station
@@ -65,6 +67,7 @@ enum Command {
     Import(ImportArgs),
     Upload(UploadArgs),
     Compare(CompareArgs),
+    New(NewArgs),
     Get(GetArgs),
     Set(SetArgs),
     Ctl(CtlArgs),
@@ -491,6 +494,7 @@ impl Command {
                 verbose: args.verbose,
             }),
             Command::Xref(args) => xref::xref(&args),
+            Command::New(args) => new::new(&args),
             Command::Get(args) => remote::get(&args.station, args.items, args.json),
             Command::Set(args) => remote::set(&args.station, &args.items),
             Command::Ctl(args) => {

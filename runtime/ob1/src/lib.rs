@@ -13,6 +13,7 @@ pub mod diag;
 pub mod exec;
 pub mod exit;
 pub mod import;
+pub mod new;
 pub mod remote;
 pub mod soak;
 pub mod statistics;

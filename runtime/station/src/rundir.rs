@@ -1,8 +1,8 @@
 //! The runtime directory of a station: the control socket, links to what tools may open, and the proof that the station
 //! lives.
 //!
-//! `$XDG_RUNTIME_DIR/ob1/NAME`, or `/run/ob1/NAME` for root, or `/run/ob1-UID/NAME` for a user root has dropped to, or
-//! `/tmp/ob1-UID/NAME`; mode 0700. In it: `control.sock`
+//! `$XDG_RUNTIME_DIR/ob1/NAME`, or `/run/ob1/NAME` for root and for the user who owns `/run/ob1`, or
+//! `/run/ob1-UID/NAME` for a user root has dropped to, or `/tmp/ob1-UID/NAME`; mode 0700. In it: `control.sock`
 //! (0600), `io` and `MODULE.segment` (links to `/proc/PID/fd/N`), and `pid`. Who holds the lock on `pid` owns the
 //! directory: the lock goes with its process, however that ends, so a leftover is known by being unlocked.
 
@@ -17,6 +17,8 @@ use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 use rustix::process::{Pid, test_kill_process};
 
+/// Where root's stations are, or those of the user to whom an installation gives this directory.
+const INSTALLED: &str = "/run/ob1";
 /// Name of the control socket in the directory.
 pub const SOCKET: &str = "control.sock";
 /// Name of the process I/O image.
@@ -65,8 +67,9 @@ pub fn bases() -> Vec<PathBuf> {
     if let Some(dir) = std::env::var_os("XDG_RUNTIME_DIR").filter(|d| Path::new(d).is_absolute()) {
         bases.push(PathBuf::from(dir).join("ob1"));
     }
-    if user.is_root() {
-        bases.push(PathBuf::from("/run/ob1"));
+    let installed = Path::new(INSTALLED);
+    if user.is_root() || fs::metadata(installed).is_ok_and(|found| found.uid() == user.as_raw()) {
+        bases.push(installed.to_owned());
     }
     let prepared = prepared_for(user.as_raw());
     if prepared.is_dir() {

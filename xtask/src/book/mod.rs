@@ -40,8 +40,17 @@ pub(crate) fn run(args: &[String], usage: &str) -> Outcome {
     if only_check {
         return Ok(());
     }
+    build().map(drop)
+}
+
+/// The book as HTML; gives its folder.
+///
+/// # Errors
+/// When mdBook cannot be had, or refuses a page.
+pub(crate) fn build() -> Outcome<PathBuf> {
     let mdbook = install()?;
-    shell::run(Command::new(mdbook).arg("build").current_dir(cargo::root()))
+    shell::run(Command::new(mdbook).arg("build").current_dir(cargo::root()))?;
+    Ok(cargo::root().join("target/book"))
 }
 
 /// The checkout as git would keep it.

@@ -53,13 +53,21 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
     findings.into_result(station)
 }
 
-/// A name that can stand in a path and in a list.
+/// What a name is.
+pub const NAME_RULE: &str = "1 to 40 letters, digits, - and _: it also names files";
+
+/// Whether a text is a name, that can stand in a path and in a list.
+#[must_use]
+pub fn is_name(text: &str) -> bool {
+    let legal = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    !text.is_empty() && text.len() <= 40 && text.chars().all(legal)
+}
+
+/// A name in the file.
 pub(super) fn name(f: &mut Findings<'_>, of: &str, name: &Placed<String>) -> String {
     let text = name.get_ref();
-    let legal = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    if text.is_empty() || text.len() > 40 || !text.chars().all(legal) {
-        let message = format!("\"{text}\" is not a name for a {of}");
-        f.error(VALUE, name.span(), message, "1 to 40 letters, digits, - and _: it also names files");
+    if !is_name(text) {
+        f.error(VALUE, name.span(), format!("\"{text}\" is not a name for a {of}"), NAME_RULE);
     }
     text.clone()
 }

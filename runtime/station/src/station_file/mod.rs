@@ -21,7 +21,7 @@ mod simulated;
 mod tables;
 mod types;
 
-pub use check::{choice, parse_block, places, standard};
+pub use check::{NAME_RULE, choice, is_name, parse_block, places, standard};
 
 pub use duration::parse_duration;
 pub use line::{Line, LineError};

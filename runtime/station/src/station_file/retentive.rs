@@ -1,7 +1,8 @@
 //! Retentive ranges, and where they are written.
 
+use std::ffi::OsString;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use ob1_cpu::{CpuConfig, DataRange, Retentive, RetentiveData};
@@ -56,8 +57,17 @@ pub(super) fn retentive(
             EVERY
         }
     });
-    let folder = station.state.as_ref().map_or_else(|| folder.to_owned(), |state| folder.join(state.get_ref()));
-    Some(RetentiveFile { folder, every })
+    let named = station.state.as_ref().map(|state| state.get_ref().as_str());
+    Some(RetentiveFile { folder: state_folder(named, std::env::var_os(STATE_DIRECTORY), folder), every })
+}
+
+/// What systemd tells a service of its `StateDirectory=`.
+const STATE_DIRECTORY: &str = "STATE_DIRECTORY";
+
+/// Where the files go: where the station file says, else where the service manager says, else beside the station file.
+fn state_folder(named: Option<&str>, of_service: Option<OsString>, folder: &Path) -> PathBuf {
+    let of_service = of_service.map(PathBuf::from).filter(|path| path.is_absolute());
+    named.map(|state| folder.join(state)).or(of_service).unwrap_or_else(|| folder.to_owned())
 }
 
 /// They are inside an area of at most 65536.
@@ -105,6 +115,27 @@ fn data(f: &mut Findings<'_>, text: &Placed<String>) -> Option<DataRange> {
             let message = format!("\"{}\" is not a data block", text.get_ref());
             f.error(VALUE, text.span(), message, "\"DB 10\", or some of its bytes: \"DB 10: 0..19\"");
             None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_station_file_comes_before_the_service() {
+        let beside = Path::new("/etc/ob1/press");
+        let service = |text: &str| Some(OsString::from(text));
+        for (named, of_service, expected) in [
+            (None, None, "/etc/ob1/press"),
+            (None, service("/var/lib/ob1/press"), "/var/lib/ob1/press"),
+            (Some("/data"), service("/var/lib/ob1/press"), "/data"),
+            (Some("kept"), service("/var/lib/ob1/press"), "/etc/ob1/press/kept"),
+            (None, service(""), "/etc/ob1/press"),
+            (None, service("relative"), "/etc/ob1/press"),
+        ] {
+            assert_eq!(state_folder(named, of_service, beside), Path::new(expected));
         }
     }
 }
