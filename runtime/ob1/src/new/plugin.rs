@@ -46,14 +46,14 @@ pub(super) const fn next(language: Language) -> &'static str {
 
 /// The files; a plugin in Rust needs the sdk.
 pub(super) fn files(name: &str, language: Language, sdk: Option<&Path>, at: &Path) -> Result<Vec<File>, Refusal> {
-    let sdk = match language {
-        Language::C => PathBuf::new(),
-        Language::Rust => find_sdk(sdk, at)?,
-    };
     if language == Language::Rust && !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
         let message = format!("\"{name}\" is no name for a crate");
         return Err(Refusal::new(Exit::Usage, super::NAME, at, message, "begin it with a letter"));
     }
+    let sdk = match language {
+        Language::C => PathBuf::new(),
+        Language::Rust => find_sdk(sdk, at)?,
+    };
     Ok(unchecked(name, language, &sdk))
 }
 
