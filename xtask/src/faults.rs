@@ -1,4 +1,4 @@
-//! `cargo xtask faults [PROTOCOL...] [--telegrams N]`: the fault runs of `driver/protocols/tests/faults_*.rs`, long.
+//! `cargo xtask faults [PROTOCOL...] [--telegrams N]`: the fault runs `faults_*.rs` of the protocol machines, long.
 //!
 //! `cargo xtask test` runs them too, shorter. A seed that fails is printed with the command that replays it, and
 //! belongs into `driver/protocols/tests/seeds` afterwards.
@@ -8,6 +8,8 @@ use crate::failure::Outcome;
 use crate::{pick, shell};
 
 const PREFIX: &str = "faults_";
+/// Where they are: package, folder.
+const PLACES: [(&str, &str); 2] = [("ob1-protocols", "driver/protocols/tests"), ("ob1-dp", "driver/dp/tests")];
 /// Orders that must have ended in each test unless `--telegrams` says otherwise.
 const TELEGRAMS: u64 = 100_000;
 
@@ -23,16 +25,28 @@ struct Wish {
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
     let protocols = pick::some_or_all(wish.protocols, protocols()?, "fault run for")?;
-    let mut test = cargo(&["test", "--release", "--package", "ob1-protocols"]);
-    for protocol in protocols {
-        test.args(["--test", &format!("{PREFIX}{protocol}")]);
+    for (package, folder) in PLACES {
+        let here = pick::stems(folder, PREFIX)?;
+        let wanted: Vec<&String> = protocols.iter().filter(|protocol| here.contains(protocol)).collect();
+        if wanted.is_empty() {
+            continue;
+        }
+        let mut test = cargo(&["test", "--release", "--package", package]);
+        for protocol in wanted {
+            test.args(["--test", &format!("{PREFIX}{protocol}")]);
+        }
+        shell::run(test.args(["--", "--nocapture"]).env("OB1_TELEGRAMS", wish.telegrams.to_string()))?;
     }
-    shell::run(test.args(["--", "--nocapture"]).env("OB1_TELEGRAMS", wish.telegrams.to_string()))
+    Ok(())
 }
 
 /// The files `faults_*.rs`.
 fn protocols() -> Outcome<Vec<String>> {
-    pick::stems("driver/protocols/tests", PREFIX)
+    let mut all = Vec::new();
+    for (_, folder) in PLACES {
+        all.extend(pick::stems(folder, PREFIX)?);
+    }
+    Ok(all)
 }
 
 fn parse(args: &[String]) -> Outcome<Wish> {
@@ -55,7 +69,8 @@ mod tests {
         for wrong in ["--telegrams", "--telegrams none", "--telegrams 0", "--seed 1"] {
             assert!(matches!(parse(&words(wrong)), Err(Failure::Usage(_))), "{wrong}");
         }
-        assert!(protocols().expect("a folder").contains(&"rk512".to_owned()));
+        let known = protocols().expect("two folders");
+        assert!(["rk512", "dp"].iter().all(|protocol| known.iter().any(|known| known == protocol)), "{known:?}");
         assert!(matches!(run(&words("carrier-pigeon")), Err(Failure::Usage(_))));
     }
 }

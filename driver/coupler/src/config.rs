@@ -1,5 +1,6 @@
 //! What a bus is made of. The runtime writes it as JSON, the process of the bus reads it: one definition for both.
 
+pub use crate::dp::{DpConfig, DpSlave};
 pub use ob1_protocols::Nanos;
 pub use ob1_protocols::modbus::pdu::exception_text;
 use serde::{Deserialize, Serialize};
@@ -21,9 +22,14 @@ pub struct BusConfig {
 }
 
 impl BusConfig {
-    /// Couplers on all lines, in the order in which [`crate::Image::status`] has them.
+    /// Couplers on all lines.
     pub fn couplers(&self) -> impl Iterator<Item = &CouplerConfig> {
         self.lines.iter().flat_map(|line| &line.couplers)
+    }
+
+    /// The names of all couplers and slaves, in the order in which [`crate::Image::status`] has them.
+    pub fn stations(&self) -> impl Iterator<Item = &str> {
+        self.lines.iter().flat_map(LineConfig::stations)
     }
 }
 
@@ -39,6 +45,17 @@ pub struct LineConfig {
     pub timeout: Nanos,
     /// Who is on it.
     pub couplers: Vec<CouplerConfig>,
+    /// PROFIBUS DP instead of Modbus.
+    #[serde(default)]
+    pub dp: Option<DpConfig>,
+}
+
+impl LineConfig {
+    /// The names of those who are on it.
+    pub fn stations(&self) -> impl Iterator<Item = &str> {
+        let slaves = self.dp.iter().flat_map(|dp| &dp.slaves).map(|slave| slave.name.as_str());
+        self.couplers.iter().map(|coupler| coupler.name.as_str()).chain(slaves)
+    }
 }
 
 /// The characters of Modbus RTU.

@@ -63,6 +63,8 @@ pub struct Status {
     pub losses: u64,
     /// Duration of the last round, in nanoseconds.
     pub round: u64,
+    /// Counts the diagnoses that differed from the one before: of a DP slave, whose diagnosis lies behind its inputs.
+    pub diagnosis: u64,
 }
 
 impl Status {
@@ -78,13 +80,13 @@ impl Status {
                 | u64::from(refusal.first) << 32
         });
         let state = refusal | u64::from(self.state as u8);
-        [state, self.bad, self.exchanges, self.failures, self.exceptions, self.losses, self.round, 0]
+        [state, self.bad, self.exchanges, self.failures, self.exceptions, self.losses, self.round, self.diagnosis]
     }
 
     /// Out of the image of a bus; `None`: words that have no meaning.
     #[must_use]
     pub fn from_words(words: &[u64; 8]) -> Option<Self> {
-        let &[first, bad, exchanges, failures, exceptions, losses, round, _] = words;
+        let &[first, bad, exchanges, failures, exceptions, losses, round, diagnosis] = words;
         let [state, exception, function, table, at @ ..] = first.to_le_bytes();
         let refusal = match table {
             0 => None,
@@ -95,7 +97,7 @@ impl Status {
                 first: u16::from_le_bytes([at[0], at[1]]),
             }),
         };
-        Some(Self { state: State::of(state)?, refusal, bad, exchanges, failures, exceptions, losses, round })
+        Some(Self { state: State::of(state)?, refusal, bad, exchanges, failures, exceptions, losses, round, diagnosis })
     }
 }
 
@@ -125,13 +127,13 @@ impl Image {
             inputs: vec![0; config.input_bytes],
             outputs: vec![0; config.output_bytes],
             driven: false,
-            status: vec![Status::default(); config.couplers().count()],
+            status: vec![Status::default(); config.stations().count()],
             generation: 1,
         }
     }
 
     /// Changes the status of a coupler, and counts that.
-    pub(crate) fn tell(&mut self, coupler: usize, change: impl FnOnce(&mut Status)) {
+    pub fn tell(&mut self, coupler: usize, change: impl FnOnce(&mut Status)) {
         if let Some(status) = self.status.get_mut(coupler) {
             change(status);
             self.generation = self.generation.wrapping_add(1);
@@ -157,6 +159,7 @@ mod tests {
                     exceptions: 3,
                     losses: 4,
                     round: 5,
+                    diagnosis: 6,
                 };
                 assert_eq!(Status::from_words(&status.to_words()), Some(status));
                 let bare = Status { state, ..Status::default() };

@@ -1,6 +1,7 @@
 //! Couplers on Modbus: remote inputs and outputs that a station reads and writes as its own.
 //!
 //! * [`config`]: what a bus is made of; the runtime writes it, the process of the bus reads it.
+//! * [`dp`]: the same of PROFIBUS DP, whose master is the crate `ob1-dp`.
 //! * [`profile`]: what couplers of known makes want to be told (watchdogs).
 //! * [`plan`]: ranges of registers and bits merged into as few requests as there can be.
 //! * [`image`]: the inputs and outputs of a bus, and how its couplers stand.
@@ -11,13 +12,14 @@
 mod codec;
 pub mod config;
 mod coupler;
+pub mod dp;
 pub mod image;
 pub mod line;
 pub mod plan;
 pub mod profile;
 mod wire;
 
-pub use config::{BusConfig, CouplerConfig, LineConfig, Order, Range, Serial, Setup, Table};
+pub use config::{BusConfig, CouplerConfig, DpConfig, DpSlave, LineConfig, Order, Range, Serial, Setup, Table};
 pub use image::{Image, Refusal, State, Status};
 pub use line::{LineMaster, MasterInput};
 pub use ob1_protocols::{Input, LineFault, LineInput};

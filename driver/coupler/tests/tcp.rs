@@ -59,7 +59,7 @@ impl Net {
             input_bytes: couplers.iter().map(|coupler| bytes(&coupler.inputs)).max().unwrap_or(0),
             output_bytes: couplers.iter().map(|coupler| bytes(&coupler.outputs)).max().unwrap_or(0),
             scan_timeout: 1000 * MS,
-            lines: vec![LineConfig { line: "tcp:x:502".into(), serial: None, timeout: 50 * MS, couplers }],
+            lines: vec![LineConfig { line: "tcp:x:502".into(), serial: None, timeout: 50 * MS, couplers, dp: None }],
         };
         // What the runtime writes, the process reads.
         let text = serde_json::to_string(&config).expect("JSON");
@@ -352,7 +352,7 @@ fn noise_in_place_of_answers_is_never_taken_for_one() {
     net.run(2000 * MS);
     assert_eq!((net.image.status[0].state, net.image.inputs[0]), (State::Running, 0x42));
     assert!(net.reconnects > 10 && net.image.status[0].failures > 100, "{} {:?}", net.reconnects, net.image.status[0]);
-    assert_eq!(net.config.couplers().count(), 1);
+    assert_eq!(net.config.stations().count(), 1);
 }
 
 #[test]

@@ -12,6 +12,7 @@
 //! * [`modbus`]: Modbus RTU and ASCII, master and slave.
 //! * [`modbus_master_32`]: loadable driver of the CP 341, Modbus ASCII master with 32-bit registers; [`cp341_events`]:
 //!   what its numbers mean.
+//! * [`profibus`]: telegrams of PROFIBUS and the diagnosis of a DP slave.
 //! * [`rk512`]: RK 512 on top of either.
 //! * [`signals`]: automatic use of the RS 232C secondary signals.
 //! * [`stx_etx`]: telegrams between start and end characters.
@@ -28,6 +29,7 @@ pub mod mbus;
 pub mod modbus;
 pub mod modbus_master_32;
 mod output;
+pub mod profibus;
 pub mod rk512;
 pub mod s3964;
 pub mod signals;

@@ -166,6 +166,8 @@ const TABLE: &[Row] = &[
             "ob1-backplane",
             // Buses: what the station file says is what their processes are told.
             "ob1-coupler",
+            // GSD files.
+            "ob1-dp",
             "ob1-params",
             // The events of a CP's diagnostic buffer, in words.
             "ob1-protocols",
@@ -240,6 +242,8 @@ const TABLE: &[Row] = &[
     row("ob1-protocols", "invariant 1", &["ob1-serial"]),
     // What a bus is made of goes from the runtime to its process: serde; JSON is the affair of both ends.
     row("ob1-coupler", "invariant 11", &["ob1-protocols", "serde"]),
+    // PROFIBUS: the stack, and the files that say what a slave is.
+    row("ob1-dp", "invariant 11", &["ob1-coupler", "ob1-protocols", "gsd-parser", "profirust"]),
     // The printer shows S7 values: the calendar of DATE.
     row("ob1-firmware", "invariant 1", &["ob1-model", "ob1-params", "ob1-protocols", "ob1-words"]),
     row("ob1-line", "invariant 4", &["ob1-serial", "libc", "rustix", "serialport", "thiserror"]),
@@ -282,6 +286,7 @@ const TABLE: &[Row] = &[
         &[
             "ob1-child",
             "ob1-coupler",
+            "ob1-dp",
             "ob1-line",
             "ob1-backplane",
             "ob1-log",
@@ -374,6 +379,12 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
             "ob1-cpu",
             "ob1-rt",
         ],
+    ),
+    // The same of PROFIBUS, whose reader of GSD files guards its stack through libc.
+    (
+        "invariant 1",
+        &["ob1-dp"],
+        &["rustix", "memmap2", "serialport", "tracing", "ob1-abi", "ob1-backplane", "ob1-line", "ob1-cpu", "ob1-rt"],
     ),
     // A link knows no CPU: it goes through the broker.
     ("invariant 2", &["ob1-access", "ob1-s7"], &["ob1-cpu", "ob1-host", "ob1-rt", "ob1-stl"]),

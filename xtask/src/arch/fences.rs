@@ -128,6 +128,7 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("blocks/std", ALL),
     ("blocks/stl", ALL),
     ("driver/coupler", ALL),
+    ("driver/dp", ALL),
     ("driver/firmware", ALL),
     ("driver/params", ALL),
     ("driver/protocols", ALL),

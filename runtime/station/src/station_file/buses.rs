@@ -166,7 +166,13 @@ impl Building {
     ) -> bool {
         let place = self.bus.lines.iter().position(|other| *other == line).unwrap_or_else(|| {
             let (text, timeout) = (line.to_string(), self.timeout);
-            self.bus.config.lines.push(LineConfig { line: text, serial: self.serial, timeout, couplers: Vec::new() });
+            self.bus.config.lines.push(LineConfig {
+                line: text,
+                serial: self.serial,
+                timeout,
+                couplers: Vec::new(),
+                dp: None,
+            });
             self.bus.lines.push(line);
             self.bus.lines.len() - 1
         });

@@ -1,0 +1,90 @@
+//! What a PROFIBUS DP line is made of, and where the diagnosis of its slaves lies.
+
+use std::collections::BTreeMap;
+
+pub use ob1_protocols::profibus::diagnosis::{DIAGNOSIS_BYTES, Refused, SHORT};
+pub use ob1_protocols::profibus::{Block, Diagnosis};
+use serde::{Deserialize, Serialize};
+
+use crate::config::Nanos;
+use crate::image::Image;
+
+/// A line with one master: us.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DpConfig {
+    /// Bits per second; one of [`BAUD_RATES`].
+    pub baud: u32,
+    /// Our own address.
+    pub address: u8,
+    /// HSA: the highest address at which another master is looked for.
+    pub hsa: u8,
+    /// TSL: how long an answer may let wait, in bits.
+    pub slot_bits: u16,
+    /// A telegram without an answer is repeated so often.
+    pub retries: u8,
+    /// The watchdog of the slaves.
+    pub watchdog: Nanos,
+    /// Who is on it.
+    pub slaves: Vec<DpSlave>,
+}
+
+/// A slave.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DpSlave {
+    /// Its name.
+    pub name: String,
+    /// Its address.
+    pub station: u8,
+    /// What it must be: the ident number of its GSD file.
+    pub ident: u16,
+    /// The longest time to its answer by its GSD file, in bits.
+    pub answer_bits: u16,
+    /// Its configuration: the identifiers of its modules.
+    pub config: Vec<u8>,
+    /// Its user parameters.
+    pub parameters: Vec<u8>,
+    /// A slave that has not been heard for so long since the start is lost.
+    pub lost_after: Nanos,
+    /// First byte in the inputs of the bus, and how many.
+    pub inputs: (usize, usize),
+    /// The same of the outputs.
+    pub outputs: (usize, usize),
+    /// Where its diagnosis lies among the inputs of the bus: a byte for its length, then so many.
+    pub diagnosis: (usize, usize),
+    /// What the bits of its device diagnosis mean, from its GSD file.
+    #[serde(default)]
+    pub texts: BTreeMap<u32, String>,
+}
+
+/// The baud rates of PROFIBUS DP that a serial line can have.
+pub const BAUD_RATES: [u32; 8] = [9600, 19_200, 31_250, 45_450, 93_750, 187_500, 500_000, 1_500_000];
+
+impl DpSlave {
+    /// Bytes of the inputs of a bus that a diagnosis of so many takes.
+    #[must_use]
+    pub const fn diagnosis_area(bytes: usize) -> usize {
+        bytes + 1
+    }
+
+    /// Puts a diagnosis into its place; what does not fit is left out.
+    pub fn keep_diagnosis(&self, bytes: &[u8], image: &mut Image) {
+        let (at, room) = self.diagnosis;
+        let len = bytes.len().min(room);
+        if let Some([first, place @ ..]) = image.inputs.get_mut(at..at + Self::diagnosis_area(room)) {
+            *first = len as u8;
+            place.fill(0);
+            place[..len].copy_from_slice(&bytes[..len]);
+        }
+    }
+}
+
+/// The diagnosis in an area that [`DpSlave::keep_diagnosis`] has filled: nothing in it is believed.
+#[must_use]
+pub fn kept_diagnosis(area: &[u8]) -> &[u8] {
+    match area {
+        [len, bytes @ ..] => bytes.get(..usize::from(*len)).unwrap_or_default(),
+        [] => &[],
+    }
+}

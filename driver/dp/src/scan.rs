@@ -1,0 +1,68 @@
+//! Who is on a line: a master that asks every address for its diagnosis, and nothing else. No slave notices: whoever
+//! exchanges data with another master goes on doing so.
+
+use ob1_coupler::MasterInput;
+use ob1_coupler::config::Nanos;
+use ob1_coupler::dp::DpConfig;
+use profirust::dp::scan::{DpScanEvent, DpScanner};
+
+use crate::stack::{NoMaster, Stack};
+
+/// A slave that answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// Its address.
+    pub station: u8,
+    /// What it is.
+    pub ident: u16,
+    /// Whose it is.
+    pub master: Option<u8>,
+}
+
+/// A scan of a line.
+pub struct Scan {
+    stack: Stack,
+    scanner: DpScanner,
+    found: Vec<Found>,
+}
+
+impl Scan {
+    /// With the parameters of a bus; its slaves do not matter.
+    ///
+    /// # Errors
+    /// Bus parameters that the stack does not take, in words.
+    pub fn new(config: &DpConfig, now: Nanos) -> Result<Self, NoMaster> {
+        Ok(Self { stack: Stack::new(config, now)?, scanner: DpScanner::new(), found: Vec::new() })
+    }
+
+    /// Takes what has happened; `out` gets what is to be sent. The result is when to call again at the latest.
+    pub fn step(&mut self, now: Nanos, input: MasterInput<'_>, out: &mut Vec<u8>) -> Nanos {
+        let Self { stack, scanner, found } = self;
+        stack.step(now, input, out, scanner, |scanner, _| {
+            let described = match scanner.take_last_event() {
+                Some(DpScanEvent::PeripheralFound(slave) | DpScanEvent::PeripheralRequery(slave)) => slave,
+                Some(DpScanEvent::PeripheralLost(station)) => {
+                    found.retain(|known| known.station != station);
+                    return;
+                }
+                None => return,
+            };
+            let slave = Found { station: described.address, ident: described.ident, master: described.master_address };
+            found.retain(|known| known.station != slave.station);
+            found.push(slave);
+            found.sort_by_key(|known| known.station);
+        })
+    }
+
+    /// Who has answered so far, by address.
+    #[must_use]
+    pub fn found(&self) -> &[Found] {
+        &self.found
+    }
+
+    /// Telegrams sent: a round of the line takes one for each address, and one for each token.
+    #[must_use]
+    pub const fn sent(&self) -> u64 {
+        self.stack.wires.sent()
+    }
+}

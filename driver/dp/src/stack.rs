@@ -1,0 +1,133 @@
+//! The data link layer of a master with its line and its clock: what a master and a scan have in common.
+
+use ob1_coupler::config::Nanos;
+use ob1_coupler::dp::DpConfig;
+use ob1_coupler::{Input, LineFault, LineInput, MasterInput};
+use ob1_protocols::profibus::{CHARACTER_BITS, SYNC_BITS};
+use profirust::fdl::{FdlActiveStation, FdlApplication, ParametersBuilder};
+use profirust::time::Duration;
+
+use crate::times::{MICRO, baud_rate, bits, instant};
+use crate::wires::Wires;
+
+/// It needs a few looks until it has spoken or waits.
+const LOOKS: u32 = 4;
+
+/// Why there can be no master.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NoMaster(pub String);
+
+pub(crate) struct Stack {
+    baud: u32,
+    /// Pauses behind the last bit on the line after which it has something to do: the line is free, it may speak, an
+    /// answer is overdue, the token is lost.
+    pauses: [Nanos; 4],
+    pub(crate) wires: Wires,
+    fdl: FdlActiveStation,
+    pub(crate) is_up: bool,
+    /// The last bit on the line.
+    active: Nanos,
+}
+
+impl Stack {
+    pub(crate) fn new(config: &DpConfig, now: Nanos) -> Result<Self, NoMaster> {
+        let slot = u32::from(config.slot_bits);
+        let lost_token = slot * (6 + 2 * u32::from(config.address));
+        let pauses = [0, SYNC_BITS, slot, lost_token].map(|count| bits(count, config.baud));
+        let wires = Wires::new(bits(slot, config.baud));
+        Ok(Self { baud: config.baud, pauses, wires, fdl: station(config)?, is_up: false, active: now })
+    }
+
+    /// Takes what has happened and lets the stack speak; the result is when to call again at the latest. `after` is
+    /// called behind each of its steps.
+    pub(crate) fn step<A: FdlApplication>(
+        &mut self,
+        now: Nanos,
+        input: MasterInput<'_>,
+        out: &mut Vec<u8>,
+        app: &mut A,
+        mut after: impl FnMut(&mut A, &mut Wires),
+    ) -> Nanos {
+        match input {
+            Input::Line(LineInput::Rx(bytes)) => {
+                self.wires.hear(now, bytes);
+                self.active = now;
+            }
+            Input::Line(LineInput::TxDone) if self.is_up => {
+                // Once more while it still speaks: so it counts its pauses from the real end.
+                self.fdl.poll(instant(now), &mut self.wires, app);
+                self.wires.is_out(now);
+                self.active = now;
+            }
+            Input::Line(LineInput::Fault(LineFault::Back)) => {
+                self.wires.reset();
+                self.fdl.set_offline();
+                self.fdl.set_online();
+                (self.is_up, self.active) = (true, now);
+            }
+            Input::Line(LineInput::Fault(LineFault::Gone)) => {
+                self.is_up = false;
+                self.wires.reset();
+            }
+            Input::Line(LineInput::Fault(_)) => {
+                self.wires.fault(now);
+                self.active = now;
+            }
+            Input::Tick | Input::Line(LineInput::TxDone | LineInput::Modem(_)) => {}
+            Input::Order(never) => match never {},
+        }
+        for _ in 0..if self.is_up { LOOKS } else { 0 } {
+            self.fdl.poll(instant(now), &mut self.wires, app);
+            after(app, &mut self.wires);
+            if self.wires.is_sending() {
+                break;
+            }
+        }
+        let telegram = self.wires.take();
+        if !telegram.is_empty() {
+            self.active = now + bits(CHARACTER_BITS * telegram.len() as u32, self.baud);
+            out.extend(telegram);
+        }
+        if self.is_up { self.deadline(now) } else { Nanos::MAX }
+    }
+
+    /// The stack does nothing between events but at a few times behind the last bit.
+    fn deadline(&self, now: Nanos) -> Nanos {
+        let times = self.pauses.map(|pause| {
+            // It counts whole microseconds, and waits for more than its pauses.
+            self.active.saturating_add(pause).saturating_add(MICRO).next_multiple_of(MICRO)
+        });
+        times.into_iter().find(|at| *at > now).unwrap_or(Nanos::MAX)
+    }
+}
+
+fn station(config: &DpConfig) -> Result<FdlActiveStation, NoMaster> {
+    let baud = baud_rate(config.baud).ok_or_else(|| NoMaster(format!("PROFIBUS has no {} bit/s", config.baud)))?;
+    let watchdog = config.watchdog / 1_000_000;
+    // The stack panics where these do not hold; the station file has been checked against the same.
+    let holds = config.address < config.hsa
+        && config.hsa <= 126
+        && (1..=15).contains(&config.retries)
+        && (10..=650_000).contains(&watchdog)
+        && config.slot_bits >= least_slot_bits(config.baud);
+    if !holds {
+        return Err(NoMaster("the bus parameters contradict each other".into()));
+    }
+    let mut parameters = ParametersBuilder::new(config.address, baud);
+    parameters
+        .slot_bits(config.slot_bits)
+        .highest_station_address(config.hsa)
+        .max_retry_limit(config.retries)
+        .watchdog_timeout(Duration::from_millis(watchdog));
+    Ok(FdlActiveStation::new(parameters.build()))
+}
+
+/// The shortest slot time that the standard gives for a baud rate, in bits.
+#[must_use]
+pub const fn least_slot_bits(baud: u32) -> u16 {
+    match baud {
+        0..=187_500 => 100,
+        187_501..=500_000 => 200,
+        _ => 300,
+    }
+}

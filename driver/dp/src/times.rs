@@ -1,0 +1,36 @@
+//! Bits to nanoseconds, and the clock of the stack.
+
+use ob1_coupler::config::Nanos;
+use profirust::Baudrate;
+use profirust::time::Instant;
+
+const SECOND: Nanos = 1_000_000_000;
+/// The stack counts microseconds.
+pub(crate) const MICRO: Nanos = 1000;
+
+/// The stack's word for a baud rate; `None`: PROFIBUS does not have it, or no serial line does.
+#[must_use]
+pub const fn baud_rate(baud: u32) -> Option<Baudrate> {
+    Some(match baud {
+        9600 => Baudrate::B9600,
+        19_200 => Baudrate::B19200,
+        31_250 => Baudrate::B31250,
+        45_450 => Baudrate::B45450,
+        93_750 => Baudrate::B93750,
+        187_500 => Baudrate::B187500,
+        500_000 => Baudrate::B500000,
+        1_500_000 => Baudrate::B1500000,
+        _ => return None,
+    })
+}
+
+/// So many bits at a baud rate, rounded up.
+pub(crate) const fn bits(bits: u32, baud: u32) -> Nanos {
+    let baud = if baud == 0 { 1 } else { baud as u64 };
+    (bits as u64 * SECOND).div_ceil(baud)
+}
+
+/// The stack's clock. What it counts is a bit early, never late: a pause that it waits for is over.
+pub(crate) fn instant(now: Nanos) -> Instant {
+    Instant::from_micros((now / MICRO) as i64)
+}

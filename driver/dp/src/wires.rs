@@ -1,0 +1,282 @@
+//! What the stack sees of a line.
+//!
+//! The stack reads what its line hands it, telegram by telegram, and looks at less than it could: an answer is
+//! matched by its sender alone, a short confirmation by nothing, and the rest of a damaged telegram is read as the
+//! beginning of the next. On a line with disturbances, or an adapter that hands characters over late, that would put
+//! a diagnosis into the inputs now and then. So the line itself is strict: it hands over whole telegrams that pass
+//! every check of the standard, and while an answer is due nothing but an answer to what was asked. After the first
+//! character that does not fit, everything is noise until the line was quiet or we have spoken.
+
+use ob1_coupler::config::Nanos;
+use ob1_protocols::profibus::telegram::{self, Frame};
+use ob1_protocols::profibus::{Parsed, TELEGRAM_BYTES, Telegram, function, sap};
+use profirust::phy::ProfibusPhy;
+use profirust::time::Instant;
+
+/// What was asked, as far as its answer must mirror it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Asked {
+    da: u8,
+    sa: u8,
+    dsap: Option<u8>,
+    ssap: Option<u8>,
+}
+
+/// The line of a master.
+#[derive(Default)]
+pub struct Wires {
+    /// What is to be put on the line.
+    out: Vec<u8>,
+    /// It is leaving, or has left and nobody has noticed.
+    sending: bool,
+    received: Vec<u8>,
+    /// Characters since the last telegram that was handed over: what the stack takes for activity.
+    heard: usize,
+    /// The time of the last character, or of our own last bit.
+    active: Nanos,
+    /// A character did not fit: what follows is noise until the line was quiet for `quiet`.
+    noise: bool,
+    quiet: Nanos,
+    asked: Option<Asked>,
+    /// A diagnosis that was asked for: whose, and what it says.
+    diagnosis: Option<(u8, Vec<u8>)>,
+    /// Telegrams that came damaged, cut off, or were no answer to what was asked.
+    rejected: u64,
+    /// Telegrams sent.
+    sent: u64,
+}
+
+impl Wires {
+    /// `quiet`: after so long without a character the next one begins a telegram.
+    pub(crate) fn new(quiet: Nanos) -> Self {
+        Self { quiet, ..Self::default() }
+    }
+
+    /// The line is new: nothing of what was counts any more.
+    pub(crate) fn reset(&mut self) {
+        self.out.clear();
+        self.received.clear();
+        (self.sending, self.noise, self.heard, self.asked) = (false, false, 0, None);
+    }
+
+    /// Characters came in.
+    pub(crate) fn hear(&mut self, now: Nanos, bytes: &[u8]) {
+        self.listen(now, bytes.len());
+        if self.noise || self.sending {
+            return;
+        }
+        let room = TELEGRAM_BYTES.saturating_sub(self.received.len());
+        self.received.extend(bytes.iter().take(room));
+        self.check();
+    }
+
+    /// A character could not be read.
+    pub(crate) fn fault(&mut self, now: Nanos) {
+        self.listen(now, 1);
+        if !self.sending {
+            self.spoil();
+        }
+    }
+
+    fn listen(&mut self, now: Nanos, characters: usize) {
+        if self.noise && now.saturating_sub(self.active) >= self.quiet {
+            (self.noise, self.received) = (false, Vec::new());
+        }
+        self.heard += characters;
+        self.active = now;
+    }
+
+    /// Everything is out.
+    pub(crate) fn is_out(&mut self, now: Nanos) {
+        (self.sending, self.active) = (false, now);
+    }
+
+    pub(crate) const fn is_sending(&self) -> bool {
+        self.sending
+    }
+
+    /// What is to be put on the line since the last time.
+    pub(crate) fn take(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.out)
+    }
+
+    pub(crate) fn take_diagnosis(&mut self) -> Option<(u8, Vec<u8>)> {
+        self.diagnosis.take()
+    }
+
+    /// Telegrams that came damaged, cut off, or were no answer to what was asked.
+    #[must_use]
+    pub const fn rejected(&self) -> u64 {
+        self.rejected
+    }
+
+    /// Telegrams sent.
+    #[must_use]
+    pub const fn sent(&self) -> u64 {
+        self.sent
+    }
+
+    fn spoil(&mut self) {
+        if !std::mem::replace(&mut self.noise, true) {
+            self.rejected += 1;
+        }
+        self.received.clear();
+    }
+
+    /// Whether what has come in can still be what the stack waits for.
+    fn check(&mut self) {
+        let fits = match telegram::parse(&self.received) {
+            Parsed::Wrong => false,
+            Parsed::More => true,
+            Parsed::Telegram(telegram, _) => self.asked.is_none_or(|asked| answers(&asked, &telegram)),
+        };
+        if !fits {
+            self.spoil();
+        }
+    }
+}
+
+/// Whether a telegram answers a request. A short confirmation is one where no data are due; what the stack makes of it
+/// elsewhere is that nothing came.
+fn answers(asked: &Asked, telegram: &Telegram<'_>) -> bool {
+    match telegram {
+        Telegram::Confirmation => true,
+        Telegram::Token { .. } => false,
+        Telegram::Data(Frame { da, sa, dsap, ssap, fc, .. }) => {
+            // A refusal has no service access points: the one that was asked is not open.
+            let bare = dsap.is_none() && ssap.is_none() && !matches!(fc & 0x0F, function::DATA | function::DATA_HIGH);
+            fc & function::REQUEST == 0
+                && (*da, *sa) == (asked.sa, asked.da)
+                && ((*dsap, *ssap) == (asked.ssap, asked.dsap) || bare)
+        }
+    }
+}
+
+impl ProfibusPhy for Wires {
+    fn poll_transmission(&mut self, _now: Instant) -> bool {
+        self.sending
+    }
+
+    fn transmit_data<F, R>(&mut self, _now: Instant, f: F) -> R
+    where
+        F: FnOnce(&mut [u8]) -> (usize, R),
+    {
+        let mut buffer = [0; TELEGRAM_BYTES];
+        let (len, result) = f(&mut buffer);
+        let bytes = buffer.get(..len).unwrap_or_default();
+        if !bytes.is_empty() {
+            // What has come in before we asked is no answer.
+            (self.received, self.noise, self.sending) = (Vec::new(), false, true);
+            self.sent += 1;
+            self.out.extend_from_slice(bytes);
+            self.asked = match telegram::parse(bytes) {
+                Parsed::Telegram(Telegram::Data(Frame { da, sa, dsap, ssap, fc, .. }), _)
+                    if fc & function::REQUEST != 0 && !matches!(fc & 0x0F, function::SDN | function::SDN_HIGH) =>
+                {
+                    Some(Asked { da, sa, dsap, ssap })
+                }
+                _ => None,
+            };
+        }
+        result
+    }
+
+    fn receive_data<F, R>(&mut self, _now: Instant, f: F) -> R
+    where
+        F: FnOnce(&[u8]) -> (usize, R),
+    {
+        let whole = match telegram::parse(&self.received) {
+            Parsed::Telegram(telegram, len) => {
+                if let (Telegram::Data(frame), Some(asked)) = (telegram, self.asked)
+                    && asked.dsap == Some(sap::DIAGNOSIS)
+                    && frame.ssap == asked.dsap
+                {
+                    self.diagnosis = Some((frame.sa, frame.data.to_vec()));
+                }
+                len
+            }
+            Parsed::More | Parsed::Wrong => 0,
+        };
+        let (used, result) = f(self.received.get(..whole).unwrap_or_default());
+        let used = used.min(self.received.len());
+        if used > 0 {
+            (self.asked, self.heard) = (None, 0);
+            self.received.drain(..used);
+        }
+        result
+    }
+
+    fn poll_pending_received_bytes(&mut self, _now: Instant) -> usize {
+        self.heard
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const QUIET: Nanos = 100;
+
+    /// What the stack would get of these bytes after a request to station 8.
+    fn answered(dsap: Option<u8>, bytes: &[u8]) -> usize {
+        let mut wires = Wires::new(QUIET);
+        let frame = Frame {
+            da: 8,
+            sa: 2,
+            dsap,
+            ssap: dsap.map(|_| sap::MASTER),
+            fc: function::REQUEST | function::SRD_HIGH,
+            data: &[1],
+        };
+        wires.transmit_data(Instant::ZERO, |buffer| {
+            let mut telegram = [0; TELEGRAM_BYTES];
+            let len = telegram::encode(&Telegram::Data(frame), &mut telegram).expect("it fits");
+            buffer[..len].copy_from_slice(&telegram[..len]);
+            (len, ())
+        });
+        wires.is_out(0);
+        bytes.iter().for_each(|byte| wires.hear(1, &[*byte]));
+        wires.receive_data(Instant::ZERO, |bytes| (0, bytes.len()))
+    }
+
+    fn telegram(sa: u8, dsap: Option<u8>, ssap: Option<u8>, fc: u8) -> Vec<u8> {
+        let mut bytes = [0; TELEGRAM_BYTES];
+        let frame = Frame { da: 2, sa, dsap, ssap, fc, data: &[7; 6] };
+        let len = telegram::encode(&Telegram::Data(frame), &mut bytes).expect("it fits");
+        bytes[..len].to_vec()
+    }
+
+    #[test]
+    fn only_an_answer_to_what_was_asked_reaches_the_stack() {
+        let (own, diagnosis) = (Some(sap::MASTER), Some(sap::DIAGNOSIS));
+        for (asked, answer, taken) in [
+            (None, telegram(8, None, None, function::DATA), true),
+            (None, telegram(9, None, None, function::DATA), false),
+            // A diagnosis that comes late is as long as some inputs.
+            (None, telegram(8, own, diagnosis, function::DATA), false),
+            (diagnosis, telegram(8, own, diagnosis, function::DATA), true),
+            (diagnosis, telegram(8, None, None, function::DATA), false),
+            (diagnosis, telegram(8, None, None, function::NOT_OPEN), true),
+            (None, telegram(8, None, None, function::REQUEST | function::SRD), false),
+            (None, vec![0xE5], true),
+            (None, vec![0xDC, 2, 8], false),
+        ] {
+            assert_eq!(answered(asked, &answer) > 0, taken, "{asked:?} {answer:X?}");
+        }
+    }
+
+    #[test]
+    fn the_rest_of_a_damaged_telegram_is_noise() {
+        let mut wires = Wires::new(QUIET);
+        wires.hear(0, &[0x68, 5, 6]);
+        // What follows looks like a confirmation.
+        wires.hear(1, &[0xE5]);
+        assert_eq!(wires.receive_data(Instant::ZERO, |bytes| (0, bytes.len())), 0);
+        assert_eq!(wires.rejected(), 1);
+        wires.hear(1 + QUIET, &[0xE5]);
+        assert_eq!(wires.receive_data(Instant::ZERO, |bytes| (0, bytes.len())), 1);
+        wires.fault(2 + QUIET);
+        wires.hear(3 + QUIET, &[0xE5]);
+        assert_eq!(wires.receive_data(Instant::ZERO, |bytes| (0, bytes.len())), 0);
+    }
+}
