@@ -190,7 +190,8 @@ impl Known {
             PeripheralEvent::ConfigError | PeripheralEvent::ParameterError => refuse(self, image),
             PeripheralEvent::Configured => self.told = 0,
             PeripheralEvent::Online => {
-                // What it is, and whose, can be known before it is parametrised; what it holds against its parameters and
+                // What it is, and whose, can be known before it is parametrised; what it holds against its parameters
+                // and
                 // its configuration once it was told them. (One that wants none of its parameters does not even
                 // listen to its configuration: then the stack begins anew without a word.)
                 let diagnosis = Diagnosis::new(&self.diagnosis);

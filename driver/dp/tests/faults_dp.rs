@@ -1,7 +1,8 @@
 //! Data exchange with damaged telegrams: none is accepted wrong, in either direction.
 //!
 //! One telegram in a hundred is damaged as the standard says that it is always found: up to three wrong bits, of
-//! which parity does not see two in one character; a character is missing; the end is missing; characters that cannot be
+//! which parity does not see two in one character; a character is missing; the end is missing;
+//! characters that cannot be
 //! read. `cargo xtask faults dp --telegrams 1000000` runs so many exchanges, a test
 //! run some thousands.
 

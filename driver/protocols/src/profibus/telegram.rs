@@ -198,7 +198,8 @@ mod tests {
         assert_eq!(parse(&[]), Parsed::More);
     }
 
-    /// The code has a Hamming distance of 4 with the parity of the characters: what three wrong bits leave of a telegram
+    /// The code has a Hamming distance of 4 with the parity of the characters: what three wrong bits leave
+    /// of a telegram
     /// is no telegram of the same length, unless parity has seen it.
     #[test]
     fn up_to_three_wrong_bits_are_found() {
