@@ -62,14 +62,15 @@ until_true() {
         tries=$((tries - 1))
         if [ $tries = 0 ]; then
             cat /tmp/answer
+            cat /tmp/run-*.log 2>/dev/null || true
             if booted; then journalctl --no-pager -u 'ob1@*' | tail -40; fi
             fail "$*"
         fi
         sleep 0.2
     done
 }
-in_run() { ob1 ctl "$1" status --json | grep -q '"state":"RUN"'; }
-good() { [ "$(ob1 get simulated-line-a DB20.GOOD --json | sed 's/.*"value"://; s/[^0-9].*//')" -ge 20 ]; }
+in_run() { ob1 ctl "$1" status --json | grep -q '"state": *"RUN"'; }
+good() { [ "$(ob1 get simulated-line-a DB20.GOOD --json | tr -d ' \n' | sed 's/.*"value"://; s/[^0-9].*//')" -ge 20 ]; }
 
 start a
 start b
@@ -102,7 +103,21 @@ for process in /proc/[0-9]*; do
     drivers=$((drivers + 1))
     grep -q '^Seccomp:[[:space:]]*2$' $process/status || fail "$process has no seccomp filter"
 done
+if booted; then
+    grep -q '^Seccomp:[[:space:]]*2$' /proc/$pid/status || fail "the unit gives the runtime no seccomp filter"
+    journalctl --no-pager -u 'ob1@*' > /tmp/journal
+    if grep 'not confined' /tmp/journal | grep -v 'this kernel does not have it'; then fail "the unit keeps a driver from raising its fences"; fi
+fi
 [ $drivers -ge 3 ] || fail "$drivers processes ob1-cp: two CPs and their line are three"
+
+# Killed without a word: the guardian cleans up, also under the unit, and the station starts again.
+gone() { [ ! -e "$1" ]; }
+kill -KILL "$(cat /run/ob1/simulated-line-b/pid)"
+until_true gone /run/ob1/simulated-line-b
+if booted; then systemctl reset-failed ob1@b; fi
+start b
+until_true in_run simulated-line-b
+say "killed, cleaned up, started again"
 
 stop a
 stop b
