@@ -25,6 +25,9 @@ for side in a b; do
         /usr/share/doc/ob1/examples/simulated-line/station-$side.toml > /etc/ob1/$side/station.toml
     printf '\n[cpu.realtime]\npriority = 20\nlock_memory = true\n\n[retentive]\nmemory = ["100..103"]\n' \
         >> /etc/ob1/$side/station.toml
+    if [ $side = a ]; then
+        printf '\n[[link]]\ntype = "web"\nname = "page"\nlisten = "127.0.0.1:8080"\n' >> /etc/ob1/a/station.toml
+    fi
     ob1 check /etc/ob1/$side/station.toml
 done
 
@@ -72,11 +75,19 @@ until_true() {
 in_run() { ob1 ctl "$1" status --json | grep -q '"state": *"RUN"'; }
 good() { [ "$(ob1 get simulated-line-a DB20.GOOD --json | tr -d ' \n' | sed 's/.*"value"://; s/[^0-9].*//')" -ge 20 ]; }
 
+page() {
+    bash -c 'exec 3<>/dev/tcp/127.0.0.1/8080
+        printf "GET / HTTP/1.1\r\nHost: 127.0.0.1:8080\r\nConnection: close\r\n\r\n" >&3; cat <&3' > /tmp/page
+    grep -q '^HTTP/1.1 200' /tmp/page && grep -qi '<html' /tmp/page
+}
+
 start a
 start b
 until_true in_run simulated-line-a
 until_true in_run simulated-line-b
 until_true good
+until_true page
+say "the station shows its page: $(wc -c < /tmp/page) bytes"
 say "20 telegrams went over the line of two CPs and came back right"
 ob1 get simulated-line-a DB20.GOOD DB20.WRONG DB20.DOUBLED
 ob1 diag simulated-line-a
