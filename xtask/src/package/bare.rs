@@ -1,6 +1,6 @@
-//! A bare Debian for the package: made by debootstrap once, booted by systemd-nspawn over a layer that is thrown away;
-//! where nothing can be booted, a chroot, in which `ob1 run` takes the place of the unit. What happens inside is
-//! `xtask/package/inside.sh`.
+//! A bare Debian for the package, of each release it is for: made by debootstrap once, booted by systemd-nspawn over a
+//! layer that is thrown away; where nothing can be booted, a chroot, in which `ob1 run` takes the place of the unit.
+//! What happens inside is `xtask/package/inside.sh`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -10,13 +10,22 @@ use crate::cargo;
 use crate::failure::{Outcome, step};
 use crate::shell;
 
-const SUITE: &str = "bookworm";
+/// Debian 12 and 13.
+const SUITES: [&str; 2] = ["bookworm", "trixie"];
 /// What the script says last, when all is well.
 const DONE: &str = "inside: all is well";
 
 /// Says how it was run.
-pub(super) fn run(site: &Site, made: &Made) -> Outcome<&'static str> {
-    let system = system(site)?;
+pub(super) fn run(site: &Site, made: &Made) -> Outcome<String> {
+    let mut how = Vec::new();
+    for suite in SUITES {
+        how.push(format!("{suite} {}", run_in(site, made, suite)?));
+    }
+    Ok(how.join(", "))
+}
+
+fn run_in(site: &Site, made: &Made, suite: &str) -> Outcome<&'static str> {
+    let system = system(site, suite)?;
     let check = site.dist.join("check");
     let _ = std::fs::remove_dir_all(&check);
     std::fs::create_dir_all(&check).map_err(|why| step(format!("{}: {why}", check.display())))?;
@@ -37,11 +46,11 @@ pub(super) fn run(site: &Site, made: &Made) -> Outcome<&'static str> {
 }
 
 /// The system, made when it is not there yet.
-fn system(site: &Site) -> Outcome<PathBuf> {
-    let system = site.dist.join("debian");
+fn system(site: &Site, suite: &str) -> Outcome<PathBuf> {
+    let system = site.dist.join(format!("debian-{suite}"));
     if !system.join("usr/bin/dpkg").exists() {
         let mut command = Command::new("debootstrap");
-        command.args(["--variant=minbase", "--include=systemd,systemd-sysv,dbus", SUITE]).arg(&system);
+        command.args(["--variant=minbase", "--include=systemd,systemd-sysv,dbus", suite]).arg(&system);
         shell::run(&mut command)?;
     }
     Ok(system)

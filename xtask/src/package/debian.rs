@@ -19,7 +19,7 @@ const REVISION: &str = "1";
 /// Scripts that dpkg runs, from `xtask/package`.
 const SCRIPTS: [&str; 3] = ["postinst", "prerm", "postrm"];
 
-/// What a user may have of Debian's name for this machine.
+/// Debian's name for this machine.
 fn architecture() -> Outcome<String> {
     Ok(shell::read(Command::new("dpkg").arg("--print-architecture"))?.trim().to_owned())
 }
@@ -37,7 +37,6 @@ pub(super) fn build(site: &Site, parts: &Parts, stage: &Stage) -> Outcome<PathBu
     }
     let own = cargo::root().join("xtask/package");
     tree.copy(&own.join("copyright"), "usr/share/doc/ob1/copyright")?;
-    tree.copy(&own.join("lintian-overrides"), "usr/share/lintian/overrides/ob1")?;
     let maintainer = std::env::var("DEBEMAIL").unwrap_or_else(|_| MAINTAINER.to_owned());
     let changes = changelog(&version, &maintainer, &date(site.epoch)?);
     tree.put("usr/share/doc/ob1/changelog.Debian.gz", &pages::gzip(changes.as_bytes())?, 0o644)?;
