@@ -140,7 +140,7 @@ mod tests {
         let (parameters, data) = usend(0x0102_0304, &[&[1, 2, 3], &[4]]);
         assert!(is_for_blocks(&parameters) && !is_answer(&parameters));
         let items = &[0, 9, 0, 3, 1, 2, 3, 0, 0, 9, 0, 1, 4][..];
-        assert_eq!(read(&parameters, &data), Some(Sent::Usend { r_id: 0x0102_0304, items: &items[..] }));
+        assert_eq!(read(&parameters, &data), Some(Sent::Usend { r_id: 0x0102_0304, items }));
         let answer = part_answer(5, 3, Code::NO_SERVICE);
         let pdu = Pdu::read(&answer).expect("a telegram");
         let service = UserData::read(pdu.parameters, pdu.data).expect("a service");
