@@ -232,7 +232,7 @@ mod tests {
     fn they_are_declarations_alone() {
         let declared: Vec<String> =
             standard_blocks().iter().filter(|b| b.origin.is_declared_only()).map(|b| b.id.to_string()).collect();
-        assert_eq!(declared.len(), 22, "{declared:?}");
+        assert_eq!(declared.len(), 36, "{declared:?}");
         assert!(!Origin::System.is_declared_only() && !Origin::Iec.is_declared_only());
     }
 
