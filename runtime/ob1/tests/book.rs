@@ -155,7 +155,11 @@ fn unknown(span: &str) -> Option<String> {
     let command = Cli::command();
     let mut words = words.iter().skip(1).peekable();
     let verb = words.next_if(|word| word.starts_with(|c: char| c.is_ascii_lowercase()))?;
-    let Some(verb) = command.find_subcommand(verb) else { return Some(format!("ob1 has no command `{verb}`")) };
+    let Some(mut verb) = command.find_subcommand(verb) else { return Some(format!("ob1 has no command `{verb}`")) };
+    // A verb may have verbs of its own: `ob1 new plugin`.
+    while let Some(word) = words.next_if(|word| verb.find_subcommand(word.as_str()).is_some()) {
+        verb = verb.find_subcommand(word.as_str()).unwrap_or(verb);
+    }
     let flags = words.filter_map(|word| word.strip_prefix("--")).map(|flag| flag.split('=').next().unwrap_or_default());
     let is_known = |flag: &str| flag == "help" || verb.get_arguments().any(|a| a.get_long() == Some(flag));
     flags.into_iter().find(|flag| !is_known(flag)).map(|flag| format!("ob1 {} has no --{flag}", verb.get_name()))
