@@ -16,16 +16,19 @@ use ob1_tests::siege::{mutate, rounds};
 /// A driver that writes anything anywhere into the segment: the CPU's side goes on, each call of it ends.
 #[test]
 fn segment() {
-    let made = Segment::create_shared().expect("memory");
+    let made = Segment::create_shared_with_boxes().expect("memory");
     let memory = File::options().read(true).write(true).open(made.path().expect("shared")).expect("ours");
     let side = CpuSide::create(&made, 16).expect("16 bytes are allowed");
-    let mut module = CpModule::new(side, Box::new(AlwaysThere), CpSettings::default()).expect("it fits");
+    let settings = CpSettings { boxes: true, ..CpSettings::default() };
+    let mut module = CpModule::new(side, Box::new(AlwaysThere), settings).expect("it fits");
     let mut random = SplitMix64::new(0x5E6);
     let rounds = rounds(20_000);
     let (mut events, mut records) = (0, 0);
     for round in 0..rounds {
         for _ in 0..=random.below(3) {
-            let at = random.below(layout::SEGMENT_BYTES as u64 - 8);
+            // What every CP has mostly: the boxes are many, and all alike.
+            let size = if random.below(4) == 0 { made.bytes() } else { layout::SEGMENT_BYTES };
+            let at = random.below(size as u64 - 8);
             // Aligned words mostly, since the fields are; small and extreme values are the ones that mean something.
             let at = if random.below(8) == 0 { at } else { at & !3 };
             let value = match random.below(4) {
@@ -42,9 +45,10 @@ fn segment() {
         let _ = module.write(random.below(20) as u16, &bytes[..random.below(17) as usize]);
         if round % 16 == 0 {
             module.cpu_state(random.below(2) == 0);
-            let mut record = [0; 240];
-            for number in 0..3 {
+            let mut record = [0; 512];
+            for number in (0..3).chain([0x80, 0xBF]) {
                 records += u64::from(module.record_read(number, &mut record).is_ok());
+                let _ = module.record_write(number, &record[..random.below(513) as usize]);
             }
             let mut entries = 0;
             module.diagnostic_buffer(&mut |_| entries += 1);

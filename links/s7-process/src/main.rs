@@ -143,5 +143,9 @@ fn back_plane() -> Result<(std::io::Result<OwnedFd>, Option<Coupler>), String> {
         return Err("the runtime has not handed over a segment and a door".into());
     };
     let side = Segment::received(segment).and_then(|segment| CpSide::attach(&segment));
-    Ok((Ok(door), Some(Coupler::new(side.map_err(|error| error.to_string())?))))
+    let side = side.map_err(|error| error.to_string())?;
+    if !side.has_boxes() {
+        return Err("the runtime has handed over the segment of a CP without boxes".into());
+    }
+    Ok((Ok(door), Some(Coupler::new(side))))
 }

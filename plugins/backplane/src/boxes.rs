@@ -1,21 +1,24 @@
 //! The boxes of a CP 343: each job of a handling block has one, 512 bytes each way under a sequence lock. What they
-//! mean is in `docs/cp343.md`; here they are bytes.
+//! mean is in `docs/cp343.md`; here they are bytes. The segment of any other CP ends before them.
+
+use ob1_words::boxes::HEAD_BYTES;
 
 use crate::bytes::{copy_out, words_of};
 use crate::cells::{BOX_WORDS, BoxRow, BoxesCells};
 use crate::channel::Way;
-use crate::layout::BOXES;
 use crate::seqlock::{Freshness, SeqReader};
 
 /// One end of all boxes: writes one way, reads the other.
 pub(crate) struct BoxEnd {
     writes: Way,
+    /// One for each box; none without boxes.
     readers: Box<[SeqReader<BOX_WORDS>]>,
 }
 
 impl BoxEnd {
-    pub(crate) fn new(writes: Way) -> Self {
-        Self { writes, readers: (0..BOXES).map(|_| SeqReader::new()).collect() }
+    pub(crate) fn new(writes: Way, cells: Option<&BoxesCells>) -> Self {
+        let boxes = cells.map_or(0, |cells| cells.to_cp.0.len());
+        Self { writes, readers: (0..boxes).map(|_| SeqReader::new()).collect() }
     }
 
     const fn mine<'c>(&self, cells: &'c BoxesCells) -> &'c BoxRow {
@@ -32,23 +35,24 @@ impl BoxEnd {
         }
     }
 
-    /// Zeros in every box of this end that has something in it, whatever a predecessor has left.
-    pub(crate) fn clear(&self, cells: &BoxesCells) {
-        for cell in &self.mine(cells).0 {
-            cell.content.write(core::iter::repeat_n(0, BOX_WORDS));
+    /// Zeros in the head of every box of this end, whatever a predecessor has left: without a head there is no job, and
+    /// nobody looks at the data. The scan does this for a new driver: 64 times four words.
+    pub(crate) fn clear(&self, cells: Option<&BoxesCells>) {
+        for cell in cells.iter().flat_map(|cells| &self.mine(cells).0) {
+            cell.content.write(core::iter::repeat_n(0, HEAD_BYTES / 8));
         }
     }
 
     /// Shows bytes in a box, from its first one on; what lies behind them stays.
-    pub(crate) fn write(&self, cells: &BoxesCells, index: usize, bytes: &[u8]) {
-        if let Some(cell) = self.mine(cells).0.get(index) {
+    pub(crate) fn write(&self, cells: Option<&BoxesCells>, index: usize, bytes: &[u8]) {
+        if let Some(cell) = cells.and_then(|cells| self.mine(cells).0.get(index)) {
             cell.content.write(words_of(bytes));
         }
     }
 
     /// Copies what the other side shows, as many bytes as `into` has.
-    pub(crate) fn read(&mut self, cells: &BoxesCells, index: usize, into: &mut [u8]) -> Freshness {
-        let cell = self.other(cells).0.get(index);
+    pub(crate) fn read(&mut self, cells: Option<&BoxesCells>, index: usize, into: &mut [u8]) -> Freshness {
+        let cell = cells.and_then(|cells| self.other(cells).0.get(index));
         let (Some(reader), Some(cell)) = (self.readers.get_mut(index), cell) else { return Freshness::Stale };
         let freshness = reader.read(&cell.content, into.len().div_ceil(8));
         copy_out(reader.last(), into);
@@ -56,8 +60,8 @@ impl BoxEnd {
     }
 
     /// Whether the other side shows another content than the one read last.
-    pub(crate) fn changed(&self, cells: &BoxesCells, index: usize) -> bool {
-        let found = self.readers.get(index).zip(self.other(cells).0.get(index));
-        found.is_some_and(|(reader, cell)| reader.is_outdated(&cell.content))
+    pub(crate) fn changed(&self, cells: Option<&BoxesCells>, index: usize) -> bool {
+        let cell = cells.and_then(|cells| self.other(cells).0.get(index));
+        self.readers.get(index).zip(cell).is_some_and(|(reader, cell)| reader.is_outdated(&cell.content))
     }
 }

@@ -167,7 +167,7 @@ pub(crate) struct BoxesCells {
     pub(crate) to_cpu: BoxRow,
 }
 
-/// The whole segment.
+/// The whole segment; of one with boxes, what lies before them.
 #[repr(C, align(128))]
 #[derive(Default)]
 pub(crate) struct SegmentCells {
@@ -187,6 +187,13 @@ pub(crate) struct SegmentCells {
     pub(crate) channels: ChannelsCells,
     pub(crate) buffer: BufferCells,
     pad_buffer: Pad<271>,
+}
+
+/// A segment with boxes.
+#[repr(C)]
+#[derive(Default)]
+pub(crate) struct BoxedCells {
+    pub(crate) segment: SegmentCells,
     pub(crate) boxes: BoxesCells,
 }
 
@@ -196,6 +203,13 @@ pub(crate) fn as_words(cells: &SegmentCells) -> &[AtomicU64; size_of::<SegmentCe
     // SAFETY: `SegmentCells` is repr(C) and made of `AtomicU64` alone, without padding (size and offsets are asserted
     // below), so it is an array of them; the reference lives as long as the one it comes from.
     unsafe { core::ptr::NonNull::from(cells).cast().as_ref() }
+}
+
+/// The boxes as one row of words.
+#[cfg(not(loom))]
+pub(crate) fn box_words(boxes: &BoxesCells) -> &[AtomicU64; size_of::<BoxesCells>() / 8] {
+    // SAFETY: as in `as_words`: `BoxesCells` too is repr(C), made of `AtomicU64` alone, without padding.
+    unsafe { core::ptr::NonNull::from(boxes).cast().as_ref() }
 }
 
 /// `offset_of` through nested fields, against the numbers of `layout::FIELDS`.
@@ -254,14 +268,16 @@ pub(crate) const OFFSETS: &[(usize, &str)] = {
         (offset_of!(SegmentCells, channels.receive_to_cpu.block.data), "receive_to_cpu.data"),
         (offset_of!(SegmentCells, buffer.written), "buffer.written"),
         (offset_of!(SegmentCells, buffer.entries), "buffer.entries"),
-        (offset_of!(SegmentCells, boxes.to_cp), "boxes.to_cp"),
-        (offset_of!(SegmentCells, boxes.to_cpu), "boxes.to_cpu"),
+        (offset_of!(BoxedCells, boxes.to_cp), "boxes.to_cp"),
+        (offset_of!(BoxedCells, boxes.to_cpu), "boxes.to_cpu"),
     ]
 };
 
 #[cfg(not(loom))]
 const _: () = {
     assert!(size_of::<SegmentCells>() == crate::layout::SEGMENT_BYTES);
+    assert!(size_of::<BoxedCells>() == crate::layout::SEGMENT_BYTES_BOXES);
+    assert!(size_of::<BoxCells>() == crate::layout::BOX_STRIDE);
     assert!(OFFSETS.len() == crate::layout::FIELDS.len());
     let mut index = 0;
     while index < OFFSETS.len() {

@@ -49,7 +49,7 @@ impl CpSide {
     /// process is its driver.
     pub fn attach(segment: &Segment) -> Result<Self, SegmentError> {
         let cells = segment.cells();
-        let io = header::check(cells)?;
+        let io = header::check(segment)?;
         segment.claim()?;
         cells.doorbell.sleeping.store(0, Ordering::Relaxed);
         cells.cp.state.store(DriverState::Starting.to_word(), Ordering::Relaxed);
@@ -59,8 +59,8 @@ impl CpSide {
         inputs.clear(&cells.inputs.registers);
         let mut channels = ChannelEnd::new(Way::ToCpu);
         channels.clear(&cells.channels);
-        let boxes = BoxEnd::new(Way::ToCpu);
-        boxes.clear(&cells.boxes);
+        let boxes = BoxEnd::new(Way::ToCpu, segment.boxes());
+        boxes.clear(segment.boxes());
         clear_record(&cells.diagnosis);
         book_lost(&cells.counters);
         counters::add(&cells.counters, Counter::DriverStarts, 1);
@@ -224,20 +224,26 @@ impl CpSide {
         self.channels.read(&self.segment.cells().channels, channel, into)
     }
 
-    /// Shows the CPU bytes in a box, from its first one on.
+    /// Whether the CP has boxes.
+    #[must_use]
+    pub fn has_boxes(&self) -> bool {
+        self.segment.boxes().is_some()
+    }
+
+    /// Shows the CPU bytes in a box, from its first one on. Without boxes it does nothing.
     pub fn write_box(&mut self, index: usize, bytes: &[u8]) {
-        self.boxes.write(&self.segment.cells().boxes, index, bytes);
+        self.boxes.write(self.segment.boxes(), index, bytes);
     }
 
     /// Whether the CPU shows another content of a box than the one read last.
     #[must_use]
     pub fn box_changed(&self, index: usize) -> bool {
-        self.boxes.changed(&self.cells().boxes, index)
+        self.boxes.changed(self.segment.boxes(), index)
     }
 
     /// Copies what the CPU shows in a box, as many bytes as `into` has. A stale copy is whole, only not the newest.
     pub fn read_box(&mut self, index: usize, into: &mut [u8]) -> Freshness {
-        self.boxes.read(&self.segment.cells().boxes, index, into)
+        self.boxes.read(self.segment.boxes(), index, into)
     }
 
     /// Adds to a counter.

@@ -41,7 +41,7 @@ impl CpuSide {
     /// [`SegmentError::IoBytes`] if a module cannot have so many.
     pub fn create(segment: &Segment, io_bytes: usize) -> Result<Self, SegmentError> {
         let io = IoBytes::new(io_bytes).ok_or(SegmentError::IoBytes(io_bytes))?;
-        header::format(segment.cells(), io);
+        header::format(segment, io);
         Ok(Self {
             monitor: Monitor::new(segment.clone(), io),
             io,
@@ -50,7 +50,7 @@ impl CpuSide {
             diagnosis: SeqReader::new(),
             events: Consumer::new(),
             channels: ChannelEnd::new(Way::ToCp),
-            boxes: BoxEnd::new(Way::ToCp),
+            boxes: BoxEnd::new(Way::ToCp, segment.boxes()),
             state: CpuState::Stop,
             modem: ModemOutputs::default(),
             changes: 0,
@@ -68,7 +68,7 @@ impl CpuSide {
         self.events.publish(&cells.events);
         self.channels.rewrite(&cells.channels);
         // Jobs do not outlive a driver: the handling blocks see its successor and begin anew.
-        self.boxes.clear(&cells.boxes);
+        self.boxes.clear(self.monitor.boxes());
         self.set_modem_outputs(self.modem);
         self.set_cpu_state(self.state);
     }
@@ -204,15 +204,15 @@ impl CpuSide {
         self.channels.read(&self.monitor.cells().channels, channel, into)
     }
 
-    /// Shows the CP bytes in a box, from its first one on.
+    /// Shows the CP bytes in a box, from its first one on. Without boxes it does nothing.
     pub fn write_box(&mut self, index: usize, bytes: &[u8]) {
-        self.boxes.write(&self.monitor.cells().boxes, index, bytes);
+        self.boxes.write(self.monitor.boxes(), index, bytes);
         self.changed();
     }
 
     /// Copies what the CP shows in a box, as many bytes as `into` has. A stale copy is whole, only not the newest.
     pub fn read_box(&mut self, index: usize, into: &mut [u8]) -> Freshness {
-        self.boxes.read(&self.monitor.cells().boxes, index, into)
+        self.boxes.read(self.monitor.boxes(), index, into)
     }
 
     /// Tells the CP the state of the CPU.

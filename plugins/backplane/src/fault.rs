@@ -49,7 +49,7 @@ pub enum SegmentError {
     Size {
         /// Its size in bytes.
         found: u64,
-        /// The size it must have.
+        /// The size it must have; of a segment, the size of one without boxes.
         expected: u64,
     },
     /// A word of the header is not what this layout version says.

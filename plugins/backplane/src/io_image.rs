@@ -236,7 +236,7 @@ impl IoField {
     /// # Errors
     /// [`SegmentError`] if that is no image of this layout version.
     pub fn open(path: &Path) -> Result<Self, SegmentError> {
-        let memory: Memory = Memory::shared(SharedMemory::open(path, IO_IMAGE_BYTES)?)?;
+        let memory: Memory = Memory::shared(SharedMemory::open(path, &[IO_IMAGE_BYTES])?)?;
         let header = |at: usize| memory.cells().0.get(at / 8).map_or(0, |cell| cell.load(Ordering::Acquire));
         for (at, field, expected) in
             [(AT_VERSION, "image.version", IO_LAYOUT_VERSION), (AT_MAGIC, "image.magic", IO_MAGIC)]

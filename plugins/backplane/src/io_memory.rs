@@ -96,7 +96,7 @@ impl<C: Cells> Memory<C> {
 
     /// The sealed file that somebody has handed over.
     pub(crate) fn received(file: OwnedFd) -> Result<Self, SegmentError> {
-        Self::shared(SharedMemory::of(file, C::BYTES)?)
+        Self::shared(SharedMemory::of(file, &[C::BYTES])?)
     }
 
     pub(crate) fn path(&self) -> Option<PathBuf> {

@@ -9,8 +9,11 @@ pub const MAGIC: u64 = u64::from_ne_bytes(*b"OB1BPLN\0");
 /// Version of this memory map. It is the last word written when a segment is made.
 pub const LAYOUT_VERSION: u64 = 1;
 
-/// Size of a segment in bytes; a segment of any other size is refused.
-pub const SEGMENT_BYTES: usize = 0x17000;
+/// Size of a segment in bytes.
+pub const SEGMENT_BYTES: usize = 0x3000;
+
+/// Size of a segment with boxes, which lie behind all the rest; a segment of any other size than these two is refused.
+pub const SEGMENT_BYTES_BOXES: usize = 0x17000;
 
 /// Smallest number of register bytes of a module, each way.
 pub const IO_BYTES_MIN: usize = 8;
@@ -90,7 +93,8 @@ pub(crate) const fn field(offset: usize, size: usize, name: &'static str, writer
     Field { offset, size, name, writer }
 }
 
-/// The memory map, in rising order. What lies between two fields is reserved and zero.
+/// The memory map, in rising order. What lies between two fields is reserved and zero. Fields from [`SEGMENT_BYTES`] on
+/// are those of a segment with boxes.
 #[cfg(not(loom))]
 pub const FIELDS: &[Field] = &[
     field(0x0000, 8, "header.magic", Writer::Maker),

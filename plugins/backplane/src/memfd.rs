@@ -51,26 +51,27 @@ impl SharedMemory {
 
     /// Maps, for reading alone, a window that somebody else has made.
     pub(crate) fn look_through(file: OwnedFd, len: usize) -> Result<Self, SegmentError> {
-        let file = Self::checked(file, len, WINDOW_SEALS)?;
+        let (file, len) = Self::checked(file, &[len], WINDOW_SEALS)?;
         let map = MmapOptions::new().len(len).map_raw_read_only(&file);
         let map = map.map_err(|source| SegmentError::Io { action: "mapping the window", source })?;
         Ok(Self { map, file })
     }
 
-    /// Opens and maps a file of exactly `len` bytes.
-    pub(crate) fn open(path: &Path, len: usize) -> Result<Self, SegmentError> {
+    /// Opens and maps a file of exactly one of these sizes.
+    pub(crate) fn open(path: &Path, sizes: &[usize]) -> Result<Self, SegmentError> {
         let flags = OFlags::RDWR | OFlags::CLOEXEC | OFlags::NONBLOCK;
         let file = fs::open(path, flags, Mode::empty()).map_err(|source| failed("opening the segment", source))?;
-        Self::of(file, len)
+        Self::of(file, sizes)
     }
 
-    /// Maps an open file of exactly `len` bytes that somebody else has made.
-    pub(crate) fn of(file: OwnedFd, len: usize) -> Result<Self, SegmentError> {
-        Self::map(Self::checked(file, len, NEEDED_SEALS)?, len)
+    /// Maps an open file of exactly one of these sizes that somebody else has made.
+    pub(crate) fn of(file: OwnedFd, sizes: &[usize]) -> Result<Self, SegmentError> {
+        let (file, len) = Self::checked(file, sizes, NEEDED_SEALS)?;
+        Self::map(file, len)
     }
 
-    /// The file, when it has these seals and this size.
-    fn checked(file: OwnedFd, len: usize, needed: SealFlags) -> Result<OwnedFd, SegmentError> {
+    /// The file and its size, when it has these seals and one of these sizes.
+    fn checked(file: OwnedFd, sizes: &[usize], needed: SealFlags) -> Result<(OwnedFd, usize), SegmentError> {
         // Seals first, then the size: the other way round it could still be cut in between. Files that know no seals (a
         // disk, a device) answer EINVAL: they are not sealed.
         let seals = fs::fcntl_get_seals(&file).map_err(|_| SegmentError::NotSealed)?;
@@ -78,10 +79,13 @@ impl SharedMemory {
             return Err(SegmentError::NotSealed);
         }
         let found = fs::fstat(&file).map_err(|source| failed("looking at the segment", source))?.st_size;
-        if u64::try_from(found) != Ok(len as u64) {
-            return Err(SegmentError::Size { found: u64::try_from(found).unwrap_or(0), expected: len as u64 });
+        match sizes.iter().find(|size| usize::try_from(found).as_ref() == Ok(size)) {
+            Some(size) => Ok((file, *size)),
+            None => {
+                let expected = sizes.first().map_or(0, |size| *size as u64);
+                Err(SegmentError::Size { found: u64::try_from(found).unwrap_or(0), expected })
+            }
         }
-        Ok(file)
     }
 
     fn map(file: OwnedFd, len: usize) -> Result<Self, SegmentError> {

@@ -1,7 +1,7 @@
 //! What anyone in the runtime may look at, from any thread: the supervisor, the access port, the report.
 
 use crate::buffer::{self, BufferEntry};
-use crate::cells::SegmentCells;
+use crate::cells::{BoxesCells, SegmentCells};
 use crate::counters::{Counters, book_lost};
 use crate::fault::Fault;
 use crate::header;
@@ -25,6 +25,11 @@ impl Monitor {
     #[inline]
     pub(crate) fn cells(&self) -> &SegmentCells {
         self.segment.cells()
+    }
+
+    #[inline]
+    pub(crate) fn boxes(&self) -> Option<&BoxesCells> {
+        self.segment.boxes()
     }
 
     /// State of the driver.
@@ -96,7 +101,7 @@ impl Monitor {
     /// before each start of a driver; what the CPU's side has put in besides is restored by
     /// [`crate::CpuSide::restore`].
     pub fn restore_header(&self) {
-        header::write(self.cells(), self.io);
+        header::write(&self.segment, self.io);
     }
 
     /// Clears what a dead driver has left: input registers, LEDs and modem lines read 0, the state is

@@ -1,32 +1,38 @@
 //! The memory of a segment: on the heap of one process, or in a file that two processes map.
 
+#[cfg(not(loom))]
+use core::mem::offset_of;
 use core::ptr::NonNull;
 use std::fmt;
 use std::sync::Arc;
 
-use crate::cells::SegmentCells;
+use crate::cells::{BoxedCells, BoxesCells, SegmentCells};
 #[cfg(not(loom))]
-use crate::cells::as_words;
+use crate::cells::{as_words, box_words};
 use crate::fault::SegmentError;
+use crate::layout::{SEGMENT_BYTES, SEGMENT_BYTES_BOXES};
 #[cfg(not(loom))]
-use crate::{layout::SEGMENT_BYTES, memfd::SharedMemory, sync::Ordering};
+use crate::{memfd::SharedMemory, sync::Ordering};
 
 /// A segment. Clones are handles of the same memory; it goes when the last handle and the last end are gone.
 #[derive(Clone)]
 pub struct Segment {
     /// Points into what `keep` holds, for as long as `keep` lives.
     cells: NonNull<SegmentCells>,
+    /// Behind the cells, in the same memory, when the CP has boxes.
+    boxes: Option<NonNull<BoxesCells>>,
     keep: Keep,
 }
 
 #[derive(Clone)]
 enum Keep {
     Heap(#[expect(dead_code, reason = "held only to keep the memory")] Arc<SegmentCells>),
+    Boxed(#[expect(dead_code, reason = "held only to keep the memory")] Arc<BoxedCells>),
     #[cfg(not(loom))]
     Shared(Arc<SharedMemory>),
 }
 
-// SAFETY: the pointer leads to memory that `keep` keeps in place, and there is nothing but atomics in it, which may be
+// SAFETY: the pointers lead to memory that `keep` keeps in place, and there is nothing but atomics in it, which may be
 // used from any thread.
 unsafe impl Send for Segment {}
 // SAFETY: as for Send.
@@ -37,14 +43,22 @@ impl Segment {
     #[must_use]
     pub fn heap() -> Self {
         let memory = Arc::new(SegmentCells::default());
-        Self { cells: NonNull::from(&*memory), keep: Keep::Heap(memory) }
+        Self { cells: NonNull::from(&*memory), boxes: None, keep: Keep::Heap(memory) }
+    }
+
+    /// The same for a CP that has boxes.
+    #[must_use]
+    pub fn heap_with_boxes() -> Self {
+        let memory = Arc::new(BoxedCells::default());
+        let boxes = Some(NonNull::from(&memory.boxes));
+        Self { cells: NonNull::from(&memory.segment), boxes, keep: Keep::Boxed(memory) }
     }
 
     /// Claims the driver's end for this process, for as long as it lives: the lock goes with the process, however that
     /// ends. On the heap there is one process anyway.
     pub(crate) fn claim(&self) -> Result<(), SegmentError> {
         match &self.keep {
-            Keep::Heap(_) => Ok(()),
+            Keep::Heap(_) | Keep::Boxed(_) => Ok(()),
             #[cfg(not(loom))]
             Keep::Shared(memory) => memory.lock(),
         }
@@ -58,7 +72,25 @@ impl Segment {
         // consists of atomics only, so any content is valid, also while other threads or processes write to it.
         unsafe { self.cells.as_ref() }
     }
+
+    /// The boxes, for this crate's ends.
+    #[inline]
+    pub(crate) fn boxes(&self) -> Option<&BoxesCells> {
+        // SAFETY: as for the cells: the pointer is there only when `keep` holds a `BoxedCells`, or a mapping as long as
+        // one, and leads to the boxes in it.
+        self.boxes.map(|boxes| unsafe { boxes.as_ref() })
+    }
+
+    /// Size in bytes: it says whether there are boxes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        if self.boxes.is_some() { SEGMENT_BYTES_BOXES } else { SEGMENT_BYTES }
+    }
 }
+
+/// Sizes that a segment may have.
+#[cfg(not(loom))]
+const SIZES: [usize; 2] = [SEGMENT_BYTES, SEGMENT_BYTES_BOXES];
 
 #[cfg(not(loom))]
 impl Segment {
@@ -70,13 +102,22 @@ impl Segment {
         Self::from_shared(SharedMemory::create(c"ob1-backplane", SEGMENT_BYTES)?)
     }
 
-    /// Opens a shared segment that another process has made, through a path like `/proc/PID/fd/N`.
+    /// The same for a CP that has boxes.
+    ///
+    /// # Errors
+    /// As of [`Segment::create_shared`].
+    pub fn create_shared_with_boxes() -> Result<Self, SegmentError> {
+        Self::from_shared(SharedMemory::create(c"ob1-backplane", SEGMENT_BYTES_BOXES)?)
+    }
+
+    /// Opens a shared segment that another process has made, through a path like `/proc/PID/fd/N`; its size says whether
+    /// it has boxes.
     ///
     /// # Errors
     /// [`SegmentError::NotSealed`] or [`SegmentError::Size`] for a file that could be cut under our feet or is no
     /// segment; what the system says when it cannot be opened.
     pub fn open(path: &std::path::Path) -> Result<Self, SegmentError> {
-        Self::from_shared(SharedMemory::open(path, SEGMENT_BYTES)?)
+        Self::from_shared(SharedMemory::open(path, &SIZES)?)
     }
 
     /// The shared segment that another process has handed over.
@@ -84,15 +125,19 @@ impl Segment {
     /// # Errors
     /// As of [`Segment::open`].
     pub fn received(file: std::os::fd::OwnedFd) -> Result<Self, SegmentError> {
-        Self::from_shared(SharedMemory::of(file, SEGMENT_BYTES)?)
+        Self::from_shared(SharedMemory::of(file, &SIZES)?)
     }
 
     fn from_shared(memory: SharedMemory) -> Result<Self, SegmentError> {
-        let cells: NonNull<SegmentCells> = memory.start()?.cast();
+        let start = memory.start()?;
+        let cells: NonNull<SegmentCells> = start.cast();
         if memory.len() < size_of::<SegmentCells>() || !cells.is_aligned() {
             return Err(SegmentError::Size { found: memory.len() as u64, expected: SEGMENT_BYTES as u64 });
         }
-        Ok(Self { cells, keep: Keep::Shared(Arc::new(memory)) })
+        let has_boxes = memory.len() >= size_of::<BoxedCells>();
+        // SAFETY: the mapping has room for a `BoxedCells`: its boxes lie inside.
+        let boxes = has_boxes.then(|| unsafe { start.byte_add(offset_of!(BoxedCells, boxes)).cast() });
+        Ok(Self { cells, boxes, keep: Keep::Shared(Arc::new(memory)) })
     }
 
     /// The path under which another process of the same user opens this segment, as long as this process lives; `None`
@@ -100,7 +145,7 @@ impl Segment {
     #[must_use]
     pub fn path(&self) -> Option<std::path::PathBuf> {
         match &self.keep {
-            Keep::Heap(_) => None,
+            Keep::Heap(_) | Keep::Boxed(_) => None,
             Keep::Shared(memory) => Some(memory.path()),
         }
     }
@@ -109,16 +154,21 @@ impl Segment {
     #[must_use]
     pub fn descriptor(&self) -> Option<std::os::fd::BorrowedFd<'_>> {
         match &self.keep {
-            Keep::Heap(_) => None,
+            Keep::Heap(_) | Keep::Boxed(_) => None,
             Keep::Shared(memory) => Some(memory.descriptor()),
         }
     }
 
     /// Fills the segment with noise, word by word: what a driver gone mad may do. For tests of those who live with it.
     pub fn scribble(&self, mut noise: impl FnMut(usize) -> u64) {
-        for (index, cell) in as_words(self.cells()).iter().enumerate() {
+        for (index, cell) in self.words().enumerate() {
             cell.store(noise(index * 8), Ordering::Relaxed);
         }
+    }
+
+    /// All words, in the order of the memory map.
+    pub(crate) fn words(&self) -> impl Iterator<Item = &crate::sync::AtomicU64> {
+        as_words(self.cells()).iter().chain(self.boxes().into_iter().flat_map(box_words))
     }
 
     /// Reads one word by its offset in the memory map, as a foreign driver would; `None` outside or off a word's
@@ -136,14 +186,14 @@ impl Segment {
     /// One word by its offset in the memory map, for tools that spin on it; `None` outside or off a word's boundary.
     #[must_use]
     pub fn word(&self, offset: usize) -> Option<&crate::sync::AtomicU64> {
-        offset.is_multiple_of(8).then(|| as_words(self.cells()).get(offset / 8)).flatten()
+        offset.is_multiple_of(8).then(|| self.words().nth(offset / 8)).flatten()
     }
 }
 
 impl fmt::Debug for Segment {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kind = match self.keep {
-            Keep::Heap(_) => "heap",
+            Keep::Heap(_) | Keep::Boxed(_) => "heap",
             #[cfg(not(loom))]
             Keep::Shared(_) => "shared",
         };

@@ -40,6 +40,12 @@ fn pass(number: u64, cpu: &mut CpuSide, cp: &mut CpSide, image: &mut IoImage) {
     cpu.write_params(&[number as u8; 16], &[b' '; 4096]).unwrap();
     cpu.write_record(1, &[1; 240]).unwrap();
     cpu.write_channel(Channel::Send, &[number as u8; 64]);
+    cpu.write_box(63, &[number as u8; 512]);
+    let mut content = [0; 512];
+    let _ = cp.read_box(63, &mut content);
+    assert_eq!(content, [number as u8; 512]);
+    cp.write_box(0, &content);
+    let _ = cpu.read_box(0, &mut content);
     cpu.set_cpu_state(CpuState::Run);
     let _ = cp.read_outputs(&mut registers);
     assert_eq!(registers, [number as u8; 60]);
@@ -73,7 +79,7 @@ fn pass(number: u64, cpu: &mut CpuSide, cp: &mut CpSide, image: &mut IoImage) {
 
 #[test]
 fn both_ends_and_the_image_allocate_nothing_at_work() {
-    let segment = Segment::create_shared().unwrap();
+    let segment = Segment::create_shared_with_boxes().unwrap();
     let mut cpu = CpuSide::create(&segment, 60).unwrap();
     let mut cp = CpSide::attach(&segment).unwrap();
     let mut image = IoImage::create_shared().unwrap();

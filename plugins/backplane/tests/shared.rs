@@ -39,10 +39,28 @@ fn both_ends_meet_in_a_shared_segment() {
 }
 
 #[test]
+fn boxes_are_there_when_the_file_has_room_for_them() {
+    let made = Segment::create_shared_with_boxes().unwrap();
+    let mut cpu = CpuSide::create(&made, 8).unwrap();
+    let opened = Segment::open(&made.path().unwrap()).unwrap();
+    let mut cp = CpSide::attach(&opened).unwrap();
+    let last = layout::BOXES - 1;
+    cpu.write_box(last, &[5; layout::BOX_BYTES]);
+    let mut content = [0; layout::BOX_BYTES];
+    assert_eq!((cp.has_boxes(), cp.read_box(last, &mut content)), (true, Freshness::Fresh));
+    assert_eq!(content, [5; layout::BOX_BYTES]);
+    let plain = Segment::create_shared().unwrap();
+    let _cpu = CpuSide::create(&plain, 8).unwrap();
+    let opened = Segment::open(&plain.path().unwrap()).unwrap();
+    assert!(!CpSide::attach(&opened).unwrap().has_boxes());
+}
+
+#[test]
 fn nobody_can_change_the_size_of_a_segment() {
     let segment = Segment::create_shared().unwrap();
+    let boxed = Segment::create_shared_with_boxes().unwrap();
     let image = IoImage::create_shared().unwrap();
-    for path in [segment.path().unwrap(), image.path().unwrap()] {
+    for path in [segment.path().unwrap(), boxed.path().unwrap(), image.path().unwrap()] {
         let file = File::options().read(true).write(true).open(path).unwrap();
         let size = file.metadata().unwrap().len();
         for len in [0, 1, size - 1, size + 1, 1 << 20] {
@@ -53,7 +71,8 @@ fn nobody_can_change_the_size_of_a_segment() {
         assert!(fcntl_add_seals(&file, SealFlags::WRITE).is_err(), "nor lock us out");
         assert_eq!(file.metadata().unwrap().len(), size);
     }
-    assert_eq!(segment_size(&segment), layout::SEGMENT_BYTES as u64);
+    assert_eq!(segment_size(&segment), 12_288, "what a CP without boxes has, and costs");
+    assert_eq!(segment_size(&boxed), layout::SEGMENT_BYTES_BOXES as u64);
 }
 
 fn segment_size(segment: &Segment) -> u64 {
@@ -92,7 +111,8 @@ fn a_file_that_could_be_cut_under_our_feet_is_refused() {
 fn a_file_of_another_size_is_refused() {
     let seals = SealFlags::GROW | SealFlags::SHRINK;
     let size = layout::SEGMENT_BYTES as u64;
-    for len in [0, 1, size - 1, size + 1, size * 2] {
+    let boxed = layout::SEGMENT_BYTES_BOXES as u64;
+    for len in [0, 1, size - 1, size + 1, size * 2, boxed - 1, boxed + 1] {
         let (_file, path) = foreign(len, seals);
         let refused = Segment::open(&path).err();
         let named = matches!(refused, Some(SegmentError::Size { found, expected }) if (found, expected) == (len, size));

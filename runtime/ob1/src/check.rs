@@ -234,7 +234,8 @@ fn check_program(station: &Station) -> Result<(Loaded, Cpu), Vec<Finding>> {
 /// A module over memory of this process, without a driver.
 pub(crate) fn dummy(io: &ProcessIo, station: &str, config: &ModuleConfig) -> Option<Box<dyn Module>> {
     let Some(settings) = assembly::cp_settings(station, config, None) else { return io.module(config, false) };
-    let segment = ob1_backplane::Segment::heap();
+    let make = if settings.boxes { ob1_backplane::Segment::heap_with_boxes } else { ob1_backplane::Segment::heap };
+    let segment = make();
     let side = ob1_backplane::CpuSide::create(&segment, usize::from(config.input_bytes())).ok()?;
     let link = Box::new(ob1_host::module::AlwaysThere);
     Some(Box::new(ob1_host::module::CpModule::new(side, link, settings).ok()?))

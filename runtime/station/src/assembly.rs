@@ -323,7 +323,8 @@ impl Building<'_> {
         view: &mut ModuleView,
     ) -> Result<Box<dyn Module>, AssemblyError> {
         let system = |error: &dyn std::fmt::Display| AssemblyError::System(format!("module {}: {error}", config.name));
-        let segment = Segment::create_shared().map_err(|e| system(&e))?;
+        let made = if settings.boxes { Segment::create_shared_with_boxes() } else { Segment::create_shared() };
+        let segment = made.map_err(|e| system(&e))?;
         let mut side = CpuSide::create(&segment, usize::from(config.input_bytes())).map_err(|e| system(&e))?;
         // Before the driver looks: it would report that it has none.
         side.write_params(&settings.parameters, &settings.json).map_err(|e| system(&e))?;

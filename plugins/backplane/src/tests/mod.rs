@@ -3,6 +3,7 @@
 // Two ends only meet in earnest on two threads. The product code of this crate starts none.
 #![allow(clippy::disallowed_methods)]
 
+mod boxes;
 mod buffer;
 mod channel;
 mod doorbell;
@@ -54,7 +55,9 @@ fn the_memory_map_has_no_overlap_and_no_odd_corner() {
         assert!(field.offset.is_multiple_of(8) && field.size.is_multiple_of(8), "{}", field.name);
         end = field.offset + field.size;
     }
-    assert!(end <= crate::layout::SEGMENT_BYTES);
+    assert!(end <= crate::layout::SEGMENT_BYTES_BOXES);
+    let before = crate::layout::FIELDS.iter().rfind(|field| !field.name.starts_with("boxes."));
+    assert!(before.is_some_and(|field| field.offset + field.size <= crate::layout::SEGMENT_BYTES));
     // What one side writes often shares no pair of cache lines with what the other side writes often.
     let line = |name: &str| at(name) / 128;
     assert_ne!(line("outputs.sequence"), line("inputs.sequence"));
