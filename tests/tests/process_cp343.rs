@@ -38,6 +38,8 @@ fn until_more(a: &Running, what: &str, from: [i64; 4], count: i64) -> [i64; 4] {
 fn everything_flows_and_survives_the_death_of_a_cp() {
     let site = Site::new();
     let (a, b) = stations(&site);
+    let segment = std::fs::metadata(a.rundir.join("cp.segment")).expect("there").len();
+    assert_eq!(segment, ob1_backplane::layout::SEGMENT_BYTES_BOXES as u64);
     let flowed = until_more(&a, "all four services work", [0; 4], 20);
     assert_eq!(a.cells(&["MW 34", "DB10.DBD 12"]), [2, 0], "C_STATUS, and numbers that were wrong");
     let received = b.cell("DB10.DBD 0");

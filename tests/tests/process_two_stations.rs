@@ -10,7 +10,7 @@ use common::ledger::{self, Ledger};
 use common::processes::Memory;
 use common::site::{Site, demo_station, replaced};
 use common::station::Running;
-use ob1_backplane::IoField;
+use ob1_backplane::{IoField, layout};
 use serde_json::{Value, json};
 
 /// Where the lamps of [`with_lamps`] are: behind the CP's 16 bytes.
@@ -67,6 +67,8 @@ fn telegrams_flow_and_nothing_is_left_behind() {
     let memories = [a.rundir.join("cp.segment"), a.rundir.join("io"), b.rundir.join("cp.segment")];
     let memories = memories.map(|link| Memory::behind(&link));
     assert!(memories.iter().all(|memory| !memory.holders().is_empty()));
+    let segment = fs::metadata(a.rundir.join("cp.segment")).expect("there").len();
+    assert_eq!(segment, layout::SEGMENT_BYTES as u64, "a CP without boxes has no memory for them");
     assert!(fs::symlink_metadata(site.path("null-modem.pty")).is_ok());
     let rundirs = [a.rundir.clone(), b.rundir.clone()];
     for ended in [a.interrupt(), b.interrupt()] {
