@@ -36,8 +36,8 @@ impl BoxEnd {
     }
 
     /// Zeros in the head of every box of this end, whatever a predecessor has left: without a head there is no job, and
-    /// nobody looks at the data. The scan does this for a new driver: 64 times four words, about a microsecond from cold
-    /// caches.
+    /// nobody looks at the data. The scan does this for a new driver: 64 times four words, about a microsecond out of
+    /// cold caches.
     pub(crate) fn clear(&self, cells: Option<&BoxesCells>) {
         for cell in cells.iter().flat_map(|cells| &self.mine(cells).0) {
             cell.content.write(core::iter::repeat_n(0, HEAD_BYTES / 8));

@@ -110,8 +110,8 @@ impl Segment {
         Self::from_shared(SharedMemory::create(c"ob1-backplane", SEGMENT_BYTES_BOXES)?)
     }
 
-    /// Opens a shared segment that another process has made, through a path like `/proc/PID/fd/N`; its size says whether
-    /// it has boxes.
+    /// Opens a shared segment that another process has made, through a path like `/proc/PID/fd/N`; its size says
+    /// whether it has boxes.
     ///
     /// # Errors
     /// [`SegmentError::NotSealed`] or [`SegmentError::Size`] for a file that could be cut under our feet or is no
