@@ -8,7 +8,7 @@ pub mod random;
 pub mod source;
 pub mod window;
 
-pub use engines::{ENGINES, engine, on_each_engine};
+pub use engines::{ENGINES, engine, is_reference, on_each_engine};
 use ob1_cpu::{Cell, CellWidth, Clock, Command, Cpu, CpuConfig, CycleEnd, Nanos, OperatingState};
 use ob1_ir::{Arg, Call, CallMode, CodeBlock, DataBlock, DataKind, Op, Operand, Place, Program, Stmt, Target, Width};
 use ob1_model::{Area, BitAddr, BlockId, BlockKind, DataType, Interface, Layout, Param, Section};
