@@ -56,6 +56,13 @@ pub(crate) const DEBOOTSTRAP: Need =
 pub(crate) const NSPAWN: Need =
     Need { what: "systemd-nspawn", packages: &["systemd-container"], here: || on_path("systemd-nspawn") };
 
+/// The broker of the tests of MQTT.
+pub(crate) const MOSQUITTO: Need = Need {
+    what: "mosquitto, an MQTT broker",
+    packages: &["mosquitto"],
+    here: || on_path("mosquitto") || std::path::Path::new("/usr/sbin/mosquitto").is_file(),
+};
+
 /// Makes sure that all of `needs` are here.
 ///
 /// # Errors

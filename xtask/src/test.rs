@@ -38,7 +38,15 @@ struct Wish {
 pub(crate) fn run(args: &[String]) -> Outcome {
     let wish = parse(args)?;
     // What is missing is told, or installed, before anything is built.
-    needs::satisfy(&[needs::PYTHON, needs::NODE, needs::MBPOLL, needs::LIBMODBUS, needs::BROWSER, needs::PROMETHEUS])?;
+    needs::satisfy(&[
+        needs::PYTHON,
+        needs::NODE,
+        needs::MBPOLL,
+        needs::LIBMODBUS,
+        needs::BROWSER,
+        needs::PROMETHEUS,
+        needs::MOSQUITTO,
+    ])?;
     let python = python::interpreter()?;
     shell::run(cargo(&["build", "--workspace", "--all-targets"]).args(wish.profile.flags()))?;
     let folder = wish.profile.folder()?;

@@ -3,9 +3,12 @@
 //! [`crate::value`] speaks of single values of up to 32 bits, as people write them; this of whole types, as programs
 //! exchange them.
 
-use ob1_model::calendar::DAYS_TO_1990;
+use std::fmt;
+
+use ob1_model::calendar::{self, DAYS_TO_1990};
 use ob1_model::{Cell, CellWidth, DataType, GROUP_ENTRIES, Layout, Piece, Put, S5Time, WRITE_BYTES};
 use ob1_std::moment::{DAY_MS, Moment};
+use serde_json::{Value, json};
 use thiserror::Error;
 
 use crate::Typed;
@@ -40,6 +43,98 @@ pub enum Datum {
     Bytes(Vec<u8>),
     /// ARRAY of these, the last dimension fastest.
     List(Vec<Datum>),
+}
+
+impl Datum {
+    /// As JSON: durations in milliseconds, moments as `"2026-01-31T06:00:00.000"`, bytes in hexadecimal. JSON has no
+    /// infinity: those are texts.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        match self {
+            Datum::Bool(v) => json!(v),
+            Datum::Byte(v) => json!(v),
+            Datum::Word(v) => json!(v),
+            Datum::DWord(v) => json!(v),
+            Datum::Int(v) => json!(v),
+            Datum::DInt(v) => json!(v),
+            Datum::Real(v) => real(*v),
+            Datum::Duration(ms) => json!(ms),
+            Datum::Moment(ms) => json!(moment_text(*ms)),
+            Datum::Text(v) => json!(v),
+            Datum::Bytes(v) => json!(v.iter().map(|byte| format!("{byte:02X}")).collect::<String>()),
+            Datum::List(values) => Value::Array(values.iter().map(Datum::json).collect()),
+        }
+    }
+
+    /// Of JSON, as [`Datum::json`] writes it, for a place of this type. Bits may be 0 and 1.
+    ///
+    /// # Errors
+    /// [`Unfit`].
+    pub fn of_json(value: &Value, ty: &DataType) -> Result<Self, Unfit> {
+        let number = || value.as_i64().ok_or(Unfit::Type);
+        let fit = |_: std::num::TryFromIntError| Unfit::Range;
+        Ok(match ty {
+            DataType::Bool => match (value.as_bool(), value.as_i64()) {
+                (Some(bit), _) => Datum::Bool(bit),
+                (None, Some(bit @ (0 | 1))) => Datum::Bool(bit == 1),
+                _ => return Err(Unfit::Type),
+            },
+            DataType::Byte | DataType::Char => Datum::Byte(number()?.try_into().map_err(fit)?),
+            DataType::Word | DataType::Counter => Datum::Word(number()?.try_into().map_err(fit)?),
+            DataType::DWord => Datum::DWord(number()?.try_into().map_err(fit)?),
+            DataType::Int => Datum::Int(number()?.try_into().map_err(fit)?),
+            DataType::DInt => Datum::DInt(number()?.try_into().map_err(fit)?),
+            DataType::Real => match (value.as_f64(), value.as_str()) {
+                (Some(real), _) => Datum::Real(real as f32),
+                (None, Some(text)) => Datum::Real(text.parse().map_err(|_| Unfit::Type)?),
+                _ => return Err(Unfit::Type),
+            },
+            DataType::Time | DataType::S5Time | DataType::TimeOfDay => Datum::Duration(number()?),
+            DataType::Date | DataType::DateAndTime => {
+                Datum::Moment(value.as_str().and_then(moment_of).ok_or(Unfit::Type)?)
+            }
+            DataType::String(_) => Datum::Text(value.as_str().ok_or(Unfit::Type)?.to_owned()),
+            DataType::Array(_, element) => {
+                let values = value.as_array().ok_or(Unfit::Type)?;
+                Datum::List(values.iter().map(|value| Self::of_json(value, element)).collect::<Result<_, _>>()?)
+            }
+            _ => return Err(Unfit::Never),
+        })
+    }
+}
+
+/// As JSON has it.
+impl fmt::Display for Datum {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.json().fmt(f)
+    }
+}
+
+/// The shortest digits that are this number again.
+fn real(value: f32) -> Value {
+    let text = value.to_string();
+    text.parse().ok().and_then(serde_json::Number::from_f64).map_or_else(|| json!(text), Value::Number)
+}
+
+fn moment_text(ms: i64) -> String {
+    let (days, of_day) = (ms.div_euclid(DAY_MS as i64), ms.rem_euclid(DAY_MS as i64));
+    let (year, month, day) = calendar::date_of(u32::try_from(days).unwrap_or(0));
+    let (hour, minute, second) = (of_day / 3_600_000, of_day / 60_000 % 60, of_day / 1000 % 60);
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{:03}", of_day % 1000)
+}
+
+/// `2026-01-31`, or that with `T06:00:00` and a fraction behind it.
+fn moment_of(text: &str) -> Option<i64> {
+    let (date, time) = text.split_once('T').unwrap_or((text, "00:00:00"));
+    let mut date = date.splitn(3, '-').map(str::parse::<u32>);
+    let days = calendar::days_of(date.next()?.ok()?, date.next()?.ok()?, date.next()?.ok()?)?;
+    let (clock, fraction) = time.split_once('.').unwrap_or((time, "0"));
+    let mut clock = clock.splitn(3, ':').map(str::parse::<i64>);
+    let (hour, minute, second) = (clock.next()?.ok()?, clock.next()?.ok()?, clock.next()?.ok()?);
+    let digits = fraction.bytes().all(|digit| digit.is_ascii_digit());
+    let legal = (0..24).contains(&hour) && (0..60).contains(&minute) && (0..60).contains(&second) && digits;
+    let ms: i64 = format!("{fraction:0<3}").get(..3)?.parse().ok()?;
+    legal.then_some(i64::from(days) * DAY_MS as i64 + ((hour * 60 + minute) * 60 + second) * 1000 + ms)
 }
 
 /// Why a value cannot be written.
@@ -289,6 +384,39 @@ mod tests {
         let when = typed(DataType::DateAndTime);
         let [Put::Bytes(_, bytes)] = &when.puts(&Datum::Moment(moment)).expect("fits")[..] else { panic!("one entry") };
         assert_eq!((bytes[0], when.value(bytes)), (0x25, Some(Datum::Moment(moment))));
+    }
+
+    #[test]
+    fn values_are_json_and_back() {
+        let moment = MS_TO_1990 + 86_400_123;
+        for (ty, value, text) in [
+            (DataType::Bool, Datum::Bool(true), "true"),
+            (DataType::Int, Datum::Int(-7), "-7"),
+            (DataType::DWord, Datum::DWord(u32::MAX), "4294967295"),
+            (DataType::Real, Datum::Real(0.1), "0.1"),
+            (DataType::Real, Datum::Real(f32::NEG_INFINITY), "\"-inf\""),
+            (DataType::Time, Datum::Duration(-5), "-5"),
+            (DataType::Date, Datum::Moment(moment), "\"1990-01-02T00:00:00.123\""),
+            (DataType::String(9), Datum::Text("a\"b".into()), "\"a\\\"b\""),
+            (list(0, 1, DataType::Int), Datum::List([1, 2].map(Datum::Int).into()), "[1,2]"),
+        ] {
+            assert_eq!(value.to_string(), text);
+            assert_eq!(Datum::of_json(&serde_json::from_str(text).expect("JSON"), &ty), Ok(value));
+        }
+        for (ty, text, why) in [
+            (DataType::Int, "40000", Unfit::Range),
+            (DataType::Int, "1.5", Unfit::Type),
+            (DataType::Bool, "2", Unfit::Type),
+            (DataType::Word, "-1", Unfit::Range),
+            (DataType::Date, "\"2026-02-30\"", Unfit::Type),
+            (DataType::DateAndTime, "\"2026-01-01T24:00:00\"", Unfit::Type),
+            (DataType::DateAndTime, "\"2026-01-01T00:00:00.\u{e4}\"", Unfit::Type),
+            (DataType::Any, "\"00\"", Unfit::Never),
+            (list(0, 1, DataType::Int), "1", Unfit::Type),
+        ] {
+            assert_eq!(Datum::of_json(&serde_json::from_str(text).expect("JSON"), &ty), Err(why), "{text}");
+        }
+        assert_eq!(Datum::of_json(&json!(1), &DataType::Bool), Ok(Datum::Bool(true)));
     }
 
     #[test]

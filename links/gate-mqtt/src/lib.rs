@@ -40,7 +40,7 @@ pub async fn serve(link: Link) -> Result<(), String> {
     let (folder, bound) = (state.join("store"), settings.store);
     let opened = tokio::task::spawn_blocking(move || Store::open(&folder, bound)).await;
     let store = opened.map_err(|error| error.to_string())?.map_err(|error| format!("{}: {error}", state.display()))?;
-    let session = Session::new(station, settings, transport, &catalog.names, items, store, state)?;
+    let session = Session::new(station, settings, transport, &catalog.names, items, store, &state)?;
     match session.run().await {
         Trouble::Gone => Ok(()),
         trouble => Err(trouble.to_string()),

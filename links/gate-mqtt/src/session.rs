@@ -1,7 +1,7 @@
 //! What a link does: looks at its values, tells what has changed, and keeps it until it has arrived.
 
 use std::future::pending;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -67,10 +67,9 @@ impl Session {
         names: &Names,
         items: Items,
         store: Store,
-        state: PathBuf,
+        state: &Path,
     ) -> Result<Self, String> {
-        let node =
-            settings.sparkplug.as_ref().map(|group| Node::open(group, &station.welcome().station, Path::new(&state)));
+        let node = settings.sparkplug.as_ref().map(|group| Node::open(group, &station.welcome().station, state));
         let address = format!("{}:{}", settings.host, settings.port);
         let commands = match settings.commands.as_slice() {
             [] => None,
@@ -194,9 +193,10 @@ impl Session {
         // A broker that has lost what it retained gets it again, behind all that waits.
         if self.settings.retain {
             let now = unix_now();
-            let all: Vec<Record> =
-                self.items.list.iter().map(|item| topics::record(item, item.value().as_ref(), now, 0)).collect();
-            all.into_iter().for_each(|record| self.keep(record));
+            for index in 0..self.items.list.len() {
+                let value = self.items.list[index].value();
+                self.told(index, value.as_ref(), now, self.scan);
+            }
         }
     }
 

@@ -540,7 +540,9 @@ impl Manager {
             let typed: Vec<&Typed> = places.iter().map(|(_, typed, _)| typed).collect();
             let values = self.values(&typed).await;
             for ((index, _, range), mut value) in places.into_iter().zip(values) {
-                if let Some(whole) = value.value.take().filter(|_| range.has_range()) {
+                if range.has_range()
+                    && let Some(whole) = value.value.take()
+                {
                     value = whole.range_of(&range).map_or_else(bad, |part| DataValue { value: Some(part), ..value });
                 }
                 results.push((index, value));

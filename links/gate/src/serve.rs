@@ -22,8 +22,12 @@ type Served = Pin<Box<dyn Future<Output = Result<(), String>>>>;
 type Serve = fn(Link) -> Served;
 
 /// Who serves which type of link.
-const PROTOCOLS: &[(&str, Serve)] =
-    &[("web", |link| Box::pin(web::serve(link))), ("metrics", |link| Box::pin(metrics::serve(link)))];
+const PROTOCOLS: &[(&str, Serve)] = &[
+    ("web", |link| Box::pin(web::serve(link))),
+    ("metrics", |link| Box::pin(metrics::serve(link))),
+    ("opcua", |link| Box::pin(ob1_gate_opcua::serve(link))),
+    ("mqtt", |link| Box::pin(ob1_gate_mqtt::serve(link))),
+];
 
 /// Serves all links until a door closes.
 pub(crate) fn run(links: Vec<Ready>) -> Result<(), String> {

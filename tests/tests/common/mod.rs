@@ -9,6 +9,7 @@
 pub(crate) mod browser;
 pub(crate) mod cp341;
 pub(crate) mod diagnosis;
+pub(crate) mod fleet;
 pub(crate) mod gate;
 pub(crate) mod kills;
 pub(crate) mod ledger;

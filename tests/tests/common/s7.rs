@@ -84,14 +84,16 @@ impl Client {
         client
     }
 
-    fn of(command: &mut Command) -> Self {
+    /// Of any command that answers line by line.
+    pub(crate) fn of(command: &mut Command) -> Self {
         let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the client starts");
         let requests = child.stdin.take();
         let answers = BufReader::new(child.stdout.take().expect("a pipe"));
         Self { child, requests, answers }
     }
 
-    fn answer(&mut self) -> Value {
+    /// The next line it says.
+    pub(crate) fn answer(&mut self) -> Value {
         let mut line = String::new();
         self.answers.read_line(&mut line).expect("a line");
         serde_json::from_str(&line).unwrap_or_else(|why| json!({ "ok": false, "error": format!("{why}: {line:?}") }))

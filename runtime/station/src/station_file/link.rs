@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use ob1_access::{Allowed, Right};
 use serde_json::{Map, Value, json};
 
-use super::check::{choice, name, number};
+use super::check::{choice, name, number, time};
 use super::findings::{CONTRADICTION, Findings, MISSING, TWICE, UNPROTECTED, VALUE};
 use super::tables::{LinkTable, Placed};
 use super::types::{LinkKind, StationLink};
@@ -20,15 +20,22 @@ const KINDS: [(&str, LinkKind); 5] = [("s7", S7), ("web", Web), ("metrics", Metr
 /// Kinds that others connect to.
 const SERVERS: &[LinkKind] = &[LinkKind::S7, Web, Metrics, OpcUa];
 /// Kinds with users.
-const WITH_USERS: &[LinkKind] = &[Web, Metrics, OpcUa, Mqtt];
+const WITH_USERS: &[LinkKind] = &[Web, Metrics, OpcUa];
+/// Kinds that write down who did what.
+const WITH_AUDIT: &[LinkKind] = &[Web, Metrics, OpcUa, Mqtt];
 /// Kinds whose connections TLS protects; OPC UA brings its own.
 const WITH_TLS: &[LinkKind] = &[Web, Metrics];
+/// Kinds with a certificate in a file: a server's, or a client's own.
+const WITH_CERTIFICATE: &[LinkKind] = &[Web, Metrics, Mqtt];
 /// Characters of a password: what S7 communication carries.
 const PASSWORD: usize = 8;
 
 /// A key that the process of a link reads itself.
 enum Key<'t> {
     Number(&'t Option<Placed<i64>>, RangeInclusive<i64>),
+    Flag(&'t Option<Placed<bool>>),
+    /// A time, of which its process gets the milliseconds.
+    Time(&'t Option<Placed<String>>, RangeInclusive<i64>),
     Text(&'t Option<Placed<String>>),
     Texts(&'t Option<Placed<Vec<String>>>),
     /// A file; its process gets the whole path.
@@ -47,12 +54,26 @@ fn keys(table: &LinkTable) -> Vec<(&'static str, &'static [LinkKind], Key<'_>)> 
         ("idle", &[S7], Key::Number(&table.idle, 0..=86_400)),
         ("password_rights", &[S7], Key::Text(&table.password_rights)),
         ("users", WITH_USERS, Key::Secret(&table.users)),
-        ("certificate", WITH_TLS, Key::Path(&table.certificate)),
-        ("key", WITH_TLS, Key::Secret(&table.key)),
-        ("audit", WITH_USERS, Key::Path(&table.audit)),
+        ("certificate", WITH_CERTIFICATE, Key::Path(&table.certificate)),
+        ("key", WITH_CERTIFICATE, Key::Secret(&table.key)),
+        ("audit", WITH_AUDIT, Key::Path(&table.audit)),
         ("hosts", &[Web, Metrics], Key::Texts(&table.hosts)),
         ("reports", &[Web], Key::Path(&table.reports)),
+        ("anonymous", &[OpcUa], Key::Flag(&table.anonymous)),
+        ("trust", &[OpcUa], Key::Text(&table.trust)),
+        ("items", &[OpcUa], Key::Number(&table.items, 1..=100_000)),
         ("broker", &[Mqtt], Key::Text(&table.broker)),
+        ("client", &[Mqtt], Key::Text(&table.client)),
+        ("prefix", &[Mqtt], Key::Text(&table.prefix)),
+        ("publish", &[Mqtt], Key::Texts(&table.publish)),
+        ("every", &[Mqtt], Key::Time(&table.every, 50..=3_600_000)),
+        ("retain", &[Mqtt], Key::Flag(&table.retain)),
+        ("sparkplug", &[Mqtt], Key::Text(&table.sparkplug)),
+        ("commands", &[Mqtt], Key::Texts(&table.commands)),
+        ("store", &[Mqtt], Key::Number(&table.store, 256 << 10..=16 << 30)),
+        ("ca", &[Mqtt], Key::Path(&table.ca)),
+        ("user", &[Mqtt], Key::Text(&table.user)),
+        ("password_file", &[Mqtt], Key::Secret(&table.password_file)),
     ]
 }
 
@@ -88,8 +109,15 @@ fn link(f: &mut Findings<'_>, table: &LinkTable, station: &str, folder: &Path) -
     let (mut config, secrets) = own_keys(f, table, kind, folder);
     let listen = listening(f, table, kind);
     protected(f, table, kind, rights, listen);
+    brokered(f, table, kind, rights);
     if kind.shares_its_process() {
         config.insert("type".into(), json!(table.kind.get_ref()));
+        // The broker holds them; the process shows nothing else.
+        for (key, list) in [("areas", &table.areas), ("blocks", &table.blocks)] {
+            if let Some(list) = list {
+                config.insert(key.into(), json!(list.get_ref()));
+            }
+        }
         // Whoever may do more than read leaves a trace.
         let audit = absolute(folder, &format!("{station}.audit"));
         config.entry("audit").or_insert_with(|| json!(audit));
@@ -145,6 +173,8 @@ fn own_keys(
     for (key, kinds, value) in keys(table) {
         let (span, value) = match value {
             Key::Number(Some(value), range) => (value.span(), json!(number::<i64>(f, key, Some(value), range, 0))),
+            Key::Flag(Some(flag)) => (flag.span(), json!(flag.get_ref())),
+            Key::Time(Some(text), range) => (text.span(), json!(milliseconds(f, key, text, &range))),
             Key::Text(Some(text)) => (text.span(), json!(text.get_ref())),
             Key::Texts(Some(texts)) => (texts.span(), json!(texts.get_ref())),
             Key::Path(Some(path)) => (path.span(), json!(absolute(folder, path.get_ref()))),
@@ -153,7 +183,8 @@ fn own_keys(
                 secrets.push(whole.clone());
                 (path.span(), json!(whole))
             }
-            Key::Number(None, _) | Key::Text(None) | Key::Texts(None) | Key::Path(None) | Key::Secret(None) => continue,
+            Key::Number(None, _) | Key::Time(None, _) | Key::Flag(None) | Key::Text(None) => continue,
+            Key::Texts(None) | Key::Path(None) | Key::Secret(None) => continue,
         };
         if kinds.contains(&kind) {
             config.insert(key.to_owned(), value);
@@ -163,6 +194,16 @@ fn own_keys(
         }
     }
     (config, secrets)
+}
+
+fn milliseconds(f: &mut Findings<'_>, key: &str, text: &Placed<String>, range: &RangeInclusive<i64>) -> i64 {
+    let time = (time(f, Some(text), 0) / 1_000_000) as i64;
+    // What is no time has been told.
+    if time != 0 && !range.contains(&time) {
+        let message = format!("`{key}` is {}; it can be {}ms to {}ms", text.get_ref(), range.start(), range.end());
+        f.error(VALUE, text.span(), message, "a time within that range: \"500ms\"");
+    }
+    time
 }
 
 fn absolute(folder: &Path, path: &str) -> PathBuf {
@@ -198,7 +239,7 @@ fn protected(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Ri
     }
     let wants_users = "users = \"press.users\", made by `ob1-gate user add press.users NAME --rights write`";
     // On this machine too: any local user reaches it, and so does a page of a browser through a name that changes.
-    if let (true, None, Some(at)) = (rights > Right::Read && kind != Mqtt, &table.users, &table.rights) {
+    if let (true, None, Some(at)) = (rights > Right::Read, &table.users, &table.rights) {
         let message = format!("rights = \"{}\" for everybody who reaches it", at.get_ref());
         f.error(UNPROTECTED, at.span(), message, wants_users);
     }
@@ -216,6 +257,42 @@ fn protected(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Ri
         let remedy =
             "certificate = \"press.crt\" and key = \"press.key\", or listen on 127.0.0.1 behind a proxy with TLS";
         f.error(UNPROTECTED, at.span(), message, remedy);
+    }
+}
+
+/// What goes to a broker on another machine is encrypted, and it knows who we are (docs/mqtt.md).
+fn brokered(f: &mut Findings<'_>, table: &LinkTable, kind: LinkKind, rights: Right) {
+    let (Mqtt, Some(broker)) = (kind, &table.broker) else { return };
+    if let (Some(commands), Right::Read) = (&table.commands, rights) {
+        let message = "commands write, and this link only reads";
+        f.error(CONTRADICTION, commands.span(), message, "rights = \"write\", or take `commands` away");
+    }
+    if let (Some(one), None) | (None, Some(one)) = (&table.user, &table.password_file) {
+        let message = "a user of a broker has a password in a file";
+        f.error(CONTRADICTION, one.span(), message, "give it both `user` and `password_file`");
+    }
+    let text = broker.get_ref();
+    let (tls, rest) = match (text.strip_prefix("mqtts://"), text.strip_prefix("mqtt://")) {
+        (Some(rest), _) => (true, rest),
+        (None, Some(rest)) => (false, rest),
+        (None, None) => {
+            let message = format!("\"{text}\" is no URL of a broker");
+            f.error(VALUE, broker.span(), message, "\"mqtts://broker.plant:8883\", or \"mqtt://localhost\" here");
+            return;
+        }
+    };
+    let here = ["localhost", "127.", "[::1]"].iter().any(|start| rest.starts_with(start));
+    if !tls && !here {
+        let message = "what goes to another machine would go unprotected";
+        f.error(UNPROTECTED, broker.span(), message, "mqtts://, with `ca`");
+    }
+    if tls && table.ca.is_none() {
+        let message = "nobody says who signs the broker's certificate: the key `ca` is missing";
+        f.error(MISSING, broker.span(), message, "ca = \"plant-ca.pem\"");
+    }
+    if tls && !here && table.user.is_none() && table.certificate.is_none() {
+        let message = "the broker would not know who we are";
+        f.error(UNPROTECTED, broker.span(), message, "`user` and `password_file`, or `certificate` and `key`");
     }
 }
 
@@ -315,6 +392,15 @@ mod tests {
             (format!("type = \"web\"\n{here}password = \"secret\"\n"), &["C010"]),
             (format!("type = \"web\"\n{here}slot = 2\n"), &["C010"]),
             (format!("type = \"s7\"\n{here}{users}"), &["C010"]),
+            ("type = \"mqtt\"\nbroker = \"mqtt://localhost\"\n".to_owned(), &[]),
+            ("type = \"mqtt\"\nbroker = \"mqtt://10.0.0.1\"\n".to_owned(), &["C017"]),
+            ("type = \"mqtt\"\nbroker = \"10.0.0.1\"\n".to_owned(), &["C005"]),
+            ("type = \"mqtt\"\nbroker = \"mqtts://b\"\nca = \"c\"\n".to_owned(), &["C017"]),
+            (format!("type = \"mqtt\"\nbroker = \"mqtts://b\"\nca = \"c\"\n{tls}"), &[]),
+            ("type = \"mqtt\"\nbroker = \"mqtt://[::1]\"\nuser = \"u\"\n".to_owned(), &["C010"]),
+            ("type = \"mqtt\"\nbroker = \"mqtt://[::1]\"\nevery = \"10ms\"\n".to_owned(), &["C005"]),
+            ("type = \"mqtt\"\nbroker = \"mqtt://[::1]\"\ncommands = [\"M1.0\"]\n".to_owned(), &["C010"]),
+            (format!("type = \"web\"\n{here}anonymous = true\n"), &["C010"]),
             (format!("type = \"mqtt\"\n{here}broker = \"mqtt://127.0.0.1\"\n"), &["C010"]),
             ("type = \"mqtt\"\n".to_owned(), &["C004"]),
             ("type = \"web\"\n".to_owned(), &["C004"]),

@@ -76,6 +76,20 @@ pub(super) struct LinkTable {
     pub(super) audit: Option<Placed<String>>,
     pub(super) hosts: Option<Placed<Vec<String>>>,
     pub(super) reports: Option<Placed<String>>,
+    pub(super) anonymous: Option<Placed<bool>>,
+    pub(super) trust: Option<Placed<String>>,
+    pub(super) items: Option<Placed<i64>>,
+    pub(super) client: Option<Placed<String>>,
+    pub(super) prefix: Option<Placed<String>>,
+    pub(super) publish: Option<Placed<Vec<String>>>,
+    pub(super) every: Option<Placed<String>>,
+    pub(super) retain: Option<Placed<bool>>,
+    pub(super) sparkplug: Option<Placed<String>>,
+    pub(super) commands: Option<Placed<Vec<String>>>,
+    pub(super) store: Option<Placed<i64>>,
+    pub(super) ca: Option<Placed<String>>,
+    pub(super) user: Option<Placed<String>>,
+    pub(super) password_file: Option<Placed<String>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -13,7 +13,7 @@ does what standard input says, one JSON object a line; each answer is one line: 
     attributes id                      class, data_type, rank, dimensions, description, writable
     call       id
     watch      ids, every              one subscription of these items
-    flood      ids, count              accepted: how many of so many items are taken
+    flood      ids, count              accepted: how many of so many items are taken; refused: why no more
     changes    count                   the next values that come, [[id, value], ...]
     events                             a subscription to the events of the server
     event                              message, severity: of the next event
@@ -129,9 +129,12 @@ class Peer:
         accepted = 0
         for first in range(0, ask["count"], 1000):
             nodes = [self.node(ask["ids"][i % len(ask["ids"])]) for i in range(first, min(first + 1000, ask["count"]))]
-            handles = await subscription.subscribe_data_change(nodes)
+            try:
+                handles = await subscription.subscribe_data_change(nodes)
+            except Exception as error:  # the whole call is refused
+                return {"accepted": accepted, "refused": told(error)}
             accepted += sum(isinstance(handle, int) for handle in handles)
-        return {"accepted": accepted}
+        return {"accepted": accepted, "refused": None}
 
     async def changes(self, ask):
         return {"changes": [await self.handler.changes.get() for _ in range(ask["count"])]}

@@ -104,7 +104,7 @@ impl<'s> Broker<'s> {
         std::fs::create_dir_all(site.path("broker")).expect("a folder");
         let file = format!(
             "listener {port} 127.0.0.1\nallow_anonymous true\npersistence true\npersistence_location {}/\n\
-             autosave_interval 1\nautosave_on_changes true\nmax_queued_messages 0\nuser root\n",
+             autosave_interval 1\nautosave_on_changes true\nmax_queued_messages 0\nqueue_qos0_messages true\nuser root\n",
             site.path("broker").display()
         );
         site.write("mosquitto.conf", &file);
