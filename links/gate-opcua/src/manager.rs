@@ -140,7 +140,7 @@ impl Manager {
     fn browse_one(&self, space: &Space<'_>, type_tree: &DefaultTypeTree, browse: &mut BrowseNode) {
         let waiting = match browse.take_continuation_point::<Rest>() {
             Some(rest) => rest.0,
-            None if *browse.node_id() == NodeId::from(ObjectId::ObjectsFolder) => {
+            None if *browse.node_id() == ObjectId::ObjectsFolder => {
                 vec![self.metadata(space, ROOT, &Node::Root).into_ref_desc(true, ReferenceTypeId::Organizes)]
             }
             None => {
