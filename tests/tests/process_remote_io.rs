@@ -3,20 +3,18 @@
 
 mod common;
 
-use std::io::{BufRead as _, BufReader, Write as _};
-use std::process::{Child, ChildStdin, ChildStdout, Stdio};
+use std::time::{Duration, Instant};
 
 use common::site::Site;
 use common::station::Running;
+use common::steps::Steps;
 use common::{Guard, checkout, python};
 use rustix::process::Signal;
-use serde_json::{Value, json};
+use serde_json::json;
 
 /// The coupler at work.
 struct Coupler {
-    child: Child,
-    steps: ChildStdin,
-    answers: BufReader<ChildStdout>,
+    steps: Steps,
     port: u16,
 }
 
@@ -24,26 +22,18 @@ impl Coupler {
     fn start(site: &Site, port: u16) -> Self {
         let mut command = site.command(python());
         command.arg(checkout("tests/peers/coupler.py")).args(["--port", &port.to_string()]);
-        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the interpreter starts");
-        let steps = child.stdin.take().expect("piped");
-        let mut answers = BufReader::new(child.stdout.take().expect("piped"));
-        let port = line(&mut answers)["port"].as_u64().expect("a port") as u16;
-        Self { child, steps, answers, port }
-    }
-
-    fn ask(&mut self, step: &Value) -> Value {
-        writeln!(self.steps, "{step}").expect("a coupler that reads its steps");
-        line(&mut self.answers)
+        let (steps, first) = Steps::start(&mut command);
+        Self { steps, port: first["port"].as_u64().expect("a port") as u16 }
     }
 
     /// Sets an input register.
     fn sense(&mut self, at: u16, value: u16) {
-        self.ask(&json!({ "set": [4, at, [value]] }));
+        self.steps.ask(&json!({ "set": [4, at, [value]] }));
     }
 
     /// A holding register: what the station drives.
     fn driven(&mut self, at: u16) -> i64 {
-        self.ask(&json!({ "get": [3, at, 1] }))["values"][0].as_i64().expect("a number")
+        self.steps.ask(&json!({ "get": [3, at, 1] }))["values"][0].as_i64().expect("a number")
     }
 
     fn until_driven(&mut self, at: u16, value: i64) {
@@ -52,23 +42,31 @@ impl Coupler {
             assert!(!guard.is_over(), "holding register {at} is not {value} but {}", self.driven(at));
         }
     }
-
-    fn kill(mut self) {
-        self.child.kill().expect("it runs");
-        self.child.wait().expect("ours");
-    }
 }
 
-impl Drop for Coupler {
-    fn drop(&mut self) {
-        let _ = (self.child.kill(), self.child.wait());
-    }
+/// A station and its coupler, whose outputs follow its inputs.
+struct Plant {
+    station: Running,
+    coupler: Coupler,
+    site: Site,
 }
 
-fn line(answers: &mut BufReader<ChildStdout>) -> Value {
-    let mut text = String::new();
-    answers.read_line(&mut text).expect("the coupler's output");
-    serde_json::from_str(&text).unwrap_or_else(|why| panic!("{why}: {text:?}"))
+impl Plant {
+    /// With what the coupler senses at first.
+    fn at_work(program: &str, sensed: u16) -> Self {
+        let site = Site::new();
+        let coupler = Coupler::start(&site, 0);
+        let station = station(&site, coupler.port, program);
+        let mut plant = Self { station, coupler, site };
+        plant.follows(sensed);
+        plant
+    }
+
+    /// The coupler senses this, and is driven with one more.
+    fn follows(&mut self, sensed: u16) {
+        self.coupler.sense(0, sensed);
+        self.coupler.until_driven(100, i64::from(sensed) + 1);
+    }
 }
 
 const OB1: &str = "ORGANIZATION_BLOCK OB 1\nBEGIN\n  L EW 0;\n  L 1;\n  +I;\n  T AW 0;\nEND_ORGANIZATION_BLOCK\n";
@@ -108,17 +106,14 @@ lost_after = "2s"
 
 #[test]
 fn what_the_coupler_senses_goes_through_ob_1_and_back_and_stop_switches_it_off() {
-    let site = Site::new();
-    let mut coupler = Coupler::start(&site, 0);
-    let station = station(&site, coupler.port, &[OB1, OB86].concat());
-    for value in [41, 7, 30_000] {
-        coupler.sense(0, value);
-        coupler.until_driven(100, i64::from(value) + 1);
-    }
-    site.ob1(&["ctl", "line.toml", "stop"]).fine();
-    coupler.until_driven(100, 0);
-    site.ob1(&["ctl", "line.toml", "run"]).fine();
-    coupler.until_driven(100, 30_001);
+    let mut plant = Plant::at_work(&[OB1, OB86].concat(), 41);
+    plant.follows(7);
+    plant.follows(30_000);
+    plant.site.ob1(&["ctl", "line.toml", "stop"]).fine();
+    plant.coupler.until_driven(100, 0);
+    plant.site.ob1(&["ctl", "line.toml", "run"]).fine();
+    plant.coupler.until_driven(100, 30_001);
+    let Plant { station, mut coupler, site: _site } = plant;
     assert_eq!(station.cell("MW10"), 0, "nobody was lost: {:#?}", station.diagnostics());
     assert_eq!(station.interrupt().code(), Some(0));
     assert_eq!(coupler.driven(100), 0, "the process of the bus has switched off before it ended");
@@ -126,62 +121,52 @@ fn what_the_coupler_senses_goes_through_ob_1_and_back_and_stop_switches_it_off()
 
 #[test]
 fn a_coupler_that_is_gone_is_lost_once_and_comes_back_by_itself() {
-    let site = Site::new();
-    let mut coupler = Coupler::start(&site, 0);
-    let station = station(&site, coupler.port, &[OB1, OB86].concat());
-    coupler.sense(0, 41);
-    coupler.until_driven(100, 42);
-    let port = coupler.port;
-    coupler.kill();
-    station.until("OB 86 for the loss", |s| (s.cell("MW12") == 0x39C4).then_some(()));
-    assert_eq!(station.cells(&["MW10", "EW0"]), [1, 1000], "once, and the substitute");
-    let mut coupler = Coupler::start(&site, port);
-    coupler.sense(0, 5);
-    station.until("OB 86 for the return", |s| (s.cell("MW12") == 0x38C4).then_some(()));
-    coupler.until_driven(100, 6);
-    assert_eq!(station.cell("MW10"), 2, "{:#?}", station.diagnostics());
-    assert_eq!(station.interrupt().code(), Some(0));
+    let mut plant = Plant::at_work(&[OB1, OB86].concat(), 41);
+    plant.coupler.steps.kill();
+    plant.station.until("OB 86 for the loss", |s| (s.cell("MW12") == 0x39C4).then_some(()));
+    assert_eq!(plant.station.cells(&["MW10", "EW0"]), [1, 1000], "once, and the substitute");
+    plant.coupler = Coupler::start(&plant.site, plant.coupler.port);
+    plant.coupler.sense(0, 5);
+    plant.station.until("OB 86 for the return", |s| (s.cell("MW12") == 0x38C4).then_some(()));
+    plant.coupler.until_driven(100, 6);
+    assert_eq!(plant.station.cell("MW10"), 2, "{:#?}", plant.station.diagnostics());
+    assert_eq!(plant.station.interrupt().code(), Some(0));
 }
 
 #[test]
 fn without_ob_86_a_lost_coupler_is_stop() {
-    let site = Site::new();
-    let mut coupler = Coupler::start(&site, 0);
-    let station = station(&site, coupler.port, OB1);
-    coupler.sense(0, 41);
-    coupler.until_driven(100, 42);
-    coupler.kill();
+    let mut plant = Plant::at_work(OB1, 41);
+    plant.coupler.steps.kill();
+    let station = &plant.station;
     station.until("STOP", |s| (s.status().state == "STOP").then_some(()));
     assert_eq!((station.entries("39C4h"), station.entries("456Fh")), (1, 1), "{:#?}", station.diagnostics());
 }
 
+/// `cargo xtask siege bus`: 200 times.
 #[test]
 fn a_killed_process_of_the_bus_is_one_failure_and_is_back_at_once() {
-    let site = Site::new();
-    let mut coupler = Coupler::start(&site, 0);
-    let station = station(&site, coupler.port, &[OB1, OB86].concat());
-    coupler.sense(0, 41);
-    coupler.until_driven(100, 42);
-    for kill in 1..=5_u16 {
+    let rounds = std::env::var("OB1_SIEGE_ROUNDS").map_or(5, |text| text.parse().expect("a number"));
+    let mut plant = Plant::at_work(&[OB1, OB86].concat(), 41);
+    let mut longest = Duration::ZERO;
+    for kill in 1..=rounds {
+        let station = &plant.station;
+        let begin = Instant::now();
         station.driver_process_of("rio").signal(Signal::KILL);
-        station.until("the bus has failed", |s| (s.entries("39C3h") == usize::from(kill)).then_some(()));
-        station.until("it is back", |s| (s.entries("38C4h") == usize::from(kill)).then_some(()));
-        coupler.sense(0, 100 * kill);
-        coupler.until_driven(100, i64::from(100 * kill) + 1);
+        station.until("a failure and a return", |s| (s.cell("MW10") == 2 * kill).then_some(()));
+        longest = longest.max(begin.elapsed());
+        assert_eq!(station.cell("MW12"), 0x38C4);
+        plant.follows(100 * (kill % 100 + 1) as u16);
     }
-    let status = station.status();
+    println!("{rounds} times killed, exchange back after {longest:?} at most");
+    let status = plant.station.status();
     assert_eq!((status.state.as_str(), status.watchdogs), ("RUN", 0));
-    assert_eq!(station.cell("MW10"), 10, "{:#?}", station.diagnostics());
-    assert_eq!(station.interrupt().code(), Some(0));
+    assert_eq!(plant.station.cell("MW10"), 2 * rounds, "{:#?}", plant.station.diagnostics());
+    assert_eq!(plant.station.interrupt().code(), Some(0));
 }
 
 #[test]
 fn a_killed_runtime_leaves_no_output_on() {
-    let site = Site::new();
-    let mut coupler = Coupler::start(&site, 0);
-    let station = station(&site, coupler.port, &[OB1, OB86].concat());
-    coupler.sense(0, 41);
-    coupler.until_driven(100, 42);
+    let Plant { station, mut coupler, site: _site } = Plant::at_work(&[OB1, OB86].concat(), 41);
     station.kill();
     coupler.until_driven(100, 0);
 }
@@ -218,14 +203,11 @@ lost_after = "20s"
     let mut command = site.command(python());
     command.arg(checkout("tests/peers/modbus.py")).args(["slave", "pymodbus"]).arg(site.path("rtu.pty"));
     command.args(["--mode", "rtu", "--baud", "19200", "--address", "5"]);
-    let mut slave = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the interpreter starts");
-    let mut said = BufReader::new(slave.stdout.take().expect("piped"));
-    assert_eq!(line(&mut said)["ready"], true);
+    let (mut slave, first) = Steps::start(&mut command);
+    assert_eq!(first["ready"], true);
     station.until("the input", |s| (s.cells(&["EW0", "AW0"]) == [0x1007, 0x1008]).then_some(()));
     // What was written last has been answered long before so many scans are over.
     station.scans(400);
-    drop(slave.stdin.take());
-    assert_eq!(line(&mut said)["words"][3], 0x1008);
-    slave.wait().expect("ours");
+    assert_eq!(slave.finish()["words"][3], 0x1008);
     assert_eq!(station.interrupt().code(), Some(0));
 }

@@ -40,7 +40,7 @@ usage: cargo xtask VERB [...]
   fuzz [TARGET] [--each 10m]      the fuzz targets (all: one after the other); cargo-fuzz is installed into .tools
   faults [PROTOCOL] [--telegrams 100000]
                                   the protocol machines on bad lines, in virtual time, from seeds
-  siege [WHAT] [--rounds N]       attacks, long: kill socket segment input cut writer (all: one after the other)
+  siege [WHAT] [--rounds N]       attacks, long: kill bus socket segment input cut writer (all: one after the other)
   arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files and the conformance table
   book [--check]                  docs/ as a book: pages, links, snippets and command lines checked, then made by mdBook into target/book
   package [--check] [--debug]     a .deb and an archive of all programs and plugins, in target/dist; --check: made twice, lintian,

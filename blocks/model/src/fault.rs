@@ -295,6 +295,10 @@ impl Event {
     pub const STATION_REFUSES: Event = Event(0xF207);
     /// A station of a bus refuses nothing any more (ours).
     pub const STATION_ACCEPTS: Event = Event(0xF208);
+    /// A DP slave reports a fault of its own, of a module or of a channel (ours).
+    pub const STATION_FAULT: Event = Event(0xF209);
+    /// A DP slave reports no fault any more (ours).
+    pub const STATION_FAULT_GONE: Event = Event(0xF20A);
     /// Retentive memory cannot be written to its file (ours).
     pub const RETENTIVE_LOST: Event = Event(0xF301);
     /// Retentive memory is written again (ours).
@@ -303,7 +307,7 @@ impl Event {
     pub const ENGINES_DIFFER: Event = Event(0xF401);
 
     /// Every event with a name that is no fault.
-    pub const ALL: [Event; 38] = [
+    pub const ALL: [Event; 40] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -339,6 +343,8 @@ impl Event {
         Event::DRIVER_HELD_UP,
         Event::STATION_REFUSES,
         Event::STATION_ACCEPTS,
+        Event::STATION_FAULT,
+        Event::STATION_FAULT_GONE,
         Event::RETENTIVE_LOST,
         Event::RETENTIVE_KEPT,
         Event::ENGINES_DIFFER,
@@ -406,6 +412,8 @@ impl Event {
             0xF206 => "driver process was held up by the system",
             0xF207 => "distributed I/O, a station refuses a request",
             0xF208 => "distributed I/O, a station refuses nothing any more",
+            0xF209 => "distributed I/O, a slave reports a fault",
+            0xF20A => "distributed I/O, a slave reports no fault any more",
             0xF301 => "retentive memory cannot be written",
             0xF302 => "retentive memory is written again",
             0xF401 => "STOP, two engines do not do the same",

@@ -69,7 +69,12 @@ impl Event {
                 "Check power, address and cable of the station; the log of the bus says what became of its requests."
             }
             Event::STATION_REFUSES => {
-                "Compare its table in the station file with the station's manual: the address, the length, the function."
+                "Compare its table in the station file with the station's manual: the address, the length, the function; \
+                 for a DP slave the GSD file, the modules in its slots, their parameters."
+            }
+            Event::STATION_FAULT => {
+                "Mend the module and the channel it names (s slot, c channel, e error type); the log of the bus has it \
+                 in words, SFC 13 reads all of it."
             }
             Event::STOP_ABORTED | Event::SYNCHRONOUS_NESTING => {
                 "Mend the statement in OB 121 or OB 122 that is wrong itself; with OB 88 the program goes on without it."
@@ -193,6 +198,7 @@ mod tests {
         Event::OUTPUT_IMAGE_BACK,
         Event::STATION_BACK,
         Event::STATION_ACCEPTS,
+        Event::STATION_FAULT_GONE,
     ];
 
     #[test]

@@ -31,4 +31,5 @@ pub use any::{AnyPointer, AnyType};
 pub use context::{Context, Done, Interrupted, ModuleSize, Refused};
 pub use known::known_system_function;
 pub use row::{Origin, StandardBlock};
+pub use sfc::DP_DIAGNOSIS;
 pub use table::{standard_block, standard_blocks, system_functions};

@@ -7,7 +7,7 @@ use ob1_model::{Area, Layout, Section};
 use crate::moment::{DAY_MS, Date, Moment};
 use crate::services::{
     Alarm, AlarmError, AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError,
-    ErrorFilter, ImageError, Images, InUse, InterruptLocks, LoadError, MessageError, Messages, Meters, Placed, Rack,
+    ErrorFilter, ImageError, Images, InUse, InterruptLocks, LoadError, MessageError, Messages, Meters, NoPlace, Placed, Rack,
     RunTimeMeter, RunTimes, Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, WallClock,
 };
 use crate::{Context, Done, Interrupted, ModuleSize, Refused, StandardBlock, standard_block};
@@ -549,12 +549,20 @@ impl Rack for Station {
     fn module_with(&mut self, address: u16, output: bool) -> Option<Placed> {
         let has = |placed: &&Placed| {
             let (first, bytes) = if output { placed.outputs } else { placed.inputs };
-            (first..first + bytes).contains(&address)
+            (first..first + bytes).contains(&address) || placed.master != 0 && bytes == 0 && first == address
         };
         self.placed.iter().find(has).copied()
     }
     fn module_in(&mut self, rack: u16, slot: u16) -> Option<Placed> {
-        self.placed.iter().find(|placed| (placed.rack, placed.slot) == (rack, slot)).copied()
+        self.placed.iter().find(|placed| (placed.master, placed.rack, placed.slot) == (0, rack, slot)).copied()
+    }
+    fn module_on(&mut self, master: u16, station: u16, slot: u16) -> Result<Placed, NoPlace> {
+        let on = |placed: &&Placed| u16::from(placed.master) == master;
+        let mut there = self.placed.iter().filter(on).peekable();
+        there.peek().ok_or(NoPlace::Master)?;
+        let mut here = there.filter(|placed| placed.rack == station).peekable();
+        here.peek().ok_or(NoPlace::Station)?;
+        here.find(|placed| placed.slot == slot).copied().ok_or(NoPlace::Slot)
     }
 }
 

@@ -1,10 +1,12 @@
-//! `ob1-io`: the process of a bus. It exchanges inputs and outputs with the couplers on its lines, and ends with its
+//! `ob1-io`: the process of a bus. It exchanges inputs and outputs with the couplers or slaves on its lines, and ends with its
 //! standard input.
 
 // Everything goes through one place that neither panics nor waits for ever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+mod line;
 mod process;
+mod scan;
 mod told;
 
 use std::process::ExitCode;
@@ -27,7 +29,7 @@ Exit codes:
   0  end of file on standard input, or SIGTERM
   1  the segment or the image cannot be used
   2  wrong arguments
-  3  waiting failed (standard input is unusable)
+  3  waiting failed (standard input is unusable); --scan: the line cannot be used
 
 Environment:
   OB1_LOG    what to log on standard error: error, warn, info (default), debug (exchanges), trace (bytes)
@@ -48,6 +50,10 @@ struct Arguments {
     /// Name for the log.
     #[arg(long, default_value = "bus")]
     name: String,
+
+    /// Only say who is on a PROFIBUS: a line of JSON for each slave that answers.
+    #[arg(long)]
+    scan: bool,
 }
 
 fn parse(text: &str) -> Result<BusConfig, String> {
@@ -72,9 +78,18 @@ fn run(arguments: &Arguments, fenced: Result<Vec<(&'static str, String)>, String
             return ExitCode::from(2);
         }
     }
-    let terminate = ob1_child::signals();
     let bus = &arguments.bus;
-    let Some(size) = BusSize::new(bus.couplers().count(), bus.input_bytes, bus.output_bytes) else {
+    if arguments.scan {
+        return match scan::run(bus) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(why) => {
+                error!("{why}");
+                ExitCode::from(3)
+            }
+        };
+    }
+    let terminate = ob1_child::signals();
+    let Some(size) = BusSize::new(bus.stations().count(), bus.input_bytes, bus.output_bytes) else {
         error!("the bus has more couplers or bytes than an image carries");
         return ExitCode::from(2);
     };
@@ -85,7 +100,7 @@ fn run(arguments: &Arguments, fenced: Result<Vec<(&'static str, String)>, String
             return ExitCode::from(1);
         }
     };
-    info!(generation = segment.generation(), couplers = bus.couplers().count(), "attached");
+    info!(generation = segment.generation(), couplers = bus.stations().count(), "attached");
     let process = Process::new(bus, segment, &memory, size, terminate).and_then(|mut process| process.run());
     match process {
         Ok(()) => {

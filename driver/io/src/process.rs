@@ -6,53 +6,26 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use ob1_backplane::{BusMemory, BusProcessSide, BusSize, Counter, CpSide, DriverState};
-use ob1_coupler::config::Parity;
-use ob1_coupler::{BusConfig, Image, Input, LineConfig, LineFault, LineInput, LineMaster, MasterInput};
-use ob1_line::{LineEvent, LineSettings, LineSpec, Nanos, PollFds, RealLine, StopBits};
+use ob1_backplane::{BusMemory, BusSize, Counter, CpSide};
+use ob1_coupler::{BusConfig, Input};
+use ob1_io::Pump;
+use ob1_line::{Nanos, PollFds};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
-use tracing::{info, warn};
+use tracing::warn;
 
+use crate::line::Line;
 use crate::told::Told;
 
-/// Time between two beats; an image is published at least as often.
-const HEARTBEAT: Nanos = 50_000_000;
 /// At the end the couplers get so long to take their outputs off.
 const LAST_OUTPUTS: Nanos = 500_000_000;
-/// Events of a line in one pass: then the heart beats, and the others have their turn.
-const EVENTS: u32 = 32;
-/// Received bytes handed over at a time.
-const BUFFER: usize = 512;
-
-/// A line, and who is on it.
-struct Line {
-    spec: LineSpec,
-    settings: LineSettings,
-    real: RealLine,
-    master: LineMaster,
-    deadline: Nanos,
-    /// Whether it was up when it was last told of it.
-    up: bool,
-}
 
 /// The process.
 pub(crate) struct Process {
     start: Instant,
-    segment: CpSide,
-    side: BusProcessSide,
+    pump: Pump,
     lines: Vec<Line>,
-    image: Image,
     told: Told,
-    /// The generation of the image that was published last.
-    published: u64,
-    next_beat: Nanos,
-    /// The scan's last sign of life, and since when there was none.
-    scan: (u64, Nanos),
-    alive: bool,
-    scan_timeout: Nanos,
-    /// What the CPU has said of the outputs.
-    wanted: bool,
     terminate: Arc<AtomicBool>,
     log_lost: u64,
 }
@@ -69,21 +42,13 @@ impl Process {
         let mut first = 0;
         for line in &config.lines {
             lines.push(Line::new(line, first, config.input_bytes)?);
-            first += line.couplers.len();
+            first += line.stations().count();
         }
         Ok(Self {
             start: Instant::now(),
-            segment,
-            side: BusProcessSide::new(memory, size),
+            pump: Pump::new(config, segment, memory, size, 0),
             lines,
-            image: Image::new(config),
             told: Told::new(config),
-            published: 0,
-            next_beat: 0,
-            scan: (0, 0),
-            alive: true,
-            scan_timeout: config.scan_timeout,
-            wanted: false,
             terminate,
             log_lost: 0,
         })
@@ -95,15 +60,13 @@ impl Process {
 
     /// Until standard input closes, or SIGTERM.
     pub(crate) fn run(&mut self) -> io::Result<()> {
-        self.publish();
-        self.segment.set_state(DriverState::Ready);
         loop {
-            let seen = self.segment.changes();
+            let seen = self.pump.segment.changes();
             let more = self.pass(true);
-            let asleep = self.segment.prepare_sleep(seen);
+            let asleep = self.pump.segment.prepare_sleep(seen);
             let timeout = if more || !asleep { 0 } else { self.deadline().saturating_sub(self.now()) };
             let ready = self.wait(timeout, true)?;
-            self.segment.awake();
+            self.pump.segment.awake();
             if self.terminate.load(Ordering::Relaxed) || ready && ob1_child::doorbell_closed()? {
                 return self.end();
             }
@@ -114,59 +77,23 @@ impl Process {
     fn pass(&mut self, beats: bool) -> bool {
         let now = self.now();
         let lost = ob1_log::lost();
-        self.segment.count(Counter::LogLost, lost - std::mem::replace(&mut self.log_lost, lost));
-        let changed = beats && self.look_at_scan(now);
+        self.pump.segment.count(Counter::LogLost, lost - std::mem::replace(&mut self.log_lost, lost));
+        let changed = beats && self.pump.look_at_scan(now);
         let mut more = false;
         for line in &mut self.lines {
-            more |= line.events(now, &mut self.image);
+            more |= line.events(now, &mut self.pump.image);
             if changed || now >= line.deadline {
-                line.step(now, Input::Tick, &mut self.image);
+                line.step(now, Input::Tick, &mut self.pump.image);
             }
         }
-        self.told.look(&self.image);
-        if now >= self.next_beat {
-            self.segment.beat();
-            self.next_beat = now + HEARTBEAT;
-            self.publish();
-        } else if self.image.generation != self.published {
-            self.publish();
-        }
+        self.told.look(&self.pump.image);
+        self.pump.show(now);
         more
-    }
-
-    /// What the scan wants of the outputs, and whether it is alive; whether anything is another than before.
-    fn look_at_scan(&mut self, now: Nanos) -> bool {
-        let mut changed = false;
-        if let Some(driven) = self.side.take(&mut self.image.outputs) {
-            (self.wanted, changed) = (driven, true);
-        }
-        let beats = self.segment.cpu_heartbeat();
-        if beats != self.scan.0 {
-            self.scan = (beats, now);
-        }
-        let alive = now.saturating_sub(self.scan.1) < self.scan_timeout;
-        if self.wanted && alive != std::mem::replace(&mut self.alive, alive) {
-            if alive {
-                info!("the scan gives a sign of life again: outputs on");
-            } else {
-                warn!("the scan gives no sign of life: outputs off");
-            }
-        }
-        let driven = self.wanted && alive;
-        if driven != self.image.driven {
-            (self.image.driven, changed) = (driven, true);
-        }
-        changed
-    }
-
-    fn publish(&mut self) {
-        self.published = self.image.generation;
-        self.side.publish(self.image.status.iter().map(|status| status.to_words()), &self.image.inputs);
     }
 
     fn deadline(&self) -> Nanos {
         let line = |line: &Line| line.deadline.min(line.real.deadline().unwrap_or(Nanos::MAX));
-        self.lines.iter().map(line).fold(self.next_beat, Nanos::min)
+        self.lines.iter().map(line).fold(self.pump.deadline(), Nanos::min)
     }
 
     /// Waits; whether standard input has something to say.
@@ -204,18 +131,18 @@ impl Process {
 
     /// The outputs off, as far as the couplers can be reached.
     fn end(&mut self) -> io::Result<()> {
-        self.image.driven = false;
+        self.pump.image.driven = false;
         let until = self.now() + LAST_OUTPUTS;
         let mut changed = true;
         loop {
             let now = self.now();
             if std::mem::take(&mut changed) {
                 for line in &mut self.lines {
-                    line.step(now, Input::Tick, &mut self.image);
+                    line.step(now, Input::Tick, &mut self.pump.image);
                 }
             }
             let more = self.pass(false);
-            if self.lines.iter().all(|line| line.master.has_told_outputs(&self.image)) {
+            if self.lines.iter().all(|line| line.master.has_told_outputs(&self.pump.image)) {
                 return Ok(());
             }
             if now >= until {
@@ -225,93 +152,5 @@ impl Process {
             let timeout = if more { 0 } else { self.deadline().min(until).saturating_sub(self.now()) };
             self.wait(timeout, false)?;
         }
-    }
-}
-
-impl Line {
-    fn new(config: &LineConfig, first: usize, input_bytes: usize) -> io::Result<Self> {
-        let spec: LineSpec = config.line.parse().map_err(|error| io::Error::other(format!("{error}")))?;
-        let settings = settings(config);
-        let real = open(&spec, &settings)?;
-        let master = LineMaster::new(config, first, input_bytes, 0);
-        Ok(Self { spec, settings, real, master, deadline: 0, up: false })
-    }
-
-    /// Takes what the line has to tell; true if that may not have been everything.
-    fn events(&mut self, now: Nanos, image: &mut Image) -> bool {
-        let mut buffer = [0; BUFFER];
-        for _ in 0..EVENTS {
-            let Some(event) = self.real.next_event(now, &mut buffer) else {
-                return false;
-            };
-            match event {
-                LineEvent::Rx(n) => {
-                    let bytes = buffer.get(..n).unwrap_or_default();
-                    tracing::trace!(rx = ?bytes);
-                    self.step(now, Input::Line(LineInput::Rx(bytes)), image);
-                }
-                LineEvent::TxDone => self.step(now, Input::Line(LineInput::TxDone), image),
-                LineEvent::Fault(fault) => self.step(now, Input::Line(LineInput::Fault(fault)), image),
-                LineEvent::Up(warnings) => {
-                    info!(line = %self.spec, "the line is up");
-                    warnings.iter().for_each(|warning| warn!("{warning}"));
-                    self.up = true;
-                    self.step(now, Input::Line(LineInput::Fault(LineFault::Back)), image);
-                }
-                LineEvent::Gone(reason) => {
-                    warn!(line = %self.spec, "the line is gone: {reason}");
-                    self.gone(now, image);
-                }
-            }
-        }
-        true
-    }
-
-    fn gone(&mut self, now: Nanos, image: &mut Image) {
-        if std::mem::take(&mut self.up) {
-            self.step(now, Input::Line(LineInput::Fault(LineFault::Gone)), image);
-        }
-    }
-
-    fn step(&mut self, now: Nanos, input: MasterInput<'_>, image: &mut Image) {
-        let mut out = Vec::new();
-        self.deadline = self.master.step(now, input, image, &mut out);
-        if !out.is_empty() {
-            tracing::trace!(tx = ?out);
-            // One request at a time: there is always room for it.
-            self.real.write(now, &out);
-        }
-        if self.master.wants_reconnect() {
-            warn!(line = %self.spec, "no answer on this connection: it is opened anew");
-            self.up = false;
-            match open(&self.spec, &self.settings) {
-                Ok(real) => self.real = real,
-                Err(error) => warn!("{error}"),
-            }
-            self.step(now, Input::Line(LineInput::Fault(LineFault::Gone)), image);
-        }
-    }
-}
-
-fn open(spec: &LineSpec, settings: &LineSettings) -> io::Result<RealLine> {
-    let mut real = RealLine::new(spec);
-    real.apply(settings).map_err(|error| io::Error::other(format!("{error}")))?;
-    Ok(real)
-}
-
-fn settings(config: &LineConfig) -> LineSettings {
-    let Some(serial) = &config.serial else {
-        // TCP: what it has of a line's times is not looked at.
-        return LineSettings { baud: 4_000_000, ..LineSettings::default() };
-    };
-    LineSettings {
-        baud: serial.baud,
-        parity: match serial.parity {
-            Parity::None => ob1_line::Parity::None,
-            Parity::Even => ob1_line::Parity::Even,
-            Parity::Odd => ob1_line::Parity::Odd,
-        },
-        stop_bits: if serial.stop_bits == 2 { StopBits::Two } else { StopBits::One },
-        ..LineSettings::default()
     }
 }

@@ -122,13 +122,26 @@ pub struct ModuleSlot {
     pub input_address: u32,
     /// Logical address of its first output byte.
     pub output_address: u32,
+    /// Where it lies on a bus; none: in the central rack.
+    pub bus: Option<BusPlace>,
+}
+
+/// The place of a distributed module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BusPlace {
+    /// The number of the master system, from 1.
+    pub master: u8,
+    /// The station on it.
+    pub station: u8,
+    /// The slot in the station; 0 is the station itself.
+    pub slot: u8,
 }
 
 impl ModuleSlot {
     /// A module whose inputs and outputs begin at the same address, as a CP's do.
     #[must_use]
     pub fn new(name: &str, address: u32) -> Self {
-        Self { name: name.to_owned(), input_address: address, output_address: address }
+        Self { name: name.to_owned(), input_address: address, output_address: address, bus: None }
     }
 }
 

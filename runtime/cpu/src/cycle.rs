@@ -346,10 +346,12 @@ impl Machine {
     }
 }
 
-/// The module's name, and the event's data: the four bytes of a diagnostic interrupt, otherwise what is text.
+/// The module's name, and the event's data: the text behind the four bytes of a diagnostic interrupt, or these where it
+/// has none; otherwise what is text.
 fn event_text(name: &str, event: &ModuleEvent) -> ShortText {
     let data = event.data.get(..usize::from(event.len)).unwrap_or(&event.data);
-    if event.diagnostic_interrupt {
+    let data = if event.diagnostic_interrupt { data.get(4..).unwrap_or_default() } else { data };
+    if event.diagnostic_interrupt && (data.is_empty() || event.event != Event::STATION_FAULT) {
         let mut digits = [b' '; 11];
         for (place, byte) in digits.chunks_mut(3).zip(event.data) {
             let hex = |nibble: u8| b"0123456789ABCDEF"[usize::from(nibble & 15)];

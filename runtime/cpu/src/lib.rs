@@ -47,7 +47,7 @@ pub use accounts::{
     Accounts, AccountsConfig, BlockFigures, Distribution, Figures, Flags, Flight, Histogram, ObFigures, ObStatistics,
     ScanRecord, ScanStatistics, Sums,
 };
-pub use config::{CpuConfig, CycleEnd, ImageErrors, ModuleSlot};
+pub use config::{BusPlace, CpuConfig, CycleEnd, ImageErrors, ModuleSlot};
 pub use cpu::Cpu;
 pub use diag::{DIAG_ENTRIES, DIAG_STOPS, DIAG_TEXT, DiagEntry, ShortText};
 pub use error::LoadError;
@@ -61,6 +61,7 @@ pub use ob1_model::{
     Cell, CellError, CellWidth, Command, Frame, GROUP_ENTRIES, OperatingState, Piece, Put, WATCH_BYTES, WATCH_LINES,
     WRITE_BYTES,
 };
+pub use ob1_std::DP_DIAGNOSIS;
 pub use ob1_std::services::StatusError;
 pub use ports::*;
 pub use retentive::{DataRange, Retentive, RetentiveData, Why};

@@ -1,9 +1,9 @@
 //! The modules and the peripheral area: who answers at which byte.
 
-use ob1_std::services::{Placed, Rack};
+use ob1_std::services::{NoPlace, Placed, Rack};
 
 use crate::machine::Machine;
-use crate::{Family, LoadError, Memory, Module, ModuleError, ModuleSlot, ModuleStatus, Nanos};
+use crate::{BusPlace, Family, LoadError, Memory, Module, ModuleError, ModuleSlot, ModuleStatus, Nanos};
 
 /// Bytes of the peripheral area.
 const PERIPHERAL_BYTES: u32 = 65_536;
@@ -172,7 +172,13 @@ impl Modules {
             let (first, bytes) = plugged.range(outputs);
             (first as u16, bytes as u16)
         };
-        Some(Placed { rack: 0, slot: index as u16 + SLOT, inputs: range(false), outputs: range(true) })
+        let (inputs, outputs) = (range(false), range(true));
+        Some(match plugged.slot.bus {
+            None => Placed { master: 0, rack: 0, slot: index as u16 + SLOT, inputs, outputs },
+            Some(BusPlace { master, station, slot }) => {
+                Placed { master, rack: u16::from(station), slot: u16::from(slot), inputs, outputs }
+            }
+        })
     }
 }
 
@@ -185,14 +191,32 @@ impl Rack for Machine {
         let address = u32::from(address);
         let has = |plugged: &Plugged| {
             let (first, bytes) = plugged.range(output);
-            (first..first + bytes).contains(&address)
+            let itself = plugged.slot.bus.is_some() && bytes == 0 && first == address;
+            (first..first + bytes).contains(&address) || itself
         };
         self.modules.placed(self.modules.list.iter().position(has)?)
     }
 
     fn module_in(&mut self, rack: u16, slot: u16) -> Option<Placed> {
         let index = slot.checked_sub(SLOT)?;
-        if rack == 0 { self.modules.placed(usize::from(index)) } else { None }
+        let placed = self.modules.placed(usize::from(index))?;
+        (rack == 0 && placed.master == 0).then_some(placed)
+    }
+
+    fn module_on(&mut self, master: u16, station: u16, slot: u16) -> Result<Placed, NoPlace> {
+        let mut missing = NoPlace::Master;
+        for (index, plugged) in self.modules.list.iter().enumerate() {
+            let Some(place) = plugged.slot.bus.filter(|place| u16::from(place.master) == master) else { continue };
+            if u16::from(place.station) != station {
+                missing = if missing == NoPlace::Master { NoPlace::Station } else { missing };
+                continue;
+            }
+            missing = NoPlace::Slot;
+            if u16::from(place.slot) == slot {
+                return self.modules.placed(index).ok_or(NoPlace::Slot);
+            }
+        }
+        Err(missing)
     }
 }
 

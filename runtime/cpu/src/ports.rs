@@ -84,7 +84,7 @@ pub struct ModuleEvent {
     /// that of the bus, number of the bus, number of the station, 1 for one that was missing at the start-up already;
     /// no text.
     pub data: [u8; 16],
-    /// How many of them.
+    /// How many of them. Behind the four bytes of a [`Event::STATION_FAULT`] that is a diagnostic interrupt stands text.
     pub len: u8,
 }
 
@@ -135,7 +135,7 @@ pub trait Module: Send {
     fn poll_event(&mut self) -> Option<ModuleEvent>;
     /// State for programs and tools.
     fn status(&self) -> ModuleStatus;
-    /// Reads a record; returns its length.
+    /// Reads a record; returns its length. Record [`ob1_std::DP_DIAGNOSIS`] is the diagnosis of a DP slave.
     fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError>;
     /// Writes a record.
     fn record_write(&mut self, record: u8, from: &[u8]) -> Result<(), ModuleError>;

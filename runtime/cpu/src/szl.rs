@@ -48,7 +48,7 @@ impl SystemStatus for Machine {
             0x0025 => szl_outside::partitions(),
             0x0131 => szl_outside::capabilities(index, each),
             0x0132 | 0x0232 => szl_outside::communication(index, each),
-            0x0092 | 0x0292 | 0x0692 => szl_outside::racks(index, each),
+            0x0092 | 0x0292 | 0x0692 => szl_outside::racks(&self.modules, id, index, each),
             0x0124 => self.operating_state(false, each),
             0x0424 => self.operating_state(true, each),
             0x0091 | 0x0A91 | 0x0D91 => self.module_status(None, each),
@@ -337,9 +337,13 @@ impl Machine {
             let present = plugged.module.status().present && !plugged.lost;
             // Module available or not, fault, in the local bus segment.
             let state = if present { 0x0002 } else { 0x0005 } | 0x0080;
-            let family = u16::from(self.config.family == Family::S7_300) << 4;
-            let record = Record::<16>::new().word(0).word((place as u16 + SLOT) << 8).word(base(plugged) as u16);
-            each(&record.word(0).word(0).word(0).word(state).word(family | 1).bytes);
+            let central = (0, place as u16 + SLOT, u16::from(self.config.family == Family::S7_300));
+            // Area 2: distributed I/O.
+            let (adr1, slot, area) = plugged.slot.bus.map_or(central, |place| {
+                (u16::from(place.master & 0x7F) << 8 | u16::from(place.station), u16::from(place.slot), 2)
+            });
+            let record = Record::<16>::new().word(adr1).word(slot << 8).word(base(plugged) as u16);
+            each(&record.word(0).word(0).word(0).word(state).word(area << 4 | 1).bytes);
         }
         if found || address.is_none() { Ok(16) } else { Err(StatusError::Index) }
     }
@@ -371,7 +375,8 @@ impl Machine {
     /// The module in a rack (high byte: 0) and slot (low byte).
     fn slotted(&mut self, place: u16) -> Result<&mut Plugged, StatusError> {
         let index = place.checked_sub(SLOT).ok_or(StatusError::Index)?;
-        self.modules.list.get_mut(usize::from(index)).filter(|_| place < 0x100).ok_or(StatusError::Index)
+        let central = |plugged: &&mut Plugged| place < 0x100 && plugged.slot.bus.is_none();
+        self.modules.list.get_mut(usize::from(index)).filter(central).ok_or(StatusError::Index)
     }
 
     /// Diagnostic buffer of the CP at a logical address, newest entry first. (docs/standard-blocks.md)

@@ -5,6 +5,7 @@
 
 use ob1_std::services::StatusError;
 
+use crate::modules::{Modules, Plugged};
 use crate::szl::{Each, Length, Record};
 
 /// Bytes of a record of lists xy31 and xy32.
@@ -52,11 +53,32 @@ pub(crate) const fn partitions() -> Length {
     Ok(PARTITION)
 }
 
-/// Lists 0092, 0292, 0692: racks that are configured, there, and well. There is rack 0.
-pub(crate) fn racks(index: u16, each: Each<'_>) -> Length {
-    if index != 0 {
+/// Lists 0092, 0292, 0692: racks (index 0) or stations of a master system (its number) that are configured, there, and
+/// well. There is rack 0; station n is bit n - 1.
+pub(crate) fn racks(modules: &Modules, list: u16, index: u16, each: Each<'_>) -> Length {
+    let mut bits = [0_u8; RACKS as usize];
+    if index == 0 {
+        bits[0] = 1;
+        each(&bits);
+        return Ok(RACKS);
+    }
+    let on = |plugged: &&Plugged| plugged.slot.bus.is_some_and(|place| u16::from(place.master) == index);
+    let stations = modules.list.iter().filter(on);
+    let mut missing = [0_u8; RACKS as usize];
+    let mut any = false;
+    for plugged in stations {
+        let Some(bit) = plugged.slot.bus.and_then(|place| place.station.checked_sub(1)) else { continue };
+        let (byte, mask) = (usize::from(bit / 8) % bits.len(), 1 << (bit % 8));
+        any = true;
+        bits[byte] |= mask;
+        missing[byte] |= if plugged.module.status().present { 0 } else { mask };
+    }
+    if !any {
         return Err(StatusError::Index);
     }
-    each(&Record::<16>::new().put(&[0b1]).bytes);
+    if list != 0x0092 {
+        bits.iter_mut().zip(missing).for_each(|(byte, missing)| *byte &= !missing);
+    }
+    each(&bits);
     Ok(RACKS)
 }

@@ -253,6 +253,9 @@ fn describe(station: &Station) -> String {
             ModuleKind::Remote { bus, .. } => {
                 let bus = station.buses.get(*bus).map_or("", |bus| bus.name.as_str());
                 let _ = write!(text, "{}: coupler on {bus}", module.name);
+                if module.input_bytes() == 0 && module.output_bytes() == 0 {
+                    let _ = write!(text, ", diagnostic address {}", module.input_address);
+                }
                 for (what, first, len) in [
                     ("inputs", module.input_address, module.input_bytes()),
                     ("outputs", module.output_address, module.output_bytes()),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use ob1_backplane::{CpuSide, IoImage, Segment};
-use ob1_cpu::{Cpu, CpuConfig, LoadError, Module, ModuleSlot, Running};
+use ob1_cpu::{BusPlace, Cpu, CpuConfig, LoadError, Module, ModuleSlot, Running};
 use ob1_host::driver::{DriverCommand, Fleet};
 use ob1_host::module::{CpModule, CpSettings};
 use ob1_host::plugin::{PluginModule, STATION, Setting};
@@ -73,7 +73,8 @@ pub struct DriverSettings {
 /// Where the modules of a station lie.
 #[must_use]
 pub fn slot(config: &ModuleConfig) -> ModuleSlot {
-    ModuleSlot { name: config.name.clone(), input_address: config.input_address, output_address: config.output_address }
+    let (input_address, output_address) = (config.input_address, config.output_address);
+    ModuleSlot { name: config.name.clone(), input_address, output_address, bus: None }
 }
 
 /// A module as the plugins see it: where it lies, and its settings for them (`docs/plugins.md`).
@@ -311,9 +312,17 @@ impl Building<'_> {
             (_, Some(settings)) => self.cp(config, settings, &mut view)?,
             (_, None) => self.process_io(config)?,
         };
-        self.modules.push((slot(config), module));
+        self.modules.push((ModuleSlot { bus: self.place(config), ..slot(config) }, module));
         self.views.push(view);
         Ok(())
+    }
+
+    /// Where a module lies on its bus.
+    fn place(&self, config: &ModuleConfig) -> Option<BusPlace> {
+        let ModuleKind::Remote { bus, module } = &config.kind else { return None };
+        let bus = self.station.buses.get(*bus)?;
+        let station = bus.stations.get(module.station)?.number;
+        Some(BusPlace { master: bus.rules.number, station, slot: module.slot })
     }
 
     fn cp(

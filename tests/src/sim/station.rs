@@ -119,6 +119,7 @@ fn modules(
         let module = CpModule::new(side, Box::new(link), settings).map_err(|e| e.to_string())?;
         let slot = ModuleSlot {
             name: config.name.clone(),
+            bus: None,
             input_address: config.input_address,
             output_address: config.output_address,
         };

@@ -21,6 +21,7 @@ pub(crate) mod processes;
 pub(crate) mod s7;
 pub(crate) mod site;
 pub(crate) mod station;
+pub(crate) mod steps;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

@@ -208,14 +208,27 @@ pub trait SystemStatus {
 /// A module in its place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Placed {
-    /// The rack, from 0.
+    /// The number of its master system; 0: it is a central module.
+    pub master: u8,
+    /// The rack, from 0; of a distributed module the station.
     pub rack: u16,
-    /// The slot in it.
+    /// The slot in it; 0 of a station is the station itself.
     pub slot: u16,
     /// Logical address of the first input byte, and how many there are.
     pub inputs: (u16, u16),
     /// Logical address of the first output byte, and how many there are.
     pub outputs: (u16, u16),
+}
+
+/// What of the place of a distributed module does not exist.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoPlace {
+    /// The master system.
+    Master,
+    /// The station.
+    Station,
+    /// The slot, or nothing is in it.
+    Slot,
 }
 
 /// Where the modules are plugged.
@@ -224,8 +237,13 @@ pub trait Rack {
     fn area(&mut self) -> u8;
     /// The module one of whose input (or output) bytes has this logical address.
     fn module_with(&mut self, address: u16, output: bool) -> Option<Placed>;
-    /// The module in this rack and slot.
+    /// The central module in this rack and slot.
     fn module_in(&mut self, rack: u16, slot: u16) -> Option<Placed>;
+    /// The module in this slot of a station.
+    ///
+    /// # Errors
+    /// What of this place does not exist.
+    fn module_on(&mut self, master: u16, station: u16, slot: u16) -> Result<Placed, NoPlace>;
 }
 
 /// An alarm message of SFC 17, 18, 107 or 108.

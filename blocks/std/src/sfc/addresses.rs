@@ -4,7 +4,7 @@
 use crate::call::{Call, write_error};
 use crate::declare::{Params, params};
 use crate::row::Row;
-use crate::services::Placed;
+use crate::services::{NoPlace, Placed};
 use crate::{AnyType, Done, Interrupted};
 
 params!(GadrLgc {
@@ -34,11 +34,11 @@ params!(LogGeo {
 });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<GadrLgc>(5, "GADR_LGC", gadr_lgc).note("central modules"),
-    Row::sfc::<LgcGadr>(49, "LGC_GADR", lgc_gadr).note("central modules"),
+    Row::sfc::<GadrLgc>(5, "GADR_LGC", gadr_lgc),
+    Row::sfc::<LgcGadr>(49, "LGC_GADR", lgc_gadr),
     Row::sfc::<RdLgadr>(50, "RD_LGADR", rd_lgadr),
-    Row::sfc::<GeoLog>(70, "GEO_LOG", geo_log).note("central modules"),
-    Row::sfc::<LogGeo>(71, "LOG_GEO", log_geo).note("central modules"),
+    Row::sfc::<GeoLog>(70, "GEO_LOG", geo_log),
+    Row::sfc::<LogGeo>(71, "LOG_GEO", log_geo),
 ];
 
 /// Identifier of the peripheral inputs.
@@ -52,7 +52,7 @@ const OUTPUT_BIT: u16 = 0x8000;
 const NO_ADDRESS: u16 = 0x8090;
 /// No such subnet.
 const NO_SUBNET: u16 = 0x8094;
-/// No such rack.
+/// No such rack, or station.
 const NO_RACK: u16 = 0x8095;
 /// No such slot.
 const NO_SLOT: u16 = 0x8096;
@@ -68,10 +68,15 @@ const NO_INTERFACE: u16 = 0x809A;
 /// The highest slot of a rack.
 const LAST_SLOT: u16 = 18;
 
-/// Where the addresses of a module begin: the inputs, unless it has none or its outputs lie lower.
+/// What SFC 49 and SFC 71 call the area of a distributed module.
+const DISTRIBUTED: u8 = 2;
+
+/// Where the addresses of a module begin: the inputs, unless it has none or its outputs lie lower; of a station itself
+/// its diagnostic address.
 fn base(placed: &Placed) -> Option<(u8, u16, u16)> {
     let (inputs, outputs) = (placed.inputs, placed.outputs);
     match (inputs.1 > 0, outputs.1 > 0) {
+        (false, false) if placed.master != 0 => Some((INPUTS, inputs.0, 1)),
         (false, false) => None,
         (true, true) if outputs.0 < inputs.0 => Some((OUTPUTS, outputs.0, outputs.1)),
         (false, true) => Some((OUTPUTS, outputs.0, outputs.1)),
@@ -91,16 +96,30 @@ fn central(call: &mut Call<'_>, rack: u16, slot: u16) -> Result<Result<Placed, u
     })
 }
 
+/// The module in a slot of a station.
+fn distributed(call: &mut Call<'_>, master: u16, station: u16, slot: u16) -> Result<Result<Placed, u16>, Interrupted> {
+    Ok(call.cx.rack().module_on(master, station, slot).map_err(|missing| match missing {
+        NoPlace::Master => NO_SUBNET,
+        NoPlace::Station => NO_RACK,
+        NoPlace::Slot => EMPTY,
+    }))
+}
+
+/// The area and the rack of a module, as SFC 49 and SFC 71 tell them.
+fn area_of(call: &mut Call<'_>, placed: &Placed) -> u8 {
+    if placed.master != 0 { DISTRIBUTED } else { call.cx.rack().area() }
+}
+
 fn gadr_lgc(call: &mut Call<'_>) -> Done {
     let (rack, slot, offset) = (call.word(GadrLgc::RACK), call.word(GadrLgc::SLOT), call.word(GadrLgc::SUBADDR));
-    let found = if call.byte(GadrLgc::SUBNETID) != 0 {
-        Err(NO_SUBNET)
-    } else {
-        match central(call, rack, slot)? {
-            Ok(_) if call.byte(GadrLgc::SUBSLOT) != 0 => Err(NO_SUBSLOT),
-            Ok(placed) => base(&placed).ok_or(NO_INTERFACE),
-            Err(code) => Err(code),
-        }
+    let there = match call.byte(GadrLgc::SUBNETID) {
+        0 => central(call, rack, slot)?,
+        master => distributed(call, u16::from(master), rack, slot)?,
+    };
+    let found = match there {
+        Ok(_) if call.byte(GadrLgc::SUBSLOT) != 0 => Err(NO_SUBSLOT),
+        Ok(placed) => base(&placed).ok_or(NO_INTERFACE),
+        Err(code) => Err(code),
     };
     let code = match found {
         Ok((_, _, bytes)) if offset >= bytes => NO_OFFSET,
@@ -127,10 +146,10 @@ fn with_address(call: &mut Call<'_>, area: u8, address: u16) -> Result<Option<Pl
 fn lgc_gadr(call: &mut Call<'_>) -> Done {
     let (area, address) = (call.byte(LgcGadr::IOID), call.word(LgcGadr::LADDR));
     let Some(placed) = with_address(call, area, address)? else { return call.end(LgcGadr::RET_VAL, NO_ADDRESS) };
-    let kind = call.cx.rack().area();
+    let kind = area_of(call, &placed);
     let first = if area == OUTPUTS { placed.outputs.0 } else { placed.inputs.0 };
     call.set(LgcGadr::AREA, u32::from(kind));
-    call.set(LgcGadr::RACK, u32::from(placed.rack));
+    call.set(LgcGadr::RACK, u32::from(u16::from(placed.master) << 8 | placed.rack));
     call.set(LgcGadr::SLOT, u32::from(placed.slot));
     call.set(LgcGadr::SUBADDR, u32::from(address - first));
     call.end(LgcGadr::RET_VAL, 0)
@@ -177,14 +196,14 @@ fn addresses(call: &mut Call<'_>, p: impl Params, (first, bytes): (u16, u16), co
 fn geo_log(call: &mut Call<'_>) -> Done {
     // Negative numbers are no racks and no slots either.
     let (rack, slot) = (call.word(GeoLog::STATION), call.word(GeoLog::SLOT));
-    let found = if call.int(GeoLog::MASTER) != 0 {
-        Err(NO_SUBNET)
-    } else {
-        match central(call, rack, slot)? {
-            Ok(_) if call.int(GeoLog::SUBSLOT) != 0 => Err(NO_SUBSLOT),
-            Ok(placed) => base(&placed).ok_or(NO_INTERFACE),
-            Err(code) => Err(code),
-        }
+    let there = match call.word(GeoLog::MASTER) {
+        0 => central(call, rack, slot)?,
+        master => distributed(call, master, rack, slot)?,
+    };
+    let found = match there {
+        Ok(_) if call.int(GeoLog::SUBSLOT) != 0 => Err(NO_SUBSLOT),
+        Ok(placed) => base(&placed).ok_or(NO_INTERFACE),
+        Err(code) => Err(code),
     };
     let code = match found {
         Ok((area, first, _)) => {
@@ -201,11 +220,11 @@ fn log_geo(call: &mut Call<'_>) -> Done {
     let (address, output) = (given & !OUTPUT_BIT, given & OUTPUT_BIT != 0);
     let area = if output { OUTPUTS } else { INPUTS };
     let Some(placed) = with_address(call, area, address)? else { return call.end(LogGeo::RET_VAL, NO_ADDRESS) };
-    let kind = call.cx.rack().area();
+    let kind = area_of(call, &placed);
     let first = if output { placed.outputs.0 } else { placed.inputs.0 };
     for (p, value) in [
         (LogGeo::AREA, u16::from(kind)),
-        (LogGeo::MASTER, 0),
+        (LogGeo::MASTER, u16::from(placed.master)),
         (LogGeo::STATION, placed.rack),
         (LogGeo::SLOT, placed.slot),
         (LogGeo::SUBSLOT, 0),
@@ -221,13 +240,17 @@ mod tests {
     use super::Placed;
     use crate::testing::{Fake, any};
 
-    /// Slot 4: inputs alone; 5: outputs alone; 6: both, the outputs lower; 7: no addresses.
+    /// Slot 4: inputs alone; 5: outputs alone; 6: both, the outputs lower; 7: no addresses. On master system 1 station 8:
+    /// itself, at 2046, and slot 3.
     fn fake(key: &str) -> Fake {
         let mut fake = Fake::new(key).with("RET_VAL", [9; 2]);
         for (slot, inputs, outputs) in
             [(4, (0, 4), (0, 0)), (5, (0, 0), (4, 2)), (6, (272, 16), (256, 16)), (7, (0, 0), (0, 0))]
         {
-            fake.station.placed.push(Placed { rack: 0, slot, inputs, outputs });
+            fake.station.placed.push(Placed { master: 0, rack: 0, slot, inputs, outputs });
+        }
+        for (slot, inputs, outputs) in [(0, (2046, 0), (2046, 0)), (3, (512, 4), (512, 0))] {
+            fake.station.placed.push(Placed { master: 1, rack: 8, slot, inputs, outputs });
         }
         fake
     }
@@ -239,7 +262,11 @@ mod tests {
             ([0u16, 0, 4, 0, 3], 0, 0x54, 3),
             ([0, 0, 5, 0, 0], 0, 0x55, 4),
             ([0, 0, 6, 0, 15], 0, 0x55, 271),
-            ([1, 0, 4, 0, 0], 0x8094, 7, 7),
+            ([1, 8, 3, 0, 3], 0, 0x54, 515),
+            ([1, 8, 0, 0, 0], 0, 0x54, 2046),
+            ([2, 8, 3, 0, 0], 0x8094, 7, 7),
+            ([1, 9, 3, 0, 0], 0x8095, 7, 7),
+            ([1, 8, 4, 0, 0], 0x8099, 7, 7),
             ([0, 1, 4, 0, 0], 0x8095, 7, 7),
             ([0, 0, 0, 0, 0], 0x8096, 7, 7),
             ([0, 0, 19, 0, 0], 0x8096, 7, 7),
@@ -261,7 +288,12 @@ mod tests {
             ([0i16, 0, 4, 0], 0, 0u32),
             ([0, 0, 5, 0], 0, 0x8004),
             ([0, 0, 6, 0], 0, 0x8100),
-            ([1, 0, 4, 0], 0x8094, 7),
+            ([1, 8, 3, 0], 0, 512),
+            ([1, 8, 0, 0], 0, 2046),
+            ([2, 8, 3, 0], 0x8094, 7),
+            ([-1, 0, 4, 0], 0x8094, 7),
+            ([1, 9, 3, 0], 0x8095, 7),
+            ([1, 8, 5, 0], 0x8099, 7),
             ([0, -1, 4, 0], 0x8095, 7),
             ([0, 0, -1, 0], 0x8096, 7),
             ([0, 0, 4, 1], 0x8097, 7),
@@ -306,6 +338,27 @@ mod tests {
             fake.run();
             let result = (fake.value("RET_VAL"), fake.value("SLOT"), fake.value("OFFSET"));
             assert_eq!(result, (code, slot, offset), "{address:X}");
+        }
+    }
+
+    #[test]
+    fn from_the_address_of_a_distributed_module() {
+        for (address, slot, offset) in [(514u16, 3, 2), (2046, 0, 0)] {
+            let mut one = fake("SYSTEM:SFC49").with("IOID", [0x54]).with("LADDR", address.to_be_bytes());
+            for name in ["RACK", "SLOT", "SUBADDR"] {
+                one = one.with(name, [0, 7]);
+            }
+            one = one.with("AREA", [7]);
+            one.run();
+            let result = ["RET_VAL", "AREA", "RACK", "SLOT", "SUBADDR"].map(|name| one.value(name));
+            assert_eq!(result, [0, 2, 0x0108, slot, offset], "{address}");
+            let mut other = fake("SYSTEM:SFC71").with("LADDR", address.to_be_bytes());
+            for name in ["AREA", "MASTER", "STATION", "SLOT", "SUBSLOT", "OFFSET"] {
+                other = other.with(name, [0, 7]);
+            }
+            other.run();
+            let result = ["RET_VAL", "AREA", "MASTER", "STATION", "SLOT", "OFFSET"].map(|name| other.value(name));
+            assert_eq!(result, [0, 2, 1, 8, slot, offset], "{address}");
         }
     }
 

@@ -17,6 +17,7 @@ mod program;
 mod schedule;
 
 use crate::row::Row;
+pub use modules::DP_DIAGNOSIS;
 
 pub(crate) const ROWS: &[&[Row]] = &[
     clock::ROWS,

@@ -21,7 +21,7 @@ params!(RdRec {
 });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<DpNrmDg>(13, "DPNRM_DG", dpnrm_dg).note("always 8090h: there are no DP slaves"),
+    Row::sfc::<DpNrmDg>(13, "DPNRM_DG", dpnrm_dg).note("answers in the same call"),
     Row::sfc::<DpRdDat>(14, "DPRD_DAT", dprd_dat).note("the whole inputs of a module"),
     Row::sfc::<DpWrDat>(15, "DPWR_DAT", dpwr_dat).note("the whole outputs of a module"),
     Row::sfc::<WrRec>(58, "WR_REC", wr_rec).note("answers in the same call"),
@@ -33,10 +33,36 @@ pub(super) const NO_JOB: u16 = 0x7000;
 /// No such module.
 pub(super) const NO_MODULE: u16 = 0x8090;
 
+/// The record of a module that is the diagnosis of a DP slave: beyond those that SFC 59 reads.
+pub const DP_DIAGNOSIS: u8 = 255;
+/// Bytes of the smallest RECORD: a diagnosis has at least these.
+const DIAGNOSIS_HEAD: usize = 6;
+/// Bytes that SFC 13 hands over, at most.
+const DIAGNOSIS_BYTES: usize = 240;
+
+/// RET_VAL: how many bytes were handed over.
 fn dpnrm_dg(call: &mut Call<'_>) -> Done {
-    let asked = call.bool(DpNrmDg::REQ);
+    let code = if call.bool(DpNrmDg::REQ) { read_diagnosis(call).unwrap_or_else(|code| code) } else { NO_JOB };
     call.set_bool(DpNrmDg::BUSY, false);
-    call.end(DpNrmDg::RET_VAL, if asked { NO_MODULE } else { NO_JOB })
+    call.end(DpNrmDg::RET_VAL, code)
+}
+
+fn read_diagnosis(call: &mut Call<'_>) -> Result<u16, u16> {
+    let address = u32::from(call.word(DpNrmDg::LADDR));
+    call.cx.module(address).map_err(|_| NO_MODULE)?;
+    let mut buffer = [0; 256];
+    let len = call.cx.record_read(address, DP_DIAGNOSIS, &mut buffer).map_err(|refused| match refused {
+        // It is no DP slave.
+        Refused::NoModule | Refused::NoRecord => NO_MODULE,
+        _ => 0x80A2,
+    })?;
+    let (target, bytes) = call.record(DpNrmDg::RECORD)?;
+    if bytes < DIAGNOSIS_HEAD || bytes > DIAGNOSIS_BYTES {
+        return Err(0x80B1);
+    }
+    let len = len.min(bytes);
+    call.write_at(&target, 0, &buffer[..len]).map_err(|e| write_error(4, e))?;
+    Ok(len as u16)
 }
 
 fn dprd_dat(call: &mut Call<'_>) -> Done {
@@ -227,11 +253,26 @@ mod tests {
     }
 
     #[test]
-    fn no_slaves() {
-        for (req, code) in [(1, 0x8090), (0, 0x7000)] {
-            let mut fake = with_module("SYSTEM:SFC13").with("REQ", [req]).with("LADDR", [1, 0]).with("BUSY", [1]);
+    fn the_diagnosis_of_a_slave() {
+        let whole = [8, 12, 0, 2, 0x80, 0x1D, 0x42, 1];
+        for (req, address, record, code) in [
+            (1, 256u16, any(2, 8, 10), 8),
+            (1, 256, any(2, 20, 10), 8),
+            (1, 256, any(2, 6, 10), 6),
+            (0, 256, any(2, 8, 10), 0x7000),
+            (1, 511, any(2, 8, 10), 0x8090),
+            (1, 257, any(2, 8, 10), 0x8090),
+            (1, 256, any(2, 5, 10), 0x80B1),
+            (1, 256, any(2, 241, 10), 0x80B1),
+        ] {
+            let mut fake = with_module("SYSTEM:SFC13").with("REQ", [req]).with("BUSY", [1]).with("RECORD", record);
+            fake.records.insert((256, super::DP_DIAGNOSIS), whole.to_vec());
+            fake = fake.with("LADDR", address.to_be_bytes());
             fake.run();
-            assert_eq!((fake.value("RET_VAL"), fake.value("BUSY")), (code, 0));
+            assert_eq!((fake.value("RET_VAL"), fake.value("BUSY"), fake.br), (code, 0, code < 0x8000), "{address}");
+            if (6..0x7000).contains(&code) {
+                assert_eq!(fake.memory_at(10, code as usize), &whole[..code as usize]);
+            }
         }
     }
 }

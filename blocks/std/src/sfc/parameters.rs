@@ -6,6 +6,7 @@ use crate::Done;
 use crate::call::Call;
 use crate::declare::{Params, params};
 use crate::row::Row;
+use crate::services::Placed;
 
 params!(WrParm {
     Input { REQ: BOOL, IOID: BYTE, LADDR: WORD, RECNUM: BYTE, RECORD: ANY }
@@ -22,13 +23,15 @@ params!(DpSycFr { Input { REQ: BOOL, LADDR: WORD, GROUP: BYTE, MODE: BYTE } Retu
 params!(DActDp { Input { REQ: BOOL, MODE: BYTE, LADDR: WORD } Return { RET_VAL: INT } Output { BUSY: BOOL } });
 
 pub(super) const ROWS: &[Row] = &[
-    Row::sfc::<DpSycFr>(11, "DPSYC_FR", dpsyc_fr).note("always 8090h: there is no DP master"),
-    Row::sfc::<DActDp>(12, "D_ACT_DP", d_act_dp).note("always 8090h: there are no DP slaves"),
+    Row::sfc::<DpSycFr>(11, "DPSYC_FR", dpsyc_fr).note("8093h: the masters of buses have neither SYNC nor FREEZE"),
+    Row::sfc::<DActDp>(12, "D_ACT_DP", d_act_dp).note("slaves are always active"),
     Row::sfc::<WrParm>(55, "WR_PARM", wr_parm).note("answers in the same call"),
     Row::sfc::<WrDparm>(56, "WR_DPARM", wr_dparm).note("80D1h: a station file configures no records by number"),
     Row::sfc::<ParmMod>(57, "PARM_MOD", parm_mod).note("80D2h: a module has its parameters from the station file"),
 ];
 
+/// The master has no such function, or there is no such mode.
+const NOT_PERMITTED: u16 = 0x8093;
 /// The record is not in the configuration.
 const NOT_CONFIGURED: u16 = 0x80D1;
 /// The module cannot be given parameters.
@@ -41,12 +44,27 @@ fn at_once(call: &mut Call<'_>, req: impl Params, busy: impl Params, ret_val: im
     call.end(ret_val, if asked { code } else { NO_JOB })
 }
 
+/// The distributed module at an address.
+fn station_at(call: &mut Call<'_>, address: u16) -> Option<Placed> {
+    call.cx.rack().module_with(address, false).filter(|placed| placed.master != 0)
+}
+
 fn dpsyc_fr(call: &mut Call<'_>) -> Done {
-    at_once(call, DpSycFr::REQ, DpSycFr::BUSY, DpSycFr::RET_VAL, NO_MODULE)
+    let address = call.word(DpSycFr::LADDR);
+    let code = if station_at(call, address).is_some() { NOT_PERMITTED } else { NO_MODULE };
+    at_once(call, DpSycFr::REQ, DpSycFr::BUSY, DpSycFr::RET_VAL, code)
 }
 
 fn d_act_dp(call: &mut Call<'_>) -> Done {
-    at_once(call, DActDp::REQ, DActDp::BUSY, DActDp::RET_VAL, NO_MODULE)
+    let (address, mode) = (call.word(DActDp::LADDR), call.byte(DActDp::MODE));
+    let code = match (station_at(call, address), mode) {
+        (None, _) => NO_MODULE,
+        // Is it active? It is.
+        (Some(_), 0) => 0x0001,
+        (Some(_), 1) => 0,
+        (Some(_), _) => NOT_PERMITTED,
+    };
+    at_once(call, DActDp::REQ, DActDp::BUSY, DActDp::RET_VAL, code)
 }
 
 fn wr_parm(call: &mut Call<'_>) -> Done {
@@ -78,6 +96,7 @@ fn parm_mod(call: &mut Call<'_>) -> Done {
 
 #[cfg(test)]
 mod tests {
+    use super::Placed;
     use crate::ModuleSize;
     use crate::testing::{Fake, any};
 
@@ -123,13 +142,19 @@ mod tests {
             fake.run();
             assert_eq!((fake.value("RET_VAL"), fake.value("BUSY"), fake.br), (code, 0, code < 0x8000), "{key}");
         }
-        for (key, req, code) in [
-            ("SYSTEM:SFC11", 1, 0x8090),
-            ("SYSTEM:SFC11", 0, 0x7000),
-            ("SYSTEM:SFC12", 1, 0x8090),
-            ("SYSTEM:SFC12", 0, 0x7000),
+        for (key, req, address, mode, code) in [
+            ("SYSTEM:SFC11", 1, 256, 0, 0x8090),
+            ("SYSTEM:SFC11", 0, 256, 0, 0x7000),
+            ("SYSTEM:SFC11", 1, 2046, 0, 0x8093),
+            ("SYSTEM:SFC12", 1, 256, 0, 0x8090),
+            ("SYSTEM:SFC12", 0, 2046, 0, 0x7000),
+            ("SYSTEM:SFC12", 1, 2046, 0, 1),
+            ("SYSTEM:SFC12", 1, 2046, 1, 0),
+            ("SYSTEM:SFC12", 1, 2046, 2, 0x8093),
         ] {
-            let mut fake = fake(key, req, 256).with("MODE", [0]);
+            let mut fake = fake(key, req, address).with("MODE", [mode]);
+            let itself = Placed { master: 1, rack: 8, slot: 0, inputs: (2046, 0), outputs: (2046, 0) };
+            fake.station.placed.push(itself);
             if key == "SYSTEM:SFC11" {
                 fake = fake.with("GROUP", [0]);
             }

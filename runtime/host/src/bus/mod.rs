@@ -12,11 +12,12 @@ use std::sync::{Arc, Mutex};
 
 use ob1_backplane::{BusCpuSide, BusMemory, BusSize, CpuSide, CpuState, DriverState};
 use ob1_coupler::Status;
-use ob1_cpu::{Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus, Nanos};
+use ob1_coupler::dp::{DIAGNOSIS_BYTES, DpSlave, kept_diagnosis};
+use ob1_cpu::{DP_DIAGNOSIS, Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus, Nanos};
 
 use crate::module::DriverLink;
 use stations::Stations;
-pub use stations::{Station, StationRules};
+pub use stations::{DpStation, Station, StationRules};
 
 /// What the modules of a bus cannot read while their coupler is lost.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -35,6 +36,8 @@ pub enum OnLoss {
 pub struct BusModuleConfig {
     /// Whose it is, in the order of the bus.
     pub station: usize,
+    /// Its slot there; 0 is the station itself.
+    pub slot: u8,
     /// First input byte in the image of the bus, and how many.
     pub inputs: (usize, u16),
     /// Number of the range in the coupler's list: what [`Status::bad`] counts.
@@ -127,6 +130,14 @@ impl Shared {
         let ready = matches!(self.side.monitor().driver_state(), Ok(DriverState::Ready));
         let (image, life) = (&self.image, (self.link.is_running(), ready));
         self.stations.look(now, life, fresh, |station| Status::from_words(&image.coupler(station)));
+    }
+
+    /// The diagnosis of a station, in `area`; nothing where it has none.
+    fn diagnosis<'a>(&self, station: usize, area: &'a mut [u8; DpSlave::diagnosis_area(DIAGNOSIS_BYTES)]) -> &'a [u8] {
+        let Some((at, room)) = self.stations.diagnosis_at(station) else { return &[] };
+        let Some(area) = area.get_mut(..DpSlave::diagnosis_area(room)) else { return &[] };
+        self.image.inputs(at, area);
+        kept_diagnosis(area)
     }
 
     fn publish(&mut self) {
@@ -264,7 +275,12 @@ impl Module for BusModule {
         {
             return Some(event);
         }
-        self.config.speaks.then(|| shared.stations.event(self.config.station)).flatten()
+        if !self.config.speaks {
+            return None;
+        }
+        let mut area = [0; _];
+        let diagnosis = shared.diagnosis(self.config.station, &mut area);
+        shared.stations.event(self.config.station, diagnosis)
     }
 
     fn status(&self) -> ModuleStatus {
@@ -273,8 +289,22 @@ impl Module for BusModule {
         ModuleStatus { present: self.answers(&shared), generation, leds: 0 }
     }
 
-    fn record_read(&mut self, _record: u8, _into: &mut [u8]) -> Result<usize, ModuleError> {
-        Err(ModuleError::NoRecord)
+    /// The diagnosis of a DP slave, at its diagnostic address; also of one that refuses.
+    fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError> {
+        let Ok(shared) = self.shared.try_lock() else { return Err(ModuleError::Busy) };
+        if record != DP_DIAGNOSIS || !self.config.speaks || shared.stations.diagnosis_at(self.config.station).is_none()
+        {
+            return Err(ModuleError::NoRecord);
+        }
+        let mut area = [0; _];
+        let diagnosis = shared.diagnosis(self.config.station, &mut area);
+        if diagnosis.is_empty()
+            || shared.stations.is_missed(self.config.station) && !shared.stations.refuses_all(self.config.station)
+        {
+            return Err(ModuleError::Absent);
+        }
+        into.get_mut(..diagnosis.len()).ok_or(ModuleError::Outside)?.copy_from_slice(diagnosis);
+        Ok(diagnosis.len())
     }
 
     fn record_write(&mut self, _record: u8, _from: &[u8]) -> Result<(), ModuleError> {

@@ -1,5 +1,6 @@
-//! How the couplers of a bus stand for the program: what is present, and what has been told of it. A pure machine.
+//! How the couplers and slaves of a bus stand for the program: what is present, and what has been told of it. A pure machine.
 
+use ob1_coupler::dp::Diagnosis;
 use ob1_coupler::{Refusal, State, Status};
 use ob1_cpu::{ModuleEvent, Nanos};
 use ob1_model::Event;
@@ -20,8 +21,21 @@ pub struct Station {
     pub number: u8,
     /// A process that publishes nothing for so long has lost it.
     pub lost_after: Nanos,
-    /// What it refuses raises OB 82.
+    /// What it refuses, or reports of itself, raises OB 82.
     pub interrupts: bool,
+    /// What it is on PROFIBUS; none: a Modbus coupler.
+    pub dp: Option<DpStation>,
+}
+
+/// A DP slave, as the CPU knows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DpStation {
+    /// Where its diagnosis lies among the inputs of the bus, and how long it can be.
+    pub diagnosis: (usize, usize),
+    /// What it must be.
+    pub ident: u16,
+    /// The address of its master.
+    pub master: u8,
 }
 
 /// What all stations of a bus have in common.
@@ -55,6 +69,10 @@ struct Known {
     missing: bool,
     /// The refusal that has been told.
     refusal: Option<Refusal>,
+    /// Of a DP slave: the number of the diagnosis that has been looked at, and what has been told of it.
+    diagnosis: u64,
+    faulty: bool,
+    refuses: bool,
 }
 
 #[derive(Debug)]
@@ -79,6 +97,9 @@ impl Stations {
             due: None,
             missing: false,
             refusal: None,
+            diagnosis: 0,
+            faulty: false,
+            refuses: false,
         };
         let list = stations.into_iter().map(known).collect();
         Self { rules, list, down: false, bus_failed: false, report: None, looked: 0, silent: 0 }
@@ -141,6 +162,11 @@ impl Stations {
         self.list.get(station).is_none_or(|known| !known.present && known.told != Told::Nothing)
     }
 
+    /// Whether a station answers, and will not have what it is told.
+    pub(super) fn refuses_all(&self, station: usize) -> bool {
+        self.list.get(station).is_some_and(|known| known.status.state == State::Refused)
+    }
+
     pub(super) fn is_present(&self, station: usize) -> bool {
         self.list.get(station).is_some_and(|known| known.present)
     }
@@ -162,8 +188,13 @@ impl Stations {
         self.report.take().map(entry::of_report)
     }
 
-    /// What is to be told of a station.
-    pub(super) fn event(&mut self, station: usize) -> Option<ModuleEvent> {
+    /// Where the diagnosis of a station lies, if it has one.
+    pub(super) fn diagnosis_at(&self, station: usize) -> Option<(usize, usize)> {
+        Some(self.list.get(station)?.station.dp?.diagnosis)
+    }
+
+    /// What is to be told of a station, whose diagnosis is this.
+    pub(super) fn event(&mut self, station: usize, diagnosis: &[u8]) -> Option<ModuleEvent> {
         let known = self.list.get_mut(station)?;
         if let Some(event) = known.due.take() {
             let (diagnostic, number) = (known.station.diagnostic, known.station.number);
@@ -171,6 +202,9 @@ impl Stations {
             let mut event = self.about(event, diagnostic, number);
             event.data[6] = u8::from(missing);
             return Some(event);
+        }
+        if let Some(dp) = known.station.dp {
+            return known.slave_event(dp, diagnosis);
         }
         let refusal = known.status.refusal.filter(|_| known.present || known.status.state == State::Refused);
         if refusal == known.refusal {
@@ -189,6 +223,33 @@ impl Stations {
 }
 
 impl Known {
+    /// What a DP slave says of itself: why it refuses, which faults it has.
+    fn slave_event(&mut self, dp: DpStation, bytes: &[u8]) -> Option<ModuleEvent> {
+        let refuses = self.status.state == State::Refused;
+        let fresh = self.status.diagnosis != self.diagnosis;
+        if refuses && !self.refuses {
+            self.refuses = true;
+            let why = Diagnosis::new(bytes).and_then(|diagnosis| diagnosis.refusal(dp.master, dp.ident));
+            return Some(match why {
+                Some(why) => entry::text(Event::STATION_REFUSES, format_args!("{why}")),
+                None => entry::text(Event::STATION_REFUSES, format_args!("not ready")),
+            });
+        }
+        if self.present {
+            self.refuses = false;
+        }
+        if !fresh || !self.present {
+            return None;
+        }
+        self.diagnosis = self.status.diagnosis;
+        let diagnosis = Diagnosis::new(bytes)?;
+        let was = std::mem::replace(&mut self.faulty, diagnosis.has_faults());
+        if !was && !self.faulty {
+            return None;
+        }
+        Some(of_faults(diagnosis, self.station.interrupts))
+    }
+
     fn look(&mut self, alive: bool, silent: Nanos, status: Status) {
         self.present = alive && status.state == State::Running && silent < self.station.lost_after;
         self.status = status;
@@ -210,6 +271,36 @@ impl Known {
             self.told = Told::Lost;
         }
     }
+}
+
+/// Twelve characters of an entry.
+#[derive(Default)]
+struct Words([u8; ob1_coupler::dp::SHORT], usize);
+
+impl std::fmt::Write for Words {
+    fn write_str(&mut self, text: &str) -> std::fmt::Result {
+        for byte in text.bytes() {
+            let Some(place) = self.0.get_mut(self.1) else { break };
+            (*place, self.1) = (byte, self.1 + 1);
+        }
+        Ok(())
+    }
+}
+
+/// Faults that a slave reports, or no longer: module fault, external, of a channel, of a station of class 3.
+fn of_faults(diagnosis: Diagnosis<'_>, interrupts: bool) -> ModuleEvent {
+    let faulty = diagnosis.has_faults();
+    let event = if faulty { Event::STATION_FAULT } else { Event::STATION_FAULT_GONE };
+    let mut words = Words::default();
+    let _ = diagnosis.short(&mut words);
+    let text = words.0.get(..words.1).unwrap_or_default();
+    if !interrupts {
+        return entry::text(event, format_args!("{}", std::str::from_utf8(text).unwrap_or("")));
+    }
+    let mut data = [0; 16];
+    data[..2].copy_from_slice(&[if faulty { 0x0D } else { 0 }, 0x13]);
+    data[4..4 + text.len()].copy_from_slice(text);
+    ModuleEvent { event, diagnostic_interrupt: true, data, len: 4 + text.len() as u8 }
 }
 
 /// A request that is refused, or no longer: module fault, external, of a channel, of a station of class 3.

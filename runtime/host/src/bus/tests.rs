@@ -49,8 +49,13 @@ fn bench() -> Bench {
     let cpu = CpuSide::create(&segment, 8).expect("a segment");
     let size = BusSize::new(2, 4, 4).expect("it fits");
     let process = Arc::new(Process::default());
-    let station =
-        |number| Station { diagnostic: 2046 - u16::from(number), number, lost_after: 300 * MS, interrupts: false };
+    let station = |number| Station {
+        diagnostic: 2046 - u16::from(number),
+        number,
+        lost_after: 300 * MS,
+        interrupts: false,
+        dp: None,
+    };
     let rules = StationRules { diagnostic: 2047, number: 1 };
     let link = Box::new(Link(Arc::clone(&process)));
     let bus = Bus::new(cpu, link, &memory, size, 4, vec![station(1), station(2)], rules);
@@ -58,6 +63,7 @@ fn bench() -> Bench {
         let place = (2 * station, 2);
         bus.module(BusModuleConfig {
             station,
+            slot: 1,
             inputs: place,
             input_range: Some(0),
             outputs: place,
@@ -231,4 +237,103 @@ fn noise_is_a_lost_station() {
     bench.scan();
     bench.side.publish([[u64::MAX; 8]; 2].into_iter(), &[9; 4]);
     assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![0x39C4, 0x39C4]));
+}
+
+/// A DP slave of two bytes each way, at its diagnostic address 2046, with a diagnosis of up to 16 bytes behind its inputs.
+fn slave_bench(interrupts: bool) -> Bench {
+    let (segment, memory) = (Segment::heap(), BusMemory::heap());
+    let cpu = CpuSide::create(&segment, 8).expect("a segment");
+    let size = BusSize::new(1, 2 + 17, 2).expect("it fits");
+    let process = Arc::new(Process::default());
+    let dp = Some(DpStation { diagnosis: (2, 16), ident: 0x801D, master: 2 });
+    let station = Station { diagnostic: 2046, number: 8, lost_after: 300 * MS, interrupts, dp };
+    let link = Box::new(Link(Arc::clone(&process)));
+    let bus = Bus::new(cpu, link, &memory, size, 2, vec![station], StationRules { diagnostic: 2047, number: 1 });
+    let itself = bus.module(BusModuleConfig { speaks: true, ..BusModuleConfig::default() });
+    let slot = bus.module(BusModuleConfig { inputs: (0, 2), outputs: (0, 2), ..BusModuleConfig::default() });
+    let modules = vec![itself, slot];
+    process.running.store(true, Ordering::Relaxed);
+    let mut cp = CpSide::attach(&segment).expect("attached");
+    cp.set_state(DriverState::Ready);
+    let mut bench = Bench { process, cp, side: BusProcessSide::new(&memory, size), modules, now: 0 };
+    bench.modules.iter_mut().for_each(|module| module.cpu_state(true));
+    bench
+}
+
+impl Bench {
+    /// What the slave is, and the number and bytes of its diagnosis; then the events of a scan.
+    fn slave(&mut self, state: State, number: u64, diagnosis: &[u8]) -> Vec<ModuleEvent> {
+        let mut inputs = [0; 19];
+        inputs[2] = diagnosis.len() as u8;
+        inputs[3..3 + diagnosis.len()].copy_from_slice(diagnosis);
+        let status = Status { state, diagnosis: number, ..Status::default() };
+        self.side.publish([status.to_words()].into_iter(), &inputs);
+        self.now += 10 * MS;
+        let now = self.now;
+        self.modules.iter_mut().for_each(|module| module.begin_scan(now));
+        self.modules
+            .iter_mut()
+            .flat_map(|module| std::iter::from_fn(|| module.poll_event()).collect::<Vec<_>>())
+            .collect()
+    }
+}
+
+#[test]
+fn a_fault_that_a_slave_reports_is_told_when_it_comes_and_when_it_goes() {
+    let good = [0, 0x0C, 0, 2, 0x80, 0x1D];
+    let broken = [8, 0x0C, 0, 2, 0x80, 0x1D, 0x42, 0b1000, 0x83, 0x42, 0x26];
+    for interrupts in [true, false] {
+        let mut bench = slave_bench(interrupts);
+        assert_eq!(bench.slave(State::Running, 1, &good), []);
+        let told = bench.slave(State::Running, 2, &broken);
+        let [event] = told[..] else { panic!("{told:?}") };
+        assert_eq!((event.event, event.diagnostic_interrupt), (Event::STATION_FAULT, interrupts));
+        let text = if interrupts { 4 } else { 0 };
+        assert_eq!(&event.data[text..usize::from(event.len)], b"s4 c2 e6");
+        if interrupts {
+            assert_eq!(event.data[..4], [0x0D, 0x13, 0, 0]);
+        }
+        assert_eq!(bench.slave(State::Running, 2, &broken), [], "told once");
+        let gone = bench.slave(State::Running, 3, &good);
+        assert_eq!(gone.iter().map(|event| event.event).collect::<Vec<_>>(), [Event::STATION_FAULT_GONE]);
+        assert!(gone[0].data[0] & 1 == 0);
+    }
+}
+
+#[test]
+fn the_diagnosis_of_a_slave_is_a_record_at_its_diagnostic_address() {
+    let mut bench = slave_bench(true);
+    let mut into = [0; 240];
+    assert_eq!(bench.modules[0].record_read(DP_DIAGNOSIS, &mut into), Err(ModuleError::Absent), "not yet");
+    let good = [0, 0x0C, 0, 2, 0x80, 0x1D];
+    bench.slave(State::Running, 1, &good);
+    assert_eq!(bench.modules[0].record_read(DP_DIAGNOSIS, &mut into), Ok(6));
+    assert_eq!(into[..6], good);
+    assert_eq!(bench.modules[0].record_read(DP_DIAGNOSIS, &mut [0; 5]), Err(ModuleError::Outside));
+    assert_eq!(bench.modules[0].record_read(0, &mut into), Err(ModuleError::NoRecord));
+    assert_eq!(bench.modules[1].record_read(DP_DIAGNOSIS, &mut into), Err(ModuleError::NoRecord), "a slot");
+    bench.slave(State::Lost, 1, &good);
+    assert_eq!(bench.modules[0].record_read(DP_DIAGNOSIS, &mut into), Err(ModuleError::Absent), "lost");
+    // What the process says of its length is not believed.
+    let mut inputs = [0; 19];
+    inputs[2] = 200;
+    let status = Status { state: State::Running, diagnosis: 9, ..Status::default() };
+    bench.side.publish([status.to_words()].into_iter(), &inputs);
+    bench.modules[0].begin_scan(bench.now + MS);
+    assert_eq!(bench.modules[0].record_read(DP_DIAGNOSIS, &mut into), Err(ModuleError::Absent));
+}
+
+#[test]
+fn a_slave_that_refuses_is_lost_and_says_why() {
+    let mut bench = slave_bench(true);
+    let refuses = [0x06, 0x05, 0, 0xFF, 0x80, 0x1D];
+    let told = bench.slave(State::Refused, 1, &refuses);
+    let numbers: Vec<u16> = told.iter().map(|event| event.event.0).collect();
+    assert_eq!(numbers, [Event::STATION_FAILED.0, Event::STATION_REFUSES.0]);
+    assert_eq!(&told[1].data[..usize::from(told[1].len)], b"config. fault");
+    let mut into = [0; 240];
+    assert_eq!(bench.modules[0].record_read(DP_DIAGNOSIS, &mut into), Ok(6), "it can be read all the same");
+    assert_eq!(bench.slave(State::Refused, 2, &refuses), []);
+    let told = bench.slave(State::Running, 3, &[0, 0x0C, 0, 2, 0x80, 0x1D]);
+    assert_eq!(told.iter().map(|event| event.event).collect::<Vec<_>>(), [Event::STATION_BACK]);
 }

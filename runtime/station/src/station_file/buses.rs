@@ -5,11 +5,12 @@ use std::ops::Range;
 use std::path::Path;
 
 use ob1_coupler::config::Parity;
-use ob1_coupler::{BusConfig, CouplerConfig, LineConfig, Serial};
+use ob1_coupler::{BusConfig, CouplerConfig, DpConfig, DpSlave, LineConfig, Serial};
 use ob1_cpu::{CpuConfig, Family, Nanos};
 use ob1_host::bus::{Station as BusStation, StationRules};
 
 use super::check::{choice, name, number, time};
+use super::dp;
 use super::findings::{CONTRADICTION, Findings, LINE, MISSING, TWICE, VALUE};
 use super::line::Line;
 use super::tables::{BusTable, Placed};
@@ -28,12 +29,15 @@ const REMEDY: &str = "the line of a bus is \"tcp:HOST:PORT\", \"serial:DEVICE\" 
 pub(super) enum BusKind {
     ModbusTcp,
     ModbusRtu,
+    Dp,
 }
 
 /// A bus that is being put together.
 pub(super) struct Building {
     pub(super) kind: BusKind,
     serial: Option<Serial>,
+    /// Bus parameters of PROFIBUS, without slaves.
+    pub(super) dp: Option<DpConfig>,
     pub(super) timeout: Nanos,
     /// Its line, where all modules share it.
     line: Option<Line>,
@@ -115,14 +119,23 @@ impl Buses {
                 f.error(CONTRADICTION, building.at.clone(), message, "give it a [[module]] with `type = \"coupler\"`");
             }
             let order = building.by_line();
-            for module in modules.iter_mut() {
-                if let ModuleKind::Remote { bus, module } = &mut module.kind
+            for config in modules.iter_mut() {
+                if let ModuleKind::Remote { bus, module } = &mut config.kind
                     && *bus == buses.len()
                     && let Some(place) = order.get(module.station)
                 {
+                    // A slave itself lies at its diagnostic address.
+                    if let Some(station) = building.bus.stations.get(module.station)
+                        && station.dp.is_some()
+                        && module.speaks
+                    {
+                        config.input_address = u32::from(station.diagnostic);
+                        config.output_address = config.input_address;
+                    }
                     module.station = *place;
                 }
             }
+            dp::check_bus(f, &building.bus, building.at.clone());
             let stations = building.bus.stations.drain(..).zip(order);
             let mut stations: Vec<(usize, BusStation)> = stations.map(|(station, place)| (place, station)).collect();
             stations.sort_by_key(|(place, _)| *place);
@@ -144,7 +157,7 @@ impl Building {
     ) -> Option<Line> {
         if let Some(own) = own {
             if self.kind != BusKind::ModbusTcp {
-                f.error(CONTRADICTION, own.span(), "`line` stands at the bus", "all its couplers are on one line");
+                f.error(CONTRADICTION, own.span(), "`line` stands at the bus", "all its modules are on one line");
                 return None;
             }
             return line(f, own, self.kind, folder);
@@ -164,18 +177,7 @@ impl Building {
         station: BusStation,
         diagnostic: Option<Range<usize>>,
     ) -> bool {
-        let place = self.bus.lines.iter().position(|other| *other == line).unwrap_or_else(|| {
-            let (text, timeout) = (line.to_string(), self.timeout);
-            self.bus.config.lines.push(LineConfig {
-                line: text,
-                serial: self.serial,
-                timeout,
-                couplers: Vec::new(),
-                dp: None,
-            });
-            self.bus.lines.push(line);
-            self.bus.lines.len() - 1
-        });
+        let place = self.place_of(line);
         if let Some(at) = diagnostic {
             self.diagnostics.push((station.diagnostic, at));
         }
@@ -187,10 +189,41 @@ impl Building {
         free
     }
 
+    /// The place of a line among those of the bus.
+    fn place_of(&mut self, line: Line) -> usize {
+        self.bus.lines.iter().position(|other| *other == line).unwrap_or_else(|| {
+            let (text, timeout) = (line.to_string(), self.timeout);
+            let (serial, dp) = (self.serial, self.dp.clone());
+            self.bus.config.lines.push(LineConfig { line: text, serial, timeout, couplers: Vec::new(), dp });
+            self.bus.lines.push(line);
+            self.bus.lines.len() - 1
+        })
+    }
+
+    /// Puts a slave on the line of the bus. False: its address is taken.
+    pub(super) fn add_slave(
+        &mut self,
+        line: Line,
+        slave: DpSlave,
+        station: BusStation,
+        diagnostic: Option<Range<usize>>,
+    ) -> bool {
+        let place = self.place_of(line);
+        if let Some(at) = diagnostic {
+            self.diagnostics.push((station.diagnostic, at));
+        }
+        let Some(dp) = self.bus.config.lines.get_mut(place).and_then(|line| line.dp.as_mut()) else { return true };
+        let free = dp.slaves.iter().all(|other| other.station != slave.station) && dp.address != slave.station;
+        self.places.push((place, dp.slaves.len()));
+        dp.slaves.push(slave);
+        self.bus.stations.push(station);
+        free
+    }
+
     /// The process counts couplers line by line: the place of each, in the order of the file.
     fn by_line(&self) -> Vec<usize> {
         let before =
-            |line: usize| self.bus.config.lines.iter().take(line).map(|line| line.couplers.len()).sum::<usize>();
+            |line: usize| self.bus.config.lines.iter().take(line).map(|line| line.stations().count()).sum::<usize>();
         self.places.iter().map(|(line, place)| before(*line) + place).collect()
     }
 
@@ -206,18 +239,19 @@ impl Building {
 }
 
 fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan_timeout: Nanos) -> Option<Building> {
-    let kinds = [("modbus-tcp", BusKind::ModbusTcp), ("modbus-rtu", BusKind::ModbusRtu)];
+    let kinds = [("modbus-tcp", BusKind::ModbusTcp), ("modbus-rtu", BusKind::ModbusRtu), ("dp", BusKind::Dp)];
     let name = name(f, "bus", &table.name);
     let kind = choice(f, "type", Some(&table.kind), &kinds)?;
     let serial = serial(f, table, kind);
     let line = match &table.line {
         Some(text) => Some(line(f, text, kind, folder)?),
-        None if kind == BusKind::ModbusRtu => {
+        None if kind != BusKind::ModbusTcp => {
             f.error(MISSING, table.kind.span(), "the bus has no line", format!("add `line`: {REMEDY}"));
             return None;
         }
         None => None,
     };
+    let dp = dp::bus(f, table, kind, line.as_ref());
     let timeout = time(f, table.timeout.as_ref(), TIMEOUT);
     if let Some(short) = table.timeout.as_ref().filter(|_| timeout < MS) {
         f.error(VALUE, short.span(), "no coupler answers within so short a time", "at least \"1ms\"");
@@ -227,18 +261,23 @@ fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan
     let rules = StationRules { diagnostic: 0, number: (index + 1).min(255) as u8 };
     let bus = Bus { name, rules, config, lines: Vec::new(), stations: Vec::new() };
     let (places, diagnostics) = (Vec::new(), Vec::new());
-    Some(Building { kind, serial, timeout, line, at: table.name.span(), bus, places, diagnostics })
+    Some(Building { kind, serial, dp, timeout, line, at: table.name.span(), bus, places, diagnostics })
 }
 
 fn serial(f: &mut Findings<'_>, table: &BusTable, kind: BusKind) -> Option<Serial> {
-    if kind == BusKind::ModbusTcp {
+    if kind != BusKind::ModbusRtu {
         for (key, at) in [
-            ("baud", table.baud.as_ref().map(Placed::span)),
+            ("baud", table.baud.as_ref().filter(|_| kind != BusKind::Dp).map(Placed::span)),
             ("parity", table.parity.as_ref().map(Placed::span)),
             ("stop_bits", table.stop_bits.as_ref().map(Placed::span)),
         ] {
             if let Some(at) = at {
-                f.error(CONTRADICTION, at, format!("`{key}` belongs to a serial line"), "leave it out here");
+                f.error(
+                    CONTRADICTION,
+                    at,
+                    format!("`{key}` belongs to a serial line with Modbus"),
+                    "leave it out here",
+                );
             }
         }
         return None;
@@ -259,7 +298,7 @@ fn line(f: &mut Findings<'_>, text: &Placed<String>, kind: BusKind, folder: &Pat
         Ok(line) => {
             let fits = match kind {
                 BusKind::ModbusTcp => matches!(line, Line::Tcp(_)),
-                BusKind::ModbusRtu => matches!(line, Line::Serial(_) | Line::Sim(_) | Line::Pty(_)),
+                BusKind::ModbusRtu | BusKind::Dp => matches!(line, Line::Serial(_) | Line::Sim(_) | Line::Pty(_)),
             };
             if !fits {
                 f.error(LINE, text.span(), format!("{line} cannot be the line of such a bus"), REMEDY);

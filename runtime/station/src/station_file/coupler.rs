@@ -11,6 +11,7 @@ use ob1_host::bus::{BusModuleConfig, OnLoss, Station};
 
 use super::buses::{BusKind, Buses};
 use super::check::{choice, name, number, time};
+use super::dp;
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, VALUE};
 use super::tables::{ModuleTable, Placed, RangeTable, SetupTable, StationFile};
 use super::types::{Absent, ModuleConfig, ModuleKind};
@@ -18,7 +19,7 @@ use crate::finding::{Finding, Level, Text, nearest};
 
 const MS: Nanos = 1_000_000;
 /// A coupler that does not answer for so long is lost, where nothing else is said.
-const LOST_AFTER: Nanos = 1000 * MS;
+pub(super) const LOST_AFTER: Nanos = 1000 * MS;
 /// Outputs that do not change are written again after this time, or more often where a watchdog wants it.
 const REFRESH: Nanos = 500 * MS;
 /// Unit of a coupler behind its own connection: FFh says that it does not matter.
@@ -28,7 +29,7 @@ const LAST: u32 = BUS_AREA_BYTES as u32 - 1;
 
 /// What its inputs are while they cannot be read.
 #[derive(Clone, Copy, PartialEq)]
-enum Loss {
+pub(super) enum Loss {
     Zero,
     Hold,
     Substitute,
@@ -58,6 +59,9 @@ pub(super) fn no_keys(f: &mut Findings<'_>, table: &ModuleTable) {
         ("lost_after", table.lost_after.as_ref().map(Placed::span)),
         ("on_loss", table.on_loss.as_ref().map(Placed::span)),
         ("diagnostic", table.diagnostic.as_ref().map(Placed::span)),
+        ("station", table.station.as_ref().map(Placed::span)),
+        ("gsd", table.gsd.as_ref().map(Placed::span)),
+        ("slots", table.slots.as_ref().map(Placed::span)),
     ] {
         if let Some(at) = at {
             f.error(CONTRADICTION, at, format!("`{key}` belongs to a coupler"), "leave it out here");
@@ -72,14 +76,16 @@ pub(super) fn modules(
     buses: &mut Buses,
     folder: &Path,
 ) -> Vec<(ModuleConfig, [Span<usize>; 2])> {
-    foreign_keys(f, table);
-    let name = name(f, "module", &table.name);
     let Some(bus) = bus_of(f, table, buses) else { return Vec::new() };
     let min_cycle = buses.min_cycle;
     let Some(building) = buses.get_mut(bus) else { return Vec::new() };
+    if building.kind == BusKind::Dp {
+        return dp::modules(f, table, bus, building, folder);
+    }
+    foreign_keys(f, table);
+    let name = name(f, "module", &table.name);
     let unit = unit(f, table, building.kind);
-    let losses = [("zero", Loss::Zero), ("hold", Loss::Hold), ("substitute", Loss::Substitute)];
-    let loss = choice(f, "on_loss", table.on_loss.as_ref(), &losses).unwrap_or(Loss::Zero);
+    let loss = loss(f, table);
     let (input_bytes, output_bytes) = building.bytes();
     let mut inputs = placements(f, table.inputs.as_ref(), false, loss, input_bytes);
     let outputs = placements(f, table.outputs.as_ref(), true, loss, output_bytes);
@@ -113,10 +119,11 @@ pub(super) fn modules(
         // Behind connections of their own units are alike.
         number: match building.kind {
             BusKind::ModbusRtu => unit,
-            BusKind::ModbusTcp => (building.stations() + 1).min(255) as u8,
+            _ => (building.stations() + 1).min(255) as u8,
         },
         lost_after: times.lost_after,
         interrupts: table.diagnostics.as_ref().is_some_and(|switch| *switch.get_ref()),
+        dp: None,
     };
     let place = building.stations();
     if place >= BUS_COUPLERS {
@@ -139,6 +146,22 @@ pub(super) fn modules(
     (0..count).map(one).collect()
 }
 
+pub(super) fn loss(f: &mut Findings<'_>, table: &ModuleTable) -> Loss {
+    let losses = [("zero", Loss::Zero), ("hold", Loss::Hold), ("substitute", Loss::Substitute)];
+    choice(f, "on_loss", table.on_loss.as_ref(), &losses).unwrap_or(Loss::Zero)
+}
+
+impl Loss {
+    /// With the values of one piece.
+    pub(super) fn with(self, substitute: Vec<u8>) -> OnLoss {
+        match self {
+            Self::Zero => OnLoss::Zero,
+            Self::Hold => OnLoss::Hold,
+            Self::Substitute => OnLoss::Substitute(substitute),
+        }
+    }
+}
+
 /// One module of it.
 fn one(
     name: &str,
@@ -156,14 +179,11 @@ fn one(
     let bytes = |range: &Range| (range.at, range.bytes() as u16);
     let module = BusModuleConfig {
         station,
+        slot: (n + 1) as u8,
         inputs: input.as_ref().map_or((0, 0), |(_, input)| bytes(&input.range)),
         input_range: input.as_ref().map(|(range, _)| *range),
         outputs: output.map_or((0, 0), |output| bytes(&output.range)),
-        on_loss: match (loss, input) {
-            (Loss::Hold, _) => OnLoss::Hold,
-            (Loss::Substitute, Some((_, input))) => OnLoss::Substitute(input.substitute),
-            _ => OnLoss::Zero,
-        },
+        on_loss: input.map_or(OnLoss::Zero, |(_, input)| loss.with(input.substitute)),
         speaks: n == 0,
     };
     let name = if n == 0 { name.to_owned() } else { format!("{name}.{}", n + 1) };
@@ -192,6 +212,9 @@ fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
         ("abd", table.abd.as_ref().map(Placed::span), "leave it out here"),
         ("substitute", table.substitute.as_ref().map(Placed::span), "it stands in each range of `inputs`"),
         ("driver", table.driver.as_ref().map(Placed::span), "leave it out here"),
+        ("station", table.station.as_ref().map(Placed::span), "it is the address of a DP slave; a coupler has `unit`"),
+        ("gsd", table.gsd.as_ref().map(Placed::span), "it is of a DP slave"),
+        ("slots", table.slots.as_ref().map(Placed::span), "they are those of a DP slave"),
     ] {
         if let Some(at) = at {
             f.error(CONTRADICTION, at, format!("`{key}` does not belong to a coupler"), remedy);
@@ -217,7 +240,7 @@ fn bus_of(f: &mut Findings<'_>, table: &ModuleTable, buses: &Buses) -> Option<us
 
 fn unit(f: &mut Findings<'_>, table: &ModuleTable, kind: BusKind) -> u8 {
     match kind {
-        BusKind::ModbusTcp => number(f, "unit", table.unit.as_ref(), 0..=255, UNIT_TCP),
+        BusKind::ModbusTcp | BusKind::Dp => number(f, "unit", table.unit.as_ref(), 0..=255, UNIT_TCP),
         BusKind::ModbusRtu => {
             if table.unit.is_none() {
                 f.error(MISSING, table.kind.span(), "the coupler has no address on the line", "add `unit`, 1 to 247");
@@ -384,12 +407,20 @@ fn placement(f: &mut Findings<'_>, placed: &Placed<RangeTable>, outputs: bool, l
         f.error(ADDRESS, table.at.span(), message, format!("the last byte is {LAST}"));
         return None;
     }
-    let substitute = substitute(f, placed, outputs, loss, range.bytes());
+    let given = placed.get_ref().substitute.as_ref();
+    let substitute = substitute(f, given, placed.span(), outputs, loss, range.bytes());
     Some(Placement { range, first, at: table.at.span(), substitute })
 }
 
-fn substitute(f: &mut Findings<'_>, placed: &Placed<RangeTable>, outputs: bool, loss: Loss, bytes: usize) -> Vec<u8> {
-    let given = &placed.get_ref().substitute;
+/// The substitute values of a piece: `given`, for so many bytes; `at` is the piece.
+pub(super) fn substitute(
+    f: &mut Findings<'_>,
+    given: Option<&Placed<Vec<Placed<i64>>>>,
+    at: Span<usize>,
+    outputs: bool,
+    loss: Loss,
+    bytes: usize,
+) -> Vec<u8> {
     match given {
         Some(given) if outputs || loss != Loss::Substitute => {
             let remedy = "it stands in a range of `inputs`, with on_loss = \"substitute\"";
@@ -405,7 +436,7 @@ fn substitute(f: &mut Findings<'_>, placed: &Placed<RangeTable>, outputs: bool, 
         }
         None if !outputs && loss == Loss::Substitute => {
             let remedy = "add `substitute`, a byte each, or another `on_loss`";
-            f.error(MISSING, placed.span(), "the range has no substitute values", remedy);
+            f.error(MISSING, at, "the range has no substitute values", remedy);
             Vec::new()
         }
         None => Vec::new(),
@@ -413,7 +444,7 @@ fn substitute(f: &mut Findings<'_>, placed: &Placed<RangeTable>, outputs: bool, 
 }
 
 /// `EB 0`, `EW 4`, `PED 256`: the first byte.
-fn address(f: &mut Findings<'_>, text: &Placed<String>, outputs: bool) -> Option<u32> {
+pub(super) fn address(f: &mut Findings<'_>, text: &Placed<String>, outputs: bool) -> Option<u32> {
     const INPUTS: [&str; 12] = ["EB", "EW", "ED", "PEB", "PEW", "PED", "IB", "IW", "ID", "PIB", "PIW", "PID"];
     const OUTPUTS: [&str; 12] = ["AB", "AW", "AD", "PAB", "PAW", "PAD", "QB", "QW", "QD", "PQB", "PQW", "PQD"];
     let (words, example) = if outputs { (&OUTPUTS, "AB 0") } else { (&INPUTS, "EB 0") };

@@ -9,6 +9,7 @@ mod connection;
 mod coupler;
 mod cp040;
 mod devices;
+mod dp;
 mod duration;
 pub mod findings;
 mod interrupts;

@@ -273,6 +273,22 @@ pub(super) struct ModuleTable {
     pub(super) lost_after: Option<Placed<String>>,
     pub(super) on_loss: Option<Placed<String>>,
     pub(super) diagnostic: Option<Placed<i64>>,
+    pub(super) station: Option<Placed<i64>>,
+    pub(super) gsd: Option<Placed<String>>,
+    pub(super) slots: Option<Placed<Vec<Placed<SlotTable>>>>,
+}
+
+/// A module in a slot of a DP slave.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SlotTable {
+    pub(super) slot: Placed<i64>,
+    pub(super) module: Placed<String>,
+    pub(super) inputs: Option<Placed<String>>,
+    pub(super) outputs: Option<Placed<String>>,
+    pub(super) params: Option<Placed<BTreeMap<Placed<String>, Placed<toml::Value>>>>,
+    pub(super) raw: Option<Placed<String>>,
+    pub(super) substitute: Option<Placed<Vec<Placed<i64>>>>,
 }
 
 /// A bus with remote modules.
@@ -287,6 +303,11 @@ pub(super) struct BusTable {
     pub(super) baud: Option<Placed<i64>>,
     pub(super) parity: Option<Placed<String>>,
     pub(super) stop_bits: Option<Placed<i64>>,
+    pub(super) address: Option<Placed<i64>>,
+    pub(super) hsa: Option<Placed<i64>>,
+    pub(super) slot_bits: Option<Placed<i64>>,
+    pub(super) retries: Option<Placed<i64>>,
+    pub(super) watchdog: Option<Placed<String>>,
 }
 
 /// Registers or bits of a coupler, and where they lie.

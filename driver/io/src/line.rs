@@ -1,0 +1,117 @@
+//! One line of the bus: its device, the master on it, and what it has to tell.
+
+use std::io;
+
+use ob1_coupler::config::Parity;
+use ob1_coupler::{Image, Input, LineConfig, LineFault, LineInput, MasterInput};
+use ob1_io::Master;
+use ob1_line::{LineEvent, LineSettings, LineSpec, Nanos, RealLine, StopBits};
+use tracing::{info, warn};
+
+/// Events in one pass: then the heart beats, and the other lines have their turn.
+const EVENTS: u32 = 32;
+/// Received bytes handed over at a time.
+const BUFFER: usize = 512;
+
+/// The device or connection, and who is asked on it.
+pub(crate) struct Line {
+    spec: LineSpec,
+    settings: LineSettings,
+    pub(crate) real: RealLine,
+    pub(crate) master: Master,
+    /// When it has something to do although nothing happens.
+    pub(crate) deadline: Nanos,
+    /// Whether it was up when it was last told of it.
+    up: bool,
+}
+
+impl Line {
+    pub(crate) fn new(config: &LineConfig, first: usize, input_bytes: usize) -> io::Result<Self> {
+        let spec: LineSpec = config.line.parse().map_err(|error| io::Error::other(format!("{error}")))?;
+        let settings = settings(config);
+        let real = open(&spec, &settings)?;
+        let master = Master::new(config, first, input_bytes, 0).map_err(io::Error::other)?;
+        Ok(Self { spec, settings, real, master, deadline: 0, up: false })
+    }
+
+    /// Takes what the line has to tell; true if that may not have been everything.
+    pub(crate) fn events(&mut self, now: Nanos, image: &mut Image) -> bool {
+        let mut buffer = [0; BUFFER];
+        for _ in 0..EVENTS {
+            let Some(event) = self.real.next_event(now, &mut buffer) else {
+                return false;
+            };
+            match event {
+                LineEvent::Rx(n) => {
+                    let bytes = buffer.get(..n).unwrap_or_default();
+                    tracing::trace!(rx = ?bytes);
+                    self.step(now, Input::Line(LineInput::Rx(bytes)), image);
+                }
+                LineEvent::TxDone => self.step(now, Input::Line(LineInput::TxDone), image),
+                LineEvent::Fault(fault) => self.step(now, Input::Line(LineInput::Fault(fault)), image),
+                LineEvent::Up(warnings) => {
+                    info!(line = %self.spec, "the line is up");
+                    warnings.iter().for_each(|warning| warn!("{warning}"));
+                    self.up = true;
+                    self.step(now, Input::Line(LineInput::Fault(LineFault::Back)), image);
+                }
+                LineEvent::Gone(reason) => {
+                    warn!(line = %self.spec, "the line is gone: {reason}");
+                    self.gone(now, image);
+                }
+            }
+        }
+        true
+    }
+
+    fn gone(&mut self, now: Nanos, image: &mut Image) {
+        if std::mem::take(&mut self.up) {
+            self.step(now, Input::Line(LineInput::Fault(LineFault::Gone)), image);
+        }
+    }
+
+    pub(crate) fn step(&mut self, now: Nanos, input: MasterInput<'_>, image: &mut Image) {
+        let mut out = Vec::new();
+        self.deadline = self.master.step(now, input, image, &mut out);
+        if !out.is_empty() {
+            tracing::trace!(tx = ?out);
+            // One request at a time: there is always room for it.
+            self.real.write(now, &out);
+        }
+        if self.master.wants_reconnect() {
+            warn!(line = %self.spec, "no answer on this connection: it is opened anew");
+            self.up = false;
+            match open(&self.spec, &self.settings) {
+                Ok(real) => self.real = real,
+                Err(error) => warn!("{error}"),
+            }
+            self.step(now, Input::Line(LineInput::Fault(LineFault::Gone)), image);
+        }
+    }
+}
+
+pub(crate) fn open(spec: &LineSpec, settings: &LineSettings) -> io::Result<RealLine> {
+    let mut real = RealLine::new(spec);
+    real.apply(settings).map_err(|error| io::Error::other(format!("{error}")))?;
+    Ok(real)
+}
+
+pub(crate) fn settings(config: &LineConfig) -> LineSettings {
+    if let Some(dp) = &config.dp {
+        return LineSettings { baud: dp.baud, parity: ob1_line::Parity::Even, ..LineSettings::default() };
+    }
+    let Some(serial) = &config.serial else {
+        // TCP: what it has of a line's times is not looked at.
+        return LineSettings { baud: 4_000_000, ..LineSettings::default() };
+    };
+    LineSettings {
+        baud: serial.baud,
+        parity: match serial.parity {
+            Parity::None => ob1_line::Parity::None,
+            Parity::Even => ob1_line::Parity::Even,
+            Parity::Odd => ob1_line::Parity::Odd,
+        },
+        stop_bits: if serial.stop_bits == 2 { StopBits::Two } else { StopBits::One },
+        ..LineSettings::default()
+    }
+}

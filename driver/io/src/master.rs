@@ -1,0 +1,50 @@
+//! The master of a line, whatever is spoken on it.
+
+use ob1_coupler::{Image, LineConfig, LineMaster, MasterInput};
+use ob1_line::Nanos;
+
+/// The master of a line.
+pub enum Master {
+    /// Of Modbus couplers.
+    Modbus(Box<LineMaster>),
+    /// Of DP slaves.
+    Dp(Box<ob1_dp::Master>),
+}
+
+impl Master {
+    /// The master of a line whose couplers or slaves begin at `first` in the image's list.
+    ///
+    /// # Errors
+    /// Bus parameters that cannot be, in words.
+    pub fn new(config: &LineConfig, first: usize, input_bytes: usize, now: Nanos) -> Result<Self, String> {
+        Ok(match &config.dp {
+            Some(dp) => Self::Dp(Box::new(ob1_dp::Master::new(dp, first, now).map_err(|why| why.0)?)),
+            None => Self::Modbus(Box::new(LineMaster::new(config, first, input_bytes, now))),
+        })
+    }
+
+    /// Takes what has happened; the result is when to call again at the latest.
+    pub fn step(&mut self, now: Nanos, input: MasterInput<'_>, image: &mut Image, out: &mut Vec<u8>) -> Nanos {
+        match self {
+            Self::Modbus(master) => master.step(now, input, image, out),
+            Self::Dp(master) => master.step(now, input, image, out),
+        }
+    }
+
+    /// The connection is to be opened anew. Told once.
+    pub fn wants_reconnect(&mut self) -> bool {
+        match self {
+            Self::Modbus(master) => master.wants_reconnect(),
+            Self::Dp(_) => false,
+        }
+    }
+
+    /// Whether everybody who can be reached has the outputs as they are now.
+    #[must_use]
+    pub fn has_told_outputs(&self, image: &Image) -> bool {
+        match self {
+            Self::Modbus(master) => master.has_told_outputs(image),
+            Self::Dp(master) => master.has_told_outputs(image),
+        }
+    }
+}

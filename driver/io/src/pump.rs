@@ -1,0 +1,95 @@
+//! Between the scan and the masters: what is driven, and whether by a scan that lives; what the scan gets to see.
+
+use ob1_backplane::{BusMemory, BusProcessSide, BusSize, CpSide, DriverState};
+use ob1_coupler::{BusConfig, Image};
+use ob1_line::Nanos;
+use tracing::{info, warn};
+
+/// Time between two beats; an image is published at least as often.
+const HEARTBEAT: Nanos = 50_000_000;
+
+/// The ends of the segment and of the bus's image that belong to the process.
+pub struct Pump {
+    /// The segment it is supervised by.
+    pub segment: CpSide,
+    side: BusProcessSide,
+    /// Inputs, outputs, and how the couplers and slaves stand.
+    pub image: Image,
+    /// The generation of the image that was published last.
+    published: u64,
+    next_beat: Nanos,
+    /// The scan's last sign of life, and since when there was none.
+    scan: (u64, Nanos),
+    alive: bool,
+    scan_timeout: Nanos,
+    /// What the CPU has said of the outputs.
+    wanted: bool,
+}
+
+impl Pump {
+    /// The process is there.
+    #[must_use]
+    pub fn new(config: &BusConfig, segment: CpSide, memory: &BusMemory, size: BusSize, now: Nanos) -> Self {
+        let mut pump = Self {
+            segment,
+            side: BusProcessSide::new(memory, size),
+            image: Image::new(config),
+            published: 0,
+            next_beat: now,
+            scan: (0, now),
+            alive: true,
+            scan_timeout: config.scan_timeout,
+            wanted: false,
+        };
+        pump.publish();
+        pump.segment.set_state(DriverState::Ready);
+        pump
+    }
+
+    /// What the scan wants of the outputs, and whether it is alive; whether anything is another than before.
+    pub fn look_at_scan(&mut self, now: Nanos) -> bool {
+        let mut changed = false;
+        if let Some(driven) = self.side.take(&mut self.image.outputs) {
+            (self.wanted, changed) = (driven, true);
+        }
+        let beats = self.segment.cpu_heartbeat();
+        if beats != self.scan.0 {
+            self.scan = (beats, now);
+        }
+        let alive = now.saturating_sub(self.scan.1) < self.scan_timeout;
+        if self.wanted && alive != std::mem::replace(&mut self.alive, alive) {
+            if alive {
+                info!("the scan gives a sign of life again: outputs on");
+            } else {
+                warn!("the scan gives no sign of life: outputs off");
+            }
+        }
+        let driven = self.wanted && alive;
+        if driven != self.image.driven {
+            (self.image.driven, changed) = (driven, true);
+        }
+        changed
+    }
+
+    /// Shows what is new, and that the process lives.
+    pub fn show(&mut self, now: Nanos) {
+        if now >= self.next_beat {
+            self.segment.beat();
+            self.next_beat = now + HEARTBEAT;
+            self.publish();
+        } else if self.image.generation != self.published {
+            self.publish();
+        }
+    }
+
+    /// When [`Self::show`] has something to do at the latest.
+    #[must_use]
+    pub const fn deadline(&self) -> Nanos {
+        self.next_beat
+    }
+
+    fn publish(&mut self) {
+        self.published = self.image.generation;
+        self.side.publish(self.image.status.iter().map(|status| status.to_words()), &self.image.inputs);
+    }
+}

@@ -1,0 +1,86 @@
+//! `ob1-io --scan`: who is on a PROFIBUS. Nobody else may have the line meanwhile.
+
+use std::io::{self, Write as _};
+use std::time::Instant;
+
+use ob1_coupler::{BusConfig, Input, LineFault, LineInput, MasterInput};
+use ob1_dp::scan::{Found, Scan};
+use ob1_line::{LineEvent, Nanos, PollFds, RealLine};
+use rustix::event::{Timespec, poll};
+use rustix::io::Errno;
+
+use crate::line;
+
+/// Telegrams of two rounds over all addresses: each is asked once, and the token goes round behind it.
+const TELEGRAMS: u64 = 2 * 2 * 126;
+/// A line that is not there by then is not there.
+const LONGEST: Nanos = 60_000_000_000;
+
+/// Prints a line of JSON for each slave that answers.
+///
+/// # Errors
+/// What the line says, in words.
+pub(crate) fn run(bus: &BusConfig) -> io::Result<()> {
+    let config = bus.lines.iter().find(|line| line.dp.is_some()).ok_or_else(|| io::Error::other("no PROFIBUS"))?;
+    let dp = config.dp.as_ref().ok_or_else(|| io::Error::other("no PROFIBUS"))?;
+    let spec = config.line.parse().map_err(|error| io::Error::other(format!("{error}")))?;
+    let mut real = line::open(&spec, &line::settings(config))?;
+    let start = Instant::now();
+    let now = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(Nanos::MAX);
+    let mut scan = Scan::new(dp, 0).map_err(|why| io::Error::other(why.0))?;
+    let mut deadline = 0;
+    let mut buffer = [0; 512];
+    while scan.sent() < TELEGRAMS {
+        if now() > LONGEST {
+            return Err(io::Error::other("the line does not let us speak: another master, or a short circuit"));
+        }
+        while let Some(event) = real.next_event(now(), &mut buffer) {
+            let input = match &event {
+                LineEvent::Rx(len) => LineInput::Rx(buffer.get(..*len).unwrap_or_default()),
+                LineEvent::TxDone => LineInput::TxDone,
+                LineEvent::Fault(fault) => LineInput::Fault(*fault),
+                LineEvent::Up(_) => LineInput::Fault(LineFault::Back),
+                LineEvent::Gone(reason) => return Err(io::Error::other(reason.clone())),
+            };
+            deadline = step(&mut scan, now(), Input::Line(input), &mut real);
+        }
+        if now() >= deadline {
+            deadline = step(&mut scan, now(), Input::Tick, &mut real);
+        }
+        wait(&mut real, deadline, now())?;
+    }
+    let mut out = io::stdout();
+    for Found { station, ident, master } in scan.found() {
+        writeln!(out, "{}", serde_json::json!({ "station": station, "ident": ident, "master": master }))?;
+    }
+    out.flush()
+}
+
+fn step(scan: &mut Scan, now: Nanos, input: MasterInput<'_>, real: &mut RealLine) -> Nanos {
+    let mut out = Vec::new();
+    let deadline = scan.step(now, input, &mut out);
+    if !out.is_empty() {
+        real.write(now, &out);
+    }
+    deadline
+}
+
+fn wait(real: &mut RealLine, deadline: Nanos, now: Nanos) -> io::Result<()> {
+    let until = deadline.min(real.deadline().unwrap_or(Nanos::MAX)).min(LONGEST + 1);
+    let time = until.saturating_sub(now);
+    let timeout = Timespec { tv_sec: (time / 1_000_000_000) as i64, tv_nsec: (time % 1_000_000_000) as i64 };
+    let ready = {
+        let mut fds = PollFds::default();
+        real.poll_fds(&mut fds);
+        let mut fds: Vec<_> = fds.into_entries().collect();
+        match poll(&mut fds, Some(&timeout)) {
+            Ok(_) | Err(Errno::INTR) => {}
+            Err(error) => return Err(error.into()),
+        }
+        fds.iter().any(|fd| !fd.revents().is_empty())
+    };
+    if ready {
+        real.ready();
+    }
+    Ok(())
+}

@@ -1,0 +1,131 @@
+//! A station file with a PROFIBUS: what it becomes, and what is said of each mistake, with its place.
+
+use std::path::{Path, PathBuf};
+
+use ob1_station::finding::Finding;
+use ob1_station::station_file::{ModuleKind, Station, parse};
+
+/// With the GSD file of a simulated ET 200M.
+const GOOD: &str = r#"[station]
+name = "press"
+
+[[bus]]
+name = "profi"
+type = "dp"
+line = "serial:/dev/ttyUSB0"
+baud = 500000
+watchdog = "300ms"
+
+[[module]]
+type = "coupler"
+bus = "profi"
+name = "rack"
+station = 8
+gsd = "ET200M.GSD"
+diagnostic = 2040
+on_loss = "substitute"
+slots = [
+    { slot = 1, module = "DI 16 x DC 24V", inputs = "EB 0", substitute = [1, 2] },
+    { slot = 3, module = "AI 2 x 12 bit", inputs = "PEW 256", params = { Range = "4..20 mA" }, substitute = [0, 0, 0, 0] },
+    { slot = 2, module = "DO 16 x DC 24V", outputs = "AB 4" },
+]
+"#;
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../driver/dp/tests")
+}
+
+fn read(text: &str) -> Result<Station, Vec<Finding>> {
+    parse(text, "press.toml", &folder())
+}
+
+#[test]
+fn a_slave_is_a_module_at_its_diagnostic_address_and_one_for_each_slot() {
+    let station = read(GOOD).unwrap_or_else(|findings| panic!("{findings:#?}"));
+    let places: Vec<_> = station
+        .modules
+        .iter()
+        .map(|m| (m.name.as_str(), m.input_address, m.input_bytes(), m.output_address, m.output_bytes()))
+        .collect();
+    assert_eq!(
+        places,
+        [("rack", 2040, 0, 2040, 0), ("rack.1", 0, 2, 0, 0), ("rack.2", 4, 0, 4, 2), ("rack.3", 256, 4, 256, 0)]
+    );
+    let speaks: Vec<bool> = station
+        .modules
+        .iter()
+        .map(|module| matches!(&module.kind, ModuleKind::Remote { module, .. } if module.speaks))
+        .collect();
+    assert_eq!(speaks, [true, false, false, false]);
+    let bus = &station.buses[0];
+    let dp = bus.config.lines[0].dp.as_ref().expect("it is a DP line");
+    assert_eq!((dp.baud, dp.address, dp.hsa, dp.slot_bits, dp.retries), (500_000, 2, 126, 4000, 3));
+    let slave = &dp.slaves[0];
+    assert_eq!((slave.station, slave.ident), (8, 0x7F01));
+    assert_eq!(slave.config, [0x42, 0x01, 0x01, 0x00, 0x82, 0x01, 0x02, 0x00, 0x51]);
+    assert_eq!(slave.parameters, [0xC0, 0x00, 0x08, 0x01, 0x30, 0x00, 0x05]);
+    assert_eq!((slave.inputs, slave.outputs, slave.diagnosis), ((0, 6), (0, 2), (6, 64)));
+    assert_eq!((bus.config.input_bytes, bus.config.output_bytes), (6 + 65, 2));
+    assert_eq!(slave.texts.get(&0).map(String::as_str), Some("Module missing"));
+    assert_eq!((bus.stations[0].diagnostic, bus.stations[0].number, bus.stations[0].interrupts), (2040, 8, true));
+}
+
+/// What is changed, the line of the finding, what it says, what helps.
+#[test]
+fn each_mistake_has_its_place_and_its_words() {
+    let mut wrong = Vec::new();
+    for (from, to, line, says, helps) in [
+        ("baud = 500000", "baud = 500001", 8, "no 500001 bit/s", "187500, 500000"),
+        ("baud = 500000", "baud = 31250", 15, "cannot have 31250 bit/s", "another `baud`"),
+        ("baud = 500000", "baud = 500000\nhsa = 2", 9, "the master has address 2", "hsa = 126"),
+        ("baud = 500000", "baud = 500000\nslot_bits = 100", 9, "out of range", "200 to 16383"),
+        ("baud = 500000", "baud = 500000\nparity = \"odd\"", 9, "belongs to a serial line", "leave it out"),
+        ("watchdog = \"300ms\"", "watchdog = \"1ms\"", 9, "no such watchdog time", "10 ms"),
+        ("line = \"serial:/dev/ttyUSB0\"", "line = \"tcp:10.0.0.1:502\"", 7, "cannot be the line", "serial:DEVICE"),
+        ("station = 8\n", "", 12, "no address", "add `station`"),
+        ("station = 8", "station = 126", 15, "out of range", "0 to 125"),
+        ("station = 8", "station = 2", 15, "the address 2 is taken", "of its own"),
+        ("ET200M.GSD", "ET200X.GSD", 16, "cannot be read", "counts from the folder"),
+        ("ET200M.GSD", "line.rs", 16, "is no GSD file", "from the maker"),
+        ("gsd = \"ET200M.GSD\"\n", "", 12, "no GSD file", "add `gsd`"),
+        ("DI 16 x DC 24V", "DI 16 x DC 42V", 20, "no module \"DI 16 x DC 42V\"", "did you mean \"DI 16 x DC 24V\"?"),
+        ("slot = 3", "slot = 4", 21, "slot 3 has no module", "without a gap"),
+        ("slot = 2", "slot = 1", 22, "slot 1 is there twice", "without a gap"),
+        ("4..20 mA", "0..20 mA", 21, "\"0..20 mA\" is no value of \"Range\"", "4..20 mA"),
+        ("Range =", "Rnge =", 21, "no parameter \"Rnge\"", "there are: Range, Smoothing, Limit"),
+        ("outputs = \"AB 4\"", "inputs = \"EB 4\"", 22, "has no inputs", "leave `inputs` out"),
+        (", outputs = \"AB 4\"", "", 22, "2 bytes of outputs, and no place", "outputs = \"AB 0\""),
+        ("PEW 256", "EB 1", 21, "", ""),
+        ("PEW 256", "EB 16383", 21, "reach to byte", "the last byte"),
+        ("substitute = [1, 2]", "substitute = [1]", 20, "1 values for 2 bytes", "one for each"),
+        ("diagnostic = 2040", "diagnostic = 256", 17, "belongs to something else", "leave it out"),
+        ("diagnostic = 2040", "unit = 3", 17, "does not belong to a DP slave", "`station`"),
+        ("diagnostic = 2040", "period = \"10ms\"", 17, "does not belong to a DP slave", "each round"),
+    ] {
+        assert!(GOOD.contains(from), "{from}");
+        match read(&GOOD.replacen(from, to, 1)) {
+            Ok(_) => wrong.push(format!("{from} -> {to}: nothing is said")),
+            Err(findings) => {
+                let fits = |f: &Finding| f.line == line && f.message.contains(says) && f.remedy.contains(helps);
+                if !findings.iter().any(fits) {
+                    wrong.push(format!("{from} -> {to}: line {line}: {findings:#?}"));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn keys_of_profibus_do_not_belong_elsewhere() {
+    for (text, says) in [
+        ("[[bus]]\nname = \"b\"\ntype = \"modbus-tcp\"\nhsa = 5\n", "`hsa` belongs to a bus of type \"dp\""),
+        (
+            "[[module]]\ntype = \"di\"\nname = \"d\"\naddress = 0\nbytes = 1\ngsd = \"x\"\n",
+            "`gsd` belongs to a coupler",
+        ),
+    ] {
+        let findings = read(&format!("[station]\nname = \"s\"\n{text}")).err().expect("a mistake");
+        assert!(findings.iter().any(|f| f.message.contains(says)), "{findings:#?}");
+    }
+}
