@@ -7,8 +7,8 @@ use ob1_model::{Area, Layout, Section};
 use crate::moment::{DAY_MS, Date, Moment};
 use crate::services::{
     Alarm, AlarmError, AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DelayInterrupt, DeleteError,
-    ErrorFilter, ImageError, Images, InUse, InterruptLocks, LoadError, MessageError, Messages, Meters, NoPlace, Placed, Rack,
-    RunTimeMeter, RunTimes, Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, WallClock,
+    ErrorFilter, ImageError, Images, InUse, InterruptLocks, LoadError, MessageError, Messages, Meters, NoPlace, Placed,
+    Rack, RunTimeMeter, RunTimes, Schedule, StartInfo, StatusError, SystemStatus, TimeOfDayInterrupt, WallClock,
 };
 use crate::{Context, Done, Interrupted, ModuleSize, Refused, StandardBlock, standard_block};
 

@@ -16,6 +16,6 @@ pub use meter::RunTimeMeter;
 pub use schedule::{DelayInterrupt, Period, TimeOfDayInterrupt};
 pub use traits::{
     Alarm, AlarmError, AlarmInfo, AlarmSource, CreateError, DataBlocks, DbInfo, DbRequest, DeleteError, ImageError,
-    Images, InUse, LoadError, MessageError, Messages, Meters, NoPlace, Placed, Rack, RunTimes, Schedule, StartInfo, StatusError,
-    SystemStatus, WallClock,
+    Images, InUse, LoadError, MessageError, Messages, Meters, NoPlace, Placed, Rack, RunTimes, Schedule, StartInfo,
+    StatusError, SystemStatus, WallClock,
 };
