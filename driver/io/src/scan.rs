@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use ob1_coupler::{BusConfig, Input, LineFault, LineInput, MasterInput};
 use ob1_dp::scan::{Found, Scan};
-use ob1_line::{LineEvent, Nanos, PollFds, RealLine};
+use ob1_line::{LineEvent, LineSpec, Nanos, PollFds, RealLine};
 use rustix::event::{Timespec, poll};
 use rustix::io::Errno;
 
@@ -23,7 +23,7 @@ const LONGEST: Nanos = 60_000_000_000;
 pub(crate) fn run(bus: &BusConfig) -> io::Result<()> {
     let config = bus.lines.iter().find(|line| line.dp.is_some()).ok_or_else(|| io::Error::other("no PROFIBUS"))?;
     let dp = config.dp.as_ref().ok_or_else(|| io::Error::other("no PROFIBUS"))?;
-    let spec = config.line.parse().map_err(|error| io::Error::other(format!("{error}")))?;
+    let spec: LineSpec = config.line.parse().map_err(|error| io::Error::other(format!("{error}")))?;
     let mut real = line::open(&spec, &line::settings(config))?;
     let start = Instant::now();
     let now = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(Nanos::MAX);
