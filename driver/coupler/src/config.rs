@@ -22,11 +22,6 @@ pub struct BusConfig {
 }
 
 impl BusConfig {
-    /// Couplers on all lines.
-    pub fn couplers(&self) -> impl Iterator<Item = &CouplerConfig> {
-        self.lines.iter().flat_map(|line| &line.couplers)
-    }
-
     /// The names of all couplers and slaves, in the order in which [`crate::Image::status`] has them.
     pub fn stations(&self) -> impl Iterator<Item = &str> {
         self.lines.iter().flat_map(LineConfig::stations)
