@@ -1,10 +1,10 @@
 //! A station on PROFIBUS in virtual time: the real CPU, bus modules, images, master and stack; slaves and wires are
-//! simulated, and so is the life of the process of the bus. A hundred seeds with characters that cannot be read, slaves that
-//! lose their power for a moment or longer and report faults, and a process that is killed.
+//! simulated, and so is the life of the process of the bus. A hundred seeds with characters that cannot be read, slaves
+//! that lose their power for a moment or longer and report faults, and a process that is killed.
 //!
 //! For each scan: an input is what its slave has sensed, or the substitute; from the scan in which OB 86 says that the
-//! slave is lost, to that in which it says that it is back, it is the substitute. OB 86 runs once for each of these. Outputs
-//! are off when a master has been gone for as long as the watchdog says.
+//! slave is lost, to that in which it says that it is back, it is the substitute. OB 86 runs once for each of these.
+//! Outputs are off when a master has been gone for as long as the watchdog says.
 
 use std::collections::VecDeque;
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! `ob1-io`: the process of a bus. It exchanges inputs and outputs with the couplers or slaves on its lines, and ends with its
-//! standard input.
+//! `ob1-io`: the process of a bus. It exchanges inputs and outputs with the couplers or slaves on its lines, and ends
+//! with its standard input.
 
 // Everything goes through one place that neither panics nor waits for ever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]

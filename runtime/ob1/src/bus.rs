@@ -2,23 +2,43 @@
 //! one process owns a line.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
+use clap::{Args, Subcommand};
 use ob1_station::assembly;
 use ob1_station::station_file::{self, Bus, Line};
 use serde_json::Value;
 
 use crate::exit::Exit;
 
-/// What is to be scanned.
-#[derive(Debug)]
-pub struct Options {
-    /// The station file.
-    pub station: std::path::PathBuf,
-    /// Its bus; the only one of type "dp" where there is one.
-    pub bus: Option<String>,
-    /// As JSON.
-    pub json: bool,
+/// Ask who is on a PROFIBUS
+///
+/// Every address is asked for its diagnosis; slaves that exchange data with another master go on doing so. The station
+/// does not run meanwhile.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "Examples:\n  ob1 bus scan station.toml\n  ob1 bus scan station.toml --bus profi --json")]
+pub struct BusArgs {
+    #[command(subcommand)]
+    action: BusAction,
+}
+
+#[derive(Clone, Debug, Subcommand)]
+enum BusAction {
+    /// Who answers, beside what the station file says
+    Scan(ScanArgs),
+}
+
+#[derive(Clone, Debug, Args)]
+struct ScanArgs {
+    /// The station file
+    station: PathBuf,
+    /// Its bus, where it has more than one of type "dp"
+    #[arg(long, value_name = "NAME")]
+    bus: Option<String>,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// A slave that answers.
@@ -35,9 +55,15 @@ struct Wanted {
     ident: u16,
 }
 
+/// `ob1 bus`.
+pub(crate) fn run(args: &BusArgs) -> Exit {
+    match &args.action {
+        BusAction::Scan(args) => scan(args),
+    }
+}
+
 /// Asks every address, and prints who answers.
-#[must_use]
-pub fn scan(options: &Options) -> Exit {
+fn scan(options: &ScanArgs) -> Exit {
     let station = match station_file::load(&options.station) {
         Ok(station) => station,
         Err(findings) => {

@@ -7,13 +7,14 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::bus::{self, BusArgs};
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
 use crate::import::{self, CompareArgs, ImportArgs, UploadArgs};
 use crate::new::{self, NewArgs};
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
-use crate::{bus, check, diag, remote, soak, top, trace};
+use crate::{check, diag, remote, soak, top, trace};
 use ob1_station::access::protocol::CommandName;
 use ob1_station::library::Chosen;
 use ob1_station::{compiling, guardian, janitor, out, run, station_file};
@@ -135,32 +136,6 @@ struct RunArgs {
     line_faults: u32,
     #[arg(long, hide = true, default_value_t = 0)]
     line_seed: u64,
-}
-
-/// Ask who is on a PROFIBUS
-///
-/// Every address is asked for its diagnosis; slaves that exchange data with another master go on doing so. The station
-/// does not run meanwhile.
-#[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  ob1 bus scan station.toml\n  ob1 bus scan station.toml --bus profi --json")]
-struct BusArgs {
-    #[command(subcommand)]
-    action: BusAction,
-}
-
-#[derive(Debug, Subcommand)]
-enum BusAction {
-    /// Who answers, beside what the station file says
-    Scan {
-        /// The station file
-        station: PathBuf,
-        /// Its bus, where it has more than one of type "dp"
-        #[arg(long, value_name = "NAME")]
-        bus: Option<String>,
-        /// As JSON
-        #[arg(long)]
-        json: bool,
-    },
 }
 
 /// Check sources or a station file
@@ -504,9 +479,7 @@ impl Command {
                 line_faults: args.line_faults,
                 line_seed: args.line_seed,
             }),
-            Command::Bus(BusArgs { action: BusAction::Scan { station, bus, json } }) => {
-                bus::scan(&bus::Options { station, bus, json })
-            }
+            Command::Bus(args) => bus::run(&args),
             Command::Check(args) if args.posture => check::posture(&args.files, args.json),
             Command::Check(args) => check::check(&check::Options {
                 files: args.files,

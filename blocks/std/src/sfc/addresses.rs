@@ -240,8 +240,8 @@ mod tests {
     use super::Placed;
     use crate::testing::{Fake, any};
 
-    /// Slot 4: inputs alone; 5: outputs alone; 6: both, the outputs lower; 7: no addresses. On master system 1 station 8:
-    /// itself, at 2046, and slot 3.
+    /// Slot 4: inputs alone; 5: outputs alone; 6: both, the outputs lower; 7: no addresses. On master system 1
+    /// station 8: itself, at 2046, and slot 3.
     fn fake(key: &str) -> Fake {
         let mut fake = Fake::new(key).with("RET_VAL", [9; 2]);
         for (slot, inputs, outputs) in

@@ -1,4 +1,5 @@
-//! How the couplers and slaves of a bus stand for the program: what is present, and what has been told of it. A pure machine.
+//! How the couplers and slaves of a bus stand for the program: what is present, and what has been told of it.
+//! A pure machine.
 
 use ob1_coupler::dp::Diagnosis;
 use ob1_coupler::{Refusal, State, Status};

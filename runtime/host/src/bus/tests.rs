@@ -239,7 +239,7 @@ fn noise_is_a_lost_station() {
     assert_eq!(bench.scan(), ([0xAA, 0xBB, 3, 4], vec![0x39C4, 0x39C4]));
 }
 
-/// A DP slave of two bytes each way, at its diagnostic address 2046, with a diagnosis of up to 16 bytes behind its inputs.
+/// A DP slave of two bytes each way, at its diagnostic address 2046; behind its inputs a diagnosis of up to 16 bytes.
 fn slave_bench(interrupts: bool) -> Bench {
     let (segment, memory) = (Segment::heap(), BusMemory::heap());
     let cpu = CpuSide::create(&segment, 8).expect("a segment");
