@@ -1,8 +1,8 @@
 //! What the sieges share: how long one is, and damage done to bytes from a seed.
 //!
-//! `cargo xtask siege` runs the tests of `tests/tests/siege.rs`, `tests/tests/process_siege.rs`,
-//! `tests/tests/process_s7_siege.rs` and `runtime/station/tests/process_retentive.rs` with many rounds; the test suite
-//! runs them with a few.
+//! `cargo xtask siege` runs tests of `tests/tests/siege.rs`, `tests/tests/process_siege.rs`,
+//! `tests/tests/process_s7_siege.rs`, `tests/tests/process_remote_io.rs` and
+//! `runtime/station/tests/process_retentive.rs` with many rounds; the test suite runs them with a few.
 
 use ob1_line::sim::SplitMix64;
 

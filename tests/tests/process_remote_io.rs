@@ -9,6 +9,7 @@ use common::site::Site;
 use common::station::Running;
 use common::steps::Steps;
 use common::{Guard, checkout, python};
+use ob1_tests::siege::rounds;
 use rustix::process::Signal;
 use serde_json::json;
 
@@ -142,10 +143,10 @@ fn without_ob_86_a_lost_coupler_is_stop() {
     assert_eq!((station.entries("39C4h"), station.entries("456Fh")), (1, 1), "{:#?}", station.diagnostics());
 }
 
-/// `cargo xtask siege bus`: 200 times.
+/// A killed process of the bus is one failure, and is back at once. `cargo xtask siege bus`: 200 times.
 #[test]
-fn a_killed_process_of_the_bus_is_one_failure_and_is_back_at_once() {
-    let rounds = std::env::var("OB1_SIEGE_ROUNDS").map_or(5, |text| text.parse().expect("a number"));
+fn bus() {
+    let rounds = i64::try_from(rounds(5)).expect("as many as MW 10 counts");
     let mut plant = Plant::at_work(&[OB1, OB86].concat(), 41);
     let mut longest = Duration::ZERO;
     for kill in 1..=rounds {

@@ -5,7 +5,7 @@
 
 use crate::cargo::{self, Profile, cargo};
 use crate::failure::Outcome;
-use crate::{pick, shell};
+use crate::{pick, python, shell};
 
 /// A siege: its name, which is that of its test; where it stands; the rounds of a campaign.
 const SIEGES: &[Siege] = &[
@@ -36,6 +36,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     let known = SIEGES.iter().map(|siege| siege.name.to_owned()).collect();
     let names = pick::some_or_all(names, known, "siege")?;
     let sieges = names.iter().filter_map(|name| SIEGES.iter().find(|siege| siege.name == name));
+    let python = python::interpreter()?;
     shell::run(&mut cargo(&["build", "--release", "--workspace"]))?;
     let folder = Profile::Release.folder()?;
     for siege in sieges {
@@ -45,6 +46,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
             .env("OB1_UNDER_XTASK", "1")
             .env("OB1_PLUGIN_DIR", &folder)
             .env("OB1_BIN_DIR", &folder)
+            .env("OB1_PYTHON", &python)
             .current_dir(cargo::root());
         shell::run(&mut test)?;
     }
