@@ -172,21 +172,28 @@ def serve(args):
     line = os.open(args.line, os.O_RDWR | os.O_NOCTTY)
     tty.setraw(line)
     print(json.dumps({"ready": True}), flush=True)
-    steps, shown = b"", None
+    steps, shown, lines = b"", None, [line]
     while True:
         wait = None if slave.over is None else max(0, slave.over - time.monotonic())
-        ready, _, _ = select.select([line] + ([0] if args.steps else []), [], [], wait)
+        ready, _, _ = select.select(lines + ([0] if args.steps else []), [], [], wait)
         if slave.over is not None and time.monotonic() >= slave.over:
             slave.leave()
         if 0 in ready:
             read = os.read(0, 4096)
             if not read:
                 return
-            *lines, steps = (steps + read).split(b"\n")
-            for text in lines:
+            *whole, steps = (steps + read).split(b"\n")
+            for text in whole:
                 print(json.dumps(slave.step(json.loads(text))), flush=True)
         if line in ready:
-            received += os.read(line, 4096)
+            try:
+                read = os.read(line, 4096)
+            except OSError:
+                read = b""
+            if not read and not args.steps:
+                return  # Its other end is gone.
+            lines = [line] if read else []
+            received += read
         while received:
             telegram, used = parse(received)
             if not used:

@@ -132,6 +132,7 @@ fn a_killed_process_of_the_bus_is_one_failure_and_is_back() {
         plant.station.driver_process_of("et200m").signal(Signal::KILL);
         plant.station.until("the bus has failed", |s| (s.entries("39C3h") == kill).then_some(()));
         // Its pty is another one: the rack is plugged in anew.
+        plant.station.until("the pty", |_| plant.site.path("rack.pty").exists().then_some(()));
         let mut rack = rack(&plant.site);
         plant.station.until("it is back", |s| (s.entries("38C4h") == kill).then_some(()));
         rack.ask(&json!({}));
