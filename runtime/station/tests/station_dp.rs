@@ -125,7 +125,7 @@ fn keys_of_profibus_do_not_belong_elsewhere() {
             "`gsd` belongs to a coupler",
         ),
     ] {
-        let findings = read(&format!("[station]\nname = \"s\"\n{text}")).err().expect("a mistake");
+        let Err(findings) = read(&format!("[station]\nname = \"s\"\n{text}")) else { panic!("a mistake: {text}") };
         assert!(findings.iter().any(|f| f.message.contains(says)), "{findings:#?}");
     }
 }

@@ -57,7 +57,7 @@ fn read_diagnosis(call: &mut Call<'_>) -> Result<u16, u16> {
         _ => 0x80A2,
     })?;
     let (target, bytes) = call.record(DpNrmDg::RECORD)?;
-    if bytes < DIAGNOSIS_HEAD || bytes > DIAGNOSIS_BYTES {
+    if !(DIAGNOSIS_HEAD..=DIAGNOSIS_BYTES).contains(&bytes) {
         return Err(0x80B1);
     }
     let len = len.min(bytes);
