@@ -19,9 +19,10 @@ fn blocks(text: &str, language: &str) -> Vec<String> {
 fn the_station_file_of_the_document_is_good() {
     // One file, in as many pieces as the document likes.
     let text = blocks(&document("station-file.md"), "toml").concat();
-    let station = ob1_station::station_file::parse(&text, "station-file.md", Path::new("/s"));
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/et200m");
+    let station = ob1_station::station_file::parse(&text, "station-file.md", &folder);
     let station = station.unwrap_or_else(|findings| panic!("{findings:?}"));
-    assert_eq!((station.modules.len(), station.buses.len(), station.plugins.len()), (11, 2, 1));
+    assert_eq!((station.modules.len(), station.buses.len(), station.plugins.len()), (15, 3, 1));
 }
 
 #[test]
