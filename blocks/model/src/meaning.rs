@@ -185,7 +185,7 @@ mod tests {
     use super::*;
 
     /// Those that tell something good, or what somebody wanted.
-    const NOTHING_TO_DO: [Event; 12] = [
+    const NOTHING_TO_DO: [Event; 13] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
