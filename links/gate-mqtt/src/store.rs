@@ -305,7 +305,7 @@ mod tests {
             let mut store = Store::open(folder.path(), 1 << 20).expect("a folder");
             assert_eq!(drain(&mut store).len(), len / (bytes.len() / 3), "{len}");
         }
-        let noise: Vec<u8> = (0..999u32).map(|n| (n * 7919 >> 3) as u8).collect();
+        let noise: Vec<u8> = (0..999u32).map(|n| ((n * 7919) >> 3) as u8).collect();
         fs::write(folder.path().join("0000000100000000.records"), noise).expect("a file");
         drain(&mut Store::open(folder.path(), 1 << 20).expect("a folder"));
     }
