@@ -12,7 +12,6 @@ use std::sync::{Arc, Mutex};
 
 use ob1_backplane::{BusCpuSide, BusMemory, BusSize, CpuSide, CpuState, DriverState};
 use ob1_coupler::Status;
-use ob1_coupler::dp::{DIAGNOSIS_BYTES, DpSlave, kept_diagnosis};
 use ob1_cpu::{DP_DIAGNOSIS, Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus, Nanos};
 
 use crate::module::DriverLink;
@@ -130,14 +129,6 @@ impl Shared {
         let ready = matches!(self.side.monitor().driver_state(), Ok(DriverState::Ready));
         let (image, life) = (&self.image, (self.link.is_running(), ready));
         self.stations.look(now, life, fresh, |station| Status::from_words(&image.coupler(station)));
-    }
-
-    /// The diagnosis of a station, in `area`; nothing where it has none.
-    fn diagnosis<'a>(&self, station: usize, area: &'a mut [u8; DpSlave::diagnosis_area(DIAGNOSIS_BYTES)]) -> &'a [u8] {
-        let Some((at, room)) = self.stations.diagnosis_at(station) else { return &[] };
-        let Some(area) = area.get_mut(..DpSlave::diagnosis_area(room)) else { return &[] };
-        self.image.inputs(at, area);
-        kept_diagnosis(area)
     }
 
     fn publish(&mut self) {
@@ -278,9 +269,8 @@ impl Module for BusModule {
         if !self.config.speaks {
             return None;
         }
-        let mut area = [0; _];
-        let diagnosis = shared.diagnosis(self.config.station, &mut area);
-        shared.stations.event(self.config.station, diagnosis)
+        let Shared { stations, image, .. } = &mut *shared;
+        stations.event(self.config.station, |at, into| image.inputs(at, into))
     }
 
     fn status(&self) -> ModuleStatus {
@@ -292,12 +282,10 @@ impl Module for BusModule {
     /// The diagnosis of a DP slave, at its diagnostic address; also of one that refuses.
     fn record_read(&mut self, record: u8, into: &mut [u8]) -> Result<usize, ModuleError> {
         let Ok(shared) = self.shared.try_lock() else { return Err(ModuleError::Busy) };
-        if record != DP_DIAGNOSIS || !self.config.speaks || shared.stations.diagnosis_at(self.config.station).is_none()
-        {
-            return Err(ModuleError::NoRecord);
-        }
+        let dp = shared.stations.dp(self.config.station).filter(|_| record == DP_DIAGNOSIS && self.config.speaks);
+        let Some(dp) = dp else { return Err(ModuleError::NoRecord) };
         let mut area = [0; _];
-        let diagnosis = shared.diagnosis(self.config.station, &mut area);
+        let diagnosis = dp.diagnosis(&mut area, |at, into| shared.image.inputs(at, into));
         if diagnosis.is_empty()
             || shared.stations.is_missed(self.config.station) && !shared.stations.refuses_all(self.config.station)
         {

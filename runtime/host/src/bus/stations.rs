@@ -1,7 +1,7 @@
 //! How the couplers and slaves of a bus stand for the program: what is present, and what has been told of it.
 //! A pure machine.
 
-use ob1_coupler::dp::Diagnosis;
+use ob1_coupler::dp::{DIAGNOSIS_BYTES, Diagnosis, DpSlave, kept_diagnosis};
 use ob1_coupler::{Refusal, State, Status};
 use ob1_cpu::{ModuleEvent, Nanos};
 use ob1_model::Event;
@@ -37,6 +37,19 @@ pub struct DpStation {
     pub ident: u16,
     /// The address of its master.
     pub master: u8,
+}
+
+/// A place for the longest diagnosis.
+pub(super) type DiagnosisArea = [u8; DpSlave::diagnosis_area(DIAGNOSIS_BYTES)];
+
+impl DpStation {
+    /// Its diagnosis, in `area`; `inputs` reads the bus's inputs from a place on.
+    pub(super) fn diagnosis(self, area: &mut DiagnosisArea, inputs: impl FnOnce(usize, &mut [u8])) -> &[u8] {
+        let (at, room) = self.diagnosis;
+        let Some(area) = area.get_mut(..DpSlave::diagnosis_area(room)) else { return &[] };
+        inputs(at, area);
+        kept_diagnosis(area)
+    }
 }
 
 /// What all stations of a bus have in common.
@@ -189,13 +202,14 @@ impl Stations {
         self.report.take().map(entry::of_report)
     }
 
-    /// Where the diagnosis of a station lies, if it has one.
-    pub(super) fn diagnosis_at(&self, station: usize) -> Option<(usize, usize)> {
-        Some(self.list.get(station)?.station.dp?.diagnosis)
+    /// What a station is on PROFIBUS, if it is.
+    pub(super) fn dp(&self, station: usize) -> Option<DpStation> {
+        self.list.get(station)?.station.dp
     }
 
-    /// What is to be told of a station, whose diagnosis is this.
-    pub(super) fn event(&mut self, station: usize, diagnosis: &[u8]) -> Option<ModuleEvent> {
+    /// What is to be told of a station. `inputs` reads the bus's inputs from a place on: a diagnosis is long, and this
+    /// is asked at every scan, so it is read when there is something new in it, and not otherwise.
+    pub(super) fn event(&mut self, station: usize, inputs: impl FnOnce(usize, &mut [u8])) -> Option<ModuleEvent> {
         let known = self.list.get_mut(station)?;
         if let Some(event) = known.due.take() {
             let (diagnostic, number) = (known.station.diagnostic, known.station.number);
@@ -205,7 +219,7 @@ impl Stations {
             return Some(event);
         }
         if let Some(dp) = known.station.dp {
-            return known.slave_event(dp, diagnosis);
+            return known.slave_event(dp, inputs);
         }
         let refusal = known.status.refusal.filter(|_| known.present || known.status.state == State::Refused);
         if refusal == known.refusal {
@@ -225,25 +239,27 @@ impl Stations {
 
 impl Known {
     /// What a DP slave says of itself: why it refuses, which faults it has.
-    fn slave_event(&mut self, dp: DpStation, bytes: &[u8]) -> Option<ModuleEvent> {
-        let refuses = self.status.state == State::Refused;
-        let fresh = self.status.diagnosis != self.diagnosis;
-        if refuses && !self.refuses {
+    fn slave_event(&mut self, dp: DpStation, inputs: impl FnOnce(usize, &mut [u8])) -> Option<ModuleEvent> {
+        let refuses = self.status.state == State::Refused && !self.refuses;
+        let fresh = self.present && self.status.diagnosis != self.diagnosis;
+        if self.present {
+            self.refuses = false;
+        }
+        if !refuses && !fresh {
+            return None;
+        }
+        let mut area = [0; _];
+        let diagnosis = Diagnosis::new(dp.diagnosis(&mut area, inputs));
+        if refuses {
             self.refuses = true;
-            let why = Diagnosis::new(bytes).and_then(|diagnosis| diagnosis.refusal(dp.master, dp.ident));
+            let why = diagnosis.and_then(|diagnosis| diagnosis.refusal(dp.master, dp.ident));
             return Some(match why {
                 Some(why) => entry::text(Event::STATION_REFUSES, format_args!("{why}")),
                 None => entry::text(Event::STATION_REFUSES, format_args!("not ready")),
             });
         }
-        if self.present {
-            self.refuses = false;
-        }
-        if !fresh || !self.present {
-            return None;
-        }
         self.diagnosis = self.status.diagnosis;
-        let diagnosis = Diagnosis::new(bytes)?;
+        let diagnosis = diagnosis?;
         let was = std::mem::replace(&mut self.faulty, diagnosis.has_faults());
         if !was && !self.faulty {
             return None;

@@ -337,3 +337,27 @@ fn a_slave_that_refuses_is_lost_and_says_why() {
     let told = bench.slave(State::Running, 3, &[0, 0x0C, 0, 2, 0x80, 0x1D]);
     assert_eq!(told.iter().map(|event| event.event).collect::<Vec<_>>(), [Event::STATION_BACK]);
 }
+
+/// It is up to 245 bytes a slave, and every slave is asked at every scan.
+#[test]
+fn a_diagnosis_is_read_when_there_is_something_new_in_it_and_not_otherwise() {
+    let dp = Some(DpStation { diagnosis: (2, 16), ident: 0x801D, master: 2 });
+    let station = Station { diagnostic: 2046, number: 8, lost_after: 300 * MS, interrupts: true, dp };
+    let mut stations = Stations::new(vec![station], StationRules::default());
+    let mut reads = |state, diagnosis| {
+        let (mut reads, mut events) = (0, 0);
+        for now in 0..20 {
+            stations.look(now * MS, (true, true), true, |_| Some(Status { state, diagnosis, ..Status::default() }));
+            while let Some(_event) = stations.event(0, |_, _| reads += 1) {
+                events += 1;
+            }
+        }
+        (reads, events)
+    };
+    assert_eq!(reads(State::Starting, 1), (0, 0));
+    assert_eq!(reads(State::Running, 1), (1, 0));
+    assert_eq!(reads(State::Running, 2), (1, 0));
+    assert_eq!(reads(State::Lost, 3), (0, 1));
+    assert_eq!(reads(State::Refused, 4), (1, 1), "why it refuses");
+    assert_eq!(reads(State::Running, 4), (1, 1), "back, and looked at");
+}
