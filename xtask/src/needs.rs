@@ -17,9 +17,9 @@ pub(crate) struct Need {
 
 /// The interpreter of the partners, with the module that makes their environment.
 pub(crate) const PYTHON: Need =
-    Need { what: "Python 3.8 with venv", packages: &["python3", "python3-venv"], here: python_with_venv };
+    Need { what: "Python 3.11 with venv", packages: &["python3", "python3-venv"], here: python_with_venv };
 
-/// The interpreter of nodes7, with its package manager.
+/// The interpreter of the partners from npm, with its package manager.
 pub(crate) const NODE: Need =
     Need { what: "Node.js with npm", packages: &["nodejs", "npm"], here: || on_path("node") && on_path("npm") };
 
@@ -117,7 +117,7 @@ fn on_path(program: &str) -> bool {
 }
 
 fn python_with_venv() -> bool {
-    python("import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 8))")
+    python("import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))")
 }
 
 fn python(program: &str) -> bool {
@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn what_cannot_be_installed_is_named_with_its_command() {
         let said = refusal(&[&PYTHON, &MBPOLL]);
-        assert!(said.contains("Python 3.8 with venv; mbpoll, a Modbus master"), "{said}");
+        assert!(said.contains("Python 3.11 with venv; mbpoll, a Modbus master"), "{said}");
         assert!(said.ends_with("  sudo apt-get install -y python3 python3-venv mbpoll"), "{said}");
         assert!(satisfy(&[]).is_ok());
     }

@@ -8,12 +8,12 @@ use std::process::Command;
 use crate::failure::{Outcome, step};
 use crate::{cargo, needs, shell};
 
-/// What the partners need, one pinned package a line; comments and empty lines do not count.
+/// What the partners need, and all that needs, with the hashes of their files (made from `requirements.in`).
 const REQUIREMENTS: &str = "tests/peers/requirements.txt";
 /// Packages in a folder of their own, because the environment has another version of them.
 const NATIVE: &str = "tests/peers/requirements-native.txt";
-/// Packages for Node.js.
-const NODE: &str = "tests/peers/package.json";
+/// Packages for Node.js, and all they need, with hashes.
+const NODE: [&str; 2] = ["tests/peers/package.json", "tests/peers/package-lock.json"];
 /// Copy of the requirements the environment was made for; when it differs the environment is made anew.
 const STAMP: &str = "ob1-requirements.txt";
 
@@ -25,33 +25,34 @@ pub(crate) fn interpreter() -> Outcome<PathBuf> {
     let root = cargo::root();
     let venv = root.join(".venv");
     let python = venv.join("bin/python");
-    let read = |path: &str| fs::read_to_string(root.join(path)).map_err(|why| step(format!("{path}: {why}")));
-    let listed = read(REQUIREMENTS)?;
-    let wanted = [listed.clone(), read(NATIVE)?, read(NODE)?].concat();
+    let mut wanted = String::new();
+    for path in [REQUIREMENTS, NATIVE].into_iter().chain(NODE) {
+        wanted += &fs::read_to_string(root.join(path)).map_err(|why| step(format!("{path}: {why}")))?;
+    }
     if fs::read_to_string(venv.join(STAMP)).is_ok_and(|made_for| made_for == wanted) && runs(&python) {
         return Ok(python);
     }
     needs::satisfy(&[needs::PYTHON, needs::NODE])?;
-    let needs_pip = packages(&listed).next().is_some();
-    let mut make = Command::new("python3");
-    make.args(["-m", "venv", "--clear"]).args((!needs_pip).then_some("--without-pip")).arg(&venv);
-    shell::run(&mut make)?;
-    if needs_pip {
-        let mut install = Command::new(&python);
-        install
-            .args(["-m", "pip", "install", "--disable-pip-version-check", "--quiet", "-r"])
-            .arg(root.join(REQUIREMENTS));
-        shell::run(&mut install)?;
-        let mut beside = Command::new(&python);
-        beside.args(["-m", "pip", "install", "--disable-pip-version-check", "--quiet", "--target"]).arg(native());
-        shell::run(beside.arg("-r").arg(root.join(NATIVE)))?;
-    }
+    shell::run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&venv))?;
+    // What comes with another hash is not what has been tried.
+    let pip = || {
+        let mut pip = Command::new(&python);
+        pip.args(["-m", "pip", "install", "--disable-pip-version-check", "--quiet", "--require-hashes"]);
+        pip
+    };
+    shell::run(pip().arg("-r").arg(root.join(REQUIREMENTS)))?;
+    shell::run(pip().arg("--target").arg(native()).arg("-r").arg(root.join(NATIVE)))?;
     let node = venv.join("node");
     fs::create_dir_all(&node).map_err(|why| step(format!("{}: {why}", node.display())))?;
-    fs::copy(root.join(NODE), node.join("package.json")).map_err(|why| step(format!("{NODE}: {why}")))?;
-    shell::run(
-        Command::new("npm").args(["install", "--no-audit", "--no-fund", "--loglevel=error"]).current_dir(&node),
-    )?;
+    for path in NODE {
+        let from = root.join(path);
+        let to = node.join(from.file_name().unwrap_or_default());
+        fs::copy(from, to).map_err(|why| step(format!("{path}: {why}")))?;
+    }
+    // By the lock file alone, and none of them runs a script of its own.
+    let mut npm = Command::new("npm");
+    npm.args(["ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error"]);
+    shell::run(npm.current_dir(&node))?;
     fs::write(venv.join(STAMP), wanted).map_err(|why| step(format!(".venv/{STAMP}: {why}")))?;
     Ok(python)
 }
@@ -67,20 +68,53 @@ pub(crate) fn node_modules() -> PathBuf {
 }
 
 fn runs(python: &Path) -> bool {
-    shell::works(Command::new(python).args(["-c", "import sys; sys.exit(sys.version_info < (3, 8))"]))
-}
-
-fn packages(requirements: &str) -> impl Iterator<Item = &str> {
-    requirements.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'))
+    shell::works(Command::new(python).args(["-c", "import sys; sys.exit(sys.version_info < (3, 11))"]))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::packages;
+    use std::collections::BTreeMap;
+
+    use super::{NATIVE, NODE, REQUIREMENTS};
+    use crate::cargo;
+
+    fn text(path: &str) -> String {
+        std::fs::read_to_string(cargo::root().join(path)).expect("a file of the checkout")
+    }
+
+    /// `name==version` at the beginning of a line.
+    fn pins(text: &str) -> BTreeMap<String, &str> {
+        let pins = text.lines().filter(|line| !line.starts_with([' ', '#'])).filter_map(|line| line.split_once("=="));
+        pins.filter_map(|(name, rest)| Some((name.to_lowercase(), rest.split_whitespace().next()?))).collect()
+    }
 
     #[test]
-    fn comments_are_no_packages() {
-        assert_eq!(packages("# none\n\n  \n").count(), 0);
-        assert_eq!(packages("# one\npyserial==3.5\n").collect::<Vec<_>>(), ["pyserial==3.5"]);
+    fn what_python_gets_is_what_was_asked_for_and_has_hashes() {
+        for path in [REQUIREMENTS, NATIVE] {
+            let (wanted, locked) = (text(&path.replace(".txt", ".in")), text(path));
+            let locked_pins = pins(&locked);
+            assert!(!pins(&wanted).is_empty());
+            for (name, version) in pins(&wanted) {
+                assert_eq!(locked_pins.get(&name), Some(&version), "{path}: {name} is not as in the .in file");
+            }
+            for package in locked.split("\n").filter(|line| line.contains("==")) {
+                assert!(package.ends_with('\\'), "{path}: {package} has no hash");
+            }
+            assert!(!locked.contains("://"), "{path} says where its packages come from");
+        }
+    }
+
+    #[test]
+    fn what_node_gets_is_what_was_asked_for_and_has_hashes() {
+        let [wanted, locked] = NODE.map(|path| serde_json::from_str::<serde_json::Value>(&text(path)).expect("JSON"));
+        let packages = locked["packages"].as_object().expect("packages");
+        assert_eq!(packages[""]["dependencies"], wanted["dependencies"]);
+        for (name, package) in packages.iter().filter(|(name, _)| !name.is_empty()) {
+            assert!(package["integrity"].as_str().is_some_and(|hash| hash.starts_with("sha512-")), "{name}");
+            assert!(package["resolved"].is_null(), "{name} says where it comes from");
+        }
+        for (name, version) in wanted["dependencies"].as_object().expect("packages") {
+            assert_eq!(&packages[&format!("node_modules/{name}")]["version"], version, "{name}");
+        }
     }
 }
