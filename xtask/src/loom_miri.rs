@@ -1,15 +1,21 @@
-//! The two searching runs over the back plane: loom (every order of its memory accesses) and Miri (undefined
-//! behaviour).
+//! The two searching runs: loom over the back plane (every order of its memory accesses) and Miri over the crates with
+//! unsafe code (undefined behaviour).
 //!
 //! Each has a target directory of its own, because their flags would otherwise throw the usual artifacts away.
 
-use crate::cargo::cargo;
-use crate::failure::Outcome;
+use std::process::Command;
+
+use crate::cargo::{self, cargo};
+use crate::failure::{Failure, Outcome, step};
 use crate::shell;
 use crate::test::{count, is_closing_line, own_target};
 
 /// The crate with the shared memory in it.
 const CRATE: &str = "ob1-backplane";
+
+/// The crates with unsafe code that Miri can run. It cannot run system calls, shared memory, loaded libraries and
+/// machine code of our own: `ob1-rt`, `ob1-line`, `ob1-host` and `ob1-native`.
+const MIRI_CRATES: &[&str] = &[CRATE, "ob1-abi", "ob1-sdk", "ob1-arena"];
 
 /// Runs the loom model tests; returns the line for the summary.
 pub(crate) fn loom() -> Outcome<String> {
@@ -19,12 +25,29 @@ pub(crate) fn loom() -> Outcome<String> {
     count(&shell::watch(&mut command, is_closing_line)?, "loom")
 }
 
-/// Runs the back plane's tests under Miri where the component is installed; returns the line for the summary.
-pub(crate) fn miri() -> Outcome<String> {
-    if !shell::works(&mut cargo(&["miri", "--version"])) {
-        return Ok("skipped (component not installed)".to_owned());
+/// `cargo xtask miri`: the unit tests of the crates with unsafe code under Miri. It needs a nightly toolchain with the
+/// component, so it is a campaign and no step of the tests.
+///
+/// # Errors
+/// When the component is not there, or a test fails.
+pub(crate) fn miri(args: &[String]) -> Outcome {
+    if !args.is_empty() {
+        return Err(Failure::Usage("miri takes no arguments".into()));
     }
-    let mut command = cargo(&["miri", "test", "--package", CRATE, "--lib"]);
+    if !shell::works(&mut nightly(&["miri", "--version"])) {
+        return Err(step("Miri is not here: rustup toolchain install nightly --component miri --component rust-src"));
+    }
+    let mut command = nightly(&["miri", "test", "--no-fail-fast", "--lib"]);
+    MIRI_CRATES.iter().for_each(|name| drop(command.args(["--package", name])));
     command.arg("--target-dir").arg(own_target("miri")?);
-    count(&shell::watch(&mut command, is_closing_line)?, "miri")
+    let closing = shell::watch(&mut command, is_closing_line)?;
+    println!("miri: {}", count(&closing, "miri")?);
+    Ok(())
+}
+
+/// `cargo ARGS` of the nightly toolchain, in the checkout.
+fn nightly(args: &[&str]) -> Command {
+    let mut command = Command::new("rustup");
+    command.args(["run", "nightly", "cargo"]).args(args).env_remove("CARGO").current_dir(cargo::root());
+    command
 }

@@ -41,6 +41,7 @@ usage: cargo xtask VERB [...]
   faults [PROTOCOL] [--telegrams 100000]
                                   the protocol machines on bad lines, in virtual time, from seeds
   siege [WHAT] [--rounds N]       attacks, long: kill bus socket segment input cut writer (all: one after the other)
+  miri                            the unit tests of the crates with unsafe code under Miri (a nightly toolchain with that component)
   arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files and the conformance table
   book [--check]                  docs/ as a book: pages, links, snippets and command lines checked, then made by mdBook into target/book
   package [--check] [--debug]     a .deb and an archive of all programs and plugins, in target/dist; --check: made twice, lintian,
@@ -63,6 +64,7 @@ fn main() -> ExitCode {
         "fuzz" => fuzz::run(&rest),
         "faults" => faults::run(&rest),
         "siege" => siege::run(&rest),
+        "miri" => loom_miri::miri(&rest),
         "arch" => arch::run(&rest),
         "book" => book::run(&rest, USAGE),
         "package" => package::run(&rest),

@@ -27,7 +27,7 @@ const SERIAL_PREFIX: &str = "process_";
 #[derive(Debug, PartialEq, Eq)]
 struct Wish {
     profile: Profile,
-    /// Only tests whose name contains it; then loom, Miri and the doc tests are left out.
+    /// Only tests whose name contains it; then loom and the doc tests are left out.
     filter: Option<String>,
 }
 
@@ -75,7 +75,6 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         let tally = Tally::of(&shell::watch(&mut doc, is_closing_line)?);
         summary.push(("doc tests", tally.to_string()));
         summary.push(("loom", loom_miri::loom()?));
-        summary.push(("miri", loom_miri::miri()?));
     }
 
     println!();

@@ -106,16 +106,22 @@ mod tests {
 
     #[test]
     fn bytes_of_another_owner_are_given_back_once() {
-        struct Gives(Box<[u8]>, Arc<AtomicBool>);
+        struct Gives(NonNull<[u8]>, Arc<AtomicBool>);
+        // SAFETY: nobody else has the bytes.
+        unsafe impl Send for Gives {}
+        // SAFETY: as for Send.
+        unsafe impl Sync for Gives {}
         impl Drop for Gives {
             fn drop(&mut self) {
                 assert!(!self.1.swap(true, Ordering::Relaxed));
+                // SAFETY: they were leaked below, and are given back once.
+                drop(unsafe { Box::from_raw(self.0.as_ptr()) });
             }
         }
         let back = Arc::new(AtomicBool::new(false));
-        let mut gives = Gives(vec![3; 4].into(), Arc::clone(&back));
-        let bytes = NonNull::from(&mut *gives.0);
-        // SAFETY: the box stays where it is while its owner is moved, and nobody else looks at it.
+        let bytes = NonNull::from(Box::leak(vec![3; 4].into_boxed_slice()));
+        let gives = Gives(bytes, Arc::clone(&back));
+        // SAFETY: leaked bytes stay where they are, and their owner looks at them only to give them back.
         let mut arena = unsafe { Arena::from_parts(bytes, 4, Box::new(gives)) };
         arena[1] = 5;
         assert_eq!((&arena[..], back.load(Ordering::Relaxed)), (&[3, 5, 3, 3][..], false));
