@@ -16,6 +16,12 @@ const SHORTEST_PAUSE: Nanos = 10_000_000;
 /// At most so long.
 const LONGEST_PAUSE: Nanos = 1_000_000_000;
 
+/// After so many requests in a row without an answer a coupler may have been without power: it knows nothing any more,
+/// its watchdog least of all.
+const MAY_HAVE_RESTARTED: u32 = 2;
+/// Exception 04h, device failure: with it a coupler answers whose watchdog has expired.
+const DEVICE_FAILURE: u8 = 4;
+
 /// What a coupler is asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Job {
@@ -68,6 +74,8 @@ pub(crate) struct Coupler {
     /// It does not know function 17h.
     never_both: bool,
     wrote_last: bool,
+    /// When a device failure is answered by the set-up again, at the earliest.
+    set_up_again: Nanos,
     sending: Vec<u8>,
 }
 
@@ -90,6 +98,7 @@ impl Coupler {
             misses: 0,
             never_both: false,
             wrote_last: false,
+            set_up_again: 0,
             sending: Vec::new(),
             config: config.clone(),
         }
@@ -101,8 +110,14 @@ impl Coupler {
 
     /// The connection is new, or was given up: the coupler may have forgotten everything.
     pub(crate) fn connect(&mut self, now: Nanos) {
-        (self.phase, self.round, self.has_read, self.due) = (Phase::Setup(0), None, false, now);
+        (self.has_read, self.due) = (false, now);
         (self.not_before, self.misses, self.never_both) = (now, 0, false);
+        self.set_up();
+    }
+
+    /// From the beginning: what it is written on connect, its outputs, its inputs.
+    fn set_up(&mut self) {
+        (self.phase, self.round) = (Phase::Setup(0), None);
         for outputs in &mut self.writes {
             (outputs.acknowledged, outputs.not_before) = (None, 0);
         }
@@ -216,6 +231,9 @@ impl Coupler {
             let pause = SHORTEST_PAUSE.saturating_mul(1 << doublings.min(20)).min(LONGEST_PAUSE);
             self.not_before = now.saturating_add(pause);
         }
+        if self.misses == MAY_HAVE_RESTARTED {
+            self.set_up();
+        }
         // Whether it was written is not known.
         if let Job::Write(write) | Job::Both { write, .. } = job {
             self.forget(write);
@@ -328,6 +346,14 @@ impl Coupler {
             return self.failed(now, job, image);
         }
         (self.heard, self.misses, self.patience) = (now, 0, self.config.lost_after);
+        if exception == DEVICE_FAILURE
+            && !matches!(job, Job::Setup(_))
+            && !self.config.setup.is_empty()
+            && now >= self.set_up_again
+        {
+            self.set_up_again = self.again(now);
+            return self.set_up();
+        }
         let refusal = |table, first| Refusal { function, exception, table, first };
         match job {
             Job::Both { write, .. } => {

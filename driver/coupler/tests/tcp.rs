@@ -318,6 +318,49 @@ fn a_coupler_that_refuses_its_setup_is_not_driven() {
     assert_eq!(net.devices[0].holding[&0], 7);
 }
 
+/// The network was away for longer than the watchdog, and not as long as it takes to lose the coupler.
+#[test]
+fn a_coupler_whose_watchdog_has_expired_is_set_up_again() {
+    let mut config = coupler(1, vec![range(Table::Input, 0, 1, 0)], vec![range(Table::Holding, 0, 1, 0)]);
+    config.setup = Profile::Wago750.reset().into_iter().chain(Profile::Wago750.watchdog(100 * MS)).collect();
+    let mut net = Net::new(vec![config]);
+    net.image.outputs = vec![0, 7];
+    net.run(100 * MS);
+    for _ in 0..3 {
+        net.devices[0].expired = true;
+        net.devices[0].holding.clear();
+        net.run(300 * MS);
+        assert!(!net.devices[0].expired);
+        assert_eq!((net.devices[0].holding[&0x1000], net.devices[0].holding[&0]), (1, 7));
+    }
+    assert_eq!((net.states.clone(), net.image.status[0].bad), (vec![(0, State::Running)], 0));
+    // One that answers so whatever it is told has its inputs refused, and is not asked without end.
+    net.devices[0].refused = vec![0x1008];
+    net.devices[0].expired = true;
+    net.devices[0].log.clear();
+    net.run(3000 * MS);
+    let status = &net.image.status[0];
+    assert!(status.state == State::Refused || status.bad != 0, "{status:?}");
+    assert!(net.devices[0].log.len() < 700, "{}", net.devices[0].log.len());
+}
+
+/// Its power may have been gone: then it has forgotten its watchdog.
+#[test]
+fn a_coupler_that_missed_two_requests_is_set_up_again() {
+    let mut config = coupler(1, vec![range(Table::Input, 0, 1, 0)], vec![range(Table::Holding, 0, 1, 0)]);
+    config.setup = Profile::Wago750.watchdog(100 * MS);
+    let mut net = Net::new(vec![config]);
+    net.image.outputs = vec![0, 7];
+    net.run(100 * MS);
+    net.devices[0].silent = true;
+    net.run(120 * MS);
+    net.devices[0].silent = false;
+    net.devices[0].holding.clear();
+    net.run(100 * MS);
+    assert_eq!(net.states, [(0, State::Running)], "it was not lost");
+    assert_eq!((net.devices[0].holding.get(&0x1000), net.devices[0].holding.get(&0)), (Some(&1), Some(&7)));
+}
+
 #[test]
 fn outputs_that_never_stand_still_leave_the_inputs_their_turn() {
     let mut net = Net::new(vec![coupler(1, vec![range(Table::Input, 0, 1, 0)], vec![range(Table::Holding, 0, 1, 0)])]);

@@ -15,6 +15,8 @@ pub(crate) struct Device {
     pub(crate) refused: Vec<u16>,
     /// It does not answer, and does nothing.
     pub(crate) silent: bool,
+    /// Its watchdog has expired: it answers everything with a device failure until that is cleared, as a WAGO 750 does.
+    pub(crate) expired: bool,
     pub(crate) log: Vec<(u64, Vec<u8>)>,
 }
 
@@ -29,6 +31,7 @@ impl Device {
             knows_both: true,
             refused: Vec::new(),
             silent: false,
+            expired: false,
             log: Vec::new(),
         }
     }
@@ -42,6 +45,10 @@ impl Device {
         let word = |at: usize| u16::from_be_bytes([request[at], request[at + 1]]);
         let (first, value, code) = (word(2), word(4), request[1]);
         let exception = |number: u8| Some(vec![request[0], code | 0x80, number]);
+        self.expired &= (code, first, value) != (6, 0x1008, 0x55AA);
+        if self.expired {
+            return exception(4);
+        }
         if self.refused.contains(&first) {
             return exception(2);
         }
