@@ -3,7 +3,7 @@
 
     modbus.py master LIBRARY TTY --mode rtu --inputs HEX     asks a slave of 16 bytes each way for everything there is
     modbus.py slave LIBRARY TTY --mode rtu                   answers until standard input ends
-    modbus.py bench LIBRARY TTY --count 1000                 how long so many transactions take
+    modbus.py bench LIBRARY TTY --count 1000                 how long so many transactions take; libmodbus also takes HOST:PORT
 
 LIBRARY is pymodbus (master and slave, RTU and ASCII), minimalmodbus (master, RTU and ASCII) or libmodbus (slave, RTU).
 
@@ -318,7 +318,13 @@ def bench(args):
         answered = lambda result: result == [0x1234]  # noqa: E731
     else:
         library = libmodbus()
-        context = library.modbus_new_rtu(args.tty.encode(), args.baud, b"N", 8, 1)
+        host, _, port = args.tty.rpartition(":")
+        if host:
+            library.modbus_new_tcp.restype = ctypes.c_void_p
+            library.modbus_new_tcp.argtypes = [ctypes.c_char_p, ctypes.c_int]
+            context = library.modbus_new_tcp(host.encode(), int(port))
+        else:
+            context = library.modbus_new_rtu(args.tty.encode(), args.baud, b"N", 8, 1)
         if not context or library.modbus_set_slave(context, args.address) or library.modbus_connect(context):
             sys.exit("libmodbus cannot open " + args.tty)
         library.modbus_read_registers.argtypes = [

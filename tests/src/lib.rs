@@ -3,6 +3,7 @@
 pub mod awlsim;
 pub mod bench;
 pub mod compare;
+pub mod coupler;
 #[path = "../../driver/protocols/tests/defaults/mod.rs"]
 mod defaults;
 pub mod fuzz;

@@ -1,7 +1,7 @@
 //! What the sieges share: how long one is, and damage done to bytes from a seed.
 //!
 //! `cargo xtask siege` runs tests of `tests/tests/siege.rs`, `tests/tests/process_siege.rs`,
-//! `tests/tests/process_s7_siege.rs`, `tests/tests/process_remote_io.rs` and
+//! `tests/tests/process_s7_siege.rs`, `tests/tests/process_remote_io.rs`, `tests/tests/process_profibus.rs` and
 //! `runtime/station/tests/process_retentive.rs` with many rounds; the test suite runs them with a few.
 
 use ob1_line::sim::SplitMix64;
@@ -16,6 +16,12 @@ pub fn rounds(in_the_suite: u64) -> u64 {
         Ok(text) => text.parse().unwrap_or_else(|_| panic!("OB1_SIEGE_ROUNDS={text} is not a number")),
         Err(_) => in_the_suite,
     }
+}
+
+/// Whether this is a campaign: alone on its machine, so that times can be judged. The suite runs beside others.
+#[must_use]
+pub fn is_campaign() -> bool {
+    std::env::var_os("OB1_SIEGE_ROUNDS").is_some()
 }
 
 /// Longest input a mutation may grow to.

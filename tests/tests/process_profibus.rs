@@ -7,6 +7,7 @@ use common::site::Site;
 use common::station::Running;
 use common::steps::Steps;
 use common::{Guard, checkout, python};
+use ob1_tests::siege::rounds;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
@@ -125,18 +126,50 @@ fn a_rack_without_power_is_lost_once_and_returns_by_itself() {
     assert_eq!(plant.station.interrupt().code(), Some(0));
 }
 
+/// `ob1 bus scan` on a pty: who is there, beside who should be.
 #[test]
-fn a_killed_process_of_the_bus_is_one_failure_and_is_back() {
+fn a_scan_finds_the_rack_and_says_who_is_missing() {
+    let site = Site::new();
+    let file = std::fs::read_to_string(checkout("examples/et200m/station.toml")).expect("an example");
+    for name in ["ET200M.GSD", "rack.awl"] {
+        site.write(name, &std::fs::read_to_string(checkout("examples/et200m").join(name)).expect("an example"));
+    }
+    // The slots of time are long: a machine that is busy wakes Python late.
+    site.write("station.toml", &file.replace("hsa = 3", "slot_bits = 16383\nhsa = 3"));
+    let scan = std::thread::scope(|scope| {
+        let scan = scope.spawn(|| site.ob1(&["bus", "scan", "station.toml", "--json"]));
+        let guard = Guard::begin();
+        while !site.path("rack.pty").exists() && !scan.is_finished() {
+            assert!(!guard.is_over(), "no pty");
+            std::thread::yield_now();
+        }
+        let _rack = (!scan.is_finished()).then(|| rack(&site));
+        scan.join().expect("no panic")
+    });
+    let said: Value = serde_json::from_str(&scan.fine()).expect("JSON");
+    assert_eq!(said[0]["station"], 8, "{said}");
+    assert!(said[0]["name"].is_string(), "{said}");
+}
+
+/// A killed process of the bus is one failure, and is back. `cargo xtask siege bus_dp`: 200 times. (How soon is a matter
+/// of `simulation_buses`: here the rack is plugged in anew each time, by hand as it were.)
+#[test]
+fn bus_dp() {
+    let rounds = usize::try_from(rounds(3)).expect("so many");
     let plant = Plant::at_work();
-    for kill in 1..=3 {
+    let driven = |rack: &mut Steps| rack.ask(&json!({}))["outputs"] != "0000000000000000";
+    // The buffer keeps the newest 100: the calls of OB 86 count.
+    for kill in 1..=rounds {
         plant.station.driver_process_of("et200m").signal(Signal::KILL);
-        plant.station.until("the bus has failed", |s| (s.entries("39C3h") == kill).then_some(()));
+        let calls = 2 * kill as i64;
+        plant.station.until("the bus has failed", |s| (s.cell("MW20") == calls - 1).then_some(()));
         // Its pty is another one: the rack is plugged in anew.
         plant.station.until("the pty", |_| plant.site.path("rack.pty").exists().then_some(()));
         let mut rack = rack(&plant.site);
-        plant.station.until("it is back", |s| (s.entries("38C4h") == kill).then_some(()));
-        rack.ask(&json!({}));
+        plant.station.until("it is back", |s| (s.cell("MW20") == calls).then_some(()));
+        plant.station.until("outputs on", |_| driven(&mut rack).then_some(()));
     }
+    println!("{rounds} times killed, one failure and one return each");
     let status = plant.station.status();
     assert_eq!((status.state.as_str(), status.watchdogs), ("RUN", 0));
     assert_eq!(plant.station.interrupt().code(), Some(0));

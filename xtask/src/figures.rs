@@ -15,14 +15,16 @@ pub(crate) fn sim(args: &[String]) -> Outcome {
     release_run("sim", &["ob1-cp240", "ob1-tests"], args, None)
 }
 
-/// `cargo xtask bench`: the figures of the README with the floor measured in the same run. `stl` and `line` measure
-/// beside others: they get the partners' Python.
+/// `cargo xtask bench`: the figures of the README with the floor measured in the same run. `stl`, `line` and `io`
+/// measure beside others: they get the partners' Python.
 ///
 /// # Errors
 /// When it cannot be built or run.
 pub(crate) fn bench(args: &[String]) -> Outcome {
-    let python = if args.iter().any(|arg| arg == "stl" || arg == "line") { Some(python::interpreter()?) } else { None };
-    release_run("bench", &["ob1", "ob1-cp", "ob1-cp240", "ob1-tests"], args, python.as_deref())
+    let beside = ["stl", "line", "io"];
+    let python =
+        if args.iter().any(|arg| beside.contains(&arg.as_str())) { Some(python::interpreter()?) } else { None };
+    release_run("bench", &["ob1", "ob1-cp", "ob1-io", "ob1-cp240", "ob1-tests"], args, python.as_deref())
 }
 
 /// `cargo xtask compare [--seeds N] [--seed S]`: random STL programs on our engine and on awlsim. Options are the

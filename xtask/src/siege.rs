@@ -11,6 +11,7 @@ use crate::{pick, python, shell};
 const SIEGES: &[Siege] = &[
     Siege { name: "kill", package: "ob1-tests", binary: "process_siege", rounds: 1_000 },
     Siege { name: "bus", package: "ob1-tests", binary: "process_remote_io", rounds: 200 },
+    Siege { name: "bus_dp", package: "ob1-tests", binary: "process_profibus", rounds: 200 },
     Siege { name: "socket", package: "ob1-tests", binary: "process_siege", rounds: 100_000 },
     Siege { name: "s7_kill", package: "ob1-tests", binary: "process_s7_siege", rounds: 100 },
     Siege { name: "s7_sessions", package: "ob1-tests", binary: "process_s7_siege", rounds: 1_000_000 },

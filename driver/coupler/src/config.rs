@@ -94,10 +94,28 @@ pub struct CouplerConfig {
     pub lost_after: Nanos,
     /// What it is written on each connect, before anything else.
     pub setup: Vec<Setup>,
+    /// How it says that its watchdog runs as it is set there. `None`: it does not.
+    #[serde(default)]
+    pub proof: Option<Proof>,
     /// What its inputs come from.
     pub inputs: Vec<Range>,
     /// Where its outputs go to.
     pub outputs: Vec<Range>,
+}
+
+/// Holding registers that say that a watchdog runs. To set one it must be stopped, and what happens meanwhile it does not
+/// see: so it is set only where it does not run already.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Proof {
+    /// First of them.
+    pub first: u16,
+    /// How many.
+    pub count: u16,
+    /// What some of them must be: the number from the first one on, and the value.
+    pub expected: Vec<(u16, u16)>,
+    /// So many of what is written on connect are then left out.
+    pub skips: usize,
 }
 
 /// The four tables of Modbus.

@@ -3,7 +3,7 @@
 use ob1_protocols::modbus::pdu::{self, Function};
 
 use crate::codec;
-use crate::config::{CouplerConfig, Nanos, Range, Setup, Table};
+use crate::config::{CouplerConfig, Nanos, Proof, Range, Setup, Table};
 use crate::image::{Image, RANGES_MAX, Refusal, State};
 use crate::plan::{self, Chunk};
 
@@ -25,6 +25,8 @@ const DEVICE_FAILURE: u8 = 4;
 /// What a coupler is asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Job {
+    /// Whether its watchdog runs.
+    Prove,
     Setup(usize),
     Write(usize),
     Read(usize),
@@ -37,6 +39,8 @@ pub(crate) enum Job {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
+    /// Whether its watchdog runs is to be asked.
+    Proof,
     /// What is written on each connect; so many are done.
     Setup(usize),
     Exchange,
@@ -84,7 +88,7 @@ impl Coupler {
         let outputs = |chunk| Outputs { chunk, acknowledged: None, at: 0, not_before: 0 };
         Self {
             index,
-            phase: Phase::Setup(0),
+            phase: Phase::Proof,
             reads: plan::reads(&config.inputs),
             writes: plan::writes(&config.outputs).into_iter().map(outputs).collect(),
             staged: vec![0; input_bytes],
@@ -117,7 +121,7 @@ impl Coupler {
 
     /// From the beginning: what it is written on connect, its outputs, its inputs.
     fn set_up(&mut self) {
-        (self.phase, self.round) = (Phase::Setup(0), None);
+        (self.phase, self.round) = (Phase::Proof, None);
         for outputs in &mut self.writes {
             (outputs.acknowledged, outputs.not_before) = (None, 0);
         }
@@ -147,7 +151,7 @@ impl Coupler {
     pub(crate) fn due(&self, is_lost: bool) -> Nanos {
         let lost = if is_lost { Nanos::MAX } else { self.lost_at() };
         let work = match self.phase {
-            Phase::Setup(_) => 0,
+            Phase::Proof | Phase::Setup(_) => 0,
             Phase::Exchange if self.round.is_some() => 0,
             Phase::Exchange => {
                 let read = if self.reads.is_empty() { Nanos::MAX } else { self.due };
@@ -161,6 +165,12 @@ impl Coupler {
     pub(crate) fn next(&mut self, now: Nanos, image: &Image) -> Option<Job> {
         if now < self.not_before {
             return None;
+        }
+        if self.phase == Phase::Proof {
+            if self.config.proof.is_some() {
+                return Some(Job::Prove);
+            }
+            self.phase = Phase::Setup(0);
         }
         if let Phase::Setup(done) = self.phase {
             if done < self.config.setup.len() {
@@ -204,6 +214,11 @@ impl Coupler {
             self.sending = gathered(&self.config.outputs, &outputs.chunk, image);
         }
         match job {
+            Job::Prove => {
+                self.config.proof.as_ref().map_or_else(Vec::new, |proof| {
+                    head(unit, Function::ReadOutputWords as u8, proof.first, proof.count)
+                })
+            }
             Job::Setup(n) => self.config.setup.get(n).map_or_else(Vec::new, |setup| of_setup(unit, setup)),
             Job::Read(n) => self.reads.get(n).map_or_else(Vec::new, |chunk| of_read(unit, chunk)),
             Job::Write(n) => {
@@ -231,7 +246,9 @@ impl Coupler {
             let pause = SHORTEST_PAUSE.saturating_mul(1 << doublings.min(20)).min(LONGEST_PAUSE);
             self.not_before = now.saturating_add(pause);
         }
-        if self.misses == MAY_HAVE_RESTARTED {
+        // What is written on connect is a sequence: one that broke off begins again. A watchdog that has been set, and
+        // only the answer to that was lost, would refuse to be set once more.
+        if self.misses == MAY_HAVE_RESTARTED || matches!(job, Job::Setup(_)) {
             self.set_up();
         }
         // Whether it was written is not known.
@@ -263,11 +280,16 @@ impl Coupler {
                     _ => return self.failed(now, job, image),
                 }
             }
+            Job::Prove => answer.get(3..).unwrap_or_default(),
             Job::Setup(_) | Job::Write(_) => &[],
         };
         (self.heard, self.misses, self.not_before) = (now, 0, now);
         self.patience = self.config.lost_after;
         match job {
+            Job::Prove => {
+                let proof = self.config.proof.as_ref().filter(|proof| is_proven(proof, data));
+                self.phase = Phase::Setup(proof.map_or(0, |proof| proof.skips));
+            }
             Job::Setup(done) => self.phase = Phase::Setup(done + 1),
             Job::Read(read) => self.has_read_one(now, read, data, image),
             Job::Write(write) => self.has_written(now, write, image),
@@ -347,7 +369,7 @@ impl Coupler {
         }
         (self.heard, self.misses, self.patience) = (now, 0, self.config.lost_after);
         if exception == DEVICE_FAILURE
-            && !matches!(job, Job::Setup(_))
+            && !matches!(job, Job::Prove | Job::Setup(_))
             && !self.config.setup.is_empty()
             && now >= self.set_up_again
         {
@@ -356,13 +378,15 @@ impl Coupler {
         }
         let refusal = |table, first| Refusal { function, exception, table, first };
         match job {
+            // It says nothing of that: then it is set.
+            Job::Prove => self.phase = Phase::Setup(0),
             Job::Both { write, .. } => {
                 // Tried again one by one: then it is clear what was refused.
                 self.never_both = true;
                 self.forget(write);
             }
             Job::Setup(n) => {
-                self.not_before = self.again(now);
+                (self.phase, self.not_before) = (Phase::Setup(0), self.again(now));
                 let Some(setup) = self.config.setup.get(n) else { return };
                 let refusal = refusal(setup.table, setup.at);
                 image.tell(self.index, |status| (status.state, status.refusal) = (State::Refused, Some(refusal)));
@@ -439,6 +463,12 @@ fn gathered(ranges: &[Range], chunk: &Chunk, image: &Image) -> Vec<u8> {
         }
     }
     data
+}
+
+/// Whether the registers of an answer are as they must be.
+fn is_proven(proof: &Proof, data: &[u8]) -> bool {
+    let word = |n: u16| data.chunks_exact(2).nth(usize::from(n)).map(|word| u16::from_be_bytes([word[0], word[1]]));
+    proof.expected.iter().all(|(n, value)| word(*n) == Some(*value))
 }
 
 fn head(unit: u8, function: u8, first: u16, value: u16) -> Vec<u8> {

@@ -80,6 +80,23 @@ impl DpSlave {
     }
 }
 
+/// Everything that a diagnosis says, with the texts of the slave's GSD file.
+#[must_use]
+pub fn diagnosis_words(bytes: &[u8], texts: &BTreeMap<u32, String>) -> String {
+    let Some(diagnosis) = Diagnosis::new(bytes) else { return "it says nothing".into() };
+    let mut text = diagnosis.to_string();
+    for block in diagnosis.blocks() {
+        if let Block::Device(data) = block {
+            let bits = (0_u32..).zip(data.iter().flat_map(|byte| (0..8).map(move |bit| byte >> bit & 1 == 1)));
+            for what in bits.filter_map(|(n, on)| texts.get(&n).filter(|_| on)) {
+                text.push_str(", ");
+                text.push_str(what);
+            }
+        }
+    }
+    text
+}
+
 /// The diagnosis in an area that [`DpSlave::keep_diagnosis`] has filled: nothing in it is believed.
 #[must_use]
 pub fn kept_diagnosis(area: &[u8]) -> &[u8] {

@@ -1,6 +1,6 @@
 //! The inputs and outputs of a bus as its process has them, and how its couplers stand.
 
-use crate::config::{BusConfig, Table};
+use crate::config::{BusConfig, Table, exception_text};
 
 /// How a coupler stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -18,6 +18,17 @@ pub enum State {
 }
 
 impl State {
+    /// In a word or two.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Starting => "starting",
+            Self::Running => "exchange",
+            Self::Lost => "lost",
+            Self::Refused => "refuses",
+        }
+    }
+
     /// By its number.
     #[must_use]
     pub const fn of(number: u8) -> Option<Self> {
@@ -42,6 +53,14 @@ pub struct Refusal {
     pub table: Table,
     /// First element.
     pub first: u16,
+}
+
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { function, exception, table, first } = self;
+        let text = exception_text(*exception);
+        write!(f, "refuses function {function:02X}h at {}:{first}: exception {exception:02X}h, {text}", table.name())
+    }
 }
 
 /// A coupler as others see it. Counters only grow.

@@ -19,7 +19,7 @@ pub mod plan;
 pub mod profile;
 mod wire;
 
-pub use config::{BusConfig, CouplerConfig, DpConfig, DpSlave, LineConfig, Order, Range, Serial, Setup, Table};
+pub use config::{BusConfig, CouplerConfig, DpConfig, DpSlave, LineConfig, Order, Proof, Range, Serial, Setup, Table};
 pub use image::{Image, Refusal, State, Status};
 pub use line::{LineMaster, MasterInput};
 pub use ob1_protocols::{Input, LineFault, LineInput};

@@ -1,6 +1,6 @@
 //! What couplers of known makes want to be told: Modbus has no common watchdog.
 
-use crate::config::{Nanos, Setup, Table};
+use crate::config::{Nanos, Proof, Setup, Table};
 
 /// 100 ms: the unit of WAGO's watchdog.
 const WAGO_UNIT: Nanos = 100_000_000;
@@ -50,15 +50,30 @@ impl Profile {
     /// the coupler can do.
     #[must_use]
     pub fn watchdog(self, time: Nanos) -> Vec<Setup> {
-        let units = |unit: Nanos| time.div_ceil(unit).clamp(1, 0xFFFF) as u16;
         match self {
             // 1000h the time, 100Ah the alternative watchdog: every telegram triggers it, it begins with the next.
-            Self::Wago750 => vec![word(0x1000, units(WAGO_UNIT)), word(0x100A, 1)],
+            Self::Wago750 => vec![word(0x1000, units(time, WAGO_UNIT)), word(0x100A, 1)],
             // 1120h the time, 1122h what triggers it: 0, writing telegrams.
-            Self::BeckhoffBk => vec![word(0x1120, units(BECKHOFF_UNIT)), word(0x1122, 0)],
+            Self::BeckhoffBk => vec![word(0x1120, units(time, BECKHOFF_UNIT)), word(0x1122, 0)],
             Self::MoxaIoLogik => Vec::new(),
         }
     }
+
+    /// What says that a watchdog of this time runs; `skips` of what is written on connect are what sets it.
+    #[must_use]
+    pub fn proof(self, time: Nanos, skips: usize) -> Option<Proof> {
+        match self {
+            // 1000h the time, 1006h how it stands: 1, it runs.
+            Self::Wago750 => {
+                Some(Proof { first: 0x1000, count: 7, expected: vec![(0, units(time, WAGO_UNIT)), (6, 1)], skips })
+            }
+            Self::BeckhoffBk | Self::MoxaIoLogik => None,
+        }
+    }
+}
+
+fn units(time: Nanos, unit: Nanos) -> u16 {
+    time.div_ceil(unit).clamp(1, 0xFFFF) as u16
 }
 
 const fn word(at: u16, value: u16) -> Setup {

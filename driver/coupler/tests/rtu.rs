@@ -61,6 +61,7 @@ fn config() -> BusConfig {
         refresh: 500 * MS,
         lost_after: 1000 * MS,
         setup: Vec::new(),
+        proof: None,
         inputs: vec![range(Table::Input, n)],
         outputs: vec![range(Table::Holding, n)],
     });

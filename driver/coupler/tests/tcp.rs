@@ -26,6 +26,7 @@ fn coupler(unit: u8, inputs: Vec<Range>, outputs: Vec<Range>) -> CouplerConfig {
         refresh: 200 * MS,
         lost_after: 300 * MS,
         setup: Vec::new(),
+        proof: None,
         inputs,
         outputs,
     }
@@ -342,6 +343,36 @@ fn a_coupler_whose_watchdog_has_expired_is_set_up_again() {
     let status = &net.image.status[0];
     assert!(status.state == State::Refused || status.bad != 0, "{status:?}");
     assert!(net.devices[0].log.len() < 700, "{}", net.devices[0].log.len());
+}
+
+/// To be set it must be stopped, and a process that dies in that moment leaves the outputs on.
+#[test]
+fn a_watchdog_that_runs_is_not_stopped() {
+    let mut config = coupler(1, vec![range(Table::Input, 0, 1, 0)], vec![range(Table::Holding, 0, 1, 0)]);
+    config.setup = Profile::Wago750.reset().into_iter().chain(Profile::Wago750.watchdog(300 * MS)).collect();
+    config.proof = Profile::Wago750.proof(300 * MS, config.setup.len());
+    config.setup.push(Setup { table: Table::Holding, at: 77, value: 5 });
+    let stops = |net: &mut Net| {
+        let log = net.devices[0].log.drain(..);
+        log.filter(|(_, request)| (request[1], request[2..4] == [0x10, 0x08]) == (6, true)).count()
+    };
+    let mut net = Net::new(vec![config]);
+    net.run(100 * MS);
+    assert_eq!(stops(&mut net), 1, "it did not run");
+    for (time, running, expected) in [(3, 1, 0), (3, 2, 1), (3, 0, 1), (4, 1, 1)] {
+        net.devices[0].holding.clear();
+        net.devices[0].holding.extend([(0x1000, time), (0x1006, running)]);
+        net.cut(20 * MS);
+        net.run(100 * MS);
+        assert_eq!(stops(&mut net), expected, "time {time}, running {running}");
+        assert_eq!(net.devices[0].holding.get(&77), Some(&5), "what the station file says is written all the same");
+    }
+    // One that does not have these registers.
+    net.devices[0].refused = vec![0x1000];
+    net.cut(20 * MS);
+    net.run(100 * MS);
+    assert_eq!(stops(&mut net), 1);
+    assert_eq!(net.states[0], (0, State::Running));
 }
 
 /// Its power may have been gone: then it has forgotten its watchdog.

@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use ob1_coupler::config::exception_text;
-use ob1_coupler::dp::{Block, Diagnosis, DpSlave, kept_diagnosis};
-use ob1_coupler::{BusConfig, Image, Refusal, State, Status};
+use ob1_coupler::dp::{Diagnosis, DpSlave, diagnosis_words, kept_diagnosis};
+use ob1_coupler::{BusConfig, Image, State, Status};
 use tracing::{info, warn};
 
 struct Known {
@@ -50,7 +49,7 @@ impl Told {
             }
             match status.refusal {
                 Some(refusal) if known.status.refusal != status.refusal => {
-                    warn!(coupler = name, "{}", in_words(&refusal));
+                    warn!(coupler = name, "{refusal}");
                 }
                 None if known.status.refusal.is_some() => info!(coupler = name, "refuses nothing any more"),
                 _ => {}
@@ -75,18 +74,7 @@ impl Slave {
 
     /// Everything its diagnosis says, with the texts of its GSD file.
     fn words(&self, image: &Image) -> String {
-        let Some(diagnosis) = Diagnosis::new(self.bytes(image)) else { return "it says nothing".into() };
-        let mut text = diagnosis.to_string();
-        for block in diagnosis.blocks() {
-            if let Block::Device(data) = block {
-                let bits = (0_u32..).zip(data.iter().flat_map(|byte| (0..8).map(move |bit| byte >> bit & 1 == 1)));
-                for (_, what) in bits.filter_map(|(n, on)| on.then(|| self.texts.get_key_value(&n)).flatten()) {
-                    text.push_str(", ");
-                    text.push_str(what);
-                }
-            }
-        }
-        text
+        diagnosis_words(self.bytes(image), &self.texts)
     }
 
     fn look(&mut self, name: &str, image: &Image) {
@@ -98,10 +86,4 @@ impl Slave {
             info!(slave = name, "reports no fault any more");
         }
     }
-}
-
-fn in_words(refusal: &Refusal) -> String {
-    let Refusal { function, exception, table, first } = *refusal;
-    let text = exception_text(exception);
-    format!("refuses function {function:02X}h at {}:{first}: exception {exception:02X}h, {text}", table.name())
 }

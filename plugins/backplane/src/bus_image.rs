@@ -287,6 +287,49 @@ impl BusProcessSide {
     }
 }
 
+/// Somebody who only looks: what both sides have published last.
+pub struct BusLook {
+    scan: BusCpuSide,
+    process: BusProcessSide,
+}
+
+impl BusLook {
+    /// Looks at a memory now; `None`: both sides write so busily that there is no whole image.
+    #[must_use]
+    pub fn new(memory: &BusMemory, size: BusSize) -> Option<Self> {
+        let mut look = Self { scan: BusCpuSide::new(memory, size), process: BusProcessSide::new(memory, size) };
+        look.scan.take();
+        let _driven = look.process.take(&mut []);
+        (look.scan.stale() == 0).then_some(look)
+    }
+
+    /// As [`BusCpuSide::coupler`].
+    #[must_use]
+    pub fn coupler(&self, index: usize) -> [u64; COUPLER_WORDS] {
+        self.scan.coupler(index)
+    }
+
+    /// As [`BusCpuSide::inputs`].
+    pub fn inputs(&self, at: usize, into: &mut [u8]) {
+        self.scan.inputs(at, into);
+    }
+
+    /// Copies output bytes; what lies outside reads 0.
+    pub fn outputs(&self, at: usize, into: &mut [u8]) {
+        let area = self.process.outputs.get(1..).unwrap_or_default();
+        for (n, byte) in into.iter_mut().enumerate() {
+            let word = area.get((at + n) / 8).filter(|_| at + n < self.process.size.outputs);
+            *byte = word.map_or(0, |word| word.to_ne_bytes()[(at + n) % 8]);
+        }
+    }
+
+    /// Whether the scan drives the outputs.
+    #[must_use]
+    pub fn driven(&self) -> bool {
+        self.process.outputs.first() == Some(&1)
+    }
+}
+
 impl fmt::Debug for BusMemory {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("BusMemory").finish_non_exhaustive()
@@ -322,6 +365,21 @@ mod tests {
         assert!(cpu.publish(false, &[1, 2, 3, 4, 5, 6, 7, 8, 9]));
         assert_eq!(process.take(&mut bytes), Some(false));
         assert_eq!(process.take(&mut bytes), None);
+    }
+
+    #[test]
+    fn who_looks_sees_both_ways_and_takes_nothing() {
+        let memory = BusMemory::heap();
+        let (mut cpu, mut process) = ends(&memory);
+        process.publish([[1; 8], [2; 8]].into_iter(), &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
+        cpu.publish(true, &[9, 8, 7, 6, 5, 4, 3, 2, 1]);
+        let look = BusLook::new(&memory, BusSize::new(2, 12, 9).expect("it fits")).expect("whole");
+        let (mut inputs, mut outputs) = ([0xFF; 3], [0xFF; 3]);
+        look.inputs(7, &mut inputs);
+        look.outputs(7, &mut outputs);
+        assert_eq!((inputs, outputs, look.driven(), look.coupler(1)), ([8, 9, 10], [2, 1, 0], true, [2; 8]));
+        assert!(cpu.take(), "still there for the scan");
+        assert_eq!(process.take(&mut [0; 9]), Some(true), "and for the process");
     }
 
     #[test]

@@ -63,7 +63,9 @@ mod words;
 
 pub use buffer::BufferEntry;
 #[cfg(not(loom))]
-pub use bus_image::{BUS_AREA_BYTES, BUS_COUPLERS, BusCpuSide, BusMemory, BusProcessSide, BusSize, COUPLER_WORDS};
+pub use bus_image::{
+    BUS_AREA_BYTES, BUS_COUPLERS, BusCpuSide, BusLook, BusMemory, BusProcessSide, BusSize, COUPLER_WORDS,
+};
 pub use channel::{Channel, ChannelBlock};
 pub use counters::{Counter, Counters};
 pub use cp_side::{ChangeMark, CpSide};

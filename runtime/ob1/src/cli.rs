@@ -322,8 +322,8 @@ struct TraceArgs {
 
 /// Show a running station, live
 ///
-/// Pages for the scan (times, histograms, late scans), the CPs (LEDs, orders, telegrams), the diagnostic buffer and a
-/// variable table, in which values can be modified after a confirmation. Without a terminal, or with --plain, it prints
+/// Pages for the scan (times, histograms, late scans), the CPs (LEDs, orders, telegrams), the diagnostic buffer, a
+/// variable table, in which values can be modified after a confirmation, and the buses. Without a terminal, or with --plain, it prints
 /// text. The scan does not notice.
 #[derive(Debug, Args)]
 #[command(

@@ -229,7 +229,7 @@ pub fn assemble(
     for line in &station.simulated_lines {
         simulated::add(&mut building.fleet, rundir, line, drivers).map_err(AssemblyError::System)?;
     }
-    for bus in &station.buses {
+    for bus in station.buses.iter().enumerate() {
         let added = bus::add(&mut building.fleet, rundir, bus, station, drivers).map_err(AssemblyError::System)?;
         building.buses.push(added);
     }
@@ -255,6 +255,7 @@ pub fn assemble(
         program: program.filter(|_| !station.links.is_empty()),
         engine: Arc::default(),
         modules: building.views,
+        buses: building.buses.into_iter().map(|bus| bus.view).collect(),
         panel: building.io.as_ref().and_then(|io| Panel::new(io, &station.modules)),
         posture: Arc::new(OnceLock::new()),
         retentive: station.retentive.as_ref().map(|_| Health::default()),

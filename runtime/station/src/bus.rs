@@ -10,6 +10,7 @@ use ob1_host::driver::{DriverCommand, DriverStatus, Fleet};
 use ob1_host::supervisor::Times;
 
 use crate::assembly::DriverSettings;
+use crate::buses::BusView;
 use crate::fence;
 use crate::simulated;
 use crate::station_file::{Bus, Line, Station};
@@ -24,6 +25,7 @@ pub(crate) struct AddedBus {
     pub(crate) bus: HostBus,
     pub(crate) monitor: Monitor,
     pub(crate) driver: Arc<DriverStatus>,
+    pub(crate) view: BusView,
 }
 
 /// Adds the process of a bus.
@@ -33,7 +35,7 @@ pub(crate) struct AddedBus {
 pub(crate) fn add(
     fleet: &mut Fleet,
     rundir: &Path,
-    bus: &Bus,
+    (index, bus): (usize, &Bus),
     station: &Station,
     drivers: &DriverSettings,
 ) -> Result<AddedBus, String> {
@@ -57,8 +59,9 @@ pub(crate) fn add(
     let monitor = side.monitor().clone();
     let port = fleet.add(command, segment, monitor.clone(), Times::default()).map_err(|e| system(&e))?;
     let driver = Arc::clone(&port.status);
+    let view = BusView::new((index, bus), &station.modules, &memory, size, &monitor, &driver);
     let bus = HostBus::new(side, Box::new(port), &memory, size, outputs, bus.stations.clone(), bus.rules);
-    Ok(AddedBus { bus, monitor, driver })
+    Ok(AddedBus { bus, monitor, driver, view })
 }
 
 /// What the process is told: the bus, with the sockets of simulated lines in the place of their names.

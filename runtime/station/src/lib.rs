@@ -12,6 +12,7 @@ pub mod out;
 pub mod access;
 pub mod assembly;
 mod bus;
+pub mod buses;
 pub mod compiling;
 pub mod engine;
 pub mod exit;

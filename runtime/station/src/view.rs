@@ -15,6 +15,7 @@ use ob1_rt::{Grant, MonotonicClock};
 use crate::access::protocol::{
     CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times,
 };
+use crate::buses::BusView;
 use crate::engine::InUse;
 use crate::io::Panel;
 use crate::retentive::health::Health;
@@ -73,6 +74,8 @@ pub struct StationView {
     pub program: Option<Arc<Program>>,
     /// Its modules, in the order of the CPU.
     pub modules: Vec<ModuleView>,
+    /// Its buses.
+    pub buses: Vec<BusView>,
     /// The inputs of its process I/O modules.
     pub panel: Option<Panel>,
     /// What the operating system granted; set by the scan thread when it has asked.
@@ -148,7 +151,7 @@ fn leds(cp: CpKind, monitor: &Monitor) -> Vec<String> {
     lit.filter(|(name, on)| *on && !name.is_empty()).map(|(name, _)| name.to_owned()).collect()
 }
 
-fn driver_state(monitor: &Monitor) -> String {
+pub(crate) fn driver_state(monitor: &Monitor) -> String {
     match monitor.driver_state() {
         Ok(DriverState::Absent) => "absent".into(),
         Ok(DriverState::Starting) => "starting".into(),

@@ -95,7 +95,7 @@ fn each_mistake_has_its_place_and_its_words() {
         ("Range =", "Rnge =", 21, "no parameter \"Rnge\"", "there are: Range, Smoothing, Limit"),
         ("outputs = \"AB 4\"", "inputs = \"EB 4\"", 22, "has no inputs", "leave `inputs` out"),
         (", outputs = \"AB 4\"", "", 22, "2 bytes of outputs, and no place", "outputs = \"AB 0\""),
-        ("PEW 256", "EB 1", 21, "", ""),
+        ("PEW 256", "EB 1", 21, "input byte 1 belongs to rack.1 already", "occupies 0 to 1"),
         ("PEW 256", "EB 16383", 21, "reach to byte", "the last byte"),
         ("substitute = [1, 2]", "substitute = [1]", 20, "1 values for 2 bytes", "one for each"),
         ("diagnostic = 2040", "diagnostic = 256", 17, "belongs to something else", "leave it out"),

@@ -10,6 +10,7 @@ pub mod compile;
 pub mod disturb;
 pub mod driver;
 pub mod engines;
+pub mod io;
 pub mod kill_runtime;
 pub mod line;
 pub mod machine_code;

@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    access, backplane, causes, compile, disturb, driver, engines, kill_runtime, line, machine_code, memory, scan, stl,
-    wake,
+    access, backplane, causes, compile, disturb, driver, engines, io, kill_runtime, line, machine_code, memory, scan,
+    stl, wake,
 };
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
@@ -18,6 +18,8 @@ const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds 
          disturb [--rounds N] [--seconds S]: the execution time of a scan while ob1 top is attached, reports are written, its driver is
          killed ten times a minute; N (9) rounds of five runs of S (6) seconds: 5 minutes
          causes [--seconds S]: late scans by cause on a machine that is too busy; three stations of S (60) seconds each
+         io [--seconds S]: remote I/O over Modbus TCP, 32 couplers at a cycle of 10 ms; the way of an input to an output; requests a
+         second beside libmodbus (its Python script installed into .venv); S (10) seconds each
          kill-runtime [--kills N]: N (200) times SIGKILL to a runtime; how long its outputs stay on: a minute
   scan, named: also our wake-up latency beside cyclictest, N (9) triples of runs of S (15) seconds at two intervals: 15 minutes
 
@@ -32,6 +34,8 @@ fn main() -> ExitCode {
         ["disturb", ref words @ ..] => disturbed(words),
         ["causes"] => caused(causes::SECONDS),
         ["causes", "--seconds", number] => number.parse().map_err(|_| HELP.into()).and_then(caused),
+        ["io"] => remote(10),
+        ["io", "--seconds", number] => number.parse().map_err(|_| HELP.into()).and_then(remote),
         ["kill-runtime"] => killed(kill_runtime::KILLS),
         ["kill-runtime", "--kills", number] => number.parse().map_err(|_| HELP.into()).and_then(killed),
         ref words => options(words).and_then(|(names, plan)| {
@@ -60,6 +64,13 @@ fn killed(kills: usize) -> Result<bool, Failure> {
     let found = kill_runtime::campaign(&ob1, kills)?;
     println!("{}", found.line());
     Ok(found.is_kept())
+}
+
+/// `io [--seconds S]`.
+fn remote(seconds: u64) -> Result<bool, Failure> {
+    let figures = io::measure(seconds)?;
+    figures.iter().for_each(|figure| println!("{}", figure.line()));
+    Ok(figures.iter().all(|figure| figure.aim.1))
 }
 
 /// `causes [--seconds S]`.

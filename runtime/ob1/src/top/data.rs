@@ -3,8 +3,9 @@
 use std::collections::VecDeque;
 
 use super::watch::Watched;
+use crate::bus::text::Before;
 use crate::statistics::{quantile, since};
-use ob1_station::access::protocol::{CellValue, CpBuffer, Diagnostic, ModuleStatus, Status};
+use ob1_station::access::protocol::{BusStatus, CellValue, CpBuffer, Diagnostic, ModuleStatus, Status};
 use ob1_station::timing::Timing;
 use ob1_station::timing::snapshot::Spread;
 
@@ -22,6 +23,8 @@ pub(super) struct Look {
     pub(super) diagnostics: Vec<Diagnostic>,
     /// Those of the CPs that have one of their own.
     pub(super) cp_buffers: Vec<CpBuffer>,
+    /// The buses.
+    pub(super) buses: Vec<BusStatus>,
     /// The variable table, or why a cell cannot be read.
     pub(super) values: Vec<(Watched, Result<CellValue, String>)>,
 }
@@ -58,6 +61,11 @@ impl Data {
         let (now, before) = (&self.now.timing, self.before.as_ref().map(|look| &look.timing));
         let same = before.filter(|before| before.since_ns == now.since_ns);
         same.map_or(0.0, |before| now.time_ns.saturating_sub(before.time_ns) as f64 / 1e9)
+    }
+
+    /// The buses of the look before, and the seconds since.
+    pub(super) fn buses_before(&self) -> Before<'_> {
+        Some((&self.before.as_ref()?.buses, self.seconds()))
     }
 
     /// Scans a second.
@@ -204,6 +212,7 @@ pub(super) mod tests {
                 driver: "ready".into(),
                 entries: (3..8).map(|number| BufferEntry { number, incoming: true, time_ms: 10 }.into()).collect(),
             }],
+            buses: vec![crate::bus::text::tests::bus(scans)],
             values: vec![
                 (Watched::parse("MW10:hex"), Ok(value)),
                 (Watched::parse("DB99.DBW0"), Err("there is no DB 99".into())),

@@ -20,15 +20,17 @@ pub(super) enum Tab {
     Cps,
     Diagnostics,
     Variables,
+    Buses,
 }
 
 impl Tab {
     /// In their order, with their names.
-    pub(super) const ALL: [(Self, &'static str); 4] = [
+    pub(super) const ALL: [(Self, &'static str); 5] = [
         (Self::Scan, "1 Scan"),
         (Self::Cps, "2 CPs"),
         (Self::Diagnostics, "3 Diagnostics"),
         (Self::Variables, "4 Variables"),
+        (Self::Buses, "5 Buses"),
     ];
 
     fn next(self) -> Self {
@@ -36,7 +38,8 @@ impl Tab {
             Self::Scan => Self::Cps,
             Self::Cps => Self::Diagnostics,
             Self::Diagnostics => Self::Variables,
-            Self::Variables => Self::Scan,
+            Self::Variables => Self::Buses,
+            Self::Buses => Self::Scan,
         }
     }
 }
@@ -118,7 +121,7 @@ impl Keys {
         match key {
             Key::Char('q') | Key::Escape => return Act::Quit,
             Key::Tab => self.tab = self.tab.next(),
-            Key::Char(digit @ '1'..='4') => {
+            Key::Char(digit @ '1'..='5') => {
                 self.tab = Tab::ALL.get(digit as usize - '1' as usize).map_or(self.tab, |(tab, _)| *tab);
             }
             _ if self.tab != Tab::Variables => {}
@@ -144,9 +147,9 @@ impl Keys {
     pub(super) fn prompt(&self) -> String {
         match &self.entry {
             Entry::None if self.tab == Tab::Variables => {
-                "q quit  1-4 or Tab another page  Up/Down choose  a add  d drop  m modify".into()
+                "q quit  1-5 or Tab another page  Up/Down choose  a add  d drop  m modify".into()
             }
-            Entry::None => "q quit  1-4 or Tab another page".into(),
+            Entry::None => "q quit  1-5 or Tab another page".into(),
             Entry::Name(text) => format!("watch (NAME, NAME:hex, NAME:bin, NAME:anzw, NAME:status): {text}_"),
             Entry::Value { cell, text } => format!("new value of {cell}: {text}_"),
             Entry::Confirm { cell, value } => {
@@ -217,7 +220,9 @@ mod tests {
             (Key::Tab, Tab::Cps),
             (Key::Tab, Tab::Diagnostics),
             (Key::Tab, Tab::Variables),
+            (Key::Tab, Tab::Buses),
             (Key::Tab, Tab::Scan),
+            (Key::Char('5'), Tab::Buses),
             (Key::Char('4'), Tab::Variables),
         ] {
             assert_eq!((state.press(key, &cells), state.tab), (Act::Nothing, tab));

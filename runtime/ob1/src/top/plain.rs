@@ -53,13 +53,13 @@ pub(super) fn times(data: &Data) -> String {
 /// A CP or another module in a line: LEDs, driver, orders, telegrams.
 pub(super) fn module(data: &Data, number: usize, m: &ModuleStatus) -> String {
     let mut out = format!("{:<10} {:<8} {:>5}  ", m.name, m.type_name, m.address);
-    let Some(driver) = &m.driver else {
+    // A coupler has a process too, but no orders: what there is to say of it stands with its bus.
+    let (Some(driver), Some(cp)) = (&m.driver, CpKind::of_name(&m.type_name)) else {
         out += if m.present { "present" } else { "absent" };
         return out;
     };
     // The names on the front of the module.
-    let names = CpKind::of_name(&m.type_name).map_or([""; 4], |cp| cp.row().leds);
-    for led in names.into_iter().filter(|led| !led.is_empty()) {
+    for led in cp.row().leds.into_iter().filter(|led| !led.is_empty()) {
         let lit = m.leds.iter().any(|name| name == led);
         let _ = write!(out, "{}{led} ", if lit { '*' } else { '.' });
     }
@@ -82,6 +82,11 @@ pub(super) fn module(data: &Data, number: usize, m: &ModuleStatus) -> String {
         let _ = write!(out, "  {sent:.1}/s out {received:.1}/s in");
     }
     out
+}
+
+/// The buses with their couplers and slaves.
+pub(super) fn buses(data: &Data) -> String {
+    crate::bus::text::text(&data.now.buses, data.buses_before(), None)
 }
 
 /// The variable table, a line a cell.
@@ -108,6 +113,7 @@ pub(super) fn text(data: &Data) -> String {
     for (number, m) in data.now.status.modules.iter().enumerate() {
         let _ = writeln!(out, "{}", module(data, number, m));
     }
+    out += &buses(data);
     for line in values(data) {
         let _ = writeln!(out, "{line}");
     }
@@ -136,6 +142,7 @@ mod tests {
             "wake-up                  12000    20.0 µs",
             "*PW .ER *TxD .RxD  ready (43), lost 0  orders 121 open 1 done 120",
             "10.0/s out 5.0/s in",
+            "rio              exchange       1000.0",
             "MW10                     WORD     16#0102",
             "DB99.DBW0                there is no DB 99",
             "4302h: RUN",

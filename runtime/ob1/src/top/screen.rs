@@ -35,6 +35,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, data: &Data, keys: &Keys, note: &str) 
         Tab::Cps => cps(frame, page, data),
         Tab::Diagnostics => diagnostics(frame, page, data),
         Tab::Variables => variables(frame, page, data, keys.line),
+        Tab::Buses => buses(frame, page, data),
     }
     let last = if note.is_empty() { keys.prompt() } else { note.to_owned() };
     frame.render_widget(Paragraph::new(last).style(Style::new().add_modifier(Modifier::REVERSED)), prompt);
@@ -98,6 +99,12 @@ fn diagnostics(frame: &mut Frame<'_>, area: Rect, data: &Data) {
     frame.render_widget(Paragraph::new(text).block(titled("of the CPs, newest first")), cps);
 }
 
+fn buses(frame: &mut Frame<'_>, area: Rect, data: &Data) {
+    let text = plain::buses(data);
+    let text = if text.is_empty() { "the station has no bus".to_owned() } else { text };
+    frame.render_widget(Paragraph::new(text).block(titled("buses, couplers and slaves")), area);
+}
+
 fn variables(frame: &mut Frame<'_>, area: Rect, data: &Data, chosen: usize) {
     let values = plain::values(data);
     let chosen = chosen.min(values.len().saturating_sub(1));
@@ -136,6 +143,7 @@ mod tests {
             ('2', &["*PW .ER *TxD", "orders 121 open 1", "telegram ABC"]),
             ('3', &["4302h: RUN"]),
             ('4', &["16#0102", "there is no DB 99", "m modify"]),
+            ('5', &["field  dp  process 77", "E 0: 1234", "configuration fault"]),
         ] {
             keys.press(Key::Char(key), &[]);
             let screen = shown(&data, &keys, 150, 50);

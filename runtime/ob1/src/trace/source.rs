@@ -5,6 +5,7 @@ use std::os::fd::OwnedFd;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use ob1_params::CpKind;
 use ob1_protocols::Nanos;
 use ob1_protocols::trace::record::Record;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -115,8 +116,8 @@ fn open(station: &str, wanted: Option<&str>) -> Result<Vec<Tap>, TraceError> {
     let status = client.ask(Op::Status).map_err(|e| nobody(&e))?.status;
     let status = status.ok_or_else(|| nobody(&"the station does not answer"))?;
     let folder = rundir::find(&status.station).ok_or_else(|| nobody(&"the station has just ended"))?;
-    let cps: Vec<&str> =
-        status.modules.iter().filter(|module| module.driver.is_some()).map(|module| module.name.as_str()).collect();
+    let cps = status.modules.iter().filter(|module| CpKind::of_name(&module.type_name).is_some());
+    let cps: Vec<&str> = cps.map(|module| module.name.as_str()).collect();
     if let Some(wanted) = wanted
         && !cps.contains(&wanted)
     {

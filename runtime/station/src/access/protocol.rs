@@ -58,6 +58,8 @@ pub enum Op {
     },
     /// The flight recorder.
     Recorder,
+    /// The buses with their couplers and slaves.
+    Buses,
 }
 
 fn default_count() -> u32 {
@@ -111,6 +113,9 @@ pub struct Response {
     /// Answer to `recorder`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recorder: Option<Box<Recorder>>,
+    /// Answer to `buses`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub buses: Option<Vec<BusStatus>>,
 }
 
 impl Response {
@@ -127,6 +132,7 @@ impl Response {
             cps: None,
             timing: None,
             recorder: None,
+            buses: None,
         }
     }
 
@@ -135,6 +141,68 @@ impl Response {
     pub fn refused(id: Value, error: impl Into<String>) -> Self {
         Self { ok: false, error: Some(error.into()), ..Self::done(id) }
     }
+}
+
+/// A bus and its process.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(default)]
+pub struct BusStatus {
+    /// Its name.
+    pub name: String,
+    /// `modbus-tcp`, `modbus-rtu` or `dp`.
+    pub kind: String,
+    /// Its process; 0: none.
+    pub pid: u32,
+    /// Times a process was started.
+    pub starts: u32,
+    /// Times one was lost.
+    pub losses: u32,
+    /// How the process stands: `ready` when it exchanges.
+    pub process: String,
+    /// The scan drives the outputs.
+    pub driven: bool,
+    /// Its couplers and slaves.
+    pub stations: Vec<BusStationStatus>,
+}
+
+/// A coupler or a DP slave.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(default)]
+pub struct BusStationStatus {
+    /// Its name.
+    pub name: String,
+    /// Its unit, address, or place on the bus.
+    pub number: u8,
+    /// Its diagnostic address; 0: it has none.
+    pub diagnostic: u16,
+    /// `starting`, `exchange`, `lost`, `refuses`.
+    pub state: String,
+    /// What it refuses or reports, in words; empty: nothing.
+    pub says: String,
+    /// Rounds of exchange.
+    pub exchanges: u64,
+    /// Requests without an answer that can be used.
+    pub failures: u64,
+    /// Answers that were exceptions.
+    pub exceptions: u64,
+    /// Times it was lost.
+    pub losses: u64,
+    /// Duration of the last round.
+    pub round_ns: u64,
+    /// Its inputs, as it has sensed them.
+    pub inputs: Vec<Piece>,
+    /// Its outputs, as the program drives them.
+    pub outputs: Vec<Piece>,
+}
+
+/// Bytes in a row.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(default)]
+pub struct Piece {
+    /// First of them in the process image, or behind it.
+    pub address: u32,
+    /// Two digits a byte.
+    pub hex: String,
 }
 
 /// The value of a cell.

@@ -16,6 +16,7 @@ use serde_json::Value;
 use super::clients::Clients;
 use super::control::{Control, Outcome, Pending};
 use super::protocol::{CellValue, CommandName, Diagnostic, LINE_BYTES, Op, Request, Response};
+use crate::buses::BusView;
 use crate::view::{StationView, event_number};
 
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
@@ -181,6 +182,7 @@ impl Serving {
             }
             Op::ResetStatistics => self.view.timings.reset(),
             Op::Timing { histograms } => response.timing = Some(Box::new(self.view.timings.snapshot(histograms))),
+            Op::Buses => response.buses = Some(self.view.buses.iter().map(BusView::status).collect()),
             Op::Recorder => response.recorder = Some(Box::new(self.view.timings.recorder())),
         }
         Ok(Begun::Answered(Box::new(response)))

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ob1_backplane::{BUS_AREA_BYTES, BUS_COUPLERS};
 use ob1_coupler::image::RANGES_MAX;
-use ob1_coupler::{CouplerConfig, Order, Profile, Range, Setup, Table};
+use ob1_coupler::{CouplerConfig, Order, Profile, Proof, Range, Setup, Table};
 use ob1_cpu::Nanos;
 use ob1_host::bus::{BusModuleConfig, OnLoss, Station};
 
@@ -103,13 +103,15 @@ pub(super) fn modules(
     }
     collisions(f, &outputs);
     let times = times(f, table, min_cycle, building.timeout);
+    let (setup, proof) = setup(f, table, times.watchdog);
     let config = CouplerConfig {
         name: name.clone(),
         unit,
         period: times.period,
         refresh: times.refresh,
         lost_after: times.lost_after,
-        setup: setup(f, table, times.watchdog),
+        setup,
+        proof,
         inputs: inputs.iter().map(|placement| placement.range).collect(),
         outputs: outputs.iter().map(|placement| placement.range).collect(),
     };
@@ -306,18 +308,21 @@ fn watchdog(f: &mut Findings<'_>, table: &ModuleTable) -> Option<(Profile, Nanos
     }
 }
 
-/// What is written on connect: what releases the coupler, its watchdog, what the file says.
-fn setup(f: &mut Findings<'_>, table: &ModuleTable, watchdog: Option<(Profile, Nanos)>) -> Vec<Setup> {
+/// What is written on connect: what releases the coupler, its watchdog, what the file says; and what says that the
+/// watchdog runs already.
+fn setup(f: &mut Findings<'_>, table: &ModuleTable, watchdog: Option<(Profile, Nanos)>) -> (Vec<Setup>, Option<Proof>) {
     let mut all = match &table.watchdog_reset {
         Some(given) => writes(f, given),
         None if table.watchdog.is_some() && watchdog.is_none() => Vec::new(),
         None => profile(f, table).map(Profile::reset).unwrap_or_default(),
     };
+    let mut proof = None;
     if let Some((profile, time)) = watchdog {
         all.extend(profile.watchdog(time));
+        proof = profile.proof(time, all.len());
     }
     all.extend(table.setup.as_ref().map(|given| writes(f, given)).unwrap_or_default());
-    all
+    (all, proof)
 }
 
 fn writes(f: &mut Findings<'_>, tables: &Placed<Vec<Placed<SetupTable>>>) -> Vec<Setup> {

@@ -1,5 +1,8 @@
-//! `ob1 bus scan STATION`: who is on a PROFIBUS, beside what the station file says. The station does not run meanwhile:
-//! one process owns a line.
+//! `ob1 bus watch`: the couplers and slaves of a running station, live. `ob1 bus scan`: who is on a PROFIBUS, beside what
+//! the station file says; the station does not run meanwhile, for one process owns a line.
+
+pub(crate) mod text;
+mod watch;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -12,12 +15,12 @@ use serde_json::Value;
 
 use crate::exit::Exit;
 
-/// Ask who is on a PROFIBUS
+/// Look at the buses of a station
 ///
-/// Every address is asked for its diagnosis; slaves that exchange data with another master go on doing so. The station
-/// does not run meanwhile.
+/// `watch` shows the couplers and slaves of a running station live: how they stand, what they say, their inputs and
+/// outputs. `scan` asks a PROFIBUS who is on it, while the station does not run.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "Examples:\n  ob1 bus scan station.toml\n  ob1 bus scan station.toml --bus profi --json")]
+#[command(after_help = "Examples:\n  ob1 bus watch press.toml\n  ob1 bus scan station.toml")]
 pub struct BusArgs {
     #[command(subcommand)]
     action: BusAction,
@@ -25,11 +28,17 @@ pub struct BusArgs {
 
 #[derive(Clone, Debug, Subcommand)]
 enum BusAction {
-    /// Who answers, beside what the station file says
+    /// Show the couplers and slaves of a running station, live
+    Watch(watch::WatchArgs),
+    /// Ask who is on a PROFIBUS
+    ///
+    /// Every address is asked for its diagnosis; slaves that exchange data with another master go on doing so. The
+    /// station does not run meanwhile.
     Scan(ScanArgs),
 }
 
 #[derive(Clone, Debug, Args)]
+#[command(after_help = "Examples:\n  ob1 bus scan station.toml\n  ob1 bus scan station.toml --bus profi --json")]
 struct ScanArgs {
     /// The station file
     station: PathBuf,
@@ -58,6 +67,7 @@ struct Wanted {
 /// `ob1 bus`.
 pub(crate) fn run(args: &BusArgs) -> Exit {
     match &args.action {
+        BusAction::Watch(args) => watch::run(args),
         BusAction::Scan(args) => scan(args),
     }
 }

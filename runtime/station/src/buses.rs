@@ -1,0 +1,146 @@
+//! Buses as seen from other threads than the scan: how couplers and slaves stand, and what they sense and drive. All of
+//! it is read from shared memory; the scan does not notice.
+
+use std::sync::Arc;
+
+use ob1_backplane::{BusLook, BusMemory, BusSize, Monitor};
+use ob1_coupler::dp::{Diagnosis, DpSlave, diagnosis_words, kept_diagnosis};
+use ob1_coupler::{BusConfig, State, Status};
+use ob1_host::driver;
+
+use crate::access::protocol::{BusStationStatus, BusStatus, Piece};
+use crate::station_file::{Bus, ModuleConfig, ModuleKind};
+
+/// A bus, as seen from other threads than the scan.
+#[derive(Clone, Debug)]
+pub struct BusView {
+    name: String,
+    config: BusConfig,
+    memory: BusMemory,
+    size: BusSize,
+    monitor: Monitor,
+    driver: Arc<driver::DriverStatus>,
+    stations: Vec<Known>,
+}
+
+/// One of its couplers or slaves.
+#[derive(Clone, Debug)]
+struct Known {
+    number: u8,
+    diagnostic: u16,
+    /// First address in the process image, first byte in the image of the bus, bytes.
+    inputs: Vec<(u32, usize, usize)>,
+    outputs: Vec<(u32, usize, usize)>,
+}
+
+impl BusView {
+    /// Bus `index` of a station with these modules.
+    pub(crate) fn new(
+        (index, bus): (usize, &Bus),
+        modules: &[ModuleConfig],
+        memory: &BusMemory,
+        size: BusSize,
+        monitor: &Monitor,
+        driver: &Arc<driver::DriverStatus>,
+    ) -> Self {
+        let known = |(n, station): (usize, &ob1_host::bus::Station)| {
+            let mut known = Known {
+                number: station.number,
+                diagnostic: station.diagnostic,
+                inputs: Vec::new(),
+                outputs: Vec::new(),
+            };
+            for config in modules {
+                if let ModuleKind::Remote { bus, module } = &config.kind
+                    && (*bus, module.station) == (index, n)
+                {
+                    let piece = |address, (at, len): (usize, u16)| (len > 0).then_some((address, at, usize::from(len)));
+                    known.inputs.extend(piece(config.input_address, module.inputs));
+                    known.outputs.extend(piece(config.output_address, module.outputs));
+                }
+            }
+            known
+        };
+        Self {
+            name: bus.name.clone(),
+            config: bus.config.clone(),
+            memory: memory.clone(),
+            size,
+            monitor: monitor.clone(),
+            driver: Arc::clone(driver),
+            stations: bus.stations.iter().enumerate().map(known).collect(),
+        }
+    }
+
+    /// How it stands now.
+    #[must_use]
+    pub fn status(&self) -> BusStatus {
+        let look = BusLook::new(&self.memory, self.size);
+        let slaves = self.config.lines.iter().flat_map(|line| {
+            let slaves = line.dp.iter().flat_map(|dp| &dp.slaves).map(Some);
+            line.couplers.iter().map(|_| None).chain(slaves)
+        });
+        let stations = self.config.stations().zip(slaves).zip(&self.stations).enumerate();
+        BusStatus {
+            name: self.name.clone(),
+            kind: self.kind().to_owned(),
+            pid: self.driver.pid(),
+            starts: self.driver.starts(),
+            losses: self.driver.losses(),
+            process: crate::view::driver_state(&self.monitor),
+            driven: look.as_ref().is_some_and(BusLook::driven),
+            stations: stations.map(|(n, ((name, slave), known))| known.status(n, name, slave, look.as_ref())).collect(),
+        }
+    }
+
+    fn kind(&self) -> &'static str {
+        match self.config.lines.first() {
+            Some(line) if line.dp.is_some() => "dp",
+            Some(line) if line.serial.is_some() => "modbus-rtu",
+            _ => "modbus-tcp",
+        }
+    }
+}
+
+impl Known {
+    fn status(&self, n: usize, name: &str, slave: Option<&DpSlave>, look: Option<&BusLook>) -> BusStationStatus {
+        let words = look.map(|look| look.coupler(n)).unwrap_or_default();
+        // Words without a meaning are a lost coupler, as for the program.
+        let status = Status::from_words(&words).unwrap_or(Status { state: State::Lost, ..Status::default() });
+        let pieces = |all: &[(u32, usize, usize)], read: &dyn Fn(&BusLook, usize, &mut [u8])| {
+            let piece = |(address, at, len): &(u32, usize, usize)| {
+                let mut bytes = vec![0; *len];
+                look.iter().for_each(|look| read(look, *at, &mut bytes));
+                Piece { address: *address, hex: bytes.iter().map(|byte| format!("{byte:02X}")).collect() }
+            };
+            all.iter().map(piece).collect()
+        };
+        BusStationStatus {
+            name: name.to_owned(),
+            number: self.number,
+            diagnostic: self.diagnostic,
+            state: status.state.name().to_owned(),
+            says: says(status, slave, look),
+            exchanges: status.exchanges,
+            failures: status.failures,
+            exceptions: status.exceptions,
+            losses: status.losses,
+            round_ns: status.round,
+            inputs: pieces(&self.inputs, &|look, at, into| look.inputs(at, into)),
+            outputs: pieces(&self.outputs, &|look, at, into| look.outputs(at, into)),
+        }
+    }
+}
+
+/// What a coupler refuses, or a slave reports of itself.
+fn says(status: Status, slave: Option<&DpSlave>, look: Option<&BusLook>) -> String {
+    let (Some(slave), Some(look)) = (slave, look) else {
+        return status.refusal.map_or_else(String::new, |refusal| refusal.to_string());
+    };
+    let (at, room) = slave.diagnosis;
+    let mut area = vec![0; DpSlave::diagnosis_area(room)];
+    look.inputs(at, &mut area);
+    let bytes = kept_diagnosis(&area);
+    let talks = status.state == State::Refused || Diagnosis::new(bytes).is_some_and(Diagnosis::has_faults);
+    if talks && status.state != State::Lost { diagnosis_words(bytes, &slave.texts) } else { String::new() }
+}

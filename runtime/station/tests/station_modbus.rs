@@ -1,0 +1,100 @@
+//! A station file with Modbus couplers: what is said of each mistake, with its place.
+
+use std::path::Path;
+
+use ob1_station::finding::Finding;
+use ob1_station::station_file::{Station, parse};
+
+const GOOD: &str = r#"[station]
+name = "press"
+
+[[bus]]
+name = "field"
+type = "modbus-tcp"
+
+[[module]]
+type = "di"
+name = "panel"
+address = 20
+bytes = 2
+
+[[module]]
+type = "coupler"
+bus = "field"
+name = "north"
+line = "tcp:10.0.0.11:502"
+inputs = [{ at = "EB 0", from = "holding:0", registers = 4, substitute = [1, 2, 3, 4, 5, 6, 7, 8] }]
+outputs = [{ at = "AB 0", to = "coil:16", bits = 12 }]
+on_loss = "substitute"
+profile = "wago-750"
+watchdog = "500ms"
+lost_after = "1s"
+diagnostic = 2040
+
+[[module]]
+type = "coupler"
+bus = "field"
+name = "south"
+line = "tcp:10.0.0.12:502"
+inputs = [{ at = "EB 8", from = "discrete:0", bits = 16 }]
+"#;
+
+fn read(text: &str) -> Result<Station, Vec<Finding>> {
+    parse(text, "press.toml", Path::new("."))
+}
+
+#[test]
+fn the_watchdog_is_set_where_it_does_not_run() {
+    let station = read(GOOD).unwrap_or_else(|findings| panic!("{findings:#?}"));
+    let north = &station.buses[0].config.lines[0].couplers[0];
+    let registers: Vec<u16> = north.setup.iter().map(|setup| setup.at).collect();
+    assert_eq!(registers, [0x1008, 0x1000, 0x100A]);
+    let proof = north.proof.as_ref().expect("a WAGO coupler says so");
+    assert_eq!((proof.skips, &proof.expected[..]), (3, &[(0, 5), (6, 1)][..]));
+}
+
+#[test]
+fn each_mistake_has_its_place_and_its_words() {
+    let mut wrong = Vec::new();
+    for (from, to, line, says, helps) in [
+        ("EB 8", "EB 7", 33, "input byte 7 belongs to north already", "north occupies 0 to 7"),
+        ("EB 8", "EB 19", 33, "input byte 20 belongs to panel already", "panel occupies 20 to 21"),
+        ("EB 8", "EB 16383", 33, "the range reaches to byte 16384", "the last byte is 16383"),
+        ("EB 8", "AB 8", 33, "\"AB 8\" is no place for", "the first byte"),
+        ("bus = \"field\"\nname = \"south\"", "bus = \"feld\"\nname = \"south\"", 30, "no bus \"feld\"", "\"field\"?"),
+        ("bus = \"field\"\nname = \"south\"", "name = \"south\"", 29, "the coupler has no bus", "add `bus`"),
+        ("line = \"tcp:10.0.0.12:502\"\n", "", 29, "the coupler has no line", "tcp:"),
+        ("tcp:10.0.0.12:502", "serial:/dev/ttyS0", 32, "cannot be the line of such a bus", "tcp:"),
+        ("name = \"south\"", "name = \"north\"", 31, "north", "name"),
+        ("discrete:0", "discreet:0", 33, "names nothing of a coupler", "holding:N, input:N"),
+        ("discrete:0", "discrete:40001x", 33, "names nothing of a coupler", "counted from 0"),
+        ("bits = 16", "registers = 1", 33, "`discrete` is counted in `bits`", "`bits` for coil"),
+        (", bits = 16", "", 33, "`bits` is missing", "how many"),
+        ("coil:16", "discrete:16", 21, "`discrete` cannot be written", "holding:N or coil:N"),
+        ("to = \"coil:16\"", "from = \"coil:16\"", 21, "outputs go `to`", "write `to`"),
+        ("registers = 4,", "registers = 70000,", 20, "out of range", "65535"),
+        ("7, 8]", "7]", 20, "7 values for 8 bytes", "one for each"),
+        (", substitute = [1, 2, 3, 4, 5, 6, 7, 8]", "", 20, "no substitute values", "add `substitute`"),
+        ("on_loss = \"substitute\"", "on_loss = \"substitut\"", 22, "substitut", "substitute"),
+        ("profile = \"wago-750\"\n", "", 23, "unknown coupler", "`profile` says"),
+        ("wago-750", "moxa-iologik", 24, "cannot be set over Modbus", "on the coupler itself"),
+        ("watchdog = \"500ms\"", "watchdog = \"50ms\"", 24, "no such watchdog time", "100 ms to"),
+        ("lost_after = \"1s\"", "lost_after = \"10ms\"", 25, "would be lost now and then", "100ms"),
+        ("lost_after = \"1s\"", "lost_after = \"1s\"\nperiod = \"2s\"", 26, "cannot be read in this period", "half"),
+        ("lost_after = \"1s\"", "lost_after = \"1s\"\nrefresh = \"400ms\"", 26, "refreshed so seldom", "half"),
+        ("diagnostic = 2040", "station = 3", 26, "`station` does not belong to a coupler", "`unit`"),
+        ("diagnostic = 2040", "diagnostic = 20", 26, "belongs to something else", "leave it out"),
+    ] {
+        assert!(GOOD.contains(from), "{from}");
+        match read(&GOOD.replacen(from, to, 1)) {
+            Ok(_) => wrong.push(format!("{from} -> {to}: nothing is said")),
+            Err(findings) => {
+                let fits = |f: &Finding| f.line == line && f.message.contains(says) && f.remedy.contains(helps);
+                if !findings.iter().any(fits) {
+                    wrong.push(format!("{from} -> {to}: line {line}: {findings:#?}"));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}

@@ -1,0 +1,267 @@
+//! A station with three buses in virtual time. Everything that decides is real: the CPU, the bus modules, their images,
+//! the pumps and masters of the processes. Simulated are the devices, wires and connections, and the life of the
+//! processes.
+
+mod bus;
+mod device;
+mod field;
+mod judge;
+
+use std::path::Path;
+
+use ob1_cpu::{BusPlace, Command, Cpu, Module, ModuleSlot, Nanos};
+use ob1_dp::slave::SlaveConfig;
+use ob1_line::sim::{FaultRates, SplitMix64};
+use ob1_station::station_file::{self, ModuleKind, Station};
+use ob1_station::{assembly, program};
+use ob1_tests::sim::clock::VirtualClock;
+use ob1_tests::sim::{MS, SECOND};
+
+use bus::SimulatedBus;
+use device::{BYTES, Device};
+use field::Field;
+use judge::Judge;
+pub(crate) use judge::Told;
+
+/// Of each bus: slaves, couplers on wires, couplers behind connections.
+const DEVICES: [usize; 3] = [3, 2, 2];
+const COUNT: usize = DEVICES[0] + DEVICES[1] + DEVICES[2];
+const DP_BAUD: u32 = 93_750;
+const RTU_BAUD: u32 = 57_600;
+/// Of every device.
+const WATCHDOG: Nanos = 200 * MS;
+/// Something goes wrong until here; then everything must come back by itself.
+const TROUBLE: Nanos = 3 * SECOND;
+const END: Nanos = 6 * SECOND;
+
+/// What a process takes to be there again.
+const START: Nanos = 100 * MS;
+
+/// Four bytes in, four bytes out, compact.
+const GSD: &str = "#Profibus_DP
+GSD_Revision = 1
+Vendor_Name = \"ob1\"
+Model_Name = \"Four\"
+Ident_Number = 0x7F04
+93.75_supp = 1
+MaxTsdr_93.75 = 60
+Modular_Station = 0
+Max_Diag_Data_Len = 16
+Max_Input_Len = 4
+Max_Output_Len = 4
+User_Prm_Data_Len = 1
+User_Prm_Data = 0x01
+Module = \"4 in 4 out\" 0x33
+EndModule
+";
+
+/// Where DB 1 counts the calls of OB 86 and OB 82.
+const COUNTS: usize = 60;
+
+/// OB 1 keeps what it reads, and drives everything with a number that grows.
+fn program_text() -> String {
+    let (mut read, mut drive) = (String::new(), String::new());
+    for n in 0..COUNT {
+        let at = BYTES * n;
+        read += &format!("  L ED {at};\n  T DB1.DBD {at};\n");
+        drive += &format!("  T AD {at};\n");
+    }
+    let counts = |ob: u8, at: usize| {
+        format!(
+            "ORGANIZATION_BLOCK OB {ob}\nBEGIN\n  L DB1.DBW {at};\n  + 1;\n  T DB1.DBW {at};\nEND_ORGANIZATION_BLOCK\n"
+        )
+    };
+    format!(
+        "DATA_BLOCK DB 1\nSTRUCT\n  bytes : ARRAY [0..63] OF BYTE;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n\
+         ORGANIZATION_BLOCK OB 1\nBEGIN\n{read}  L MD 0;\n  +1;\n  T MD 0;\n{drive}END_ORGANIZATION_BLOCK\n{}{}",
+        counts(86, COUNTS),
+        counts(82, COUNTS + 2)
+    )
+}
+
+fn station(folder: &Path) -> Station {
+    std::fs::write(folder.join("four.gsd"), GSD).expect("writable");
+    std::fs::write(folder.join("press.awl"), program_text()).expect("writable");
+    let ms = WATCHDOG / MS;
+    let mut text = format!(
+        "[station]\nname = \"press\"\n[cpu]\nmin_cycle = \"10ms\"\n[program]\nsources = [\"press.awl\"]\n\
+         [[simulated_line]]\nname = \"wires\"\nduplex = \"half\"\n[[simulated_line]]\nname = \"pair\"\nduplex = \"half\"\n\
+         [[bus]]\nname = \"profi\"\ntype = \"dp\"\nline = \"sim:wires\"\nbaud = {DP_BAUD}\nhsa = 4\nwatchdog = \"{ms}ms\"\n\
+         [[bus]]\nname = \"rtu\"\ntype = \"modbus-rtu\"\nline = \"sim:pair\"\nbaud = {RTU_BAUD}\ntimeout = \"50ms\"\n\
+         [[bus]]\nname = \"net\"\ntype = \"modbus-tcp\"\ntimeout = \"50ms\"\n"
+    );
+    let mut n = 0;
+    for (kind, count) in DEVICES.into_iter().enumerate() {
+        for k in 0..count {
+            let at = BYTES * n;
+            text += &format!("[[module]]\ntype = \"coupler\"\nname = \"s{n}\"\non_loss = \"substitute\"\n");
+            text += &match kind {
+                0 => format!(
+                    "bus = \"profi\"\nstation = {}\ngsd = \"four.gsd\"\nslots = [{{ slot = 1, module = \"4 in 4 out\", \
+                     inputs = \"EB {at}\", outputs = \"AB {at}\", substitute = [238, 238, 238, 238] }}]\n",
+                    k + 5
+                ),
+                _ => format!(
+                    "{}\ninputs = [{{ at = \"EB {at}\", from = \"input:0\", registers = 2, substitute = [238, 238, 238, 238] \
+                     }}]\noutputs = [{{ at = \"AB {at}\", to = \"holding:0\", registers = 2 }}]\nprofile = \"wago-750\"\n\
+                     watchdog = \"{ms}ms\"\nlost_after = \"400ms\"\nperiod = \"20ms\"\n",
+                    match kind {
+                        1 => format!("bus = \"rtu\"\nunit = {}", k + 1),
+                        _ => format!("bus = \"net\"\nline = \"tcp:127.0.0.1:{}\"", 502 + k),
+                    }
+                ),
+            };
+            n += 1;
+        }
+    }
+    station_file::parse(&text, "press.toml", folder).unwrap_or_else(|findings| panic!("{findings:#?}"))
+}
+
+struct World {
+    now: Nanos,
+    rng: SplitMix64,
+    cpu: Cpu,
+    due: Nanos,
+    buses: Vec<SimulatedBus>,
+    trouble: Nanos,
+    judge: Judge,
+}
+
+impl World {
+    fn new(seed: u64, folder: &Path) -> Self {
+        Self::with(seed, folder, true)
+    }
+
+    /// `noisy`: on bad wires.
+    fn with(seed: u64, folder: &Path, noisy: bool) -> Self {
+        let mut rng = SplitMix64::new(seed);
+        let station = station(folder);
+        let loaded = program::load(&station).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
+        let mut fields = fields(&station, &mut rng, noisy);
+        let made = station.buses.iter().zip(fields.drain(..));
+        let (buses, hosts): (Vec<_>, Vec<_>) = made.map(|(bus, fields)| SimulatedBus::new(bus, fields, 5 * MS)).unzip();
+        let mut modules: Vec<(ModuleSlot, Box<dyn Module>)> = Vec::new();
+        for config in &station.modules {
+            let ModuleKind::Remote { bus, module } = &config.kind else { panic!("all are on a bus") };
+            let of = &station.buses[*bus];
+            let place =
+                BusPlace { master: of.rules.number, station: of.stations[module.station].number, slot: module.slot };
+            let slot = ModuleSlot { bus: Some(place), ..assembly::slot(config) };
+            modules.push((slot, hosts[*bus].module(module.clone())));
+        }
+        let natives = loaded.native_blocks(&[]).unwrap_or_else(|failure| panic!("{:?}", failure.findings()));
+        let mut cpu =
+            Cpu::new(station.cpu.clone(), &loaded.program, natives, modules, station.engine.factory()).expect("a CPU");
+        cpu.request(Command::Run);
+        let trouble = 500 * MS + rng.below(500 * MS);
+        Self { now: 0, rng, cpu, due: 0, buses, trouble, judge: Judge::new(seed) }
+    }
+
+    fn devices(&mut self) -> Vec<&mut Device> {
+        self.buses.iter_mut().flat_map(|bus| &mut bus.fields).flat_map(Field::devices).collect()
+    }
+
+    fn make_trouble(&mut self) {
+        self.trouble = if self.now < TROUBLE { self.now + 30 * MS + self.rng.below(250 * MS) } else { Nanos::MAX };
+        if self.now >= TROUBLE {
+            return;
+        }
+        let now = self.now;
+        let (what, n, time) = (self.rng.below(6), self.rng.below(COUNT as u64) as usize, self.rng.below(500 * MS));
+        let bus = self.rng.below(DEVICES.len() as u64) as usize;
+        match what {
+            0 if self.buses[bus].is_alive() => self.buses[bus].kill(now, now + 20 * MS + time),
+            0 => {}
+            1 => self.devices()[n].report(&[0x42, 0x01]),
+            2 => self.devices()[n].report(&[]),
+            3 => self.devices()[n].cut(now + time),
+            // A coupler takes its time to start; a slave's restart is seen however short it is.
+            _ => self.devices()[n].restart(now + if what == 4 && n < DEVICES[0] { 0 } else { 200 * MS + time }),
+        }
+    }
+
+    fn run(&mut self, until: Nanos) {
+        while self.now < until {
+            let buses = self.buses.iter().map(SimulatedBus::next).fold(Nanos::MAX, Nanos::min);
+            self.now = self.now.max(buses.min(self.due).min(self.trouble).min(until));
+            for bus in &mut self.buses {
+                bus.advance(self.now);
+            }
+            if self.now >= self.trouble {
+                self.make_trouble();
+            }
+            if self.now >= self.due {
+                let end = self.cpu.cycle(&mut VirtualClock(self.now));
+                self.due = end.next_deadline.max(self.now + 1);
+                for bus in &mut self.buses {
+                    bus.ring(self.now);
+                }
+                let Self { judge, cpu, buses, .. } = self;
+                let devices = buses.iter_mut().flat_map(|bus| &mut bus.fields).flat_map(Field::devices);
+                judge.look(self.now, cpu, end.state, devices);
+            }
+        }
+    }
+}
+
+/// The field of each bus of a station.
+fn fields(station: &Station, rng: &mut SplitMix64, noisy: bool) -> Vec<Vec<Field>> {
+    // What goes wrong with the characters; the last part of a run is for coming back, with as many.
+    let rate = if noisy { [0, 50, 300, 1000][rng.below(4) as usize] } else { 0 };
+    let readable = FaultRates { parity: rate, framing: rate / 2, lose: rate / 2, ..FaultRates::NONE };
+    let damaged = FaultRates { flip: 3 * rate, double: rate, ..readable };
+    let dp = station.buses[0].config.lines[0].dp.as_ref().expect("it is DP");
+    let slave = |(n, slave): (usize, &ob1_coupler::dp::DpSlave)| {
+        let config = SlaveConfig {
+            baud: DP_BAUD,
+            address: slave.station,
+            ident: slave.ident,
+            config: slave.config.clone(),
+            parameters: Some(slave.parameters.clone()),
+            inputs: BYTES,
+            outputs: BYTES,
+            delay_bits: 0,
+        };
+        Device::slave(n, config)
+    };
+    let slaves = dp.slaves.iter().enumerate().map(slave).collect();
+    let coupler = |k: usize| Device::coupler(DEVICES[0] + k, (k + 1) as u8);
+    let on_wires = (0..DEVICES[1]).map(coupler).collect();
+    let connected = (0..DEVICES[2]).map(|k| {
+        // Behind a connection of its own the unit is FFh.
+        Field::net(rng.next_u64(), Device::coupler(DEVICES[0] + DEVICES[1] + k, 255))
+    });
+    let connected = connected.collect();
+    vec![
+        vec![Field::wires(DP_BAUD, readable, rng.next_u64(), slaves)],
+        vec![Field::wires(RTU_BAUD, damaged, rng.next_u64(), on_wires)],
+        connected,
+    ]
+}
+
+/// Nothing goes wrong but that all processes are killed, at a moment of the seed; after how long all devices are back.
+pub(crate) fn killed(seed: u64, folder: &Path) -> Nanos {
+    let mut world = World::with(seed, folder, false);
+    let rest = |world: &mut World, until: Nanos| {
+        world.trouble = Nanos::MAX;
+        world.run(until);
+    };
+    let killed = SECOND + world.rng.below(100 * MS);
+    rest(&mut world, killed);
+    world.buses.iter_mut().for_each(|bus| bus.kill(killed, killed + START));
+    while !world.judge.all_are_back() || world.now < killed + START {
+        let until = world.now + 10 * MS;
+        assert!(until < END, "seed {seed}: they do not come back");
+        rest(&mut world, until);
+    }
+    world.now - killed
+}
+
+/// A seed.
+pub(crate) fn run(seed: u64, folder: &Path) -> Told {
+    let mut world = World::new(seed, folder);
+    world.run(END);
+    let kills = world.buses.iter().map(|bus| bus.kills).sum();
+    let World { mut judge, mut buses, .. } = world;
+    judge.end(kills, buses.iter_mut().flat_map(|bus| &mut bus.fields).flat_map(Field::devices))
+}
