@@ -93,7 +93,8 @@ pub(super) fn modules(
         let message = format!("a bus has at most {BUS_AREA_BYTES} bytes each way");
         f.error(VALUE, table.name.span(), message, "divide its modules among two buses");
     }
-    if inputs.is_empty() && outputs.is_empty() {
+    let given = |tables: Option<&Placed<Vec<Placed<RangeTable>>>>| tables.is_some_and(|all| !all.get_ref().is_empty());
+    if !given(table.inputs.as_ref()) && !given(table.outputs.as_ref()) {
         let remedy = "inputs = [{ at = \"EB 0\", from = \"holding:0\", registers = 4 }]";
         f.error(MISSING, table.kind.span(), "the coupler has neither inputs nor outputs", remedy);
     }

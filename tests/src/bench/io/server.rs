@@ -158,7 +158,7 @@ fn answer(connection: &mut TcpStream, stream: &mut Stream, coupler: &mut Coupler
     let mut buffer = [0; 1024];
     let mut out = Vec::new();
     match connection.read(&mut buffer) {
-        Ok(0) => return false,
+        Ok(0) => false,
         Ok(len) => {
             let fine = stream.take(&buffer[..len], |transaction, telegram| {
                 seen.requests += 1;
