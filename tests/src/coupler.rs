@@ -1,6 +1,6 @@
-//! A Modbus coupler with a watchdog, for simulations and benchmarks: words that it senses, words that it drives, and the
-//! watchdog of a WAGO 750. Written from the makers' manuals and the Modbus specification; it shares neither codec nor
-//! checks with the code under test.
+//! A Modbus coupler with a watchdog, for simulations and benchmarks: words that it senses, words that it drives, and
+//! the watchdog of a WAGO 750. Written from the makers' manuals and the Modbus specification; it shares neither codec
+//! nor checks with the code under test.
 
 use ob1_cpu::Nanos;
 

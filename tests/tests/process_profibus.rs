@@ -148,8 +148,8 @@ fn a_scan_finds_the_rack_and_says_who_is_missing() {
     assert!(said[0]["name"].is_string(), "{said}");
 }
 
-/// A killed process of the bus is one failure, and is back. `cargo xtask siege bus_dp`: 200 times. (How soon is a matter
-/// of `simulation_buses`: here the rack is plugged in anew each time, by hand as it were.)
+/// A killed process of the bus is one failure, and is back. `cargo xtask siege bus_dp`: 200 times. (How soon is a
+/// matter of `simulation_buses`: here the rack is plugged in anew each time, by hand as it were.)
 #[test]
 fn bus_dp() {
     let rounds = usize::try_from(rounds(3)).expect("so many");

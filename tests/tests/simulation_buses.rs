@@ -1,5 +1,5 @@
-//! A station with PROFIBUS, Modbus RTU and Modbus TCP in virtual time, in trouble: characters that are lost, doubled and
-//! damaged, check sums that are wrong, cables that are pulled, devices that lose their power and report faults,
+//! A station with PROFIBUS, Modbus RTU and Modbus TCP in virtual time, in trouble: characters that are lost, doubled
+//! and damaged, check sums that are wrong, cables that are pulled, devices that lose their power and report faults,
 //! processes that are killed. What must hold: `plant/judge.rs`.
 
 mod plant;

@@ -103,8 +103,8 @@ pub struct CouplerConfig {
     pub outputs: Vec<Range>,
 }
 
-/// Holding registers that say that a watchdog runs. To set one it must be stopped, and what happens meanwhile it does not
-/// see: so it is set only where it does not run already.
+/// Holding registers that say that a watchdog runs. To set one it must be stopped, and what happens meanwhile it does
+/// not see: so it is set only where it does not run already.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Proof {

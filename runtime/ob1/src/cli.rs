@@ -323,8 +323,8 @@ struct TraceArgs {
 /// Show a running station, live
 ///
 /// Pages for the scan (times, histograms, late scans), the CPs (LEDs, orders, telegrams), the diagnostic buffer, a
-/// variable table, in which values can be modified after a confirmation, and the buses. Without a terminal, or with --plain, it prints
-/// text. The scan does not notice.
+/// variable table, in which values can be modified after a confirmation, and the buses. Without a terminal, or with
+/// --plain, it prints text. The scan does not notice.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  ob1 top press.toml\n  ob1 top press --watch M1.0,DB10.DBW20:anzw,MW10:hex\n  ob1 top press --plain --count 1 \

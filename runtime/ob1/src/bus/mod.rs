@@ -1,5 +1,5 @@
-//! `ob1 bus watch`: the couplers and slaves of a running station, live. `ob1 bus scan`: who is on a PROFIBUS, beside what
-//! the station file says; the station does not run meanwhile, for one process owns a line.
+//! `ob1 bus watch`: the couplers and slaves of a running station, live. `ob1 bus scan`: who is on a PROFIBUS, beside
+//! what the station file says; the station does not run meanwhile, for one process owns a line.
 
 pub(crate) mod text;
 mod watch;

@@ -1,4 +1,5 @@
-//! `ob1 bus watch STATION`: the couplers and slaves of a running station, live. A screen on a terminal, lines elsewhere.
+//! `ob1 bus watch STATION`: the couplers and slaves of a running station, live. A screen on a terminal, lines
+//! elsewhere.
 
 use std::io::{self, IsTerminal as _};
 use std::time::{Duration, Instant};

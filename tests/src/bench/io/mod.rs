@@ -1,5 +1,5 @@
-//! Remote I/O over Modbus TCP on this machine: 32 couplers of 16 bytes each way at a cycle of 10 ms, the way of an input
-//! through OB 1 to an output, and requests a second beside libmodbus' client on the same server.
+//! Remote I/O over Modbus TCP on this machine: 32 couplers of 16 bytes each way at a cycle of 10 ms, the way of an
+//! input through OB 1 to an output, and requests a second beside libmodbus' client on the same server.
 
 mod server;
 
@@ -163,7 +163,7 @@ impl Station {
             if begun.elapsed() > GUARD || station.child.try_wait()?.is_some() {
                 return Err("the station does not exchange".into());
             }
-            std::thread::sleep(CYCLE);
+            server::pause(CYCLE)?;
         }
         Ok(station)
     }

@@ -29,6 +29,13 @@ pub(super) struct Seen {
     pub(super) latencies: Vec<u64>,
 }
 
+/// So much time passes.
+pub(super) fn pause(time: Duration) -> Result<(), Failure> {
+    let time = Timespec { tv_sec: time.as_secs() as i64, tv_nsec: i64::from(time.subsec_nanos()) };
+    poll(&mut [], Some(&time))?;
+    Ok(())
+}
+
 /// The couplers at work; they end with it.
 pub(super) struct Bank {
     pub(super) ports: Vec<u16>,
@@ -73,7 +80,7 @@ impl Bank {
     pub(super) fn watch(&self, time: Duration) -> Result<Seen, Failure> {
         let take = || self.seen.lock().map(|mut seen| std::mem::take(&mut *seen)).map_err(|_| "the couplers are gone");
         take()?;
-        std::thread::sleep(time);
+        pause(time)?;
         Ok(take()?)
     }
 }
