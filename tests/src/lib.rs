@@ -9,6 +9,7 @@ mod defaults;
 pub mod fuzz;
 pub mod meters;
 pub mod modbus_slave;
+pub mod opcua;
 pub mod siege;
 pub mod sim;
 pub mod step7;

@@ -1,8 +1,11 @@
 //! What the sieges share: how long one is, and damage done to bytes from a seed.
 //!
 //! `cargo xtask siege` runs tests of `tests/tests/siege.rs`, `tests/tests/process_siege.rs`,
-//! `tests/tests/process_s7_siege.rs`, `tests/tests/process_remote_io.rs`, `tests/tests/process_profibus.rs` and
-//! `runtime/station/tests/process_retentive.rs` with many rounds; the test suite runs them with a few.
+//! `tests/tests/process_s7_siege.rs`, `tests/tests/process_gate_siege.rs`, `tests/tests/process_gate_load.rs`,
+//! `tests/tests/process_browser.rs`, `tests/tests/process_remote_io.rs`, `tests/tests/process_profibus.rs` and
+//! `runtime/station/tests/process_retentive.rs` with many rounds, or for minutes; the test suite runs them short.
+
+use std::time::{Duration, Instant};
 
 use ob1_line::sim::SplitMix64;
 
@@ -22,6 +25,52 @@ pub fn rounds(in_the_suite: u64) -> u64 {
 #[must_use]
 pub fn is_campaign() -> bool {
     std::env::var_os("OB1_SIEGE_ROUNDS").is_some()
+}
+
+/// How long a siege goes on that is counted in minutes: so many rounds in the suite.
+#[derive(Debug)]
+pub struct Span {
+    rounds: u64,
+    minutes: Option<(Instant, Duration)>,
+}
+
+impl Span {
+    /// What the verb asks for (`--minutes`), else these rounds.
+    ///
+    /// # Panics
+    /// When the environment holds something that is not a number.
+    #[must_use]
+    pub fn of(in_the_suite: u64) -> Self {
+        let minutes = std::env::var("OB1_SIEGE_MINUTES").ok().map(|text| {
+            let minutes: f64 = text.parse().unwrap_or_else(|_| panic!("OB1_SIEGE_MINUTES={text} is not a number"));
+            (Instant::now(), Duration::from_secs_f64(60.0 * minutes))
+        });
+        Self { rounds: in_the_suite, minutes }
+    }
+
+    /// Whether this is a campaign, whose figures are judged, and no part of the suite.
+    #[must_use]
+    pub const fn is_campaign(&self) -> bool {
+        self.minutes.is_some()
+    }
+
+    /// Whether one more round begins; `done` are over.
+    #[must_use]
+    pub fn goes_on(&self, done: u64) -> bool {
+        match self.minutes {
+            Some((begin, time)) => begin.elapsed() < time,
+            None => done < self.rounds,
+        }
+    }
+
+    /// How much of it is over, 0 to 1.
+    #[must_use]
+    pub fn share(&self, done: u64) -> f64 {
+        match self.minutes {
+            Some((begin, time)) => (begin.elapsed().as_secs_f64() / time.as_secs_f64()).min(1.0),
+            None => done as f64 / self.rounds as f64,
+        }
+    }
 }
 
 /// Longest input a mutation may grow to.

@@ -428,11 +428,15 @@ fn telegrams_are_shown() {
     let _b = site.run("station-b.toml").until_run();
     a.until("the page is served", |_| Visitor::at(port).try_get("/api/session"));
     let mut stream = Visitor::at(port).stream("?telegrams=1", "");
-    let (_, out) = stream.until("telegram", |told| told["way"] == "out");
-    assert!(
-        out["hex"].as_str().is_some_and(|hex| !hex.is_empty()) && out["ms"].as_u64().is_some_and(|ms| ms > 1 << 40)
-    );
-    stream.until("telegram", |told| told["way"] == "in");
+    // As `ob1 trace` reads them: control characters by their names, blocks with their user data.
+    let (_, call) = stream.until("telegram", |told| told["what"] == "STX: connection request");
+    assert!(call["ms"].as_u64().is_some_and(|ms| ms > 1 << 40) && call["hex"] == "", "{call}");
+    for way in ["out", "in"] {
+        let block =
+            |told: &Value| told["way"] == way && told["what"].as_str().is_some_and(|w| w.starts_with("block, "));
+        let (_, told) = stream.until("telegram", block);
+        assert!(told["hex"].as_str().is_some_and(|hex| hex.len() > 2 && hex.len().is_multiple_of(2)), "{told}");
+    }
     let mut stream = Visitor::at(limited).stream("?telegrams=1", "");
     let (_, none) = stream.next("telegram").expect("an answer");
     assert_eq!(none, json!({ "none": true }));

@@ -6,7 +6,7 @@ mod common;
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 
-use common::fleet::{asyncua, connected, opcua, users};
+use common::fleet::{asyncua, connected, node_opcua, opcua, users};
 use common::gate::gate;
 use common::site::Site;
 use rustix::process::Signal;
@@ -147,7 +147,73 @@ fn writes_and_methods_go_by_the_right_of_the_user() {
     for what in ["\"login\"", "write MW30 = 4711", "command Stop", "\"anna\"", "wrong name or password"] {
         assert!(log.contains(what), "{what}: {log}");
     }
+    // Who lacked the right stands there too, with what was tried.
+    let lines: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    for (user, what) in
+        ["bert", "-"].into_iter().flat_map(|user| [(user, "write DB10.number = 0"), (user, "command Stop")])
+    {
+        let told = lines
+            .iter()
+            .any(|line| line["user"] == user && line["what"] == what && line["outcome"] == "refused: not allowed");
+        assert!(told, "{user} {what}: {log}");
+    }
     drop((anna, bert, nobody, wrong));
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// A second client nobody here wrote, node-opcua: browses, reads, writes, calls, subscribes, with and without security.
+#[test]
+fn another_client_does_the_same() {
+    let site = Site::new();
+    users(&site);
+    let (station, port) = opcua(&site, "ua-node", WITH_USERS);
+    let begin = |more: &[&str]| {
+        let mut client = node_opcua(&site, port, more);
+        let answer = client.answer();
+        assert_eq!(answer["ok"], true, "{more:?}: {answer}");
+        client
+    };
+    let mut nobody = begin(&[]);
+    let block = nobody.done(&json!({ "op": "find", "path": ["ua-node", "DataBlocks", "DB10", "motor", "speed"] }));
+    assert_eq!(block["id"], "DB10.motor.speed");
+    let names = nobody.done(&json!({ "op": "children", "id": "DB10" }))["names"].clone();
+    assert_eq!(names, json!(["number", "real", "text", "delay", "ramp", "motor", "moment", "axes"]));
+    assert_eq!(nobody.done(&json!({ "op": "children", "id": "/Memory" }))["ids"].as_array().map(Vec::len), Some(256));
+    let ids = ["DB10.number", "DB10.real", "DB10.text", "DB10.ramp", "DB10.moment", "T0", "MW999", "DB99.DBW0"];
+    let read = nobody.done(&json!({ "op": "read", "ids": ids }));
+    assert_eq!(
+        read["values"],
+        json!([-7, 1.5, "hello", [1, 2, 3], "2026-01-02T03:04:05.678", 0, "BadNodeIdUnknown", "BadNotFound"])
+    );
+    let write = |value: i32| json!({ "op": "write", "id": "MW20", "type": "UInt16", "value": value });
+    assert_eq!(nobody.ask(&write(1))["error"], "BadUserAccessDenied");
+    assert_eq!(nobody.ask(&json!({ "op": "call", "id": "/Stop" }))["error"], "BadUserAccessDenied");
+    assert_eq!(station.cell("MW 20"), 0);
+
+    let wrong = node_opcua(&site, port, &["anna", "guess"]).answer();
+    assert_eq!(wrong["ok"], false, "{wrong}");
+    let mut anna = begin(&["anna", "anna-secret", "Aes256_Sha256_RsaPss"]);
+    nobody.done(&json!({ "op": "watch", "ids": ["MW20", "DB10.ramp"], "every": 50 }));
+    let first = nobody.done(&json!({ "op": "changes", "count": 2 }))["changes"].clone();
+    assert!(first.as_array().is_some_and(|all| all.contains(&json!(["DB10.ramp", [1, 2, 3]]))), "{first}");
+    for value in [1, 2, 65535] {
+        anna.done(&write(value));
+        assert_eq!(nobody.done(&json!({ "op": "changes", "count": 1 }))["changes"], json!([["MW20", value]]));
+        assert_eq!(station.cell("MW 20"), i64::from(value));
+    }
+    for (id, kind, value, why) in [
+        ("MW20", "Int16", json!(1), "BadTypeMismatch"),
+        ("DB10.ramp", "Int16", json!([1]), "BadTypeMismatch"),
+        ("nonsense", "Int16", json!(1), "BadNodeIdUnknown"),
+    ] {
+        let ask = json!({ "op": "write", "id": id, "type": kind, "value": value });
+        assert_eq!(anna.ask(&ask)["error"], why, "{id}");
+    }
+    anna.done(&json!({ "op": "write", "id": "DB10.ramp", "type": "Int16", "value": [7, 8, 9] }));
+    assert_eq!(nobody.done(&json!({ "op": "changes", "count": 1 }))["changes"], json!([["DB10.ramp", [7, 8, 9]]]));
+    anna.done(&json!({ "op": "call", "id": "/Stop" }));
+    assert_eq!(station.status().state, "STOP");
+    drop((nobody, anna));
     assert_eq!(station.interrupt().code(), Some(0));
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::cargo::{Profile, cargo};
 use crate::failure::Outcome;
-use crate::{python, shell};
+use crate::{python, shell, siege};
 
 /// `cargo xtask sim [--seeds N] [--seed S] [--minutes M] [-- ...]`: the whole station in virtual time. Options
 /// are the program's own.
@@ -16,11 +16,15 @@ pub(crate) fn sim(args: &[String]) -> Outcome {
 }
 
 /// `cargo xtask bench`: the figures of the README with the floor measured in the same run. `stl`, `line` and `io`
-/// measure beside others: they get the partners' Python.
+/// measure beside others: they get the partners' Python. `gate [items browsers paint] [--minutes M]` loads
+/// the gate.
 ///
 /// # Errors
 /// When it cannot be built or run.
 pub(crate) fn bench(args: &[String]) -> Outcome {
+    if let Some(("gate", rest)) = args.split_first().map(|(name, rest)| (name.as_str(), rest)) {
+        return siege::loads(rest);
+    }
     let beside = ["stl", "line", "io"];
     let python =
         if args.iter().any(|arg| beside.contains(&arg.as_str())) { Some(python::interpreter()?) } else { None };

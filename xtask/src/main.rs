@@ -36,12 +36,15 @@ usage: cargo xtask VERB [...]
                                   bench disturb: the scan while it is looked at and its driver is killed;
                                   bench kill-runtime: how long the outputs of a killed runtime stay on;
                                   bench io: remote I/O over Modbus TCP beside libmodbus;
-                                  bench causes: late scans by cause on a machine that is too busy
+                                  bench causes: late scans by cause on a machine that is too busy;
+                                  bench gate [items browsers paint] [--minutes M]: OPC UA, pages and the first paint under load
   compare [--seeds N] [--seed S]  random STL programs on our engine and on awlsim; what differs is written to tests/compare
   fuzz [TARGET] [--each 10m]      the fuzz targets (all: one after the other); cargo-fuzz is installed into .tools
   faults [PROTOCOL] [--telegrams 100000]
                                   the protocol machines on bad lines, in virtual time, from seeds
-  siege [WHAT] [--rounds N]       attacks, long: kill bus bus_dp socket segment input cut writer (all: one after the other)
+  siege [WHAT] [--rounds N] [--minutes M]
+                                  attacks, long (all: one after the other): kill bus bus_dp socket segment input cut writer s7_kill s7_sessions
+                                  s7_torn gate_broker browsers, in rounds; gate_http gate_opcua gate_mqtt gate_greed, in minutes
   miri                            the unit tests of the crates with unsafe code under Miri (a nightly toolchain with that component)
   arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files and the conformance table
   book [--check]                  docs/ as a book: pages, links, snippets and command lines checked, then made by mdBook into target/book

@@ -1,53 +1,124 @@
-//! `cargo xtask siege [WHAT...] [--rounds N]`: attacks on what stands, long. `cargo xtask test` runs each of them
-//! short.
+//! `cargo xtask siege [WHAT...] [--rounds N] [--minutes M]`: attacks on what stands, long. `cargo xtask test` runs each
+//! of them short.
 //!
-//! A siege is a test whose number of rounds comes from the environment; a round that fails names its seed.
+//! A siege is a test whose number of rounds, or of minutes, comes from the environment; a round that fails names its
+//! seed. Whoever is measured in minutes has figures that are judged.
 
 use crate::cargo::{self, Profile, cargo};
-use crate::failure::Outcome;
-use crate::{pick, python, shell};
+use crate::failure::{Failure, Outcome};
+use crate::{needs, pick, python, shell};
 
-/// A siege: its name, which is that of its test; where it stands; the rounds of a campaign.
+/// A siege: its name, which is that of its test; where it stands; how long a campaign is.
 const SIEGES: &[Siege] = &[
-    Siege { name: "kill", package: "ob1-tests", binary: "process_siege", rounds: 1_000 },
-    Siege { name: "bus", package: "ob1-tests", binary: "process_remote_io", rounds: 200 },
-    Siege { name: "bus_dp", package: "ob1-tests", binary: "process_profibus", rounds: 200 },
-    Siege { name: "socket", package: "ob1-tests", binary: "process_siege", rounds: 100_000 },
-    Siege { name: "s7_kill", package: "ob1-tests", binary: "process_s7_siege", rounds: 100 },
-    Siege { name: "s7_sessions", package: "ob1-tests", binary: "process_s7_siege", rounds: 1_000_000 },
-    Siege { name: "s7_torn", package: "ob1-tests", binary: "process_s7_siege", rounds: 10_000_000 },
-    Siege { name: "segment", package: "ob1-tests", binary: "siege", rounds: 1_000_000 },
-    Siege { name: "input", package: "ob1-tests", binary: "siege", rounds: 100_000 },
-    Siege { name: "cut", package: "ob1-tests", binary: "siege", rounds: 1_000 },
-    Siege { name: "writer", package: "ob1-station", binary: "process_retentive", rounds: 1_000 },
+    siege("kill", "process_siege", Long::Rounds(1_000)),
+    siege("bus", "process_remote_io", Long::Rounds(200)),
+    siege("bus_dp", "process_profibus", Long::Rounds(200)),
+    siege("socket", "process_siege", Long::Rounds(100_000)),
+    siege("s7_kill", "process_s7_siege", Long::Rounds(100)),
+    siege("s7_sessions", "process_s7_siege", Long::Rounds(1_000_000)),
+    siege("s7_torn", "process_s7_siege", Long::Rounds(10_000_000)),
+    siege("gate_http", "process_gate_siege", Long::Minutes(10.0)),
+    siege("gate_opcua", "process_gate_siege", Long::Minutes(10.0)),
+    siege("gate_mqtt", "process_gate_siege", Long::Minutes(10.0)),
+    siege("gate_greed", "process_gate_siege", Long::Minutes(60.0)),
+    siege("gate_broker", "process_gate_siege", Long::Rounds(100)),
+    siege("browsers", "process_browser", Long::Rounds(50)),
+    siege("segment", "siege", Long::Rounds(1_000_000)),
+    siege("input", "siege", Long::Rounds(100_000)),
+    siege("cut", "siege", Long::Rounds(1_000)),
+    Siege { package: "ob1-station", ..siege("writer", "process_retentive", Long::Rounds(1_000)) },
+];
+
+/// What `cargo xtask bench gate` measures: tests as well, whose figures are judged when they run for minutes.
+const LOADS: &[Siege] = &[
+    siege("gate_items", "process_gate_load", Long::Minutes(2.0)),
+    siege("gate_browsers", "process_gate_load", Long::Minutes(5.0)),
+    siege("gate_paint", "process_gate_load", Long::Minutes(0.5)),
 ];
 
 struct Siege {
     name: &'static str,
     package: &'static str,
     binary: &'static str,
-    rounds: u64,
+    long: Long,
+}
+
+/// How long a campaign is.
+#[derive(Clone, Copy)]
+enum Long {
+    Rounds(u64),
+    Minutes(f64),
+}
+
+const fn siege(name: &'static str, binary: &'static str, long: Long) -> Siege {
+    Siege { name, package: "ob1-tests", binary, long }
 }
 
 /// # Errors
 /// When something cannot be built, or a round fails.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let number = |text: &str| text.parse::<u64>().ok().filter(|&number| number > 0);
-    let (names, rounds) = pick::names_and_option(args, "siege", "--rounds", "a number, e.g. 1000", number)?;
-    let known = SIEGES.iter().map(|siege| siege.name.to_owned()).collect();
-    let names = pick::some_or_all(names, known, "siege")?;
-    let sieges = names.iter().filter_map(|name| SIEGES.iter().find(|siege| siege.name == name));
+    // Either option, anywhere.
+    let at = args.iter().position(|arg| arg == "--minutes").unwrap_or(args.len());
+    let (option, behind) = args[at..].split_at(2.min(args.len() - at));
+    let (_, minutes) = pick::names_and_option(option, "siege", "--minutes", MINUTES, minutes)?;
+    let rest = [&args[..at], behind].concat();
+    let (names, rounds) = pick::names_and_option(&rest, "siege", "--rounds", "a number, e.g. 1000", number)?;
+    // Of all of them those are meant that are counted so.
+    let meant = |siege: &&Siege| match siege.long {
+        Long::Rounds(_) => minutes.is_none() || !names.is_empty(),
+        Long::Minutes(_) => rounds.is_none() || !names.is_empty(),
+    };
+    let known = SIEGES.iter().filter(meant).map(|siege| siege.name.to_owned()).collect();
+    let names = pick::some_or_all(names.clone(), known, "siege")?;
+    let sieges: Vec<&Siege> = names.iter().filter_map(|name| SIEGES.iter().find(|siege| siege.name == name)).collect();
+    lay(&sieges, rounds, minutes)
+}
+
+/// `cargo xtask bench gate [NAME...] [--minutes M]`
+///
+/// # Errors
+/// When something cannot be built, or a figure is beyond its aim.
+pub(crate) fn loads(args: &[String]) -> Outcome {
+    let (names, minutes) = pick::names_and_option(args, "bench gate", "--minutes", MINUTES, minutes)?;
+    let known = LOADS.iter().map(|load| load.name.trim_start_matches("gate_").to_owned()).collect();
+    let names = pick::some_or_all(names, known, "load of the gate")?;
+    let wanted = |load: &&Siege| names.iter().any(|name| load.name.strip_prefix("gate_") == Some(name));
+    lay(&LOADS.iter().filter(wanted).collect::<Vec<_>>(), None, minutes)
+}
+
+const MINUTES: &str = "a number of minutes, e.g. 10 or 0.5";
+
+fn minutes(text: &str) -> Option<f64> {
+    text.parse::<f64>().ok().filter(|&minutes| minutes > 0.0 && minutes.is_finite())
+}
+
+/// Builds everything, and runs these with what was asked for, else for as long as a campaign is.
+fn lay(sieges: &[&Siege], rounds: Option<u64>, minutes: Option<f64>) -> Outcome {
+    let counted = |siege: &&&Siege| matches!(siege.long, Long::Rounds(_));
+    if let Some(siege) = sieges.iter().find(|siege| minutes.is_some() && counted(siege)) {
+        return Err(Failure::Usage(format!("{} is counted in rounds: --rounds", siege.name)));
+    }
+    if let Some(siege) = sieges.iter().find(|siege| rounds.is_some() && !counted(siege)) {
+        return Err(Failure::Usage(format!("{} is counted in minutes: --minutes", siege.name)));
+    }
+    needs::satisfy(&[needs::BROWSER, needs::MOSQUITTO])?;
     let python = python::interpreter()?;
     shell::run(&mut cargo(&["build", "--release", "--workspace"]))?;
     let folder = Profile::Release.folder()?;
     for siege in sieges {
         let mut test = cargo(&["test", "--release", "--package", siege.package, "--test", siege.binary]);
+        let (variable, long) = match siege.long {
+            Long::Rounds(usual) => ("OB1_SIEGE_ROUNDS", rounds.unwrap_or(usual).to_string()),
+            Long::Minutes(usual) => ("OB1_SIEGE_MINUTES", minutes.unwrap_or(usual).to_string()),
+        };
         test.args(["--", "--nocapture", "--test-threads=1", siege.name])
-            .env("OB1_SIEGE_ROUNDS", rounds.unwrap_or(siege.rounds).to_string())
+            .env(variable, long)
             .env("OB1_UNDER_XTASK", "1")
             .env("OB1_PLUGIN_DIR", &folder)
             .env("OB1_BIN_DIR", &folder)
             .env("OB1_PYTHON", &python)
+            .env("NODE_PATH", python::node_modules())
             .current_dir(cargo::root());
         shell::run(&mut test)?;
     }
@@ -62,20 +133,38 @@ mod tests {
     #[test]
     fn only_sieges_that_there_are() {
         let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
-        for wrong in ["castle", "kill --rounds none", "--rounds 0", "--seed 1"] {
+        for wrong in [
+            "castle",
+            "kill --rounds none",
+            "--rounds 0",
+            "--seed 1",
+            "gate_http --minutes",
+            "gate_http --minutes -1",
+            "gate_http --minutes 0",
+            "gate_http --minutes 1 --seed 1",
+            "gate_http --rounds 5",
+            "--minutes 5 kill",
+        ] {
             assert!(matches!(run(&words(wrong)), Err(Failure::Usage(_))), "{wrong}");
+        }
+        for wrong in ["http", "items --rounds 1", "--minutes nan"] {
+            assert!(matches!(loads(&words(wrong)), Err(Failure::Usage(_))), "{wrong}");
         }
     }
 
     /// Each siege is a test of its file.
     #[test]
     fn sieges_are_tests() {
-        for siege in SIEGES {
+        for siege in SIEGES.iter().chain(LOADS) {
             let folder = if siege.package == "ob1-station" { "runtime/station/tests" } else { "tests/tests" };
             let path = cargo::root().join(folder).join(format!("{}.rs", siege.binary));
             let text = std::fs::read_to_string(&path).expect("its file");
             let stands = text.contains(&format!("\nfn {}()", siege.name)) || siege.binary == "process_retentive";
-            assert!(stands && (text.contains("rounds(") || text.contains("OB1_SIEGE_ROUNDS")), "{}", siege.name);
+            let long = match siege.long {
+                Long::Rounds(_) => text.contains("rounds(") || text.contains("OB1_SIEGE_ROUNDS"),
+                Long::Minutes(_) => text.contains("Span::of("),
+            };
+            assert!(stands && long, "{}", siege.name);
         }
     }
 }

@@ -8,6 +8,7 @@ use std::io::{self, Write as _};
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use serde_json::json;
 
@@ -15,12 +16,53 @@ use crate::clock::{iso, unix_now};
 
 /// Longest text of what was done, in bytes: one line stays one write.
 const WHAT: usize = 2000;
+/// Refusals that are written down at once, and the time in which one more may be: whoever may do nothing fills no disk.
+const REFUSALS: u32 = 500;
+const ONE_MORE: Duration = Duration::from_millis(200);
 
 /// The log of a link. Clones write to the same file.
 #[derive(Clone, Debug)]
 pub struct Audit {
     link: Arc<str>,
     file: Option<Arc<Mutex<Out>>>,
+    refusals: Arc<Mutex<Refusals>>,
+}
+
+/// How many refusals may still be written down.
+#[derive(Debug)]
+struct Refusals {
+    free: u32,
+    since: Option<Instant>,
+    /// Those that were not.
+    left_out: u64,
+}
+
+impl Default for Refusals {
+    fn default() -> Self {
+        Self { free: REFUSALS, since: None, left_out: 0 }
+    }
+}
+
+impl Refusals {
+    /// Whether one more is written down, and how many before it were not.
+    fn take(&mut self, now: Instant) -> Option<u64> {
+        let since = *self.since.get_or_insert(now);
+        let more = now.saturating_duration_since(since).as_millis() / ONE_MORE.as_millis();
+        if more > 0 {
+            self.free = self.free.saturating_add(u32::try_from(more).unwrap_or(u32::MAX)).min(REFUSALS);
+            self.since = Some(now);
+        }
+        match self.free.checked_sub(1) {
+            Some(free) => {
+                self.free = free;
+                Some(std::mem::take(&mut self.left_out))
+            }
+            None => {
+                self.left_out += 1;
+                None
+            }
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -37,13 +79,14 @@ impl Audit {
     /// What the system says.
     pub fn open(link: &str, path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().append(true).create(true).mode(0o600).open(path)?;
-        Ok(Self { link: link.into(), file: Some(Arc::new(Mutex::new(Out { file, left: Vec::new() }))) })
+        let out = Out { file, left: Vec::new() };
+        Ok(Self { link: link.into(), file: Some(Arc::new(Mutex::new(out))), refusals: Arc::default() })
     }
 
     /// Of a link that only reads and has no users: nothing is ever written.
     #[must_use]
     pub fn none(link: &str) -> Self {
-        Self { link: link.into(), file: None }
+        Self { link: link.into(), file: None, refusals: Arc::default() }
     }
 
     /// Whether the next line will find its place, as far as one can know.
@@ -53,6 +96,19 @@ impl Audit {
     pub fn ready(&self) -> io::Result<()> {
         let Some(file) = &self.file else { return Err(io::Error::other("there is none")) };
         file.lock().unwrap_or_else(PoisonError::into_inner).flush()
+    }
+
+    /// Writes down that something was refused. Of very many a second some are counted only; the next line says how many.
+    pub fn refused(&self, user: &str, client: &str, what: &str, why: &str) {
+        let left_out = self.refusals.lock().unwrap_or_else(PoisonError::into_inner).take(Instant::now());
+        // What has not been done need not be written down to be known: the disk may be full.
+        let _ = match left_out {
+            None => Ok(()),
+            Some(0) => self.note(user, client, what, &format!("refused: {why}")),
+            Some(count) => {
+                self.note(user, client, what, &format!("refused: {why} ({count} refusals before it are not written)"))
+            }
+        };
     }
 
     /// Writes a line. A line that finds no place is kept, and tried again before the next.
@@ -118,12 +174,32 @@ mod tests {
         assert_eq!(std::fs::metadata(&path).expect("there").permissions().mode() & 0o777, 0o600);
     }
 
+    /// Whoever may do nothing and tries it all day fills no disk, and is not forgotten.
+    #[test]
+    fn refusals_without_end_are_counted() {
+        let mut refusals = Refusals::default();
+        let begin = Instant::now();
+        let written = (0..10_000).filter(|_| refusals.take(begin).is_some()).count();
+        assert_eq!(written, REFUSALS as usize);
+        assert_eq!(refusals.take(begin + ONE_MORE / 2), None);
+        assert_eq!(refusals.take(begin + ONE_MORE), Some(10_000 - u64::from(REFUSALS) + 1));
+        assert_eq!(refusals.take(begin + ONE_MORE), None);
+        assert_eq!(refusals.take(begin + ONE_MORE * 1_000_000), Some(1));
+        assert_eq!(refusals.free, REFUSALS - 1, "no more than at first");
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x.audit");
+        let audit = Audit::open("page", &path).expect("a file");
+        (0..2000).for_each(|_| audit.refused("-", "urn:client", "write MW10 = 1", "not allowed"));
+        let lines = std::fs::read_to_string(&path).expect("a file").lines().count();
+        assert!((REFUSALS as usize..2000).contains(&lines), "{lines}");
+    }
+
     /// A full disk: what could not be written down is kept, and until it is written nothing is ready.
     #[test]
     fn a_line_that_finds_no_place_is_not_lost() {
         let full = OpenOptions::new().append(true).open("/dev/full").expect("a device");
-        let audit =
-            Audit { link: "page".into(), file: Some(Arc::new(Mutex::new(Out { file: full, left: Vec::new() }))) };
+        let out = Out { file: full, left: Vec::new() };
+        let audit = Audit { link: "page".into(), file: Some(Arc::new(Mutex::new(out))), refusals: Arc::default() };
         assert!(audit.ready().is_ok(), "nobody knows yet");
         assert!(audit.note("anna", "::1", "write MW10 = 1", "scan 7").is_err());
         assert!(audit.ready().is_err());

@@ -127,6 +127,11 @@ impl Station {
         &self.0.audit
     }
 
+    /// Writes down that somebody was not allowed to do this; also for what a protocol refuses before it is a write.
+    pub fn refused(&self, who: &Who, what: &str) {
+        self.0.audit.refused(&who.user, &who.address, what, "not allowed");
+    }
+
     /// Looks at these pieces, all of one scan each time, every `period` and as long as the [`Watch`] lives.
     #[must_use]
     pub fn watch(&self, pieces: Vec<Piece>, period: Duration) -> Watch {
@@ -302,7 +307,7 @@ impl Client {
             let audit = inner.station.audit();
             let note = |outcome: &str| audit.note(&inner.who.user, &inner.who.address, &what, outcome);
             if client.right() < needs {
-                let _ = note("refused: not allowed");
+                inner.station.refused(&inner.who, &what);
                 return Err(Trouble::User);
             }
             audit.ready().map_err(|error| Trouble::Audit(error.to_string()))?;
@@ -311,7 +316,10 @@ impl Client {
             let outcome = outcome.await.map_err(|_| Trouble::Gone)?;
             let told = match &outcome {
                 Ok(value) => done(value),
-                Err(trouble) => format!("refused: {trouble}"),
+                Err(trouble) => {
+                    audit.refused(&inner.who.user, &inner.who.address, &what, &trouble.to_string());
+                    return outcome;
+                }
             };
             // It is done; what cannot be written now is kept, and nothing more is done before it is written.
             let _ = note(&told);

@@ -65,9 +65,11 @@ impl AuthManager for Auth {
         let users = self.users.as_ref().ok_or_else(|| rejected("this link has no users"))?;
         // The server does not tell where a client is; wrong passwords are counted by name.
         let outcome = users.login(username, password.get(), "opc.tcp").await;
-        let told = outcome.as_ref().map_or_else(ToString::to_string, |_| "done".to_owned());
-        let noted = self.audit.note(username, &endpoint.security_policy, "login", &told);
-        let login = outcome.map_err(rejected)?;
+        let login = outcome.map_err(|why| {
+            self.audit.refused(username, &endpoint.security_policy, "login", &why.to_string());
+            rejected(why)
+        })?;
+        let noted = self.audit.note(username, &endpoint.security_policy, "login", "done");
         if login.right > Right::Read {
             noted.map_err(rejected)?;
         }

@@ -33,7 +33,8 @@ pub(crate) fn limits(sessions: usize, items: usize) -> Limits {
         max_string_length: 65_536,
         max_byte_string_length: 65_536,
         max_message_size: 4 << 20,
-        max_chunk_count: 64,
+        // A message of the longest in chunks a little below 64 KiB.
+        max_chunk_count: 65,
         max_browse_continuation_points: 50,
         max_history_continuation_points: 1,
         max_query_continuation_points: 1,

@@ -31,6 +31,8 @@ use crate::value::{datum, unfit};
 
 /// The namespace of a station, index 2 of its server.
 pub(crate) const NAMESPACE_URI: &str = "urn:ob1:station";
+/// Longest name and value of a refused write in the audit log.
+const ATTEMPT: usize = 100;
 /// Its index: after OPC UA's own and the server's.
 pub(crate) const NAMESPACE: u16 = 2;
 
@@ -243,6 +245,20 @@ impl Manager {
     }
 }
 
+/// A write that was not allowed, for the audit log. What strangers send is not written down at any length.
+fn attempt(node: &WriteNode) -> String {
+    let value = match &node.value().value.value {
+        Some(Variant::Array(array)) => format!("an array of {}", array.values.len()),
+        Some(Variant::ByteString(bytes)) => format!("{} bytes", bytes.as_ref().len()),
+        Some(value @ (Variant::String(_) | Variant::Boolean(_))) => value.to_string(),
+        Some(value) if value.is_numeric() => value.to_string(),
+        _ => "?".to_owned(),
+    };
+    let id = text(&node.value().node_id).unwrap_or("?");
+    let short = |text: &str| text.get(..text.floor_char_boundary(ATTEMPT)).unwrap_or_default().to_owned();
+    format!("{} = {}", short(id), short(&value))
+}
+
 fn size(puts: &[Put]) -> (usize, usize) {
     (puts.len(), puts.iter().map(Put::bytes).sum())
 }
@@ -380,12 +396,22 @@ impl NodeManager for Manager {
     async fn write(&self, context: &RequestContext, nodes: &mut [&mut WriteNode]) -> Result<(), StatusCode> {
         let catalog = self.catalog().await?;
         let space = self.space(&catalog);
+        let right = self.right(context);
         let mut wanted = Vec::new();
+        let mut refused = Vec::new();
         for (index, node) in nodes.iter_mut().enumerate() {
-            match self.prepare(&space, node, self.right(context)) {
+            match self.prepare(&space, node, right) {
                 Ok((told, puts)) => wanted.push(Write { index, told, puts }),
-                Err(status) => node.set_status(status),
+                Err(status) => {
+                    if right < Right::Write {
+                        refused.push(attempt(node));
+                    }
+                    node.set_status(status);
+                }
             }
+        }
+        if !refused.is_empty() {
+            self.station.refused(&self.who(context), &format!("write {}", refused.join(", ")));
         }
         if wanted.is_empty() {
             return Ok(());
@@ -408,6 +434,7 @@ impl NodeManager for Manager {
             } else if !call.arguments().is_empty() {
                 StatusCode::BadTooManyArguments
             } else if self.right(context) < Right::Operate {
+                self.station.refused(&self.who(context), &format!("command {command:?}"));
                 StatusCode::BadUserAccessDenied
             } else {
                 let _turn = self.turns.acquire().await;

@@ -185,15 +185,19 @@ export function diagnostics(main) {
 }
 
 export function reports(main) {
-  const shown = h("section");
+  const shown = h("section", { id: "report" });
   const look = async () => {
     try {
       const names = await ask("reports");
       const open = async (name) => {
         try {
           const report = await ask(`reports?name=${encodeURIComponent(name)}`);
-          shown.replaceChildren(h("h2", {}, name), h("p", {}, h("strong", {}, `${say("verdict")}: `), `${JSON.stringify(report.verdict ?? report.judgement ?? "?")}`),
-            h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": name }, h("pre", { class: "code" }, JSON.stringify(report, null, 1))));
+          const findings = (report.findings ?? []).map((of) => [of.budget, of.measured, of.verdict, of.why]);
+          shown.replaceChildren(h("h2", {}, name), h("p", {}, h("strong", {}, `${say("verdict")}: ${report.verdict}`)),
+            h("p", {}, `${report.station} · ${wall(report.began_unix_s * 1e9)} · ${duration(report.measured_ns)} · ${report.ended}`),
+            table([say("budget"), say("measured"), say("verdict"), ""], findings, say("verdict")),
+            h("details", {}, h("summary", {}, "JSON"),
+              h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": name }, h("pre", { class: "code" }, JSON.stringify(report, null, 1)))));
         } catch (error) { tell(error.message); }
       };
       main.replaceChildren(h("h2", {}, say("reports")),
@@ -205,33 +209,24 @@ export function reports(main) {
   return {};
 }
 
-/** Characters of one direction that follow each other are one line. */
+/** Telegrams and control characters as they come, each with its meaning and its user data. */
 export function telegrams(main) {
   const body = h("tbody");
-  let last = null;
   const text = (hex) => hex.replace(/../g, (pair) => {
     const code = parseInt(pair, 16);
     return code >= 32 && code < 127 ? String.fromCharCode(code) : "·";
   });
+  const ways = { out: `→ ${say("sent")}`, in: `← ${say("received")}` };
   main.replaceChildren(h("p", { class: "quiet" }, say("telegramsHelp")), h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": say("telegrams") },
-    h("table", { id: "telegrams" }, h("thead", {}, h("tr", {}, ["since", "name", "what", "value"].map((key) => h("th", { scope: "col" }, say(key))))), body)));
-  const apart = 100;
+    h("table", { id: "telegrams" }, h("thead", {}, h("tr", {}, ["since", "name", "way", "what"].map((key) => h("th", { scope: "col" }, say(key))))), body)));
   state.telegrams = true;
   listen();
   return {
     telegram(told) {
       if (told.none) { main.append(h("p", {}, say("noTaps"))); return; }
-      const follows = last && told.hex && last.hex && last.cp === told.cp && last.way === told.way && told.ms - last.ms < apart && last.hex.length < 512;
-      if (follows) {
-        last.hex += told.hex;
-        last.ms = told.ms;
-      } else {
-        last = { ...told, cell: h("td", { class: "code" }) };
-        body.prepend(h("tr", {}, h("td", {}, new Date(told.ms).toISOString().slice(11, 23)), h("td", {}, told.cp),
-          h("td", {}, told.way === "out" ? `→ ${say("sent")}` : told.way === "in" ? `← ${say("received")}` : told.way), last.cell));
-        while (body.children.length > 200) body.lastElementChild.remove();
-      }
-      last.cell.textContent = last.hex ? `${last.hex.replace(/../g, "$& ")} ${text(last.hex)}` : last.text ?? "";
+      body.prepend(h("tr", {}, h("td", {}, new Date(told.ms).toISOString().slice(11, 23)), h("td", {}, told.cp), h("td", {}, ways[told.way] ?? ""),
+        h("td", {}, told.what, told.hex ? h("div", { class: "code quiet" }, `${told.hex.replace(/../g, "$& ")} ${text(told.hex)}`) : null)));
+      while (body.children.length > 200) body.lastElementChild.remove();
     },
     leave() { state.telegrams = false; listen(); },
   };

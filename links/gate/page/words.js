@@ -2,7 +2,7 @@
 const words = {
   en: {
     skip: "To the content", station: "Station", scan: "Scan", diagnostics: "Diagnostics", variables: "Variables",
-    program: "Program", telegrams: "Telegrams", reports: "Soak reports", telegramsHelp: "What goes over the lines of the CPs, as it comes; newest first. `ob1 trace` reads it by its protocol.", sent: "sent", received: "received", noTaps: "This link may not show telegrams, or there is no CP.", language: "Deutsch", login: "Log in", logout: "Log out",
+    program: "Program", telegrams: "Telegrams", reports: "Soak reports", telegramsHelp: "What goes over the lines of the CPs, read by its protocol; newest first. `ob1 trace` records it.", way: "Way", sent: "sent", received: "received", noTaps: "This link may not show telegrams, or there is no CP.", language: "Deutsch", login: "Log in", logout: "Log out",
     user: "Name", password: "Password", cancel: "Cancel", ok: "OK", noConnection: "no connection, trying again",
     loginWanted: "This station asks who you are.", running: "The station runs.", starting: "The station starts up.",
     stopped: "The station is in STOP.", stoppedBy: "It stands because of:", lastStop: "The last STOP came of:",
@@ -22,13 +22,13 @@ const words = {
     type: "Type", value: "Value", write: "Write", newValue: "New value for {0}", written: "{0} is written (scan {1}).",
     noTables: "no saved table", blocks: "Blocks", data: "Data blocks", symbols: "Symbols", find: "Who uses",
     findHelp: "operand or symbol", statements: "statements", network: "network", line: "line", address: "Address",
-    toTable: "Watch its variables", instance: "instance of", noReports: "There are no reports.", verdict: "Verdict",
+    toTable: "Watch its variables", instance: "instance of", noReports: "There are no reports.", verdict: "Verdict", budget: "Budget", measured: "Measured",
     more: "and more", event: "Event", serious: "Posture of the operating system", copied: "Loaded.",
     loading: "…", closed: "Choose a block.",
   },
   de: {
     skip: "Zum Inhalt", station: "Station", scan: "Zyklus", diagnostics: "Diagnose", variables: "Variablen",
-    program: "Programm", telegrams: "Telegramme", reports: "Dauerläufe", telegramsHelp: "Was über die Leitungen der CPs geht, wie es kommt; das Neueste zuerst. `ob1 trace` liest es nach seinem Protokoll.", sent: "gesendet", received: "empfangen", noTaps: "Diese Kopplung darf keine Telegramme zeigen, oder es gibt keinen CP.", language: "English", login: "Anmelden", logout: "Abmelden",
+    program: "Programm", telegrams: "Telegramme", reports: "Dauerläufe", telegramsHelp: "Was über die Leitungen der CPs geht, nach seinem Protokoll gelesen; das Neueste zuerst. `ob1 trace` zeichnet es auf.", way: "Richtung", sent: "gesendet", received: "empfangen", noTaps: "Diese Kopplung darf keine Telegramme zeigen, oder es gibt keinen CP.", language: "English", login: "Anmelden", logout: "Abmelden",
     user: "Name", password: "Kennwort", cancel: "Abbrechen", ok: "OK", noConnection: "keine Verbindung, neuer Versuch",
     loginWanted: "Diese Station fragt, wer Sie sind.", running: "Die Station läuft.", starting: "Die Station läuft an.",
     stopped: "Die Station ist in STOP.", stoppedBy: "Sie steht wegen:", lastStop: "Der letzte STOP kam von:",
@@ -51,7 +51,7 @@ const words = {
     written: "{0} ist geschrieben (Zyklus {1}).", noTables: "keine gespeicherte Tabelle", blocks: "Bausteine",
     data: "Datenbausteine", symbols: "Symbole", find: "Wer verwendet", findHelp: "Operand oder Symbol",
     statements: "Anweisungen", network: "Netzwerk", line: "Zeile", address: "Adresse",
-    toTable: "Variablen beobachten", instance: "Instanz von", noReports: "Keine Berichte.", verdict: "Urteil",
+    toTable: "Variablen beobachten", instance: "Instanz von", noReports: "Keine Berichte.", verdict: "Urteil", budget: "Grenze", measured: "Gemessen",
     more: "und weitere", event: "Ereignis", serious: "Zusagen des Betriebssystems", copied: "Geladen.", loading: "…",
     closed: "Wählen Sie einen Baustein.",
   },

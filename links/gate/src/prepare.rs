@@ -60,7 +60,15 @@ pub(crate) fn links(doors: Vec<Door>) -> Result<Vec<Ready>, String> {
         // Folders, not files: what is renewed is another file of the same name.
         let of = |key: &str| path(&keys, key).and_then(|path| path.parent().map(Path::to_owned));
         wanted.readable.extend(["users", "certificate", "key", "ca", "password_file"].into_iter().filter_map(of));
-        wanted.readable.extend(path(&keys, "reports"));
+        if let Some(reports) = path(&keys, "reports") {
+            if !reports.is_dir() {
+                warn!(
+                    "{} is no folder: reports there are seen once it is one and the gate has begun anew",
+                    reports.display()
+                );
+            }
+            wanted.readable.push(reports);
+        }
         wanted.folders.extend(link.state.clone());
         if link.kind == "mqtt" {
             wanted.network = Network::Name;

@@ -2,15 +2,16 @@
 
 use std::io::Write as _;
 use std::net::SocketAddr;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::Guard;
 use super::gate::Visitor;
 use super::processes::Watched;
 use super::s7::free_port;
+use super::{Guard, told};
 
 /// The key under which WebDriver names an element. [W3C WebDriver, 12.1]
 const ELEMENT: &str = "element-6066-11e4-a52e-4f735466cecf";
@@ -43,7 +44,7 @@ impl Browser {
         // The container of a test has no user namespaces for the sandbox, and a small /dev/shm.
         let args = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-proxy-server"];
         let wanted = json!({ "capabilities": { "alwaysMatch": {
-            "goog:loggingPrefs": { "browser": "ALL" },
+            "goog:loggingPrefs": { "browser": "ALL", "performance": "ALL" },
             "goog:chromeOptions": { "args": args, "mobileEmulation": {
                 "deviceMetrics": { "width": width, "height": 640, "pixelRatio": 1, "touch": false },
             } },
@@ -122,12 +123,108 @@ impl Browser {
         self.call("POST", &format!("/element/{element}/value"), &json!({ "text": text }));
     }
 
+    /// One of Chromium's own commands.
+    fn devtools(&self, command: &str, params: &Value) -> Value {
+        self.call("POST", "/goog/cdp/execute", &json!({ "cmd": command, "params": params }))
+    }
+
+    /// The scheme that the system is said to have: `light` or `dark`.
+    pub(crate) fn scheme(&self, scheme: &str) {
+        let features = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
+        self.devtools("Emulation.setEmulatedMedia", &features);
+        self.until(&format!("matchMedia('(prefers-color-scheme: {scheme})').matches"));
+    }
+
+    /// Nothing comes out of a cache any more.
+    pub(crate) fn uncached(&self) {
+        self.devtools("Network.setCacheDisabled", &json!({ "cacheDisabled": true }));
+    }
+
+    /// Presses keys, one after the other, wherever one is.
+    pub(crate) fn press(&self, keys: &[Key]) {
+        let press = |key: &Key| ["keyDown", "keyUp"].map(|kind| json!({ "type": kind, "value": key.code() }));
+        let actions: Vec<Value> = keys.iter().flat_map(press).collect();
+        self.call("POST", "/actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": actions }] }));
+    }
+
+    /// What of all rules of axe-core the page breaks seriously or critically: rule, and where.
+    pub(crate) fn barriers(&self) -> Vec<String> {
+        if self.run("return typeof axe") != "object" {
+            let path = Path::new(&told("NODE_PATH")).join("axe-core/axe.min.js");
+            let axe = std::fs::read_to_string(&path).unwrap_or_else(|why| panic!("{}: {why}", path.display()));
+            self.run(&format!("{axe}; window.axe = axe;"));
+        }
+        let found = self.run(
+            "return axe.run(document, { resultTypes: ['violations'] }).then((told) => told.violations
+                 .filter((rule) => ['serious', 'critical'].includes(rule.impact))
+                 .map((rule) => `${rule.id}: ${rule.nodes.slice(0, 3).map((node) => `${node.target} ${node.failureSummary}`).join('; ')}`))",
+        );
+        let found = found.as_array().expect("a list");
+        found.iter().map(|rule| rule.as_str().unwrap_or_default().to_owned()).collect()
+    }
+
+    /// What has been asked of the network since one asked last: the hosts, and the bytes that came.
+    pub(crate) fn traffic(&self) -> (Vec<String>, u64) {
+        let log = self.call("POST", "/se/log", &json!({ "type": "performance" }));
+        let (mut hosts, mut bytes) = (Vec::new(), 0);
+        for line in log.as_array().expect("a list") {
+            let line: Value = serde_json::from_str(line["message"].as_str().unwrap_or_default()).unwrap_or_default();
+            let (what, about) = (&line["message"]["method"], &line["message"]["params"]);
+            if what == "Network.requestWillBeSent" {
+                let url = about["request"]["url"].as_str().unwrap_or_default();
+                if let Some((_, rest)) = url.split_once("://") {
+                    hosts.push(rest.split('/').next().unwrap_or_default().to_owned());
+                }
+            } else if what == "Network.loadingFinished" {
+                bytes += about["encodedDataLength"].as_f64().unwrap_or(0.0) as u64;
+            }
+        }
+        (hosts, bytes)
+    }
+
+    /// What one sees, as a PNG.
+    pub(crate) fn picture(&self) -> Vec<u8> {
+        let text = self.call("GET", "/screenshot", &Value::Null);
+        decoded(text.as_str().expect("base64"))
+    }
+
     /// What the page has complained of since one asked last.
     pub(crate) fn complaints(&self) -> Vec<String> {
         let log = self.call("POST", "/se/log", &json!({ "type": "browser" }));
         let lines = log.as_array().expect("a list");
         lines.iter().map(|line| line["message"].as_str().unwrap_or_default().to_owned()).collect()
     }
+}
+
+/// Keys that are no characters.
+#[derive(Clone, Copy)]
+pub(crate) enum Key {
+    Tab,
+    Enter,
+    Escape,
+}
+
+impl Key {
+    /// [W3C WebDriver, 17.4.2]
+    const fn code(self) -> &'static str {
+        match self {
+            Self::Tab => "\u{E004}",
+            Self::Enter => "\u{E007}",
+            Self::Escape => "\u{E00C}",
+        }
+    }
+}
+
+/// Base64.
+fn decoded(text: &str) -> Vec<u8> {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let digits: Vec<u32> =
+        text.bytes().filter_map(|byte| DIGITS.iter().position(|digit| *digit == byte)).map(|at| at as u32).collect();
+    let bytes = |four: &[u32]| {
+        let all = four.iter().fold(0, |all, digit| all << 6 | digit) << (6 * (4 - four.len()));
+        all.to_be_bytes()[1..four.len()].to_vec()
+    };
+    digits.chunks(4).flat_map(bytes).collect()
 }
 
 impl Drop for Browser {

@@ -83,6 +83,13 @@ pub(crate) fn asyncua(site: &Site, port: u16, more: &[&str]) -> Client {
     Client::of(&mut command)
 }
 
+/// node-opcua, connected or with the reason why not in its first answer: URL, user, password, policy.
+pub(crate) fn node_opcua(site: &Site, port: u16, more: &[&str]) -> Client {
+    let mut command = site.command("node");
+    command.arg(checkout("tests/peers/opcua_node.js")).arg(format!("opc.tcp://127.0.0.1:{port}/")).args(more);
+    Client::of(&mut command)
+}
+
 /// The same, connected.
 pub(crate) fn connected(site: &Site, port: u16, more: &[&str]) -> Client {
     let mut client = asyncua(site, port, more);
@@ -103,7 +110,7 @@ impl<'s> Broker<'s> {
         let port = free_port();
         std::fs::create_dir_all(site.path("broker")).expect("a folder");
         let file = format!(
-            "listener {port} 127.0.0.1\nallow_anonymous true\npersistence true\npersistence_location {}/\n\
+            "listener {port} 127.0.0.1\nallow_anonymous true\nmax_inflight_messages 0\npersistence true\npersistence_location {}/\n\
              autosave_interval 1\nautosave_on_changes true\nmax_queued_messages 0\nqueue_qos0_messages true\nuser root\n",
             site.path("broker").display()
         );
@@ -129,9 +136,18 @@ impl<'s> Broker<'s> {
 
     /// Ended as by its service manager: what it has acknowledged it keeps.
     pub(crate) fn end(&mut self) {
+        self.signal(Signal::TERM);
+    }
+
+    /// Killed.
+    pub(crate) fn kill(&mut self) {
+        self.signal(Signal::KILL);
+    }
+
+    fn signal(&mut self, signal: Signal) {
         if let Some(mut child) = self.child.take() {
             if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
-                let _ = kill_process(pid, Signal::TERM);
+                let _ = kill_process(pid, signal);
             }
             let _ = child.wait();
         }

@@ -124,6 +124,7 @@ const TABLE: &[Row] = &[
             "ob1-protocols",
             "ob1-rt",
             "ob1-stl",
+            "ob1-trace",
             "clap",
             "http-body-util",
             "hyper",
@@ -231,6 +232,7 @@ const TABLE: &[Row] = &[
             "ob1-params",
             // `ob1 trace` reads what is spoken on a line.
             "ob1-protocols",
+            "ob1-trace",
             // `ob1 upload` is a client of S7 communication.
             "ob1-s7",
             "clap",
@@ -269,6 +271,8 @@ const TABLE: &[Row] = &[
     row("ob1-protocols", "invariant 1", &["ob1-serial"]),
     // What a bus is made of goes from the runtime to its process: serde; JSON is the affair of both ends.
     row("ob1-coupler", "invariant 11", &["ob1-protocols", "serde"]),
+    // What a tap tells, read: for the tools and for the page.
+    row("ob1-trace", "invariant 11", &["ob1-params", "ob1-protocols", "serde_json"]),
     // PROFIBUS: the stack, and the files that say what a slave is.
     row("ob1-dp", "invariant 11", &["ob1-coupler", "ob1-protocols", "gsd-parser", "profirust"]),
     // The printer shows S7 values: the calendar of DATE.

@@ -92,11 +92,10 @@ impl Page {
         let Some(users) = &self.users else { return plain(StatusCode::NOT_FOUND, "this link has no users") };
         let Some(Login { user, password }) = body(Some(&call.headers), &call.body) else { return wrong() };
         let address = call.peer.to_string();
-        let note = |outcome: &str| self.station.audit().note(&user, &address, "login", outcome);
         let login = match users.login(&user, &password, &address).await {
             Ok(login) => login,
             Err(why) => {
-                let _ = note(&format!("refused: {why}"));
+                self.station.audit().refused(&user, &address, "login", &why.to_string());
                 let status = match why {
                     LoginError::Wrong => StatusCode::UNAUTHORIZED,
                     LoginError::Wait(_) | LoginError::Busy => StatusCode::TOO_MANY_REQUESTS,
@@ -104,7 +103,7 @@ impl Page {
                 return plain(status, why.to_string());
             }
         };
-        if let Err(error) = note("done") {
+        if let Err(error) = self.station.audit().note(&user, &address, "login", "done") {
             return trouble(&Trouble::Audit(error.to_string()));
         }
         // One that was there before is over.

@@ -29,7 +29,8 @@ pub(super) struct Page {
     reports: Option<std::path::PathBuf>,
     /// Where the drivers tell what goes over their lines.
     taps: Option<std::path::PathBuf>,
-    streams: Rc<std::cell::Cell<usize>>,
+    /// Who is told without asking.
+    streams: stream::Streams,
 }
 
 /// Serves a link of type `web`.
@@ -42,7 +43,7 @@ pub(crate) async fn serve(mut link: Link) -> Result<(), String> {
         sessions: Sessions::default(),
         reports: station.keys().get("reports").and_then(|path| path.as_str()).map(Into::into),
         taps: station.keys().get("taps").and_then(|path| path.as_str()).map(Into::into),
-        streams: Rc::default(),
+        streams: stream::Streams::default(),
         station,
     };
     http::serve(link, Rc::new(page)).await

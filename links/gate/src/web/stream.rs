@@ -1,7 +1,8 @@
 //! What the page is told without asking: server-sent events with the station's state, what happens, and the values of
 //! a variable table.
 
-use std::cell::Cell;
+use std::cell::RefCell;
+use std::net::IpAddr;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -20,8 +21,9 @@ use super::api::entry;
 use super::{Page, taps};
 use crate::http::{Body, Call, Reply, plain, query};
 
-/// Streams at a time.
+/// Streams at a time; one address has half of them at most, so that others look too.
 const STREAMS: usize = 32;
+const OF_ONE: usize = STREAMS / 2;
 /// Messages that may wait for a browser; who takes none for so long is let go.
 const WAITING: usize = 32;
 const DEAF: Duration = Duration::from_secs(20);
@@ -31,12 +33,31 @@ const STATUS: Duration = Duration::from_secs(1);
 const ITEMS: usize = 500;
 const PERIODS: (u64, u64) = (100, 60_000);
 
+/// The addresses of all streams. Clones are the same.
+#[derive(Clone, Default)]
+pub(super) struct Streams(Rc<RefCell<Vec<IpAddr>>>);
+
+impl Streams {
+    /// A place for one more; `None`: there is none for this address.
+    fn place(&self, peer: IpAddr) -> Option<Counted> {
+        let mut all = self.0.borrow_mut();
+        if all.len() >= STREAMS || all.iter().filter(|other| **other == peer).count() >= OF_ONE {
+            return None;
+        }
+        all.push(peer);
+        Some(Counted(self.clone(), peer))
+    }
+}
+
 /// Counts a stream as long as it lives.
-struct Counted(Rc<Cell<usize>>);
+struct Counted(Streams, IpAddr);
 
 impl Drop for Counted {
     fn drop(&mut self) {
-        self.0.set(self.0.get().saturating_sub(1));
+        let mut all = self.0.0.borrow_mut();
+        if let Some(at) = all.iter().position(|peer| *peer == self.1) {
+            all.swap_remove(at);
+        }
     }
 }
 
@@ -50,11 +71,9 @@ struct Line {
 
 /// Opens a stream: `items` are names, one a line; `period` in milliseconds.
 pub(super) fn open(page: &Rc<Page>, client: Client, call: &Call) -> Reply {
-    if page.streams.get() >= STREAMS {
+    let Some(counted) = page.streams.place(call.peer) else {
         return plain(StatusCode::SERVICE_UNAVAILABLE, "too many look at this station: close another page");
-    }
-    page.streams.set(page.streams.get() + 1);
-    let counted = Counted(Rc::clone(&page.streams));
+    };
     let (to, parts) = mpsc::channel(WAITING);
     let after = call.headers.get("last-event-id").and_then(|id| id.to_str().ok()?.parse().ok());
     let items = query(&call.query, "items").unwrap_or_default();
@@ -234,6 +253,21 @@ fn told(event: &Event) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_address_leaves_places_for_others() {
+        let streams = Streams::default();
+        let [one, other] = [[192, 0, 2, 1], [192, 0, 2, 2]].map(IpAddr::from);
+        let mut all: Vec<Counted> = (0..STREAMS).filter_map(|_| streams.place(one)).collect();
+        assert_eq!(all.len(), OF_ONE);
+        all.extend((0..STREAMS).filter_map(|_| streams.place(other)));
+        assert_eq!(all.len(), STREAMS);
+        assert!(streams.place([192, 0, 2, 3].into()).is_none(), "full");
+        all.remove(0);
+        assert!(streams.place(other).is_none() && streams.place(one).is_some());
+        drop(all);
+        assert!(streams.0.borrow().is_empty());
+    }
 
     #[test]
     fn values_as_people_write_them() {

@@ -1,19 +1,22 @@
-//! What goes over the lines of the CPs, live: each driver has a tap, a socket in the folder of the running station.
+//! What goes over the lines of the CPs, live: each driver has a tap, a socket in the folder of the running station. What
+//! it tells is read by the protocol of its CP, as `ob1 trace` reads it.
 
 use std::io;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use ob1_access::door::Document;
 use ob1_protocols::trace::record::{Kind, Record};
+use ob1_protocols::trace::{Unit, Way};
+use ob1_trace::{Cp, remark, shown};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType, connect, recv, socket_with};
 use serde_json::{Value, json};
 use tokio::io::unix::AsyncFd;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
-use tokio::time::sleep;
+use tokio::time::{sleep, timeout};
 
 use super::Page;
 
@@ -23,6 +26,8 @@ const RECORD: usize = 8192;
 const AGAIN: Duration = Duration::from_secs(1);
 /// Records that wait for the page; what comes meanwhile stays with the driver, which counts what it drops.
 const WAITING: usize = 64;
+/// Without news for so long, pauses that end telegrams are looked for.
+const QUIET: Duration = Duration::from_millis(200);
 
 /// All taps of a station. Dropping it lets go of them.
 pub(super) struct Taps {
@@ -87,45 +92,89 @@ fn tap(path: &Path) -> io::Result<AsyncFd<OwnedFd>> {
 /// Until the driver ends (`Some`), or nobody listens any more.
 async fn hear(tap: &AsyncFd<OwnedFd>, cp: &str, to: &mpsc::Sender<Value>) -> Option<()> {
     let mut buffer = vec![0; RECORD];
-    let mut unix = 0;
+    let mut line = Line::new(cp);
     loop {
         match recv(tap.get_ref(), buffer.as_mut_slice(), RecvFlags::DONTWAIT) {
             Ok((0, _)) | Err(Errno::CONNRESET) => return Some(()),
             Ok((length, _)) => {
                 // A newer driver may have kinds nobody here knows.
                 let Some(record) = Record::read(buffer.get(..length).unwrap_or_default()) else { continue };
-                if let Some(told) = told(&record, cp, &mut unix) {
-                    to.send(told).await.ok()?;
-                }
+                line.take(&record);
             }
-            Err(Errno::AGAIN | Errno::INTR) => match tap.readable().await {
-                Ok(mut ready) => ready.clear_ready(),
-                Err(_) => return Some(()),
+            Err(Errno::AGAIN | Errno::INTR) => match timeout(QUIET, tap.readable()).await {
+                Ok(Ok(mut ready)) => ready.clear_ready(),
+                Ok(Err(_)) => return Some(()),
+                Err(_) => line.quiet(),
             },
             Err(_) => return Some(()),
+        }
+        for told in line.told.drain(..) {
+            to.send(told).await.ok()?;
         }
     }
 }
 
-/// A record for the page. `unix` is the time of 1970 at the driver's 0, in nanoseconds.
-fn told(record: &Record<'_>, cp: &str, unix: &mut u64) -> Option<Value> {
-    let ms = unix.saturating_add(record.time) / 1_000_000;
-    let text = || String::from_utf8_lossy(record.data).into_owned();
-    let hex = || record.data.iter().map(|byte| format!("{byte:02X}")).collect::<String>();
-    Some(match record.kind {
-        Kind::Hello => {
-            let hello: Value = serde_json::from_slice(record.data).ok()?;
-            *unix = hello["unix_ns"].as_u64().unwrap_or(0);
-            return None;
+/// The line of a CP, as its driver tells of it.
+struct Line {
+    name: String,
+    /// Nothing before the greeting.
+    cp: Option<Cp>,
+    /// The driver's time at its last record, and when it came.
+    last: (u64, Instant),
+    /// For the page.
+    told: Vec<Value>,
+}
+
+impl Line {
+    fn new(name: &str) -> Self {
+        Self { name: name.to_owned(), cp: None, last: (0, Instant::now()), told: Vec::new() }
+    }
+
+    fn take(&mut self, record: &Record<'_>) {
+        self.last = (record.time, Instant::now());
+        if record.kind == Kind::Hello {
+            // What is open ends with the parameters it was sent with.
+            self.read(|cp, out| cp.reader.finish(out));
+            let unknown = self.cp.is_none();
+            match Cp::of_hello(record.data) {
+                Some((cp, about)) => {
+                    self.cp = Some(cp);
+                    if !unknown {
+                        self.note(record.time, &about);
+                    }
+                }
+                None => self.note(record.time, "a CP with parameters that cannot be"),
+            }
+            return;
         }
-        Kind::Out => json!({ "cp": cp, "ms": ms, "way": "out", "hex": hex() }),
-        Kind::In => json!({ "cp": cp, "ms": ms, "way": "in", "hex": hex() }),
-        Kind::Fault => json!({ "cp": cp, "ms": ms, "way": "fault", "text": hex() }),
-        Kind::Gone | Kind::Note => json!({ "cp": cp, "ms": ms, "way": "note", "text": text() }),
-        Kind::Up => json!({ "cp": cp, "ms": ms, "way": "note", "text": "up" }),
-        Kind::Lost => json!({ "cp": cp, "ms": ms, "way": "lost", "text": "" }),
-        Kind::Done | Kind::Modem | Kind::TakenBack => return None,
-    })
+        self.read(|cp, out| cp.read(record, out));
+        if let Some(words) = remark(record) {
+            self.note(record.time, &words);
+        }
+    }
+
+    /// Nothing has come for a while.
+    fn quiet(&mut self) {
+        let now = self.last.0.saturating_add(u64::try_from(self.last.1.elapsed().as_nanos()).unwrap_or(0));
+        self.read(|cp, out| cp.reader.silence(now, out));
+    }
+
+    fn read(&mut self, work: impl FnOnce(&mut Cp, &mut dyn FnMut(Unit<'_>))) {
+        let Self { name, cp: Some(cp), told, .. } = self else { return };
+        let unix = cp.unix;
+        work(cp, &mut |unit| {
+            let way = if unit.way == Way::Out { "out" } else { "in" };
+            let hex: String =
+                shown(&unit, false).unwrap_or_default().iter().map(|byte| format!("{byte:02X}")).collect();
+            let ms = unix.saturating_add(unit.begin) / 1_000_000;
+            told.push(json!({ "cp": name, "ms": ms, "way": way, "what": unit.meaning.to_string(), "hex": hex }));
+        });
+    }
+
+    fn note(&mut self, time: u64, what: &str) {
+        let ms = self.cp.as_ref().map_or(0, |cp| cp.unix).saturating_add(time) / 1_000_000;
+        self.told.push(json!({ "cp": self.name, "ms": ms, "way": "note", "what": what, "hex": "" }));
+    }
 }
 
 #[cfg(test)]
@@ -133,13 +182,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn records_have_the_time_of_the_wall() {
-        let mut unix = 0;
+    fn telegrams_are_read_by_the_protocol_and_have_the_time_of_the_wall() {
+        let mut line = Line::new("cp");
         let record = |kind, data| Record { time: 5_000_000, kind, data };
-        assert_eq!(told(&record(Kind::Hello, br#"{"unix_ns":1000000000}"#), "cp", &mut unix), None);
-        let out = told(&record(Kind::Out, &[2, 0x41]), "cp", &mut unix);
-        assert_eq!(out, Some(json!({ "cp": "cp", "ms": 1005, "way": "out", "hex": "0241" })));
-        assert_eq!(told(&record(Kind::Hello, b"{"), "cp", &mut unix), None);
-        assert_eq!(told(&record(Kind::Done, &[]), "cp", &mut unix), None);
+        line.take(&record(Kind::Out, &[2, 0x41]));
+        assert!(line.told.is_empty(), "nobody knows yet what is spoken");
+        let hello =
+            format!("{{\"name\":\"cp\",\"module\":\"cp240\",\"parameters\":{:?},\"unix_ns\":1000000000}}", [0; 16]);
+        line.take(&record(Kind::Hello, hello.as_bytes()));
+        line.take(&record(Kind::Out, &[2, 0x41]));
+        line.take(&record(Kind::Gone, b"unplugged"));
+        let told = std::mem::take(&mut line.told);
+        assert_eq!(told.len(), 2, "{told:?}");
+        assert_eq!((&told[0]["ms"], &told[0]["way"], &told[0]["hex"]), (&json!(1005), &json!("out"), &json!("0241")));
+        assert_eq!(told[0]["what"], "telegram, 2 bytes");
+        assert_eq!(told[1]["what"], "the line is gone: unplugged");
+        line.take(&record(Kind::Hello, b"{"));
+        assert_eq!(line.told[0]["what"], "a CP with parameters that cannot be");
+        line.take(&record(Kind::Done, &[]));
     }
 }

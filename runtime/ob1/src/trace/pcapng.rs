@@ -6,8 +6,7 @@ use std::io::{self, Write};
 
 use ob1_protocols::trace::record::{Kind, Record};
 use ob1_protocols::trace::{Dialect, Meaning, Unit, Way};
-
-use super::print::Cp;
+use ob1_trace::Cp;
 
 /// `LINKTYPE_RTAC_SERIAL`.
 const LINK_TYPE: u16 = 250;

@@ -1,0 +1,196 @@
+//! What the driver of a CP tells of its line (`ob1_protocols::trace::record`), read by the protocol of the CP: for
+//! `ob1 trace`, for the web page, and for whoever comes next.
+//!
+//! Pure: records in, units and words out; the sockets and clocks are their callers'.
+
+use ob1_params::{Cp040, Cp240, Cp341, CpKind, Protocol, Protocol341};
+use ob1_protocols::trace::record::{Kind, Record, fault_of};
+use ob1_protocols::trace::{Dialect, Meaning, Reader, Unit, Way};
+use ob1_protocols::{MS, Nanos, stx_etx};
+use serde_json::Value;
+
+/// A CP whose line is read.
+#[derive(Debug)]
+pub struct Cp {
+    /// As in the station file.
+    pub name: String,
+    /// Reads the characters of both directions.
+    pub reader: Box<Reader>,
+    /// Nanoseconds since 1970 at time 0.
+    pub unix: u64,
+}
+
+impl Cp {
+    /// The CP of a [`Kind::Hello`], with a line about it; `None`: no such text.
+    #[must_use]
+    pub fn of_hello(text: &[u8]) -> Option<(Self, String)> {
+        let hello: Value = serde_json::from_slice(text).ok()?;
+        let name = hello["name"].as_str()?.to_owned();
+        let numbers: Vec<u8> =
+            hello["parameters"].as_array()?.iter().filter_map(|n| u8::try_from(n.as_u64()?).ok()).collect();
+        let bytes: [u8; 16] = numbers.try_into().ok()?;
+        let (station, line) = (hello["station"].as_str().unwrap_or(""), hello["line"].as_str().unwrap_or(""));
+        let unix = hello["unix_ns"].as_u64().unwrap_or(0);
+        let kind = hello["module"].as_str().and_then(CpKind::of_name);
+        if let Some(kind) = kind.filter(|kind| kind.row().has_channels) {
+            let cp = keyed(kind, &hello["params"])?;
+            let about =
+                format!("{name} of station \"{station}\": {}, {}, {line}", cp.protocol_name(), cp.line_settings());
+            return Some((Self { name, reader: Box::new(Reader::new(dialect_of_keyed(&cp))), unix }, about));
+        }
+        let parameters = match kind {
+            Some(CpKind::Cp040) if bytes == [0; 16] => Cp040::defaults("ascii").ok()?.common,
+            Some(CpKind::Cp040) => Cp040::decode(&bytes).ok()?.common,
+            _ => Cp240::of_bytes(&bytes).ok()?,
+        };
+        let about = format!(
+            "{name} of station \"{station}\": {}, {}, {line}",
+            parameters.protocol_name(),
+            parameters.line_settings()
+        );
+        let reader = Box::new(Reader::new(dialect(&parameters)));
+        Some((Self { name, reader, unix }, about))
+    }
+
+    /// Hands a record to the reader; the units go to `out`.
+    pub fn read(&mut self, record: &Record<'_>, out: &mut dyn FnMut(Unit<'_>)) {
+        match (record.kind, record.data) {
+            (Kind::Out, bytes) => self.reader.characters(record.time, Way::Out, bytes, out),
+            (Kind::In, bytes) => self.reader.characters(record.time, Way::In, bytes, out),
+            (Kind::Done, _) => self.reader.done(record.time, out),
+            (Kind::Fault, &[number]) => {
+                self.reader.fault(record.time, fault_of(number), out);
+            }
+            // What is open will not go on.
+            (Kind::Gone | Kind::Lost, _) => self.reader.finish(out),
+            _ => self.reader.silence(record.time, out),
+        }
+    }
+}
+
+/// The parameters of a CP 341 or CP 340 out of its keys.
+fn keyed(kind: CpKind, keys: &Value) -> Option<Cp341> {
+    let value = |(key, value): (&String, &Value)| {
+        let value = match value {
+            Value::String(word) => ob1_params::Value::Str(word.clone()),
+            number => ob1_params::Value::Int(number.as_i64()?),
+        };
+        Some((key.clone(), value))
+    };
+    let keys: Vec<(String, ob1_params::Value)> = keys.as_object()?.iter().map(value).collect::<Option<_>>()?;
+    Cp341::of_kind(kind, keys.iter().map(|(key, value)| (key.as_str(), value.clone()))).ok()
+}
+
+/// What the CP with these parameters speaks.
+fn dialect_of_keyed(cp: &Cp341) -> Dialect {
+    match &cp.protocol {
+        Protocol341::Ascii(p) => Dialect::Ascii { pause: Nanos::from(p.zvz_ms) * MS },
+        Protocol341::S3964(p) => {
+            let pause = (Nanos::from(p.zvz_ms) * MS).max(20 * MS);
+            Dialect::S3964 { bcc: p.bcc, rk512: p.rk512, pause }
+        }
+        // Lines of text: a pause ends what is shown as one.
+        Protocol341::Printer(_) => Dialect::Ascii { pause: 20 * MS },
+        Protocol341::ModbusMaster32(p) => {
+            // Characters come late from a pty; a telegram that goes on is not cut.
+            Dialect::ModbusAscii { master: true, pause: Nanos::from(p.character_delay_ms).max(20) * MS }
+        }
+    }
+}
+
+/// What the CP with these parameters speaks.
+fn dialect(parameters: &Cp240) -> Dialect {
+    let characters = |count: u64| count * parameters.char_time_ns();
+    // A ZVZ of 0 stands for about two characters. [S0 "Character delay time (ZVZ)"]
+    let pause = |ms: u16| if ms == 0 { characters(2) } else { Nanos::from(ms) * MS };
+    match &parameters.protocol {
+        Protocol::Ascii(p) => Dialect::Ascii { pause: pause(p.zvz_ms) },
+        Protocol::StxEtx(p) => Dialect::StxEtx {
+            start: stx_etx::Flags::new(p.start, p.start_flags),
+            end: stx_etx::Flags::new(p.end, p.end_flags),
+            pause: pause(p.tmo_ms),
+        },
+        Protocol::S3964(p) => Dialect::S3964 { bcc: p.bcc, rk512: p.rk512, pause: pause(p.zvz_ms).max(20 * MS) },
+        Protocol::Modbus(_) => {
+            let name = parameters.protocol_name();
+            let master = name.contains("master");
+            if name.contains("rtu") {
+                Dialect::ModbusRtu { master, pause: characters(35).max(50 * MS) }
+            } else {
+                Dialect::ModbusAscii { master, pause: 1000 * MS }
+            }
+        }
+        // 33 bits at 300 baud: whatever rate a telegram names.
+        Protocol::EnOcean => Dialect::EnOcean { pause: 250 * MS },
+        Protocol::MBus => Dialect::MBus { pause: 110 * MS },
+    }
+}
+
+/// What a record says besides characters, in words; `None`: nothing a person wants to know.
+#[must_use]
+pub fn remark(record: &Record<'_>) -> Option<String> {
+    let words = || String::from_utf8_lossy(record.data);
+    match record.kind {
+        Kind::Gone => Some(format!("the line is gone: {}", words())),
+        Kind::Up => Some("the line is up".to_owned()),
+        Kind::Note => Some(words().into_owned()),
+        Kind::Lost => {
+            let count = record.data.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
+            Some(format!("{count} records were lost here: this trace did not keep up"))
+        }
+        Kind::TakenBack => {
+            let count = record.data.first_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes));
+            (count > 0).then(|| format!("{count} characters were taken back before they left"))
+        }
+        Kind::Modem => {
+            let bits = record.data.first().copied().unwrap_or(0);
+            let level = |bit: u8| if bits >> bit & 1 == 1 { "ON" } else { "OFF" };
+            let lines = ["CTS", "DSR", "RI", "CD"].iter().zip(0..).map(|(name, bit)| format!("{name} {}", level(bit)));
+            Some(format!("modem lines: {}", lines.collect::<Vec<_>>().join(", ")))
+        }
+        Kind::Hello | Kind::Out | Kind::In | Kind::Done | Kind::Fault => None,
+    }
+}
+
+/// The bytes of a unit that a person wants to see: user data, or the characters as they were on the line where `raw` is
+/// asked for or there are none. A control character says all with its name.
+#[must_use]
+pub fn shown<'a>(unit: &Unit<'a>, raw: bool) -> Option<&'a [u8]> {
+    match (&unit.meaning, unit.meaning.payload()) {
+        (Meaning::Control(..) | Meaning::Fault(_), _) => None,
+        (_, Some(payload)) if !raw => Some(payload),
+        _ => Some(unit.raw),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HELLO: &[u8] = br#"{"version":1,"station":"s","name":"cp","line":"sim:x","module":"cp240",
+        "parameters":[0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0],"unix_ns":1000}"#;
+
+    #[test]
+    fn a_greeting_says_what_is_spoken() {
+        let (mut cp, about) = Cp::of_hello(HELLO).expect("a greeting");
+        assert_eq!((cp.name.as_str(), cp.unix), ("cp", 1000));
+        assert!(about.starts_with("cp of station \"s\": "), "{about}");
+        let mut told = Vec::new();
+        cp.read(&Record { time: 5, kind: Kind::Out, data: b"AB" }, &mut |_| {});
+        cp.reader.finish(&mut |unit| told.push((unit.way, shown(&unit, false).map(<[u8]>::to_vec))));
+        assert_eq!(told, [(Way::Out, Some(b"AB".to_vec()))]);
+        for wrong in [&b"{"[..], b"{}", br#"{"name":"cp","parameters":[1,2]}"#, br#"{"name":7}"#] {
+            assert!(Cp::of_hello(wrong).is_none());
+        }
+    }
+
+    #[test]
+    fn remarks() {
+        let say = |kind, data: &[u8]| remark(&Record { time: 0, kind, data });
+        assert_eq!(say(Kind::Lost, &7u64.to_le_bytes()).map(|text| text.starts_with("7 records")), Some(true));
+        assert_eq!(say(Kind::TakenBack, &[0; 4]), None);
+        assert_eq!(say(Kind::Modem, &[5]).as_deref(), Some("modem lines: CTS ON, DSR OFF, RI ON, CD OFF"));
+        assert_eq!(say(Kind::Out, b"x"), None);
+        assert!(say(Kind::Lost, &[]).is_some() && say(Kind::Modem, &[]).is_some(), "cut off");
+    }
+}
