@@ -98,7 +98,8 @@ impl Audit {
         file.lock().unwrap_or_else(PoisonError::into_inner).flush()
     }
 
-    /// Writes down that something was refused. Of very many a second some are counted only; the next line says how many.
+    /// Writes down that something was refused. Of very many a second some are counted only; the next line says how
+    /// many.
     pub fn refused(&self, user: &str, client: &str, what: &str, why: &str) {
         let left_out = self.refusals.lock().unwrap_or_else(PoisonError::into_inner).take(Instant::now());
         // What has not been done need not be written down to be known: the disk may be full.

@@ -27,12 +27,10 @@ use crate::limits;
 use crate::monitor::Monitor;
 use crate::sample::{bad, refused, sample, status};
 use crate::space::{Fact, METHODS, Node, ROOT, Sizes, Space};
-use crate::value::{datum, unfit};
+use crate::value::{attempt, datum, unfit};
 
 /// The namespace of a station, index 2 of its server.
 pub(crate) const NAMESPACE_URI: &str = "urn:ob1:station";
-/// Longest name and value of a refused write in the audit log.
-const ATTEMPT: usize = 100;
 /// Its index: after OPC UA's own and the server's.
 pub(crate) const NAMESPACE: u16 = 2;
 
@@ -245,20 +243,6 @@ impl Manager {
     }
 }
 
-/// A write that was not allowed, for the audit log. What strangers send is not written down at any length.
-fn attempt(node: &WriteNode) -> String {
-    let value = match &node.value().value.value {
-        Some(Variant::Array(array)) => format!("an array of {}", array.values.len()),
-        Some(Variant::ByteString(bytes)) => format!("{} bytes", bytes.as_ref().len()),
-        Some(value @ (Variant::String(_) | Variant::Boolean(_))) => value.to_string(),
-        Some(value) if value.is_numeric() => value.to_string(),
-        _ => "?".to_owned(),
-    };
-    let id = text(&node.value().node_id).unwrap_or("?");
-    let short = |text: &str| text.get(..text.floor_char_boundary(ATTEMPT)).unwrap_or_default().to_owned();
-    format!("{} = {}", short(id), short(&value))
-}
-
 fn size(puts: &[Put]) -> (usize, usize) {
     (puts.len(), puts.iter().map(Put::bytes).sum())
 }
@@ -404,7 +388,7 @@ impl NodeManager for Manager {
                 Ok((told, puts)) => wanted.push(Write { index, told, puts }),
                 Err(status) => {
                     if right < Right::Write {
-                        refused.push(attempt(node));
+                        refused.push(attempt(text(&node.value().node_id), node.value().value.value.as_ref()));
                     }
                     node.set_status(status);
                 }

@@ -150,6 +150,22 @@ pub(crate) fn type_node(shape: &Shape) -> NodeId {
     shape.data_type.into()
 }
 
+/// Longest name and value of a refused write in the audit log.
+const ATTEMPT: usize = 100;
+
+/// A write that was not allowed, for the audit log. What strangers send is not written down at any length.
+pub(crate) fn attempt(id: Option<&str>, value: Option<&Variant>) -> String {
+    let value = match value {
+        Some(Variant::Array(array)) => format!("an array of {}", array.values.len()),
+        Some(Variant::ByteString(bytes)) => format!("{} bytes", bytes.as_ref().len()),
+        Some(value @ (Variant::String(_) | Variant::Boolean(_))) => value.to_string(),
+        Some(value) if value.is_numeric() => value.to_string(),
+        _ => "?".to_owned(),
+    };
+    let short = |text: &str| text.get(..text.floor_char_boundary(ATTEMPT)).unwrap_or_default().to_owned();
+    format!("{} = {}", short(id.unwrap_or("?")), short(&value))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,5 +1,5 @@
-//! What goes over the lines of the CPs, live: each driver has a tap, a socket in the folder of the running station. What
-//! it tells is read by the protocol of its CP, as `ob1 trace` reads it.
+//! What goes over the lines of the CPs, live: each driver has a tap, a socket in the folder of the running station.
+//! What it tells is read by the protocol of its CP, as `ob1 trace` reads it.
 
 use std::io;
 use std::os::fd::OwnedFd;
