@@ -9,6 +9,7 @@ use ob1_cpu::engine::{Context, Engine, Entry, Factory, Plan, Regs};
 use crate::code::CodeMemory;
 use crate::compile::{Compiled, Compiler, Image, Target, Tier};
 use crate::file::{Contents, Order};
+use crate::frame::{Frame, frames};
 use crate::run::{Run, interpret};
 
 /// What the engine is called.
@@ -21,6 +22,8 @@ pub(crate) struct Code {
     pub(crate) plan: Arc<Plan>,
     pub(crate) functions: Vec<Compiled>,
     pub(crate) entries: Entries,
+    /// Calls that need nothing but their frame: by block, then by statement.
+    frames: Vec<Box<[Option<Frame>]>>,
     memory: Option<CodeMemory>,
     tier: Tier,
 }
@@ -37,7 +40,7 @@ impl Code {
     fn new(plan: &Arc<Plan>, functions: Vec<Compiled>, memory: Option<CodeMemory>, tier: Tier) -> Self {
         let address = |function: &Compiled| function.at.zip(memory.as_ref()).and_then(|(at, memory)| memory.at(at));
         let entries = functions.iter().map(|function| address(function).unwrap_or(std::ptr::null())).collect();
-        Self { plan: Arc::clone(plan), functions, entries: Entries(entries), memory, tier }
+        Self { plan: Arc::clone(plan), functions, entries: Entries(entries), frames: frames(plan), memory, tier }
     }
 }
 
@@ -140,18 +143,27 @@ impl Engine for Native {
 }
 
 impl Code {
+    /// What a call needs, when it is no more than its frame.
+    pub(crate) fn frame(&self, block: u32, statement: u32) -> Option<&Frame> {
+        self.frames.get(block as usize)?.get(statement as usize)?.as_ref()
+    }
+
+    /// The code of a block.
+    pub(crate) fn entry(&self, block: u32) -> Option<crate::run::Entry> {
+        let address = self.entries.0.get(block as usize).copied().filter(|address| !address.is_null())?;
+        // SAFETY: the address is that of a function that `Compiler` has made with this signature for this processor, in
+        // memory that nobody can change.
+        Some(unsafe { std::mem::transmute::<*const u8, crate::run::Entry>(address) })
+    }
+
     /// Runs a block whose registers and local data are in place.
     pub(crate) fn run(&self, block: u32, r: &mut Regs, cx: &mut Context<'_>) -> Result<(), Abort> {
-        let Some(address) = self.entries.0.get(block as usize).copied().filter(|address| !address.is_null()) else {
+        let Some(entry) = self.entry(block) else {
             return interpret(self, block, 0, &[], r, cx).map(|_| ());
         };
         let mut run = Run::new(*r, self, cx);
-        // SAFETY: the address is that of a function that `Compiler` has made with this signature for this processor, in
-        // memory that nobody can change. `run` outlives the call; its pointers are valid as long as `cx` is borrowed.
-        let answer = unsafe {
-            let entry: crate::run::Entry = std::mem::transmute(address);
-            entry(&raw mut run)
-        };
+        // SAFETY: `run` outlives the call; its pointers are valid as long as `cx` is borrowed.
+        let answer = unsafe { entry(&raw mut run) };
         *r = run.regs;
         if run.panicked {
             std::panic::resume_unwind(Box::new("a helper of compiled code has panicked"));

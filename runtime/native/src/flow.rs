@@ -28,7 +28,9 @@ pub(crate) const BR: Set = 1 << 11;
 /// Open brackets.
 pub(crate) const NEST: Set = 1 << 12;
 pub(crate) const ALL: Set = (1 << 13) - 1;
-const CHAIN: Set = FC | OR | STA;
+/// The count of statements executed; no register of the CPU.
+pub(crate) const COUNT: Set = 1 << 13;
+pub(crate) const CHAIN: Set = FC | OR | STA;
 /// What a called block's caller finds in the registers.
 pub(crate) const RESULTS: Set = A1 | A2 | AR1 | AR2 | RLO | CC | OV | BR;
 /// What an error organization block finds.
@@ -127,6 +129,13 @@ impl Env<'_> {
             How::Checked => uses | after | SEEN_BY_FAULTS,
             How::Step => uses | after | SEEN_BY_FAULTS,
         }
+    }
+
+    /// Registers that must be at hand when `op` is compiled, when `after` are needed behind it: what it looks at, and
+    /// what its code may look at in vain, but leaves as it is.
+    pub(crate) fn at_hand(&self, op: &Op, after: Set) -> Set {
+        let (all, kills) = self.uses_kills(op, ALL);
+        self.uses_kills(op, after).0 | all & after & !kills
     }
 
     fn uses_kills(&self, op: &Op, after: Set) -> (Set, Set) {

@@ -25,7 +25,7 @@ pub(crate) fn instance_bytes(plan: &Plan, block: u32) -> u32 {
 }
 
 /// A call whose block becomes part of the caller: its index, and where its instance lies.
-fn candidate(plan: &Plan, call: &Call) -> Option<(u32, Option<Db>)> {
+pub(crate) fn candidate(plan: &Plan, call: &Call) -> Option<(u32, Option<Db>)> {
     simple(plan, call).filter(|(block, instance)| leaf(plan, *block, instance.is_some()))
 }
 
@@ -191,7 +191,7 @@ impl Translation<'_, '_> {
         let ob1_cpu::engine::Op::Call { call: index } = self.body.ops[pc] else { return false };
         let call = &plan.blocks[self.block as usize].calls[index as usize];
         let Some((callee, instance)) = candidate(plan, call) else { return false };
-        self.now.uncounted += 1;
+        self.now.uncounted = self.now.uncounted.wrapping_add(1);
         self.safe_point(pc + 1);
         let base = plan.blocks[self.block as usize].local_len;
         let refs = references(call);
@@ -207,12 +207,15 @@ impl Translation<'_, '_> {
         // Behind the call AR2 is the caller's again.
         let given_back = if instance.is_some() { flow::AR2 } else { 0 };
         let end = self.body.live[pc + 1] & flow::RESULTS & !given_back;
-        let mut body = Body::new(plan, callee, entry, call.instance_bytes, end);
-        body.inlined = Some(Inlined { local: base, refs, instance: instance.map(|db| db.at.0) });
+        let uncounted = self.now.uncounted;
+        let inlined = Inlined { local: base, refs, instance: instance.map(|db| db.at.0), uncounted };
+        let mut body = Body::new(plan, callee, entry, call.instance_bytes, end, Some(inlined));
         body.ends_within();
         let outer = std::mem::replace(&mut self.body, body);
         let brackets = std::mem::take(&mut self.now.brackets);
-        let (di, ar2) = (self.now.di, self.now.ar[1]);
+        let (db, di, saved, ar2) = (self.now.db, self.now.di, self.now.saved, self.now.ar[1]);
+        let own = flow::NEST | given_back;
+        let stored = self.now.stored & own;
         let checked = self.checked.clone();
         if let Some(db) = instance {
             self.now.di = Data::Known(db);
@@ -224,7 +227,9 @@ impl Translation<'_, '_> {
         let inner = std::mem::replace(&mut self.body, outer);
         drop(inner);
         self.now.brackets = brackets;
-        self.now.di = di;
+        // It opens no data block.
+        (self.now.db, self.now.di, self.now.saved) = (db, di, saved);
+        self.now.stored = self.now.stored & !own | stored;
         if instance.is_some() {
             self.now.ar[1] = ar2;
         }

@@ -11,10 +11,12 @@ mod digest;
 mod engine;
 mod file;
 mod flow;
+mod frame;
 mod inline;
 mod place;
 mod run;
 mod translate;
+mod unsaved;
 
 pub use code::{memory_file, seal};
 pub use compile::{CompileError, Compiler, Image, Listing, Target, Tier};

@@ -39,10 +39,10 @@ pub(crate) struct Run {
 }
 
 /// The answers of helpers.
-const DONE: i32 = 0;
+pub(crate) const DONE: i32 = 0;
 /// A call was not made: an error organization block has run.
 const FAILED: i32 = 1;
-const ABORTED: i32 = -1;
+pub(crate) const ABORTED: i32 = -1;
 /// The reference has come to the end of the block; other places are numbered from 1.
 const ENDED: i32 = 0;
 
@@ -138,9 +138,26 @@ fn timer_of<'a>(cx: &'a mut Context<'static>, number: u32) -> Option<&'a mut Tim
     unsafe { timers.add(number as usize).as_mut() }
 }
 
-/// A call. Statement, safe point and count are behind it.
+/// A call, with the safe point before it. The count has it already.
 extern "C" fn call(run: *mut Run, block: u32, statement: u32) -> i32 {
-    guarded(run, |parts| make_call(parts.code, block, statement, parts.regs, parts.cx))
+    // SAFETY: compiled code hands on the pointer that `Code::run` gave it, valid until that returns, as are the pointers
+    // in it; nobody else uses what they point to meanwhile. An address of the table is that of the block's code.
+    unsafe {
+        let (hot, code) = (&mut *(*run).hot, &*(*run).code);
+        let looks = hot.pending >= hot.look_after || is_due(hot);
+        if let Some(frame) = code.frame(block, statement).filter(|frame| !looks && frame.fits(hot, &code.plan))
+            && let Some(entry) = code.entry(frame.callee)
+        {
+            return frame.call(run, &code.plan, entry);
+        }
+    }
+    guarded(run, |parts| {
+        let hot = parts.cx.hot();
+        if hot.pending >= hot.look_after || is_due(hot) {
+            parts.cx.safe_point(Caller { block, statement: statement + 1 })?;
+        }
+        make_call(parts.code, block, statement, parts.regs, parts.cx)
+    })
 }
 
 fn make_call(code: &Code, block: u32, statement: u32, r: &mut Regs, cx: &mut Context<'_>) -> Result<i32, Abort> {

@@ -222,7 +222,7 @@ impl Translation<'_, '_> {
 
     /// `)` of a bracket that was opened before a place where jumps meet.
     fn close_unknown(&mut self, rlo: Bit) {
-        let nest = self.b.use_var(self.vars.nest);
+        let nest = self.outer_nest();
         let eight = self.b.ins().iconst(types::I64, 8);
         let rest = self.b.ins().ushr(nest, eight);
         self.b.def_var(self.vars.nest, rest);

@@ -8,6 +8,7 @@ use ob1_ir::{Jump, StatusBit};
 
 use super::state::{self, Bit, State};
 use super::{Checked, Landing, Translation};
+use crate::flow;
 use crate::run::Run;
 
 /// Places whose values are kept over a safe point, at most, besides those that wait to be written.
@@ -128,7 +129,8 @@ impl Translation<'_, '_> {
     ///
     /// Memory need not have what waits for it unless somebody looks; behind the look all is read again.
     pub(crate) fn safe_point(&mut self, statement: usize) {
-        self.count();
+        let uncounted = self.body.uncounted(statement);
+        self.count(uncounted);
         let executed = self.executed();
         let look_after = self.load_state(types::I32, self.hot, offset_of!(Hot, look_after));
         let late = self.b.ins().icmp(IntCC::UnsignedGreaterThanOrEqual, executed, look_after);
@@ -146,7 +148,8 @@ impl Translation<'_, '_> {
         self.b.seal_block(early);
         self.b.switch_to_block(early);
         let flags = self.state_flags();
-        let due = self.b.ins().load(types::I8, flags, self.due, 0);
+        let due = self.load_state(types::I64, self.hot, offset_of!(Hot, due));
+        let due = self.b.ins().load(types::I8, flags, due, 0);
         self.b.ins().brif(due, looks, &[], next, &arguments);
         self.b.seal_block(looks);
         self.b.switch_to_block(looks);
@@ -157,6 +160,7 @@ impl Translation<'_, '_> {
         let answer = self.call_helper(offset_of!(Run, safe_point), block, at);
         self.abort_if(answer);
         self.take_count();
+        self.count(uncounted);
         // Others may have written.
         let again: Vec<BlockArg> = kept.iter().map(|place| BlockArg::from(self.load_place(*place))).collect();
         self.b.ins().jump(next, &again);
@@ -168,7 +172,7 @@ impl Translation<'_, '_> {
 
     /// The end of the block. It counts as the statement it is on the CPU.
     pub(crate) fn end(&mut self) {
-        self.now.uncounted += 1;
+        self.now.uncounted = self.now.uncounted.wrapping_add(1);
         if self.body.inlined.is_some() {
             self.end_inlined();
             return;
@@ -186,7 +190,7 @@ impl Translation<'_, '_> {
         let rlo = self.rlo();
         self.branch(rlo, true, |t| {
             // The statement counts as the end.
-            t.now.uncounted -= 1;
+            t.now.uncounted = t.now.uncounted.wrapping_sub(1);
             t.end();
         });
         self.now.rlo = Bit::Known(true);
@@ -201,19 +205,23 @@ impl Translation<'_, '_> {
         self.write_back();
         let live = self.body.live[pc];
         self.spill(live);
-        self.count();
-        let here = self.b.create_block();
-        self.b.ins().jump(here, &[]);
+        self.spill_data();
+        if self.body.entries[pc] {
+            self.tell_count();
+            let here = self.b.create_block();
+            self.b.ins().jump(here, &[]);
+            self.resume.push((pc as u32, self.landings.len() as u32 + 1));
+            self.landings.push(Landing { block: here, live: 0, met: None });
+            self.b.switch_to_block(here);
+            self.take_count();
+        }
         let (db, di) = (self.now.db, self.now.di);
-        self.resume.push((pc as u32, self.landings.len() as u32 + 1));
-        self.landings.push(Landing { block: here, live: 0, met: None });
-        self.b.switch_to_block(here);
-        self.now = State { db, di, uncounted: 1, ..State::variables() };
+        let (stored, uncounted) = (self.now.stored | flow::ALL, self.now.uncounted.wrapping_add(1));
+        self.now = State { db, di, saved: [true; 2], uncounted, stored, ..State::variables() };
         self.checked = Checked::default();
-        self.safe_point(pc + 1);
-        self.tell_count();
         let next = self.b.create_block();
         self.call_directly(pc, next);
+        self.tell_count();
         let (block, at) = (self.word(self.block), self.word(pc as u32));
         let answer = self.call_helper(offset_of!(Run, call), block, at);
         let other = self.b.create_block();
@@ -222,14 +230,11 @@ impl Translation<'_, '_> {
         self.b.seal_block(other);
         self.b.seal_block(next);
         self.b.switch_to_block(other);
-        // Less than 0: aborted. Else an error organization block has run, and the chain is as it was.
-        let zero = self.word(0);
-        let aborted = self.b.ins().icmp(IntCC::SignedLessThan, answer, zero);
         let behind = self.word(pc as u32 + 1);
-        self.b.ins().brif(aborted, self.abort, &[], self.leave, &[BlockArg::from(behind)]);
+        self.b.ins().jump(self.failed, &[BlockArg::from(answer), BlockArg::from(behind)]);
         self.b.switch_to_block(next);
-        self.take_count();
-        self.take_registers(pc + 1);
+        self.checked = Checked::default();
+        self.now = State { db, di, saved: [true; 2], ..State::memory() };
         self.end_chain(Bit::Known(true));
     }
 }

@@ -8,7 +8,7 @@ use std::mem::offset_of;
 use cranelift_codegen::ir::{self, InstBuilder, Type, Value, types};
 use ob1_cpu::engine::{Call, Db, Hot, OS, Op, Regs};
 
-use super::{Checked, Reference, Translation};
+use super::{Checked, Translation};
 use crate::inline::{self, INSTANCE};
 use crate::run::Run;
 
@@ -30,13 +30,16 @@ const KEPT: [(Type, usize); 12] = [
 const _: () = assert!(size_of::<Db>() == 16);
 
 impl Translation<'_, '_> {
-    /// The call at `pc`, when its block and its parameters are known at load: it goes on at `next`. What is emitted
-    /// behind this is for a block without code, and where there is no room for one more.
+    /// The call of a function block at `pc`, when the block, its instance and its parameters are known at load: it goes
+    /// on at `next`. What is emitted behind this is for a block without code, and where there is no room for one more.
     pub(crate) fn call_directly(&mut self, pc: usize, next: ir::Block) {
         let plan = self.plan;
         let Op::Call { call: index } = self.body.ops[pc] else { return };
         let call = &plan.blocks[self.block as usize].calls[index as usize];
-        let Some((callee, instance)) = inline::simple(plan, call) else { return };
+        let Some((callee, Some(instance))) = inline::simple(plan, call) else { return };
+        self.safe_point(pc + 1);
+        self.tell_count();
+        self.take_count();
         let local_len = plan.blocks[callee as usize].local_len;
         let room = inline::room_for(self, local_len, call.refs.len() as u32);
         let entries = self.load_state(types::I64, self.run, offset_of!(Run, entries));
@@ -56,16 +59,13 @@ impl Translation<'_, '_> {
         self.checked = Checked::default();
     }
 
-    fn run_directly(&mut self, call: &Call, instance: Option<Db>, local_len: u32, address: Value) {
-        if let Some(db) = instance {
-            self.copy_in(call, db);
-            self.write_back();
-        }
+    fn run_directly(&mut self, call: &Call, instance: Db, local_len: u32, address: Value) {
+        self.copy_in(call, instance);
+        self.write_back();
         let kept = KEPT.map(|(ty, at)| self.load_state(ty, self.run, Self::reg(at)));
         let tops = [offset_of!(Hot, refs_top), offset_of!(Hot, local_top), offset_of!(Hot, depth)];
         let [refs, local, depth] = tops.map(|at| self.load_state(types::I32, self.hot, at));
-        let ar2 = instance.map(|_| self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, ar2))));
-        self.put_references(call, refs);
+        let ar2 = self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, ar2)));
         let added = [call.refs.len() as u32, local_len, 1];
         for ((at, top), more) in tops.into_iter().zip([refs, local, depth]).zip(added) {
             let more = self.word(more);
@@ -92,9 +92,7 @@ impl Translation<'_, '_> {
         self.store_state(none, self.run, Self::reg(offset_of!(Regs, nest)));
         let inactive = self.b.ins().iconst(types::I8, 0);
         self.store_state(inactive, self.run, Self::reg(offset_of!(Regs, mcr_active)));
-        if let Some(db) = instance {
-            self.put_instance(db);
-        }
+        self.put_instance(instance);
         self.end_of_chain();
         let answer = self.b.ins().call_indirect(self.other, address, &[self.run]);
         let answer = self.b.inst_results(answer)[0];
@@ -105,41 +103,11 @@ impl Translation<'_, '_> {
         for (at, top) in tops.into_iter().zip([refs, local, depth]) {
             self.store_state(top, self.hot, at);
         }
-        if let Some(ar2) = ar2 {
-            self.store_state(ar2, self.run, Self::reg(offset_of!(Regs, ar2)));
-        }
+        self.store_state(ar2, self.run, Self::reg(offset_of!(Regs, ar2)));
         self.end_of_chain();
-        if let Some(db) = instance {
-            self.checked = Checked::default();
-            self.copy_out(call, db);
-            self.write_back();
-        }
-    }
-
-    /// The references to the actual parameters onto their stack, from `top` on.
-    fn put_references(&mut self, call: &Call, top: Value) {
-        let refs = inline::references(call);
-        if refs.is_empty() {
-            return;
-        }
-        let stack = self.load_state(types::I64, self.hot, offset_of!(Hot, refs));
-        let top = self.b.ins().uextend(types::I64, top);
-        let two = self.b.ins().iconst(types::I64, 2);
-        let top = self.b.ins().ishl(top, two);
-        let stack = self.b.ins().iadd(stack, top);
-        let first = self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, local)));
-        let three = self.word(3);
-        let first = self.b.ins().ishl(first, three);
-        for (index, reference) in refs.into_iter().enumerate() {
-            let value = match reference {
-                Reference::Arena(bit) => self.word(bit),
-                Reference::Local(bit) => {
-                    let bit = self.word(bit);
-                    self.b.ins().iadd(first, bit)
-                }
-            };
-            self.store_state(value, stack, 4 * index);
-        }
+        self.checked = Checked::default();
+        self.copy_out(call, instance);
+        self.write_back();
     }
 
     /// The instance of a function block is the open DI, and AR2 its beginning.

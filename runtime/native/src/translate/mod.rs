@@ -21,8 +21,8 @@ use std::collections::BTreeMap;
 use cranelift_codegen::ir::{self, AliasRegion, AliasRegionData, InstBuilder, MemFlagsData, SigRef, Value, types};
 use cranelift_frontend::{FunctionBuilder, Variable};
 use ob1_cpu::engine::{Op as PlanOp, Plan, Regs};
-use ob1_ir::{Op, Stmt};
-use ob1_model::BlockKind;
+use ob1_ir::{Op, Place, Stmt};
+use ob1_model::{Area, BlockKind};
 
 use crate::compile::Tier;
 use crate::flow::{self, Env, Facts, How, Set};
@@ -44,8 +44,6 @@ pub(crate) struct Translation<'a, 'f> {
     pub(crate) local: Value,
     /// The references to its actual parameters.
     pub(crate) refs: Value,
-    /// The flag other threads set.
-    pub(crate) due: Value,
     /// The arena is one alias region: every area can be reached through a pointer.
     pub(crate) arena_region: AliasRegion,
     /// Registers and hot state are the other.
@@ -57,15 +55,15 @@ pub(crate) struct Translation<'a, 'f> {
     pub(crate) body: Body<'a>,
     /// Index of the block in the plan.
     pub(crate) block: u32,
-    /// Registers that some statement changes.
-    pub(crate) changed: Set,
     /// Entries from the reference: where they lead and what they need.
     pub(crate) landings: Vec<Landing>,
     pub(crate) resume: Vec<Resume>,
     /// Where the reference is asked to go on; its argument is the statement.
     pub(crate) leave: ir::Block,
-    /// Where its answer is looked at.
-    pub(crate) dispatch: ir::Block,
+    /// The same when memory has the count already.
+    pub(crate) leave_counted: ir::Block,
+    /// Where a call leads that was not made, or was aborted: the answer, and the statement behind it.
+    pub(crate) failed: ir::Block,
     /// Where an abort returns.
     pub(crate) abort: ir::Block,
     pub(crate) helper: SigRef,
@@ -92,6 +90,8 @@ pub(crate) struct Checked {
     /// Bytes of the opened data blocks that can be read, and written.
     pub(crate) db: [u32; 2],
     pub(crate) di: [u32; 2],
+    /// First byte, length and writable length in the registers DB and DI, as memory has them.
+    pub(crate) data: [[Option<Value>; 3]; 2],
     /// The instance's first byte.
     pub(crate) instance: Option<Value>,
     /// References to actual parameters that are no pointers.
@@ -114,6 +114,10 @@ pub(crate) struct Body<'a> {
     pub(crate) loops: Vec<bool>,
     /// Places whose values all ways know that lead to a statement so far.
     pub(crate) meeting: Vec<Option<Vec<cache::Place>>>,
+    /// Registers that memory may not have where jumps meet.
+    pub(crate) unsaved: Vec<Set>,
+    /// Statements where compiled code can be entered from the reference.
+    pub(crate) entries: Vec<bool>,
     /// Set when the block has become part of its caller.
     pub(crate) inlined: Option<Inlined>,
     pub(crate) instance_bytes: u32,
@@ -128,6 +132,8 @@ pub(crate) struct Inlined {
     pub(crate) refs: Vec<Reference>,
     /// Its instance in the arena: first byte.
     pub(crate) instance: Option<u32>,
+    /// What the count of the function has not counted at its first statement.
+    pub(crate) uncounted: u32,
 }
 
 /// An actual parameter that is known when the call is translated.
@@ -140,24 +146,46 @@ pub(crate) enum Reference {
 }
 
 impl<'a> Body<'a> {
-    pub(crate) fn new(plan: &'a Plan, block: u32, entry: Facts, instance_bytes: u32, end: Set) -> Self {
+    pub(crate) fn new(
+        plan: &'a Plan,
+        block: u32,
+        entry: Facts,
+        instance_bytes: u32,
+        end: Set,
+        inlined: Option<Inlined>,
+    ) -> Self {
         let code = &plan.blocks[block as usize];
         let mcr = code.stmts.iter().any(|s| matches!(s.op, Op::McrActivate));
         let env = Env { plan, mcr, end };
         let marks = flow::targets(&code.stmts);
+        let loops = flow::loops(&code.stmts);
+        let is_inlined = |pc: usize| match code.ops[pc] {
+            PlanOp::Call { call } => crate::inline::candidate(plan, &code.calls[call as usize]).is_some(),
+            _ => false,
+        };
+        let calls = |pc: usize| matches!(code.stmts[pc].op, Op::Call(_)) && !is_inlined(pc);
+        let unsaved = if inlined.is_some() { flow::ALL & !flow::NEST } else { 0 };
         Self {
+            unsaved: crate::unsaved::unsaved(&code.stmts, unsaved, &marks, &env, &is_inlined),
+            entries: entries(&marks, &loops, &calls),
             live: flow::liveness(&code.stmts, &env),
             facts: flow::facts(&code.stmts, entry, &marks, &env),
             starts: vec![None; code.stmts.len() + 1],
-            loops: flow::loops(&code.stmts),
+            loops,
             meeting: vec![None; code.stmts.len() + 1],
             stmts: &code.stmts,
             ops: &code.ops,
             env,
             marks,
-            inlined: None,
+            inlined,
             instance_bytes,
         }
+    }
+
+    /// What the variable does not count at statement `pc` where jumps meet: it grows with the statements, so that most
+    /// ways there have nothing to add.
+    pub(crate) fn uncounted(&self, pc: usize) -> u32 {
+        self.inlined.as_ref().map_or(0, |inlined| inlined.uncounted) + pc as u32
     }
 
     /// Ends within the block meet at its end.
@@ -171,6 +199,21 @@ impl<'a> Body<'a> {
             self.facts[end] = None;
         }
     }
+}
+
+/// Statements between two entries from the reference, at least; those that jumps lead back to are always entries.
+const BETWEEN: usize = 64;
+
+/// Where compiled code can be entered from the reference. Each entry costs code, and is used behind a failed check only.
+fn entries(marks: &[bool], loops: &[bool], calls: &dyn Fn(usize) -> bool) -> Vec<bool> {
+    let end = marks.len() - 1;
+    let mut next = BETWEEN;
+    let entry = |pc: usize| {
+        let is = loops[pc] || pc >= next && pc < end && (marks[pc] || calls(pc));
+        next = if is { pc + BETWEEN } else { next };
+        is
+    };
+    (0..marks.len()).map(entry).collect()
 }
 
 /// What a function is made of besides its code.
@@ -200,14 +243,14 @@ pub(crate) fn translate(
     b.append_block_params_for_function_params(entry);
     b.switch_to_block(entry);
     let run = b.block_params(entry)[0];
-    let [leave, dispatch, abort] = [(); 3].map(|()| b.create_block());
-    for cold in [leave, dispatch, abort] {
+    let [leave, leave_counted, failed, abort] = [(); 4].map(|()| b.create_block());
+    for cold in [leave, leave_counted, failed, abort] {
         b.set_cold_block(cold);
     }
     let facts = Facts { fc: Some(false), or: Some(false), ..Facts::NONE };
     // Nobody sees the registers of an organization block at its end.
     let end = if plan.blocks[block as usize].id.kind == BlockKind::Ob { 0 } else { flow::RESULTS };
-    let body = Body::new(plan, block, facts, crate::inline::instance_bytes(plan, block), end);
+    let body = Body::new(plan, block, facts, crate::inline::instance_bytes(plan, block), end, None);
     let unknown = b.ins().iconst(types::I64, 0);
     let mut t = Translation {
         b,
@@ -218,18 +261,17 @@ pub(crate) fn translate(
         arena: unknown,
         local: unknown,
         refs: unknown,
-        due: unknown,
         arena_region,
         state_region,
-        now: State::variables(),
+        now: State::memory(),
         checked: Checked::default(),
-        changed: spill::changed(plan, block),
         body,
         block,
         landings: Vec::new(),
         resume: Vec::new(),
         leave,
-        dispatch,
+        leave_counted,
+        failed,
         abort,
         helper,
         other,
@@ -247,30 +289,49 @@ pub(crate) fn translate(
     Made { resume }
 }
 
+/// Whether a block reaches its local data, and references to actual parameters. Blocks that are part of it lie behind
+/// its local data.
+fn touches(plan: &Plan, block: u32) -> (bool, bool) {
+    let code = &plan.blocks[block as usize];
+    let (mut local, mut refs) = (false, false);
+    for stmt in &code.stmts {
+        local |= matches!(stmt.op, Op::Call(_));
+        stmt.op.places(&mut |place, _| match place {
+            Place::Param { .. } => refs = true,
+            Place::Fixed(Area::Local, _) | Place::Register(..) => local = true,
+            Place::Memory(area, pointer) => local |= area == Area::Local || pointer.area == Area::Local,
+            _ => {}
+        });
+    }
+    (local, refs)
+}
+
 impl Translation<'_, '_> {
     /// The entry: pointers, and the registers that are needed.
     fn enter(&mut self) {
         use std::mem::offset_of;
         self.hot = self.load_pointer(self.run, offset_of!(Run, hot));
         self.arena = self.load_pointer(self.hot, offset_of!(ob1_cpu::engine::Hot, arena));
-        self.due = self.load_pointer(self.hot, offset_of!(ob1_cpu::engine::Hot, due));
-        let local = self.load_state(types::I32, self.run, offset_of!(Run, regs) + offset_of!(Regs, local));
-        let local = self.b.ins().uextend(types::I64, local);
-        self.local = self.b.ins().iadd(self.arena, local);
-        let refs = self.load_pointer(self.hot, offset_of!(ob1_cpu::engine::Hot, refs));
-        let first = self.load_state(types::I32, self.run, offset_of!(Run, regs) + offset_of!(Regs, refs));
-        let first = self.b.ins().uextend(types::I64, first);
-        let two = self.b.ins().iconst(types::I64, 2);
-        let first = self.b.ins().ishl(first, two);
-        self.refs = self.b.ins().iadd(refs, first);
+        let (local, refs) = touches(self.plan, self.block);
+        if local {
+            let local = self.load_state(types::I32, self.run, offset_of!(Run, regs) + offset_of!(Regs, local));
+            let local = self.b.ins().uextend(types::I64, local);
+            self.local = self.b.ins().iadd(self.arena, local);
+        }
+        if refs {
+            let refs = self.load_pointer(self.hot, offset_of!(ob1_cpu::engine::Hot, refs));
+            let first = self.load_state(types::I32, self.run, offset_of!(Run, regs) + offset_of!(Regs, refs));
+            let first = self.b.ins().uextend(types::I64, first);
+            let two = self.b.ins().iconst(types::I64, 2);
+            let first = self.b.ins().ishl(first, two);
+            self.refs = self.b.ins().iadd(refs, first);
+        }
         if let Some(room) = crate::inline::room(self) {
             self.leave_for_good_unless(room);
         }
         let executed = self.load_state(types::I32, self.hot, offset_of!(ob1_cpu::engine::Hot, pending));
         self.b.def_var(self.vars.executed, executed);
-        let live = self.body.live[0];
-        self.reload(live);
-        self.reload_data();
+        self.now.stored &= !flow::COUNT;
         self.now.fc = Bit::Known(false);
         self.now.or = Bit::Known(false);
     }
@@ -324,7 +385,15 @@ impl Translation<'_, '_> {
         let facts = self.body.facts[pc].unwrap_or(Facts::NONE);
         let bit = |known: Option<bool>| known.map_or(Bit::Var, Bit::Known);
         let data = |known: Option<u16>| known.map_or(Data::Var, |n| self.known_data(n));
-        State { fc: bit(facts.fc), or: bit(facts.or), db: data(facts.db), di: data(facts.di), ..State::variables() }
+        State {
+            fc: bit(facts.fc),
+            or: bit(facts.or),
+            db: data(facts.db),
+            di: data(facts.di),
+            stored: flow::ALL & !self.body.unsaved[pc],
+            uncounted: self.body.uncounted(pc),
+            ..State::variables()
+        }
     }
 
     /// The code of statement `pc`, which jumps lead to. The reference can go on there, too.
@@ -334,7 +403,7 @@ impl Translation<'_, '_> {
         }
         let block = self.b.create_block();
         self.body.starts[pc] = Some(block);
-        if self.body.inlined.is_none() {
+        if self.body.inlined.is_none() && self.body.entries[pc] {
             self.landing(pc, block);
         }
         block
@@ -349,7 +418,7 @@ impl Translation<'_, '_> {
             self.b.set_srcloc(ir::SourceLoc::new(pc as u32));
         }
         if !matches!(op, Op::Call(_)) {
-            self.now.uncounted += 1;
+            self.now.uncounted = self.now.uncounted.wrapping_add(1);
         }
         match self.body.env.how(op) {
             How::Call => {
@@ -367,6 +436,12 @@ impl Translation<'_, '_> {
     }
 
     fn compiled(&mut self, op: &Op, pc: usize) -> bool {
+        // What grows with each statement is read although it is not looked at.
+        let grows = self.wanted & crate::unsaved::changes(op) & flow::OS;
+        let uses = self.body.env.at_hand(op, self.wanted);
+        if !matches!(op, Op::End) {
+            self.need(uses | grows);
+        }
         match op {
             Op::Jump(on, to) => return self.jump(*on, *to as usize, pc),
             Op::Loop(to) => self.count_down(*to as usize, pc),
@@ -376,7 +451,7 @@ impl Translation<'_, '_> {
             }
             Op::End => {
                 // The end counts itself.
-                self.now.uncounted -= 1;
+                self.now.uncounted = self.now.uncounted.wrapping_sub(1);
                 self.end();
                 return false;
             }

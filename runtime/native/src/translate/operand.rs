@@ -99,28 +99,22 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// Opens a data block of the program: memory always has what the registers hold.
+    /// Opens a data block of the program. Memory gets it where somebody looks.
     pub(crate) fn open(&mut self, which: Which, number: u16) {
         let data = self.known_data(number);
-        let (place, checked, at) = match which {
-            Which::Db => (&mut self.now.db, &mut self.checked.db, offset_of!(Regs, db)),
-            Which::Di => (&mut self.now.di, &mut self.checked.di, offset_of!(Regs, di)),
+        let (place, checked) = match which {
+            Which::Db => (&mut self.now.db, &mut self.checked.db),
+            Which::Di => (&mut self.now.di, &mut self.checked.di),
         };
         if *place == data {
             return;
         }
         *place = data;
         *checked = [0; 2];
+        self.now.saved[which as usize] = false;
+        self.checked.data[which as usize] = [None; 3];
         if which == Which::Di {
             self.checked.instance = None;
-        }
-        let Data::Known(db) = data else { return };
-        let first = u64::from(db.at.0) | u64::from(db.len) << 32;
-        let second = u64::from(db.writable) | u64::from(db.number) << 32;
-        let at = Self::reg(at);
-        for (value, at) in [(first, at), (second, at + 8)] {
-            let v = self.b.ins().iconst(types::I64, value as i64);
-            self.store_state(v, self.run, at);
         }
     }
 
@@ -128,10 +122,7 @@ impl Translation<'_, '_> {
     fn in_data(&mut self, which: Which, at: u32, bits: u32, write: bool, pc: usize) -> Spot {
         let bit = BitAt::Known((at % 8) as u8);
         let end = at / 8 + bits.div_ceil(8);
-        let (data, vars) = match which {
-            Which::Db => (self.now.db, self.vars.db),
-            Which::Di => (self.now.di, self.vars.di),
-        };
+        let data = if which == Which::Db { self.now.db } else { self.now.di };
         if let Data::Known(db) = data {
             if end > if write { db.writable } else { db.len } {
                 self.never(pc);
@@ -145,7 +136,7 @@ impl Translation<'_, '_> {
             Which::Di => self.checked.di[how],
         };
         if known < end {
-            let room = self.b.use_var(vars[1 + how]);
+            let room = self.data_part(which, 1 + how);
             let end_value = self.word(end);
             let short = self.b.ins().icmp(IntCC::UnsignedLessThan, room, end_value);
             self.leave_if(short, pc);
@@ -157,9 +148,21 @@ impl Translation<'_, '_> {
             checked[how] = checked[how].max(end);
             checked[0] = checked[0].max(end);
         }
-        let first = self.b.use_var(vars[0]);
+        let first = self.data_part(which, 0);
         let base = self.arena_at(first);
         Spot { base, offset: at / 8, bit }
+    }
+
+    /// First byte (0), length (1) or writable length (2) of a data block register, as memory has it.
+    fn data_part(&mut self, which: Which, part: usize) -> Value {
+        if let Some(known) = self.checked.data[which as usize][part] {
+            return known;
+        }
+        let register = if which == Which::Db { offset_of!(Regs, db) } else { offset_of!(Regs, di) };
+        let at = [offset_of!(Db, at), offset_of!(Db, len), offset_of!(Db, writable)][part];
+        let v = self.load_state(types::I32, self.run, Self::reg(register) + at);
+        self.checked.data[which as usize][part] = Some(v);
+        v
     }
 
     /// Address of a byte of the arena.
@@ -244,13 +247,9 @@ impl Translation<'_, '_> {
 
     /// First byte and length of an opened data block.
     fn data_values(&mut self, which: Which, write: bool) -> (Value, Value) {
-        let (data, vars) = match which {
-            Which::Db => (self.now.db, self.vars.db),
-            Which::Di => (self.now.di, self.vars.di),
-        };
-        match data {
+        match if which == Which::Db { self.now.db } else { self.now.di } {
             Data::Known(db) => (self.word(db.at.0), self.word(if write { db.writable } else { db.len })),
-            Data::Var => (self.b.use_var(vars[0]), self.b.use_var(vars[1 + usize::from(write)])),
+            Data::Var => (self.data_part(which, 0), self.data_part(which, 1 + usize::from(write))),
         }
     }
 

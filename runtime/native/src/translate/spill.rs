@@ -2,45 +2,21 @@
 
 use std::mem::offset_of;
 
-use cranelift_codegen::ir::{self, BlockArg, InstBuilder, JumpTableData, Value, types};
-use ob1_cpu::engine::{BR, Db, Hot, OS, OV, Plan, Regs};
-use ob1_ir::Op;
+use cranelift_codegen::ir::{self, BlockArg, InstBuilder, JumpTableData, Value, condcodes::IntCC, types};
+use ob1_cpu::engine::{BR, Hot, OS, OV, Regs};
 
 use super::state::{self, Accu, Bit, Cc, Data, Reg, State};
 use super::{Checked, Landing, Translation};
 use crate::flow::{self, Facts, Set};
 use crate::run::Run;
 
-/// Registers that some statement of a block changes; the others stay in memory as they are.
-pub(crate) fn changed(plan: &Plan, block: u32) -> Set {
-    let code = &plan.blocks[block as usize];
-    // An inlined block may change all of its results.
-    if code.stmts.iter().any(|s| matches!(s.op, Op::Call(_))) {
-        return flow::ALL;
-    }
-    let mut set =
-        flow::RLO | flow::FC | flow::OR | flow::STA | flow::A1 | flow::A2 | flow::CC | flow::OV | flow::OS | flow::BR;
-    for stmt in &code.stmts {
-        set |= match &stmt.op {
-            Op::LoadAr(_)
-            | Op::LoadArConst(..)
-            | Op::LoadArFrom(..)
-            | Op::CopyAr1ToAr2
-            | Op::CopyAr2ToAr1
-            | Op::ExchangeArs
-            | Op::AddAr(_)
-            | Op::AddArConst(..) => flow::AR1 | flow::AR2,
-            Op::Open { .. } => flow::NEST,
-            _ => 0,
-        };
-    }
-    set
-}
+/// Bits of the status word that lie in one word of memory.
+const FLAGS: Set = flow::CC | flow::OV | flow::OS | flow::BR;
 
 impl Translation<'_, '_> {
-    /// Writes the registers of `set` that have changed to memory.
+    /// Writes the registers of `set` to memory that it does not have.
     pub(crate) fn spill(&mut self, set: Set) {
-        let set = set & self.changed;
+        let set = set & !self.in_memory();
         for (i, (bit, at)) in
             [(flow::A1, offset_of!(Regs, a1)), (flow::A2, offset_of!(Regs, a2))].into_iter().enumerate()
         {
@@ -69,7 +45,7 @@ impl Translation<'_, '_> {
                 self.store_state(v, self.run, Self::reg(at));
             }
         }
-        if set & (flow::CC | flow::OV | flow::OS | flow::BR) != 0 {
+        if set & FLAGS != 0 {
             let v = self.flags_word(set);
             self.store_state(v, self.run, Self::reg(offset_of!(Regs, flags)));
         }
@@ -79,10 +55,59 @@ impl Translation<'_, '_> {
         }
     }
 
-    /// The flags of `set` in their places of the status word; the others 0: nobody sees them.
+    /// Registers whose values memory has.
+    fn in_memory(&self) -> Set {
+        let now = &self.now;
+        let fresh = |bit: Set| now.fresh[bit.trailing_zeros() as usize];
+        let kept = |bit: Set, value: Option<Value>| value.is_some() && fresh(bit) == value;
+        let mut set = 0;
+        for (i, bit) in [flow::A1, flow::A2].into_iter().enumerate() {
+            let is = match now.a[i] {
+                Accu::Var => now.stored & bit != 0,
+                Accu::Full(v) => kept(bit, Some(v)),
+                _ => false,
+            };
+            set |= if is { bit } else { 0 };
+        }
+        for (i, bit) in [flow::AR1, flow::AR2].into_iter().enumerate() {
+            let is = match now.ar[i] {
+                Reg::Var => now.stored & bit != 0,
+                Reg::Val(v) => kept(bit, Some(v)),
+                Reg::Known(_) => false,
+            };
+            set |= if is { bit } else { 0 };
+        }
+        for (value, bit) in [
+            (now.rlo, flow::RLO),
+            (now.fc, flow::FC),
+            (now.or, flow::OR),
+            (now.sta, flow::STA),
+            (now.ov, flow::OV),
+            (now.os, flow::OS),
+            (now.br, flow::BR),
+        ] {
+            let is = match value {
+                Bit::Var => now.stored & bit != 0,
+                Bit::Val(v) => kept(bit, Some(v)),
+                _ => false,
+            };
+            set |= if is { bit } else { 0 };
+        }
+        let is = match now.cc {
+            Cc::Var => now.stored & flow::CC != 0,
+            Cc::Word(v) => kept(flow::CC, Some(v)),
+            _ => false,
+        };
+        set |= if is { flow::CC } else { 0 };
+        set | if now.brackets.is_empty() { now.stored & flow::NEST } else { 0 }
+    }
+
+    /// The flags of `set` in their places of the status word, with those that memory has.
     fn flags_word(&mut self, set: Set) -> Value {
         let mut parts = Vec::new();
+        let mut replaced = 0;
         if set & flow::CC != 0 {
+            replaced |= ob1_cpu::engine::CC1 | ob1_cpu::engine::CC0;
             parts.push(state::word(self.now.cc, self.vars.cc, &mut self.b));
         }
         for (bit, value, var, mask) in [
@@ -91,9 +116,15 @@ impl Translation<'_, '_> {
             (flow::BR, self.now.br, self.vars.br, BR),
         ] {
             if set & bit != 0 {
+                replaced |= mask;
                 let value = self.read_bit(value, var);
                 parts.push(state::placed(value, mask, &mut self.b));
             }
+        }
+        if self.in_memory() & FLAGS != 0 {
+            let before = self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, flags)));
+            let rest = self.word(!replaced);
+            parts.push(self.b.ins().band(before, rest));
         }
         let mut word = parts.pop().unwrap_or_else(|| self.word(0));
         for part in parts {
@@ -102,9 +133,19 @@ impl Translation<'_, '_> {
         word
     }
 
+    /// Brackets opened before the last place where jumps meet.
+    pub(crate) fn outer_nest(&mut self) -> Value {
+        if self.now.stored & flow::NEST != 0 {
+            let v = self.load_state(types::I64, self.run, Self::reg(offset_of!(Regs, nest)));
+            self.b.def_var(self.vars.nest, v);
+            self.now.stored &= !flow::NEST;
+        }
+        self.b.use_var(self.vars.nest)
+    }
+
     /// Open brackets as memory has them.
     pub(crate) fn nest(&mut self) -> Value {
-        let mut nest = self.b.use_var(self.vars.nest);
+        let mut nest = self.outer_nest();
         for bracket in self.now.brackets.clone() {
             let eight = self.b.ins().iconst(types::I64, 8);
             nest = self.b.ins().ishl(nest, eight);
@@ -123,22 +164,25 @@ impl Translation<'_, '_> {
         nest
     }
 
-    /// Reads the registers of `set` from memory into values.
-    pub(crate) fn reload(&mut self, set: Set) {
+    /// Reads those registers of `set` into values that only memory has.
+    pub(crate) fn need(&mut self, set: Set) {
+        let set = set & self.now.stored;
         for (i, (bit, at)) in
             [(flow::A1, offset_of!(Regs, a1)), (flow::A2, offset_of!(Regs, a2))].into_iter().enumerate()
         {
-            if set & bit != 0 {
+            if set & bit != 0 && self.now.a[i] == Accu::Var {
                 let v = self.load_state(types::I32, self.run, Self::reg(at));
                 self.now.a[i] = Accu::Full(v);
+                self.is_fresh(bit, v);
             }
         }
         for (i, (bit, at)) in
             [(flow::AR1, offset_of!(Regs, ar1)), (flow::AR2, offset_of!(Regs, ar2))].into_iter().enumerate()
         {
-            if set & bit != 0 {
+            if set & bit != 0 && self.now.ar[i] == Reg::Var {
                 let v = self.load_state(types::I32, self.run, Self::reg(at));
                 self.now.ar[i] = Reg::Val(v);
+                self.is_fresh(bit, v);
             }
         }
         for (bit, at) in [
@@ -147,68 +191,79 @@ impl Translation<'_, '_> {
             (flow::OR, offset_of!(Regs, or)),
             (flow::STA, offset_of!(Regs, sta)),
         ] {
-            if set & bit != 0 {
+            if set & bit != 0 && *self.bit_place(bit) == Bit::Var {
                 let v = self.load_state(types::I8, self.run, Self::reg(at));
-                let place = match bit {
-                    flow::RLO => &mut self.now.rlo,
-                    flow::FC => &mut self.now.fc,
-                    flow::OR => &mut self.now.or,
-                    _ => &mut self.now.sta,
-                };
-                *place = Bit::Val(v);
+                *self.bit_place(bit) = Bit::Val(v);
+                self.is_fresh(bit, v);
             }
         }
-        if set & (flow::CC | flow::OV | flow::OS | flow::BR) != 0 {
+        if set & flow::CC != 0 && self.now.cc == Cc::Var {
             let word = self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, flags)));
-            if set & flow::CC != 0 {
-                let mask = self.word(ob1_cpu::engine::CC1 | ob1_cpu::engine::CC0);
-                let cc = self.b.ins().band(word, mask);
-                self.now.cc = Cc::Word(cc);
-            }
-            for (bit, mask) in [(flow::OV, OV), (flow::OS, OS), (flow::BR, BR)] {
-                if set & bit != 0 {
-                    let shift = self.word(mask.trailing_zeros());
-                    let v = self.b.ins().ushr(word, shift);
-                    let one = self.word(1);
-                    let v = self.b.ins().band(v, one);
-                    let v = self.b.ins().ireduce(types::I8, v);
-                    let place = match bit {
-                        flow::OV => &mut self.now.ov,
-                        flow::OS => &mut self.now.os,
-                        _ => &mut self.now.br,
-                    };
-                    *place = Bit::Val(v);
-                }
-            }
+            let mask = self.word(ob1_cpu::engine::CC1 | ob1_cpu::engine::CC0);
+            let cc = self.b.ins().band(word, mask);
+            self.now.cc = Cc::Word(cc);
+            self.is_fresh(flow::CC, cc);
         }
-        if set & flow::NEST != 0 {
-            let v = self.load_state(types::I64, self.run, Self::reg(offset_of!(Regs, nest)));
-            self.b.def_var(self.vars.nest, v);
-            self.now.brackets.clear();
+        for (bit, mask) in [(flow::OV, OV), (flow::OS, OS), (flow::BR, BR)] {
+            if set & bit != 0 && *self.bit_place(bit) == Bit::Var {
+                let word = self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, flags)));
+                let shift = self.word(mask.trailing_zeros());
+                let v = self.b.ins().ushr(word, shift);
+                let one = self.word(1);
+                let v = self.b.ins().band(v, one);
+                let v = self.b.ins().ireduce(types::I8, v);
+                *self.bit_place(bit) = Bit::Val(v);
+                self.is_fresh(bit, v);
+            }
         }
     }
 
-    /// Reads the data block registers from memory.
-    pub(crate) fn reload_data(&mut self) {
-        for (at, vars) in [(offset_of!(Regs, db), self.vars.db), (offset_of!(Regs, di), self.vars.di)] {
-            let parts = [offset_of!(Db, at), offset_of!(Db, len), offset_of!(Db, writable)];
-            for (part, var) in parts.into_iter().zip(vars) {
-                let v = self.load_state(types::I32, self.run, Self::reg(at) + part);
-                self.b.def_var(var, v);
+    const fn bit_place(&mut self, bit: Set) -> &mut Bit {
+        match bit {
+            flow::RLO => &mut self.now.rlo,
+            flow::FC => &mut self.now.fc,
+            flow::OR => &mut self.now.or,
+            flow::STA => &mut self.now.sta,
+            flow::OV => &mut self.now.ov,
+            flow::OS => &mut self.now.os,
+            _ => &mut self.now.br,
+        }
+    }
+
+    const fn is_fresh(&mut self, bit: Set, v: Value) {
+        self.now.fresh[bit.trailing_zeros() as usize] = Some(v);
+    }
+
+    /// Writes the data block registers to memory when it does not have them.
+    pub(crate) fn spill_data(&mut self) {
+        for (i, (data, at)) in
+            [(self.now.db, offset_of!(Regs, db)), (self.now.di, offset_of!(Regs, di))].into_iter().enumerate()
+        {
+            let Data::Known(db) = data else { continue };
+            if std::mem::replace(&mut self.now.saved[i], true) {
+                continue;
+            }
+            let first = u64::from(db.at.0) | u64::from(db.len) << 32;
+            let second = u64::from(db.writable) | u64::from(db.number) << 32;
+            for (value, part) in [(first, 0), (second, 8)] {
+                let v = self.b.ins().iconst(types::I64, value as i64);
+                self.store_state(v, self.run, Self::reg(at) + part);
             }
         }
-        self.now.db = Data::Var;
-        self.now.di = Data::Var;
-        self.checked.db = [0; 2];
-        self.checked.di = [0; 2];
-        self.checked.instance = None;
     }
 
     /// Puts the registers that statement `pc` needs into their variables: jumps meet there.
     pub(crate) fn flush(&mut self, pc: usize) {
         self.write_back();
-        let live = self.body.live[pc];
         let facts = self.body.facts[pc].unwrap_or(Facts::NONE);
+        let live = self.body.live[pc];
+        debug_assert_eq!(
+            live & !self.body.unsaved[pc] & !self.in_memory() & !(flow::FC | flow::OR),
+            0,
+            "what memory does not have is carried on"
+        );
+        let live = live & self.body.unsaved[pc];
+        self.need(live);
         for (i, bit) in [flow::A1, flow::A2].into_iter().enumerate() {
             if live & bit != 0 && self.now.a[i] != Accu::Var {
                 let v = state::full(self.now.a[i], self.vars.a[i], &mut self.b);
@@ -240,33 +295,40 @@ impl Translation<'_, '_> {
             let v = state::word(self.now.cc, self.vars.cc, &mut self.b);
             self.b.def_var(self.vars.cc, v);
         }
-        if live & flow::NEST != 0 && !self.now.brackets.is_empty() {
+        if live & flow::NEST != 0 {
             let v = self.nest();
             self.b.def_var(self.vars.nest, v);
         }
-        for (data, vars, known) in [(self.now.db, self.vars.db, facts.db), (self.now.di, self.vars.di, facts.di)] {
-            if let (Data::Known(db), None) = (data, known) {
-                for (value, var) in [db.at.0, db.len, db.writable].into_iter().zip(vars) {
-                    let v = self.word(value);
-                    self.b.def_var(var, v);
-                }
-            }
+        // A block that is part of another opens none.
+        if self.body.inlined.is_none() {
+            let unknown = [facts.db.is_none(), facts.di.is_none()];
+            let saved = self.now.saved;
+            self.now.saved = [saved[0] || !unknown[0], saved[1] || !unknown[1]];
+            self.spill_data();
+            self.now.saved = [saved[0] || unknown[0], saved[1] || unknown[1]];
         }
         self.send_places(pc);
-        self.count();
+        let uncounted = self.body.uncounted(pc);
+        self.count(uncounted);
     }
 
-    /// The variable counts every statement up to here.
-    pub(crate) fn count(&mut self) {
-        if self.now.uncounted > 0 {
+    /// The variable counts all but `uncounted` of the statements up to here.
+    pub(crate) fn count(&mut self, uncounted: u32) {
+        if self.now.uncounted != uncounted || self.now.stored & flow::COUNT != 0 {
+            self.now.uncounted = self.now.uncounted.wrapping_sub(uncounted);
             let executed = self.executed();
             self.b.def_var(self.vars.executed, executed);
-            self.now.uncounted = 0;
+            self.now.uncounted = uncounted;
         }
     }
 
     /// Statements executed, those that the variable does not count yet included.
     pub(crate) fn executed(&mut self) -> Value {
+        if self.now.stored & flow::COUNT != 0 {
+            self.now.stored &= !flow::COUNT;
+            let executed = self.load_state(types::I32, self.hot, offset_of!(Hot, pending));
+            self.b.def_var(self.vars.executed, executed);
+        }
         let executed = self.b.use_var(self.vars.executed);
         if self.now.uncounted == 0 {
             return executed;
@@ -277,14 +339,16 @@ impl Translation<'_, '_> {
 
     /// Tells memory how many statements were executed.
     pub(crate) fn tell_count(&mut self) {
+        if self.now.stored & flow::COUNT != 0 && self.now.uncounted == 0 {
+            return;
+        }
         let executed = self.executed();
         self.store_state(executed, self.hot, offset_of!(Hot, pending));
     }
 
-    /// The count as memory has it, behind a helper.
-    pub(crate) fn take_count(&mut self) {
-        let executed = self.load_state(types::I32, self.hot, offset_of!(Hot, pending));
-        self.b.def_var(self.vars.executed, executed);
+    /// The count is as memory has it, behind a helper.
+    pub(crate) const fn take_count(&mut self) {
+        self.now.stored |= flow::COUNT;
         self.now.uncounted = 0;
     }
 
@@ -324,9 +388,10 @@ impl Translation<'_, '_> {
         debug_assert!(self.body.inlined.is_none(), "what can fail is not inlined");
         self.write_back();
         self.spill(self.body.live[pc]);
+        self.spill_data();
         // The statement itself is counted by the reference.
-        self.now.uncounted = self.now.uncounted.saturating_sub(1);
-        self.tell_count();
+        self.now.uncounted = self.now.uncounted.wrapping_sub(1);
+        self.count(pc as u32);
         let at = self.word(pc as u32);
         self.b.ins().jump(self.leave, &[BlockArg::from(at)]);
     }
@@ -351,31 +416,20 @@ impl Translation<'_, '_> {
         self.write_back();
         let live = self.body.live[pc];
         self.spill(live);
+        self.spill_data();
         self.tell_count();
         let (block, at) = (self.word(self.block), self.word(pc as u32));
         let answer = self.call_helper(offset_of!(Run, step), block, at);
         self.abort_if(answer);
-        self.take_count();
-        self.take_registers(pc + 1);
-    }
-
-    /// Registers as memory has them, before statement `pc`.
-    pub(crate) fn take_registers(&mut self, pc: usize) {
-        let (db, di) = (self.now.db, self.now.di);
-        self.now = State { uncounted: self.now.uncounted, ..State::variables() };
+        self.now = State::memory();
         self.checked = Checked::default();
-        self.reload(self.body.live[pc]);
-        self.reload_data();
-        // A call gives the data block registers back.
-        if pc > 0 && matches!(self.body.stmts[pc - 1].op, Op::Call(_)) {
-            (self.now.db, self.now.di) = (db, di);
-        }
     }
 
     /// The reference can go on at statement `pc`, whose code is `block`.
     pub(crate) fn landing(&mut self, pc: usize, block: ir::Block) {
         self.resume.push((pc as u32, self.landings.len() as u32 + 1));
-        self.landings.push(Landing { block, live: self.body.live[pc], met: Some(pc) });
+        let live = self.body.live[pc] & self.body.unsaved[pc];
+        self.landings.push(Landing { block, live, met: Some(pc) });
     }
 
     /// The ways back from the reference, and the way out of an abort.
@@ -383,12 +437,41 @@ impl Translation<'_, '_> {
         self.b.set_srcloc(ir::SourceLoc::default());
         let at = self.b.append_block_param(self.leave, types::I32);
         self.b.switch_to_block(self.leave);
+        // The variable counts all but the statements before.
+        let counted = self.b.use_var(self.vars.executed);
+        let executed = self.b.ins().iadd(counted, at);
+        self.store_state(executed, self.hot, offset_of!(Hot, pending));
+        self.b.ins().jump(self.leave_counted, &[BlockArg::from(at)]);
+
+        let answer = self.b.append_block_param(self.failed, types::I32);
+        let behind = self.b.append_block_param(self.failed, types::I32);
+        self.b.switch_to_block(self.failed);
+        // Less than 0: aborted. Else an error organization block has run, and the chain is as it was.
+        let zero = self.word(0);
+        let aborted = self.b.ins().icmp(IntCC::SignedLessThan, answer, zero);
+        self.b.ins().brif(aborted, self.abort, &[], self.leave_counted, &[BlockArg::from(behind)]);
+
+        let at = self.b.append_block_param(self.leave_counted, types::I32);
+        self.b.switch_to_block(self.leave_counted);
         let block = self.word(self.block);
         let answer = self.call_helper(offset_of!(Run, leave), block, at);
-        self.b.ins().jump(self.dispatch, &[BlockArg::from(answer)]);
+        if self.landings.is_empty() {
+            // It has come to the end, or was aborted.
+            self.b.ins().return_(&[answer]);
+        } else {
+            self.dispatch(answer);
+        }
 
-        let answer = self.b.append_block_param(self.dispatch, types::I32);
-        self.b.switch_to_block(self.dispatch);
+        self.b.switch_to_block(self.abort);
+        let aborted = self.word(u32::MAX);
+        self.b.ins().return_(&[aborted]);
+    }
+
+    /// To the entry with this number.
+    fn dispatch(&mut self, answer: Value) {
+        let dispatch = self.b.create_block();
+        self.b.set_cold_block(dispatch);
+        self.b.ins().jump(dispatch, &[]);
         // Number 0: the reference has come to the end.
         let ended = self.b.create_block();
         self.b.set_cold_block(ended);
@@ -400,7 +483,7 @@ impl Translation<'_, '_> {
             calls.push(call);
             self.land(landing, &to);
         }
-        self.b.switch_to_block(self.dispatch);
+        self.b.switch_to_block(dispatch);
         let table = JumpTableData::new(self.b.func.dfg.block_call(self.abort, &[]), &calls);
         let table = self.b.create_jump_table(table);
         self.b.ins().br_table(answer, table);
@@ -408,18 +491,12 @@ impl Translation<'_, '_> {
         self.b.switch_to_block(ended);
         let done = self.word(0);
         self.b.ins().return_(&[done]);
-
-        self.b.switch_to_block(self.abort);
-        let aborted = self.word(u32::MAX);
-        self.b.ins().return_(&[aborted]);
     }
 
     fn land(&mut self, landing: ir::Block, to: &Landing) {
         self.b.switch_to_block(landing);
-        self.now = State::variables();
-        self.take_count();
-        self.reload(to.live);
-        self.reload_data();
+        self.now = State::memory();
+        self.need(to.live);
         for (i, accu) in self.now.a.into_iter().enumerate() {
             if let Accu::Full(v) = accu {
                 self.b.def_var(self.vars.a[i], v);
@@ -446,10 +523,16 @@ impl Translation<'_, '_> {
         if let Cc::Word(v) = self.now.cc {
             self.b.def_var(self.vars.cc, v);
         }
-        for place in to.met.and_then(|pc| self.body.meeting[pc].clone()).unwrap_or_default() {
-            let value = self.load_place(place);
-            let var = self.variable(place);
-            self.b.def_var(var, value);
+        if to.live & flow::NEST != 0 {
+            self.outer_nest();
+        }
+        if let Some(pc) = to.met {
+            for place in self.body.meeting[pc].clone().unwrap_or_default() {
+                let value = self.load_place(place);
+                let var = self.variable(place);
+                self.b.def_var(var, value);
+            }
+            self.count(pc as u32);
         }
         self.b.ins().jump(to.block, &[]);
     }

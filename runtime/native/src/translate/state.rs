@@ -10,6 +10,8 @@ use cranelift_frontend::{FunctionBuilder, Variable};
 use ob1_cpu::engine::{CC0, CC1, Db};
 use ob1_ir::StatusBit;
 
+use crate::flow::{self, Set};
+
 /// What a floating-point result is that is no number.
 const NO_NUMBER: i64 = 0x7FFF_FFFF;
 
@@ -61,6 +63,7 @@ pub(crate) enum Cc {
 /// A data block register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Data {
+    /// As memory has it.
     Var,
     Known(Db),
 }
@@ -91,8 +94,14 @@ pub(crate) struct State {
     pub(crate) di: Data,
     /// Brackets opened since the last place where jumps meet; others are in the variable.
     pub(crate) brackets: Vec<Bracket>,
-    /// Statements that the variable does not count yet.
+    /// Statements that the variable does not count yet; it may count too many, for the sum is right.
     pub(crate) uncounted: u32,
+    /// Registers that are not in their variables but in memory, as long as nothing else is said of them here.
+    pub(crate) stored: Set,
+    /// Values that memory has, too, by the places of registers in a [`Set`].
+    pub(crate) fresh: [Option<Value>; 12],
+    /// Memory has the known data blocks of the registers DB and DI.
+    pub(crate) saved: [bool; 2],
 }
 
 impl State {
@@ -113,7 +122,15 @@ impl State {
             di: Data::Var,
             brackets: Vec::new(),
             uncounted: 0,
+            stored: 0,
+            fresh: [None; 12],
+            saved: [false; 2],
         }
+    }
+
+    /// Everything as memory has it.
+    pub(crate) fn memory() -> Self {
+        Self { stored: flow::ALL | flow::COUNT, ..Self::variables() }
     }
 }
 
@@ -131,9 +148,6 @@ pub(crate) struct Vars {
     pub(crate) os: Variable,
     pub(crate) br: Variable,
     pub(crate) nest: Variable,
-    /// Place, length and writable length of the opened data blocks.
-    pub(crate) db: [Variable; 3],
-    pub(crate) di: [Variable; 3],
     pub(crate) executed: Variable,
 }
 
@@ -153,8 +167,6 @@ impl Vars {
             os: word(i8),
             br: word(i8),
             nest: word(i64),
-            db: [word(i32), word(i32), word(i32)],
-            di: [word(i32), word(i32), word(i32)],
             executed: word(i32),
         }
     }

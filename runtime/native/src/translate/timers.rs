@@ -80,6 +80,10 @@ impl Translation<'_, '_> {
     /// `SI SV SE SS SA` with a time that is a constant: its digits need no check. False for everything else.
     pub(crate) fn started_timer(&mut self, op: &Op) -> bool {
         let Op::StartTimer(kind, Number::Fixed(number)) = op else { return false };
+        if self.now.a[0] == Accu::Var {
+            return false;
+        }
+        self.need(crate::flow::RLO);
         let low = self.accu_low(0);
         let Some(time) = state::constant(&self.b, low).map(|time| time as u16) else { return false };
         if *number >= self.plan.timers || S5Time(time).digits().is_none() {

@@ -23,7 +23,9 @@ impl Translation<'_, '_> {
     pub(crate) fn load(&mut self, value: Accu) {
         // What is in its variable moves as a value.
         if self.now.a[0] == Accu::Var {
-            let v = self.b.use_var(self.vars.a[0]);
+            // Nobody needs what only memory has.
+            let stored = self.now.stored & crate::flow::A1 != 0;
+            let v = if stored { self.word(0) } else { self.b.use_var(self.vars.a[0]) };
             self.now.a[0] = Accu::Full(v);
         }
         self.now.a[1] = self.now.a[0];

@@ -1,0 +1,95 @@
+//! Calls whose block and parameters are known at load, made without asking the CPU: the frame, the references, the
+//! called block's code, and back.
+
+use ob1_cpu::engine::{Call, Hot, Op, Plan, Regs};
+
+use crate::inline;
+use crate::run::{ABORTED, DONE, Entry, Run};
+use crate::translate::Reference;
+
+/// A call that needs nothing but its frame.
+#[derive(Debug)]
+pub(crate) struct Frame {
+    pub(crate) callee: u32,
+    local_len: u32,
+    /// Bytes of the caller's local data.
+    own_len: u32,
+    refs: Box<[Reference]>,
+}
+
+/// The frames of a plan: by block, then by statement.
+pub(crate) fn frames(plan: &Plan) -> Vec<Box<[Option<Frame>]>> {
+    let of = |own_len: u32, call: &Call| {
+        let (callee, instance) = inline::simple(plan, call)?;
+        let local_len = plan.blocks[callee as usize].local_len;
+        instance.is_none().then(|| Frame { callee, local_len, own_len, refs: inline::references(call).into() })
+    };
+    let block = |block: &ob1_cpu::engine::Block| {
+        let last = block.ops.iter().rposition(|op| matches!(op, Op::Call { .. })).map_or(0, |last| last + 1);
+        let frame = |op: &Op| match op {
+            Op::Call { call } => of(block.local_len, &block.calls[*call as usize]),
+            _ => None,
+        };
+        block.ops[..last].iter().map(frame).collect()
+    };
+    plan.blocks.iter().map(block).collect()
+}
+
+impl Frame {
+    /// There is room for the frame.
+    pub(crate) fn fits(&self, hot: &Hot, plan: &Plan) -> bool {
+        hot.depth < u32::from(plan.nesting_depth)
+            && hot.local_top.saturating_add(self.local_len) <= plan.areas.local.len
+            && hot.refs_top.saturating_add(self.refs.len() as u32) <= hot.refs_len
+    }
+
+    /// Calls the block's code on the same run. What its caller gets back is kept here meanwhile.
+    ///
+    /// # Safety
+    /// `run` and what it points to are valid and used by nobody else meanwhile, there is room ([`Frame::fits`]), and
+    /// `entry` is the code of the block.
+    pub(crate) unsafe fn call(&self, run: *mut Run, plan: &Plan, entry: Entry) -> i32 {
+        // SAFETY: as the caller says. No reference into the run lives while the block's code runs.
+        unsafe {
+            let kept = (*run).regs;
+            let hot = (*run).hot;
+            let (local_top, refs_top) = ((*hot).local_top, (*hot).refs_top);
+            let stack = (*(*hot).refs.get_mut()).add(refs_top as usize);
+            for (index, reference) in self.refs.iter().enumerate() {
+                let value = match *reference {
+                    Reference::Arena(bit) => bit,
+                    Reference::Local(bit) => (kept.local.0 << 3).wrapping_add(bit),
+                };
+                stack.add(index).write(value);
+            }
+            (*hot).local_top = local_top.wrapping_add(self.local_len);
+            (*hot).refs_top = refs_top.wrapping_add(self.refs.len() as u32);
+            (*hot).depth = (*hot).depth.wrapping_add(1);
+            let r = &mut (*run).regs;
+            r.local.0 = plan.areas.local.at.0.wrapping_add(local_top);
+            r.local_len = self.local_len;
+            (r.previous_local, r.previous_local_len) = (kept.local, self.own_len);
+            r.refs = refs_top;
+            (r.nest, r.mcr, r.mcr_active) = (0, 1, false);
+            status_of_call(r);
+            if entry(run) != 0 {
+                return ABORTED;
+            }
+            let r = &mut (*run).regs;
+            (r.db, r.di, r.nest) = (kept.db, kept.di, kept.nest);
+            (r.local, r.local_len) = (kept.local, kept.local_len);
+            (r.previous_local, r.previous_local_len) = (kept.previous_local, kept.previous_local_len);
+            (r.refs, r.mcr, r.mcr_active) = (kept.refs, kept.mcr, kept.mcr_active);
+            status_of_call(r);
+            ((*hot).local_top, (*hot).refs_top) = (local_top, refs_top);
+            (*hot).depth = (*hot).depth.wrapping_sub(1);
+        }
+        DONE
+    }
+}
+
+/// The status word at the beginning of a called block and behind the call: OS = 0, the chain has ended.
+fn status_of_call(r: &mut Regs) {
+    r.flags &= !ob1_cpu::engine::OS;
+    (r.fc, r.or, r.sta) = (false, false, true);
+}
