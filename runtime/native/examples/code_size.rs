@@ -38,11 +38,11 @@ fn kinds(compiler: &Compiler, plan: &Plan) -> Result<(), String> {
     for index in 0..plan.blocks.len() {
         let made = compiler.listing(plan, index as u32).map_err(|e| e.to_string())?;
         let mut rest = made.bytes as u64;
-        for (stmt, bytes) in plan.blocks[index].stmts.iter().zip(&made.statements) {
+        for (stmt, bytes) in plan.blocks[index].stmts.iter().zip(made.statements.iter().map(|code| code.bytes)) {
             let entry = kinds.entry(kind(stmt)).or_default();
             entry.0 += 1;
-            entry.1 += u64::from(*bytes);
-            rest -= u64::from(*bytes);
+            entry.1 += u64::from(bytes);
+            rest -= u64::from(bytes);
         }
         let entry = kinds.entry("beside the statements, a block".into()).or_default();
         entry.0 += 1;
@@ -73,6 +73,10 @@ fn main() -> Result<(), String> {
             image.len(),
             image.len() as f64 / statements as f64
         );
+        let began = Instant::now();
+        let bytes = compiler.yardstick(plan).map_err(|e| e.to_string())?;
+        let bare = began.elapsed().as_secs_f64() * 1e3;
+        println!("  bare Cranelift: {bare:.0} ms, {bytes} bytes; {:.2} times as long", ms / bare);
         match args.get(1).and_then(|index| index.parse::<u32>().ok()) {
             None => kinds(&compiler, plan)?,
             Some(block) => {

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use cranelift_codegen::control::ControlPlane;
-use cranelift_codegen::ir::{AbiParam, Function, Signature, UserFuncName, types};
+use cranelift_codegen::ir::{AbiParam, DebugTag, Function, Signature, UserFuncName, types};
 use cranelift_codegen::isa::{self, CallConv, OwnedTargetIsa};
 use cranelift_codegen::settings::{self, Configurable};
 use cranelift_frontend::FunctionBuilderContext;
@@ -106,8 +106,35 @@ pub(crate) fn block_signature(convention: CallConv) -> Signature {
 
 /// Makes the code of processors.
 pub struct Compiler {
-    isa: OwnedTargetIsa,
+    pub(crate) isa: OwnedTargetIsa,
+    target: Target,
     tier: Tier,
+}
+
+/// What Cranelift needs to know; `verify`: it looks at what it is given.
+fn isa_of(target: Target, tier: Tier, verify: bool) -> Result<OwnedTargetIsa, CompileError> {
+    let wrong = |error: &dyn fmt::Display| CompileError(error.to_string());
+    let mut flags = settings::builder();
+    let mut set = |name: &str, value: &str| flags.set(name, value).map_err(|error| wrong(&error));
+    set("opt_level", if tier == Tier::Fast { "none" } else { "speed" })?;
+    // One pass would be little faster, and its code nearly twice as long.
+    set("regalloc_algorithm", "backtracking")?;
+    set("enable_verifier", if verify { "true" } else { "false" })?;
+    set("is_pic", "true")?;
+    set("unwind_info", "false")?;
+    set("enable_probestack", "false")?;
+    let triple = match target {
+        Target::Host => target_lexicon::HOST,
+        Target::X86_64 => target_lexicon::triple!("x86_64-unknown-linux-gnu"),
+        Target::Aarch64 => target_lexicon::triple!("aarch64-unknown-linux-gnu"),
+    };
+    let mut builder = isa::lookup(triple).map_err(|error| wrong(&error))?;
+    if target != Target::Aarch64 {
+        for feature in host_features() {
+            builder.enable(feature).map_err(|error| wrong(&error))?;
+        }
+    }
+    builder.finish(settings::Flags::new(flags)).map_err(|error| wrong(&error))
 }
 
 impl fmt::Debug for Compiler {
@@ -122,30 +149,7 @@ impl Compiler {
     /// # Errors
     /// There is no code for it.
     pub fn new(target: Target, tier: Tier) -> Result<Self, CompileError> {
-        let wrong = |error: &dyn fmt::Display| CompileError(error.to_string());
-        let mut flags = settings::builder();
-        let mut set = |name: &str, value: &str| flags.set(name, value).map_err(|error| wrong(&error));
-        let fast = tier == Tier::Fast;
-        set("opt_level", if fast { "none" } else { "speed" })?;
-        // One pass would be little faster, and its code nearly twice as long.
-        set("regalloc_algorithm", "backtracking")?;
-        set("enable_verifier", if cfg!(debug_assertions) { "true" } else { "false" })?;
-        set("is_pic", "true")?;
-        set("unwind_info", "false")?;
-        set("enable_probestack", "false")?;
-        let triple = match target {
-            Target::Host => target_lexicon::HOST,
-            Target::X86_64 => target_lexicon::triple!("x86_64-unknown-linux-gnu"),
-            Target::Aarch64 => target_lexicon::triple!("aarch64-unknown-linux-gnu"),
-        };
-        let mut builder = isa::lookup(triple).map_err(|error| wrong(&error))?;
-        if target != Target::Aarch64 {
-            for feature in host_features() {
-                builder.enable(feature).map_err(|error| wrong(&error))?;
-            }
-        }
-        let isa = builder.finish(settings::Flags::new(flags)).map_err(|error| wrong(&error))?;
-        Ok(Self { isa, tier })
+        Ok(Self { isa: isa_of(target, tier, cfg!(debug_assertions))?, target, tier })
     }
 
     /// The code of all blocks of a plan. A block that has none is run by the reference.
@@ -212,22 +216,28 @@ impl Compiler {
         let mut frontend = FunctionBuilderContext::new();
         self.translated(plan, block, &mut context, &mut frontend);
         let form = context.func.display().to_string();
+        mark_statements(&mut context.func);
         context.set_disasm(true);
+        // Marks are for calls only, says who verifies.
+        let isa = isa_of(self.target, self.tier, false)?;
         let compiled = context
-            .compile(&*self.isa, &mut ControlPlane::default())
+            .compile(&*isa, &mut ControlPlane::default())
             .map_err(|error| CompileError(error.inner.to_string()))?;
-        let mut statements = vec![0; plan.blocks[block as usize].stmts.len()];
+        let mut statements = vec![StatementCode::default(); plan.blocks[block as usize].stmts.len()];
         for part in compiled.buffer.get_srclocs_sorted() {
-            if let Some(bytes) = statements.get_mut(part.loc.bits() as usize) {
-                *bytes += part.end - part.start;
+            if let Some(statement) = statements.get_mut(part.loc.bits() as usize) {
+                statement.bytes += part.end - part.start;
             }
         }
+        let rest = by_statement(compiled.vcode.as_deref().unwrap_or_default(), &mut statements);
+        let code = compiled.vcode.as_deref().unwrap_or_default();
         Ok(Listing {
             form,
-            code: compiled.vcode.clone().unwrap_or_default(),
+            code: code.lines().filter(|line| marked(line).is_none()).flat_map(|line| [line, "\n"]).collect(),
             bytes: compiled.buffer.data().len(),
             stack: frame(compiled),
             statements,
+            rest,
         })
     }
 }
@@ -243,8 +253,75 @@ pub struct Listing {
     pub bytes: usize,
     /// Bytes of stack it takes.
     pub stack: u32,
-    /// Bytes of machine code of each statement; a block that has become part of it counts as the call.
-    pub statements: Vec<u32>,
+    /// The machine code of each statement; a block that has become part of it counts as the call.
+    pub statements: Vec<StatementCode>,
+    /// Code of no statement: the beginning and the end of the function, and the ways to and from the reference.
+    pub rest: Vec<String>,
+}
+
+/// The machine code of a statement. It need not stand together: what is needed rarely lies at the end of the block.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StatementCode {
+    /// Its bytes.
+    pub bytes: u32,
+    /// It as text, in the order of the code, each stretch with the name of the part of the code it lies in.
+    pub lines: Vec<String>,
+}
+
+/// Marks each instruction with its statement, so that its machine code can be told.
+fn mark_statements(func: &mut Function) {
+    let mut marks = Vec::new();
+    for block in func.layout.blocks() {
+        for inst in func.layout.block_insts(block) {
+            let place = func.srcloc(inst);
+            if !place.is_default() {
+                marks.push((inst, place.bits()));
+            }
+        }
+    }
+    for (inst, statement) in marks {
+        func.debug_tags.set(inst, [DebugTag::User(statement)]);
+    }
+}
+
+/// The statement a line of the code's text names, when it is a mark.
+fn marked(line: &str) -> Option<u32> {
+    let (_, mark) = line.trim_start().strip_prefix("; ^-- debug @ ")?.split_once("User(")?;
+    mark.split_once(')')?.0.parse().ok()
+}
+
+/// Divides code among its statements. A line without a mark, such as a move of a register, belongs to the statement
+/// whose mark comes next, and behind the last mark of its part to that one; what is in a part without marks is nobody's.
+fn by_statement(code: &str, statements: &mut [StatementCode]) -> Vec<String> {
+    let (mut rest, mut waiting) = (Vec::new(), Vec::new());
+    let mut part = String::new();
+    let mut last: Option<usize> = None;
+    let mut named: Option<usize> = None;
+    let mut give = |to: Option<usize>, part: &str, waiting: &mut Vec<String>, named: &mut Option<usize>| {
+        let lines = match to.and_then(|statement| statements.get_mut(statement)) {
+            Some(statement) => &mut statement.lines,
+            None => &mut rest,
+        };
+        if !waiting.is_empty() && !part.is_empty() && (*named != to || lines.is_empty()) {
+            lines.push(part.to_owned());
+            *named = to;
+        }
+        lines.append(waiting);
+    };
+    for line in code.lines() {
+        if let Some(statement) = marked(line) {
+            last = Some(statement as usize);
+            give(last, &part, &mut waiting, &mut named);
+        } else if line.starts_with(char::is_whitespace) {
+            waiting.push(line.to_owned());
+        } else {
+            give(last, &part, &mut waiting, &mut named);
+            (last, named) = (None, None);
+            line.clone_into(&mut part);
+        }
+    }
+    give(last, &part, &mut waiting, &mut named);
+    rest
 }
 
 /// Bytes of stack that compiled code takes.

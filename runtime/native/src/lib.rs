@@ -17,6 +17,7 @@ mod place;
 mod run;
 mod translate;
 mod unsaved;
+mod yardstick;
 
 pub use code::{memory_file, seal};
 pub use compile::{CompileError, Compiler, Image, Listing, Target, Tier};

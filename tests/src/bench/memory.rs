@@ -1,4 +1,4 @@
-//! Resident memory of the demo's station A as it runs, and of its driver.
+//! Resident memory of the demo's station A as it runs, and of its driver; and how much more of it machine code takes.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -11,14 +11,19 @@ const GUARD: Duration = Duration::from_secs(30);
 /// Scans before the memory is looked at: everything that will be touched has been.
 const SETTLED: u64 = 3000;
 
-/// Runs the measurement: (runtime, driver).
+/// Runs the measurement: runtime, driver, and what the native engine adds to the runtime.
 ///
 /// # Errors
 /// When the station does not come up.
-pub fn measure() -> Result<[Figure; 2], Failure> {
+pub fn measure() -> Result<[Figure; 3], Failure> {
     let binaries = std::env::var_os("OB1_BIN_DIR").ok_or("OB1_BIN_DIR is not set; run: cargo xtask bench")?;
-    let station = Station::start(Path::new(&binaries))?;
-    station.settle()?;
+    let reference = {
+        let station = Station::start(Path::new(&binaries), "reference")?;
+        station.settle("reference")?;
+        resident_kib(station.process.id())?
+    };
+    let station = Station::start(Path::new(&binaries), "auto")?;
+    station.settle("native")?;
     let runtime = resident_kib(station.process.id())?;
     let driver = station.driver()?;
     let driver = resident_kib(driver)?;
@@ -32,6 +37,7 @@ pub fn measure() -> Result<[Figure; 2], Failure> {
     Ok([
         figure("resident memory, runtime of station A", runtime, "<= 30 MB", 30),
         figure("resident memory, its driver process", driver, "<= 10 MB", 10),
+        figure("memory of the runtime, more with machine code", runtime.saturating_sub(reference), "<= 30 MB", 30),
     ])
 }
 
@@ -42,14 +48,16 @@ struct Station {
 }
 
 impl Station {
-    /// Station A with its memory locked, in a folder of its own.
-    fn start(binaries: &Path) -> Result<Self, Failure> {
+    /// Station A with its memory locked, in a folder of its own, on this engine.
+    fn start(binaries: &Path, engine: &str) -> Result<Self, Failure> {
         let folder = std::env::temp_dir().join(format!("ob1-bench-memory-{}", std::process::id()));
         std::fs::create_dir_all(&folder)?;
         let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/two-stations");
         std::fs::copy(example.join("a.awl"), folder.join("a.awl"))?;
         let text = std::fs::read_to_string(example.join("station-a.toml"))?;
         let text = text.replace("two-stations-a", "bench-memory-a");
+        let with_engine = text.replacen("[cpu]\n", &format!("[cpu]\nengine = \"{engine}\"\n"), 1);
+        let text = if with_engine == text { format!("{text}\n[cpu]\nengine = \"{engine}\"\n") } else { with_engine };
         std::fs::write(folder.join("station.toml"), format!("{text}\n[cpu.realtime]\nlock_memory = true\n"))?;
         let ob1 = binaries.join("ob1");
         let process = Command::new(&ob1)
@@ -72,9 +80,13 @@ impl Station {
         serde_json::from_slice(&output.stdout).ok()
     }
 
-    fn settle(&self) -> Result<(), Failure> {
+    /// Waits until it has run for a while, on this engine.
+    fn settle(&self, engine: &str) -> Result<(), Failure> {
         let start = Instant::now();
-        while self.status().and_then(|s| s["scans"].as_u64()).is_none_or(|scans| scans < SETTLED) {
+        let settled = |status: serde_json::Value| {
+            status["scans"].as_u64().is_some_and(|scans| scans >= SETTLED) && status["engine"] == engine
+        };
+        while !self.status().is_some_and(settled) {
             if start.elapsed() > GUARD {
                 return Err(format!("station A does not get to {SETTLED} scans: {:?}", self.status()).into());
             }

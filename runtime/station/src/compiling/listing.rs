@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use ob1_cpu::engine::Plan;
 use ob1_native::{Compiler, Target, Tier};
 
-/// The blocks of a program: each statement with the bytes of machine code it takes, and that code. The code of a
-/// statement need not stand together, and some need none.
+/// The blocks of a program: each statement with the bytes of machine code it takes, and below it that code. The code of a
+/// statement need not stand together, and some need none; what belongs to no statement stands at the end of its block.
 ///
 /// # Errors
 /// There is no code for this processor.
@@ -29,11 +29,15 @@ pub fn listing(plan: &Plan) -> Result<String, String> {
             made.bytes,
             made.stack
         );
-        for (stmt, bytes) in block.stmts.iter().zip(&made.statements) {
-            let _ = writeln!(text, "  {bytes:>6} bytes  line {:<6} {}", stmt.line, stmt.op);
+        for (stmt, code) in block.stmts.iter().zip(&made.statements) {
+            let _ = writeln!(text, "  line {:<6} {:<40} {:>6} bytes", stmt.line, stmt.op.to_string(), code.bytes);
+            for line in &code.lines {
+                let _ = writeln!(text, "        {line}");
+            }
         }
-        for line in made.code.lines() {
-            let _ = writeln!(text, "    {line}");
+        let _ = writeln!(text, "  of no statement");
+        for line in &made.rest {
+            let _ = writeln!(text, "        {line}");
         }
     }
     Ok(text)
