@@ -3,9 +3,7 @@
 
 use ob1_ir::{Jump, Op, Stmt};
 
-use crate::flow::{
-    A1, A2, ALL, AR1, AR2, BR, CC, CHAIN, Env, FC, How, NEST, OR, OS, OV, RLO, STA, Set, successors,
-};
+use crate::flow::{A1, A2, ALL, AR1, AR2, BR, CC, CHAIN, Env, FC, How, NEST, OR, OS, OV, RLO, STA, Set, successors};
 
 /// Registers that a compiled statement may change.
 pub(crate) fn changes(op: &Op) -> Set {

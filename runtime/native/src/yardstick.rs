@@ -6,9 +6,7 @@
 //! Cranelift can take for the program. The code is never run.
 
 use cranelift_codegen::control::ControlPlane;
-use cranelift_codegen::ir::{
-    self, Function, InstBuilder, MemFlagsData, UserFuncName, Value, condcodes::IntCC, types,
-};
+use cranelift_codegen::ir::{self, Function, InstBuilder, MemFlagsData, UserFuncName, Value, condcodes::IntCC, types};
 use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext, Variable};
 use ob1_cpu::engine::Plan;
 use ob1_ir::{AccuOp, BitTest, Compare, Jump, Logic, Op, Place, Stmt, WordLogic};
@@ -282,7 +280,8 @@ impl Bare<'_, '_> {
             }
             _ => {}
         }
-        self.first = !matches!(op, Op::Scan { .. } | Op::EdgePositive(_) | Op::EdgeNegative(_) | Op::Compare(..) | Op::Close);
+        self.first =
+            !matches!(op, Op::Scan { .. } | Op::EdgePositive(_) | Op::EdgeNegative(_) | Op::Compare(..) | Op::Close);
         true
     }
 
