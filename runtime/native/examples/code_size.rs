@@ -1,7 +1,7 @@
 //! Where the bytes of machine code go: `cargo run --release -p ob1-native --example code_size -- FILE.awl [BLOCK]`
 //!
-//! For each tier: how long the compiler takes, bytes for a statement of all blocks, and how many bytes the statements of
-//! each kind take. With the index of a block: its machine code.
+//! For each tier: how long the compiler takes, bytes for a statement of all blocks, and how many bytes the statements
+//! of each kind take. With the index of a block: its machine code.
 #![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "a measuring tool reads the clock and files")]
 #![allow(clippy::print_stdout, reason = "its output")]
 

@@ -291,7 +291,8 @@ fn marked(line: &str) -> Option<u32> {
 }
 
 /// Divides code among its statements. A line without a mark, such as a move of a register, belongs to the statement
-/// whose mark comes next, and behind the last mark of its part to that one; what is in a part without marks is nobody's.
+/// whose mark comes next, and behind the last mark of its part to that one; what is in a part without marks is
+/// nobody's.
 fn by_statement(code: &str, statements: &mut [StatementCode]) -> Vec<String> {
     let (mut rest, mut waiting) = (Vec::new(), Vec::new());
     let mut part = String::new();

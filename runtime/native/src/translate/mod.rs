@@ -204,7 +204,8 @@ impl<'a> Body<'a> {
 /// Statements between two entries from the reference, at least; those that jumps lead back to are always entries.
 const BETWEEN: usize = 64;
 
-/// Where compiled code can be entered from the reference. Each entry costs code, and is used behind a failed check only.
+/// Where compiled code can be entered from the reference. Each entry costs code, and is used behind a failed check
+/// only.
 fn entries(marks: &[bool], loops: &[bool], calls: &dyn Fn(usize) -> bool) -> Vec<bool> {
     let end = marks.len() - 1;
     let mut next = BETWEEN;
