@@ -141,7 +141,8 @@ fn timer_of<'a>(cx: &'a mut Context<'static>, number: u32) -> Option<&'a mut Tim
 /// A call, with the safe point before it. The count has it already.
 extern "C" fn call(run: *mut Run, block: u32, statement: u32) -> i32 {
     // SAFETY: compiled code hands on the pointer that `Code::run` gave it, valid until that returns, as are the
-    // pointers in it; nobody else uses what they point to meanwhile. An address of the table is that of the block's code.
+    // pointers in it; nobody else uses what they point to meanwhile. An address of the table is that of the block's
+    // code.
     unsafe {
         let (hot, code) = (&mut *(*run).hot, &*(*run).code);
         let looks = hot.pending >= hot.look_after || is_due(hot);

@@ -6,7 +6,8 @@ use ob1_cpu::engine::Plan;
 use ob1_native::{Compiler, Target, Tier};
 
 /// The blocks of a program: each statement with the bytes of machine code it takes, and below it that code. The code of
-/// a statement need not stand together, and some need none; what belongs to no statement stands at the end of its block.
+/// a statement need not stand together, and some need none; what belongs to no statement stands at the end of its
+/// block.
 ///
 /// # Errors
 /// There is no code for this processor.
