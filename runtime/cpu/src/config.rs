@@ -28,6 +28,8 @@ pub struct CpuConfig {
     pub accumulators: u8,
     /// Blocks nested in one another within a priority class, 1 to 64.
     pub nesting_depth: u8,
+    /// Organization blocks beyond those of the program for which the thread has stack: for a [`crate::Successor`].
+    pub spare_obs: u8,
     /// Minimum cycle time; 0: the next cycle starts at once.
     pub min_cycle: Nanos,
     /// What becomes of a deadline of the cycle that was missed.
@@ -84,6 +86,7 @@ impl Default for CpuConfig {
             db_pool_bytes: 64 * 1024,
             accumulators: 2,
             nesting_depth: 24,
+            spare_obs: 0,
             min_cycle: 0,
             missed: MissedCycle::Now,
             accounts: AccountsConfig::default(),

@@ -85,6 +85,18 @@ impl Memory {
         }
     }
 
+    /// Takes over the data blocks another program has made, where their numbers are free and there is room.
+    pub(crate) fn adopt_made(&mut self, before: &Self) {
+        for was in before.made_dbs() {
+            if self.make_db(was.number, was.number, was.len, was.writable == 0).is_err() {
+                continue;
+            }
+            if let Some(db) = self.db(was.number) {
+                self.bytes[db.range().bytes()].copy_from_slice(before.slice(was.range()));
+            }
+        }
+    }
+
     /// Deletes every data block the program has made.
     pub(crate) fn delete_made(&mut self) {
         for made in &mut self.made {

@@ -148,6 +148,13 @@ impl Interrupts {
         }
     }
 
+    /// Another program: these organization blocks are loaded now.
+    pub(crate) fn loaded(&mut self, loaded: impl Fn(u16) -> bool) {
+        for (ob, cyclic) in (30..).zip(&mut self.cyclic) {
+            cyclic.loaded = loaded(ob);
+        }
+    }
+
     /// Interval and phase of a cyclic interrupt.
     pub(crate) fn cyclic(&self, slot: usize) -> Cyclic {
         self.cyclic[slot - CYCLIC]

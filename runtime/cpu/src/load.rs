@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use ob1_ir::{Op, Program, Verified};
-use ob1_model::BlockKind;
+use ob1_model::{BlockId, BlockKind, Interface};
 
 use crate::access_port::AccessPort;
 use crate::accounts::{Accounts, Trace, plugin_blocks};
 use crate::context::Blocks;
 use crate::engine::{
-    Callee, Constants, Factory, Hot, Lowering, Plan, Signature, Signatures, collect, lower, writes_param,
+    Callee, Constants, Engine, Factory, Hot, Lowering, Plan, Signature, Signatures, collect, lower, writes_param,
 };
 use crate::events::Diagnoses;
 use crate::interrupts::Interrupts;
@@ -22,7 +22,10 @@ use crate::retentive::Keep;
 use crate::services::ServiceState;
 use crate::timers::{Counter, Timer};
 use crate::wall::Wall;
-use crate::{Cpu, CpuConfig, DiagBuffer, LoadError, Memory, Module, ModuleSlot, Modules, NativeBlock, Natives, ObInfo};
+use crate::{
+    Cpu, CpuConfig, DiagBuffer, LoadError, MOST_STACK_BYTES, Memory, Module, ModuleSlot, Modules, NativeBlock, Natives,
+    ObInfo,
+};
 
 /// Most bytes of a data block.
 const DB_BYTES: usize = 65_534;
@@ -30,6 +33,103 @@ const DB_BYTES: usize = 65_534;
 const LONGEST_PERIOD: u64 = 60_000_000_000;
 /// References to actual parameters, for all nested calls together.
 const REFERENCES: usize = 8 * 1024;
+
+/// What a program is loaded beside: the rules of the CPU and the native blocks.
+#[derive(Clone, Debug)]
+pub struct Surroundings {
+    config: CpuConfig,
+    natives: Vec<(BlockId, Interface)>,
+    plugins: bool,
+}
+
+/// A program that was loaded, without the machine it runs on.
+pub(crate) struct Prepared {
+    pub(crate) memory: Memory,
+    pub(crate) keep: Keep,
+    pub(crate) plan: Arc<Plan>,
+    pub(crate) engine: Box<dyn Engine>,
+    pub(crate) stack: usize,
+}
+
+impl Surroundings {
+    /// Of a CPU that is made of these.
+    #[must_use]
+    pub fn new(config: &CpuConfig, natives: &Natives) -> Self {
+        Self {
+            config: config.clone(),
+            natives: natives.iter().map(|native| (native.id(), native.interface().clone())).collect(),
+            plugins: natives.iter().any(NativeBlock::is_plugin),
+        }
+    }
+
+    /// Whether a native block has this number.
+    #[must_use]
+    pub fn has(&self, id: BlockId) -> bool {
+        self.natives.iter().any(|(native, _)| *native == id)
+    }
+
+    /// Loads a program; `stack` is what the thread may have that runs it.
+    pub(crate) fn prepare(
+        &self,
+        program: &Program,
+        engine: &dyn Factory,
+        stack: usize,
+    ) -> Result<Prepared, Vec<LoadError>> {
+        let config = &self.config;
+        let mut errors = Vec::new();
+        check_data(program, &mut errors);
+        let interface = |id| self.natives.iter().find(|(native, _)| *native == id).map(|(_, interface)| interface);
+        let verified = ob1_ir::verify(program, &interface);
+        if let Err(findings) = &verified {
+            errors.extend(findings.iter().map(|finding| LoadError::of(finding, program)));
+        }
+        let Ok(program) = verified else { return Err(errors) };
+        let signatures = signatures(program, &self.natives, &mut errors);
+        if !errors.is_empty() {
+            return Err(errors);
+        }
+
+        let mut constants = Constants::default();
+        for stmt in program.blocks.iter().flat_map(|b| &b.code) {
+            if let Op::Call(call) = &stmt.op {
+                collect(call, &signatures, &mut constants);
+            }
+        }
+        let arena = |bytes| engine.arena(bytes);
+        let memory = Memory::new(config, &program.data, &constants.bytes, &arena).map_err(|error| vec![error])?;
+        let keep = Keep::new(config, &program, &memory, &mut errors);
+        let lowering = Lowering { config, memory: &memory, program, signatures: &signatures, constants: &constants };
+        let blocks = program.blocks.iter().map(|block| lower(block, &lowering, &mut errors)).collect();
+        if !errors.is_empty() {
+            return Err(errors);
+        }
+
+        let loaded = |id| signatures.find(id).is_some();
+        let mut stack_per_block = engine.stack_per_block();
+        let nested = |per_block| Nesting::new(config, &loaded, self.plugins, per_block, stack);
+        let mut nesting = nested(stack_per_block);
+        if nesting.is_err() && engine.stack_is_for_later() {
+            stack_per_block = 0;
+            nesting = nested(stack_per_block);
+        }
+        let nesting = nesting.map_err(|error| vec![error])?;
+        let plan = Arc::new(Plan {
+            blocks,
+            signatures,
+            areas: memory.areas(),
+            data: memory.dbs[..memory.program_dbs].into(),
+            arena_reserved: memory.bytes.reserved(),
+            accumulators: config.accumulators,
+            timers: config.timers,
+            counters: config.counters,
+            nesting_depth: config.nesting_depth,
+            stack_per_block,
+            frames: usize::from(config.nesting_depth) * nesting.obs,
+        });
+        let engine = engine.engine(&plan).map_err(|reason| vec![LoadError::Engine { reason }])?;
+        Ok(Prepared { memory, keep, plan, engine, stack: nesting.stack })
+    }
+}
 
 impl Cpu {
     /// Loads a program. The CPU is in STOP; [`crate::Command::Run`] starts it.
@@ -46,46 +146,20 @@ impl Cpu {
         let natives = natives.into();
         let mut errors = Vec::new();
         check_config(&config, &mut errors);
-        check_data(program, &mut errors);
         let modules = Modules::new(modules, &mut errors);
-        let interface = |id| natives.get(id).map(NativeBlock::interface);
-        let verified = ob1_ir::verify(program, &interface);
-        if let Err(findings) = &verified {
-            errors.extend(findings.iter().map(|finding| LoadError::of(finding, program)));
-        }
-        let Ok(program) = verified else { return Err(errors) };
-        let signatures = signatures(program, &natives, &mut errors);
-        if !errors.is_empty() {
-            return Err(errors);
-        }
-
-        let mut constants = Constants::default();
-        for stmt in program.blocks.iter().flat_map(|b| &b.code) {
-            if let Op::Call(call) = &stmt.op {
-                collect(call, &signatures, &mut constants);
+        let surroundings = Surroundings::new(&config, &natives);
+        let prepared = surroundings.prepare(program, engine, MOST_STACK_BYTES);
+        let Prepared { memory, keep, plan, engine, stack } = match prepared {
+            Ok(prepared) if errors.is_empty() => prepared,
+            Ok(_) => return Err(errors),
+            Err(others) => {
+                errors.extend(others);
+                return Err(errors);
             }
-        }
-        let arena = |bytes| engine.arena(bytes);
-        let memory = Memory::new(&config, &program.data, &constants.bytes, &arena).map_err(|error| vec![error])?;
-        let keep = Keep::new(&config, &program, &memory, &mut errors);
-        let lowering =
-            Lowering { config: &config, memory: &memory, program, signatures: &signatures, constants: &constants };
-        let blocks = program.blocks.iter().map(|block| lower(block, &lowering, &mut errors)).collect();
-        if !errors.is_empty() {
-            return Err(errors);
-        }
-
-        let loaded = |id| signatures.find(id).is_some();
-        let plugins = natives.iter().any(NativeBlock::is_plugin);
-        let mut stack_per_block = engine.stack_per_block();
-        let mut nesting = Nesting::new(&config, &loaded, plugins, stack_per_block);
-        if nesting.is_err() && engine.stack_is_for_later() {
-            stack_per_block = 0;
-            nesting = Nesting::new(&config, &loaded, plugins, stack_per_block);
-        }
-        let nesting = nesting.map_err(|error| vec![error])?;
+        };
         let attention = Attention::default();
-        let obs: Vec<u16> = signatures
+        let obs: Vec<u16> = plan
+            .signatures
             .0
             .iter()
             .filter(|s| s.id.kind == BlockKind::Ob && s.id.number < 128)
@@ -94,21 +168,8 @@ impl Cpu {
         let timed = natives.iter().filter(|_| config.accounts.blocks);
         let accounts = Accounts::new(&config.accounts, config.min_cycle, &obs, plugin_blocks(timed));
         let accounts = Arc::new(accounts);
-        let plan = Arc::new(Plan {
-            blocks,
-            signatures,
-            areas: memory.areas(),
-            data: memory.dbs[..memory.program_dbs].into(),
-            arena_reserved: memory.bytes.reserved(),
-            accumulators: config.accumulators,
-            timers: config.timers,
-            counters: config.counters,
-            nesting_depth: config.nesting_depth,
-            stack_per_block,
-            frames: usize::from(config.nesting_depth) * nesting.obs,
-        });
         let blocks = Blocks {
-            engine: engine.engine(&plan).map_err(|reason| vec![LoadError::Engine { reason }])?,
+            engine,
             plan,
             natives: Native::all(natives, config.accounts.blocks),
             running: Arc::default(),
@@ -131,7 +192,7 @@ impl Cpu {
             pace: 0,
             watchdog: Watchdog::default(),
             refs: vec![0; REFERENCES].into_boxed_slice(),
-            stack: nesting.stack,
+            stack,
             ob: ObInfo::default(),
             class_ob: 0,
             whereabouts: Arc::default(),
@@ -217,14 +278,18 @@ fn check_data(program: &Program, errors: &mut Vec<LoadError>) {
     }
 }
 
-fn signatures(program: Verified<&Program>, natives: &Natives, errors: &mut Vec<LoadError>) -> Signatures {
+fn signatures(
+    program: Verified<&Program>,
+    natives: &[(BlockId, Interface)],
+    errors: &mut Vec<LoadError>,
+) -> Signatures {
     let mut list = Vec::with_capacity(program.blocks.len() + natives.len());
     for (i, block) in (0u32..).zip(&program.blocks) {
         let written = |formal: usize| writes_param(block, formal);
         list.push(Signature::new(block.id, Callee::Code(i), &block.interface, &written));
     }
-    for (i, native) in (0u32..).zip(natives.iter()) {
-        list.push(Signature::new(native.id(), Callee::Native(i), native.interface(), &|_| false));
+    for (i, (id, interface)) in (0u32..).zip(natives) {
+        list.push(Signature::new(*id, Callee::Native(i), interface, &|_| false));
     }
     list.sort_by_key(|s| s.id);
     for pair in list.windows(2).filter(|pair| pair[0].id == pair[1].id) {

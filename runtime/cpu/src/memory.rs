@@ -166,6 +166,34 @@ impl Memory {
         self.load_values.get_mut(at..at + db.len as usize)
     }
 
+    /// A data block of the program.
+    pub(crate) fn program_db(&self, number: u16) -> Option<Db> {
+        let index = usize::from(*self.by_number.get(usize::from(number))?).checked_sub(1)?;
+        self.dbs[..self.program_dbs].get(index).copied()
+    }
+
+    /// Another program's load values of a data block of the same length.
+    pub(crate) fn take_load_values(&mut self, before: &Self, number: u16) {
+        let of = |memory: &Self| {
+            let db = memory.program_db(number)?;
+            let at = db.at.index() - memory.all_dbs.at.index();
+            Some(at..at + db.len as usize)
+        };
+        let (Some(from), Some(to)) = (of(before), of(self)) else { return };
+        if from.len() == to.len() {
+            self.load_values[to].copy_from_slice(&before.load_values[from]);
+        }
+    }
+
+    /// New bytes for a data block of the program, and new load values; as many as it has.
+    pub(crate) fn set_db(&mut self, number: u16, bytes: &[u8]) {
+        let Some(db) = self.program_db(number).filter(|db| db.len as usize == bytes.len()) else { return };
+        self.bytes[db.range().bytes()].copy_from_slice(bytes);
+        if let Some(values) = self.load_values_mut(number) {
+            values.copy_from_slice(bytes);
+        }
+    }
+
     /// Reads 1, 8, 16 or 32 bits at a bit address of the arena; 0 outside.
     #[inline]
     pub(crate) fn read_bits(&self, at: ArenaBit, bits: u8) -> u32 {

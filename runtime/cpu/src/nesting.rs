@@ -35,12 +35,13 @@ pub(crate) struct Nesting {
 
 impl Nesting {
     /// For these loaded blocks; `plugins`: one of the native blocks is of a plugin; `per_block`: stack that the engine
-    /// needs for a nested block of statements.
+    /// needs for a nested block of statements; `most`: the largest stack there can be.
     pub(crate) fn new(
         config: &CpuConfig,
         loaded: &dyn Fn(BlockId) -> bool,
         plugins: bool,
         per_block: usize,
+        most: usize,
     ) -> Result<Self, LoadError> {
         let ob = |number: u16| loaded(BlockId::new(BlockKind::Ob, number));
         let any = |numbers: &[u16]| usize::from(numbers.iter().any(|number| ob(*number)));
@@ -57,11 +58,13 @@ impl Nesting {
             false => STANDARD_BLOCK,
         };
         let statements = usize::from(config.nesting_depth) * per_block;
-        let stack = BASE + obs * (ORGANIZATION_BLOCK + natives + statements);
-        if stack > MOST_STACK_BYTES {
+        let each = ORGANIZATION_BLOCK + natives + statements;
+        let stack = BASE + obs * each;
+        if stack > most {
             return Err(LoadError::Stack { bytes: stack, obs, nesting: config.nesting_depth });
         }
-        Ok(Self { obs, stack })
+        // Room for programs that come later.
+        Ok(Self { obs, stack: (stack + usize::from(config.spare_obs) * each).min(most) })
     }
 }
 
@@ -71,7 +74,7 @@ mod tests {
 
     fn with(obs: &[u16], depth: u8, plugins: bool) -> Result<Nesting, LoadError> {
         let config = CpuConfig { nesting_depth: depth, ..CpuConfig::default() };
-        Nesting::new(&config, &|id| id.kind == BlockKind::Ob && obs.contains(&id.number), plugins, 0)
+        Nesting::new(&config, &|id| id.kind == BlockKind::Ob && obs.contains(&id.number), plugins, 0, MOST_STACK_BYTES)
     }
 
     #[test]

@@ -65,6 +65,16 @@ impl ServiceState {
         }
     }
 
+    /// Another program: these organization blocks are loaded now.
+    pub(crate) fn loaded(&mut self, loaded: impl Fn(u16) -> bool) {
+        for (ob, interrupt) in (10..).zip(&mut self.time_of_day) {
+            interrupt.loaded = loaded(ob);
+        }
+        for (ob, delay) in (20..).zip(&mut self.delays) {
+            delay.loaded = loaded(ob);
+        }
+    }
+
     /// A start-up begins: masks, locks and interrupts by time that the program has set are gone. Run-time meters go on.
     pub(crate) fn clear(&mut self) {
         (self.filter, self.locks) = (ErrorFilter::default(), InterruptLocks::default());
