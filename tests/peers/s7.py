@@ -3,6 +3,8 @@
 
     s7.py CLIENT HOST PORT [--slot 2]      does what standard input says, one JSON object a line
 
+    s7.py server HOST PORT                 snap7's server with 1000 bytes of DB 10, until standard input ends
+
 CLIENT is native (python-snap7 2, which brings the C++ library), pure (python-snap7 3) or pys7. Each line of standard
 input is {"op": ...}; each answer is one line: {"ok": true, ...} or {"ok": false, "error": "..."}.
 
@@ -16,6 +18,8 @@ input is {"op": ...}; each answer is one line: {"ok": true, ...} or {"ok": false
     counts                                 OB, FB, FC, DB, SFC, SFB, SDB
     list     type                          numbers
     upload   type, number                  hex
+    download hex                           the block its head names
+    delete   type, number
     clock    [value]                       value, as an ISO date
     state                                  RUN or STOP
     stop, warm, cold
@@ -99,6 +103,17 @@ class Snap7:
     def upload(self, kind, number):
         data, length = self.client.full_upload(self.blocks[kind], number)
         return bytes(data)[:length]
+
+    def download(self, data):
+        number = struct.unpack(">H", data[6:8])[0]
+        done = self.client.download(bytearray(data), number)
+        if done:
+            raise RuntimeError("refused: %r" % done)
+
+    def delete(self, kind, number):
+        done = self.client.delete(self.blocks[kind], number)
+        if done:
+            raise RuntimeError("refused: %r" % done)
 
     def clock(self, value=None):
         if value:
@@ -188,6 +203,12 @@ def serve(partner, request):
         return {"numbers": partner.list(request["type"])}
     if op == "upload":
         return {"hex": partner.upload(request["type"], request["number"]).hex()}
+    if op == "download":
+        partner.download(bytes.fromhex(request["hex"]))
+        return {}
+    if op == "delete":
+        partner.delete(request["type"], request["number"])
+        return {}
     if op == "clock":
         return {"value": partner.clock(request.get("value"))}
     if op == "state":
@@ -212,6 +233,26 @@ def answers(partner, lines):
             yield {"ok": True, **serve(partner, request)}
         except Exception as error:  # what a client throws is its business
             yield {"ok": False, "error": "%s: %s" % (type(error).__name__, error)}
+
+
+def serve_snap7(port):
+    """The C++ server of the native library."""
+    if NATIVE:
+        sys.path.insert(0, NATIVE)
+    import snap7
+
+    if hasattr(snap7, "s7protocol"):
+        raise SystemExit("the native library is not here (OB1_SNAP7_NATIVE)")
+    from snap7.server import Server
+    from snap7.type import SrvArea
+
+    server = Server(log=False)
+    block = (ctypes.c_uint8 * 1000)()
+    server.register_area(SrvArea.DB, 10, block)
+    server.start(port)
+    print(json.dumps({"ok": True, "serves": port}), flush=True)
+    sys.stdin.read()
+    os._exit(0)
 
 
 def selftest():
@@ -250,11 +291,13 @@ def main():
     if sys.argv[1:] == ["--selftest"]:
         selftest()
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("client", choices=["native", "pure", "pys7"])
+    parser.add_argument("client", choices=["native", "pure", "pys7", "server"])
     parser.add_argument("host")
     parser.add_argument("port", type=int)
     parser.add_argument("--slot", type=int, default=2)
     args = parser.parse_args()
+    if args.client == "server":
+        return serve_snap7(args.port)
     try:
         partner = connect(args.client, args.host, args.port, args.slot)
     except Exception as error:

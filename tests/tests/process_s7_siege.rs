@@ -11,63 +11,21 @@ use common::s7::{free_port, station};
 use common::site::Site;
 use common::station::Running;
 use ob1_line::sim::SplitMix64;
+use ob1_tests::s7_raw::{CALL, Raw, SETUP, read_job};
 use ob1_tests::siege::{mutate, rounds};
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
 
-/// A call of a panel: TSAP 02.02.
-const CALL: &[u8] = &[3, 0, 0, 22, 17, 0xE0, 0, 0, 0, 1, 0, 0xC0, 1, 10, 0xC1, 2, 1, 0, 0xC2, 2, 2, 2];
-/// Eight jobs, a PDU of 480 bytes.
-const SETUP: &[u8] = &[3, 0, 0, 25, 2, 0xF0, 0x80, 0x32, 1, 0, 0, 0, 1, 0, 8, 0, 0, 0xF0, 0, 0, 8, 0, 8, 1, 0xE0];
-
-/// A read of so many bytes of DB 10 from a byte on.
-fn read_job(reference: u16, at: u32, bytes: u16) -> Vec<u8> {
-    let mut job = vec![3, 0, 0, 31, 2, 0xF0, 0x80, 0x32, 1, 0, 0];
-    job.extend_from_slice(&reference.to_be_bytes());
-    job.extend_from_slice(&[0, 14, 0, 0, 4, 1, 0x12, 0x0A, 0x10, 2]);
-    job.extend_from_slice(&bytes.to_be_bytes());
-    job.extend_from_slice(&[0, 10, 0x84]);
-    job.extend_from_slice(&(at * 8).to_be_bytes()[1..]);
-    job
-}
-
-/// A client without any comfort.
-struct Raw(TcpStream);
-
-impl Raw {
-    fn open(port: u16) -> std::io::Result<Self> {
-        let mut raw = Self(TcpStream::connect(("127.0.0.1", port))?);
-        raw.0.set_nodelay(true)?;
-        for telegram in [CALL, SETUP] {
-            raw.0.write_all(telegram)?;
-            let frame = raw.frame()?;
-            // A refusal is a connection that comes too early.
-            if frame.get(5) == Some(&0x80) {
-                return Err(ErrorKind::ConnectionRefused.into());
-            }
-        }
-        Ok(raw)
-    }
-
-    fn frame(&mut self) -> std::io::Result<Vec<u8>> {
-        let mut frame = vec![0; 4];
-        self.0.read_exact(&mut frame)?;
-        frame.resize(usize::from(u16::from_be_bytes([frame[2], frame[3]])).max(4), 0);
-        self.0.read_exact(&mut frame[4..])?;
-        Ok(frame)
-    }
-
-    /// A value of DB 10, as the first word there.
-    fn works(&mut self) -> std::io::Result<bool> {
-        self.0.write_all(&read_job(7, 0, 2))?;
-        Ok(self.frame()?.ends_with(&[0x12, 0x34]))
-    }
+/// A value of DB 10, as the first word there.
+fn works(raw: &mut Raw) -> std::io::Result<bool> {
+    raw.0.write_all(&read_job(7, 0, 2))?;
+    Ok(raw.frame()?.ends_with(&[0x12, 0x34]))
 }
 
 /// Until a new client gets what it asks for.
 fn until_served(station: &Running, port: u16, what: &str) -> Raw {
     station.until(what, |_| {
         let mut raw = Raw::open(port).ok()?;
-        raw.works().is_ok_and(|works| works).then_some(raw)
+        works(&mut raw).is_ok_and(|works| works).then_some(raw)
     })
 }
 
@@ -108,7 +66,7 @@ fn s7_kill() {
         link.signal(Signal::KILL);
         link.wait("killed");
         // Its connections go with it.
-        assert!(!client.works().unwrap_or(false));
+        assert!(!works(&mut client).unwrap_or(false));
         until_served(&station, port, "the next process serves");
         assert!(station.status().scans > scans, "the scan goes on");
     }
@@ -136,11 +94,11 @@ fn s7_flood() {
         stream
     };
     let mut all: Vec<TcpStream> = (0..1000).map(|_| open(false)).collect();
-    assert!(worker.works().expect("it is served beside a thousand half-open ones"));
+    assert!(works(&mut worker).expect("it is served beside a thousand half-open ones"));
     all.extend((0..1000).map(|_| open(true)));
-    assert!(worker.works().expect("it is served beside a thousand silent ones"));
+    assert!(works(&mut worker).expect("it is served beside a thousand silent ones"));
     until_served(&station, port, "a new client gets in");
-    assert!(worker.works().expect("nobody who works was given up for a silent one"));
+    assert!(works(&mut worker).expect("nobody who works was given up for a silent one"));
     assert!(!link.has_ended(), "the process has lived through it");
     assert!(resident(&link) < before + 32 * 1024, "{before} -> {} KiB", resident(&link));
     drop(all);

@@ -15,7 +15,7 @@ pub(crate) fn sim(args: &[String]) -> Outcome {
     release_run("sim", &["ob1-cp240", "ob1-tests"], args, None)
 }
 
-/// `cargo xtask bench`: the figures of the README with the floor measured in the same run. `stl`, `line` and `io`
+/// `cargo xtask bench`: the figures of the README with the floor measured in the same run. `stl`, `line`, `io` and `s7`
 /// measure beside others: they get the partners' Python. `gate [items browsers paint] [--minutes M]` loads
 /// the gate.
 ///
@@ -25,10 +25,11 @@ pub(crate) fn bench(args: &[String]) -> Outcome {
     if let Some(("gate", rest)) = args.split_first().map(|(name, rest)| (name.as_str(), rest)) {
         return siege::loads(rest);
     }
-    let beside = ["stl", "line", "io"];
+    let beside = ["stl", "line", "io", "s7"];
     let python =
         if args.iter().any(|arg| beside.contains(&arg.as_str())) { Some(python::interpreter()?) } else { None };
-    release_run("bench", &["ob1", "ob1-cp", "ob1-io", "ob1-cp240", "ob1-tests"], args, python.as_deref())
+    let packages = ["ob1", "ob1-cp", "ob1-io", "ob1-cp240", "ob1-s7-process", "ob1-tests"];
+    release_run("bench", &packages, args, python.as_deref())
 }
 
 /// `cargo xtask compare [--seeds N] [--seed S]`: random STL programs on our engine and on awlsim. Options are the
@@ -55,6 +56,7 @@ fn release_run(name: &str, packages: &[&str], args: &[String], python: Option<&P
         .env("OB1_UNDER_XTASK", "1")
         .env("OB1_PLUGIN_DIR", &folder)
         .env("OB1_BIN_DIR", &folder)
+        .env("OB1_SNAP7_NATIVE", python::native())
         .envs(python.map(|python| ("OB1_PYTHON", python)));
     shell::run_program(&mut program)
 }

@@ -63,6 +63,10 @@ pub(crate) const MOSQUITTO: Need = Need {
     here: || on_path("mosquitto") || std::path::Path::new("/usr/sbin/mosquitto").is_file(),
 };
 
+/// The judge of what the S7 link says.
+pub(crate) const TSHARK: Need =
+    Need { what: "tshark, the dissectors of Wireshark", packages: &["tshark"], here: || on_path("tshark") };
+
 /// Makes sure that all of `needs` are here.
 ///
 /// # Errors

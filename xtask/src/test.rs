@@ -46,6 +46,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         needs::BROWSER,
         needs::PROMETHEUS,
         needs::MOSQUITTO,
+        needs::TSHARK,
     ])?;
     let python = python::interpreter()?;
     shell::run(cargo(&["build", "--workspace", "--all-targets"]).args(wish.profile.flags()))?;

@@ -7,15 +7,17 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use ob1_access::door::{Answer, Ask as Question, Command, Door, News, NotYet, Reading, Refusal, Ticket};
-use ob1_model::{BlockId, BlockKind, GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
+use ob1_model::{BlockId, BlockKind, Cell, GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
 use ob1_s7::Rights;
 use ob1_s7::codes::{Code, ItemCode};
-use ob1_s7::server::{Ask, Control, Listed, Reply, Request};
-use ob1_s7::wire::{Address, BlockType, DateTime};
+use ob1_s7::server::{Ask, Control, Listed, Loaded, Reply, Request};
+use ob1_s7::wire::{Address, BlockType, DateTime, values_mut};
 
 use crate::cells;
 use crate::config::Config;
 
+/// Bytes of a data block that are read together: half of what a link may watch.
+const VALUES: usize = 32 * 1024;
 /// A CPU that shows nothing for so long does not answer: longer than any cycle a watchdog allows.
 const PATIENCE: Duration = Duration::from_secs(6);
 /// While a snapshot could not be read, because the scan was faster in every try.
@@ -58,6 +60,34 @@ enum Doing {
         rights: Option<Rights>,
     },
     Control(Transition),
+    Load(Load),
+    /// A data block, as it was loaded.
+    Data {
+        id: u64,
+        ticket: Ticket,
+        number: u16,
+    },
+    Values(Values),
+}
+
+/// A data block whose values are read.
+#[derive(Debug)]
+struct Values {
+    id: u64,
+    number: u16,
+    block: Vec<u8>,
+    /// Values that are there.
+    read: usize,
+    until: Instant,
+    again: Instant,
+}
+
+/// Blocks on their way into the program: one after the other, then all together.
+#[derive(Debug)]
+struct Load {
+    id: u64,
+    ticket: Ticket,
+    left: VecDeque<Loaded>,
 }
 
 /// Values on their way: a group at a time, each without what was refused before.
@@ -142,7 +172,7 @@ impl Asks {
     /// When [`Asks::step`] is wanted, whatever comes before.
     pub(crate) fn due(&self) -> Option<Instant> {
         let due = |doing: &Doing| match doing {
-            Doing::Read { again, .. } => Some(*again),
+            Doing::Read { again, .. } | Doing::Values(Values { again, .. }) => Some(*again),
             Doing::Control(Transition { step: Step::After { ticket: None, look_at, .. }, .. }) => Some(*look_at),
             _ => None,
         };
@@ -184,13 +214,25 @@ fn begin(
             let ticket = around.door.ask(client, Question::Szl { id: OPERATING_STATE, index: 0 });
             return Some(Doing::Control(Transition { id, control, step: Step::Before(ticket) }));
         }
-        Ask::Load(_) | Ask::Delete(_) => {
-            reply(id, Reply::Refused(Code::NO_SERVICE));
-            return None;
+        Ask::Load(blocks) => return Load { id, ticket: 0, left: blocks.into() }.send(client, around, reply),
+        Ask::Delete(blocks) => {
+            let ids: Option<Vec<BlockId>> =
+                blocks.iter().map(|(ty, number)| Some(BlockId::new(kind(*ty)?, *number))).collect();
+            match ids {
+                Some(ids) => Question::Delete(ids),
+                None => {
+                    reply(id, Reply::Refused(Code::NO_BLOCK));
+                    return None;
+                }
+            }
         }
         Ask::Szl { id, index } => Question::Szl { id, index },
         Ask::Blocks => Question::Blocks,
         Ask::Block { ty, number } => match kind(ty) {
+            Some(BlockKind::Db) => {
+                let ticket = around.door.ask(client, Question::Block(BlockId::new(BlockKind::Db, number)));
+                return Some(Doing::Data { id, ticket, number });
+            }
             Some(kind) => Question::Block(BlockId::new(kind, number)),
             None => {
                 reply(id, Reply::Refused(Code::NO_BLOCK));
@@ -214,8 +256,10 @@ fn begin(
 impl Doing {
     fn waits_for(&self, came: Ticket) -> bool {
         match self {
-            Doing::Read { .. } => false,
+            Doing::Read { .. } | Doing::Values(_) => false,
+            Doing::Data { ticket, .. } => *ticket == came,
             Doing::Write(write) => write.ticket == came,
+            Doing::Load(load) => load.ticket == came,
             Doing::Question { ticket, .. } => *ticket == came,
             Doing::Control(transition) => match transition.step {
                 Step::Before(ticket) | Step::Commanded(ticket) => ticket == came,
@@ -243,6 +287,7 @@ impl Doing {
                 reply(id, Reply::Values(vec![Err(refused); addresses.len()]));
                 None
             }
+            Doing::Values(values) => values.again(around, reply),
             Doing::Control(Transition { id, control, step: Step::After { ticket: None, look_at, until } })
                 if look_at <= around.now =>
             {
@@ -270,9 +315,89 @@ impl Doing {
                 reply(id, answered(answer, rights));
                 None
             }
+            (Doing::Data { id, number, .. }, News::Answer { answer: Answer::Block(bytes), .. }) => {
+                let until = around.now + PATIENCE;
+                let values = Values { id, number, block: bytes.to_vec(), read: 0, until, again: until };
+                values.again(around, reply)
+            }
+            (Doing::Data { id, .. }, News::Answer { answer, .. }) => {
+                reply(id, answered(answer, None));
+                None
+            }
+            (Doing::Load(load), News::Answer { answer, .. }) => load.came(answer, client, around, reply),
             (Doing::Control(transition), News::Answer { answer, .. }) => transition.came(answer, client, around, reply),
             _ => None,
         }
+    }
+}
+
+impl Values {
+    /// Reads on: a block of usual length all of one cycle control point.
+    fn again(mut self, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Doing> {
+        loop {
+            let Some(rest) = values_mut(&mut self.block).and_then(|values| values.get_mut(self.read..)) else {
+                reply(self.id, Reply::Refused(Code::SERVICE));
+                return None;
+            };
+            if rest.is_empty() {
+                reply(self.id, Reply::Block(self.block));
+                return None;
+            }
+            let len = rest.len().min(VALUES);
+            let piece = Piece::Bytes { at: Cell::Db(self.number, self.read as u32 * 8), len: len as u32 };
+            match around.door.read(&[piece], around.reading) {
+                Ok(()) => {}
+                Err(why @ (NotYet::Coming | NotYet::Busy)) if around.now < self.until => {
+                    self.again = if why == NotYet::Busy { around.now + SOON } else { self.until };
+                    return Some(Doing::Values(self));
+                }
+                Err(_) => {
+                    reply(self.id, Reply::Refused(Code::NOT_NOW));
+                    return None;
+                }
+            }
+            match (around.reading.piece(0), rest.get_mut(..len)) {
+                (Ok(bytes), Some(place)) if bytes.len() == len => place.copy_from_slice(bytes),
+                // Not allowed, or another block since.
+                (refused, _) => {
+                    let right = refused == Err(Refusal::Right);
+                    reply(self.id, Reply::Refused(if right { Code::PROTECTED } else { Code::NO_BLOCK }));
+                    return None;
+                }
+            }
+            self.read += len;
+        }
+    }
+}
+
+impl Load {
+    /// The next block.
+    fn send(mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Doing> {
+        let Some(block) = self.left.pop_front() else {
+            let ticket = around.door.ask(client, Question::Link);
+            return Some(Doing::Question { id: self.id, ticket, rights: None });
+        };
+        let Some(kind) = kind(block.ty) else {
+            reply(self.id, Reply::Refused(Code::BLOCK_NUMBER));
+            return None;
+        };
+        let id = BlockId::new(kind, block.number);
+        self.ticket = around.door.ask(client, Question::Stage { id, bytes: block.bytes.into() });
+        Some(Doing::Load(self))
+    }
+
+    fn came(
+        self,
+        answer: &Answer,
+        client: u32,
+        around: &mut Surroundings<'_>,
+        reply: &mut dyn FnMut(u64, Reply),
+    ) -> Option<Doing> {
+        if *answer == Answer::Done {
+            return self.send(client, around, reply);
+        }
+        reply(self.id, answered(answer, None));
+        None
     }
 }
 
@@ -387,6 +512,9 @@ fn answered(answer: &Answer, rights: Option<Rights>) -> Reply {
             Refusal::Right => Code::PROTECTED,
             Refusal::Password => Code::PASSWORD,
             Refusal::NotThere => Code::NO_BLOCK,
+            Refusal::InRun => Code::COORDINATION,
+            Refusal::Block => Code::BLOCK_LENGTHS,
+            Refusal::Room => Code::BLOCK_SIZE,
             Refusal::Cell(_) | Refusal::Full | Refusal::Silent => Code::NOT_NOW,
         }),
         Answer::Diagnostics(_) | Answer::Modules { .. } | Answer::Document { .. } => Reply::Refused(Code::SERVICE),

@@ -1,12 +1,13 @@
 //! The broker itself: takes what links say, does what they may, tells them what has come of it.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::os::fd::OwnedFd;
 
 use ob1_access::door::{Answer, Ask, Document, MESSAGE_BYTES, Refusal, Refused, State, ToBroker, ToLink, What};
 use ob1_backplane::WindowReader;
 use ob1_cpu::{Answer as PortAnswer, Ask as PortAsk, Command, Cpu, DIAG_ENTRIES, DIAG_STOPS, Nanos};
-use ob1_model::StateChange;
+use ob1_model::{BlockId, BlockKind, StateChange};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::client::Job;
@@ -14,7 +15,7 @@ use crate::connection::Received;
 use crate::events::Stream;
 use crate::joint::Joint;
 use crate::port::{Asker, Port};
-use crate::{Beats, DriverState, Facts, FeedEnd, LinkConfig};
+use crate::{Beats, Change, DriverState, Facts, FeedEnd, LinkConfig};
 
 const MS: Nanos = 1_000_000;
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
@@ -39,6 +40,9 @@ pub struct Broker {
     joints: Vec<Joint>,
     events: Stream,
     drivers: Vec<DriverState>,
+    /// Changes of the program under way, and who waits for them.
+    changes: BTreeMap<u64, Asker>,
+    change: u64,
     answer_time: Nanos,
     looks: u32,
     buffer: Vec<u8>,
@@ -69,6 +73,8 @@ impl Broker {
             drivers: facts.drivers(),
             facts,
             joints,
+            changes: BTreeMap::new(),
+            change: 0,
             events: Stream::default(),
             looks: 0,
             buffer: vec![0; MESSAGE_BYTES],
@@ -101,7 +107,7 @@ impl Broker {
 
     /// Waits until a link says something, `wake` can be read, or it is time to look at the scan.
     pub(crate) fn wait(&mut self, wake: &OwnedFd) {
-        let busy = !self.port.is_idle() || self.joints.iter().any(|joint| !joint.is_idle());
+        let busy = !self.port.is_idle() || !self.changes.is_empty() || self.joints.iter().any(|joint| !joint.is_idle());
         self.looks = if busy { self.looks.saturating_add(1) } else { 0 };
         let time = if busy && self.looks < PATIENT_LOOKS { LOOK } else { IDLE_LOOK };
         let timeout = Timespec { tv_sec: 0, tv_nsec: time as i64 };
@@ -120,6 +126,7 @@ impl Broker {
             self.listen(link, now);
         }
         self.watch_station(now);
+        self.tell_changes();
         self.port.step();
         while let Some((asker, answers)) = self.port.answered(now) {
             let answer = match answers {
@@ -149,6 +156,27 @@ impl Broker {
                 self.lost(link, now);
             }
         }
+    }
+
+    /// Changes of the program that have come to their end.
+    fn tell_changes(&mut self) {
+        while let Some((number, outcome)) = self.facts.changed() {
+            let Some(asker) = self.changes.remove(&number) else { continue };
+            if let Some(client) = self.joints.get_mut(asker.link).and_then(|joint| joint.clients.known(asker.client)) {
+                client.out = client.out.saturating_sub(1);
+            }
+            self.answer(asker, outcome.map_or_else(Answer::Refused, |()| Answer::Done));
+        }
+    }
+
+    /// Has the program changed; the answer comes when it has taken effect.
+    fn begin_change(&mut self, asker: Asker, change: Change) -> Result<Option<Answer>, Refusal> {
+        self.change += 1;
+        if !self.facts.change(self.change, change) {
+            return Err(Refusal::NotThere);
+        }
+        self.changes.insert(self.change, asker);
+        Ok(None)
     }
 
     /// What a link says, up to a bound.
@@ -251,6 +279,24 @@ impl Broker {
                 self.check(command)?;
                 vec![PortAsk::Command(command)]
             }
+            Ask::Stage { id, bytes } => {
+                client.may_operate()?;
+                may_touch(id, &joint.config)?;
+                let client = joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?;
+                return client.stage(id, bytes).map(|()| Some(Answer::Done));
+            }
+            Ask::Link => {
+                client.may_operate()?;
+                client.count()?;
+                let blocks = client.take_staged();
+                return self.begin_change(asker, Change::Link(blocks)).inspect_err(|_| self.uncount(asker));
+            }
+            Ask::Delete(ids) => {
+                client.may_operate()?;
+                ids.iter().try_for_each(|id| may_touch(*id, &joint.config))?;
+                joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?.count()?;
+                return self.begin_change(asker, Change::Delete(ids)).inspect_err(|_| self.uncount(asker));
+            }
             Ask::SetClock(clock) => {
                 client.may_operate()?;
                 vec![PortAsk::SetClock(clock)]
@@ -268,6 +314,12 @@ impl Broker {
         joint.clients.of(asker.client, &joint.config).ok_or(Refusal::Full)?.count()?;
         self.port.ask(asker, asks, now.saturating_add(self.answer_time));
         Ok(None)
+    }
+
+    fn uncount(&mut self, asker: Asker) {
+        if let Some(client) = self.joints.get_mut(asker.link).and_then(|joint| joint.clients.known(asker.client)) {
+            client.out = client.out.saturating_sub(1);
+        }
     }
 
     /// Whether this CPU has the command: an S7-300 has no hot restart.
@@ -350,4 +402,10 @@ impl Broker {
     pub fn window(&self, link: usize) -> Option<WindowReader> {
         self.joints.get(link).map(|joint| joint.window().clone())
     }
+}
+
+/// A data block may be changed where its values may be.
+fn may_touch(id: BlockId, config: &LinkConfig) -> Result<(), Refusal> {
+    let allowed = id.kind != BlockKind::Db || config.allowed.has(ob1_access::Cell::Db(id.number, 0));
+    if allowed { Ok(()) } else { Err(Refusal::Right) }
 }

@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use ob1_access::door::{OUTSTANDING, Refusal, Refused, Ticket};
+use ob1_access::door::{OUTSTANDING, Refusal, Refused, STAGED_BYTES, Ticket};
 use ob1_access::{Put, Right};
 use ob1_cpu::Nanos;
+use ob1_model::BlockId;
 
 use crate::LinkConfig;
 
@@ -33,6 +34,8 @@ pub(crate) struct Client {
     pub(crate) out: usize,
     /// It has given a wrong password.
     locked_until: Nanos,
+    /// Blocks that wait to be linked.
+    staged: Vec<(BlockId, Box<[u8]>)>,
 }
 
 /// All clients of a link.
@@ -51,7 +54,8 @@ impl Clients {
         if self.list.len() >= CLIENTS && !self.list.contains_key(&number) {
             return None;
         }
-        let new = || Client { right: config.rights, jobs: VecDeque::new(), out: 0, locked_until: 0 };
+        let new =
+            || Client { right: config.rights, jobs: VecDeque::new(), out: 0, locked_until: 0, staged: Vec::new() };
         Some(self.list.entry(number).or_insert_with(new))
     }
 
@@ -138,6 +142,22 @@ impl Client {
             None if self.right >= Right::Write => Ok(()),
             entry => Err(Refused { entry: entry.unwrap_or(0) as u32, why: Refusal::Right }),
         }
+    }
+
+    /// Puts a block aside, in place of one of the same name.
+    pub(crate) fn stage(&mut self, id: BlockId, bytes: Box<[u8]>) -> Result<(), Refusal> {
+        self.staged.retain(|(other, _)| *other != id);
+        let all: usize = self.staged.iter().map(|(_, bytes)| bytes.len()).sum();
+        if all + bytes.len() > STAGED_BYTES {
+            return Err(Refusal::Room);
+        }
+        self.staged.push((id, bytes));
+        Ok(())
+    }
+
+    /// The blocks that were put aside.
+    pub(crate) fn take_staged(&mut self) -> Vec<(BlockId, Box<[u8]>)> {
+        std::mem::take(&mut self.staged)
     }
 
     /// Whether it may operate.

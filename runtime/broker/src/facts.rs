@@ -2,7 +2,7 @@
 
 use std::os::fd::OwnedFd;
 
-use ob1_access::door::{BlockFact, Diagnosis, Document, State};
+use ob1_access::door::{BlockFact, Diagnosis, Document, Refusal, State};
 use ob1_access::{Allowed, Put, Right};
 use ob1_cpu::DiagEntry;
 use ob1_model::BlockId;
@@ -15,6 +15,18 @@ pub struct DriverState {
     /// It is up.
     pub up: bool,
 }
+
+/// A change of the program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// These blocks come in, in place of those of the same names.
+    Link(Vec<(BlockId, Box<[u8]>)>),
+    /// These go.
+    Delete(Vec<BlockId>),
+}
+
+/// What has become of a change of this number.
+pub type Changed = (u64, Result<(), Refusal>);
 
 /// What the broker needs to know of the station. Asked by its thread, never by the scan.
 pub trait Facts: Send {
@@ -43,6 +55,15 @@ pub trait Facts: Send {
     fn document(&self, which: Document, state: State, present: &[bool], links: &[(&str, bool)]) -> Box<[u8]>;
     /// An input that a module feeds is written where the module reads it: true when this was done.
     fn take_input(&self, put: &Put) -> bool;
+    /// Begins a change of the program; what becomes of it comes from [`Facts::changed`] under this number. False: this
+    /// program cannot be changed.
+    fn change(&mut self, _number: u64, _change: Change) -> bool {
+        false
+    }
+    /// The next change that has come to its end.
+    fn changed(&mut self) -> Option<Changed> {
+        None
+    }
 }
 
 /// A link, as the station file has it.

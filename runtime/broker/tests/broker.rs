@@ -1,8 +1,8 @@
 //! The broker between doors and a CPU, all in one thread and in virtual time.
 
 use std::os::fd::OwnedFd;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 use ob1_access::door::{
     Answer, Ask, BlockFact, Command, Diagnosis, Document, Door, Event, News, NotYet, OUTSTANDING, Reading, Refusal,
@@ -10,7 +10,7 @@ use ob1_access::door::{
 };
 use ob1_access::{Allowed, Cell, CellError, CellWidth, Piece, Put, Right};
 use ob1_backplane::handover;
-use ob1_broker::{Broker, DriverState, Facts, Feed, LinkConfig, feed};
+use ob1_broker::{Broker, Change, Changed, DriverState, Facts, Feed, LinkConfig, feed};
 use ob1_cpu::{Clock, Cpu, CpuConfig, DiagEntry, Nanos, system_blocks};
 use ob1_model::{Area, BlockId, BlockKind};
 use ob1_stl::{Library, Options, Source, compile};
@@ -41,6 +41,9 @@ END_ORGANIZATION_BLOCK
 
 struct Plant {
     up: Arc<AtomicBool>,
+    /// Changes of the program that reached it.
+    changes: Arc<Mutex<Vec<Change>>>,
+    changed: Vec<Changed>,
 }
 
 impl Facts for Plant {
@@ -81,6 +84,15 @@ impl Facts for Plant {
             _ => format!("{which:?} {state:?} {links:?}").into_bytes().into(),
         }
     }
+    fn change(&mut self, number: u64, change: Change) -> bool {
+        let outcome = if change == Change::Delete(Vec::new()) { Err(Refusal::InRun) } else { Ok(()) };
+        self.changes.lock().expect("not poisoned").push(change);
+        self.changed.push((number, outcome));
+        true
+    }
+    fn changed(&mut self) -> Option<Changed> {
+        self.changed.pop()
+    }
     fn take_input(&self, put: &Put) -> bool {
         put.cell() == Cell::Area(Area::Input, 0)
     }
@@ -102,6 +114,7 @@ struct Station {
     feed: Feed,
     time: Nanos,
     driver_up: Arc<AtomicBool>,
+    changes: Arc<Mutex<Vec<Change>>>,
     /// Events that came while others were waited for.
     seen: Vec<Event>,
 }
@@ -124,10 +137,12 @@ impl Station {
             .expect("loads");
         let (scan, end) = feed();
         let driver_up = Arc::new(AtomicBool::new(false));
-        let facts = Box::new(Plant { up: Arc::clone(&driver_up) });
+        let changes = Arc::default();
+        let (up, log) = (Arc::clone(&driver_up), Arc::clone(&changes));
+        let facts = Box::new(Plant { up, changes: log, changed: Vec::new() });
         let broker = Broker::new(&mut cpu, links, end, facts).expect("a broker");
         cpu.request(ob1_cpu::Command::Warm);
-        let mut station = Self { cpu, broker, feed: scan, time: 0, driver_up, seen: Vec::new() };
+        let mut station = Self { cpu, broker, feed: scan, time: 0, driver_up, changes, seen: Vec::new() };
         station.cycles(2);
         station
     }
@@ -286,6 +301,49 @@ fn documents() {
     }
     assert!(answered && whole >= 85, "{whole} whole, {refused} refused");
     assert_eq!(whole + refused, 201);
+}
+
+/// A change of the program takes the right to operate, and for a data block that the link may touch it. What a client
+/// puts aside is its own, and bounded.
+#[test]
+fn changes_of_the_program() {
+    let id = |kind, number| BlockId::new(kind, number);
+    let stage = |id| Ask::Stage { id, bytes: [1, 2, 3].into() };
+    let (fc, db7, db8) = (id(BlockKind::Fc, 1), id(BlockKind::Db, 7), id(BlockKind::Db, 8));
+    for right in [Right::Read, Right::Write] {
+        let mut station = Station::new(vec![link("panel", right)]);
+        let mut door = station.open(0);
+        for ask in [stage(fc), stage(db7), Ask::Link, Ask::Delete(vec![fc]), Ask::Delete(Vec::new())] {
+            assert_eq!(station.ask(&mut door, 1, ask.clone()), Answer::Refused(Refusal::Right), "{right:?} {ask:?}");
+        }
+        assert!(station.changes.lock().expect("not poisoned").is_empty());
+    }
+    let only = LinkConfig {
+        allowed: Allowed::of(None, Some(&["DB7".to_owned()])).expect("right"),
+        ..link("panel", Right::Operate)
+    };
+    let mut station = Station::new(vec![only]);
+    let mut door = station.open(0);
+    assert_eq!(station.ask(&mut door, 1, stage(db8)), Answer::Refused(Refusal::Right));
+    assert_eq!(station.ask(&mut door, 1, Ask::Delete(vec![db7, db8])), Answer::Refused(Refusal::Right));
+    assert_eq!(station.ask(&mut door, 1, stage(db7)), Answer::Done);
+    assert_eq!(station.ask(&mut door, 1, stage(fc)), Answer::Done);
+    assert_eq!(station.ask(&mut door, 2, Ask::Link), Answer::Done, "it has put nothing aside");
+    assert_eq!(station.ask(&mut door, 1, Ask::Link), Answer::Done);
+    assert_eq!(station.ask(&mut door, 1, Ask::Delete(Vec::new())), Answer::Refused(Refusal::InRun));
+    let bytes: Box<[u8]> = [1, 2, 3].into();
+    let linked = Change::Link(vec![(db7, bytes.clone()), (fc, bytes)]);
+    let wanted = [Change::Link(Vec::new()), linked, Change::Delete(Vec::new())];
+    assert_eq!(*station.changes.lock().expect("not poisoned"), wanted);
+    // As often as one likes: each answer gives its place free.
+    for _ in 0..3 * OUTSTANDING {
+        assert_eq!(station.ask(&mut door, 1, Ask::Link), Answer::Done);
+    }
+    let large = |number| Ask::Stage { id: id(BlockKind::Fc, number), bytes: vec![0; 130_000].into() };
+    let answers: Vec<Answer> = (0..9).map(|number| station.ask(&mut door, 1, large(number))).collect();
+    assert_eq!(answers.iter().filter(|answer| **answer == Answer::Done).count(), 8);
+    assert_eq!(answers.last(), Some(&Answer::Refused(Refusal::Room)));
+    assert_eq!(station.ask(&mut door, 1, large(3)), Answer::Done, "in place of the one before");
 }
 
 /// Each right, and each limit of it: what is not allowed is refused and changes nothing.

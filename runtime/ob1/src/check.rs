@@ -226,7 +226,7 @@ fn check_program(station: &Station) -> Result<(Loaded, Cpu), Vec<Finding>> {
     let io = ProcessIo::new(ob1_backplane::IoImage::heap(), stimulus);
     let modules =
         station.modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, &station.name, m)?))).collect();
-    let cpu = assembly::load_cpu(station.cpu.clone(), &loaded, natives, modules, station.engine)
+    let cpu = assembly::load_cpu(station.cpu.clone(), (&loaded, &loaded.program), natives, modules, station.engine)
         .map_err(|failure| [failure.findings(), loaded.findings.as_slice()].concat())?;
     Ok((loaded, cpu))
 }

@@ -10,7 +10,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::bus::{self, BusArgs};
 use crate::exec::{self, ExecArgs};
 use crate::exit::{self, Exit};
-use crate::import::{self, CompareArgs, ImportArgs, UploadArgs};
+use crate::import::{self, CompareArgs, DownloadArgs, ImportArgs, UploadArgs};
 use crate::new::{self, NewArgs};
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
@@ -68,6 +68,7 @@ enum Command {
     Xref(XrefArgs),
     Import(ImportArgs),
     Upload(UploadArgs),
+    Download(DownloadArgs),
     Compare(CompareArgs),
     New(NewArgs),
     Get(GetArgs),
@@ -467,6 +468,7 @@ impl Command {
             Command::Test(args) => return testing::test(&args).into(),
             Command::Import(args) => return import::import(&args).into(),
             Command::Upload(args) => return import::upload(&args).into(),
+            Command::Download(args) => return import::download(&args).into(),
             Command::Compare(args) => return import::compare(&args).into(),
             Command::Run(args) => run::run(&run::Options {
                 station: args.station,

@@ -132,6 +132,13 @@ fn print_status(status: &Status) {
     if let Some(retentive) = &status.retentive {
         say!("{}", retentive_text(retentive));
     }
+    if !status.downloads.is_empty() {
+        let list: Vec<String> = status.downloads.iter().map(|one| format!("{} {}", one.block, one.what)).collect();
+        say!("other than in the sources: {}", list.join(", "));
+    }
+    if let Some(why) = &status.downloads_not_kept {
+        say!("what was downloaded is lost when the station ends: {why}");
+    }
     if status.log_lost > 0 {
         say!("log lines lost {}: standard error of the runtime is full, slow or gone", status.log_lost);
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use ob1_backplane::{CpuSide, IoImage, Segment};
-use ob1_cpu::{BusPlace, Cpu, CpuConfig, LoadError, Module, ModuleSlot, Running};
+use ob1_cpu::{BusPlace, Cpu, CpuConfig, LoadError, Module, ModuleSlot, Running, Surroundings};
 use ob1_host::driver::{DriverCommand, Fleet};
 use ob1_host::module::{CpModule, CpSettings};
 use ob1_host::plugin::{PluginModule, STATION, Setting};
@@ -14,22 +14,26 @@ use ob1_host::supervisor::Times;
 use ob1_ir::Program;
 use ob1_params::Value;
 use ob1_rt::MonotonicClock;
+use ob1_stl::Library;
 use serde_json::json;
 
 use crate::bus::{self, AddedBus};
 use crate::compiling::Request;
+use crate::download::{self, Changes, Downloading};
 use crate::engine::EngineChoice;
 use crate::fence;
 use crate::finding::{Finding, Level};
 use crate::io::{Panel, ProcessIo, Stimulus};
 use crate::offer::Unserved;
-use crate::program::{LoadFailure, Loaded};
+use crate::program::{self, LoadFailure, Loaded};
 use crate::retentive::health::Health;
 use crate::simulated;
 use crate::station_file::{AbdUnit, Absent, Line, LinkKind, ModuleConfig, ModuleKind, Partner, SimulatedLine, Station};
 use crate::timing::Timings;
-use crate::view::{ModuleView, Places, StationView};
-use ob1_access::Names;
+use crate::view::{Known, ModuleView, StationView};
+
+/// Organization blocks beyond those of the sources for which there is stack, where blocks can be downloaded.
+const SPARE_OBS: u8 = 8;
 
 /// A station, ready to run in this process.
 #[derive(Debug)]
@@ -48,6 +52,8 @@ pub struct Assembly {
     pub running: Arc<Running>,
     /// What is to be compiled beside, when the station file leaves the engine to us.
     pub compile: Option<Request>,
+    /// Where blocks can be downloaded: what that takes.
+    pub download: Option<Downloading>,
 }
 
 /// Why there is none.
@@ -173,13 +179,13 @@ pub fn cp_settings(
 /// [`LoadFailure::Rejected`] with everything that does not fit together.
 pub fn load_cpu(
     config: CpuConfig,
-    loaded: &Loaded,
+    (loaded, program): (&Loaded, &Program),
     natives: ob1_cpu::Natives,
     modules: Vec<(ModuleSlot, Box<dyn Module>)>,
     engine: EngineChoice,
 ) -> Result<Cpu, LoadFailure> {
-    Cpu::new(config, &loaded.program, natives, modules, engine.factory()).map_err(|errors| {
-        LoadFailure::Rejected(Unserved::new(&loaded.standard, &loaded.plugins).findings(&errors, &loaded.program))
+    Cpu::new(config, program, natives, modules, engine.factory()).map_err(|errors| {
+        LoadFailure::Rejected(Unserved::new(&loaded.standard, &loaded.plugins).findings(&errors, program))
     })
 }
 
@@ -240,19 +246,38 @@ pub fn assemble(
     let natives = loaded.native_blocks(&seen).map_err(AssemblyError::Load)?;
     let mut config = station.cpu.clone();
     config.date_at_start = date_now();
+    if station.downloads.is_some() {
+        config.spare_obs = SPARE_OBS;
+    }
     let rules = config.clone();
+    let around = Surroundings::new(&config, &natives);
+    let library = program::library(&loaded.plugins, &station.program.library)
+        .map_err(|findings| AssemblyError::Load(LoadFailure::Rejected(findings)))?;
+    let library = Arc::new(library);
+    let sources = Arc::new(loaded.program.clone());
+    let (now, changes) = restored(station, &sources, &library, &around);
     let compiles = station.engine == EngineChoice::Auto;
-    let program = (compiles || !station.links.is_empty()).then(|| Arc::new(loaded.program.clone()));
-    let compile = program.iter().find(|_| compiles);
-    let compile = compile.map(|program| Request::new(&config, Arc::clone(program), &natives));
-    let cpu = load_cpu(config, loaded, natives, building.modules, station.engine).map_err(AssemblyError::Load)?;
+    let compile = compiles.then(|| Request::new(&config, Arc::clone(&now), &natives));
+    let cpu =
+        load_cpu(config, (loaded, &now), natives, building.modules, station.engine).map_err(AssemblyError::Load)?;
+    let known = Known::default();
+    known.set(changes.known(&now, (&sources, &around), &library));
+    let download = station.downloads.as_ref().map(|folder| Downloading {
+        around,
+        sources,
+        now,
+        changes,
+        path: Some(download::path(folder, &station.name)),
+        library,
+        known: known.clone(),
+        engine: station.engine,
+        stack: cpu.stack_bytes(),
+        cycles: std::time::Duration::from_nanos(2 * station.cpu.min_cycle),
+    });
     let view = StationView {
         name: station.name.clone(),
         family: station.cpu.family,
-        names: Arc::new(Names::new(&loaded.program)),
-        places: Arc::new(Places::new(&loaded.program)),
-        blocks: crate::access::facts::blocks(&loaded.program),
-        program: program.filter(|_| !station.links.is_empty()),
+        known,
         engine: Arc::default(),
         modules: building.views,
         buses: building.buses.into_iter().map(|bus| bus.view).collect(),
@@ -264,7 +289,43 @@ pub fn assemble(
     };
     let running = cpu.running();
     view.engine.set(cpu.engine());
-    Ok(Assembly { cpu, view, fleet: building.fleet, io: building.io, links: building.links, running, compile })
+    Ok(Assembly {
+        cpu,
+        view,
+        fleet: building.fleet,
+        io: building.io,
+        links: building.links,
+        running,
+        compile,
+        download,
+    })
+}
+
+/// The program of the sources with what was downloaded; without, where that cannot be.
+fn restored(
+    station: &Station,
+    sources: &Arc<Program>,
+    library: &Library,
+    around: &Surroundings,
+) -> (Arc<Program>, Changes) {
+    let path = station.downloads.as_ref().map(|folder| download::path(folder, &station.name));
+    let nothing = || (Arc::clone(sources), Changes::default());
+    let Some(path) = path else { return nothing() };
+    let program = download::read(&path).and_then(|changes| {
+        if changes.is_empty() {
+            return Ok(nothing());
+        }
+        let program = changes.apply(sources, library, around).map_err(|whys| whys.join("; "))?;
+        // As far as loading would come: whatever it is, the station starts.
+        let tried = around.successor((sources, &program), Vec::new(), ob1_cpu::engine::REFERENCE, usize::MAX);
+        tried.map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))?;
+        Ok((Arc::new(program), changes))
+    });
+    program.unwrap_or_else(|why| {
+        tracing::error!("{}: what was downloaded is left out: {why}", path.display());
+        tracing::error!("  = the station runs what its sources say; download it again, or remove the file");
+        nothing()
+    })
 }
 
 /// The ptys the drivers of a station publish: what has to go should the runtime be killed.

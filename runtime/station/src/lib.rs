@@ -14,6 +14,7 @@ pub mod assembly;
 mod bus;
 pub mod buses;
 pub mod compiling;
+pub mod download;
 pub mod engine;
 pub mod exit;
 pub mod fence;

@@ -11,11 +11,14 @@ use ob1_ir::{CodeBlock, Program};
 use ob1_model::{BlockId, Event};
 use ob1_params::CpKind;
 use ob1_rt::{Grant, MonotonicClock};
+use ob1_stl::Library;
+use parking_lot::RwLock;
 
 use crate::access::protocol::{
     CpBuffer, CpEntry, Diagnostic, DriverStatus, GrantStatus, MemoryStatus, ModuleStatus, Status, Times,
 };
 use crate::buses::BusView;
+use crate::download::Download;
 use crate::engine::InUse;
 use crate::io::Panel;
 use crate::retentive::health::Health;
@@ -57,6 +60,61 @@ impl Places {
     }
 }
 
+/// A program as others see it: names, places, blocks.
+#[derive(Debug, Default)]
+pub struct KnownProgram {
+    /// The names of its cells.
+    pub names: Names,
+    /// Where its blocks stand.
+    pub places: Places,
+    /// Its blocks.
+    pub blocks: Vec<BlockFact>,
+    /// The program itself.
+    pub program: Arc<Program>,
+    /// Blocks it calls that are not its own.
+    pub library: Arc<Library>,
+    /// How it differs from the sources.
+    pub downloads: Vec<Download>,
+    /// Those blocks as they came.
+    pub images: BTreeMap<BlockId, Vec<u8>>,
+    /// Why that will be lost when the station ends.
+    pub not_kept: Option<String>,
+}
+
+impl KnownProgram {
+    /// Of a program that is as its sources.
+    #[must_use]
+    pub fn new(program: Arc<Program>, library: Arc<Library>) -> Self {
+        Self {
+            names: Names::new(&program),
+            places: Places::new(&program),
+            blocks: crate::access::facts::blocks(&program),
+            program,
+            library,
+            downloads: Vec::new(),
+            images: BTreeMap::new(),
+            not_kept: None,
+        }
+    }
+}
+
+/// The program that runs, as others see it. A download sets another one.
+#[derive(Clone, Debug, Default)]
+pub struct Known(Arc<RwLock<Arc<KnownProgram>>>);
+
+impl Known {
+    /// This one from now on.
+    pub fn set(&self, program: KnownProgram) {
+        *self.0.write() = Arc::new(program);
+    }
+
+    /// The one that runs.
+    #[must_use]
+    pub fn get(&self) -> Arc<KnownProgram> {
+        Arc::clone(&self.0.read())
+    }
+}
+
 /// A running station, as seen from other threads than the scan.
 #[derive(Clone, Debug)]
 pub struct StationView {
@@ -64,14 +122,8 @@ pub struct StationView {
     pub name: String,
     /// The family of its CPU.
     pub family: Family,
-    /// The names of its cells.
-    pub names: Arc<Names>,
-    /// Where its blocks stand.
-    pub places: Arc<Places>,
-    /// Its blocks.
-    pub blocks: Arc<[BlockFact]>,
-    /// Its program, where somebody may want to read blocks of it.
-    pub program: Option<Arc<Program>>,
+    /// Its program.
+    pub known: Known,
     /// Its modules, in the order of the CPU.
     pub modules: Vec<ModuleView>,
     /// Its buses.
@@ -190,7 +242,7 @@ impl StationView {
             unix_ns: self.unix_at(entry.time),
             event: event_number(entry.event.0),
             text: entry.to_string(),
-            place: self.places.of(entry).unwrap_or_default(),
+            place: self.known.get().places.of(entry).unwrap_or_default(),
             because: self.stood_in_the_way(entry).unwrap_or_default(),
             remedy: entry.event.remedy().to_owned(),
         }
@@ -219,6 +271,7 @@ impl StationView {
         let figures = self.timings.figures();
         let statistics = figures.statistics();
         let module = |(index, module): (usize, &ModuleView)| module.status(present.get(index) == Some(&true));
+        let known = self.known.get();
         Status {
             station: self.name.clone(),
             pid: std::process::id(),
@@ -244,6 +297,8 @@ impl StationView {
                 threads: memory.threads,
             },
             log_lost: ob1_log::lost(),
+            downloads: known.downloads.clone(),
+            downloads_not_kept: known.not_kept.clone(),
         }
     }
 }

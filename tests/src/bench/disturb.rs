@@ -220,16 +220,16 @@ impl Drop for Site {
 }
 
 /// `ob1`, ended by SIGTERM (a shell makes jobs in the background ignore SIGINT).
-struct Process(Child);
+pub(super) struct Process(Child);
 
 impl Process {
-    fn start(ob1: &Path, args: &[&str], file: Option<&Path>) -> Result<Self, Failure> {
+    pub(super) fn start(ob1: &Path, args: &[&str], file: Option<&Path>) -> Result<Self, Failure> {
         let mut command = Command::new(ob1);
         Ok(Self(command.args(args).args(file).stdin(Stdio::null()).stdout(Stdio::null()).spawn()?))
     }
 
     /// So much time passes; the end of the process in it is a failure.
-    fn lives_for(&self, time: Duration) -> Result<(), Failure> {
+    pub(super) fn lives_for(&self, time: Duration) -> Result<(), Failure> {
         let pid = i32::try_from(self.0.id()).ok().and_then(Pid::from_raw).ok_or("no process")?;
         let end = pidfd_open(pid, PidfdFlags::empty())?;
         let time = Timespec { tv_sec: time.as_secs() as i64, tv_nsec: i64::from(time.subsec_nanos()) };
@@ -239,7 +239,7 @@ impl Process {
         }
     }
 
-    fn end(&mut self) {
+    pub(super) fn end(&mut self) {
         if self.0.try_wait().is_ok_and(|ended| ended.is_some()) {
             return;
         }

@@ -16,6 +16,7 @@ pub mod line;
 pub mod machine_code;
 pub mod memory;
 pub mod peer;
+pub mod s7;
 pub mod scan;
 pub mod stl;
 pub mod wake;

@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use ob1_tests::bench::peer::{Failure, answer_pipe};
 use ob1_tests::bench::wake::Verdict;
 use ob1_tests::bench::{
-    access, backplane, causes, compile, disturb, driver, engines, io, kill_runtime, line, machine_code, memory, scan,
-    stl, wake,
+    access, backplane, causes, compile, disturb, driver, engines, io, kill_runtime, line, machine_code, memory, s7,
+    scan, stl, wake,
 };
 
 const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds S]
@@ -17,6 +17,8 @@ const HELP: &str = "usage: cargo xtask bench [NAME...] [--triples N] [--seconds 
          line, named: also Modbus RTU transactions over a pty beside libmodbus and pymodbus (installed into .venv)
          disturb [--rounds N] [--seconds S]: the execution time of a scan while ob1 top is attached, reports are written, its driver is
          killed ten times a minute; N (9) rounds of five runs of S (6) seconds: 5 minutes
+         s7 [--rounds N] [--seconds S]: the S7 link beside a bare TCP echo and snap7's server (installed into .venv), and the
+         scan with 64 clients beside it; N (9) rounds, three looks of S (6) seconds at the scan in each: 4 minutes
          causes [--seconds S]: late scans by cause on a machine that is too busy; three stations of S (60) seconds each
          io [--seconds S]: remote I/O over Modbus TCP, 32 couplers at a cycle of 10 ms; the way of an input to an output; requests a
          second beside libmodbus (its Python script installed into .venv); S (10) seconds each
@@ -28,10 +30,12 @@ Exit status: 0 every aim met, 1 an aim missed, 2 it could not be measured, 3 inc
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let done = match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["--peer", "echo", _] => s7::echo().map(|()| true),
         ["--peer", role, path] => answer(role, Path::new(path)).map(|()| true),
         ["stl"] => engines::measure().and_then(|engines| Ok(stl::measure()? && engines)),
         ["engines"] => engines::measure(),
         ["disturb", ref words @ ..] => disturbed(words),
+        ["s7", ref words @ ..] => s7_link(words),
         ["causes"] => caused(causes::SECONDS),
         ["causes", "--seconds", number] => number.parse().map_err(|_| HELP.into()).and_then(caused),
         ["io"] => remote(10),
@@ -78,8 +82,8 @@ fn caused(seconds: u64) -> Result<bool, Failure> {
     causes::measure(&std::env::current_exe()?.with_file_name("ob1"), seconds)
 }
 
-/// `disturb [--rounds N] [--seconds S]`.
-fn disturbed(words: &[&str]) -> Result<bool, Failure> {
+/// `[--rounds N] [--seconds S]`.
+fn rounds(words: &[&str]) -> Result<(Option<usize>, Option<u64>), Failure> {
     let (mut rounds, mut seconds) = (None, None);
     for pair in words.chunks(2) {
         match pair {
@@ -88,7 +92,25 @@ fn disturbed(words: &[&str]) -> Result<bool, Failure> {
             _ => return Err(HELP.into()),
         }
     }
-    match disturb::measure(rounds, seconds)? {
+    Ok((rounds, seconds))
+}
+
+/// `s7 [--rounds N] [--seconds S]`.
+fn s7_link(words: &[&str]) -> Result<bool, Failure> {
+    let (rounds, seconds) = rounds(words)?;
+    let whole = s7::Plan::default();
+    let plan = s7::Plan { rounds: rounds.unwrap_or(whole.rounds), seconds: seconds.unwrap_or(whole.seconds) };
+    told(s7::measure(plan)?)
+}
+
+/// `disturb [--rounds N] [--seconds S]`.
+fn disturbed(words: &[&str]) -> Result<bool, Failure> {
+    let (rounds, seconds) = rounds(words)?;
+    told(disturb::measure(rounds, seconds)?)
+}
+
+fn told(verdict: Verdict) -> Result<bool, Failure> {
+    match verdict {
         Verdict::Passed => Ok(true),
         Verdict::Failed => Ok(false),
         Verdict::Inconclusive => Err(Inconclusive.into()),

@@ -6,11 +6,13 @@ use super::wire::{Wire, wire};
 use crate::Right;
 
 /// Version of these messages. Both ends come from one build, and say so.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 /// The longest message either way, in bytes.
 pub const MESSAGE_BYTES: usize = 160 * 1024;
 /// The longest part of a document.
 pub const PART_BYTES: usize = 128 * 1024;
+/// Bytes of blocks that a client may have put aside.
+pub const STAGED_BYTES: usize = 1024 * 1024;
 /// Groups and questions of one client that may be unanswered.
 pub const OUTSTANDING: usize = 8;
 
@@ -54,6 +56,18 @@ pub enum Ask {
     NoEvents,
     /// One of the station's documents.
     Document(Document),
+    /// A block as a block folder has it, put aside for [`Ask::Link`] (operate; the broker holds what a client has put
+    /// aside, up to [`STAGED_BYTES`]).
+    Stage {
+        /// Which one it is.
+        id: BlockId,
+        /// Its bytes.
+        bytes: Box<[u8]>,
+    },
+    /// What this client has put aside becomes part of the program, together (operate). Done: it has taken effect.
+    Link,
+    /// These blocks go out of the program, together (operate). Done: it has taken effect.
+    Delete(Vec<BlockId>),
 }
 
 /// What a station tells of itself as a whole. But for the program each is a JSON object as the control socket has it
@@ -127,6 +141,12 @@ pub enum Refusal {
     Full,
     /// The CPU does not answer.
     Silent,
+    /// Not while the CPU is in RUN.
+    InRun,
+    /// This is not a block that the CPU can use, or not together with the others.
+    Block,
+    /// There is no room for it.
+    Room,
 }
 
 impl std::fmt::Display for Refusal {
@@ -137,6 +157,9 @@ impl std::fmt::Display for Refusal {
             Refusal::Password => f.write_str("wrong password"),
             Refusal::NotThere => f.write_str("there is no such thing"),
             Refusal::Full => f.write_str("too many requests are unanswered"),
+            Refusal::InRun => f.write_str("not while the CPU is in RUN: send it to STOP first"),
+            Refusal::Block => f.write_str("the CPU cannot use this block, or not together with the others"),
+            Refusal::Room => f.write_str("there is no room for it"),
             Refusal::Silent => f.write_str("the CPU does not answer: its scan hangs, or its cycle is very long"),
         }
     }
@@ -386,7 +409,7 @@ wire!(enum Command { 0 => Run, 1 => Stop, 2 => Warm, 3 => Cold, 4 => Hot, 5 => R
 wire!(enum Ask {
     0 => Login(password), 1 => Logout, 2 => Command(command), 3 => Clock, 4 => SetClock(clock), 5 => Szl { id, index },
     6 => Diagnostics(count), 7 => Modules, 8 => Blocks, 9 => Block(id), 10 => Events { after }, 11 => NoEvents,
-    12 => Document(which),
+    12 => Document(which), 13 => Stage { id, bytes }, 14 => Link, 15 => Delete(ids),
 });
 wire!(enum Document { 0 => Program, 1 => Status, 2 => Timing, 3 => Buffers, 4 => Links });
 wire!(enum Answer {
@@ -394,7 +417,10 @@ wire!(enum Answer {
     5 => Modules { state, present }, 6 => Blocks(blocks), 7 => Block(block), 8 => Refused(why),
     9 => Document { last, bytes },
 });
-wire!(enum Refusal { 0 => Cell(error), 1 => Right, 2 => Password, 3 => NotThere, 4 => Full, 5 => Silent });
+wire!(enum Refusal {
+    0 => Cell(error), 1 => Right, 2 => Password, 3 => NotThere, 4 => Full, 5 => Silent,
+    6 => InRun, 7 => Block, 8 => Room,
+});
 wire!(struct Refused { entry, why });
 wire!(struct Diagnosis { number, time, wall, event, block, line, data, text, place, because, remedy });
 wire!(struct BlockFact { id, bytes, language, name });
@@ -488,6 +514,9 @@ mod tests {
             Ask::Block(BlockId::new(BlockKind::Db, 65_535)),
             Ask::Events { after: u64::MAX },
             Ask::Document(Document::Timing),
+            Ask::Stage { id: BlockId::new(BlockKind::Fc, 5), bytes: [1, 2, 3].into() },
+            Ask::Link,
+            Ask::Delete(vec![BlockId::new(BlockKind::Ob, 35)]),
         ];
         let mut to = vec![
             ToBroker::Beat,

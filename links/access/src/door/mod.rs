@@ -42,7 +42,7 @@ use thiserror::Error;
 
 pub use messages::{
     Answer, Ask, BlockFact, Diagnosis, Document, Event, MESSAGE_BYTES, OUTSTANDING, PART_BYTES, Refusal, Refused,
-    Ticket, ToBroker, ToLink, VERSION, Welcome, What,
+    STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
 };
 pub use ob1_model::{Command, OperatingState as State};
 use ranges::Ranges;

@@ -131,6 +131,15 @@ pub const INFO_BYTES: usize = 78;
 /// Bytes of the head of a block, and of its foot.
 const HEAD: usize = 36;
 
+/// The values in the bytes of a whole data block; `None`: it is no data block.
+#[must_use]
+pub fn values_mut(block: &mut [u8]) -> Option<&mut [u8]> {
+    let head = block.first_chunk::<HEAD>()?;
+    let len = usize::from(u16::from_be_bytes([head[34], head[35]]));
+    let is_data = BlockType::of_head(head[5]) == Some(BlockType::Db);
+    block.get_mut(HEAD..HEAD + len).filter(|_| is_data)
+}
+
 /// What a block info tells: it is the head and the foot of the block.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlockInfo {
@@ -193,6 +202,18 @@ mod tests {
         {
             assert_eq!(BlockName::read(wrong), None);
         }
+    }
+
+    #[test]
+    fn values_lie_behind_the_head_of_a_data_block() {
+        let mut block: Vec<u8> = (0..80).collect();
+        (block[5], block[34], block[35]) = (0x0A, 0, 8);
+        assert_eq!(values_mut(&mut block), Some(&mut [36, 37, 38, 39, 40, 41, 42, 43][..]));
+        block[34] = 1;
+        assert_eq!(values_mut(&mut block), None, "longer than the block");
+        (block[5], block[34]) = (0x0C, 0);
+        assert_eq!(values_mut(&mut block), None, "a function");
+        assert_eq!(values_mut(&mut []), None);
     }
 
     #[test]

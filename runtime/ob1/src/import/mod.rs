@@ -1,6 +1,7 @@
 //! `ob1 import`: a STEP 7 project becomes a station that runs.
 
 mod disk;
+mod download;
 mod hardware;
 mod output;
 mod replace;
@@ -18,6 +19,7 @@ use serde_json::json;
 
 use crate::exit::ImportExit;
 
+pub use download::{DownloadArgs, download};
 pub use upload::{CompareArgs, UploadArgs, compare, upload};
 
 /// Make a station of a STEP 7 project

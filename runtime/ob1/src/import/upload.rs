@@ -15,7 +15,7 @@ use super::{outcome, output, replace, report, station};
 use crate::exit::ImportExit;
 
 /// Where the blocks lie as they came from the CPU.
-const UPLOADED: &str = "uploaded";
+pub(super) const UPLOADED: &str = "uploaded";
 /// The types of blocks a program is made of.
 const TYPES: [BlockType; 4] = [BlockType::Ob, BlockType::Fb, BlockType::Fc, BlockType::Db];
 /// The code page of names, which have no other: eight characters each.
@@ -46,20 +46,21 @@ pub struct UploadArgs {
 
 /// Hold the program of a CPU on the network against an upload
 ///
-/// Tells which blocks are other ones in the CPU than in the folder of an `ob1 upload`: changed, missing, or more. Of
-/// data blocks the declarations and the length count, not the values.
+/// Tells which blocks are other ones in the CPU than in the folder of an `ob1 upload`, or in a station (its .toml):
+/// changed, missing, or more. Of data blocks the declarations and the length count, not the values.
 #[derive(Clone, Debug, Args)]
-#[command(after_help = "Examples:\n  ob1 compare 192.168.0.10 press\n\n\
+#[command(after_help = "Examples:\n  ob1 compare 192.168.0.10 press\n  \
+    ob1 compare 192.168.0.10 press/station.toml\n\n\
     Exit codes: 0 the same program, 1 another one, 2 nothing could be read.\n\nMore: docs/s7-link.md.")]
 pub struct CompareArgs {
     #[command(flatten)]
     pub(crate) cpu: CpuArgs,
-    /// The folder of the upload
+    /// The folder of the upload, or a station file
     pub folder: PathBuf,
 }
 
 /// Blocks by name, as they came.
-type Blocks = BTreeMap<String, Vec<u8>>;
+pub(super) type Blocks = BTreeMap<String, Vec<u8>>;
 
 /// Uploads; prints what there is to print.
 #[must_use]
@@ -166,15 +167,7 @@ pub fn compare(args: &CompareArgs) -> ImportExit {
 }
 
 fn held_against(args: &CompareArgs) -> Result<ImportExit, String> {
-    let folder = args.folder.join(UPLOADED);
-    let refused = |error: std::io::Error| format!("{}: {error}; `ob1 upload` makes it", folder.display());
-    let mut kept = Blocks::new();
-    for entry in std::fs::read_dir(&folder).map_err(refused)? {
-        let path = entry.map_err(refused)?.path();
-        if let Some(name) = path.file_stem().and_then(|name| name.to_str()) {
-            kept.insert(name.to_owned(), std::fs::read(&path).map_err(refused)?);
-        }
-    }
+    let kept = super::download::collect(std::slice::from_ref(&args.folder))?;
     let (there, _) = read(&mut connect(&args.cpu)?)?;
     let names: BTreeSet<&String> = kept.keys().chain(there.keys()).collect();
     let mut other = 0;

@@ -105,7 +105,8 @@ impl Bench {
         let field = image.field();
         let io = ProcessIo::new(image, Stimulus::default());
         let slots = modules.iter().filter_map(|m| Some((assembly::slot(m), dummy(&io, name, m)?))).collect();
-        let cpu = assembly::load_cpu(config, loaded, natives, slots, EngineChoice::Auto).map_err(of_load)?;
+        let cpu = assembly::load_cpu(config, (loaded, &loaded.program), natives, slots, EngineChoice::Auto)
+            .map_err(of_load)?;
         let clock = BenchClock { time: VirtualClock::new(NS_PER_STATEMENT), scan: 0, attention: cpu.attention() };
         let inputs = modules.iter().filter_map(|m| match m.kind {
             ModuleKind::Inputs { .. } | ModuleKind::Remote { .. } => {

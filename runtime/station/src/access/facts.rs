@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use ob1_access::door::{BlockFact, Diagnosis, Document, State};
 use ob1_access::{Cell, CellWidth, Put};
-use ob1_broker::{DriverState, Facts};
+use ob1_broker::{Change, Changed, DriverState, Facts};
 use ob1_cpu::{CpuConfig, DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
 
+use crate::download::Loader;
 use crate::view::StationView;
 
 /// The language of a block as its head has it. [the list of block types of S7 communication]
@@ -23,10 +24,12 @@ pub(crate) struct StationFacts {
     timers_and_counters: [u16; 2],
     min_cycle: u64,
     drivers: Vec<(String, Arc<driver::DriverStatus>)>,
+    /// Where blocks can be downloaded.
+    loader: Option<Loader>,
 }
 
 impl StationFacts {
-    pub(crate) fn new(view: StationView, cpu: &CpuConfig) -> Self {
+    pub(crate) fn new(view: StationView, cpu: &CpuConfig, loader: Option<Loader>) -> Self {
         let driver = |module: &crate::view::ModuleView| Some((module.name.clone(), module.driver.clone()?));
         Self {
             drivers: view.modules.iter().filter_map(driver).collect(),
@@ -34,6 +37,7 @@ impl StationFacts {
             areas: [cpu.input_bytes, cpu.output_bytes, cpu.memory_bytes],
             timers_and_counters: [cpu.timers, cpu.counters],
             min_cycle: cpu.min_cycle,
+            loader,
         }
     }
 }
@@ -43,7 +47,7 @@ fn json(what: &impl serde::Serialize) -> serde_json::Result<Option<String>> {
 }
 
 /// The blocks of a program, in ascending order.
-pub(crate) fn blocks(program: &Program) -> Arc<[BlockFact]> {
+pub(crate) fn blocks(program: &Program) -> Vec<BlockFact> {
     let code = program.blocks.iter().map(|block| BlockFact {
         id: block.id,
         bytes: 0,
@@ -58,7 +62,7 @@ pub(crate) fn blocks(program: &Program) -> Arc<[BlockFact]> {
     });
     let mut all: Vec<BlockFact> = code.chain(data).collect();
     all.sort_by_key(|fact| fact.id);
-    all.into()
+    all
 }
 
 impl Facts for StationFacts {
@@ -115,17 +119,22 @@ impl Facts for StationFacts {
     }
 
     fn blocks(&self) -> Vec<BlockFact> {
-        self.view.blocks.to_vec()
+        self.view.known.get().blocks.clone()
     }
 
     fn block(&self, id: BlockId) -> Option<Box<[u8]>> {
-        let image = ob1_mc7::image(self.view.program.as_ref()?, id, &|_| None)?;
+        let known = self.view.known.get();
+        if let Some(image) = known.images.get(&id) {
+            return Some(image.as_slice().into());
+        }
+        let callee = |id| known.library.get(id).map(|block| &block.interface);
+        let image = ob1_mc7::image(&known.program, id, &callee)?;
         image.bytes().ok().map(Into::into)
     }
 
     fn document(&self, which: Document, state: State, present: &[bool], links: &[(&str, bool)]) -> Box<[u8]> {
         let text = match which {
-            Document::Program => Ok(self.view.program.as_ref().map(|program| ob1_ir::write(program))),
+            Document::Program => Ok(Some(ob1_ir::write(&self.view.known.get().program))),
             Document::Status => json(&self.view.status(state, present)),
             Document::Timing => json(&self.view.timings.snapshot(true)),
             Document::Buffers => json(&self.view.buffers(DIAG_ENTRIES as u32)),
@@ -136,6 +145,14 @@ impl Facts for StationFacts {
         };
         // What we tell can be serialized.
         text.ok().flatten().unwrap_or_default().into_bytes().into()
+    }
+
+    fn change(&mut self, number: u64, change: Change) -> bool {
+        self.loader.as_ref().is_some_and(|loader| loader.change(number, change))
+    }
+
+    fn changed(&mut self) -> Option<Changed> {
+        self.loader.as_ref().and_then(Loader::changed)
     }
 
     fn take_input(&self, put: &Put) -> bool {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::download::Download;
 use crate::timing::{Recorder, Timing};
 
 /// Longest line accepted, in bytes.
@@ -263,6 +264,12 @@ pub struct Status {
     /// Log lines of the runtime that nobody got: its stderr was full, slow or gone.
     #[serde(default)]
     pub log_lost: u64,
+    /// Blocks that were downloaded or deleted and are other ones than in the sources.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub downloads: Vec<Download>,
+    /// Why they will be lost when the station ends.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub downloads_not_kept: Option<String>,
 }
 
 /// A distribution of times, in nanoseconds.

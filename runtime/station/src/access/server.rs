@@ -145,17 +145,17 @@ impl Serving {
 
     fn serve(&mut self, client: u32, op: Op) -> Result<Begun, String> {
         let mut response = Response::done(Value::Null);
+        let known = self.view.known.get();
         match op {
             Op::Get { items } => {
-                let items: Vec<Item> =
-                    items.iter().map(|name| self.view.names.parse(name)).collect::<Result<_, _>>()?;
+                let items: Vec<Item> = items.iter().map(|name| known.names.parse(name)).collect::<Result<_, _>>()?;
                 let wanted = items.iter().map(|item| (item.cell, item.width)).collect();
                 return Ok(Begun::UnderWay(self.control.read(client, wanted), Then::Values(items)));
             }
             Op::Set { items } => {
                 let (mut names, mut puts) = (Vec::with_capacity(items.len()), Vec::with_capacity(items.len()));
                 for (name, value) in items {
-                    let item = self.view.names.parse(&name)?;
+                    let item = known.names.parse(&name)?;
                     puts.push(Put::Value(item.cell, item.width, value::from_json(&item, &value)?));
                     names.push(name);
                 }

@@ -28,6 +28,7 @@ use crate::access::facts::StationFacts;
 use crate::access::server::Server;
 use crate::assembly::{Assembly, find_program};
 use crate::compiling::Compiling;
+use crate::download::Downloading;
 use crate::exit::Exit;
 use crate::guardian::Guardian;
 use crate::io::ProcessIo;
@@ -86,7 +87,7 @@ impl AtWork {
         clock: MonotonicClock,
         options: &Options,
     ) -> Result<Self, Failure> {
-        let Assembly { mut cpu, view, mut fleet, io, links, running, compile } = assembly;
+        let Assembly { mut cpu, view, mut fleet, io, links, running, compile, download } = assembly;
         // First: a folder that cannot be used is told before anything has been started.
         let (keeper, retentive) = keep(station, &mut cpu, &view)?;
         for (name, target) in links {
@@ -97,7 +98,10 @@ impl AtWork {
         let (to_broker, fed) = ob1_broker::feed();
         keep_secret(station)?;
         let listeners = listen(station)?;
-        let (broker, door, links) = open_doors(station, &mut cpu, fed, &view, clock, (listeners, &rundir.socket()))
+        let download = download.map(Downloading::start).transpose().map_err(system("the thread for downloads"))?;
+        let (loader, newcomers) = download.unzip();
+        let facts = StationFacts::new(view.clone(), &station.cpu, loader);
+        let (broker, door, links) = open_doors(station, &mut cpu, fed, facts, clock, (listeners, &rundir.socket()))
             .map_err(system("the broker"))?;
         let server = Server::start(&rundir.socket(), door, view.clone(), station.cpu.min_cycle)
             .map_err(system("the control socket"))?;
@@ -130,6 +134,7 @@ impl AtWork {
             feeds: [to_run, to_broker],
             guard: io.as_ref().map(|io| io.guard().clone()),
             successors,
+            newcomers,
             engine: Arc::clone(&view.engine),
         }
         .start()
@@ -409,13 +414,12 @@ fn open_doors(
     station: &Station,
     cpu: &mut Cpu,
     entries: FeedEnd,
-    view: &StationView,
+    facts: StationFacts,
     clock: MonotonicClock,
     (listeners, control_socket): (Vec<Vec<OwnedFd>>, &Path),
 ) -> std::io::Result<(RunningBroker, Door, Links)> {
     // Whoever may open the control socket is the user who runs the station.
     let control = LinkConfig { rights: Right::Operate, ..LinkConfig::default() };
-    let facts = Box::new(StationFacts::new(view.clone(), &station.cpu));
     let of = |(link, listeners): (&StationLink, Vec<OwnedFd>)| LinkConfig {
         name: link.name.clone(),
         rights: link.rights,
@@ -426,7 +430,7 @@ fn open_doors(
         listeners,
     };
     let configs = std::iter::once(control).chain(station.links.iter().zip(listeners).map(of)).collect();
-    let broker = Broker::new(cpu, configs, entries, facts)?;
+    let broker = Broker::new(cpu, configs, entries, Box::new(facts))?;
     let mut specs: Vec<LinkSpec> = Vec::with_capacity(station.links.len());
     for (index, (link, beats)) in station.links.iter().zip(broker.beats().into_iter().skip(1)).enumerate() {
         if link.cp.is_some() {

@@ -73,7 +73,8 @@ impl Journal {
 
 /// RUN and the like are information; STOP because of a fault is an error, with what it came from below it.
 fn tell(change: StateChange, entry: &DiagEntry, cause: Option<&DiagEntry>, view: &StationView) {
-    let text = view.places.told(entry);
+    let known = view.known.get();
+    let text = known.places.told(entry);
     match change {
         StateChange::Startup => tracing::info!("STARTUP: {text}"),
         StateChange::Run => tracing::info!("RUN: {text}"),
@@ -81,7 +82,7 @@ fn tell(change: StateChange, entry: &DiagEntry, cause: Option<&DiagEntry>, view:
         StateChange::Fault => {
             tracing::error!("STOP: {text}");
             if let Some(cause) = cause {
-                tracing::error!("  because of {}", view.places.told(cause));
+                tracing::error!("  because of {}", known.places.told(cause));
             }
             let remedy = cause.map_or("", |cause| cause.event.remedy());
             let remedy = if remedy.is_empty() { entry.event.remedy() } else { remedy };

@@ -15,6 +15,7 @@ use ob1_cpu::{Clock, Command, Cpu, Nanos, OperatingState};
 use ob1_rt::{Grant, MonotonicClock};
 
 use crate::compiling::Successors;
+use crate::download::Newcomers;
 use crate::engine::InUse;
 use crate::posture;
 use crate::retentive::keeper::ScanEnd;
@@ -142,6 +143,8 @@ pub(super) struct Scan {
     pub(super) guard: Option<GuardPage>,
     /// Engines that take over between two cycles.
     pub(super) successors: Option<Successors>,
+    /// Programs that take over between two cycles.
+    pub(super) newcomers: Option<Newcomers>,
     /// Which one runs.
     pub(super) engine: Arc<InUse>,
 }
@@ -200,6 +203,9 @@ impl Scan {
                 self.late.send(self.cpu.last_scan(), self.cpu.sums());
             }
             if let Some(name) = self.successors.as_mut().and_then(|engines| engines.take_over(&mut self.cpu)) {
+                self.engine.set(name);
+            }
+            if let Some(name) = self.newcomers.as_mut().and_then(|programs| programs.take_over(&mut self.cpu)) {
                 self.engine.set(name);
             }
             if let Some(retentive) = &mut self.retentive {

@@ -26,11 +26,13 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
     let buses = buses.finish(f, &mut modules);
     let mut links = link::links(f, &file.link, file.station.name.get_ref(), folder);
     connection::connections(f, &file.connection, &file.module, &modules, &mut links);
+    let downloads = retentive::downloads(f, retentive.is_some(), &links, &file.station, folder);
     let station = Station {
         name: name(f, "station", &file.station.name),
         cpu,
         engine: choice(f, "engine", file.cpu.engine.as_ref(), &EngineChoice::WORDS).unwrap_or_default(),
         retentive,
+        downloads,
         realtime: realtime(f, &file.cpu),
         program: Sources {
             files: file.program.sources.iter().map(|s| folder.join(s.get_ref())).collect(),

@@ -5,11 +5,13 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use ob1_access::Right;
 use ob1_cpu::{CpuConfig, DataRange, Retentive, RetentiveData};
 use ob1_model::BlockKind;
 
 use super::findings::{CONTRADICTION, Findings, VALUE};
 use super::tables::{Placed, RetentiveTable, StationTable};
+use super::types::{LinkKind, StationLink};
 use super::{parse_block, parse_duration};
 use crate::retentive::RetentiveFile;
 
@@ -26,17 +28,7 @@ pub(super) fn retentive(
     folder: &Path,
     cpu: &mut CpuConfig,
 ) -> Option<RetentiveFile> {
-    let Some(table) = table else {
-        if let Some(state) = &station.state {
-            f.error(
-                CONTRADICTION,
-                state.span(),
-                "there is nothing to be kept there",
-                "add [retentive], or leave `state` out",
-            );
-        }
-        return None;
-    };
+    let table = table?;
     cpu.retentive = Retentive {
         memory: ranges(f, "memory", &table.memory, cpu.memory_bytes),
         timers: ranges(f, "timers", &table.timers, u32::from(cpu.timers)).into_iter().map(narrow).collect(),
@@ -57,8 +49,33 @@ pub(super) fn retentive(
             EVERY
         }
     });
+    Some(RetentiveFile { folder: folder_of(station, folder), every })
+}
+
+/// Where downloads are kept, where a link may change the program.
+pub(super) fn downloads(
+    f: &mut Findings<'_>,
+    has_retentive: bool,
+    links: &[StationLink],
+    station: &StationTable,
+    folder: &Path,
+) -> Option<PathBuf> {
+    let may = |link: &StationLink| link.kind == LinkKind::S7 && link.rights.max(link.password_rights) == Right::Operate;
+    let downloads = links.iter().any(may).then(|| folder_of(station, folder));
+    if let (Some(state), None, false) = (&station.state, &downloads, has_retentive) {
+        f.error(
+            CONTRADICTION,
+            state.span(),
+            "there is nothing to be kept there",
+            "add [retentive] or an S7 link with rights = \"operate\", or leave `state` out",
+        );
+    }
+    downloads
+}
+
+fn folder_of(station: &StationTable, folder: &Path) -> PathBuf {
     let named = station.state.as_ref().map(|state| state.get_ref().as_str());
-    Some(RetentiveFile { folder: state_folder(named, std::env::var_os(STATE_DIRECTORY), folder), every })
+    state_folder(named, std::env::var_os(STATE_DIRECTORY), folder)
 }
 
 /// What systemd tells a service of its `StateDirectory=`.

@@ -1,0 +1,190 @@
+//! What was downloaded and deleted, and the program it makes of that of the sources.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ob1_cpu::Surroundings;
+use ob1_ir::{DataKind, Program};
+use ob1_mc7::{BlockImage, CompiledInterface};
+use ob1_model::{BlockId, BlockKind};
+use ob1_project::Image;
+use ob1_stl::Library;
+use serde::{Deserialize, Serialize};
+
+use crate::view::KnownProgram;
+
+/// In the head of a data block: it cannot be written to.
+const READ_ONLY: u8 = 0x04;
+
+/// Blocks as they came, by kind and number; `None`: it was deleted.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Changes(pub(super) BTreeMap<BlockId, Option<Vec<u8>>>);
+
+/// How a block differs from the sources, for `status`.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
+pub struct Download {
+    /// `FC 5`.
+    pub block: String,
+    /// `new`, `changed`, `deleted`, or `not used`: a plugin or a library serves it.
+    pub what: String,
+}
+
+impl Changes {
+    /// Nothing was changed.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// A block has come.
+    pub fn put(&mut self, id: BlockId, bytes: Vec<u8>) {
+        self.0.insert(id, Some(bytes));
+    }
+
+    /// A block has gone.
+    pub fn delete(&mut self, id: BlockId) {
+        self.0.insert(id, None);
+    }
+
+    /// Forgets what is as in the sources.
+    pub fn forget_same(&mut self, sources: &Program, library: &Library) {
+        let known = |id: BlockId| library.get(id).map(|block| &block.interface);
+        self.0.retain(|id, change| match change {
+            None => has(sources, *id),
+            Some(bytes) => {
+                let ours = ob1_mc7::image(sources, *id, &known);
+                ours.zip(BlockImage::read(bytes).ok()).is_none_or(|(ours, (theirs, _))| !same(&ours, &theirs))
+            }
+        });
+    }
+
+    /// How the blocks differ from the sources.
+    fn told(&self, sources: &Program, around: &Surroundings) -> Vec<Download> {
+        let what = |id: BlockId, change: &Option<Vec<u8>>| match change {
+            None => "deleted",
+            Some(_) if around.has(id) => "not used",
+            Some(_) if has(sources, id) => "changed",
+            Some(_) => "new",
+        };
+        let told = |(id, change): (&BlockId, &Option<Vec<u8>>)| Download {
+            block: id.to_string(),
+            what: what(*id, change).to_owned(),
+        };
+        self.0.iter().map(told).collect()
+    }
+
+    /// What others see of the program these changes have made of the sources.
+    #[must_use]
+    pub fn known(
+        &self,
+        program: &Arc<Program>,
+        (sources, around): (&Program, &Surroundings),
+        library: &Arc<Library>,
+    ) -> KnownProgram {
+        let used = |(id, change): (&BlockId, &Option<Vec<u8>>)| {
+            let image = change.as_ref().filter(|_| !around.has(*id))?;
+            Some((*id, image.clone()))
+        };
+        KnownProgram {
+            downloads: self.told(sources, around),
+            images: self.0.iter().filter_map(used).collect(),
+            ..KnownProgram::new(Arc::clone(program), Arc::clone(library))
+        }
+    }
+
+    /// The program of the sources with the changes.
+    ///
+    /// # Errors
+    /// The blocks that cannot be taken, each with the reason.
+    pub fn apply(&self, sources: &Program, library: &Library, around: &Surroundings) -> Result<Program, Vec<String>> {
+        let mut program = sources.clone();
+        let (mut images, mut refused) = (Vec::new(), Vec::new());
+        let mut library = library.clone();
+        // Data blocks last: they do not move the sources of the others.
+        let is_data = |(id, _): &(&BlockId, &Option<Vec<u8>>)| id.kind == BlockKind::Db;
+        let (data, code): (Vec<_>, Vec<_>) = self.0.iter().partition(is_data);
+        for (id, change) in code.into_iter().chain(data) {
+            let Some(bytes) = change else {
+                remove(&mut program, *id);
+                continue;
+            };
+            // A block of a plugin or a library is that of the station, whatever code another CPU has for it.
+            if around.has(*id) {
+                continue;
+            }
+            match block(*id, bytes) {
+                Ok(block) => {
+                    if !is_declared_so(&program, *id, &block) {
+                        remove(&mut program, *id);
+                    }
+                    images.push(Image { file: format!("downloaded {id}"), block });
+                }
+                Err(why) => refused.push(format!("{id}: {why}")),
+            }
+        }
+        let declared: Vec<BlockId> = program.blocks.iter().map(|block| block.id).collect();
+        ob1_project::announce(&images, &|id| declared.contains(&id), &mut library);
+        if let Err(others) = ob1_project::overlay(&mut program, &images, &library) {
+            refused.extend(others.iter().map(|other| format!("{}: {}", other.file, other.reason)));
+        }
+        for image in &images {
+            let number = image.block.head.number;
+            let is_it = |db: &&mut ob1_ir::DataBlock| {
+                image.id().is_some_and(|id| id.kind == BlockKind::Db) && db.number == number
+            };
+            if let Some(db) = program.data.iter_mut().find(is_it) {
+                db.read_only = image.block.head.attribute & READ_ONLY != 0;
+            }
+        }
+        if refused.is_empty() { Ok(program) } else { Err(refused) }
+    }
+}
+
+/// A block that is what its name says.
+///
+/// # Errors
+/// Why it is not.
+pub(super) fn block(id: BlockId, bytes: &[u8]) -> Result<BlockImage, String> {
+    let (block, length) = BlockImage::read(bytes).map_err(|error| error.to_string())?;
+    if length != bytes.len() {
+        return Err("something follows its foot".into());
+    }
+    if block.head.block_kind() != Some(id.kind) || block.head.number != id.number {
+        return Err("its head names another block".into());
+    }
+    Ok(block)
+}
+
+pub(super) fn has(program: &Program, id: BlockId) -> bool {
+    match id.kind {
+        BlockKind::Db => program.data.iter().any(|db| db.number == id.number),
+        _ => program.blocks.iter().any(|block| block.id == id),
+    }
+}
+
+fn remove(program: &mut Program, id: BlockId) {
+    match id.kind {
+        BlockKind::Db => program.data.retain(|db| db.number != id.number),
+        _ => program.blocks.retain(|block| block.id != id),
+    }
+}
+
+/// The same code or values, interface and attributes; the rest are dates.
+fn same(one: &BlockImage, other: &BlockImage) -> bool {
+    let is_read_only = |block: &BlockImage| block.head.attribute & READ_ONLY;
+    let all = |block: &BlockImage| (block.code.clone(), block.interface.clone(), block.segments.clone());
+    all(one) == all(other) && is_read_only(one) == is_read_only(other)
+}
+
+/// Whether the names of the sources fit a block: its declarations are theirs.
+fn is_declared_so(program: &Program, id: BlockId, block: &BlockImage) -> bool {
+    if id.kind == BlockKind::Db {
+        let there = program.data.iter().find(|db| db.number == id.number && db.bytes.len() == block.code.len());
+        let image = there.and_then(|_| ob1_mc7::image(program, id, &|_| None));
+        return image.is_some_and(|image| image.interface == block.interface)
+            || there.is_some_and(|db| db.kind == DataKind::Global && block.interface.is_empty());
+    }
+    let Some(there) = program.blocks.iter().find(|other| other.id == id) else { return true };
+    let compiled = CompiledInterface::of(id.number, &there.interface, &BTreeMap::new(), &|_| None);
+    compiled.and_then(|compiled| compiled.bytes()).is_ok_and(|bytes| bytes == block.interface)
+}

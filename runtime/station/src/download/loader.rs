@@ -1,0 +1,275 @@
+//! The thread that makes a program of what has come, and hands it to the scan.
+//!
+//! The scan takes it between two cycles through a ring and gives what was before back through another, one whole cycle
+//! later: the snapshot of that cycle shows the new program. It allocates, frees and waits for nothing.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use ob1_access::door::Refusal;
+use ob1_broker::{Change, Changed};
+use ob1_cpu::{Cpu, LoadError, NotNow, Successor, Surroundings};
+use ob1_ir::Program;
+use ob1_model::{BlockId, BlockKind};
+use ob1_stl::Library;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use super::changes::{Changes, block, has};
+use super::file;
+use crate::engine::EngineChoice;
+use crate::view::{Known, KnownProgram};
+
+/// Programs under way to the scan.
+const UNDER_WAY: usize = 2;
+/// How long the scan may take to take one over, beyond two cycles.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// Pause between two looks at the way back.
+const LOOK: Duration = Duration::from_millis(1);
+/// Of a program on its way: it waits, the scan has it, nobody waits for it any more.
+const WAITS: u8 = 0;
+const TAKEN: u8 = 1;
+const GIVEN_UP: u8 = 2;
+
+/// A program on its way to the scan and back.
+#[derive(Debug)]
+struct OnItsWay {
+    successor: Successor,
+    state: Arc<AtomicU8>,
+    outcome: Result<(), NotNow>,
+}
+
+/// The scan's end.
+#[derive(Debug)]
+pub struct Newcomers {
+    come: Consumer<Box<OnItsWay>>,
+    gone: Producer<Box<OnItsWay>>,
+    /// It has taken over; its answer leaves after a whole cycle.
+    held: Option<Box<OnItsWay>>,
+}
+
+impl Newcomers {
+    /// Between two cycles: a program that has come takes over. The name of the engine that runs it then.
+    pub fn take_over(&mut self, cpu: &mut Cpu) -> Option<&'static str> {
+        if let Some(held) = self.held.take() {
+            // There is room for all that are under way.
+            let _ = self.gone.push(held);
+        }
+        let mut next = self.come.pop().ok()?;
+        let mine = next.state.compare_exchange(WAITS, TAKEN, Ordering::AcqRel, Ordering::Acquire).is_ok();
+        if mine {
+            ob1_native::synchronise();
+            next.outcome = cpu.succeed(&mut next.successor);
+        }
+        let took = mine && next.outcome.is_ok();
+        self.held = Some(next);
+        took.then(|| cpu.engine())
+    }
+}
+
+/// What the thread is started with.
+pub struct Downloading {
+    /// What programs are loaded beside.
+    pub around: Surroundings,
+    /// The program of the sources.
+    pub sources: Arc<Program>,
+    /// The one that runs.
+    pub now: Arc<Program>,
+    /// What makes the one of the other.
+    pub changes: Changes,
+    /// Where that is kept; none: it is lost at the end.
+    pub path: Option<PathBuf>,
+    /// The blocks that are not of the program.
+    pub library: Arc<Library>,
+    /// What others see of the program.
+    pub known: Known,
+    /// The engine asked for.
+    pub engine: EngineChoice,
+    /// Bytes of stack the scan has.
+    pub stack: usize,
+    /// Two cycles.
+    pub cycles: Duration,
+}
+
+impl std::fmt::Debug for Downloading {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Downloading").field("changes", &self.changes.0.len()).finish_non_exhaustive()
+    }
+}
+
+/// The thread at work: changes go in, what has become of them comes out. Dropping it ends the thread.
+#[derive(Debug)]
+pub(crate) struct Loader {
+    orders: Option<Sender<(u64, Change)>>,
+    done: Receiver<Changed>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Drop for Loader {
+    fn drop(&mut self) {
+        drop(self.orders.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Loader {
+    /// Hands a change over.
+    pub(crate) fn change(&self, number: u64, change: Change) -> bool {
+        self.orders.as_ref().is_some_and(|orders| orders.send((number, change)).is_ok())
+    }
+
+    /// What has come to its end.
+    pub(crate) fn changed(&self) -> Option<Changed> {
+        self.done.try_recv().ok()
+    }
+}
+
+impl Downloading {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// What the system says when it has none left.
+    pub(crate) fn start(self) -> std::io::Result<(Loader, Newcomers)> {
+        let (to_scan, come) = RingBuffer::new(UNDER_WAY);
+        let (gone, from_scan) = RingBuffer::new(UNDER_WAY + 1);
+        let (orders, taken) = mpsc::channel::<(u64, Change)>();
+        let (tell, done) = mpsc::channel();
+        let thread = ob1_rt::spawn("ob1-download", move || {
+            let mut work = Work { with: self, to_scan, from_scan };
+            while let Ok((number, change)) = taken.recv() {
+                let outcome = work.change(change).map_err(|why| {
+                    tracing::warn!("a download was refused: {}", why.text);
+                    why.why
+                });
+                if tell.send((number, outcome)).is_err() {
+                    return;
+                }
+            }
+        })?;
+        Ok((Loader { orders: Some(orders), done, thread: Some(thread) }, Newcomers { come, gone, held: None }))
+    }
+}
+
+/// Why a change was not made.
+struct Refused {
+    why: Refusal,
+    text: String,
+}
+
+impl Refused {
+    fn new(why: Refusal, text: impl Into<String>) -> Self {
+        Self { why, text: text.into() }
+    }
+}
+
+struct Work {
+    with: Downloading,
+    to_scan: Producer<Box<OnItsWay>>,
+    from_scan: Consumer<Box<OnItsWay>>,
+}
+
+impl Work {
+    fn change(&mut self, change: Change) -> Result<(), Refused> {
+        let with = &self.with;
+        let mut changes = with.changes.clone();
+        let (mut fresh, mut told) = (Vec::new(), Vec::new());
+        match change {
+            Change::Link(blocks) => {
+                for (id, bytes) in blocks {
+                    block(id, &bytes).map_err(|why| Refused::new(Refusal::Block, format!("{id}: {why}")))?;
+                    changes.put(id, bytes.into_vec());
+                    fresh.extend((id.kind == BlockKind::Db).then_some(id.number));
+                    told.push(id);
+                }
+            }
+            Change::Delete(ids) => {
+                for id in ids {
+                    if !has(&with.now, id) {
+                        return Err(Refused::new(Refusal::NotThere, format!("there is no {id} to delete")));
+                    }
+                    changes.delete(id);
+                    told.push(id);
+                }
+            }
+        }
+        let next = changes.apply(&with.sources, &with.library, &with.around);
+        let next = next.map_err(|whys| Refused::new(Refusal::Block, whys.join("; ")))?;
+        let successor = self.load(&next, fresh)?;
+        let next = Arc::new(next);
+        self.hand_over(successor)?;
+        changes.forget_same(&self.with.sources, &self.with.library);
+        let with = &mut self.with;
+        (with.changes, with.now) = (changes, next);
+        let kept = with.path.as_ref().map_or_else(
+            || Err("there is no folder for it: [station] state".to_owned()),
+            |path| file::write(path, &with.changes).map_err(|error| format!("{}: {error}", path.display())),
+        );
+        let list: Vec<String> = told.iter().map(BlockId::to_string).collect();
+        tracing::info!("downloaded or deleted: {}", list.join(", "));
+        if let Err(why) = &kept {
+            tracing::error!("what was downloaded is lost when the station ends: {why}");
+        }
+        let known = with.changes.known(&with.now, (&with.sources, &with.around), &with.library);
+        with.known.set(KnownProgram { not_kept: kept.err(), ..known });
+        Ok(())
+    }
+
+    fn load(&self, next: &Program, fresh: Vec<u16>) -> Result<Successor, Refused> {
+        let with = &self.with;
+        // Machine code at once: a program that fell back to the reference engine in RUN would be late.
+        let choice = if with.engine == EngineChoice::Auto { EngineChoice::Native } else { with.engine };
+        let programs = (&*with.now, next);
+        let made = with.around.successor(programs, fresh.clone(), choice.factory(), with.stack);
+        let made = match made {
+            Err(errors)
+                if with.engine == EngineChoice::Auto
+                    && errors.iter().any(|error| matches!(error, LoadError::Engine { .. })) =>
+            {
+                with.around.successor(programs, fresh, EngineChoice::Reference.factory(), with.stack)
+            }
+            made => made,
+        };
+        made.map_err(|errors| {
+            let no_room = |error: &LoadError| {
+                matches!(error, LoadError::Stack { .. } | LoadError::Memory { .. } | LoadError::DbTooLarge { .. })
+            };
+            let why = if errors.iter().any(no_room) { Refusal::Room } else { Refusal::Block };
+            let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
+            Refused::new(why, texts.join("; "))
+        })
+    }
+
+    /// Hands the program to the scan and waits until a whole cycle has gone by with it.
+    fn hand_over(&mut self, successor: Successor) -> Result<(), Refused> {
+        let silent = || Refused::new(Refusal::Silent, "the scan does not take it");
+        // Those that were given up.
+        while self.from_scan.pop().is_ok() {}
+        let state = Arc::new(AtomicU8::new(WAITS));
+        let on_its_way = Box::new(OnItsWay { successor, state: Arc::clone(&state), outcome: Ok(()) });
+        self.to_scan.push(on_its_way).map_err(|_| silent())?;
+        let until = Instant::now() + PATIENCE + self.with.cycles;
+        loop {
+            while let Ok(back) = self.from_scan.pop() {
+                if Arc::ptr_eq(&back.state, &state) {
+                    let in_run = |NotNow| Refused::new(Refusal::InRun, "statements cannot be changed in RUN");
+                    return back.outcome.map_err(in_run);
+                }
+            }
+            if self.from_scan.is_abandoned() {
+                return Err(silent());
+            }
+            // Once the scan has it, it comes back with the next cycle.
+            let is_late = Instant::now() >= until;
+            let given_up = || state.compare_exchange(WAITS, GIVEN_UP, Ordering::AcqRel, Ordering::Acquire).is_ok();
+            if is_late && given_up() {
+                return Err(silent());
+            }
+            std::thread::sleep(LOOK);
+        }
+    }
+}
