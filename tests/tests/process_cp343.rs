@@ -7,6 +7,7 @@ use common::checkout;
 use common::s7::free_port;
 use common::site::Site;
 use common::station::Running;
+use ob1_station::access::protocol::Op;
 
 /// The example on ports nobody has.
 fn stations(site: &Site) -> (Running, Running) {
@@ -176,7 +177,7 @@ UDP:  CALL FC      5
       L     MW 62;
       +     1;
       T     MW 62;
-      BEU   ;
+      BEA   ;
 TORN: L     MW 64;
       +     1;
       T     MW 64;
@@ -215,6 +216,16 @@ fn usend_and_udp_go_both_ways() {
             let cells = station.cells(&["MW 60", "MW 62"]);
             (cells[0] > 20 && cells[1] > 20).then_some(())
         });
+    }
+    for station in [&a, &b] {
+        let connections = station.until("the connections are told", |station| {
+            let links = station.ask(Op::Links).expect("never refused").links.expect("an answer to links");
+            let list = links.into_iter().find(|link| link.name == "ethernet").expect("a link").connections;
+            list.iter().any(|one| one.jobs > 0).then_some(list)
+        });
+        let told: Vec<_> = connections.iter().map(|one| (one.name.as_str(), one.state.as_str())).collect();
+        assert_eq!(told, [("ID 1 s7", "up"), ("ID 2 udp", "up")]);
+        assert!(connections[0].pdu >= 240, "{connections:?}");
     }
     for station in [a, b] {
         assert_eq!(station.cell("MW 64"), 0, "what came was whole");

@@ -5,6 +5,7 @@ mod common;
 
 use common::s7::{Client, station};
 use common::site::Site;
+use ob1_station::access::protocol::Op;
 use serde_json::{Value, json};
 
 const WITH_VALUES: [&str; 3] = ["native", "pure", "pys7"];
@@ -64,6 +65,30 @@ fn values_are_those_of_the_station() {
     }
     let ended = station.interrupt();
     assert_eq!(ended.code(), Some(0), "{ended:?}");
+}
+
+#[test]
+fn who_is_connected_is_told() {
+    let site = Site::new();
+    let (station, port) = station(&site, "s7-told", "rights = \"read\"");
+    let connections = |station: &common::station::Running| {
+        let links = station.ask(Op::Links).expect("never refused").links.expect("an answer to links");
+        links.into_iter().find(|link| link.name == "panel").filter(|link| link.up).map(|link| link.connections)
+    };
+    let mut client = Client::start(&site, "native", port);
+    client.done(&json!({ "op": "read", "db": 10, "at": 0, "bytes": 2 }));
+    assert_eq!(client.ask(&json!({ "op": "stop" }))["ok"], false);
+    let one = station.until("the connection is told", |station| {
+        let list = connections(station)?;
+        list.into_iter().find(|one| one.pdu > 0 && one.jobs >= 3 && one.errors >= 1)
+    });
+    assert_eq!((one.name.as_str(), one.state.as_str()), ("01.02", "up"));
+    assert!(one.partner.starts_with("127.0.0.1:"), "{one:?}");
+    drop(client);
+    station.until("it is gone", |station| connections(station)?.is_empty().then_some(()));
+    let shown = site.ob1(&["top", "s7-told", "--plain", "--count", "1"]);
+    assert!(shown.out.contains("panel            up"), "{}", shown.out);
+    assert_eq!(station.interrupt().code(), Some(0));
 }
 
 #[test]

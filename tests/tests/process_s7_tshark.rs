@@ -76,3 +76,30 @@ fn a_damaged_answer_is_found_malformed() {
     between.write(&file);
     assert_eq!(tshark(&file, "_ws.malformed").len(), 1);
 }
+
+/// What `ob1 trace` hears of a link, as text and for Wireshark.
+#[test]
+fn a_trace_shows_telegrams() {
+    let site = Site::new();
+    let (station, port) = station(&site, "s7-traced", "rights = \"read\"");
+    let mut command = site.command(common::program("ob1"));
+    command.args(["trace", "s7-traced", "panel", "--pcapng", "s7.pcapng", "--record", "s7.trace"]);
+    let output = std::fs::File::create(site.path("trace.txt")).expect("a file");
+    let mut tracing = command.stdout(output).spawn().expect("ob1 starts");
+    let mut client = Client::start(&site, "native", port);
+    // The tap lets listeners in within a moment.
+    station.until("telegrams are told", |_| {
+        client.done(&json!({ "op": "read", "db": 10, "at": 0, "bytes": 2 }));
+        let text = std::fs::read_to_string(site.path("trace.txt")).ok()?;
+        (text.contains("panel < 127.0.0.1:") && text.contains("read, 1 items") && text.matches("panel > ").count() > 3)
+            .then_some(())
+    });
+    drop(client);
+    assert_eq!(station.interrupt().code(), Some(0));
+    assert!(tracing.wait().expect("it ends with the link").success());
+    let file = site.path("s7.pcapng");
+    assert!(!tshark(&file, "s7comm && tcp.srcport == 102").is_empty());
+    assert!(tshark(&file, "_ws.malformed").is_empty());
+    let again = site.ob1(&["trace", "--from", "s7.trace"]);
+    assert_eq!(again.out, std::fs::read_to_string(site.path("trace.txt")).expect("a file"));
+}

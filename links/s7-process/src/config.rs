@@ -26,6 +26,8 @@ struct Keys {
     idle: u64,
     password_rights: Option<String>,
     connections: Vec<ConnectionKeys>,
+    /// The last socket is that of the tap.
+    tap: bool,
 }
 
 /// A connection of a CP 343, as the runtime says it.
@@ -65,7 +67,16 @@ impl Default for Keys {
     fn default() -> Self {
         let pdu = Settings::default().pdu;
         // Where the CPU of an S7-300 sits.
-        Self { rack: 0, slot: 2, pdu, clients: CLIENTS, idle: 0, password_rights: None, connections: Vec::new() }
+        Self {
+            rack: 0,
+            slot: 2,
+            pdu,
+            clients: CLIENTS,
+            idle: 0,
+            password_rights: None,
+            connections: Vec::new(),
+            tap: false,
+        }
     }
 }
 
@@ -79,6 +90,8 @@ pub(crate) struct Config {
     pub(crate) clients: usize,
     /// A connection that is silent for so long is closed.
     pub(crate) idle: Option<Duration>,
+    /// The last socket that was handed over is that of the tap.
+    pub(crate) tap: bool,
 }
 
 impl Config {
@@ -102,6 +115,7 @@ impl Config {
             settings,
             unlocked: unlocked.map_or(settings.rights, rights),
             clients,
+            tap: keys.tap,
             idle: (keys.idle > 0).then(|| Duration::from_secs(keys.idle)),
         };
         Ok((config, keys.connections))

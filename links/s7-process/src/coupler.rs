@@ -6,12 +6,14 @@ use std::net::{IpAddr, SocketAddr, TcpStream, UdpSocket};
 use std::os::fd::{AsFd as _, BorrowedFd, OwnedFd};
 use std::time::{Duration, Instant};
 
-use ob1_access::door::News;
+use ob1_access::door::{self, News};
 use ob1_backplane::layout::{BOX_BYTES, BOXES};
 use ob1_backplane::{ChangeMark, Counter, CpSide, CpuState, DriverState, Freshness, Leds};
+use ob1_protocols::trace::record::Kind;
 use ob1_s7::coupling::{Action, Condition, ConnectionKind, Coupling, Spec};
 use ob1_s7::iso::{Call, Transport};
 use ob1_s7::server::Settings;
+use ob1_s7::tap::Tapped;
 use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, acceptfrom_with, connect, ipproto, socket_with, sockopt};
@@ -19,6 +21,7 @@ use tracing::{info, warn};
 
 use crate::asks::{Asks, Surroundings};
 use crate::config::ConnectionKeys;
+use crate::tap::Shared;
 
 /// Bytes read at a time.
 const READ: usize = 8192;
@@ -58,6 +61,7 @@ pub(crate) struct Coupler {
     due: Option<u64>,
     mark: Option<ChangeMark>,
     counted: (u64, u64),
+    tap: Option<Shared>,
 }
 
 impl Coupler {
@@ -72,11 +76,41 @@ impl Coupler {
             due: None,
             mark: None,
             counted: (0, 0),
+            tap: None,
         }
     }
 
+    /// The connections, for whoever looks at the station.
+    pub(crate) fn told(&self) -> Vec<door::Connection> {
+        let told = |(index, line): (usize, &Line)| {
+            let spec = self.machine.spec(index)?;
+            let (condition, traffic) = self.machine.condition(index);
+            let state = match condition {
+                Condition::Down => "down",
+                Condition::Coming => "coming",
+                Condition::Up => "up",
+            };
+            Some(door::Connection {
+                partner: line.partner.map_or_else(|| "-".to_owned(), |at| at.to_string()),
+                name: format!("ID {} {}", spec.id, spec.kind.name()),
+                state: state.into(),
+                pdu: self.machine.agreed_pdu(index),
+                jobs: traffic.jobs + traffic.errors,
+                errors: traffic.errors,
+            })
+        };
+        self.lines.iter().enumerate().filter_map(told).collect()
+    }
+
     /// The connections of the station file, and the sockets the runtime has bound for them.
-    pub(crate) fn configure(&mut self, keys: &[ConnectionKeys], settings: Settings, mut sockets: Vec<Option<OwnedFd>>) {
+    pub(crate) fn configure(
+        &mut self,
+        keys: &[ConnectionKeys],
+        settings: Settings,
+        mut sockets: Vec<Option<OwnedFd>>,
+        tap: Shared,
+    ) {
+        self.tap = Some(tap);
         let specs = keys.iter().map(ConnectionKeys::spec).collect();
         self.machine = Coupling::new(specs, settings);
         self.lines = keys
@@ -239,7 +273,11 @@ impl Coupler {
                 while !self.machine.output(index).is_empty() {
                     match stream.write(self.machine.output(index)) {
                         Ok(0) => gone = true,
-                        Ok(len) => self.machine.sent(index, len, now),
+                        Ok(len) => {
+                            let sent = self.machine.output(index).get(..len).unwrap_or_default();
+                            tell(self.tap.as_ref(), Kind::Out, (index, stream, self.machine.spec(index)), sent);
+                            self.machine.sent(index, len, now);
+                        }
                         Err(error) if error.kind() == ErrorKind::Interrupted => {}
                         Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                         Err(_) => gone = true,
@@ -270,7 +308,13 @@ impl Coupler {
             };
             match read {
                 Ok((_, true)) => return self.lost(index),
-                Ok((len, false)) => self.machine.receive(index, buffer.get(..len).unwrap_or_default(), now),
+                Ok((len, false)) => {
+                    let bytes = buffer.get(..len).unwrap_or_default();
+                    if let Socket::Up(stream) = &line.socket {
+                        tell(self.tap.as_ref(), Kind::In, (index, stream, self.machine.spec(index)), bytes);
+                    }
+                    self.machine.receive(index, bytes, now);
+                }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
                 // To a datagram: nobody is there at the moment.
@@ -395,6 +439,16 @@ impl Coupler {
             self.segment.set_leds(Leds { power: true, error: down, ..Leds::default() });
         }
     }
+}
+
+/// Tells those who listen what has gone over a TCP connection of the CP. Their numbers are behind those of clients.
+fn tell(tap: Option<&Shared>, kind: Kind, (index, stream, spec): (usize, &TcpStream, Option<&Spec>), bytes: &[u8]) {
+    let Some(tap) = tap else { return };
+    let connection = || {
+        let partner = stream.peer_addr().unwrap_or(SocketAddr::from(([0, 0, 0, 0], 0)));
+        Tapped::of(u32::MAX - index as u32, partner, spec.is_some_and(|spec| spec.active))
+    };
+    tap.borrow_mut().tell(kind, connection, bytes);
 }
 
 /// A partner that is gone is noticed after a minute.

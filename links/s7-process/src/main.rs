@@ -11,6 +11,7 @@ mod coupler;
 mod server;
 mod session;
 mod slots;
+mod tap;
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::process::ExitCode;

@@ -1,7 +1,9 @@
 //! The loop of the process: wait for the door, the listening sockets, the connections or a time, serve, wait again.
 
+use std::cell::RefCell;
 use std::net::{SocketAddr, TcpStream};
 use std::os::fd::{AsFd as _, OwnedFd};
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -20,6 +22,7 @@ use crate::config::Config;
 use crate::coupler::{Coupler, keep_alive};
 use crate::session::Session;
 use crate::slots::{Verdict, admit};
+use crate::tap::{Shared, Tap};
 
 /// Between two signs of life.
 const BEAT: Duration = Duration::from_millis(200);
@@ -30,6 +33,8 @@ const HALF_OPEN: usize = 64;
 const CALL: Duration = Duration::from_secs(10);
 /// Accepted in one round: those who are served come in between.
 const ACCEPTS: usize = 64;
+/// Connections that are told, at most: as many as a message holds.
+const TOLD: usize = 256;
 /// Lines about connections in the log, of each [`TICK`].
 const LINES: u32 = 10;
 /// The newest entry of the diagnostic buffer.
@@ -53,10 +58,13 @@ pub(crate) struct Server {
     lines: u32,
     unsaid: u64,
     subscribed: bool,
+    /// The connections, as they were told last.
+    told: Vec<ob1_access::door::Connection>,
     /// Waiting for the newest entry of the diagnostic buffer.
     diagnosis: Option<Ticket>,
     /// The process is an Ethernet CP too.
     coupler: Option<Coupler>,
+    tap: Shared,
 }
 
 /// What is ready after a wait.
@@ -88,8 +96,10 @@ impl Server {
             lines: LINES,
             unsaid: 0,
             subscribed: false,
+            told: Vec::new(),
             diagnosis: None,
             coupler,
+            tap: Rc::new(RefCell::new(Tap::new(now))),
         }
     }
 
@@ -109,7 +119,7 @@ impl Server {
             self.accept(&ready.accept, now);
             for index in ready.read {
                 if let Some(session) = self.sessions.get_mut(index) {
-                    session.receive(&mut self.buffer, now);
+                    session.receive(&mut self.buffer, &self.tap, now);
                 }
             }
             if let Some(coupler) = &mut self.coupler {
@@ -127,15 +137,20 @@ impl Server {
             return;
         }
         let Some(welcome) = self.door.welcome() else { return };
+        let (station, link) = (welcome.station.clone(), welcome.link.clone());
         match Config::of(welcome) {
             Ok((config, connections)) => {
-                info!(link = welcome.link, rack = config.place.rack, slot = config.place.slot, "serving");
+                info!(link, rack = config.place.rack, slot = config.place.slot, "serving");
                 self.config = Some(config);
                 self.listeners = self.door.take_listeners();
+                if let Some(socket) = self.listeners.pop_if(|_| config.tap) {
+                    self.tap.borrow_mut().open(socket, &station, &link);
+                }
                 if let Some(coupler) = &mut self.coupler {
                     // The first is the server's, those behind it belong to connections.
                     let sockets = self.listeners.split_off(self.listeners.len().min(1));
-                    coupler.configure(&connections, config.settings, sockets.into_iter().map(Some).collect());
+                    let sockets = sockets.into_iter().map(Some).collect();
+                    coupler.configure(&connections, config.settings, sockets, Rc::clone(&self.tap));
                 }
             }
             Err(error) => {
@@ -148,6 +163,7 @@ impl Server {
     fn times(&mut self, now: Instant) {
         if now >= self.beat {
             self.door.beat();
+            self.tap.borrow_mut().admit();
             if let Some(coupler) = &mut self.coupler {
                 coupler.beat();
             }
@@ -156,6 +172,7 @@ impl Server {
         if now >= self.tick {
             self.door.tick();
             self.tick = now + TICK;
+            self.tell_connections();
             self.lines = LINES;
             if std::mem::take(&mut self.unsaid) > 0 {
                 warn!("more connections than can be told one by one");
@@ -166,6 +183,18 @@ impl Server {
             let gone: Vec<u32> =
                 self.sessions.iter().filter(|s| late(s) || silent(s)).map(|session| session.number).collect();
             gone.into_iter().for_each(|number| self.close(number, "it has been silent for too long"));
+        }
+    }
+
+    /// Who looks at the station sees the connections of a second ago at most.
+    fn tell_connections(&mut self) {
+        let is_there = |session: &&Session| session.resource.is_some();
+        let mut list: Vec<_> = self.sessions.iter().filter(is_there).map(Session::told).collect();
+        list.extend(self.coupler.iter().flat_map(Coupler::told));
+        list.truncate(TOLD);
+        if list != self.told {
+            self.door.connections(list.clone());
+            self.told = list;
         }
     }
 
@@ -216,7 +245,7 @@ impl Server {
         for session in &mut self.sessions {
             let mut around = Surroundings { door: &mut self.door, reading: &mut self.reading, config: &config, now };
             session.serve(&mut around, now_ms);
-            session.send(now);
+            session.send(&self.tap, now);
             if let Some(why) = session.over(now) {
                 over.push((session.number, why));
             }

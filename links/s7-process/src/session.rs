@@ -4,12 +4,15 @@ use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
-use ob1_access::door::News;
+use ob1_access::door::{self, News};
+use ob1_protocols::trace::record::Kind;
 use ob1_s7::iso::{Call, Refusal, Resource, Transport};
 use ob1_s7::server::{Connection, CpuEvent, End};
+use ob1_s7::tap::Tapped;
 
 use crate::asks::{Asks, Surroundings};
 use crate::slots::Occupant;
+use crate::tap::Shared;
 
 /// Bytes read at a time.
 const READ: usize = 16 * 1024;
@@ -25,6 +28,8 @@ pub(crate) struct Session {
     /// What it counts as, since it was let in.
     pub(crate) resource: Option<Resource>,
     pub(crate) since: Instant,
+    /// The TSAP it has called.
+    tsap: String,
     socket: TcpStream,
     connection: Connection,
     asks: Asks,
@@ -42,6 +47,7 @@ impl Session {
             peer,
             resource: None,
             since: now,
+            tsap: String::new(),
             socket,
             connection,
             asks: Asks::default(),
@@ -57,6 +63,18 @@ impl Session {
         &self.socket
     }
 
+    /// For whoever looks at the station.
+    pub(crate) fn told(&self) -> door::Connection {
+        let (pdu, jobs, errors) = self.summary();
+        let state = match self.connection.pdu() {
+            Some(_) if self.connection.under_way() > 0 => "at work",
+            Some(_) => "up",
+            None => "coming",
+        };
+        let name = self.tsap.clone();
+        door::Connection { partner: self.peer.to_string(), name, state: state.into(), pdu, jobs, errors }
+    }
+
     pub(crate) fn call(&self) -> Option<&Call> {
         self.connection.call()
     }
@@ -67,6 +85,7 @@ impl Session {
     }
 
     pub(crate) fn accept(&mut self, resource: Resource) {
+        self.tsap = self.call().map(|call| call.called.to_string()).unwrap_or_default();
         self.resource = Some(resource);
         self.connection.accept();
     }
@@ -104,8 +123,13 @@ impl Session {
         (self.connection.pdu().unwrap_or(0), counts.jobs, counts.errors)
     }
 
+    /// For the tap.
+    fn tapped(&self) -> Tapped {
+        Tapped::of(self.number, self.peer, false)
+    }
+
     /// Takes what has come.
-    pub(crate) fn receive(&mut self, buffer: &mut [u8; READ], now: Instant) {
+    pub(crate) fn receive(&mut self, buffer: &mut [u8; READ], tap: &Shared, now: Instant) {
         let room = self.connection.room().min(READ);
         if room == 0 {
             return;
@@ -114,6 +138,7 @@ impl Session {
             Ok(0) => self.gone = true,
             Ok(len) => {
                 self.heard = now;
+                tap.borrow_mut().tell(Kind::In, || self.tapped(), &buffer[..len]);
                 self.connection.receive(&buffer[..len]);
                 // Setup alone is no work.
                 self.works |= self.connection.counts().jobs > 1;
@@ -155,7 +180,7 @@ impl Session {
     }
 
     /// Sends what it can.
-    pub(crate) fn send(&mut self, now: Instant) {
+    pub(crate) fn send(&mut self, tap: &Shared, now: Instant) {
         if self.connection.output().is_empty() {
             self.moved = now;
         }
@@ -164,6 +189,8 @@ impl Session {
                 Ok(0) => self.gone = true,
                 Ok(len) => {
                     self.moved = now;
+                    let sent = self.connection.output().get(..len).unwrap_or_default();
+                    tap.borrow_mut().tell(Kind::Out, || self.tapped(), sent);
                     self.connection.sent(len);
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}

@@ -9,6 +9,7 @@
 //! - [`server`]: a connection as the CPU sees it.
 //! - [`client`]: a connection as a programming device sees it.
 //! - [`coupling`]: an Ethernet CP: the connections of handling blocks to other PLCs.
+//! - [`tap`]: what is told to those who listen.
 //! - [`codes`]: every code that says why something was refused.
 
 pub mod client;
@@ -16,6 +17,7 @@ pub mod codes;
 pub mod coupling;
 pub mod iso;
 pub mod server;
+pub mod tap;
 pub mod wire;
 
 /// Jobs a connection may have outstanding, at most.

@@ -1,6 +1,6 @@
 //! AG_SEND, AG_RECV, AG_LSEND, AG_LRECV, AG_LOCK, AG_UNLOCK, AG_CNTRL: TCP, UDP and ISO-on-TCP connections.
 
-use ob1_sdk::{Abort, Block, Cx, Kind, Param, Refused, interface};
+use ob1_sdk::{Abort, Block, Cx, Kind, Param, Refused, STATION, interface};
 use ob1_words::boxes::Service;
 use ob1_words::boxes::status::{COMMAND, LENGTH};
 
@@ -27,8 +27,11 @@ const TARGET: u16 = 0x8F23;
 const DB_NUMBER: u16 = 0x8F32;
 const NO_DB: u16 = 0x8F3A;
 const READ_ONLY: u16 = 0x8F30;
-/// Most data of a job.
+/// Most data of a job; of AG_SEND on an S7-400, which has AG_LSEND for more.
 const LEN_MAX: i16 = 8192;
+const LEN_MAX_400: i16 = 240;
+/// The setting of the station with the family of its CPU.
+const FAMILY: &str = "family";
 
 /// Jobs of a connection that cannot be under way at the same time have the same owner.
 fn owner(class: u64, id: i16) -> u64 {
@@ -87,9 +90,11 @@ impl<const NUMBER: u16> Block for Send<NUMBER> {
         let mut wanted = Wanted::new(u32::from(laddr), owner(1, id), Service::Send, id as u16);
         let len = cx.get(snd::LEN)?;
         let span = Span::of(cx, snd::SEND)?;
+        let is_400 = NUMBER == 5 && cx.setting_int(STATION, FAMILY)?.ok() == Some(400);
+        let most = if is_400 { LEN_MAX_400 } else { LEN_MAX };
         let wrong = match span {
             None => Some(PARAMETER),
-            Some(span) if !(1..=LEN_MAX).contains(&len) || len as u32 > span.len => Some(LENGTH),
+            Some(span) if !(1..=most).contains(&len) || len as u32 > span.len => Some(LENGTH),
             Some(span) => {
                 wanted.source = span.first(len as u32);
                 None

@@ -15,7 +15,7 @@ use crate::connection::Received;
 use crate::events::Stream;
 use crate::joint::Joint;
 use crate::port::{Asker, Port};
-use crate::{Beats, Change, DriverState, Facts, FeedEnd, LinkConfig};
+use crate::{Beats, Change, DriverState, Facts, FeedEnd, LinkConfig, LinkState};
 
 const MS: Nanos = 1_000_000;
 /// How long the CPU may take to answer, beyond two cycles. It answers once a cycle; this is for one that hangs.
@@ -27,6 +27,8 @@ const IDLE_LOOK: Nanos = 20 * MS;
 const PATIENT_LOOKS: u32 = 500;
 /// Messages of one link that are taken before the next link's turn.
 const MESSAGES: usize = 64;
+/// Connections of a link that are kept.
+const CONNECTIONS: usize = 256;
 /// Packets that may wait for a link while it still gets events.
 const EVENTS_WAITING: usize = 64;
 /// Packets that may wait for a link while documents are made for it: each can be many.
@@ -206,6 +208,10 @@ impl Broker {
             ToBroker::Beat => {}
             ToBroker::Watch { generation, pieces } => joint.watch(generation, pieces),
             ToBroker::Gone(client) => joint.client_gone(client),
+            ToBroker::Connections(mut list) => {
+                list.truncate(CONNECTIONS);
+                joint.connections = list;
+            }
             ToBroker::Write { client, ticket, puts } => {
                 let bytes: usize = puts.iter().map(ob1_access::Put::bytes).sum();
                 let too_much = puts.len() > ob1_cpu::GROUP_ENTRIES || bytes > ob1_cpu::WRITE_BYTES;
@@ -329,7 +335,12 @@ impl Broker {
 
     fn document(&self, which: Document, state: State, present: &[bool]) -> Answer {
         let named = self.joints.iter().filter(|joint| !joint.config.name.is_empty());
-        let links: Vec<(&str, bool)> = named.map(|joint| (joint.config.name.as_str(), joint.up)).collect();
+        let told = |joint: &Joint| LinkState {
+            name: joint.config.name.clone(),
+            up: joint.up,
+            connections: joint.connections.clone(),
+        };
+        let links: Vec<LinkState> = named.map(told).collect();
         Answer::Document { last: true, bytes: self.facts.document(which, state, present, &links) }
     }
 

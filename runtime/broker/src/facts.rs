@@ -2,7 +2,7 @@
 
 use std::os::fd::OwnedFd;
 
-use ob1_access::door::{BlockFact, Diagnosis, Document, Refusal, State};
+use ob1_access::door::{BlockFact, Connection, Diagnosis, Document, Refusal, State};
 use ob1_access::{Allowed, Put, Right};
 use ob1_cpu::DiagEntry;
 use ob1_model::BlockId;
@@ -14,6 +14,17 @@ pub struct DriverState {
     pub name: String,
     /// It is up.
     pub up: bool,
+}
+
+/// A link as others see it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LinkState {
+    /// Its name.
+    pub name: String,
+    /// Its process is up.
+    pub up: bool,
+    /// Its connections, where it tells them.
+    pub connections: Vec<Connection>,
 }
 
 /// A change of the program.
@@ -51,8 +62,8 @@ pub trait Facts: Send {
     /// One of them as a block folder has it.
     fn block(&self, id: BlockId) -> Option<Box<[u8]>>;
     /// A document. `state` and which modules answer are asked of the CPU for [`Document::Status`] only; `links` are
-    /// the names of all links and whether each is up.
-    fn document(&self, which: Document, state: State, present: &[bool], links: &[(&str, bool)]) -> Box<[u8]>;
+    /// all links.
+    fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]>;
     /// An input that a module feeds is written where the module reads it: true when this was done.
     fn take_input(&self, put: &Put) -> bool;
     /// Begins a change of the program; what becomes of it comes from [`Facts::changed`] under this number. False: this

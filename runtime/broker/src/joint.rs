@@ -5,7 +5,9 @@ use std::os::fd::{AsFd as _, OwnedFd};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ob1_access::door::{Answer, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome};
+use ob1_access::door::{
+    Answer, Connection as LinkConnection, PART_BYTES, Refusal, Refused, Ticket, ToLink, VERSION, Welcome,
+};
 use ob1_backplane::{SegmentError, WindowHead, WindowReader, WindowWriter};
 use ob1_cpu::{Cpu, Frame, Group, Link, Listing, Mark, Nanos, Piece, Put, Returned, TooMuch, Window};
 
@@ -68,6 +70,8 @@ pub(crate) struct Joint {
     pub(crate) beats: Beats,
     /// It has given a sign of life since it was connected.
     pub(crate) up: bool,
+    /// Its connections, as it has told them last.
+    pub(crate) connections: Vec<LinkConnection>,
     /// Events up to this number have been sent; none are wanted otherwise.
     pub(crate) events_after: Option<u64>,
     /// The generation that was watched, until its first snapshot is there.
@@ -94,6 +98,7 @@ impl Joint {
             clients: Clients::default(),
             beats: Beats::default(),
             up: false,
+            connections: Vec::new(),
             events_after: None,
             awaited: None,
             postponed: None,
@@ -151,6 +156,7 @@ impl Joint {
     pub(crate) fn disconnect(&mut self) {
         self.connection = None;
         self.clients.clear();
+        self.connections.clear();
         self.out.clear();
         (self.up, self.events_after, self.awaited, self.postponed) = (false, None, None, None);
         self.generation = self.link.generation().max(self.generation) + 1;

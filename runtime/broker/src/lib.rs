@@ -21,7 +21,7 @@ mod port;
 mod thread;
 
 pub use broker::Broker;
-pub use facts::{Change, Changed, DriverState, Facts, LinkConfig};
+pub use facts::{Change, Changed, DriverState, Facts, LinkConfig, LinkState};
 pub use feed::{Feed, FeedEnd, feed};
 pub use joint::Beats;
 pub use thread::{Handle, RunningBroker};

@@ -5,12 +5,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use ob1_access::door::{
-    Answer, Ask, BlockFact, Command, Diagnosis, Document, Door, Event, News, NotYet, OUTSTANDING, Reading, Refusal,
-    Refused, State, Ticket, What,
+    Answer, Ask, BlockFact, Command, Connection, Diagnosis, Document, Door, Event, News, NotYet, OUTSTANDING, Reading,
+    Refusal, Refused, State, Ticket, What,
 };
 use ob1_access::{Allowed, Cell, CellError, CellWidth, Piece, Put, Right};
 use ob1_backplane::handover;
-use ob1_broker::{Broker, Change, Changed, DriverState, Facts, Feed, LinkConfig, feed};
+use ob1_broker::{Broker, Change, Changed, DriverState, Facts, Feed, LinkConfig, LinkState, feed};
 use ob1_cpu::{Clock, Cpu, CpuConfig, DiagEntry, Nanos, system_blocks};
 use ob1_model::{Area, BlockId, BlockKind};
 use ob1_stl::{Library, Options, Source, compile};
@@ -77,11 +77,14 @@ impl Facts for Plant {
     fn block(&self, id: BlockId) -> Option<Box<[u8]>> {
         (id.number == 1).then(|| Box::from([1, 2, 3]))
     }
-    fn document(&self, which: Document, state: State, _: &[bool], links: &[(&str, bool)]) -> Box<[u8]> {
+    fn document(&self, which: Document, state: State, _: &[bool], links: &[LinkState]) -> Box<[u8]> {
         match which {
             // More than one message.
             Document::Program => vec![7; 300_000].into(),
-            _ => format!("{which:?} {state:?} {links:?}").into_bytes().into(),
+            _ => {
+                let links: Vec<_> = links.iter().map(|link| (&link.name, link.up, link.connections.len())).collect();
+                format!("{which:?} {state:?} {links:?}").into_bytes().into()
+            }
         }
     }
     fn change(&mut self, number: u64, change: Change) -> bool {
@@ -275,8 +278,10 @@ fn documents() {
     let status = text(Document::Status);
     let status = String::from_utf8_lossy(&status);
     assert!(status.starts_with("Status Run"), "{status}: the state is the CPU's");
-    let links = text(Document::Links);
-    assert_eq!(String::from_utf8_lossy(&links), r#"Links Stop [("page", true), ("metrics", false)]"#);
+    door.connections(vec![Connection { partner: "10.0.0.1:5".into(), ..Connection::default() }]);
+    let links = station.ask(&mut door, 3, Ask::Document(Document::Links));
+    let Answer::Document { bytes: links, .. } = links else { panic!("{links:?}") };
+    assert_eq!(String::from_utf8_lossy(&links), r#"Links Stop [("page", true, 1), ("metrics", false, 0)]"#);
     // Who asks for more than it takes is told so, and what waits for it is bounded.
     for _ in 0..200 {
         door.ask(4, Ask::Document(Document::Program));

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use ob1_backplane::{CpuSide, IoImage, Segment};
-use ob1_cpu::{BusPlace, Cpu, CpuConfig, LoadError, Module, ModuleSlot, Running, Surroundings};
+use ob1_cpu::{BusPlace, Cpu, CpuConfig, Family, LoadError, Module, ModuleSlot, Running, Surroundings};
 use ob1_host::driver::{DriverCommand, Fleet};
 use ob1_host::module::{CpModule, CpSettings};
 use ob1_host::plugin::{PluginModule, STATION, Setting};
@@ -102,6 +102,8 @@ pub fn plugin_module(config: &ModuleConfig) -> PluginModule {
 #[must_use]
 pub fn plugin_modules(station: &Station) -> Vec<PluginModule> {
     let mut whole = PluginModule::at(STATION);
+    let family = if station.cpu.family == Family::S7_400 { 400 } else { 300 };
+    whole.settings.insert("family".into(), Setting::Int(family));
     for link in &station.links {
         let Some(module) = station.modules.iter().find(|module| link.cp.as_ref() == Some(&module.name)) else {
             continue;

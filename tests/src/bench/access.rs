@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use ob1_access::door::{BlockFact, Diagnosis, Document, Door, Reading, State};
 use ob1_access::{Cell, Piece, Put, Right};
 use ob1_backplane::handover;
-use ob1_broker::{Broker, DriverState, Facts, LinkConfig, feed};
+use ob1_broker::{Broker, DriverState, Facts, LinkConfig, LinkState, feed};
 use ob1_cpu::{Command, Cpu, CpuConfig, DiagEntry};
 use ob1_model::BlockId;
 use ob1_stl::{Library, Options, Source};
@@ -58,7 +58,7 @@ impl Facts for Bare {
     fn block(&self, _: BlockId) -> Option<Box<[u8]>> {
         None
     }
-    fn document(&self, _: Document, _: State, _: &[bool], _: &[(&str, bool)]) -> Box<[u8]> {
+    fn document(&self, _: Document, _: State, _: &[bool], _: &[LinkState]) -> Box<[u8]> {
         Box::default()
     }
     fn take_input(&self, _: &Put) -> bool {

@@ -88,11 +88,11 @@ pub fn measure(plan: Plan) -> Result<Verdict, Failure> {
     {
         let mut bare = TcpStream::connect(("127.0.0.1", echo_port))?;
         bare.set_nodelay(true)?;
-        let (mut theirs, mut ours) = (Raw::open(snap7_port)?, Raw::open(site.port)?);
+        let (mut theirs, mut mine) = (Raw::open(snap7_port)?, Raw::open(site.port)?);
         let (mut times, mut rates) = ([(); 3].map(|()| Vec::new()), [(); 3].map(|()| Vec::new()));
         for _ in 0..plan.rounds {
             for (stream, (times, rates)) in
-                [&mut bare, &mut theirs.0, &mut ours.0].into_iter().zip(times.iter_mut().zip(rates.iter_mut()))
+                [&mut bare, &mut theirs.0, &mut mine.0].into_iter().zip(times.iter_mut().zip(rates.iter_mut()))
             {
                 times.push(time_of_a_read(stream)?);
                 rates.push(reads_a_second(stream)?);
@@ -115,7 +115,7 @@ pub fn measure(plan: Plan) -> Result<Verdict, Failure> {
             if fast { "met" } else { "MISSED" }
         );
         met &= fast;
-        written_is_read(&mut ours)?;
+        written_is_read(&mut mine)?;
         println!("{ECHOES} values written were read back by the next job");
     }
     echo.end();

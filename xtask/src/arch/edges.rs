@@ -54,6 +54,8 @@ const TABLE: &[Row] = &[
             "ob1-backplane",
             "ob1-log",
             "ob1-model",
+            // The records of a trace.
+            "ob1-protocols",
             "ob1-rt",
             "ob1-s7",
             "clap",

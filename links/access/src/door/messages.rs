@@ -274,6 +274,23 @@ pub struct Welcome {
     pub listeners: u8,
 }
 
+/// A connection of a link, for whoever looks at the station.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Connection {
+    /// Its partner: address and port.
+    pub partner: String,
+    /// What it is called under: a TSAP, or the number of a configured connection.
+    pub name: String,
+    /// What it is at.
+    pub state: String,
+    /// The PDU that was agreed on; 0: none.
+    pub pdu: u16,
+    /// Jobs of both sides.
+    pub jobs: u64,
+    /// Of these: refused or failed.
+    pub errors: u64,
+}
+
 /// From a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ToBroker {
@@ -306,6 +323,8 @@ pub enum ToBroker {
     },
     /// This client is gone.
     Gone(u32),
+    /// These are its connections now.
+    Connections(Vec<Connection>),
 }
 
 /// To a link.
@@ -434,8 +453,9 @@ wire!(struct Welcome {
 });
 wire!(enum ToBroker {
     0 => Beat, 1 => Watch { generation, pieces }, 2 => Write { client, ticket, puts }, 3 => Ask { client, ticket, ask },
-    4 => Gone(client),
+    4 => Gone(client), 5 => Connections(list),
 });
+wire!(struct Connection { partner, name, state, pdu, jobs, errors });
 wire!(enum ToLink {
     0 => Welcome(welcome), 1 => Watching(generation), 2 => Unwatched { generation, refused },
     3 => Written { client, ticket, outcome }, 4 => Answer { client, ticket, answer }, 5 => Event(event),

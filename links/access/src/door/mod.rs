@@ -41,8 +41,8 @@ use ob1_model::{GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
 use thiserror::Error;
 
 pub use messages::{
-    Answer, Ask, BlockFact, Diagnosis, Document, Event, MESSAGE_BYTES, OUTSTANDING, PART_BYTES, Refusal, Refused,
-    STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
+    Answer, Ask, BlockFact, Connection, Diagnosis, Document, Event, MESSAGE_BYTES, OUTSTANDING, PART_BYTES, Refusal,
+    Refused, STAGED_BYTES, Ticket, ToBroker, ToLink, VERSION, Welcome, What,
 };
 pub use ob1_model::{Command, OperatingState as State};
 use ranges::Ranges;
@@ -394,6 +394,11 @@ impl Door {
     /// A client is gone: its rights and what it still waits for go with it.
     pub fn client_gone(&mut self, client: u32) {
         self.say(&ToBroker::Gone(client));
+    }
+
+    /// These are the connections now; whoever looks at the station is told.
+    pub fn connections(&mut self, list: Vec<Connection>) {
+        self.say(&ToBroker::Connections(list));
     }
 
     /// The next thing that has come.

@@ -69,12 +69,8 @@ impl Coupling {
         link.own.push(Own { reference, at, job, since: now });
     }
 
-    fn pdu(&mut self, index: usize) -> u16 {
-        self.links.get_mut(index).and_then(super::Link::s7).and_then(|connection| connection.pdu()).unwrap_or(0)
-    }
-
     fn usend(&mut self, at: usize, index: usize) {
-        let most = pbc::usend_bytes(self.pdu(index));
+        let most = pbc::usend_bytes(self.agreed_pdu(index));
         let (Some(slot), Some(link)) = (self.slots.get_mut(at), self.links.get_mut(index)) else { return };
         let areas =
             vars::areas(&slot.data).filter(|areas| areas.iter().map(|area| area.len() + 5).sum::<usize>() <= most + 5);
@@ -91,7 +87,7 @@ impl Coupling {
 
     /// The next part of a BSEND.
     fn bsend(&mut self, at: usize, index: usize) {
-        let most = pbc::part_bytes(self.pdu(index));
+        let most = pbc::part_bytes(self.agreed_pdu(index));
         let Some(slot) = self.slots.get_mut(at) else { return };
         let (from, all) = (slot.confirmed, slot.data.len());
         let total = (from == 0).then_some(all as u16);

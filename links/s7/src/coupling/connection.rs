@@ -97,6 +97,10 @@ impl Link {
         }
     }
 
+    pub(super) fn agreed_pdu(&self) -> u16 {
+        if let Wire::S7(connection) = &self.wire { connection.pdu().unwrap_or(0) } else { 0 }
+    }
+
     /// A TCP connection has to be made now.
     pub(super) fn wants_connection(&mut self, now: u64) -> bool {
         let wants = self.spec.active

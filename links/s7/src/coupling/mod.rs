@@ -40,6 +40,19 @@ pub enum ConnectionKind {
     S7,
 }
 
+impl ConnectionKind {
+    /// As the station file has it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tcp => "tcp",
+            Self::Udp => "udp",
+            Self::Iso => "iso-on-tcp",
+            Self::S7 => "s7",
+        }
+    }
+}
+
 /// A connection as it is configured.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Spec {
@@ -145,6 +158,12 @@ impl Coupling {
     #[must_use]
     pub fn condition(&self, index: usize) -> (Condition, Traffic) {
         self.links.get(index).map_or((Condition::Down, Traffic::default()), |link| (link.condition(), link.traffic))
+    }
+
+    /// The PDU of an S7 connection; 0: none was agreed on.
+    #[must_use]
+    pub fn agreed_pdu(&self, index: usize) -> u16 {
+        self.links.get(index).map_or(0, Link::agreed_pdu)
     }
 
     /// Time passes; when [`Coupling::tick`] is wanted again.

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::watch::Watched;
 use crate::bus::text::Before;
 use crate::statistics::{quantile, since};
-use ob1_station::access::protocol::{BusStatus, CellValue, CpBuffer, Diagnostic, ModuleStatus, Status};
+use ob1_station::access::protocol::{BusStatus, CellValue, CpBuffer, Diagnostic, LinkStatus, ModuleStatus, Status};
 use ob1_station::timing::Timing;
 use ob1_station::timing::snapshot::Spread;
 
@@ -25,6 +25,8 @@ pub(super) struct Look {
     pub(super) cp_buffers: Vec<CpBuffer>,
     /// The buses.
     pub(super) buses: Vec<BusStatus>,
+    /// The links with their connections.
+    pub(super) links: Vec<LinkStatus>,
     /// The variable table, or why a cell cannot be read.
     pub(super) values: Vec<(Watched, Result<CellValue, String>)>,
 }
@@ -213,6 +215,10 @@ pub(super) mod tests {
                 entries: (3..8).map(|number| BufferEntry { number, incoming: true, time_ms: 10 }.into()).collect(),
             }],
             buses: vec![crate::bus::text::tests::bus(scans)],
+            links: serde_json::from_value(json!([{"name": "panel", "up": true, "connections": [
+                {"partner": "10.0.0.7:50000", "name": "03.02", "state": "up", "pdu": 480, "jobs": 17, "errors": 2}]},
+                {"name": "page", "up": false}]))
+            .expect("links"),
             values: vec![
                 (Watched::parse("MW10:hex"), Ok(value)),
                 (Watched::parse("DB99.DBW0"), Err("there is no DB 99".into())),

@@ -21,16 +21,18 @@ pub(super) enum Tab {
     Diagnostics,
     Variables,
     Buses,
+    Connections,
 }
 
 impl Tab {
     /// In their order, with their names.
-    pub(super) const ALL: [(Self, &'static str); 5] = [
+    pub(super) const ALL: [(Self, &'static str); 6] = [
         (Self::Scan, "1 Scan"),
         (Self::Cps, "2 CPs"),
         (Self::Diagnostics, "3 Diagnostics"),
         (Self::Variables, "4 Variables"),
         (Self::Buses, "5 Buses"),
+        (Self::Connections, "6 Connections"),
     ];
 
     fn next(self) -> Self {
@@ -39,7 +41,8 @@ impl Tab {
             Self::Cps => Self::Diagnostics,
             Self::Diagnostics => Self::Variables,
             Self::Variables => Self::Buses,
-            Self::Buses => Self::Scan,
+            Self::Buses => Self::Connections,
+            Self::Connections => Self::Scan,
         }
     }
 }
@@ -121,7 +124,7 @@ impl Keys {
         match key {
             Key::Char('q') | Key::Escape => return Act::Quit,
             Key::Tab => self.tab = self.tab.next(),
-            Key::Char(digit @ '1'..='5') => {
+            Key::Char(digit @ '1'..='6') => {
                 self.tab = Tab::ALL.get(digit as usize - '1' as usize).map_or(self.tab, |(tab, _)| *tab);
             }
             _ if self.tab != Tab::Variables => {}
@@ -147,9 +150,9 @@ impl Keys {
     pub(super) fn prompt(&self) -> String {
         match &self.entry {
             Entry::None if self.tab == Tab::Variables => {
-                "q quit  1-5 or Tab another page  Up/Down choose  a add  d drop  m modify".into()
+                "q quit  1-6 or Tab another page  Up/Down choose  a add  d drop  m modify".into()
             }
-            Entry::None => "q quit  1-5 or Tab another page".into(),
+            Entry::None => "q quit  1-6 or Tab another page".into(),
             Entry::Name(text) => format!("watch (NAME, NAME:hex, NAME:bin, NAME:anzw, NAME:status): {text}_"),
             Entry::Value { cell, text } => format!("new value of {cell}: {text}_"),
             Entry::Confirm { cell, value } => {
@@ -221,8 +224,10 @@ mod tests {
             (Key::Tab, Tab::Diagnostics),
             (Key::Tab, Tab::Variables),
             (Key::Tab, Tab::Buses),
+            (Key::Tab, Tab::Connections),
             (Key::Tab, Tab::Scan),
             (Key::Char('5'), Tab::Buses),
+            (Key::Char('6'), Tab::Connections),
             (Key::Char('4'), Tab::Variables),
         ] {
             assert_eq!((state.press(key, &cells), state.tab), (Act::Nothing, tab));

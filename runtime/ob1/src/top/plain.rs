@@ -89,6 +89,22 @@ pub(super) fn buses(data: &Data) -> String {
     crate::bus::text::text(&data.now.buses, data.buses_before(), None)
 }
 
+/// The links, and below each its connections.
+pub(super) fn links(data: &Data) -> String {
+    let mut out = String::new();
+    for link in &data.now.links {
+        let _ = writeln!(out, "{:<16} {}", link.name, if link.up { "up" } else { "down" });
+        for one in &link.connections {
+            let _ = writeln!(
+                out,
+                "  {:<24} {:<22} {:<8} PDU {:>4}  jobs {:>10}  errors {:>6}",
+                one.partner, one.name, one.state, one.pdu, one.jobs, one.errors
+            );
+        }
+    }
+    out
+}
+
 /// The variable table, a line a cell.
 pub(super) fn values(data: &Data) -> Vec<String> {
     let line =
@@ -114,6 +130,7 @@ pub(super) fn text(data: &Data) -> String {
         let _ = writeln!(out, "{}", module(data, number, m));
     }
     out += &buses(data);
+    out += &links(data);
     for line in values(data) {
         let _ = writeln!(out, "{line}");
     }
@@ -143,6 +160,8 @@ mod tests {
             "*PW .ER *TxD .RxD  ready (43), lost 0  orders 121 open 1 done 120",
             "10.0/s out 5.0/s in",
             "rio              exchange       1000.0",
+            "panel            up\n  10.0.0.7:50000           03.02                  up       PDU  480  jobs         17  errors      2",
+            "page             down",
             "MW10                     WORD     16#0102",
             "DB99.DBW0                there is no DB 99",
             "4302h: RUN",

@@ -36,6 +36,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, data: &Data, keys: &Keys, note: &str) 
         Tab::Diagnostics => diagnostics(frame, page, data),
         Tab::Variables => variables(frame, page, data, keys.line),
         Tab::Buses => buses(frame, page, data),
+        Tab::Connections => connections(frame, page, data),
     }
     let last = if note.is_empty() { keys.prompt() } else { note.to_owned() };
     frame.render_widget(Paragraph::new(last).style(Style::new().add_modifier(Modifier::REVERSED)), prompt);
@@ -105,6 +106,12 @@ fn buses(frame: &mut Frame<'_>, area: Rect, data: &Data) {
     frame.render_widget(Paragraph::new(text).block(titled("buses, couplers and slaves")), area);
 }
 
+fn connections(frame: &mut Frame<'_>, area: Rect, data: &Data) {
+    let text = plain::links(data);
+    let text = if text.is_empty() { "this station has no links".to_owned() } else { text };
+    frame.render_widget(Paragraph::new(text).block(titled("links and their connections")), area);
+}
+
 fn variables(frame: &mut Frame<'_>, area: Rect, data: &Data, chosen: usize) {
     let values = plain::values(data);
     let chosen = chosen.min(values.len().saturating_sub(1));
@@ -142,6 +149,7 @@ mod tests {
             ('1', &["press  RUN", "execution, newest look", "FC 0 SEND", "2000", "kernel"][..]),
             ('2', &["*PW .ER *TxD", "orders 121 open 1", "telegram ABC"]),
             ('3', &["4302h: RUN"]),
+            ('6', &["panel", "10.0.0.7:50000", "PDU  480", "page             down"]),
             ('4', &["16#0102", "there is no DB 99", "m modify"]),
             ('5', &["field  dp  process 77", "E 0: 1234", "configuration fault"]),
         ] {

@@ -36,12 +36,13 @@ impl Source {
         let timing = *self.client.ask(Op::Timing { histograms: true })?.timing.ok_or_else(nothing)?;
         let buses = self.client.ask(Op::Buses)?.buses.unwrap_or_default();
         let buffers = self.client.ask(Op::Diag { count: DIAGNOSTICS })?;
+        let links = self.client.ask(Op::Links)?.links.unwrap_or_default();
         let mut values = Vec::with_capacity(watch.len());
         for watched in watch {
             values.push((watched.clone(), self.value(&watched.name)?));
         }
         let (diagnostics, cp_buffers) = (buffers.diagnostics.unwrap_or_default(), buffers.cps.unwrap_or_default());
-        Ok(Look { status, timing, diagnostics, cp_buffers, buses, values })
+        Ok(Look { status, timing, diagnostics, cp_buffers, buses, links, values })
     }
 
     /// One by one, so that a name that is wrong does not hide the others.

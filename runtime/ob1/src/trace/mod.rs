@@ -3,6 +3,7 @@
 mod pcapng;
 mod print;
 mod recording;
+mod s7;
 mod source;
 
 use std::fs::File;
@@ -156,7 +157,9 @@ fn run(options: &Options) -> Result<(), TraceError> {
     if let Some(pcapng) = &sinks.pcapng
         && pcapng.frames() == 0
     {
-        err!("ob1: no frame of Modbus RTU: nothing in this trace that Wireshark has a dissector for");
+        err!(
+            "ob1: no frame of Modbus RTU and no telegram of S7: nothing in this trace that Wireshark has a dissector for"
+        );
     }
     Ok(())
 }

@@ -8,6 +8,7 @@ use ob1_protocols::trace::record::{Kind, Record};
 use ob1_protocols::trace::{Unit, Way};
 use ob1_trace::{Cp, remark, shown};
 
+use super::s7::Link;
 use super::source::News;
 
 /// Bytes in a line of a dump.
@@ -22,6 +23,7 @@ type Held = Vec<(Nanos, String)>;
 pub struct Printer {
     raw: bool,
     cps: BTreeMap<u8, Cp>,
+    links: BTreeMap<u8, Link>,
     held: BTreeMap<u8, Held>,
     text: String,
 }
@@ -30,7 +32,7 @@ impl Printer {
     /// Nothing printed yet. `raw`: characters as on the line, instead of user data.
     #[must_use]
     pub fn new(raw: bool) -> Self {
-        Self { raw, cps: BTreeMap::new(), held: BTreeMap::new(), text: String::new() }
+        Self { raw, cps: BTreeMap::new(), links: BTreeMap::new(), held: BTreeMap::new(), text: String::new() }
     }
 
     /// Takes a record.
@@ -40,6 +42,29 @@ impl Printer {
     }
 
     fn tell(&mut self, number: u8, record: &Record<'_>) {
+        if record.kind == Kind::Hello
+            && let Some((link, about)) = Link::of_hello(record.data)
+        {
+            line(self.held.entry(number).or_default(), record.time, &link.name, ' ', &about);
+            self.links.insert(number, link);
+            return;
+        }
+        if let Some(link) = self.links.get_mut(&number) {
+            let held = self.held.entry(number).or_default();
+            for told in link.read(record) {
+                let arrow = if told.way == Way::Out { '>' } else { '<' };
+                line(held, record.time, &link.name, arrow, &told.text);
+                if self.raw
+                    && let Some((_, text)) = held.last_mut()
+                {
+                    dump(text, &told.bytes);
+                }
+            }
+            if let Some(what) = remark(record) {
+                line(held, record.time, &link.name, '-', &what);
+            }
+            return;
+        }
         if record.kind == Kind::Hello {
             match Cp::of_hello(record.data) {
                 Some((cp, about)) => {

@@ -116,12 +116,20 @@ fn open(station: &str, wanted: Option<&str>) -> Result<Vec<Tap>, TraceError> {
     let status = client.ask(Op::Status).map_err(|e| nobody(&e))?.status;
     let status = status.ok_or_else(|| nobody(&"the station does not answer"))?;
     let folder = rundir::find(&status.station).ok_or_else(|| nobody(&"the station has just ended"))?;
+    let links = client.ask(Op::Links).map_err(|e| nobody(&e))?.links.unwrap_or_default();
+    // What has no tap has nothing to tell here: a CP 343 is heard at its link.
+    let has_tap = |name: &&str| folder.join(format!("{name}.trace")).exists();
     let cps = status.modules.iter().filter(|module| CpKind::of_name(&module.type_name).is_some());
-    let cps: Vec<&str> = cps.map(|module| module.name.as_str()).collect();
+    let cps = cps.map(|module| module.name.as_str());
+    let cps: Vec<&str> = cps.chain(links.iter().map(|link| link.name.as_str())).filter(has_tap).collect();
     if let Some(wanted) = wanted
         && !cps.contains(&wanted)
     {
-        return Err(nobody(&format!("{} has no CP \"{wanted}\"; its CPs: {}", status.station, cps.join(", "))));
+        return Err(nobody(&format!(
+            "{} has no CP or S7 link \"{wanted}\"; there are: {}",
+            status.station,
+            cps.join(", ")
+        )));
     }
     let mut taps = Vec::new();
     for (name, number) in cps.iter().zip(0..).filter(|(name, _)| wanted.is_none_or(|wanted| wanted == **name)) {
@@ -130,7 +138,7 @@ fn open(station: &str, wanted: Option<&str>) -> Result<Vec<Tap>, TraceError> {
         taps.push(Tap { fd, number, last: (0, Instant::now()), ended: false });
     }
     if taps.is_empty() {
-        return Err(nobody(&format!("{} has no CP", status.station)));
+        return Err(nobody(&format!("{} has no CP and no S7 link", status.station)));
     }
     Ok(taps)
 }

@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use ob1_access::door::{BlockFact, Diagnosis, Document, State};
 use ob1_access::{Cell, CellWidth, Put};
-use ob1_broker::{Change, Changed, DriverState, Facts};
+use ob1_broker::{Change, Changed, DriverState, Facts, LinkState};
 use ob1_cpu::{CpuConfig, DIAG_ENTRIES, DiagEntry, Family};
 use ob1_host::driver;
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
 
+use crate::access::protocol::LinkStatus;
 use crate::download::Loader;
 use crate::view::StationView;
 
@@ -132,16 +133,13 @@ impl Facts for StationFacts {
         image.bytes().ok().map(Into::into)
     }
 
-    fn document(&self, which: Document, state: State, present: &[bool], links: &[(&str, bool)]) -> Box<[u8]> {
+    fn document(&self, which: Document, state: State, present: &[bool], links: &[LinkState]) -> Box<[u8]> {
         let text = match which {
             Document::Program => Ok(Some(ob1_ir::write(&self.view.known.get().program))),
             Document::Status => json(&self.view.status(state, present)),
             Document::Timing => json(&self.view.timings.snapshot(true)),
             Document::Buffers => json(&self.view.buffers(DIAG_ENTRIES as u32)),
-            Document::Links => {
-                let link = |(name, up): &(&str, bool)| serde_json::json!({ "name": name, "up": up });
-                json(&links.iter().map(link).collect::<Vec<_>>())
-            }
+            Document::Links => json(&links.iter().map(LinkStatus::from).collect::<Vec<_>>()),
         };
         // What we tell can be serialized.
         text.ok().flatten().unwrap_or_default().into_bytes().into()

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use ob1_access::door::Connection;
+use ob1_broker::LinkState;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -61,6 +63,8 @@ pub enum Op {
     Recorder,
     /// The buses with their couplers and slaves.
     Buses,
+    /// The links with their connections.
+    Links,
 }
 
 fn default_count() -> u32 {
@@ -117,6 +121,52 @@ pub struct Response {
     /// Answer to `buses`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub buses: Option<Vec<BusStatus>>,
+    /// Answer to `links`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub links: Option<Vec<LinkStatus>>,
+}
+
+/// A link.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
+pub struct LinkStatus {
+    /// Its name.
+    pub name: String,
+    /// Its process is up.
+    pub up: bool,
+    /// Its connections, where it tells them: an S7 link does.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub connections: Vec<ConnectionStatus>,
+}
+
+/// A connection of a link.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
+pub struct ConnectionStatus {
+    /// Its partner: address and port.
+    pub partner: String,
+    /// What it is called under: a TSAP, or the number and type of a configured connection.
+    pub name: String,
+    /// What it is at.
+    pub state: String,
+    /// The PDU; 0: none was agreed on.
+    pub pdu: u16,
+    /// Jobs of both sides.
+    pub jobs: u64,
+    /// Of these: refused or failed.
+    pub errors: u64,
+}
+
+impl From<&LinkState> for LinkStatus {
+    fn from(link: &LinkState) -> Self {
+        let connection = |one: &Connection| ConnectionStatus {
+            partner: one.partner.clone(),
+            name: one.name.clone(),
+            state: one.state.clone(),
+            pdu: one.pdu,
+            jobs: one.jobs,
+            errors: one.errors,
+        };
+        Self { name: link.name.clone(), up: link.up, connections: link.connections.iter().map(connection).collect() }
+    }
 }
 
 impl Response {
@@ -134,6 +184,7 @@ impl Response {
             timing: None,
             recorder: None,
             buses: None,
+            links: None,
         }
     }
 

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use ob1_access::door::{Answer, Ask, Command, Diagnosis, Door, Refusal};
+use ob1_access::door::{Answer, Ask, Command, Diagnosis, Document, Door, Refusal};
 use ob1_access::{Item, Put, value};
 use ob1_cpu::Family;
 use serde_json::Value;
@@ -78,6 +78,7 @@ enum Then {
     Written(Vec<String>),
     Done,
     Status,
+    Links,
     Diagnostics(u32),
 }
 
@@ -176,6 +177,9 @@ impl Serving {
                 return Ok(Begun::UnderWay(self.control.ask(client, Ask::Command(command)), Then::Done));
             }
             Op::Status => return Ok(Begun::UnderWay(self.control.ask(client, Ask::Modules), Then::Status)),
+            Op::Links => {
+                return Ok(Begun::UnderWay(self.control.ask(client, Ask::Document(Document::Links)), Then::Links));
+            }
             Op::Diag { count } => {
                 let ask = Ask::Diagnostics(count.min(u32::from(u16::MAX)) as u16);
                 return Ok(Begun::UnderWay(self.control.ask(client, ask), Then::Diagnostics(count)));
@@ -202,6 +206,9 @@ impl Serving {
             (Then::Written(_), Outcome::Written(Ok(()))) | (Then::Done, Outcome::Answer(_)) => {}
             (Then::Status, Outcome::Answer(Answer::Modules { state, present })) => {
                 response.status = Some(self.view.status(state, &present));
+            }
+            (Then::Links, Outcome::Answer(Answer::Document { bytes, .. })) => {
+                response.links = serde_json::from_slice(&bytes).ok();
             }
             (Then::Diagnostics(count), Outcome::Answer(answer)) => {
                 let entries = if let Answer::Diagnostics(entries) = answer { entries } else { Vec::new() };

@@ -15,6 +15,7 @@ use ob1_broker::{Broker, FeedEnd, Handle, LinkConfig, RunningBroker};
 use ob1_cpu::{Attention, Cpu, LogReader, OperatingState, Running};
 use ob1_host::driver::{HandOver, RunningFleet};
 use ob1_rt::MonotonicClock;
+use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, socket_with};
 
 use super::console::LiveLine;
 use super::journal::Journal;
@@ -42,6 +43,8 @@ use crate::station_file::{ConnectionType, LinkKind, Station, StationLink};
 use crate::timing::Observer;
 use crate::view::{StationView, state_name};
 
+/// Who may wait at the tap of a link.
+const TAP_CALLERS: i32 = 4;
 /// Time between two looks at the scan and the clock.
 const TICK: Duration = Duration::from_millis(20);
 /// Ticks between two live lines.
@@ -97,7 +100,7 @@ impl AtWork {
         let system = |what: &'static str| move |error: std::io::Error| Failure::system(what, &error);
         let (to_broker, fed) = ob1_broker::feed();
         keep_secret(station)?;
-        let listeners = listen(station)?;
+        let listeners = listen(station, rundir.path())?;
         let download = download.map(Downloading::start).transpose().map_err(system("the thread for downloads"))?;
         let (loader, newcomers) = download.unzip();
         let facts = StationFacts::new(view.clone(), &station.cpu, loader);
@@ -356,7 +359,7 @@ fn door_for_each(broker: Handle, link: usize) -> HandOver {
 }
 
 /// The sockets of all links, bound before anything is started: the listening one first, then those of connections.
-fn listen(station: &Station) -> Result<Vec<Vec<OwnedFd>>, Failure> {
+fn listen(station: &Station, rundir: &Path) -> Result<Vec<Vec<OwnedFd>>, Failure> {
     let refused = |link: &StationLink, listen: SocketAddr, error: &std::io::Error| {
         let remedy = match error.kind() {
             std::io::ErrorKind::PermissionDenied => {
@@ -392,17 +395,34 @@ fn listen(station: &Station) -> Result<Vec<Vec<OwnedFd>>, Failure> {
             let bound = if connection.ty == ConnectionType::Udp { udp(at, connection.partner) } else { tcp(at) };
             sockets.push(bound.map_err(|error| refused(link, at, &error))?);
         }
+        if link.kind == LinkKind::S7 {
+            let tap = tap(&rundir.join(format!("{}.trace", link.name)));
+            sockets.push(tap.map_err(|error| Failure::system("the tap of a link", &error))?);
+        }
         Ok(sockets)
     };
     station.links.iter().map(bind).collect()
 }
 
-/// The keys of a link; a page that may show everything is told where the drivers tell what goes over their lines.
+/// The socket where those connect who listen to a link (docs/trace.md).
+fn tap(path: &Path) -> std::io::Result<OwnedFd> {
+    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
+    let socket = socket_with(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
+    bind(&socket, &SocketAddrUnix::new(path)?)?;
+    rustix::net::listen(&socket, TAP_CALLERS)?;
+    Ok(socket)
+}
+
+/// The keys of a link; an S7 link has a tap; a page that may show everything is told where the drivers tell what goes over their lines.
 fn with_taps(link: &StationLink, control_socket: &Path) -> String {
     let keys: Option<serde_json::Value> = serde_json::from_str(&link.config).ok();
     match (keys, control_socket.parent()) {
         (Some(mut keys), Some(folder)) if link.kind == LinkKind::Web && link.allowed == Allowed::default() => {
             keys["taps"] = serde_json::json!(folder);
+            keys.to_string()
+        }
+        (Some(mut keys), _) if link.kind == LinkKind::S7 => {
+            keys["tap"] = true.into();
             keys.to_string()
         }
         _ => link.config.clone(),
