@@ -132,7 +132,7 @@ fn blocks_go_into_a_cpu_and_stay_there() {
         assert_eq!(again.interrupt().code(), Some(0));
 
         // A file that is damaged, or whose blocks do not fit, is told and left out.
-        let path = site.path(&format!(".{file}.downloaded"));
+        let path = site.path(format!(".{file}.downloaded"));
         let mut bytes = std::fs::read(&path).expect("what was kept");
         *bytes.last_mut().expect("not empty") ^= 1;
         std::fs::write(&path, &bytes).expect("written");
