@@ -199,7 +199,7 @@ fn beside_the_scan(site: &Site, plan: Plan) -> Result<Verdict, Failure> {
             let run = (place + round) % p99.len();
             let before = site.timing()?;
             if run == 2 {
-                reads += load(site.port, time)?;
+                reads += load(site, time)?;
             } else {
                 site.station.lives_for(time)?;
             }
@@ -228,8 +228,8 @@ fn beside_the_scan(site: &Site, plan: Plan) -> Result<Verdict, Failure> {
 }
 
 /// 64 clients, each with its reads spread over the second; how many were answered.
-fn load(port: u16, time: Duration) -> Result<u64, Failure> {
-    let mut clients = (0..CLIENTS).map(|_| Raw::open(port)).collect::<std::io::Result<Vec<_>>>()?;
+fn load(site: &Site, time: Duration) -> Result<u64, Failure> {
+    let mut clients = (0..CLIENTS).map(|_| Raw::open(site.port)).collect::<std::io::Result<Vec<_>>>()?;
     let job = read_job(1, 0, BYTES);
     let pause = Duration::from_secs(1) / (CLIENTS as u32 * READS);
     let begin = Instant::now();
@@ -240,7 +240,7 @@ fn load(port: u16, time: Duration) -> Result<u64, Failure> {
             return Ok(answered);
         }
         if let Some(early) = due.checked_sub(begin.elapsed()) {
-            std::thread::sleep(early);
+            site.station.lives_for(early)?;
         }
         let Some(client) = clients.get_mut(turn as usize % CLIENTS) else { continue };
         client.0.write_all(&job)?;

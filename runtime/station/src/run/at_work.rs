@@ -413,7 +413,8 @@ fn tap(path: &Path) -> std::io::Result<OwnedFd> {
     Ok(socket)
 }
 
-/// The keys of a link; an S7 link has a tap; a page that may show everything is told where the drivers tell what goes over their lines.
+/// The keys of a link. An S7 link has a tap; a page that may show everything is told where the drivers tell what goes
+/// over their lines.
 fn with_taps(link: &StationLink, control_socket: &Path) -> String {
     let keys: Option<serde_json::Value> = serde_json::from_str(&link.config).ok();
     match (keys, control_socket.parent()) {
