@@ -55,6 +55,13 @@ fn a_listing_shows_machine_code() {
         let bytes = head.split(' ').nth(4).and_then(|word| word.parse::<u32>().ok());
         assert!(bytes.is_some_and(|bytes| bytes > 0), "{head}");
         assert!(listing.contains("bytes  line "), "{listing}");
+        // The code of a statement stands right below it.
+        let below = |pair: &[&str]| {
+            let is_statement = pair[0].contains(" bytes  line ") && !pair[0].starts_with("       0 ");
+            is_statement && pair[1].starts_with("        ") && !pair[1].contains(" bytes  line ")
+        };
+        let lines: Vec<&str> = listing.lines().collect();
+        assert!(lines.windows(2).filter(|pair| below(pair)).count() > 10, "{listing}");
     }
     assert_eq!(ob1(&["check", "traffic-light/station.toml", "--native"]).status.code(), Some(1), "with --listing only");
 }

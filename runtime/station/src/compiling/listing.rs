@@ -31,7 +31,7 @@ pub fn listing(plan: &Plan) -> Result<String, String> {
             made.stack
         );
         for (stmt, code) in block.stmts.iter().zip(&made.statements) {
-            let _ = writeln!(text, "  line {:<6} {:<40} {:>6} bytes", stmt.line, stmt.op.to_string(), code.bytes);
+            let _ = writeln!(text, "  {:>6} bytes  line {:<6} {}", code.bytes, stmt.line, stmt.op);
             for line in &code.lines {
                 let _ = writeln!(text, "        {line}");
             }
