@@ -7,6 +7,7 @@ use common::site::Site;
 use common::station::Running;
 use common::steps::Steps;
 use common::{Guard, checkout, python};
+use ob1_station::access::protocol::Op;
 use ob1_tests::siege::rounds;
 use rustix::process::Signal;
 use serde_json::{Value, json};
@@ -123,6 +124,18 @@ fn a_rack_without_power_is_lost_once_and_returns_by_itself() {
     plant.station.until("it refuses", |s| (s.entries("F207h") == 1).then_some(()));
     let told = format!("{:?}", plant.station.diagnostics());
     assert!(told.contains("config. fault"), "{told}");
+    assert_eq!(plant.station.interrupt().code(), Some(0));
+}
+
+#[test]
+fn what_goes_over_the_line_is_told_in_words() {
+    let plant = Plant::at_work();
+    let line =
+        plant.station.ask(Op::Buses).expect("never refused").buses.expect("an answer to buses")[0].lines[0].clone();
+    let said = plant.site.ob1(&["trace", "station.toml", &line, "--for", "2s"]).fine();
+    for part in ["2 to 8, SRD high, Data_Exchange, ", "8 to 2, data"] {
+        assert!(said.contains(part), "{part}\n{said}");
+    }
     assert_eq!(plant.station.interrupt().code(), Some(0));
 }
 

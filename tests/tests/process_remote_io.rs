@@ -179,6 +179,22 @@ fn bus() {
 }
 
 #[test]
+fn who_commissions_sees_the_coupler_and_its_telegrams() {
+    let plant = Plant::at_work(&[OB1, OB86].concat(), 41);
+    let shown = plant.site.ob1(&["bus", "watch", "line.toml", "--count", "2", "--every", "50ms"]).fine();
+    for part in ["field  modbus-tcp  process ", "1 of 1 exchange", "outputs driven", "E 0: 0029  A 0: 002A"] {
+        assert!(shown.contains(part), "{part}\n{shown}");
+    }
+    let said = plant.site.ob1(&["trace", "line.toml", "field.bus", "--for", "2s"]).fine();
+    for part in ["field.bus: modbus-tcp, tcp:127.0.0.1:", "request: read input words (04h), 1 from 0"] {
+        assert!(said.contains(part), "{part}\n{said}");
+    }
+    let wrong = plant.site.ob1(&["trace", "line.toml", "feld"]);
+    assert!(wrong.err.contains("there are: field.bus"), "{}", wrong.err);
+    assert_eq!(plant.station.interrupt().code(), Some(0));
+}
+
+#[test]
 fn a_killed_runtime_leaves_no_output_on() {
     let Plant { station, mut coupler, site: _site } = Plant::at_work(&[OB1, OB86].concat(), 41);
     station.kill();

@@ -1,9 +1,10 @@
 //! What the driver processes of a station have in common: the fence they raise around themselves, the log, signals,
-//! what the runtime hands them, and the doorbell.
+//! what the runtime hands them, the doorbell, and who listens to their lines.
 
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod fence;
+pub mod tap;
 
 use std::os::fd::OwnedFd;
 use std::sync::Arc;

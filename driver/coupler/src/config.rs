@@ -26,6 +26,13 @@ impl BusConfig {
     pub fn stations(&self) -> impl Iterator<Item = &str> {
         self.lines.iter().flat_map(LineConfig::stations)
     }
+
+    /// What a line is called where others listen to it: the only one as the bus, of more each by who is on it first.
+    #[must_use]
+    pub fn line_name(&self, line: usize) -> String {
+        let first = self.lines.get(line).filter(|_| self.lines.len() > 1).and_then(|line| line.stations().next());
+        first.map_or_else(|| format!("{}.bus", self.name), |first| format!("{}.{first}.bus", self.name))
+    }
 }
 
 /// One line or connection, with one or more couplers.
@@ -46,6 +53,16 @@ pub struct LineConfig {
 }
 
 impl LineConfig {
+    /// The type of its bus, as in a station file.
+    #[must_use]
+    pub const fn protocol(&self) -> &'static str {
+        match (&self.dp, &self.serial) {
+            (Some(_), _) => "dp",
+            (None, Some(_)) => "modbus-rtu",
+            (None, None) => "modbus-tcp",
+        }
+    }
+
     /// The names of those who are on it.
     pub fn stations(&self) -> impl Iterator<Item = &str> {
         let slaves = self.dp.iter().flat_map(|dp| &dp.slaves).map(|slave| slave.name.as_str());

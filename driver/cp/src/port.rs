@@ -1,5 +1,6 @@
 //! The process's line: a real one, once the configuration has named it, and the log.
 
+use ob1_child::tap::Tap;
 use ob1_cp::{CpType, LinePort, Refused};
 use ob1_firmware::trace::record::Kind;
 use ob1_firmware::{CpEvent, LineSettings, Nanos};
@@ -7,7 +8,7 @@ use ob1_line::RealLine;
 use tracing::{debug, info, trace, warn};
 
 use crate::config::Config;
-use crate::tap::Tap;
+use crate::tap;
 
 /// How late a real line may hand characters over: the FIFO of a UART, the latency timer of a USB adapter (16 ms), a
 /// busy machine.
@@ -66,7 +67,7 @@ impl LinePort for Port {
 
     fn introduce(&mut self, now: Nanos, parameters: &[u8; 16]) {
         if let Some(config) = &self.config {
-            self.tap.introduce(now, config, parameters);
+            tap::introduce(&mut self.tap, now, config, parameters);
         }
     }
 
@@ -106,7 +107,7 @@ impl LinePort for Port {
     }
 
     fn trace(&mut self, now: Nanos, event: &CpEvent<'_>) {
-        self.tap.note(now, event);
+        tap::note(&mut self.tap, now, event);
         match event {
             CpEvent::Startup { .. } | CpEvent::Working => info!(now, ?event),
             CpEvent::NoParameters(_) => warn!(now, ?event),

@@ -2,10 +2,13 @@
 
 use std::io;
 
+use ob1_child::tap::Tap;
 use ob1_coupler::config::Parity;
 use ob1_coupler::{Image, Input, LineConfig, LineFault, LineInput, MasterInput};
 use ob1_io::Master;
 use ob1_line::{LineEvent, LineSettings, LineSpec, Nanos, RealLine, StopBits};
+use ob1_protocols::trace::record::{Kind, number_of};
+use serde_json::json;
 use tracing::{info, warn};
 
 /// Events in one pass: then the heart beats, and the other lines have their turn.
@@ -19,6 +22,8 @@ pub(crate) struct Line {
     settings: LineSettings,
     pub(crate) real: RealLine,
     pub(crate) master: Master,
+    /// Who listens.
+    pub(crate) tap: Tap,
     /// When it has something to do although nothing happens.
     pub(crate) deadline: Nanos,
     /// Whether it was up when it was last told of it.
@@ -31,7 +36,17 @@ impl Line {
         let settings = settings(config);
         let real = open(&spec, &settings)?;
         let master = Master::new(config, first, input_bytes, 0).map_err(io::Error::other)?;
-        Ok(Self { spec, settings, real, master, deadline: 0, up: false })
+        Ok(Self { spec, settings, real, master, tap: Tap::default(), deadline: 0, up: false })
+    }
+
+    /// Lets others listen at this path.
+    pub(crate) fn open_tap(&mut self, path: &std::path::Path, name: &str, config: &LineConfig) {
+        self.tap.open(Some(path));
+        let baud = config.serial.map(|serial| serial.baud).or(config.dp.as_ref().map(|dp| dp.baud));
+        let about = json!({
+            "module": "bus", "name": name, "line": config.line, "protocol": config.protocol(), "baud": baud,
+        });
+        self.tap.introduce(0, std::time::SystemTime::now(), about);
     }
 
     /// Takes what the line has to tell; true if that may not have been everything.
@@ -45,18 +60,27 @@ impl Line {
                 LineEvent::Rx(n) => {
                     let bytes = buffer.get(..n).unwrap_or_default();
                     tracing::trace!(rx = ?bytes);
+                    self.tap.tell(now, Kind::In, bytes);
                     self.step(now, Input::Line(LineInput::Rx(bytes)), image);
                 }
-                LineEvent::TxDone => self.step(now, Input::Line(LineInput::TxDone), image),
-                LineEvent::Fault(fault) => self.step(now, Input::Line(LineInput::Fault(fault)), image),
+                LineEvent::TxDone => {
+                    self.tap.tell(now, Kind::Done, &[]);
+                    self.step(now, Input::Line(LineInput::TxDone), image);
+                }
+                LineEvent::Fault(fault) => {
+                    self.tap.tell(now, Kind::Fault, &[number_of(fault)]);
+                    self.step(now, Input::Line(LineInput::Fault(fault)), image);
+                }
                 LineEvent::Up(warnings) => {
                     info!(line = %self.spec, "the line is up");
                     warnings.iter().for_each(|warning| warn!("{warning}"));
                     self.up = true;
+                    self.tap.tell(now, Kind::Up, &[]);
                     self.step(now, Input::Line(LineInput::Fault(LineFault::Back)), image);
                 }
                 LineEvent::Gone(reason) => {
                     warn!(line = %self.spec, "the line is gone: {reason}");
+                    self.tap.tell(now, Kind::Gone, reason.as_bytes());
                     self.gone(now, image);
                 }
             }
@@ -75,6 +99,7 @@ impl Line {
         self.deadline = self.master.step(now, input, image, &mut out);
         if !out.is_empty() {
             tracing::trace!(tx = ?out);
+            self.tap.tell(now, Kind::Out, &out);
             // One request at a time: there is always room for it.
             self.real.write(now, &out);
         }

@@ -51,6 +51,10 @@ struct Arguments {
     #[arg(long, default_value = "bus")]
     name: String,
 
+    /// Where others may listen to its lines: a folder.
+    #[arg(long, value_name = "FOLDER")]
+    trace: Option<std::path::PathBuf>,
+
     /// Only say who is on a PROFIBUS: a line of JSON for each slave that answers.
     #[arg(long)]
     scan: bool,
@@ -101,7 +105,8 @@ fn run(arguments: &Arguments, fenced: Result<Vec<(&'static str, String)>, String
         }
     };
     info!(generation = segment.generation(), couplers = bus.stations().count(), "attached");
-    let process = Process::new(bus, segment, &memory, size, terminate).and_then(|mut process| process.run());
+    let process = Process::new(bus, segment, &memory, size, terminate, arguments.trace.as_deref())
+        .and_then(|mut process| process.run());
     match process {
         Ok(()) => {
             info!("end");

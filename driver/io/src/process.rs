@@ -2,6 +2,7 @@
 //! the image.
 
 use std::io;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -37,11 +38,17 @@ impl Process {
         memory: &BusMemory,
         size: BusSize,
         terminate: Arc<AtomicBool>,
+        trace: Option<&Path>,
     ) -> io::Result<Self> {
         let mut lines = Vec::new();
         let mut first = 0;
         for line in &config.lines {
-            lines.push(Line::new(line, first, config.input_bytes)?);
+            let mut opened = Line::new(line, first, config.input_bytes)?;
+            if let Some(folder) = trace {
+                let name = config.line_name(lines.len());
+                opened.open_tap(&folder.join(format!("{name}.trace")), &name, line);
+            }
+            lines.push(opened);
             first += line.stations().count();
         }
         Ok(Self {
@@ -110,7 +117,11 @@ impl Process {
             line.real.poll_fds(&mut of_line);
             for fd in of_line.into_entries() {
                 fds.push(fd);
-                owners.push(n);
+                owners.push((n, false));
+            }
+            if let Some(fd) = line.tap.fd() {
+                fds.push(PollFd::from_borrowed_fd(fd, PollFlags::IN));
+                owners.push((n, true));
             }
         }
         let timeout = Timespec { tv_sec: (timeout / 1_000_000_000) as i64, tv_nsec: (timeout % 1_000_000_000) as i64 };
@@ -121,9 +132,12 @@ impl Process {
         let rung = doorbell && fds.first().is_some_and(|fd| !fd.revents().is_empty());
         let ready: Vec<bool> = fds.iter().skip(usize::from(doorbell)).map(|fd| !fd.revents().is_empty()).collect();
         drop(fds);
-        for (n, _) in owners.iter().zip(ready).filter(|(_, ready)| *ready) {
-            if let Some(line) = self.lines.get_mut(*n) {
-                line.real.ready();
+        let now = self.now();
+        for ((n, calls), _) in owners.iter().zip(ready).filter(|(_, ready)| *ready) {
+            match self.lines.get_mut(*n) {
+                Some(line) if *calls => line.tap.admit(now),
+                Some(line) => line.real.ready(),
+                None => {}
             }
         }
         Ok(rung)

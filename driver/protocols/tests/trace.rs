@@ -1,6 +1,7 @@
 //! A line read by a bystander: characters in, text out.
 
 use ob1_protocols::modbus::Mode;
+use ob1_protocols::profibus::Diagnosis;
 use ob1_protocols::trace::record::{HEAD, Kind, Record};
 use ob1_protocols::trace::{Dialect, Reader, Unit, Way};
 use ob1_protocols::{LineFault, MS, stx_etx};
@@ -261,6 +262,52 @@ fn mbus_in_words() {
     );
 }
 
+const TCP: Dialect = Dialect::ModbusTcp { pause: 1000 * MS };
+
+#[test]
+fn modbus_tcp_in_words() {
+    check(
+        TCP,
+        "0 > 00 01 00 00 00 06 FF 04 00 00 00 01\n 1 < 00 01 00 00\n 2 < 00 05 FF 04 02 12 34\n \
+         10 > 00 02 00 00 00 06 01 06 10 08 55 AA\n 11 < 00 02 00 00 00 03 01 86 04\n 20 < 47 45 54 20\n 2000 .",
+        &[
+            "0 > slave 255, request: read input words (04h), 1 from 0",
+            "1 < slave 255, answer: read input words (04h), 2 bytes",
+            "10 > slave 1, request: write word (06h), 4104 := 55AAh",
+            "11 < slave 1, answer: exception 04h, device failure, to function 06h",
+            "20 < frame of Modbus TCP without its end",
+        ],
+    );
+}
+
+const PROFIBUS: Dialect = Dialect::Profibus { pause: 50 * MS };
+
+#[test]
+fn profibus_in_words() {
+    let refuses = Diagnosis::new(&[2, 5, 0, 0xFF, 0x7F, 1]).expect("long enough");
+    check(
+        PROFIBUS,
+        "0 > DC 02 02\n 1 > 10 08 02 49 53 16\n 2 < 10 02 08 00 0A 16\n \
+         10 > 68 0D 0D 68 88 82 5D 3D 3E B8 01 14 0B 7F 01 00 AA E4 16\n 11 < E5\n \
+         20 > 68 07 07 68 88 82 7D 3E 3E 51 61 B5 16\n \
+         30 < 68 0B 0B 68 82 88 08 3E 3C 02 05 00 FF 7F 01 12 16\n \
+         40 > 68 05 05 68 08 02 7D 01 02 8A 16\n 41 < 68 05 05 68 02 08 08 AA BB 77 16\n \
+         50 < 68 05 05 68 02 08 08 AA BB 00 16",
+        &[
+            "0 > token from 2 to 2",
+            "1 > 2 to 8, FDL status",
+            "2 < 8 to 2, ok",
+            "10 > 2 to 8, SRD high, Set_Prm: ident 7F01h, watchdog 200 ms, 1 byte of its own",
+            "11 < short confirmation",
+            "20 > 2 to 8, SRD high, Chk_Cfg, 2 bytes",
+            &format!("30 < 8 to 2, data, Slave_Diag: {refuses}"),
+            "40 > 2 to 8, SRD high, Data_Exchange, 2 bytes",
+            "41 < 8 to 2, data, Data_Exchange, 2 bytes",
+            "50 < characters that are no telegram",
+        ],
+    );
+}
+
 #[test]
 fn records_go_there_and_back() {
     let mut bytes = Record::head(0x0102_0304_0506, Kind::Lost).to_vec();
@@ -276,7 +323,7 @@ fn records_go_there_and_back() {
 proptest! {
     #[test]
     fn every_character_is_told_once_whatever_comes(
-        which in 0..7usize,
+        which in 0..9usize,
         steps in proptest::collection::vec((0..400u64, 0..5u8, proptest::collection::vec(prop_oneof![
             Just(2u8), Just(3), Just(0x10), Just(0x16), Just(0x68), Just(0xE5), Just(0x15), Just(b':'), Just(10), any::<u8>()], 0..30)), 0..60),
     ) {
@@ -288,6 +335,8 @@ proptest! {
             Dialect::ModbusAscii { master: false, pause: 100 * MS },
             Dialect::EnOcean { pause: 100 * MS },
             MBUS,
+            TCP,
+            PROFIBUS,
             Dialect::StxEtx { start: stx_etx::Flags::new([2, 0x10], 2), end: stx_etx::Flags::new([3, 0], 1), pause: 100 * MS },
         ];
         let mut reader = Reader::new(dialects[which]);

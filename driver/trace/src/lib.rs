@@ -1,5 +1,5 @@
-//! What the driver of a CP tells of its line (`ob1_protocols::trace::record`), read by the protocol of the CP: for
-//! `ob1 trace`, for the web page, and for whoever comes next.
+//! What the driver of a CP, or the process of a bus, tells of its line (`ob1_protocols::trace::record`), read by the
+//! protocol of the CP: for `ob1 trace`, for the web page, and for whoever comes next.
 //!
 //! Pure: records in, units and words out; the sockets and clocks are their callers'.
 
@@ -26,6 +26,9 @@ impl Cp {
     pub fn of_hello(text: &[u8]) -> Option<(Self, String)> {
         let hello: Value = serde_json::from_slice(text).ok()?;
         let name = hello["name"].as_str()?.to_owned();
+        if hello["module"] == "bus" {
+            return of_bus(&hello, name);
+        }
         let numbers: Vec<u8> =
             hello["parameters"].as_array()?.iter().filter_map(|n| u8::try_from(n.as_u64()?).ok()).collect();
         let bytes: [u8; 16] = numbers.try_into().ok()?;
@@ -66,6 +69,23 @@ impl Cp {
             _ => self.reader.silence(record.time, out),
         }
     }
+}
+
+/// A line of a bus.
+fn of_bus(hello: &Value, name: String) -> Option<(Cp, String)> {
+    let protocol = hello["protocol"].as_str()?;
+    let baud = hello["baud"].as_u64();
+    // Characters come late from a pty or a USB adapter; a frame that goes on is not cut.
+    let pause = 50 * MS;
+    let dialect = match protocol {
+        "modbus-rtu" => Dialect::ModbusRtu { master: true, pause },
+        "dp" => Dialect::Profibus { pause },
+        _ => Dialect::ModbusTcp { pause: 1000 * MS },
+    };
+    let speed = baud.map_or_else(String::new, |baud| format!(", {baud} baud"));
+    let about = format!("{name}: {protocol}{speed}, {}", hello["line"].as_str().unwrap_or(""));
+    let unix = hello["unix_ns"].as_u64().unwrap_or(0);
+    Some((Cp { name, reader: Box::new(Reader::new(dialect)), unix }, about))
 }
 
 /// The parameters of a CP 341 or CP 340 out of its keys.

@@ -299,7 +299,7 @@ struct TraceArgs {
     /// A running station: its name or its file
     #[arg(required_unless_present = "from", conflicts_with = "from")]
     station: Option<String>,
-    /// One of its CPs; without it all of them
+    /// One of its CPs, or the line of a bus (field.bus); without it all of them
     cp: Option<String>,
     /// Read a recording instead of a running station
     #[arg(long, value_name = "FILE", conflicts_with = "record")]

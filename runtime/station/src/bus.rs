@@ -52,7 +52,7 @@ pub(crate) fn add(
     let command = DriverCommand {
         name: bus.name.clone(),
         program: drivers.io.clone(),
-        args: vec!["--name".into(), bus.name.clone().into(), "--bus".into(), text],
+        args: vec!["--name".into(), bus.name.clone().into(), "--trace".into(), rundir.into(), "--bus".into(), text],
         env: drivers.env.iter().cloned().chain([fence::variable([rundir], &bus.lines)]).collect(),
         descriptors: vec![Arc::new(descriptor)],
     };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ob1_backplane::{BusLook, BusMemory, BusSize, Monitor};
 use ob1_coupler::dp::{Diagnosis, DpSlave, diagnosis_words, kept_diagnosis};
-use ob1_coupler::{BusConfig, State, Status};
+use ob1_coupler::{BusConfig, LineConfig, State, Status};
 use ob1_host::driver;
 
 use crate::access::protocol::{BusStationStatus, BusStatus, Piece};
@@ -83,21 +83,14 @@ impl BusView {
         let stations = self.config.stations().zip(slaves).zip(&self.stations).enumerate();
         BusStatus {
             name: self.name.clone(),
-            kind: self.kind().to_owned(),
+            kind: self.config.lines.first().map_or("", LineConfig::protocol).to_owned(),
+            lines: (0..self.config.lines.len()).map(|line| self.config.line_name(line)).collect(),
             pid: self.driver.pid(),
             starts: self.driver.starts(),
             losses: self.driver.losses(),
             process: crate::view::driver_state(&self.monitor),
             driven: look.as_ref().is_some_and(BusLook::driven),
             stations: stations.map(|(n, ((name, slave), known))| known.status(n, name, slave, look.as_ref())).collect(),
-        }
-    }
-
-    fn kind(&self) -> &'static str {
-        match self.config.lines.first() {
-            Some(line) if line.dp.is_some() => "dp",
-            Some(line) if line.serial.is_some() => "modbus-rtu",
-            _ => "modbus-tcp",
         }
     }
 }

@@ -285,7 +285,9 @@ const TABLE: &[Row] = &[
         "invariant 4",
         &[
             "ob1-backplane",
+            "ob1-line",
             "ob1-log",
+            "ob1-protocols",
             "ob1-rt",
             "rustix",
             "serde",
@@ -323,6 +325,7 @@ const TABLE: &[Row] = &[
             "ob1-line",
             "ob1-backplane",
             "ob1-log",
+            "ob1-protocols",
             "clap",
             "rustix",
             "serde_json",

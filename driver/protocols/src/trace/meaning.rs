@@ -2,11 +2,12 @@
 
 use core::fmt;
 
-use super::mbus;
+use super::{mbus, profibus};
 use crate::esp2;
 use crate::machine::LineFault;
 use crate::mbus::frame::Frame;
 use crate::modbus::pdu::Direction;
+use crate::profibus::Telegram as Profibus;
 use crate::rk512::codec::{Command, Malformed, Telegram, parse};
 
 /// The meaning of a [`Unit`](super::Unit); its text is one line.
@@ -31,6 +32,8 @@ pub enum Meaning<'a> {
     MBus(Frame<'a>),
     /// A telegram of EnOcean.
     EnOcean(&'a esp2::frame::Bytes),
+    /// A telegram of PROFIBUS.
+    Profibus(Profibus<'a>),
     /// Characters that make no telegram, and why.
     Broken(&'static str),
     /// A character that the line could not read.
@@ -56,7 +59,8 @@ impl<'a> Meaning<'a> {
             Self::MBus(Frame::Long { data, .. }) => Some(data),
             Self::EnOcean(telegram) => Some(telegram.as_slice()),
             Self::MBus(Frame::Single | Frame::Short { .. }) => None,
-            Self::Control(..) | Self::Broken(_) | Self::Fault(_) => None,
+            Self::Profibus(Profibus::Data(frame)) if !frame.data.is_empty() => Some(frame.data),
+            Self::Profibus(_) | Self::Control(..) | Self::Broken(_) | Self::Fault(_) => None,
         }
     }
 }
@@ -80,6 +84,7 @@ impl fmt::Display for Meaning<'_> {
             Self::Modbus(modbus) => modbus.fmt(f),
             Self::MBus(frame) => mbus::Words(frame).fmt(f),
             Self::EnOcean(telegram) => esp2::Telegram::parse(telegram).fmt(f),
+            Self::Profibus(telegram) => profibus::Words(telegram).fmt(f),
             Self::Broken(why) => f.write_str(why),
             Self::Fault(fault) => f.write_str(match fault {
                 LineFault::Parity => "parity error",

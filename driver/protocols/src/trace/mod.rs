@@ -7,6 +7,7 @@
 mod mbus;
 mod meaning;
 mod modbus;
+mod profibus;
 mod reader;
 pub mod record;
 
@@ -86,6 +87,16 @@ pub enum Dialect {
         /// A pause that surely ends a frame.
         pause: Nanos,
     },
+    /// Modbus TCP of a master.
+    ModbusTcp {
+        /// A pause that surely ends a frame.
+        pause: Nanos,
+    },
+    /// PROFIBUS.
+    Profibus {
+        /// A pause that surely ends a telegram.
+        pause: Nanos,
+    },
 }
 
 impl Dialect {
@@ -97,7 +108,9 @@ impl Dialect {
             | Self::ModbusRtu { pause, .. }
             | Self::ModbusAscii { pause, .. }
             | Self::EnOcean { pause }
-            | Self::MBus { pause } => pause,
+            | Self::MBus { pause }
+            | Self::ModbusTcp { pause }
+            | Self::Profibus { pause } => pause,
         }
     }
 }

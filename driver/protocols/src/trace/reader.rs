@@ -7,7 +7,8 @@ use crate::esp2::frame::{self as esp2, FRAME_BYTES};
 use crate::machine::{LineFault, Nanos};
 use crate::mbus::frame::{Frame, FrameError, Progress};
 use crate::modbus::pdu::{self, Direction};
-use crate::modbus::{ascii, rtu};
+use crate::modbus::{ascii, rtu, tcp};
+use crate::profibus::telegram::{Parsed, parse};
 use crate::s3964::codec::{self, DLE, Decoder, NAK, STX};
 use crate::stx_etx;
 
@@ -188,6 +189,14 @@ impl Reader {
                     self.keep(now, way, byte, out);
                     self.mbus(way, out);
                 }
+                Dialect::ModbusTcp { .. } => {
+                    self.keep(now, way, byte, out);
+                    self.modbus_tcp(way, out);
+                }
+                Dialect::Profibus { .. } => {
+                    self.keep(now, way, byte, out);
+                    self.profibus(way, out);
+                }
             }
         }
     }
@@ -270,6 +279,12 @@ impl Reader {
             Dialect::EnOcean { .. } => {
                 let damaged = side.damaged;
                 side.put(way, |raw, _, put| put(outside_a_frame(raw, damaged)), out);
+            }
+            Dialect::ModbusTcp { .. } => {
+                side.put(way, |_, _, put| put(Meaning::Broken("frame of Modbus TCP without its end")), out);
+            }
+            Dialect::Profibus { .. } => {
+                side.put(way, |_, _, put| put(Meaning::Broken("characters that are no telegram")), out);
             }
             Dialect::MBus { .. } => {
                 let why = match Frame::decode(&side.raw[..side.len]) {
@@ -411,6 +426,41 @@ impl Reader {
                 out(Unit { begin, end, way, raw, meaning: Meaning::EnOcean(&telegram) });
                 side.clear();
             }
+        }
+    }
+
+    /// A frame ends where its length says so: there is no check.
+    fn modbus_tcp(&mut self, way: Way, out: &mut Out<'_>) {
+        let side = &mut self.sides[way as usize];
+        let &[_, _, 0, 0, high, low, ref telegram @ ..] = side.raw() else { return };
+        if telegram.len() != usize::from(u16::from_be_bytes([high, low])) {
+            return;
+        }
+        let direction = if way == Way::Out { Direction::Request } else { Direction::Answer };
+        side.put(
+            way,
+            |raw, _, put| {
+                let telegram = raw.get(tcp::HEAD_BYTES..).unwrap_or_default();
+                put(Meaning::Modbus(Modbus { telegram, direction }));
+            },
+            out,
+        );
+    }
+
+    fn profibus(&mut self, way: Way, out: &mut Out<'_>) {
+        let side = &mut self.sides[way as usize];
+        match parse(side.raw()) {
+            Parsed::More => {}
+            Parsed::Wrong => self.close(way, out),
+            Parsed::Telegram(..) => side.put(
+                way,
+                |raw, _, put| {
+                    if let Parsed::Telegram(telegram, _) = parse(raw) {
+                        put(Meaning::Profibus(telegram));
+                    }
+                },
+                out,
+            ),
         }
     }
 

@@ -66,7 +66,7 @@ impl Source {
     /// is connected to.
     pub(super) fn telegrams(&mut self) -> String {
         if self.taps.as_ref().is_none_or(Taps::has_lost_one) {
-            self.taps = Taps::open(&self.name, None).ok();
+            self.taps = Taps::open(&self.name, None, false).ok();
         }
         if let Some(taps) = &mut self.taps {
             let printer = &mut self.printer;

@@ -26,7 +26,7 @@ pub(crate) use source::Taps;
 pub struct Options {
     /// A running station, by its name or its file; or the first word is missing and `from` is there.
     pub station: Option<String>,
-    /// One of its CPs; all of them without.
+    /// One of its CPs or lines of buses; all of them without.
     pub cp: Option<String>,
     /// A recording to read instead.
     pub from: Option<PathBuf>,

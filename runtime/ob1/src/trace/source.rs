@@ -47,8 +47,9 @@ pub(crate) struct Taps {
 
 impl Taps {
     /// Connects to the wanted CP, or to all of them.
-    pub(crate) fn open(station: &str, wanted: Option<&str>) -> Result<Self, TraceError> {
-        Ok(Self { taps: open(station, wanted)?, buffer: vec![0; RECORD] })
+    /// `buses`: the lines of the buses too.
+    pub(crate) fn open(station: &str, wanted: Option<&str>, buses: bool) -> Result<Self, TraceError> {
+        Ok(Self { taps: open(station, wanted, buses)?, buffer: vec![0; RECORD] })
     }
 
     /// Every driver has ended.
@@ -90,7 +91,7 @@ impl Taps {
 
 pub(super) fn live(station: &str, options: &Options, sinks: &mut Sinks) -> Result<(), TraceError> {
     let end = options.time.map(|time| Instant::now() + time);
-    let mut taps = Taps::open(station, options.cp.as_deref())?;
+    let mut taps = Taps::open(station, options.cp.as_deref(), true)?;
     while !taps.is_over() && !sinks.is_over() {
         let left = end.map_or(QUIET, |end| end.saturating_duration_since(Instant::now()));
         if left.is_zero() {
@@ -110,7 +111,7 @@ pub(super) fn live(station: &str, options: &Options, sinks: &mut Sinks) -> Resul
 }
 
 /// Connects to the taps of the wanted CPs.
-fn open(station: &str, wanted: Option<&str>) -> Result<Vec<Tap>, TraceError> {
+fn open(station: &str, wanted: Option<&str>, buses: bool) -> Result<Vec<Tap>, TraceError> {
     let nobody = |error: &dyn std::fmt::Display| TraceError::Nobody(error.to_string());
     let mut client = Client::to_station(station).map_err(|e| nobody(&e))?;
     let status = client.ask(Op::Status).map_err(|e| nobody(&e))?.status;
@@ -118,27 +119,32 @@ fn open(station: &str, wanted: Option<&str>) -> Result<Vec<Tap>, TraceError> {
     let folder = rundir::find(&status.station).ok_or_else(|| nobody(&"the station has just ended"))?;
     let links = client.ask(Op::Links).map_err(|e| nobody(&e))?.links.unwrap_or_default();
     // What has no tap has nothing to tell here: a CP 343 is heard at its link.
-    let has_tap = |name: &&str| folder.join(format!("{name}.trace")).exists();
+    let has_tap = |name: &String| folder.join(format!("{name}.trace")).exists();
     let cps = status.modules.iter().filter(|module| CpKind::of_name(&module.type_name).is_some());
-    let cps = cps.map(|module| module.name.as_str());
-    let cps: Vec<&str> = cps.chain(links.iter().map(|link| link.name.as_str())).filter(has_tap).collect();
+    let links = links.into_iter().map(|link| link.name);
+    let mut cps: Vec<String> = cps.map(|module| module.name.clone()).chain(links).collect();
+    if buses {
+        let buses = client.ask(Op::Buses).map_err(|e| nobody(&e))?.buses.unwrap_or_default();
+        cps.extend(buses.into_iter().flat_map(|bus| bus.lines));
+    }
+    cps.retain(has_tap);
     if let Some(wanted) = wanted
-        && !cps.contains(&wanted)
+        && !cps.iter().any(|name| name == wanted)
     {
         return Err(nobody(&format!(
-            "{} has no CP or S7 link \"{wanted}\"; there are: {}",
+            "{} has no CP, S7 link or bus \"{wanted}\"; there are: {}",
             status.station,
             cps.join(", ")
         )));
     }
     let mut taps = Vec::new();
-    for (name, number) in cps.iter().zip(0..).filter(|(name, _)| wanted.is_none_or(|wanted| wanted == **name)) {
+    for (name, number) in cps.iter().zip(0..).filter(|(name, _)| wanted.is_none_or(|wanted| wanted == *name)) {
         let path = folder.join(format!("{name}.trace"));
         let fd = connect_to(&path).map_err(|error| nobody(&format!("{}: {error}", path.display())))?;
         taps.push(Tap { fd, number, last: (0, Instant::now()), ended: false });
     }
     if taps.is_empty() {
-        return Err(nobody(&format!("{} has no CP and no S7 link", status.station)));
+        return Err(nobody(&format!("{} has no CP, no S7 link and no bus", status.station)));
     }
     Ok(taps)
 }

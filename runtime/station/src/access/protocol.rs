@@ -203,6 +203,8 @@ pub struct BusStatus {
     pub name: String,
     /// `modbus-tcp`, `modbus-rtu` or `dp`.
     pub kind: String,
+    /// What its lines are called where they are listened to.
+    pub lines: Vec<String>,
     /// Its process; 0: none.
     pub pid: u32,
     /// Times a process was started.

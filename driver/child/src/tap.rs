@@ -1,0 +1,181 @@
+//! The tap: tells whoever listens what happens on the line. It never waits: a listener that does not fetch its records
+//! loses them, and is told how many.
+
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd};
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use ob1_line::Nanos;
+use ob1_line::seqpacket::{Channel, Listener, Sent};
+use ob1_protocols::trace::record::{Kind, Record, VERSION};
+use serde_json::Value;
+use tracing::warn;
+
+/// Listeners at the same time.
+const MOST: usize = 4;
+/// Callers looked at in one pass; the others wait.
+const CALLERS: usize = 4;
+/// Characters in one record.
+const CHUNK: usize = 4096;
+
+/// Who listens to a line.
+#[derive(Debug, Default)]
+pub struct Tap {
+    path: Option<PathBuf>,
+    socket: Option<Listener>,
+    listeners: Vec<Ear>,
+    hello: Vec<u8>,
+}
+
+#[derive(Debug)]
+struct Ear {
+    channel: Channel,
+    lost: u64,
+}
+
+impl Tap {
+    /// Opens the socket where listeners connect; again only when it is another one.
+    pub fn open(&mut self, path: Option<&Path>) {
+        if self.path.as_deref() == path {
+            return;
+        }
+        self.path = path.map(Path::to_owned);
+        self.socket = path.and_then(|path| {
+            let bound = Listener::bind(path);
+            bound.inspect_err(|error| warn!("no trace at {}: {error}", path.display())).ok()
+        });
+    }
+
+    /// Who this is, for all listeners and those to come: JSON. The time at 0 is added; `wall` is the time now.
+    pub fn introduce(&mut self, now: Nanos, wall: SystemTime, mut about: Value) {
+        let since_1970 = wall.duration_since(UNIX_EPOCH).unwrap_or_default();
+        let at_zero = u64::try_from(since_1970.as_nanos()).unwrap_or(0).saturating_sub(now);
+        about["version"] = VERSION.into();
+        about["unix_ns"] = at_zero.into();
+        self.hello = Record::head(now, Kind::Hello).to_vec();
+        self.hello.extend(about.to_string().into_bytes());
+        for ear in &mut self.listeners {
+            ear.tell(now, &self.hello);
+        }
+    }
+
+    /// Whether nobody listens.
+    #[must_use]
+    pub fn is_alone(&self) -> bool {
+        self.listeners.is_empty()
+    }
+
+    /// Lets in who has called.
+    pub fn admit(&mut self, now: Nanos) {
+        let Some(socket) = &self.socket else { return };
+        for _ in 0..CALLERS {
+            let Ok(Some(channel)) = socket.accept() else { return };
+            if self.listeners.len() < MOST {
+                let mut ear = Ear { channel, lost: 0 };
+                ear.tell(now, &self.hello);
+                self.listeners.push(ear);
+            }
+        }
+    }
+
+    /// The descriptor that says that somebody calls.
+    #[must_use]
+    pub fn fd(&self) -> Option<BorrowedFd<'_>> {
+        self.socket.as_ref().map(Listener::as_fd)
+    }
+
+    /// Tells one thing. With nobody listening it costs a comparison.
+    pub fn tell(&mut self, now: Nanos, kind: Kind, data: &[u8]) {
+        if self.listeners.is_empty() {
+            return;
+        }
+        let mut message = Vec::with_capacity(data.len().min(CHUNK) + 16);
+        // Also once for nothing at all.
+        let mut rest = Some(data);
+        while let Some(data) = rest {
+            let (part, more) = data.split_at(data.len().min(CHUNK));
+            rest = (!more.is_empty()).then_some(more);
+            message.clear();
+            message.extend(Record::head(now, kind));
+            message.extend(part);
+            self.listeners.retain_mut(|ear| ear.tell(now, &message));
+        }
+    }
+}
+
+impl Ear {
+    /// False when it is gone.
+    fn tell(&mut self, now: Nanos, message: &[u8]) -> bool {
+        match self.try_tell(now, message) {
+            Ok(Sent::Yes) => true,
+            Ok(Sent::Full) => {
+                self.lost += 1;
+                true
+            }
+            Err(_) => false,
+        }
+    }
+
+    fn try_tell(&mut self, now: Nanos, message: &[u8]) -> io::Result<Sent> {
+        if self.lost > 0 {
+            let mut gap = Record::head(now, Kind::Lost).to_vec();
+            gap.extend(self.lost.to_le_bytes());
+            if self.channel.send(&gap)? == Sent::Full {
+                return Ok(Sent::Full);
+            }
+            self.lost = 0;
+        }
+        self.channel.send(message)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_line::seqpacket::MESSAGE_MAX;
+    use serde_json::json;
+
+    #[test]
+    fn a_listener_that_sleeps_loses_records_and_is_told_how_many() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("cp.trace");
+        let mut tap = Tap::default();
+        tap.tell(0, Kind::Up, &[]);
+        tap.open(Some(&path));
+        tap.introduce(5, UNIX_EPOCH, json!({ "name": "cp" }));
+        let ear = Channel::connect(&path).expect("the tap listens");
+        tap.admit(9);
+        // Nobody fetches these: the tap neither waits nor grows.
+        for time in 0..100_000 {
+            tap.tell(time, Kind::In, &[0x55; 100]);
+        }
+        let mut buffer = [0; MESSAGE_MAX];
+        let mut seen = 0;
+        let hello = ear.receive(&mut buffer).expect("alive").expect("a record");
+        let hello = Record::read(hello).expect("a record");
+        assert_eq!(hello.kind, Kind::Hello);
+        let hello: serde_json::Value = serde_json::from_slice(hello.data).expect("JSON");
+        assert_eq!((&hello["name"], &hello["version"]), (&json!("cp"), &json!(1)));
+        while ear.receive(&mut buffer).expect("alive").is_some() {
+            seen += 1;
+        }
+        tap.tell(100_000, Kind::Done, &[]);
+        let gap = Record::read(ear.receive(&mut buffer).expect("alive").expect("a record")).expect("a record");
+        assert_eq!(gap.kind, Kind::Lost);
+        let lost = u64::from_le_bytes(gap.data.try_into().expect("8 bytes"));
+        assert_eq!(seen + lost, 100_000);
+        let last = ear.receive(&mut buffer).expect("alive").expect("a record");
+        assert_eq!(Record::read(last).map(|record| record.kind), Some(Kind::Done));
+        drop(ear);
+        tap.tell(100_001, Kind::Up, &[]);
+        assert!(tap.listeners.is_empty(), "who is gone is forgotten");
+        // Long data come in pieces.
+        let ear = Channel::connect(&path).expect("the tap listens");
+        tap.admit(0);
+        tap.tell(0, Kind::Out, &[1; CHUNK + 1]);
+        let lengths: Vec<usize> =
+            std::iter::from_fn(|| ear.receive(&mut buffer).ok().flatten().map(<[u8]>::len)).skip(1).collect();
+        assert_eq!(lengths, [9 + CHUNK, 9 + 1]);
+    }
+}
