@@ -62,9 +62,7 @@ fn machine_code_takes_over_between_two_scans() {
     station.scans(20);
     assert!(station.cell("MD200") >= before + 20, "the counter goes on from where it was");
     // Every scan has counted once, whatever engine ran it.
-    station
-        .ask(ob1_station::access::protocol::Op::Command { command: ob1_station::access::protocol::CommandName::Stop })
-        .expect("a command");
+    station.ask(ob1_station::access::protocol::Op::Command { command: ob1_model::Command::Stop }).expect("a command");
     station.until("STOP", |s| (s.status().state == "STOP").then_some(()));
     let (counted, scans) = (station.cell("MD200"), station.status().scans);
     assert_eq!(u64::try_from(counted), Ok(scans), "scans and their count");

@@ -9,7 +9,7 @@ use std::net::TcpStream;
 use common::processes::Watched;
 use common::s7::{free_port, station};
 use common::site::Site;
-use common::station::Running;
+use common::station::{Running, counting};
 use ob1_line::sim::SplitMix64;
 use ob1_tests::s7_raw::{CALL, Raw, SETUP, read_job};
 use ob1_tests::siege::{mutate, rounds};
@@ -159,24 +159,16 @@ fn s7_sessions() {
 }
 
 /// 200 bytes that the program writes in each scan, all with one number: every PDU has one number.
-const TORN: &str = "
+const DATA: &str = "
 DATA_BLOCK DB 10
 STRUCT
   D : ARRAY[0..99] OF WORD;
 END_STRUCT
 BEGIN
 END_DATA_BLOCK
-
-ORGANIZATION_BLOCK OB 1
-VAR_TEMP
-  info : ARRAY[0..19] OF BYTE;
-  at : DWORD;
-END_VAR
-BEGIN
-NETWORK
-      L     MW 100;
-      +     1;
-      T     MW 100;
+";
+/// Behind the counting.
+const REST: &str = "\
       L     0;
       T     LD 20;
       AUF   DB 10;
@@ -189,14 +181,13 @@ NEXT: L     MW 100;
       L     L#1600;
       <D    ;
       SPB   NEXT;
-END_ORGANIZATION_BLOCK
 ";
 
 #[test]
 fn s7_torn() {
     let site = Site::new();
     let port = free_port();
-    site.write("torn.awl", TORN);
+    site.write("torn.awl", &counting(DATA, REST));
     site.write(
         "station.toml",
         &format!(

@@ -13,6 +13,11 @@ pub enum Logic {
     Xor,
 }
 
+impl Logic {
+    /// Every combination.
+    pub const ALL: [Self; 3] = [Self::And, Self::Or, Self::Xor];
+}
+
 /// A condition of the status word, as an operand of `U O X` (`==0 >0 <0 <>0 >=0 <=0 UO OV OS BIE`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[expect(missing_docs, reason = "named as the reference names them")]
@@ -27,6 +32,22 @@ pub enum StatusBit {
     Overflow,
     StoredOverflow,
     BinaryResult,
+}
+
+impl StatusBit {
+    /// Every condition.
+    pub const ALL: [Self; 10] = [
+        Self::Zero,
+        Self::Positive,
+        Self::Negative,
+        Self::NotZero,
+        Self::NotNegative,
+        Self::NotPositive,
+        Self::Unordered,
+        Self::Overflow,
+        Self::StoredOverflow,
+        Self::BinaryResult,
+    ];
 }
 
 /// What a bit statement scans.
@@ -51,6 +72,11 @@ pub enum NumberFormat {
     Real,
 }
 
+impl NumberFormat {
+    /// Every format.
+    pub const ALL: [Self; 3] = [Self::Int, Self::DInt, Self::Real];
+}
+
 /// Comparison of ACCU2 with ACCU1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[expect(missing_docs, reason = "the names say it")]
@@ -61,6 +87,12 @@ pub enum Compare {
     Less,
     GreaterEqual,
     LessEqual,
+}
+
+impl Compare {
+    /// Every comparison.
+    pub const ALL: [Self; 6] =
+        [Self::Equal, Self::NotEqual, Self::Greater, Self::Less, Self::GreaterEqual, Self::LessEqual];
 }
 
 /// Arithmetic of ACCU2 with ACCU1.
@@ -75,6 +107,11 @@ pub enum AccuOp {
     Mod,
 }
 
+impl AccuOp {
+    /// Every operation.
+    pub const ALL: [Self; 5] = [Self::Add, Self::Sub, Self::Mul, Self::Div, Self::Mod];
+}
+
 /// Word logic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[expect(missing_docs, reason = "the names say it")]
@@ -82,6 +119,11 @@ pub enum WordLogic {
     And,
     Or,
     Xor,
+}
+
+impl WordLogic {
+    /// Every combination.
+    pub const ALL: [Self; 3] = [Self::And, Self::Or, Self::Xor];
 }
 
 /// Shifts and rotates.
@@ -103,6 +145,20 @@ pub enum Shift {
     RotateLeft,
     /// `RRD`.
     RotateRight,
+}
+
+impl Shift {
+    /// Every shift and rotation.
+    pub const ALL: [Self; 8] = [
+        Self::LeftWord,
+        Self::RightWord,
+        Self::RightInt,
+        Self::LeftDWord,
+        Self::RightDWord,
+        Self::RightDInt,
+        Self::RotateLeft,
+        Self::RotateRight,
+    ];
 }
 
 /// Conversions of ACCU1.
@@ -169,6 +225,22 @@ pub enum MathFn {
     Asin,
     Acos,
     Atan,
+}
+
+impl MathFn {
+    /// Every function.
+    pub const ALL: [Self; 10] = [
+        Self::Sqr,
+        Self::Sqrt,
+        Self::Ln,
+        Self::Exp,
+        Self::Sin,
+        Self::Cos,
+        Self::Tan,
+        Self::Asin,
+        Self::Acos,
+        Self::Atan,
+    ];
 }
 
 /// Jump conditions; German mnemonics in the documentation of each.

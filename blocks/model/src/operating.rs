@@ -49,3 +49,27 @@ pub enum Command {
     /// Memory reset: STOP, everything as after loading, the diagnostic buffer stays.
     Reset,
 }
+
+impl Command {
+    /// Every command.
+    pub const ALL: [Self; 6] = [Self::Run, Self::Stop, Self::Warm, Self::Cold, Self::Hot, Self::Reset];
+
+    /// The word for it on a command line, on the socket of a station and in the web page's requests.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Run => "run",
+            Self::Stop => "stop",
+            Self::Warm => "warm",
+            Self::Cold => "cold",
+            Self::Hot => "hot",
+            Self::Reset => "reset",
+        }
+    }
+
+    /// The command with that word.
+    #[must_use]
+    pub fn of_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|command| command.word() == word)
+    }
+}

@@ -17,17 +17,14 @@ pub enum TimerKind {
 }
 
 impl TimerKind {
+    /// Every kind, each at the place of its number.
+    pub const ALL: [Self; 5] =
+        [Self::Pulse, Self::ExtendedPulse, Self::OnDelay, Self::RetentiveOnDelay, Self::OffDelay];
+
     /// The kind of a repr value, as it comes over the plugin interface.
     #[must_use]
-    pub const fn from_repr(value: u8) -> Option<Self> {
-        Some(match value {
-            0 => TimerKind::Pulse,
-            1 => TimerKind::ExtendedPulse,
-            2 => TimerKind::OnDelay,
-            3 => TimerKind::RetentiveOnDelay,
-            4 => TimerKind::OffDelay,
-            _ => return None,
-        })
+    pub fn from_repr(value: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(value)).copied()
     }
 }
 

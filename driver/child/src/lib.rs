@@ -9,28 +9,18 @@ pub mod tap;
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::Duration;
 
 use ob1_backplane::handover;
 use rustix::io::Errno;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use tracing::error;
-use tracing_subscriber::EnvFilter;
-
-/// How long what is still to be logged may hold up the end.
-pub const LAST_WORDS: Duration = Duration::from_millis(200);
 
 /// Starts the log: behind the fence, for it has a thread.
 pub fn start_log() {
     // Without the thread the log is written at once: a driver with a log that can make it wait is better than none.
     let _ = ob1_log::start();
     ob1_log::tell_panics();
-    tracing_subscriber::fmt()
-        .with_env_filter(EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new("info")))
-        .with_writer(|| ob1_log::Log)
-        .with_ansi(ob1_log::is_terminal())
-        .with_target(false)
-        .init();
+    ob1_log::subscribe("info");
 }
 
 /// Ctrl-C on a terminal reaches the whole group; the runtime is asked, and it ends us by closing standard input. The

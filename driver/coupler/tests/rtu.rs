@@ -136,20 +136,11 @@ impl Wires {
             }
             self.now = self.now.max(next);
             while let Some((who, event)) = self.bus.pop(self.now, &mut buffer) {
+                let Some(input) = event.input(&buffer) else { continue };
                 if who == self.me {
-                    match event {
-                        BusEvent::Rx(len) => self.ask(Input::Line(LineInput::Rx(&buffer[..len]))),
-                        BusEvent::Fault(_) => self.ask(Input::Line(LineInput::Fault(LineFault::Framing))),
-                        BusEvent::TxDone => self.ask(Input::Line(LineInput::TxDone)),
-                        BusEvent::Modem(_) => {}
-                    }
+                    self.ask(Input::Line(input));
                 } else if let Some(n) = self.couplers.iter().position(|coupler| coupler.who == who) {
-                    match event {
-                        BusEvent::Rx(len) => self.tell(n, Input::Line(LineInput::Rx(&buffer[..len]))),
-                        BusEvent::Fault(_) => self.tell(n, Input::Line(LineInput::Fault(LineFault::Framing))),
-                        BusEvent::TxDone => self.tell(n, Input::Line(LineInput::TxDone)),
-                        BusEvent::Modem(_) => {}
-                    }
+                    self.tell(n, Input::Line(input));
                 }
             }
             if self.deadline <= self.now {

@@ -68,7 +68,7 @@ fn main() -> ExitCode {
     // Before anything is opened, and before there is a thread.
     let fenced = fence::raise();
     let exit = run(&Arguments::parse(), fenced);
-    ob1_log::flush(ob1_child::LAST_WORDS);
+    ob1_log::flush(ob1_log::LAST_WORDS);
     exit
 }
 

@@ -13,15 +13,10 @@ mod web;
 use std::os::fd::AsFd as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 use ob1_access::door::DoorError;
 use tracing::{error, info};
-use tracing_subscriber::EnvFilter;
-
-/// How long what is still to be logged may hold up the end.
-const LAST_WORDS: Duration = Duration::from_millis(200);
 
 const HELP: &str = "\
 The runtime starts it for the [[link]]s with type = \"web\", \"metrics\", \"opcua\" and \"mqtt\". Over its standard input come
@@ -93,19 +88,14 @@ fn main() -> ExitCode {
         Some(What::User { what }) => user::run(&what),
         None => run(&arguments.name),
     };
-    ob1_log::flush(LAST_WORDS);
+    ob1_log::flush(ob1_log::LAST_WORDS);
     exit
 }
 
 fn run(name: &str) -> ExitCode {
     // Before anything is opened, and before there is a thread.
     ob1_rt::close_inherited();
-    tracing_subscriber::fmt()
-        .with_env_filter(EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new("info")))
-        .with_writer(|| ob1_log::Log)
-        .with_ansi(ob1_log::is_terminal())
-        .with_target(false)
-        .init();
+    ob1_log::subscribe("info");
     let _span = tracing::info_span!("gate", name).entered();
     let input = rustix::stdio::stdin().as_fd().try_clone_to_owned().map_err(DoorError::from);
     let prepared = input.and_then(|input| prepare::doors(&input)).map_err(|error| match error {

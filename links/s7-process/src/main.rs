@@ -17,7 +17,6 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::Duration;
 
 use clap::Parser;
 use ob1_access::door::{Door, DoorError};
@@ -26,13 +25,10 @@ use ob1_rt::{Confinement, Network};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use tracing::{error, info, warn};
-use tracing_subscriber::EnvFilter;
 
 use coupler::Coupler;
 use server::Server;
 
-/// How long what is still to be logged may hold up the end.
-const LAST_WORDS: Duration = Duration::from_millis(200);
 /// So long the doorbell of a station that ends may take.
 const FAREWELL: Timespec = Timespec { tv_sec: 2, tv_nsec: 0 };
 /// Most data, in bytes: 128 connections, each with all it can hold.
@@ -72,7 +68,7 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let exit = run(&Arguments::parse());
-    ob1_log::flush(LAST_WORDS);
+    ob1_log::flush(ob1_log::LAST_WORDS);
     exit
 }
 
@@ -88,12 +84,7 @@ fn run(arguments: &Arguments) -> ExitCode {
     // Without the thread the log is written at once.
     let _ = ob1_log::start();
     ob1_log::tell_panics();
-    tracing_subscriber::fmt()
-        .with_env_filter(EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new("info")))
-        .with_writer(|| ob1_log::Log)
-        .with_ansi(ob1_log::is_terminal())
-        .with_target(false)
-        .init();
+    ob1_log::subscribe("info");
     let _span = tracing::info_span!("s7", name = arguments.name).entered();
     refused.iter().for_each(|(what, why)| warn!("not confined, {what}: {why}"));
 

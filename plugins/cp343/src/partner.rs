@@ -114,10 +114,22 @@ fn turn_is_busy(cx: &mut Cx<'_, CpState>, wanted: &Wanted) -> Result<bool, Abort
     Ok(state.slot(wanted.owner, false).is_some_and(|(_, slot)| slot.phase() != crate::state::Phase::Idle))
 }
 
-/// How many items, and their lengths.
-fn lengths(wanted: &mut Wanted, len: u32) {
+/// Fills in what PUT and GET say to the partner: one item, its length, and the pointer to it. The result is the area of
+/// the CPU that the data come from or go to; both areas must have one length.
+fn one_item(
+    cx: &mut Cx<'_, CpState>,
+    wanted: &mut Wanted,
+    (here, there): (Formal<Any, InOut>, Formal<Any, InOut>),
+) -> Result<Result<Span, u16>, Abort> {
+    let (span, there) = (Span::of(cx, here)?, remote(cx, there)?);
+    let (Some(span), Some((pointer, len))) = (span, there) else { return Ok(Err(status::AREA)) };
+    if span.len != len {
+        return Ok(Err(status::AREA));
+    }
     wanted.put_front(&[1]);
     wanted.put_front(&(len as u16).to_be_bytes());
+    wanted.put_front(&pointer);
+    Ok(Ok(span))
 }
 
 interface! {
@@ -271,15 +283,7 @@ impl Block for Put {
         let outputs = Outputs { end: put::DONE, error: put::ERROR, status: put::STATUS };
         let at = (cx.get(put::ID)?, 0);
         Sender { req: put::REQ, memory: put::MEMORY, outputs }.call(cx, Service::Put, at, |cx, wanted| {
-            let (span, there) = (Span::of(cx, put::SD_1)?, remote(cx, put::ADDR_1)?);
-            let (Some(span), Some((pointer, len))) = (span, there) else { return Ok(Err(status::AREA)) };
-            if span.len != len {
-                return Ok(Err(status::AREA));
-            }
-            wanted.source = span;
-            lengths(wanted, len);
-            wanted.put_front(&pointer);
-            Ok(Ok(()))
+            Ok(one_item(cx, wanted, (put::SD_1, put::ADDR_1))?.map(|span| wanted.source = span))
         })?;
         Ok(())
     }
@@ -322,15 +326,7 @@ impl Block for Get {
         let outputs = Outputs { end: get::NDR, error: get::ERROR, status: get::STATUS };
         let at = (cx.get(get::ID)?, 0);
         Sender { req: get::REQ, memory: get::MEMORY, outputs }.call(cx, Service::Get, at, |cx, wanted| {
-            let (span, there) = (Span::of(cx, get::RD_1)?, remote(cx, get::ADDR_1)?);
-            let (Some(span), Some((pointer, len))) = (span, there) else { return Ok(Err(status::AREA)) };
-            if span.len != len {
-                return Ok(Err(status::AREA));
-            }
-            wanted.target = span;
-            lengths(wanted, len);
-            wanted.put_front(&pointer);
-            Ok(Ok(()))
+            Ok(one_item(cx, wanted, (get::RD_1, get::ADDR_1))?.map(|span| wanted.target = span))
         })?;
         Ok(())
     }

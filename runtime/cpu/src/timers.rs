@@ -8,10 +8,6 @@ use crate::{Nanos, TimerState};
 
 const NANOS_PER_MS: u64 = 1_000_000;
 
-/// The kinds in the order of their numbers in an image.
-const KINDS: [TimerKind; 5] =
-    [TimerKind::Pulse, TimerKind::ExtendedPulse, TimerKind::OnDelay, TimerKind::RetentiveOnDelay, TimerKind::OffDelay];
-
 /// One timer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
@@ -188,7 +184,7 @@ impl Timer {
     /// What is kept over a power cycle: kind, flags, base, and the time that is left.
     pub(crate) fn image(&self, now: Nanos) -> [u8; Self::IMAGE] {
         let mut image = [0; Self::IMAGE];
-        let kind = KINDS.iter().position(|kind| *kind == self.kind).unwrap_or(0);
+        let kind = TimerKind::ALL.iter().position(|kind| *kind == self.kind).unwrap_or(0);
         let flags = [self.running, self.start_rlo, self.enable_rlo, self.latched];
         let bits = flags.into_iter().rev().fold(0, |bits, flag| bits << 1 | u8::from(flag));
         image[..3].copy_from_slice(&[kind as u8, bits, self.base as u8]);
@@ -207,7 +203,7 @@ impl Timer {
         }
         let left = u64::from_le_bytes(left.try_into().ok()?);
         Some(Self {
-            kind: *KINDS.get(usize::from(*kind))?,
+            kind: *TimerKind::ALL.get(usize::from(*kind))?,
             running: flag(0),
             start_rlo: flag(1),
             enable_rlo: flag(2),

@@ -34,9 +34,9 @@ impl Statements for Random {
     }
 
     fn statement(&mut self, index: u32, count: u32) -> Op {
-        let logic = self.of(&[Logic::And, Logic::Or, Logic::Xor]);
+        let logic = self.of(&Logic::ALL);
         let negate = self.next(2) == 1;
-        let format = self.of(&[NumberFormat::Int, NumberFormat::DInt, NumberFormat::Real]);
+        let format = self.of(&NumberFormat::ALL);
         let width = self.of(&[Width::Byte, Width::Word, Width::DWord]);
         match self.next(34) {
             0..=5 => Op::Scan { logic, negate, test: BitTest::Bit(self.place(true)) },

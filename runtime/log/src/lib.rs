@@ -14,7 +14,10 @@ use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, poll};
+use tracing_subscriber::EnvFilter;
 
+/// How long what is still to be written may hold up the end of a process.
+pub const LAST_WORDS: Duration = Duration::from_millis(200);
 /// Texts that wait to be written.
 const QUEUE: usize = 1024;
 /// Of the thread, in bytes: it may be locked into memory.
@@ -52,6 +55,17 @@ pub fn start() -> io::Result<()> {
         Builder::new().name("ob1-log".into()).stack_size(STACK).spawn(move || write_all(file, &messages))?;
     }
     Ok(())
+}
+
+/// Sends log lines to standard error: those of this level and above, or what `OB1_LOG` says. It needs no thread; a second
+/// call changes nothing.
+pub fn subscribe(level: &str) {
+    let _ = tracing_subscriber::fmt()
+        .with_env_filter(EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new(level)))
+        .with_writer(|| Log)
+        .with_ansi(is_terminal())
+        .with_target(false)
+        .try_init();
 }
 
 /// Writes a text of whole lines, or counts it as lost. Never waits once [`start`] has been called.

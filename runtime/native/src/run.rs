@@ -105,16 +105,9 @@ extern "C" fn step(run: *mut Run, block: u32, statement: u32) -> i32 {
 
 /// Starts a timer with a time that is one: its number in the high word, kind and RLO; the time.
 extern "C" fn timer(run: *mut Run, timer: u32, time: u32) -> i32 {
-    const KINDS: [TimerKind; 5] = [
-        TimerKind::Pulse,
-        TimerKind::ExtendedPulse,
-        TimerKind::OnDelay,
-        TimerKind::RetentiveOnDelay,
-        TimerKind::OffDelay,
-    ];
     guarded(run, |parts| {
         let now = parts.cx.hot().now;
-        let kind = KINDS[(timer >> 1 & 7) as usize % KINDS.len()];
+        let kind = TimerKind::ALL[(timer >> 1 & 7) as usize % TimerKind::ALL.len()];
         if let Some(found) = timer_of(parts.cx, timer >> 16) {
             // A wrong digit is impossible: the time is a constant that was looked at.
             let _ = found.run(kind, timer & 1 == 1, time as u16, now);

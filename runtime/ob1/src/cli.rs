@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use clap::builder::PossibleValue;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::bus::{self, BusArgs};
@@ -15,7 +16,7 @@ use crate::new::{self, NewArgs};
 use crate::testing::{self, TestArgs};
 use crate::xref::{self, XrefArgs};
 use crate::{check, diag, remote, soak, top, trace};
-use ob1_station::access::protocol::CommandName;
+use ob1_model::Command as Operating;
 use ob1_station::library::Chosen;
 use ob1_station::{compiling, guardian, janitor, out, run, station_file};
 
@@ -406,26 +407,52 @@ struct SoakArgs {
     quiet: bool,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug)]
 enum Action {
-    /// STOP to RUN by a warm restart; nothing in RUN
-    Run,
-    /// To STOP: outputs off
-    Stop,
-    /// Warm restart: OB 100; M, T, Z cleared, data blocks kept
-    Warm,
-    /// Cold restart: OB 102 or OB 100; data blocks get their load values
-    Cold,
-    /// Hot restart: OB 101; everything keeps its value (S7-400 only)
-    Hot,
-    /// Memory reset: STOP, everything as after loading
-    Reset,
-    /// State, scan statistics, modules
+    Command(Operating),
     Status,
-    /// The accounts of every scan: distributions of times, late scans and their causes (docs/timing.md)
     Timing,
-    /// The flight recorder: the scans up to the worst overrun, or up to now
     Recorder,
+}
+
+impl ValueEnum for Action {
+    fn value_variants<'a>() -> &'a [Self] {
+        const ALL: [Action; 9] = [
+            Action::Command(Operating::Run),
+            Action::Command(Operating::Stop),
+            Action::Command(Operating::Warm),
+            Action::Command(Operating::Cold),
+            Action::Command(Operating::Hot),
+            Action::Command(Operating::Reset),
+            Action::Status,
+            Action::Timing,
+            Action::Recorder,
+        ];
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let (word, help) = match self {
+            Self::Command(command) => (
+                command.word(),
+                match command {
+                    Operating::Run => "STOP to RUN by a warm restart; nothing in RUN",
+                    Operating::Stop => "To STOP: outputs off",
+                    Operating::Warm => "Warm restart: OB 100; M, T, Z cleared, data blocks kept",
+                    Operating::Cold => "Cold restart: OB 102 or OB 100; data blocks get their load values",
+                    Operating::Hot => "Hot restart: OB 101; everything keeps its value (S7-400 only)",
+                    Operating::Reset => "Memory reset: STOP, everything as after loading",
+                },
+            ),
+            Self::Status => ("status", "State, scan statistics, modules"),
+            Self::Timing => (
+                "timing",
+                "The accounts of every scan: distributions of times, late scans and their causes (docs/timing.md)",
+            ),
+            Self::Recorder => ("recorder", "The flight recorder: the scans up to the worst overrun, or up to now"),
+        };
+        Some(PossibleValue::new(word).help(help))
+    }
 }
 
 /// Parses the command line of this process and does what it says.
@@ -457,7 +484,7 @@ pub fn main() -> ExitCode {
 /// Only a plugin calls `exit()` while a command is at work; `run` has more to say.
 fn exit_is_a_fault() -> u8 {
     err!("ob1: a plugin has called exit(); a block returns, it never ends the process");
-    ob1_log::flush(Duration::from_millis(200));
+    ob1_log::flush(ob1_log::LAST_WORDS);
     Exit::EndedByPlugin as u8
 }
 
@@ -502,20 +529,12 @@ impl Command {
             Command::New(args) => new::new(&args),
             Command::Get(args) => remote::get(&args.station, args.items, args.json),
             Command::Set(args) => remote::set(&args.station, &args.items),
-            Command::Ctl(args) => {
-                let command = match args.action {
-                    Action::Run => CommandName::Run,
-                    Action::Stop => CommandName::Stop,
-                    Action::Warm => CommandName::Warm,
-                    Action::Cold => CommandName::Cold,
-                    Action::Hot => CommandName::Hot,
-                    Action::Reset => CommandName::Reset,
-                    Action::Status => return remote::status(&args.station, args.json).into(),
-                    Action::Timing => return remote::timing(&args.station, args.json).into(),
-                    Action::Recorder => return remote::recorder(&args.station, args.json).into(),
-                };
-                remote::command(&args.station, command)
-            }
+            Command::Ctl(args) => match args.action {
+                Action::Command(command) => remote::command(&args.station, command),
+                Action::Status => remote::status(&args.station, args.json),
+                Action::Timing => remote::timing(&args.station, args.json),
+                Action::Recorder => remote::recorder(&args.station, args.json),
+            },
             Command::Diag(args) => {
                 diag::diag(&diag::Options { station: args.station, cp: args.cp, count: args.count, json: args.json })
             }

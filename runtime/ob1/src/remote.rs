@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::exit::Exit;
 use ob1_station::access::client::{AccessError, Client};
-use ob1_station::access::protocol::{CommandName, Op, Response, RetentiveStatus, Status, Times};
+use ob1_station::access::protocol::{Op, Response, RetentiveStatus, Status, Times};
 use ob1_station::timing::text;
 
 pub(crate) fn ask(station: &str, op: Op) -> Result<Response, Exit> {
@@ -58,7 +58,7 @@ pub fn set(station: &str, assignments: &[String]) -> Exit {
 
 /// Changes the operating state.
 #[must_use]
-pub fn command(station: &str, command: CommandName) -> Exit {
+pub fn command(station: &str, command: Command) -> Exit {
     ask(station, Op::Command { command }).map_or_else(|exit| exit, |_| Exit::Ok)
 }
 

@@ -117,26 +117,21 @@ impl Bytes<'_> {
     }
 
     fn scan(&mut self) -> Op {
-        let (logic, negate) = (self.of(&[Logic::And, Logic::Or, Logic::Xor]), self.byte() % 2 == 1);
+        let (logic, negate) = (self.of(&Logic::ALL), self.byte() % 2 == 1);
         let test = match self.byte() % 6 {
             0 => BitTest::Timer(self.number()),
             1 => BitTest::Counter(self.number()),
-            2 => BitTest::Status(self.of(&[
-                ob1_ir::StatusBit::Zero,
-                ob1_ir::StatusBit::NotZero,
-                ob1_ir::StatusBit::Overflow,
-                ob1_ir::StatusBit::BinaryResult,
-            ])),
+            2 => BitTest::Status(self.of(&ob1_ir::StatusBit::ALL)),
             _ => BitTest::Bit(self.place(true)),
         };
         Op::Scan { logic, negate, test }
     }
 
     fn op(&mut self) -> Op {
-        let format = |b: &mut Self| b.of(&[NumberFormat::Int, NumberFormat::DInt, NumberFormat::Real]);
+        let format = |b: &mut Self| b.of(&NumberFormat::ALL);
         match self.byte() % 52 {
             0..=3 => self.scan(),
-            4 => Op::Open { logic: self.of(&[Logic::And, Logic::Or, Logic::Xor]), negate: self.byte() % 2 == 1 },
+            4 => Op::Open { logic: self.of(&Logic::ALL), negate: self.byte() % 2 == 1 },
             5 => Op::Close,
             6 => Op::OrBranch,
             7 => Op::Assign(self.place(true)),
@@ -154,7 +149,7 @@ impl Bytes<'_> {
             23 => Op::LoadCounterBcd(self.number()),
             24 => Op::LoadDbLength(self.of(&[DbRegister::Db, DbRegister::Di])),
             25 => {
-                let op = self.of(&[AccuOp::Add, AccuOp::Sub, AccuOp::Mul, AccuOp::Div, AccuOp::Mod]);
+                let op = self.of(&AccuOp::ALL);
                 Op::Arithmetic(format(self), op)
             }
             26 => Op::AddConst { format: format(self), value: self.double() as i32 },
@@ -162,33 +157,12 @@ impl Bytes<'_> {
             28 => Op::WordLogic(self.of(&[WordLogic::And, WordLogic::Xor]), None),
             29 => Op::DWordLogic(WordLogic::Or, Some(self.double())),
             30 => {
-                let shift = self.of(&[
-                    Shift::LeftWord,
-                    Shift::RightWord,
-                    Shift::RightInt,
-                    Shift::LeftDWord,
-                    Shift::RightDWord,
-                    Shift::RightDInt,
-                    Shift::RotateLeft,
-                    Shift::RotateRight,
-                ]);
+                let shift = self.of(&Shift::ALL);
                 let by = self.byte();
                 Op::Shift(shift, (by != 0).then_some(by))
             }
             31 => Op::RotateLeftCc1,
-            32 => Op::Convert(self.of(&[
-                Convert::Bti,
-                Convert::Itb,
-                Convert::Btd,
-                Convert::Dtb,
-                Convert::Rnd,
-                Convert::RndMinus,
-                Convert::Trunc,
-                Convert::Negd,
-                Convert::Negi,
-                Convert::Abs,
-                Convert::Tad,
-            ])),
+            32 => Op::Convert(self.of(&Convert::ALL)),
             33 => Op::Math(self.of(&[ob1_ir::MathFn::Sqrt, ob1_ir::MathFn::Ln, ob1_ir::MathFn::Exp])),
             34 => [Op::ExchangeAccus, Op::Push, Op::Pop, Op::Enter, Op::Leave][usize::from(self.byte() % 5)].clone(),
             35 => Op::Increment(self.byte()),
@@ -209,15 +183,7 @@ impl Bytes<'_> {
             45 => [Op::ResetTimer, Op::EnableTimer, Op::CountUp, Op::CountDown, Op::SetCounter, Op::ResetCounter]
                 [usize::from(self.byte() % 6)](self.number()),
             46 | 47 => {
-                let on = self.of(&[
-                    Jump::Always,
-                    Jump::IfRlo,
-                    Jump::IfNotRloSaveBr,
-                    Jump::IfBr,
-                    Jump::IfStoredOverflow,
-                    Jump::IfNotZero,
-                    Jump::IfUnordered,
-                ]);
+                let on = self.of(&Jump::ALL);
                 Op::Jump(on, u32::from(self.byte()))
             }
             48 => Op::Loop(u32::from(self.byte())),

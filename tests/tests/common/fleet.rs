@@ -12,10 +12,10 @@ use serde_json::Value;
 use super::gate::add_user;
 use super::s7::{Client, free_port};
 use super::site::Site;
-use super::station::Running;
+use super::station::{Running, counting};
 use super::{Guard, checkout, python};
 
-const PROGRAM: &str = "
+const DATA: &str = "
 DATA_BLOCK DB 10
 TITLE = Press
 STRUCT
@@ -35,22 +35,11 @@ STRUCT
 END_STRUCT
 BEGIN
 END_DATA_BLOCK
-
-ORGANIZATION_BLOCK OB 1
-VAR_TEMP
-  info : ARRAY[0..19] OF BYTE;
-END_VAR
-BEGIN
-NETWORK
-      L     MW 100;
-      +     1;
-      T     MW 100;
-END_ORGANIZATION_BLOCK
 ";
 
 /// A station with these links, in RUN.
 pub(crate) fn station(site: &Site, name: &str, links: &str) -> Running {
-    site.write("plant.awl", PROGRAM);
+    site.write("plant.awl", &counting(DATA, ""));
     site.write("plant.sdf", "\"Start\",\"M 10.0\",\"BOOL\",\"\"\r\n\"Level\",\"MW 20\",\"INT\",\"\"\r\n");
     let file = format!(
         "[station]\nname = \"{name}\"\n\n[cpu]\nmin_cycle = \"5ms\"\nwatchdog = \"10s\"\n\n[program]\nsources = \

@@ -7,7 +7,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use serde_json::{Value, json};
 
 use super::site::Site;
-use super::station::Running;
+use super::station::{Running, counting};
 use super::{checkout, python};
 
 /// A port nobody has at the moment.
@@ -16,7 +16,7 @@ pub(crate) fn free_port() -> u16 {
     free.local_addr().expect("an address").port()
 }
 
-const PROGRAM: &str = "
+const DATA: &str = "
 DATA_BLOCK DB 10
 STRUCT
   number : INT := 4660;
@@ -27,28 +27,20 @@ STRUCT
 END_STRUCT
 BEGIN
 END_DATA_BLOCK
-
-ORGANIZATION_BLOCK OB 1
-VAR_TEMP
-  info : ARRAY[0..19] OF BYTE;
-END_VAR
-BEGIN
-NETWORK
-      L     MW 100;
-      +     1;
-      T     MW 100;
+";
+/// Behind the counting.
+const REST: &str = "\
       L     S5T#30s;
       U     M 99.0;
       SI    T 3;
       U     M 99.1;
       ZV    Z 4;
-END_ORGANIZATION_BLOCK
 ";
 
 /// A station with a link of these keys, in RUN and reachable.
 pub(crate) fn station(site: &Site, name: &str, keys: &str) -> (Running, u16) {
     let port = free_port();
-    site.write("plant.awl", PROGRAM);
+    site.write("plant.awl", &counting(DATA, REST));
     let file = format!(
         "[station]\nname = \"{name}\"\n\n[cpu]\nmin_cycle = \"5ms\"\nwatchdog = \"10s\"\n\n[program]\nsources = [\"plant.awl\"]\n\n\
          [[link]]\ntype = \"s7\"\nname = \"panel\"\nlisten = \"127.0.0.1:{port}\"\n{keys}\n"

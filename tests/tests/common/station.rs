@@ -19,6 +19,26 @@ use super::site::Site;
 /// Between two looks, if nothing happens.
 const PAUSE: Duration = Duration::from_millis(5);
 
+/// A program with these data blocks that counts its scans in MW 100, and then does the rest. The local data from byte 20
+/// on are the rest's.
+pub(crate) fn counting(data: &str, rest: &str) -> String {
+    format!(
+        "{data}
+ORGANIZATION_BLOCK OB 1
+VAR_TEMP
+  info : ARRAY[0..19] OF BYTE;
+  own : DWORD;
+END_VAR
+BEGIN
+NETWORK
+      L     MW 100;
+      +     1;
+      T     MW 100;
+{rest}END_ORGANIZATION_BLOCK
+"
+    )
+}
+
 /// `ob1 run`. Its end ends every wait for it.
 #[derive(Debug)]
 pub(crate) struct Running {

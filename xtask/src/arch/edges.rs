@@ -29,7 +29,7 @@ const TABLE: &[Row] = &[
     // The bytes of a memory, wherever they come from.
     row("ob1-arena", "invariant 2", &[]),
     row("ob1-cpu", "invariant 2", &["ob1-arena", "ob1-model", "ob1-ir", "ob1-std", "hdrhistogram", "rtrb"]),
-    row("ob1-log", "invariant 4", &["rustix"]),
+    row("ob1-log", "invariant 4", &["rustix", "tracing-subscriber"]),
     // The one crate that makes machine code.
     row(
         "ob1-native",
@@ -64,7 +64,6 @@ const TABLE: &[Row] = &[
             "serde_json",
             "signal-hook",
             "tracing",
-            "tracing-subscriber",
         ],
     ),
     // The one process with an async runtime, and what its protocols share.
@@ -139,7 +138,6 @@ const TABLE: &[Row] = &[
             "tokio",
             "tokio-rustls",
             "tracing",
-            "tracing-subscriber",
         ],
     ),
     row(
@@ -211,7 +209,6 @@ const TABLE: &[Row] = &[
             "thiserror",
             "toml",
             "tracing",
-            "tracing-subscriber",
         ],
     ),
     row(
@@ -294,7 +291,6 @@ const TABLE: &[Row] = &[
             "serde_json",
             "signal-hook",
             "tracing",
-            "tracing-subscriber",
         ],
     ),
     row(

@@ -8,52 +8,6 @@ use crate::{
     NumberFormat, Op, Shift, StatusBit, Target, WordLogic,
 };
 
-const FORMATS: [NumberFormat; 3] = [NumberFormat::Int, NumberFormat::DInt, NumberFormat::Real];
-const LOGIC: [Logic; 3] = [Logic::And, Logic::Or, Logic::Xor];
-const WORD_LOGIC: [WordLogic; 3] = [WordLogic::And, WordLogic::Or, WordLogic::Xor];
-pub(super) const STATUS: [StatusBit; 10] = [
-    StatusBit::Zero,
-    StatusBit::Positive,
-    StatusBit::Negative,
-    StatusBit::NotZero,
-    StatusBit::NotNegative,
-    StatusBit::NotPositive,
-    StatusBit::Unordered,
-    StatusBit::Overflow,
-    StatusBit::StoredOverflow,
-    StatusBit::BinaryResult,
-];
-const SHIFTS: [Shift; 8] = [
-    Shift::LeftWord,
-    Shift::RightWord,
-    Shift::RightInt,
-    Shift::LeftDWord,
-    Shift::RightDWord,
-    Shift::RightDInt,
-    Shift::RotateLeft,
-    Shift::RotateRight,
-];
-const JUMPS: [Jump; 16] = [
-    Jump::Always,
-    Jump::IfRlo,
-    Jump::IfNotRlo,
-    Jump::IfRloSaveBr,
-    Jump::IfNotRloSaveBr,
-    Jump::IfBr,
-    Jump::IfNotBr,
-    Jump::IfOverflow,
-    Jump::IfStoredOverflow,
-    Jump::IfZero,
-    Jump::IfNotZero,
-    Jump::IfPositive,
-    Jump::IfNegative,
-    Jump::IfNotNegative,
-    Jump::IfNotPositive,
-    Jump::IfUnordered,
-];
-const TIMERS: [TimerKind; 5] =
-    [TimerKind::Pulse, TimerKind::ExtendedPulse, TimerKind::OnDelay, TimerKind::RetentiveOnDelay, TimerKind::OffDelay];
-
 /// Every operation without an operand. Their texts stand with the operations, not here.
 pub(super) fn plain() -> Vec<Op> {
     let mut all = vec![
@@ -84,7 +38,7 @@ pub(super) fn plain() -> Vec<Op> {
         Op::McrClose,
         Op::Nop,
     ];
-    for logic in LOGIC {
+    for logic in Logic::ALL {
         all.extend([false, true].map(|negate| Op::Open { logic, negate }));
     }
     for register in [AddressRegister::Ar1, AddressRegister::Ar2] {
@@ -93,37 +47,16 @@ pub(super) fn plain() -> Vec<Op> {
     for register in [DbRegister::Db, DbRegister::Di] {
         all.extend([Op::LoadDbLength(register), Op::LoadDbNumber(register)]);
     }
-    for format in FORMATS {
-        let accu = [AccuOp::Add, AccuOp::Sub, AccuOp::Mul, AccuOp::Div, AccuOp::Mod];
-        all.extend(accu.map(|op| Op::Arithmetic(format, op)));
-        let compare = [
-            Compare::Equal,
-            Compare::NotEqual,
-            Compare::Greater,
-            Compare::Less,
-            Compare::GreaterEqual,
-            Compare::LessEqual,
-        ];
-        all.extend(compare.map(|how| Op::Compare(format, how)));
+    for format in NumberFormat::ALL {
+        all.extend(AccuOp::ALL.map(|op| Op::Arithmetic(format, op)));
+        all.extend(Compare::ALL.map(|how| Op::Compare(format, how)));
     }
-    for logic in WORD_LOGIC {
+    for logic in WordLogic::ALL {
         all.extend([Op::WordLogic(logic, None), Op::DWordLogic(logic, None)]);
     }
-    all.extend(SHIFTS.map(|shift| Op::Shift(shift, None)));
+    all.extend(Shift::ALL.map(|shift| Op::Shift(shift, None)));
     all.extend(Convert::ALL.map(Op::Convert));
-    let math = [
-        MathFn::Sqr,
-        MathFn::Sqrt,
-        MathFn::Ln,
-        MathFn::Exp,
-        MathFn::Sin,
-        MathFn::Cos,
-        MathFn::Tan,
-        MathFn::Asin,
-        MathFn::Acos,
-        MathFn::Atan,
-    ];
-    all.extend(math.map(Op::Math));
+    all.extend(MathFn::ALL.map(Op::Math));
     all
 }
 
@@ -141,23 +74,23 @@ pub(super) fn op(text: &str) -> Expected<Op> {
 fn with_operand(line: &mut Cursor<'_>) -> Expected<Op> {
     const WHAT: &str = "a statement";
     let word = line.word();
-    if let Some(jump) = JUMPS.into_iter().find(|jump| crate::text::jump(*jump) == word) {
+    if let Some(jump) = Jump::ALL.into_iter().find(|jump| crate::text::jump(*jump) == word) {
         return Ok(Op::Jump(jump, target(line)?));
     }
-    if let Some(shift) = SHIFTS.into_iter().find(|shift| crate::text::shift(*shift) == word) {
+    if let Some(shift) = Shift::ALL.into_iter().find(|shift| crate::text::shift(*shift) == word) {
         return Ok(Op::Shift(shift, Some(line.number()?)));
     }
-    if let Some(kind) = TIMERS.into_iter().find(|kind| crate::text::timer(*kind) == word) {
+    if let Some(kind) = TimerKind::ALL.into_iter().find(|kind| crate::text::timer(*kind) == word) {
         return Ok(Op::StartTimer(kind, numbered(line, "T")?));
     }
-    for logic in LOGIC {
+    for logic in Logic::ALL {
         for negate in [false, true] {
             if crate::text::logic(logic, negate) == word {
                 return Ok(Op::Scan { logic, negate, test: test(line)? });
             }
         }
     }
-    for logic in WORD_LOGIC {
+    for logic in WordLogic::ALL {
         if let Some(width) = word.strip_prefix(crate::text::word_logic(logic)) {
             match width {
                 "W" if line.eat("W#16#") => {
@@ -249,7 +182,9 @@ fn test(line: &mut Cursor<'_>) -> Expected<BitTest> {
     if counts(line) {
         return Ok(BitTest::Counter(numbered(line, "Z")?));
     }
-    if let Some(status) = STATUS.into_iter().find(|status| BitTest::Status(*status).to_string() == line.0.trim()) {
+    if let Some(status) =
+        StatusBit::ALL.into_iter().find(|status| BitTest::Status(*status).to_string() == line.0.trim())
+    {
         line.0 = "";
         return Ok(BitTest::Status(status));
     }

@@ -116,13 +116,13 @@ impl Random {
     fn op(&mut self) -> Op {
         let (number, operand, value) = (self.block_number(), self.operand(), self.number());
         let register = self.of(&[AddressRegister::Ar1, AddressRegister::Ar2]);
-        let (logic, negate) = (self.of(&[Logic::And, Logic::Or, Logic::Xor]), self.below(2) == 1);
-        let word_logic = self.of(&[WordLogic::And, WordLogic::Or, WordLogic::Xor]);
+        let (logic, negate) = (self.of(&Logic::ALL), self.below(2) == 1);
+        let word_logic = self.of(&WordLogic::ALL);
         match self.below(32) {
             0 => Op::Scan { logic, negate, test: BitTest::Bit(operand.place) },
             1 => Op::Scan { logic, negate, test: BitTest::Timer(number) },
             2 => Op::Scan { logic, negate, test: BitTest::Counter(number) },
-            3 => Op::Scan { logic, negate, test: BitTest::Status(self.of(&ops::STATUS)) },
+            3 => Op::Scan { logic, negate, test: BitTest::Status(self.of(&StatusBit::ALL)) },
             4 => self.of(&[Op::Assign, Op::Set, Op::Reset, Op::EdgePositive, Op::EdgeNegative])(operand.place),
             5 => self.of(&[Op::Load, Op::Transfer])(operand),
             6 => Op::LoadConst(value),
@@ -130,7 +130,7 @@ impl Random {
             8 => Op::LoadParamCopy { index: value as u16, bytes: 10, at: self.at() },
             9 => self.of(&[Op::LoadTimer, Op::LoadTimerBcd, Op::LoadCounter, Op::LoadCounterBcd])(number),
             10 => {
-                let format = self.of(&[NumberFormat::Int, NumberFormat::DInt, NumberFormat::Real]);
+                let format = self.of(&NumberFormat::ALL);
                 Op::AddConst { format, value: value as i32 }
             }
             11 => Op::WordLogic(word_logic, Some(value as u16)),

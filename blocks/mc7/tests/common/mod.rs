@@ -216,7 +216,7 @@ impl Made<'_> {
     }
 
     fn format(&mut self) -> NumberFormat {
-        self.bytes.of(&[NumberFormat::Int, NumberFormat::DInt, NumberFormat::Real])
+        self.bytes.of(&NumberFormat::ALL)
     }
 
     fn register(&mut self) -> AddressRegister {
@@ -224,7 +224,7 @@ impl Made<'_> {
     }
 
     fn logic(&mut self) -> (Logic, bool) {
-        (self.bytes.of(&[Logic::And, Logic::Or, Logic::Xor]), self.bytes.flag())
+        (self.bytes.of(&Logic::ALL), self.bytes.flag())
     }
 
     fn statement(&mut self) {
@@ -258,17 +258,7 @@ impl Made<'_> {
                 if self.bytes.flag() { Op::LoadDbLength(register) } else { Op::LoadDbNumber(register) }
             }
             20 => self.arithmetic(),
-            21 => Op::Compare(
-                self.format(),
-                self.bytes.of(&[
-                    Compare::Equal,
-                    Compare::NotEqual,
-                    Compare::Greater,
-                    Compare::Less,
-                    Compare::GreaterEqual,
-                    Compare::LessEqual,
-                ]),
-            ),
+            21 => Op::Compare(self.format(), self.bytes.of(&Compare::ALL)),
             22 => self.shift(),
             23 => Op::Convert(self.bytes.of(&Convert::ALL)),
             24 => self.bytes.of(&PLAIN),
@@ -315,21 +305,14 @@ impl Made<'_> {
         let test = match self.bytes.byte() % 6 {
             0 => ob1_ir::BitTest::Timer(self.number(&Timer)),
             1 => ob1_ir::BitTest::Counter(self.number(&Counter)),
-            2 => ob1_ir::BitTest::Status(self.bytes.of(&STATUS)),
+            2 => ob1_ir::BitTest::Status(self.bytes.of(&StatusBit::ALL)),
             _ => ob1_ir::BitTest::Bit(self.place(Width::Bit)),
         };
         Op::Scan { logic, negate, test }
     }
 
     fn timed(&mut self) -> Op {
-        let kinds = [
-            TimerKind::Pulse,
-            TimerKind::ExtendedPulse,
-            TimerKind::OnDelay,
-            TimerKind::RetentiveOnDelay,
-            TimerKind::OffDelay,
-        ];
-        let kind = self.bytes.of(&kinds);
+        let kind = self.bytes.of(&TimerKind::ALL);
         if self.bytes.flag() {
             let n = self.number(&Timer);
             return match self.bytes.byte() % 5 {
@@ -365,7 +348,7 @@ impl Made<'_> {
     }
 
     fn shift(&mut self) -> Op {
-        let logic = self.bytes.of(&[WordLogic::And, WordLogic::Or, WordLogic::Xor]);
+        let logic = self.bytes.of(&WordLogic::ALL);
         let by = self.bytes.flag();
         match self.bytes.byte() % 4 {
             0 => Op::WordLogic(logic, by.then(|| self.bytes.word())),
@@ -499,19 +482,6 @@ impl Made<'_> {
         (block, instances, self.callees)
     }
 }
-
-const STATUS: [StatusBit; 10] = [
-    StatusBit::Zero,
-    StatusBit::Positive,
-    StatusBit::Negative,
-    StatusBit::NotZero,
-    StatusBit::NotNegative,
-    StatusBit::NotPositive,
-    StatusBit::Unordered,
-    StatusBit::Overflow,
-    StatusBit::StoredOverflow,
-    StatusBit::BinaryResult,
-];
 
 const SHIFTS: [(Shift, u8); 8] = [
     (Shift::LeftWord, 15),

@@ -199,12 +199,7 @@ impl Wires {
             }
             self.now = self.now.max(next);
             while let Some((who, event)) = self.bus.pop(self.now, &mut buffer) {
-                let input = match event {
-                    BusEvent::Rx(len) => LineInput::Rx(&buffer[..len]),
-                    BusEvent::Fault(fault) => LineInput::Fault(fault),
-                    BusEvent::TxDone => LineInput::TxDone,
-                    BusEvent::Modem(_) => continue,
-                };
+                let Some(input) = event.input(&buffer) else { continue };
                 if who == self.me {
                     self.ask(Input::Line(input));
                 } else if let Some(n) = self.slaves.iter().position(|on| on.who == who) {

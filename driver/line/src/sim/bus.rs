@@ -93,6 +93,20 @@ pub enum BusEvent {
     Modem(ModemLines),
 }
 
+impl BusEvent {
+    /// As a protocol machine is told it, with the buffer that the event came with; None: the modem lines, of which a
+    /// protocol on a bus is not told.
+    #[must_use]
+    pub fn input(self, buffer: &[u8]) -> Option<LineInput<'_>> {
+        Some(match self {
+            Self::Rx(len) => LineInput::Rx(buffer.get(..len)?),
+            Self::Fault(fault) => LineInput::Fault(fault),
+            Self::TxDone => LineInput::TxDone,
+            Self::Modem(_) => return None,
+        })
+    }
+}
+
 /// A character on its way, or what became of it.
 #[derive(Debug, Clone, Copy)]
 struct Item {

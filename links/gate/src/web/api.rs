@@ -187,15 +187,7 @@ impl Page {
 
     pub(super) async fn command(&self, client: &Client, bytes: &Bytes) -> Reply {
         let Some(Wanted { command }) = body(None, bytes) else { return wrong() };
-        let command = match &*command {
-            "run" => Command::Run,
-            "stop" => Command::Stop,
-            "warm" => Command::Warm,
-            "cold" => Command::Cold,
-            "hot" => Command::Hot,
-            "reset" => Command::Reset,
-            _ => return wrong(),
-        };
+        let Some(command) = Command::of_word(&command) else { return wrong() };
         match client.ask(Ask::Command(command)).await {
             Ok(_) => send(&json!({})),
             Err(why) => trouble(&why),

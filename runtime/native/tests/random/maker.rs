@@ -197,36 +197,18 @@ impl Maker<'_> {
 
     fn statement(&mut self, index: u32, count: u32) -> Op {
         let r = &mut *self.r;
-        let logic = r.of(&[Logic::And, Logic::Or, Logic::Xor]);
+        let logic = r.of(&Logic::ALL);
         let negate = r.one_in(2);
-        let format = r.of(&[NumberFormat::Int, NumberFormat::DInt, NumberFormat::Real]);
+        let format = r.of(&NumberFormat::ALL);
         let width = r.of(&[Width::Byte, Width::Word, Width::Word, Width::DWord]);
         let register = r.of(&[AddressRegister::Ar1, AddressRegister::Ar2]);
-        let compare = r.of(&[
-            Compare::Equal,
-            Compare::NotEqual,
-            Compare::Greater,
-            Compare::Less,
-            Compare::GreaterEqual,
-            Compare::LessEqual,
-        ]);
+        let compare = r.of(&Compare::ALL);
         match r.next(80) {
             0..=9 => Op::Scan { logic, negate, test: BitTest::Bit(self.place(true, Width::Bit)) },
             10 => Op::Scan { logic, negate, test: BitTest::Timer(self.number(true)) },
             11 => Op::Scan { logic, negate, test: BitTest::Counter(self.number(false)) },
             12 => {
-                let bit = r.of(&[
-                    StatusBit::Zero,
-                    StatusBit::Positive,
-                    StatusBit::Negative,
-                    StatusBit::NotZero,
-                    StatusBit::NotNegative,
-                    StatusBit::NotPositive,
-                    StatusBit::Unordered,
-                    StatusBit::Overflow,
-                    StatusBit::StoredOverflow,
-                    StatusBit::BinaryResult,
-                ]);
+                let bit = r.of(&StatusBit::ALL);
                 Op::Scan { logic, negate, test: BitTest::Status(bit) }
             }
             13 => Op::OrBranch,
@@ -253,7 +235,7 @@ impl Maker<'_> {
             ])),
             35..=38 => {
                 let op = match format {
-                    NumberFormat::DInt => r.of(&[AccuOp::Add, AccuOp::Sub, AccuOp::Mul, AccuOp::Div, AccuOp::Mod]),
+                    NumberFormat::DInt => r.of(&AccuOp::ALL),
                     _ => r.of(&[AccuOp::Add, AccuOp::Sub, AccuOp::Mul, AccuOp::Div]),
                 };
                 Op::Arithmetic(format, op)
@@ -265,23 +247,14 @@ impl Maker<'_> {
             42 | 43 => Op::Convert(r.of(&Convert::ALL)),
             44 => Op::Math(r.of(&[MathFn::Sqr, MathFn::Sqrt, MathFn::Ln, MathFn::Exp, MathFn::Sin, MathFn::Atan])),
             45 | 46 => {
-                let kind = r.of(&[
-                    Shift::LeftWord,
-                    Shift::RightWord,
-                    Shift::RightInt,
-                    Shift::LeftDWord,
-                    Shift::RightDWord,
-                    Shift::RightDInt,
-                    Shift::RotateLeft,
-                    Shift::RotateRight,
-                ]);
+                let kind = r.of(&Shift::ALL);
                 let most = if r.one_in(3) { 40 } else { 17 };
                 let count = r.next(most) as u8;
                 Op::Shift(kind, (!r.one_in(6)).then_some(count))
             }
             47 => [Op::RotateLeftCc1, Op::RotateRightCc1][r.next(2) as usize].clone(),
             48 | 49 => {
-                let op = r.of(&[WordLogic::And, WordLogic::Or, WordLogic::Xor]);
+                let op = r.of(&WordLogic::ALL);
                 let with = r.one_in(2).then(|| r.next(u32::MAX));
                 if r.one_in(2) { Op::WordLogic(op, with.map(|v| v as u16)) } else { Op::DWordLogic(op, with) }
             }
@@ -318,13 +291,7 @@ impl Maker<'_> {
             61 => Op::ExchangeDbs,
             62 => [Op::LoadDbLength(DbRegister::Db), Op::LoadDbNumber(DbRegister::Di)][r.next(2) as usize].clone(),
             63 => {
-                let kind = r.of(&[
-                    TimerKind::Pulse,
-                    TimerKind::ExtendedPulse,
-                    TimerKind::OnDelay,
-                    TimerKind::RetentiveOnDelay,
-                    TimerKind::OffDelay,
-                ]);
+                let kind = r.of(&TimerKind::ALL);
                 Op::StartTimer(kind, self.number(true))
             }
             64 => {
@@ -373,7 +340,7 @@ impl Maker<'_> {
             }
             let first = self.r.next(count - 8) as usize;
             let last = first + 2 + self.r.next(5) as usize;
-            let logic = self.r.of(&[Logic::And, Logic::Or, Logic::Xor]);
+            let logic = self.r.of(&Logic::ALL);
             let negate = self.r.one_in(2);
             let plain = |op: &Op| !matches!(op, Op::Open { .. } | Op::Close | Op::McrOpen | Op::McrClose);
             if !code[first..=last].iter().all(plain) {

@@ -137,7 +137,7 @@ fn time(f: &mut Findings<'_>, value: &Placed<String>) -> Option<Nanos> {
 
 fn test(f: &mut Findings<'_>, table: Placed<TestTable>) -> Test {
     let table = table.into_inner();
-    let words = [("warm", Command::Warm), ("cold", Command::Cold)];
+    let words = [Command::Warm, Command::Cold].map(|command| (command.word(), command));
     let start = choice(f, "start", table.start.as_ref(), &words).unwrap_or(Command::Warm);
     if table.step.is_empty() {
         f.error(MISSING, table.name.span(), "a test without a step", "add [[test.step]] with `expect`");
@@ -161,7 +161,8 @@ fn test(f: &mut Findings<'_>, table: Placed<TestTable>) -> Test {
 fn step(f: &mut Findings<'_>, table: Placed<StepTable>) -> Step {
     let at = table.span();
     let table = table.into_inner();
-    let commands = [("stop", Command::Stop), ("run", Command::Run), ("warm", Command::Warm), ("cold", Command::Cold)];
+    let commands = [Command::Stop, Command::Run, Command::Warm, Command::Cold];
+    let commands = commands.map(|command| (command.word(), command));
     let command = choice(f, "command", table.command.as_ref(), &commands);
     let states = [("STOP", OperatingState::Stop), ("RUN", OperatingState::Run)];
     let state = choice(f, "state", table.state.as_ref(), &states);

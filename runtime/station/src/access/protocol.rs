@@ -41,7 +41,8 @@ pub enum Op {
     /// A change of the operating state.
     Command {
         /// Which.
-        command: CommandName,
+        #[serde(with = "by_word")]
+        command: Command,
     },
     /// State, scan statistics, modules.
     Status,
@@ -71,22 +72,23 @@ fn default_count() -> u32 {
     20
 }
 
-/// Commands by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum CommandName {
-    /// STOP to RUN by a warm restart.
-    Run,
-    /// To STOP.
-    Stop,
-    /// Warm restart.
-    Warm,
-    /// Cold restart.
-    Cold,
-    /// Hot restart; refused by an S7-300.
-    Hot,
-    /// Memory reset.
-    Reset,
+/// A command of an operator, by its word.
+mod by_word {
+    use ob1_model::Command;
+    use serde::de::{Error as _, Unexpected};
+    use serde::{Deserialize as _, Deserializer, Serializer};
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+    pub(super) fn serialize<S: Serializer>(command: &Command, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(command.word())
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Command, D::Error> {
+        let word = String::deserialize(from)?;
+        let known = || Command::ALL.map(Command::word).join(", ");
+        Command::of_word(&word)
+            .ok_or_else(|| D::Error::invalid_value(Unexpected::Str(&word), &*format!("one of {}", known())))
+    }
 }
 
 /// An answer.
@@ -507,7 +509,7 @@ mod tests {
         let set = parse(r#"{"op":"set","items":{"M1.0":true}}"#).expect("a request");
         assert_eq!(set.op, Op::Set { items: [("M1.0".to_owned(), json!(true))].into() });
         let command = parse(r#"{"op":"command","command":"warm"}"#).expect("a request");
-        assert_eq!(command.op, Op::Command { command: CommandName::Warm });
+        assert_eq!(command.op, Op::Command { command: Command::Warm });
         assert_eq!(parse(r#"{"op":"diag"}"#).expect("a request").op, Op::Diag { count: 20 });
         assert!(parse(r#"{"op":"explode"}"#).is_err());
         assert!(parse("{}").is_err());

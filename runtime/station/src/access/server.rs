@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use super::clients::Clients;
 use super::control::{Control, Outcome, Pending};
-use super::protocol::{CellValue, CommandName, Diagnostic, LINE_BYTES, Op, Request, Response};
+use super::protocol::{CellValue, Diagnostic, LINE_BYTES, Op, Request, Response};
 use crate::buses::BusView;
 use crate::view::{StationView, event_number};
 
@@ -163,17 +163,9 @@ impl Serving {
                 return Ok(Begun::UnderWay(self.control.write(client, puts), Then::Written(names)));
             }
             Op::Command { command } => {
-                let command = match command {
-                    CommandName::Run => Command::Run,
-                    CommandName::Stop => Command::Stop,
-                    CommandName::Warm => Command::Warm,
-                    CommandName::Cold => Command::Cold,
-                    CommandName::Hot if self.view.family == Family::S7_300 => {
-                        return Err("an S7-300 has no hot restart; it takes family = 400 in [cpu]".into());
-                    }
-                    CommandName::Hot => Command::Hot,
-                    CommandName::Reset => Command::Reset,
-                };
+                if command == Command::Hot && self.view.family == Family::S7_300 {
+                    return Err("an S7-300 has no hot restart; it takes family = 400 in [cpu]".into());
+                }
                 return Ok(Begun::UnderWay(self.control.ask(client, Ask::Command(command)), Then::Done));
             }
             Op::Status => return Ok(Begun::UnderWay(self.control.ask(client, Ask::Modules), Then::Status)),

@@ -31,6 +31,25 @@ struct Sizes {
     nesting_depth: u8,
 }
 
+/// The same fields of one struct in another, whose remaining fields have the values behind `..`.
+macro_rules! sizes {
+    ($to:ident, $from:expr $(, ..$rest:expr)?) => {{
+        let from = $from;
+        $to {
+            input_bytes: from.input_bytes,
+            output_bytes: from.output_bytes,
+            memory_bytes: from.memory_bytes,
+            timers: from.timers,
+            counters: from.counters,
+            local_bytes: from.local_bytes,
+            db_pool_bytes: from.db_pool_bytes,
+            accumulators: from.accumulators,
+            nesting_depth: from.nesting_depth,
+            $(..$rest)?
+        }
+    }};
+}
+
 /// A request as it is sent.
 #[derive(Deserialize, Serialize)]
 struct Sent {
@@ -44,17 +63,7 @@ impl Request {
     /// Of a CPU that is made of these.
     #[must_use]
     pub fn new(config: &CpuConfig, program: Arc<Program>, natives: &Natives) -> Self {
-        let sizes = Sizes {
-            input_bytes: config.input_bytes,
-            output_bytes: config.output_bytes,
-            memory_bytes: config.memory_bytes,
-            timers: config.timers,
-            counters: config.counters,
-            local_bytes: config.local_bytes,
-            db_pool_bytes: config.db_pool_bytes,
-            accumulators: config.accumulators,
-            nesting_depth: config.nesting_depth,
-        };
+        let sizes = sizes!(Sizes, config);
         let natives = natives.iter().map(|native| (native.id(), native.interface().clone())).collect();
         Self { sizes, program, natives }
     }
@@ -85,29 +94,7 @@ pub(super) fn plan(bytes: &[u8]) -> Result<Arc<Plan>, String> {
     let sent: Sent = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
     let program = ob1_ir::parse(&sent.program).map_err(|error| format!("the program: {error}"))?;
     let natives = ob1_ir::parse(&sent.natives).map_err(|error| format!("native blocks: {error}"))?;
-    let Sizes {
-        input_bytes,
-        output_bytes,
-        memory_bytes,
-        timers,
-        counters,
-        local_bytes,
-        db_pool_bytes,
-        accumulators,
-        nesting_depth,
-    } = sent.sizes;
-    let config = CpuConfig {
-        input_bytes,
-        output_bytes,
-        memory_bytes,
-        timers,
-        counters,
-        local_bytes,
-        db_pool_bytes,
-        accumulators,
-        nesting_depth,
-        ..CpuConfig::default()
-    };
+    let config = sizes!(CpuConfig, sent.sizes, ..CpuConfig::default());
     let known = |block: CodeBlock| Box::new(Known(block.id, block.interface)) as Box<dyn NativeBlock>;
     let natives: Vec<_> = natives.blocks.into_iter().map(known).collect();
     let cpu = Cpu::new(config, &program, natives, Vec::new(), REFERENCE);

@@ -23,9 +23,6 @@ const LOOKS: u32 = 20;
 /// The same for a CPU without a watchdog.
 const LOOKS_WITHOUT_WATCHDOG: u32 = 600;
 
-/// How long the message may hold up the end.
-pub(super) const LAST_WORDS: Duration = Duration::from_millis(200);
-
 /// How long a native block may stay in one cycle before it is given up, with this watchdog in nanoseconds.
 pub(crate) fn time(watchdog: u64) -> Duration {
     LOOK * Suspicion::new(watchdog).needed
@@ -103,7 +100,7 @@ fn give_up(block: BlockId, io: Option<&ProcessIo>) -> ! {
     }
     err!("\nob1: native block {block} does not return; outputs are off, the station ends");
     err!("  = a block must return; one that waits keeps its state and returns, or calls `attend` in its loop");
-    ob1_log::flush(LAST_WORDS);
+    ob1_log::flush(ob1_log::LAST_WORDS);
     ob1_rt::lower_exit_guard();
     std::process::exit(i32::from(Exit::Hung as u8))
 }

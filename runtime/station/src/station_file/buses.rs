@@ -178,15 +178,18 @@ impl Building {
         diagnostic: Option<Range<usize>>,
     ) -> bool {
         let place = self.place_of(line);
-        if let Some(at) = diagnostic {
-            self.diagnostics.push((station.diagnostic, at));
-        }
+        self.keep_diagnostic(&station, diagnostic);
         let Some(on_line) = self.bus.config.lines.get_mut(place) else { return true };
         let free = on_line.couplers.iter().all(|other| other.unit != coupler.unit);
         self.places.push((place, on_line.couplers.len()));
         on_line.couplers.push(coupler);
         self.bus.stations.push(station);
         free
+    }
+
+    /// Keeps a diagnostic address of the station file, with its place there.
+    fn keep_diagnostic(&mut self, station: &BusStation, diagnostic: Option<Range<usize>>) {
+        self.diagnostics.extend(diagnostic.map(|at| (station.diagnostic, at)));
     }
 
     /// The place of a line among those of the bus.
@@ -209,9 +212,7 @@ impl Building {
         diagnostic: Option<Range<usize>>,
     ) -> bool {
         let place = self.place_of(line);
-        if let Some(at) = diagnostic {
-            self.diagnostics.push((station.diagnostic, at));
-        }
+        self.keep_diagnostic(&station, diagnostic);
         let Some(dp) = self.bus.config.lines.get_mut(place).and_then(|line| line.dp.as_mut()) else { return true };
         let free = dp.slaves.iter().all(|other| other.station != slave.station) && dp.address != slave.station;
         self.places.push((place, dp.slaves.len()));
