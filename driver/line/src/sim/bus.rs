@@ -8,6 +8,8 @@
 
 use std::collections::VecDeque;
 
+use ob1_serial::LineInput;
+
 use super::faults::Fate;
 use super::{FaultRates, SplitMix64};
 use crate::line::{LineFault, ModemLines, Nanos};
