@@ -3,8 +3,8 @@
 
 use std::fmt::Write as _;
 
-use ob1_sdk::types::{Bool, Byte, Word};
-use ob1_sdk::{Abort, Block, Cx, Formal, In, Kind, Out, Param, STATION, Static, interface};
+use ob1_sdk::types::{Any, Bool, Byte, Word};
+use ob1_sdk::{Abort, Block, Cx, Formal, In, InOut, Kind, Out, Param, STATION, Static, interface};
 use ob1_words::boxes::{Service, status};
 
 use crate::area::{Span, remote};
@@ -114,6 +114,12 @@ fn turn_is_busy(cx: &mut Cx<'_, CpState>, wanted: &Wanted) -> Result<bool, Abort
     Ok(state.slot(wanted.owner, false).is_some_and(|(_, slot)| slot.phase() != crate::state::Phase::Idle))
 }
 
+/// How many items, and their lengths.
+fn lengths(wanted: &mut Wanted, len: u32) {
+    wanted.put_front(&[1]);
+    wanted.put_front(&(len as u16).to_be_bytes());
+}
+
 /// Fills in what PUT and GET say to the partner: one item, its length, and the pointer to it. The result is the area of
 /// the CPU that the data come from or go to; both areas must have one length.
 fn one_item(
@@ -126,8 +132,7 @@ fn one_item(
     if span.len != len {
         return Ok(Err(status::AREA));
     }
-    wanted.put_front(&[1]);
-    wanted.put_front(&(len as u16).to_be_bytes());
+    lengths(wanted, len);
     wanted.put_front(&pointer);
     Ok(Ok(span))
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use ob1_access::Form;
+use ob1_model::Command;
 use serde_json::Value;
 
 use crate::exit::Exit;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use ob1_access::door::Connection;
 use ob1_broker::LinkState;
+use ob1_model::Command;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -75,7 +76,7 @@ fn default_count() -> u32 {
 /// A command of an operator, by its word.
 mod by_word {
     use ob1_model::Command;
-    use serde::de::{Error as _, Unexpected};
+    use serde::de::Error as _;
     use serde::{Deserialize as _, Deserializer, Serializer};
 
     #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
@@ -87,7 +88,7 @@ mod by_word {
         let word = String::deserialize(from)?;
         let known = || Command::ALL.map(Command::word).join(", ");
         Command::of_word(&word)
-            .ok_or_else(|| D::Error::invalid_value(Unexpected::Str(&word), &*format!("one of {}", known())))
+            .ok_or_else(|| D::Error::custom(format_args!("unknown command `{word}`, expected one of {}", known())))
     }
 }
 
