@@ -6,7 +6,7 @@ use ob1_coupler::{
     BusConfig, CouplerConfig, Image, LineConfig, LineMaster, MasterInput, Order, Range, Serial, State, Table,
 };
 use ob1_line::LineSettings;
-use ob1_line::sim::{BusConfig as WiresConfig, BusEvent, FaultRates, Frame, Participant, SimBus, SplitMix64};
+use ob1_line::sim::{BusConfig as WiresConfig, FaultRates, Frame, Participant, SimBus, SplitMix64};
 use ob1_protocols::modbus::{Mode, Slave, frame, slave};
 use ob1_protocols::{Event, Input, LineFault, LineInput, Machine as _, SendError, Sink, Wire};
 

@@ -9,7 +9,7 @@ use super::types::PLAIN;
 use super::{ops, parse, write};
 use crate::{
     AddressRegister, Arg, BitTest, Call, CallMode, CodeBlock, DataBlock, DataKind, DbRegister, Jump, Logic, Number,
-    NumberFormat, Op, Operand, Place, Pointer, Program, Shift, Stmt, Symbol, Target, WordLogic,
+    NumberFormat, Op, Operand, Place, Pointer, Program, Shift, StatusBit, Stmt, Symbol, Target, WordLogic,
 };
 
 /// xorshift: the same programs in every run.

@@ -6,7 +6,7 @@ use ob1_coupler::dp::{DpConfig, DpSlave};
 use ob1_coupler::{BusConfig, Image, Input, LineConfig, LineFault, LineInput, MasterInput, State};
 use ob1_dp::slave::SlaveConfig;
 use ob1_dp::{Master, Slave};
-use ob1_line::sim::{BusConfig as WiresConfig, BusEvent, FaultRates, Frame, Participant, SimBus, SplitMix64};
+use ob1_line::sim::{BusConfig as WiresConfig, FaultRates, Frame, Participant, SimBus, SplitMix64};
 use ob1_line::{LineSettings, Parity};
 
 pub(crate) const MS: u64 = 1_000_000;
