@@ -159,12 +159,6 @@ pub fn compile(sources: &[Source], library: &Library, options: &Options) -> Outp
     let symbols = symbols::read(&options.symbols, &Words::of_both());
     let mut elaborator = Elaborator::new(&files, &blocks, &sets, library, symbols, &mut sink);
     elaborator.world.peripheral = symbols::peripheral(&options.symbols);
-    for (source, (text, _)) in
-        sources.iter().zip(decoded.iter().zip(&foreign)).filter(|(_, (_, o))| **o == Some(Other::Scl))
-    {
-        let heads = recognise::heads(text).into_iter();
-        elaborator.world.elsewhere.extend(heads.map(|(name, line)| (name, format!("{}:{line}", source.name))));
-    }
     let numbers = elaborator.number_names(&options.fixed, &options.kept);
     let demanded = elaborator.run();
     let (mut world, names) = (elaborator.world, elaborator.names);

@@ -169,45 +169,10 @@ impl Signs {
     }
 }
 
-/// The blocks that a file of another language begins, by the name or number in their heads in capitals, `FC 5`, with
-/// the line; as far as a line tells it.
-pub(crate) fn heads(text: &str) -> Vec<(String, usize)> {
-    let mut heads = Vec::new();
-    for (line, text) in (1..).zip(text.lines()) {
-        let mut words = text.trim_start().splitn(2, char::is_whitespace);
-        let begins = words
-            .next()
-            .is_some_and(|word| ["FUNCTION", "FUNCTION_BLOCK"].iter().any(|begin| begin.eq_ignore_ascii_case(word)));
-        let name = words.next().unwrap_or("").trim_start();
-        let name = match name.strip_prefix('"') {
-            Some(quoted) => quoted.split('"').next().unwrap_or(""),
-            None => name.split([':', '/', '(', '{']).next().unwrap_or("").trim_end(),
-        };
-        if !begins || name.is_empty() {
-            continue;
-        }
-        let name = name.to_uppercase();
-        let number = ["FC", "FB"].iter().find_map(|kind| {
-            let number: u16 = name.strip_prefix(kind)?.trim_start().parse().ok()?;
-            Some(format!("{kind} {number}"))
-        });
-        heads.push((number.unwrap_or(name), line));
-    }
-    heads
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::mnemonics::Mnemonics;
-
-    #[test]
-    fn heads_of_other_languages() {
-        let text =
-            "FUNCTION_BLOCK \"Mix it\" // x\nFUNCTION fc5 : INT\n function Count: VOID\nEND_FUNCTION\nFUNCTION\n";
-        let expected = [("MIX IT", 1), ("FC 5", 2), ("COUNT", 3)].map(|(name, line)| (name.to_owned(), line));
-        assert_eq!(heads(text), expected);
-    }
 
     #[test]
     fn languages_are_told_apart() {

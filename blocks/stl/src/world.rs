@@ -126,8 +126,6 @@ pub(crate) struct World {
     pub(crate) own: BTreeSet<BlockId>,
     /// Own data blocks that are not there because this is missing.
     pub(crate) unmade: BTreeMap<u16, BlockId>,
-    /// Blocks in sources of another language, by name or number in capitals, with where they begin.
-    pub(crate) elsewhere: BTreeMap<String, String>,
     /// Symbols of the peripheral area, in capitals: true for outputs.
     pub(crate) peripheral: BTreeMap<String, bool>,
 }
@@ -157,19 +155,9 @@ impl World {
             return;
         }
         sink.missing(&id.to_string(), file, span, &codes::NO_BLOCK, |_| {
-            if let Some(says) = self.in_another_language(&id.to_string()) {
-                return says;
-            }
             let missing = self.unknown_block(id);
             (missing.message, missing.remedy)
         });
-    }
-
-    /// What to say of a block whose source is there in a language that is not compiled.
-    fn in_another_language(&self, name: &str) -> Option<(String, String)> {
-        let place = self.elsewhere.get(&name.to_uppercase())?;
-        let remedy = "Generate the block from it in STEP 7 and export that as STL, or write it in STL.".to_owned();
-        Some((format!("{name}: {USES}; its source is SCL, which is not compiled: {place}"), remedy))
     }
 
     /// Reports a use of a data block that is not there, or of what it is made from.
@@ -190,9 +178,6 @@ impl World {
     pub(crate) fn report_unknown_symbol(&self, name: &str, file: usize, span: Span, sink: &mut Sink) {
         let shown: String = name.chars().take(64).collect();
         sink.missing(&format!("\"{}", name.to_uppercase()), file, span, &codes::UNKNOWN_SYMBOL, |sink| {
-            if let Some(says) = self.in_another_language(&shown) {
-                return says;
-            }
             let message = format!("the symbol \"{shown}\" is in no symbol table");
             if let Some(id) = self.names.get(&name.to_uppercase()) {
                 let remedy = format!("{shown} is the usual name of {id}: write {id}, or load the symbol table.");
