@@ -115,15 +115,15 @@ impl BlockWord {
     }
 
     /// The word of a kind of block.
-    pub(crate) const fn of(kind: BlockKind) -> Option<Self> {
-        Some(match kind {
+    pub(crate) const fn of(kind: BlockKind) -> Self {
+        match kind {
             BlockKind::Ob => BlockWord::Ob,
             BlockKind::Fc => BlockWord::Fc,
             BlockKind::Fb => BlockWord::Fb,
             BlockKind::Sfc => BlockWord::Sfc,
             BlockKind::Sfb => BlockWord::Sfb,
             BlockKind::Db => BlockWord::Db,
-        })
+        }
     }
 
     /// As written.

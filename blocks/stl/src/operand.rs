@@ -122,10 +122,8 @@ impl<'w> Resolver<'w> {
         if let Some(value) = self.dotted(reader, text, token.span) {
             return Some(value);
         }
-        if let Some(id) = self.world.names.get(&text.to_uppercase()).filter(|id| self.world.blocks.contains_key(id))
-            && let Some(word) = BlockWord::of(id.kind)
-        {
-            return Some(Value::Block(word, Number::Fixed(id.number)));
+        if let Some(id) = self.world.names.get(&text.to_uppercase()).filter(|id| self.world.blocks.contains_key(id)) {
+            return Some(Value::Block(BlockWord::of(id.kind), Number::Fixed(id.number)));
         }
         let shown: String = text.chars().take(32).collect();
         if self.words.is_foreign(letters) {

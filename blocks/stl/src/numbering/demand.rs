@@ -4,6 +4,7 @@ use ob1_model::BlockId;
 
 use super::Numbered;
 use crate::elaborate::Elaborator;
+use crate::identifiers::BlockWord;
 use crate::mnemonics::Shape;
 use crate::token::Kind;
 use crate::world::{Info, Symbolic};
@@ -37,7 +38,7 @@ impl Elaborator<'_> {
                 };
                 let info = Info::new(Some(offered.name.clone()), offered.interface.clone(), Default::default());
                 self.world.blocks.insert(id, info);
-                self.world.symbols.insert(name.to_uppercase(), Symbolic::Block(super::word_of(id.kind), id.number));
+                self.world.symbols.insert(name.to_uppercase(), Symbolic::Block(BlockWord::of(id.kind), id.number));
                 demanded.push(Numbered { name: offered.name.clone(), id });
             }
         }

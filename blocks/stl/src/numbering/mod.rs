@@ -7,7 +7,7 @@ mod ob_names;
 use std::collections::{BTreeMap, BTreeSet};
 
 use ob1_ir::Symbol;
-use ob1_model::{BlockId, BlockKind};
+use ob1_model::BlockId;
 
 use crate::codes;
 use crate::elaborate::Elaborator;
@@ -46,7 +46,9 @@ impl Elaborator<'_> {
     /// the ones that were given.
     pub(crate) fn number_names(&mut self, fixed: &[Numbered], kept: &[Numbered]) -> Vec<Numbered> {
         for one in fixed {
-            self.world.symbols.insert(one.name.to_uppercase(), Symbolic::Block(word_of(one.id.kind), one.id.number));
+            self.world
+                .symbols
+                .insert(one.name.to_uppercase(), Symbolic::Block(BlockWord::of(one.id.kind), one.id.number));
         }
         let wanted = self.wanted();
         if wanted.is_empty() {
@@ -55,13 +57,13 @@ impl Elaborator<'_> {
         let mut mentioned = mentioned(self.files, self.library, self.world.symbols.values());
         let kept: BTreeMap<String, BlockId> = kept.iter().map(|k| (k.name.to_uppercase(), k.id)).collect();
         for id in kept.values() {
-            mentioned.entry(word_of(id.kind)).or_default().insert(id.number);
+            mentioned.entry(BlockWord::of(id.kind)).or_default().insert(id.number);
         }
         let mut next: BTreeMap<BlockWord, u16> = BTreeMap::new();
         let mut given = Vec::new();
         for (key, (name, word)) in wanted {
             self.sink.steps += 1;
-            let before = kept.get(&key).filter(|id| word_of(id.kind) == word).map(|id| id.number);
+            let before = kept.get(&key).filter(|id| BlockWord::of(id.kind) == word).map(|id| id.number);
             let Some(number) =
                 before.or_else(|| free(mentioned.entry(word).or_default(), next.entry(word).or_insert(FIRST)))
             else {
@@ -142,17 +144,6 @@ fn free(taken: &mut BTreeSet<u16>, next: &mut u16) -> Option<u16> {
     Some(number)
 }
 
-const fn word_of(kind: BlockKind) -> BlockWord {
-    match kind {
-        BlockKind::Ob => BlockWord::Ob,
-        BlockKind::Fc => BlockWord::Fc,
-        BlockKind::Fb => BlockWord::Fb,
-        BlockKind::Sfc => BlockWord::Sfc,
-        BlockKind::Sfb => BlockWord::Sfb,
-        BlockKind::Db => BlockWord::Db,
-    }
-}
-
 /// Every number that stands behind the word of a block.
 fn mentioned<'s>(files: &[File<'_>], library: &Library, symbols: impl Iterator<Item = &'s Symbolic>) -> Mentioned {
     let mut mentioned = Mentioned::new();
@@ -175,7 +166,7 @@ fn mentioned<'s>(files: &[File<'_>], library: &Library, symbols: impl Iterator<I
         }
     }
     for id in library.numbers() {
-        mention(word_of(id.kind), id.number);
+        mention(BlockWord::of(id.kind), id.number);
     }
     for symbol in symbols {
         if let Symbolic::Block(word, number) = symbol {
