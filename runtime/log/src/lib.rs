@@ -57,8 +57,8 @@ pub fn start() -> io::Result<()> {
     Ok(())
 }
 
-/// Sends log lines to standard error: those of this level and above, or what `OB1_LOG` says. It needs no thread; a second
-/// call changes nothing.
+/// Sends log lines to standard error: those of this level and above, or what `OB1_LOG` says. It needs no thread; a
+/// second call changes nothing.
 pub fn subscribe(level: &str) {
     let _ = tracing_subscriber::fmt()
         .with_env_filter(EnvFilter::try_from_env("OB1_LOG").unwrap_or_else(|_| EnvFilter::new(level)))

@@ -19,8 +19,8 @@ use super::site::Site;
 /// Between two looks, if nothing happens.
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// A program with these data blocks that counts its scans in MW 100, and then does the rest. The local data from byte 20
-/// on are the rest's.
+/// A program with these data blocks that counts its scans in MW 100, and then does the rest. The local data from
+/// byte 20 on are the rest's.
 pub(crate) fn counting(data: &str, rest: &str) -> String {
     format!(
         "{data}
