@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use ob1_coupler::{Input, LineFault, LineInput, MasterInput};
 use ob1_cpu::Nanos;
-use ob1_line::sim::{BusConfig as WiresConfig, BusEvent, FaultRates, Frame, Participant, SimBus, SplitMix64};
+use ob1_line::sim::{BusConfig as WiresConfig, FaultRates, Frame, Participant, SimBus, SplitMix64};
 use ob1_line::{LineSettings, Parity};
 use ob1_tests::coupler::{Stream, framed};
 use ob1_tests::sim::MS;
@@ -128,12 +128,7 @@ impl Field {
         loop {
             let Self::Wires(wires) = self else { return };
             let Some((who, event)) = wires.bus.pop(now, &mut buffer) else { break };
-            let input = match event {
-                BusEvent::Rx(len) => LineInput::Rx(&buffer[..len]),
-                BusEvent::Fault(fault) => LineInput::Fault(fault),
-                BusEvent::TxDone => LineInput::TxDone,
-                BusEvent::Modem(_) => continue,
-            };
+            let Some(input) = event.input(&buffer) else { continue };
             if who == wires.me {
                 self.tell(now, Input::Line(input), ask);
             } else {
