@@ -38,7 +38,7 @@ pub(crate) fn miri(args: &[String]) -> Outcome {
         return Err(step("Miri is not here: rustup toolchain install nightly --component miri --component rust-src"));
     }
     let mut command = nightly(&["miri", "test", "--no-fail-fast", "--lib"]);
-    MIRI_CRATES.iter().for_each(|name| drop(command.args(["--package", name])));
+    command.args(MIRI_CRATES.iter().flat_map(|name| ["--package", name]));
     command.arg("--target-dir").arg(own_target("miri")?);
     let closing = shell::watch(&mut command, is_closing_line)?;
     println!("miri: {}", count(&closing, "miri")?);
