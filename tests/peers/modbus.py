@@ -349,7 +349,7 @@ def selftest():
     from importlib.metadata import version
 
     pinned = {}
-    with open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "requirements.txt"), encoding="utf-8") as lines:
+    with open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "requirements.in"), encoding="utf-8") as lines:
         for line in lines:
             if "==" in line and not line.startswith("#"):
                 name, number = line.strip().split("==")
