@@ -233,7 +233,8 @@ mod tests {
         for (at, value) in [(0x10, 0), (0, 2), (0x0A, 1)] {
             assert!(coupler.hear(0, &[1, 6, 0x10, at, 0, value]).is_some());
         }
-        assert_eq!(coupler.hear(0, &[1, 6, 0x10, 0x00, 0, 2]), Some(vec![1, 6, 0x10, 0, 0, 2]), "not running yet");
+        coupler.look(5 * MS);
+        assert_eq!(coupler.deadline(), Nanos::MAX, "the next telegram starts it");
         assert_eq!(coupler.hear(10 * MS, &drive), done);
         assert_eq!(coupler.hear(20 * MS, &[1, 6, 0x10, 0x00, 0, 9]), Some(vec![1, 0x86, ILLEGAL_VALUE]), "it runs");
         assert_eq!(coupler.hear(20 * MS, &[1, 3, 0x10, 6, 0, 1]), Some(vec![1, 3, 2, 0, 1]));
