@@ -41,20 +41,24 @@ pub(crate) fn assert_survived(station: &Running, lost_before: u32, what: &str) {
 /// What no kill may bring about, with both at rest. A telegram that a killed CP held is lost; nothing else is.
 pub(crate) fn assert_accounted(a: &Ledger, b: &Ledger, kills_of_a: i64, kills_of_b: i64, what: &str) {
     let all = format!("{what}\n{a:?}\n{b:?}");
-    for (ledger, column) in
-        [(a, "WRONG"), (a, "PAFE_SEND"), (a, "PAFE_RECEIVE"), (b, "TOO_LONG"), (b, "PAFE_SEND"), (b, "PAFE_RECEIVE")]
-    {
+    for (ledger, column) in [(a, "PAFE_SEND"), (a, "PAFE_RECEIVE"), (b, "PAFE_SEND"), (b, "PAFE_RECEIVE")] {
         assert_eq!(ledger[column], 0, "{column}: {all}");
     }
+    // A driver that is back in the middle of a block answers each character of the rest with NAK. The partner asks for
+    // a connection after each of them, and two of the requests can come where data begin: two equal characters cancel
+    // out in the check character, so the telegram is two characters too long, and nothing in 3964R can tell
+    // (docs/reliability.md, seed 2007). One for each kill, and not in place of any other.
+    let kills = kills_of_a + kills_of_b;
+    assert!(a["WRONG"] + b["TOO_LONG"] <= kills, "wrong: {all}");
     for ledger in [a, b] {
         assert_eq!(ledger["STARTED"], ledger["DONE"] + ledger["ERROR"] + ledger["ABORTED"], "{all}");
     }
     // Done means: the partner's CP has it. Its program has it too, unless that CP was killed with it.
     assert!(a["DONE"] <= b["RECEIVED"] + kills_of_b, "done without an acknowledgement: {all}");
-    assert!(b["DONE"] <= a.echoes() + kills_of_a, "done without an acknowledgement: {all}");
+    assert!(b["DONE"] <= a.echoes() + a["WRONG"] + kills_of_a, "done without an acknowledgement: {all}");
     // Nobody receives what was not sent; an order that was cut off may have arrived all the same.
     assert!(b["RECEIVED"] <= a["STARTED"] && a.echoes() <= b["STARTED"], "{all}");
-    assert!(a["DOUBLED"] <= kills_of_a + kills_of_b, "{all}");
+    assert!(a["DOUBLED"] <= kills, "{all}");
 }
 
 /// What is done to a driver.
