@@ -91,6 +91,8 @@ pub(crate) struct Losses {
     pub(crate) failed: i64,
     /// Telegrams that came twice, because the acknowledgement of the first was lost with a driver.
     pub(crate) doubled: i64,
+    /// Telegrams that were not what was sent, and that the check character let through.
+    pub(crate) wrong: i64,
     /// Milliseconds from the entry "driver process ended" to the next "driver process is up", after a healthy spell.
     pub(crate) up_again: Vec<f64>,
 }
@@ -131,6 +133,7 @@ pub(crate) fn kill_drivers(seed: u64, kills: u32, blows: &[Blow]) -> Losses {
         losses.echoes = of_a.echoes();
         losses.failed = ["ERROR", "ABORTED"].iter().map(|column| of_a[column] + of_b[column]).sum();
         losses.doubled = of_a["DOUBLED"];
+        losses.wrong = of_a["WRONG"] + of_b["TOO_LONG"];
         losses.up_again.extend(up_again(victim));
         ledger::pause(&a, false);
     }
