@@ -138,8 +138,9 @@ fn the_line_fails() {
         &format!(
             "0 start
          10 order {SEND_8} | 01..10 => tx STX
-         11 refuses => !0702; !0701; tx STX
-         12 refuses => !0702; !0709; tx NAK; !051A; ended Line(Repetitions)"
+         11 refuses => !0702; !0701
+         23.083334 timeout => tx STX
+         24 refuses => !0702; !0709; tx NAK; !051A; ended Line(Repetitions)"
         ),
     );
     rk512_table::check::<1024>(
@@ -148,10 +149,11 @@ fn the_line_fails() {
             "0 start
          10 partner {SEND_8} 01..10 => asked {SEND_8} | 01..10
          20 answer taken => tx STX
-         21 refuses => !0702; !0701; tx STX
-         22 refuses => !0702; !0709; tx NAK; !0612; answered Line(Repetitions)
-         23 done
-         30 partner {SEND_8} 01..10 => asked {SEND_8} | 01..10"
+         21 refuses => !0702; !0701
+         33.083334 timeout => tx STX
+         34 refuses => !0702; !0709; tx NAK; !0612; answered Line(Repetitions)
+         35 done
+         40 partner {SEND_8} 01..10 => asked {SEND_8} | 01..10"
         ),
     );
 }

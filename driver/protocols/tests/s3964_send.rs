@@ -7,8 +7,9 @@ use common::check;
 use ob1_protocols::s3964::{Config, Priority, S3964};
 use ob1_protocols::{MS, SECOND};
 
+/// Without the pause after a refusal, which has a table of its own.
 fn config(bcc: bool) -> Config {
-    defaults::cp240(bcc, MS)
+    Config { quiet: 0, ..defaults::cp240(bcc, MS) }
 }
 
 fn run(config: Config, table: &str) {
@@ -110,6 +111,43 @@ fn nak_and_other_characters_after_stx() {
          11 done
          12 rx NAK => !Connect: Nak, !Connect: Exhausted, tx NAK, sent Repetitions
          13 done",
+    );
+}
+
+/// A partner that has come up in the middle of a block answers each character that was still on its way: STX comes
+/// once, when nothing more has come for 10 ms and two characters.
+#[test]
+fn after_a_refusal_stx_waits_until_the_line_is_quiet() {
+    run(
+        defaults::cp240(true, MS),
+        "0    start
+         0    order 8*31  => tx STX
+         1    done
+         2    rx DLE      => tx 8*31 10 03 13
+         5    rx NAK      => back 8, !Output: Nak, !Output: Repetition(1)
+         6    done
+         8    rx NAK
+         14   rx NAK
+         26   timeout     => tx STX
+         27   done
+         28   rx NAK      => !Connect: Nak, !Connect: Repetition(1)
+         40   timeout     => tx STX
+         41   done
+         541  timeout     => !Connect: AckDelay, !Connect: Repetition(2), tx STX
+         542  done
+         543  rx DLE      => tx 8*31 10 03 13
+         554  done
+         555  rx NAK      => !Acknowledge: Nak, !Output: Repetition(2)
+         # Meanwhile the partner may send.
+         560  rx STX      => tx DLE
+         561  done
+         562  rx 41 10 03 52 => tx DLE, got 41
+         563  done
+         567  timeout     => tx STX
+         568  done
+         569  rx DLE      => tx 8*31 10 03 13
+         580  done
+         581  rx DLE      => sent ok",
     );
 }
 
@@ -463,7 +501,7 @@ fn an_open_circuit_runs_into_qvz() {
 #[test]
 fn what_the_cp_341_does_otherwise() {
     run(
-        Config { qvz: 500 * MS, repetition_wait: 4 * SECOND, ..defaults::cp341(true, MS) },
+        Config { qvz: 500 * MS, repetition_wait: 4 * SECOND, quiet: 0, ..defaults::cp341(true, MS) },
         "0   start => tx NAK
          1   done
          10  order 6*31 => tx STX

@@ -238,8 +238,11 @@ impl SimBus {
     }
 
     /// A participant joins. A cable has two, and a third hears nothing good of it.
+    ///
+    /// On a cable, whoever joins while one that has left is still sending takes that end: it sends behind those
+    /// characters, as behind what a UART still holds of an earlier program, and does not hear them.
     pub fn join(&mut self, frame: Frame) -> Participant {
-        let member = Member {
+        let mut member = Member {
             present: true,
             frame,
             queue: VecDeque::new(),
@@ -252,9 +255,19 @@ impl SimBus {
             news: VecDeque::new(),
         };
         let levels = self.members.iter().rev().find(|member| member.present).map(|member| member.drives);
-        let who = match self.members.iter().position(|member| !member.present && member.queue.is_empty()) {
+        let cable = !self.config.half_duplex;
+        let sending = |member: &Member| !member.queue.is_empty();
+        let free = self.members.iter().position(|member| cable && !member.present && sending(member));
+        let free = free.or_else(|| self.members.iter().position(|member| !member.present && !sending(member)));
+        let who = match free {
             Some(free) => {
-                self.members[free] = member;
+                let left = &mut self.members[free];
+                if sending(left) {
+                    member.queue = std::mem::take(&mut left.queue);
+                    member.busy_until = left.busy_until;
+                    member.last_arrival = left.last_arrival;
+                }
+                *left = member;
                 free
             }
             None => {
@@ -269,13 +282,16 @@ impl SimBus {
     }
 
     /// A participant leaves: it is told nothing more, its modem lines fall. What it has written still leaves, as from
-    /// the buffer of a UART; its number is given to a later one.
+    /// the buffer of a UART; its number is given to a later one. What nobody is left to hear is gone.
     pub fn leave(&mut self, who: Participant, now: Nanos) {
         self.set_modem(who, now, false, false);
         if let Some(member) = self.members.get_mut(who) {
             member.present = false;
             member.owes_done = false;
             member.news.clear();
+        }
+        if self.participants() == 0 {
+            self.members.iter_mut().for_each(|member| member.queue.clear());
         }
     }
 

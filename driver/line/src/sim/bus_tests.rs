@@ -209,14 +209,39 @@ fn a_participant_that_does_not_exist_is_no_panic() {
 
 #[test]
 fn who_leaves_is_told_nothing_and_its_number_is_free_once_its_characters_are_out() {
-    let mut bus = bus(BusConfig::new(false), 2);
+    let mut bus = bus(BusConfig::new(true), 2);
     bus.write(0, 0, &[1, 2]);
-    bus.write(1, 0, &[9]);
     bus.leave(0, 500);
     assert_eq!(bus.participants(), 1);
     assert_eq!(bus.join(FRAME), 2, "it is still sending");
     bus.leave(2, 500);
-    assert_eq!(drain(&mut bus), ["1000 1 TxDone", "1000 1 [01]", "2000 1 [02]"]);
+    assert_eq!(drain(&mut bus), ["1000 1 [01]", "2000 1 [02]"]);
     assert_eq!(bus.join(FRAME), 0);
     assert_eq!(bus.participants(), 2);
+}
+
+#[test]
+fn a_successor_on_a_cable_sends_behind_its_predecessor_and_does_not_hear_it() {
+    let mut bus = bus(BusConfig::new(false), 2);
+    bus.write(0, 0, &[1, 2, 3]);
+    bus.write(1, 0, &[9]);
+    bus.leave(0, 1500);
+    assert_eq!(bus.join(FRAME), 0, "the same end");
+    assert!(bus.is_sending(0, 1500));
+    bus.write(0, 1500, &[4]);
+    assert_eq!(
+        drain(&mut bus),
+        ["1500 1 TxDone", "1500 1 [01]", "2000 1 [02]", "3000 1 [03]", "4000 0 TxDone", "4000 1 [04]"]
+    );
+}
+
+#[test]
+fn what_nobody_is_left_to_hear_is_gone() {
+    let mut bus = bus(BusConfig::new(false), 2);
+    bus.write(0, 0, &[1, 2, 3]);
+    bus.write(1, 0, &[4, 5, 6]);
+    bus.leave(0, 500);
+    bus.leave(1, 600);
+    assert_eq!((bus.join(FRAME), bus.join(FRAME)), (0, 1));
+    assert_eq!(drain(&mut bus), [""; 0]);
 }

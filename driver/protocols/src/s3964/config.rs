@@ -44,6 +44,11 @@ pub struct Config {
     pub nak_after_silence: bool,
     /// BREAK ends the running order; otherwise it counts as an unreadable character.
     pub break_ends_order: bool,
+    /// How long nothing may have come in before STX follows a refusal; 0: at once. A partner that answers each
+    /// character without meaning with NAK answers those too that were on their way when it refused the first. If STX
+    /// followed each of these answers, two of them could come where data begin, and two equal characters cancel out in
+    /// the check character. (ours)
+    pub quiet: Nanos,
     /// How long the repetition of a refused block is waited for before own orders go on; 0: back to idle at once.
     pub repetition_wait: Nanos,
 }
@@ -84,7 +89,8 @@ impl Config {
             nak_at_start: false,      // not mentioned
             nak_after_silence: false, // [S0 "Passive operation"]: "it will transmit a NAK"
             break_ends_order: false,  // not mentioned
-            repetition_wait: 0,       // [S0 "Data Link Escape"]: "wait for another connection request"
+            quiet: 10 * MS + 2 * char_time,
+            repetition_wait: 0, // [S0 "Data Link Escape"]: "wait for another connection request"
         }
     }
 

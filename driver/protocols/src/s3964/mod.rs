@@ -41,7 +41,7 @@ pub struct S3964<const N: usize = TELEGRAM_MAX> {
     /// The telegram of the order.
     tx: [u8; N],
     rx: [u8; N],
-    /// ZNA: no order begins before this.
+    /// No order begins before this: ZNA, or the quiet after a refusal.
     pause_until: Nanos,
     /// A block was refused as often as is permitted: a partner that repeats it once more does so before this. (CP 341)
     given_up_until: Option<Nanos>,
@@ -120,6 +120,11 @@ impl<const N: usize> S3964<N> {
     fn take_back(&mut self, now: Nanos, out: &mut dyn Sink) {
         let saved = self.config.char_time * out.take_back() as u64;
         self.output.end = self.output.end.saturating_sub(saved).max(now);
+    }
+
+    /// No order begins before the line was quiet.
+    fn wait_for_quiet(&mut self, now: Nanos) {
+        self.pause_until = self.pause_until.max(self.output.end.max(now) + self.config.quiet);
     }
 
     /// Begins, or begins again, to wait for silence before NAK.

@@ -1,6 +1,7 @@
 //! The receiving role: accept a connection, take the block in, check it, acknowledge or refuse it.
 
 use super::codec::{DLE, Decoder, NAK, STX, Step};
+use super::send::Job;
 use super::{BUFFER_POLL, S3964, State};
 use crate::machine::{Nanos, Phase, Sink, What};
 
@@ -39,7 +40,12 @@ impl<const N: usize> S3964<N> {
             }
             // [S0 "Passive operation"]: NAK is not answered. A partner that gives its block up says it. [reference
             // 5.3]
-            NAK => self.given_up_until = None,
+            NAK => {
+                self.given_up_until = None;
+                if self.waiting.as_ref().is_some_and(Job::is_repeated) {
+                    self.wait_for_quiet(now);
+                }
+            }
             other => self.unexpected(now, What::Unexpected(other), out),
         }
     }

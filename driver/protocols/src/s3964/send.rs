@@ -26,6 +26,11 @@ impl Job {
     pub(super) fn is_out(&self) -> bool {
         self.out
     }
+
+    /// An attempt has failed.
+    pub(super) fn is_repeated(&self) -> bool {
+        self.connects > 0 || self.blocks > 0
+    }
 }
 
 impl<const N: usize> S3964<N> {
@@ -64,7 +69,7 @@ impl<const N: usize> S3964<N> {
         self.report(Phase::Connect, what, out);
         if job.connects < self.config.connect_attempts {
             self.report(Phase::Connect, What::Repetition(job.connects), out);
-            self.connect(now, job, out);
+            self.again(now, job, what, out);
         } else {
             self.give_up(now, Phase::Connect, what, out);
         }
@@ -152,10 +157,19 @@ impl<const N: usize> S3964<N> {
         let job = Job { connects: 0, blocks: job.blocks + 1, ..job };
         if job.blocks < self.config.block_attempts {
             self.report(Phase::Output, What::Repetition(job.blocks), out);
-            self.connect(now, job, out);
+            self.again(now, job, what, out);
         } else {
             self.give_up(now, Phase::Output, what, out);
         }
+    }
+
+    /// STX once more: at once if nothing has come, otherwise when the line is quiet.
+    fn again(&mut self, now: Nanos, job: Job, what: What, out: &mut dyn Sink) {
+        if what == What::AckDelay || self.config.quiet == 0 {
+            return self.connect(now, job, out);
+        }
+        (self.state, self.waiting) = (State::Idle, Some(job));
+        self.wait_for_quiet(now);
     }
 
     /// The line has been silent for ZVZ after a character without meaning. (CP 341)
