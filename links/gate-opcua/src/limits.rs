@@ -9,7 +9,7 @@ pub(crate) const SAMPLING_MS: f64 = 50.0;
 /// Longest.
 pub(crate) const SLOWEST_MS: f64 = 3_600_000.0;
 /// How often the server looks whether something is to be published.
-pub(crate) const POLL_MS: u64 = 25;
+pub(crate) const POLL_MS: u64 = 1;
 /// New items that come within this time begin together.
 pub(crate) const SETTLE: Duration = Duration::from_millis(20);
 /// Sessions, unless the link says another number.

@@ -191,7 +191,7 @@ fn written_is_read(raw: &mut Raw) -> Result<(), Failure> {
 fn beside_the_scan(site: &Site, plan: Plan) -> Result<Verdict, Failure> {
     let time = Duration::from_secs(plan.seconds);
     let mut ratios = Ratios::default();
-    let (mut missed, mut links, mut reads) = (0, 0, 0);
+    let (mut missed, mut links, mut reads) = ([0; 3], 0, 0);
     println!("p99 of the scan's execution at 1 ms, {CLIENTS} clients with {READS} reads a second each; µs");
     for round in 0..plan.rounds {
         let mut p99 = [0.0; 3];
@@ -205,8 +205,8 @@ fn beside_the_scan(site: &Site, plan: Plan) -> Result<Verdict, Failure> {
             }
             let after = site.timing()?;
             p99[run] = quantile(&since(&after.execution.buckets, &before.execution.buckets), 0.99) as f64;
+            missed[run] += after.missed - before.missed;
             if run == 2 {
-                missed += after.missed - before.missed;
                 links = links.max(quantile(&since(&after.links.buckets, &before.links.buckets), 0.99));
             }
         }
@@ -219,12 +219,17 @@ fn beside_the_scan(site: &Site, plan: Plan) -> Result<Verdict, Failure> {
     let verdict = figures.judge(figures.noise, enough);
     println!(
         "with clients x {:.3}, quiet against itself x {:.3}   {verdict:?}; {reads} reads; the exchange with links: p99 {:.2} µs; \
-         deadlines missed with clients: {missed}",
+         deadlines missed: {} with clients, {} quiet, {} again",
         figures.ratio,
         figures.noise,
-        links as f64 / 1000.0
+        links as f64 / 1000.0,
+        missed[2],
+        missed[0],
+        missed[1]
     );
-    Ok(if missed == 0 { verdict } else { verdict.max(Verdict::Inconclusive) })
+    // A shared machine takes the core away whatever runs on it: what the clients cost is more than both quiet looks.
+    let because_of_it = missed[2] > missed[0] + missed[1];
+    Ok(if because_of_it { verdict.max(Verdict::Inconclusive) } else { verdict })
 }
 
 /// 64 clients, each with its reads spread over the second; how many were answered.
