@@ -33,7 +33,7 @@ pub struct Times {
     pub starved: Nanos,
     /// The first wait that is not zero; each further one is twice as long. Default 50 ms.
     pub first_wait: Nanos,
-    /// The longest wait between two starts. Default 1 s.
+    /// The longest wait between two starts. Default 800 ms: what is up within 200 ms exchanges again within a second.
     pub longest_wait: Nanos,
     /// A driver that has been up this long starts again without a wait when it dies. Default 5 s.
     pub healthy: Nanos,
@@ -46,7 +46,7 @@ impl Times {
         start: 5000 * MS,
         starved: 30_000 * MS,
         first_wait: 50 * MS,
-        longest_wait: 1000 * MS,
+        longest_wait: 800 * MS,
         healthy: 5000 * MS,
     };
 }

@@ -1,6 +1,7 @@
 //! What a link and the broker say to each other: one message a packet, in the order they were said.
 
 use ob1_model::{Area, BlockId, BlockKind, Cell, CellError, CellWidth, Command, OperatingState as State, Piece, Put};
+use serde::{Deserialize, Serialize};
 
 use super::wire::{Wire, wire};
 use crate::Right;
@@ -275,11 +276,11 @@ pub struct Welcome {
 }
 
 /// A connection of a link, for whoever looks at the station.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Connection {
     /// Its partner: address and port.
     pub partner: String,
-    /// What it is called under: a TSAP, or the number of a configured connection.
+    /// What it is called under: a TSAP, or the number and type of a configured connection.
     pub name: String,
     /// What it is at.
     pub state: String,

@@ -138,37 +138,12 @@ pub struct LinkStatus {
     pub up: bool,
     /// Its connections, where it tells them: an S7 link does.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub connections: Vec<ConnectionStatus>,
-}
-
-/// A connection of a link.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
-pub struct ConnectionStatus {
-    /// Its partner: address and port.
-    pub partner: String,
-    /// What it is called under: a TSAP, or the number and type of a configured connection.
-    pub name: String,
-    /// What it is at.
-    pub state: String,
-    /// The PDU; 0: none was agreed on.
-    pub pdu: u16,
-    /// Jobs of both sides.
-    pub jobs: u64,
-    /// Of these: refused or failed.
-    pub errors: u64,
+    pub connections: Vec<Connection>,
 }
 
 impl From<&LinkState> for LinkStatus {
     fn from(link: &LinkState) -> Self {
-        let connection = |one: &Connection| ConnectionStatus {
-            partner: one.partner.clone(),
-            name: one.name.clone(),
-            state: one.state.clone(),
-            pdu: one.pdu,
-            jobs: one.jobs,
-            errors: one.errors,
-        };
-        Self { name: link.name.clone(), up: link.up, connections: link.connections.iter().map(connection).collect() }
+        Self { name: link.name.clone(), up: link.up, connections: link.connections.clone() }
     }
 }
 
