@@ -301,7 +301,7 @@ impl Translation<'_, '_> {
         }
         let byte = self.byte_of(spot);
         let low = self.b.ins().ireduce(types::I8, value);
-        let one = self.b.ins().iconst(types::I8, 1);
+        let one = self.b.iconst(types::I8, 1);
         let low = self.b.ins().band(low, one);
         self.put_bit(byte, spot, Bit::Val(low));
     }

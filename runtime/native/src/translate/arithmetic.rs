@@ -9,11 +9,14 @@ use cranelift_codegen::ir::{
     types,
 };
 use ob1_cpu::engine::{CC0, CC1, Regs};
-use ob1_ir::{AccuOp, Compare, Convert, MathFn, NumberFormat, Op, Shift, WordLogic};
+use ob1_ir::{AccuOp, Compare, Convert, MathFn, NumberFormat, Op, WordLogic};
 
 use super::Translation;
 use super::state::{self, Accu, Bit, Cc};
 use crate::flow;
+
+/// What an overflow sets.
+const OVERFLOW: flow::Set = flow::OV | flow::OS;
 
 impl Translation<'_, '_> {
     /// CC1 and CC0 of a result, and OV, which also sets OS.
@@ -32,29 +35,52 @@ impl Translation<'_, '_> {
         }
     }
 
+    /// Somebody looks at one of these registers behind the statement.
+    const fn seen(&self, set: flow::Set) -> bool {
+        self.wanted & set != 0
+    }
+
     /// CC1 = `bit`, CC0 = 0, OV = 0; OS stays.
-    fn set_cc1(&mut self, bit: Value) {
-        let zero = self.b.ins().iconst(types::I8, 0);
-        self.now.cc = Cc::Pair(bit, zero);
+    pub(super) fn set_cc1(&mut self, bit: impl FnOnce(&mut Self) -> Value) {
+        if self.seen(flow::CC) {
+            let (bit, zero) = (bit(self), self.b.iconst(types::I8, 0));
+            self.now.cc = Cc::Pair(bit, zero);
+        }
         self.now.ov = Bit::Known(false);
+    }
+
+    /// The low word of a result with its sign, and whether it is another number than the result.
+    fn cut(&mut self, whole: Value) -> (Value, Bit) {
+        if !self.seen(flow::CC | OVERFLOW) {
+            return (whole, Bit::Known(false));
+        }
+        let word = self.b.ins().ireduce(types::I16, whole);
+        let kept = self.b.ins().sextend(types::I32, word);
+        let other = self.overflow(|t| t.b.ins().icmp(IntCC::NotEqual, kept, whole));
+        (kept, other)
+    }
+
+    /// OV, when it is looked at.
+    fn overflow(&mut self, ov: impl FnOnce(&mut Self) -> Value) -> Bit {
+        if self.seen(OVERFLOW) { Bit::Val(ov(self)) } else { Bit::Known(false) }
     }
 
     fn is_zero(&mut self, v: Value, how: IntCC) -> Value {
         let ty = self.b.func.dfg.value_type(v);
-        let zero = self.b.ins().iconst(ty, 0);
+        let zero = self.b.iconst(ty, 0);
         self.b.ins().icmp(how, v, zero)
     }
 
-    fn signed(&mut self, i: usize) -> Value {
+    pub(super) fn signed(&mut self, i: usize) -> Value {
         state::signed(self.now.a[i], self.vars.a[i], &mut self.b)
     }
 
-    fn set_low(&mut self, lo: Value) {
+    pub(super) fn set_low(&mut self, lo: Value) {
         let hi = state::high(self.now.a[0], self.vars.a[0], &mut self.b);
         self.now.a[0] = Accu::Split { hi, lo };
     }
 
-    fn set_full(&mut self, v: Value) {
+    pub(super) fn set_full(&mut self, v: Value) {
         self.now.a[0] = Accu::Full(v);
     }
 
@@ -107,9 +133,10 @@ impl Translation<'_, '_> {
                 };
                 let result = self.logic(*op, x, y);
                 self.set_low(result);
-                let word = self.b.ins().ireduce(types::I16, result);
-                let any = self.is_zero(word, IntCC::NotEqual);
-                self.set_cc1(any);
+                self.set_cc1(|t| {
+                    let word = t.b.ins().ireduce(types::I16, result);
+                    t.is_zero(word, IntCC::NotEqual)
+                });
             }
             Op::DWordLogic(op, with) => {
                 let x = self.accu(0);
@@ -119,8 +146,7 @@ impl Translation<'_, '_> {
                 };
                 let result = self.logic(*op, x, y);
                 self.set_full(result);
-                let any = self.is_zero(result, IntCC::NotEqual);
-                self.set_cc1(any);
+                self.set_cc1(|t| t.is_zero(result, IntCC::NotEqual));
             }
             Op::Shift(kind, Some(count)) => self.shift(*kind, *count),
             Op::RotateLeftCc1 | Op::RotateRightCc1 => self.rotate_cc1(*op == Op::RotateLeftCc1),
@@ -199,19 +225,15 @@ impl Translation<'_, '_> {
         match op {
             AccuOp::Add | AccuOp::Sub => {
                 let sum = if op == AccuOp::Add { self.b.ins().iadd(x, y) } else { self.b.ins().isub(x, y) };
-                let word = self.b.ins().ireduce(types::I16, sum);
-                let kept = self.b.ins().sextend(types::I32, word);
-                let ov = self.b.ins().icmp(IntCC::NotEqual, kept, sum);
+                let (kept, ov) = self.cut(sum);
                 self.set_low(sum);
-                self.set_cc(Cc::Sign(kept), Bit::Val(ov));
+                self.set_cc(Cc::Sign(kept), ov);
             }
             AccuOp::Mul => {
                 let product = self.b.ins().imul(x, y);
-                let word = self.b.ins().ireduce(types::I16, product);
-                let kept = self.b.ins().sextend(types::I32, word);
-                let ov = self.b.ins().icmp(IntCC::NotEqual, kept, product);
+                let ov = self.cut(product).1;
                 self.set_full(product);
-                self.set_cc(Cc::Sign(product), Bit::Val(ov));
+                self.set_cc(Cc::Sign(product), ov);
             }
             AccuOp::Div | AccuOp::Mod => {
                 let (zero, divisor) = self.divisor(y);
@@ -240,7 +262,7 @@ impl Translation<'_, '_> {
         }
         let zero = self.is_zero(y, IntCC::Equal);
         let ty = self.b.func.dfg.value_type(y);
-        let one = self.b.ins().iconst(ty, 1);
+        let one = self.b.iconst(ty, 1);
         (Some(zero), self.b.ins().select(zero, one, y))
     }
 
@@ -262,14 +284,18 @@ impl Translation<'_, '_> {
             AccuOp::Add | AccuOp::Sub => {
                 let sum = if op == AccuOp::Add { self.b.ins().iadd(x, y) } else { self.b.ins().isub(x, y) };
                 // Overflow: the signs of the operands demand another sign than the sum's.
-                let (p, q) = (
-                    self.b.ins().bxor(sum, x),
-                    if op == AccuOp::Add { self.b.ins().bxor(sum, y) } else { self.b.ins().bxor(x, y) },
-                );
-                let both = self.b.ins().band(p, q);
-                let ov = self.is_zero(both, IntCC::SignedLessThan);
+                let ov = self.overflow(|t| {
+                    let p = t.b.ins().bxor(sum, x);
+                    let q = if op == AccuOp::Add { t.b.ins().bxor(sum, y) } else { t.b.ins().bxor(x, y) };
+                    let both = t.b.ins().band(p, q);
+                    t.is_zero(both, IntCC::SignedLessThan)
+                });
                 self.set_full(sum);
-                self.set_cc(Cc::Sign(sum), Bit::Val(ov));
+                self.set_cc(Cc::Sign(sum), ov);
+            }
+            AccuOp::Mul if !self.seen(flow::CC | OVERFLOW) => {
+                let product = self.b.ins().imul(x, y);
+                self.set_full(product);
             }
             AccuOp::Mul => {
                 let (x, y) = (self.b.ins().sextend(types::I64, x), self.b.ins().sextend(types::I64, y));
@@ -286,11 +312,11 @@ impl Translation<'_, '_> {
                 let (zero, divisor) = self.divisor(y);
                 let quotient = self.b.ins().sdiv(x, divisor);
                 let (sign, ov) = if op == AccuOp::Div {
-                    let most = self.b.ins().iconst(types::I64, i64::from(i32::MAX));
+                    let most = self.b.iconst(types::I64, i64::from(i32::MAX));
                     (quotient, self.b.ins().icmp(IntCC::SignedGreaterThan, quotient, most))
                 } else {
                     let back = self.b.ins().imul(quotient, divisor);
-                    (self.b.ins().isub(x, back), self.b.ins().iconst(types::I8, 0))
+                    (self.b.ins().isub(x, back), self.b.iconst(types::I8, 0))
                 };
                 let result = self.b.ins().ireduce(types::I32, sign);
                 match zero {
@@ -319,6 +345,9 @@ impl Translation<'_, '_> {
     /// A floating-point result: 0 and denormalised numbers have no sign, what is no number has both codes.
     fn set_real(&mut self, result: Value) {
         self.now.a[0] = Accu::Real(result);
+        if !self.seen(flow::CC | OVERFLOW) {
+            return;
+        }
         let least = self.b.ins().f32const(f32::MIN_POSITIVE);
         let negative = self.b.ins().f32const(-f32::MIN_POSITIVE);
         let most = self.b.ins().f32const(f32::MAX);
@@ -353,9 +382,12 @@ impl Translation<'_, '_> {
             }
         };
         let rlo = self.b.ins().icmp(how, x, y);
-        let greater = self.b.ins().icmp(IntCC::SignedGreaterThan, x, y);
-        let less = self.b.ins().icmp(IntCC::SignedLessThan, x, y);
-        self.set_cc(Cc::Pair(greater, less), Bit::Known(false));
+        if self.seen(flow::CC) {
+            let mut code = |wanted: IntCC| if wanted == how { rlo } else { self.b.ins().icmp(wanted, x, y) };
+            let (greater, less) = (code(IntCC::SignedGreaterThan), code(IntCC::SignedLessThan));
+            self.now.cc = Cc::Pair(greater, less);
+        }
+        self.set_ov(Bit::Known(false));
         self.set_result(Bit::Val(rlo));
     }
 
@@ -372,114 +404,14 @@ impl Translation<'_, '_> {
             Compare::LessEqual => FloatCC::LessThanOrEqual,
         };
         let rlo = self.b.ins().fcmp(how, x, y);
-        let cc1 = self.b.ins().fcmp(FloatCC::UnorderedOrGreaterThan, x, y);
-        let cc0 = self.b.ins().fcmp(FloatCC::UnorderedOrLessThan, x, y);
-        let ov = self.b.ins().fcmp(FloatCC::Unordered, x, y);
-        self.set_cc(Cc::Pair(cc1, cc0), Bit::Val(ov));
+        if self.seen(flow::CC) {
+            let cc1 = self.b.ins().fcmp(FloatCC::UnorderedOrGreaterThan, x, y);
+            let cc0 = self.b.ins().fcmp(FloatCC::UnorderedOrLessThan, x, y);
+            self.now.cc = Cc::Pair(cc1, cc0);
+        }
+        let ov = self.overflow(|t| t.b.ins().fcmp(FloatCC::Unordered, x, y));
+        self.set_ov(ov);
         self.set_result(Bit::Val(rlo));
-    }
-
-    fn shift(&mut self, kind: Shift, count: u8) {
-        if count == 0 {
-            return;
-        }
-        let n = u32::from(count);
-        let mask16 = |t: &mut Self, v: Value| {
-            let mask = t.word(0xFFFF);
-            t.b.ins().band(v, mask)
-        };
-        // The result, and a value whose bit 0 was shifted out last.
-        let (result, out) = match kind {
-            Shift::LeftWord => {
-                let low = self.accu_low(0);
-                let low = mask16(self, low);
-                if n > 16 {
-                    (self.word(0), self.word(0))
-                } else {
-                    let wide = self.shifted(low, n, Shift::LeftDWord);
-                    (wide, self.shifted(wide, 16, Shift::RightDWord))
-                }
-            }
-            Shift::RightWord => {
-                let low = self.accu_low(0);
-                let low = mask16(self, low);
-                let n = n.min(17);
-                (self.shifted(low, n, Shift::RightDWord), self.shifted(low, n - 1, Shift::RightDWord))
-            }
-            Shift::RightInt => {
-                let low = self.signed(0);
-                let n = n.min(16);
-                (self.shifted(low, n, Shift::RightDInt), self.shifted(low, n - 1, Shift::RightDInt))
-            }
-            Shift::LeftDWord => {
-                let v = self.accu(0);
-                match n {
-                    0..=31 => (self.shifted(v, n, kind), self.shifted(v, 32 - n, Shift::RightDWord)),
-                    32 => (self.word(0), v),
-                    _ => (self.word(0), self.word(0)),
-                }
-            }
-            Shift::RightDWord => {
-                let v = self.accu(0);
-                match n {
-                    0..=31 => (self.shifted(v, n, kind), self.shifted(v, n - 1, kind)),
-                    32 => (self.word(0), self.shifted(v, 31, kind)),
-                    _ => (self.word(0), self.word(0)),
-                }
-            }
-            Shift::RightDInt => {
-                let v = self.accu(0);
-                let (n, last) = if n > 31 { (31, 31) } else { (n, n - 1) };
-                (self.shifted(v, n, kind), self.shifted(v, last, kind))
-            }
-            Shift::RotateLeft => {
-                let v = self.accu(0);
-                let count = self.word(n % 32);
-                let result = self.b.ins().rotl(v, count);
-                (result, result)
-            }
-            Shift::RotateRight => {
-                let v = self.accu(0);
-                let count = self.word(n % 32);
-                let result = self.b.ins().rotr(v, count);
-                (result, self.shifted(result, 31, Shift::RightDWord))
-            }
-        };
-        match kind {
-            Shift::LeftWord | Shift::RightWord | Shift::RightInt => self.set_low(result),
-            _ => self.set_full(result),
-        }
-        let one = self.word(1);
-        let out = self.b.ins().band(out, one);
-        let out = self.b.ins().ireduce(types::I8, out);
-        self.set_cc1(out);
-    }
-
-    /// A shift of 32 bits by fewer than 32.
-    fn shifted(&mut self, v: Value, n: u32, kind: Shift) -> Value {
-        let n = self.word(n);
-        match kind {
-            Shift::LeftDWord => self.b.ins().ishl(v, n),
-            Shift::RightDInt => self.b.ins().sshr(v, n),
-            _ => self.b.ins().ushr(v, n),
-        }
-    }
-
-    fn rotate_cc1(&mut self, left: bool) {
-        let v = self.accu(0);
-        let (cc1, _) = state::pair(self.now.cc, self.vars.cc, &mut self.b);
-        let cc1 = state::placed(cc1, 1, &mut self.b);
-        let (moved, out, last) = if left {
-            (self.shifted(v, 1, Shift::LeftDWord), self.shifted(v, 31, Shift::RightDWord), cc1)
-        } else {
-            (self.shifted(v, 1, Shift::RightDWord), v, self.shifted(cc1, 31, Shift::LeftDWord))
-        };
-        let result = self.b.ins().bor(moved, last);
-        self.set_full(result);
-        let one = self.word(1);
-        let out = self.b.ins().band(out, one);
-        let out = self.b.ins().ireduce(types::I8, out);
-        self.set_cc1(out);
     }
 
     fn convert(&mut self, kind: Convert) {
@@ -507,19 +439,19 @@ impl Translation<'_, '_> {
             Convert::Negi => {
                 let v = self.signed(0);
                 let negated = self.b.ins().ineg(v);
-                let word = self.b.ins().ireduce(types::I16, negated);
-                let kept = self.b.ins().sextend(types::I32, word);
-                let ov = self.b.ins().icmp(IntCC::NotEqual, kept, negated);
+                let (kept, ov) = self.cut(negated);
                 self.set_low(negated);
-                self.set_cc(Cc::Sign(kept), Bit::Val(ov));
+                self.set_cc(Cc::Sign(kept), ov);
             }
             Convert::Negd => {
                 let v = self.accu(0);
                 let negated = self.b.ins().ineg(v);
-                let least = self.word(0x8000_0000);
-                let ov = self.b.ins().icmp(IntCC::Equal, v, least);
+                let ov = self.overflow(|t| {
+                    let least = t.word(0x8000_0000);
+                    t.b.ins().icmp(IntCC::Equal, v, least)
+                });
                 self.set_full(negated);
-                self.set_cc(Cc::Sign(negated), Bit::Val(ov));
+                self.set_cc(Cc::Sign(negated), ov);
             }
             Convert::Negr => {
                 let v = self.accu(0);

@@ -223,18 +223,18 @@ impl Translation<'_, '_> {
     /// `)` of a bracket that was opened before a place where jumps meet.
     fn close_unknown(&mut self, rlo: Bit) {
         let nest = self.outer_nest();
-        let eight = self.b.ins().iconst(types::I64, 8);
+        let eight = self.b.iconst(types::I64, 8);
         let rest = self.b.ins().ushr(nest, eight);
         self.b.def_var(self.vars.nest, rest);
         let entry = self.b.ins().ireduce(types::I8, nest);
         let bit = |t: &mut Self, n: i64| -> Value {
-            let shift = t.b.ins().iconst(types::I8, n);
+            let shift = t.b.iconst(types::I8, n);
             let v = t.b.ins().ushr(entry, shift);
-            let one = t.b.ins().iconst(types::I8, 1);
+            let one = t.b.iconst(types::I8, 1);
             t.b.ins().band(v, one)
         };
         let (saved, or, negate) = (bit(self, 0), bit(self, 1), bit(self, 2));
-        let three = self.b.ins().iconst(types::I8, 3);
+        let three = self.b.iconst(types::I8, 3);
         let kind = self.b.ins().ushr(entry, three);
         let kind = self.b.ins().band(kind, three);
         let rlo = rlo.value(self.vars.rlo, &mut self.b);
@@ -243,8 +243,8 @@ impl Translation<'_, '_> {
         let anded = self.b.ins().bor(both, or);
         let ored = self.b.ins().bor(saved, inner);
         let xored = self.b.ins().bxor(saved, inner);
-        let zero = self.b.ins().iconst(types::I8, 0);
-        let one = self.b.ins().iconst(types::I8, 1);
+        let zero = self.b.iconst(types::I8, 0);
+        let one = self.b.iconst(types::I8, 1);
         let is_and = self.b.ins().icmp(IntCC::Equal, kind, zero);
         let is_or = self.b.ins().icmp(IntCC::Equal, kind, one);
         let other = self.b.ins().select(is_or, ored, xored);

@@ -100,7 +100,7 @@ impl Translation<'_, '_> {
         let hi = state::high(self.now.a[0], self.vars.a[0], &mut self.b);
         self.now.a[0] = super::state::Accu::Split { hi, lo: left };
         let word = self.b.ins().ireduce(types::I16, left);
-        let zero = self.b.ins().iconst(types::I16, 0);
+        let zero = self.b.iconst(types::I16, 0);
         let more = self.b.ins().icmp(IntCC::NotEqual, word, zero);
         self.branch(Bit::Val(more), true, |t| t.go(to, pc));
     }
@@ -231,6 +231,7 @@ impl Translation<'_, '_> {
         self.b.seal_block(next);
         self.b.switch_to_block(other);
         let behind = self.word(pc as u32 + 1);
+        self.ways.fails = true;
         self.b.ins().jump(self.failed, &[BlockArg::from(answer), BlockArg::from(behind)]);
         self.b.switch_to_block(next);
         self.checked = Checked::default();

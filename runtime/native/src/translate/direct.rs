@@ -88,9 +88,9 @@ impl Translation<'_, '_> {
         ] {
             self.store_state(value, self.run, Self::reg(at));
         }
-        let none = self.b.ins().iconst(types::I64, 0);
+        let none = self.b.iconst(types::I64, 0);
         self.store_state(none, self.run, Self::reg(offset_of!(Regs, nest)));
-        let inactive = self.b.ins().iconst(types::I8, 0);
+        let inactive = self.b.iconst(types::I8, 0);
         self.store_state(inactive, self.run, Self::reg(offset_of!(Regs, mcr_active)));
         self.put_instance(instance);
         self.end_of_chain();
@@ -115,7 +115,7 @@ impl Translation<'_, '_> {
         let first = u64::from(db.at.0) | u64::from(db.len) << 32;
         let second = u64::from(db.writable) | u64::from(db.number) << 32;
         for (value, at) in [(first, 0), (second, 8)] {
-            let value = self.b.ins().iconst(types::I64, value as i64);
+            let value = self.b.iconst(types::I64, value as i64);
             self.store_state(value, self.run, Self::reg(offset_of!(Regs, di) + at));
         }
         let ar2 = self.word(INSTANCE);
@@ -129,7 +129,7 @@ impl Translation<'_, '_> {
         let flags = self.b.ins().band(flags, rest);
         self.store_state(flags, self.run, Self::reg(offset_of!(Regs, flags)));
         for (at, value) in [(offset_of!(Regs, fc), 0), (offset_of!(Regs, or), 0), (offset_of!(Regs, sta), 1)] {
-            let value = self.b.ins().iconst(types::I8, value);
+            let value = self.b.iconst(types::I8, value);
             self.store_state(value, self.run, Self::reg(at));
         }
     }

@@ -4,7 +4,7 @@ use cranelift_codegen::ir::{InstBuilder, Value, types};
 
 use super::Translation;
 use super::operand::{BitAt, Spot};
-use super::state::Bit;
+use super::state::{self, Bit};
 
 impl Translation<'_, '_> {
     /// 8, 16 or 32 bits, the upper ones 0.
@@ -17,7 +17,7 @@ impl Translation<'_, '_> {
     pub(crate) fn write(&mut self, spot: Spot, bits: u32, value: Value) {
         let value = match bits {
             8 => self.b.ins().ireduce(types::I8, value),
-            16 => self.b.ins().ireduce(types::I16, value),
+            16 => state::word_of(value, &self.b).unwrap_or_else(|| self.b.ins().ireduce(types::I16, value)),
             _ => value,
         };
         self.put_content(spot, value);
@@ -30,8 +30,9 @@ impl Translation<'_, '_> {
 
     fn shift_of(&mut self, spot: Spot) -> Value {
         match spot.bit {
-            BitAt::Known(bit) => self.b.ins().iconst(types::I8, i64::from(bit)),
-            BitAt::Computed(v) => self.b.ins().ireduce(types::I8, v),
+            BitAt::Known(bit) => self.b.iconst(types::I8, i64::from(bit)),
+            // A shift of eight bits looks at the low three of its distance.
+            BitAt::Computed(v) => v,
         }
     }
 
@@ -42,15 +43,15 @@ impl Translation<'_, '_> {
         }
         let shift = self.shift_of(spot);
         let shifted = self.b.ins().ushr(byte, shift);
-        let one = self.b.ins().iconst(types::I8, 1);
+        let one = self.b.iconst(types::I8, 1);
         Bit::Val(self.b.ins().band(shifted, one))
     }
 
     /// Writes a bit into a byte that was read.
     pub(crate) fn put_bit(&mut self, byte: Value, spot: Spot, value: Bit) {
         if let BitAt::Known(at) = spot.bit {
-            let one = self.b.ins().iconst(types::I8, 1 << at);
-            let rest = self.b.ins().iconst(types::I8, !(1i64 << at) & 0xFF);
+            let one = self.b.iconst(types::I8, 1 << at);
+            let rest = self.b.iconst(types::I8, !(1i64 << at) & 0xFF);
             let new = match value {
                 Bit::Known(true) => self.b.ins().bor(byte, one),
                 Bit::Known(false) => self.b.ins().band(byte, rest),
@@ -64,7 +65,7 @@ impl Translation<'_, '_> {
             return;
         }
         let shift = self.shift_of(spot);
-        let one = self.b.ins().iconst(types::I8, 1);
+        let one = self.b.iconst(types::I8, 1);
         let mask = self.b.ins().ishl(one, shift);
         let new = match value {
             Bit::Known(true) => self.b.ins().bor(byte, mask),

@@ -6,18 +6,21 @@
 
 mod arithmetic;
 mod bits;
+mod builder;
 pub(crate) mod cache;
 mod control;
 mod direct;
 mod memory;
 pub(crate) mod operand;
+mod shifts;
 mod spill;
 pub(crate) mod state;
 mod timers;
 mod words;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
+use cranelift_codegen::ir::condcodes::IntCC;
 use cranelift_codegen::ir::{self, AliasRegion, AliasRegionData, InstBuilder, MemFlagsData, SigRef, Value, types};
 use cranelift_frontend::{FunctionBuilder, Variable};
 use ob1_cpu::engine::{Op as PlanOp, Plan, Regs};
@@ -27,6 +30,7 @@ use ob1_model::{Area, BlockKind};
 use crate::compile::Tier;
 use crate::flow::{self, Env, Facts, How, Set};
 use crate::run::Run;
+use builder::Builder;
 use state::{Bit, Data, State, Vars};
 
 /// A place where compiled code can be entered from the reference: the statement, and its number among these places.
@@ -34,7 +38,7 @@ pub(crate) type Resume = (u32, u32);
 
 /// The function being made.
 pub(crate) struct Translation<'a, 'f> {
-    pub(crate) b: FunctionBuilder<'f>,
+    pub(crate) b: Builder<'f>,
     pub(crate) plan: &'a Plan,
     pub(crate) vars: Vars,
     pub(crate) run: Value,
@@ -66,15 +70,27 @@ pub(crate) struct Translation<'a, 'f> {
     pub(crate) failed: ir::Block,
     /// Where an abort returns.
     pub(crate) abort: ir::Block,
+    /// Which of these ways anything leads to.
+    pub(crate) ways: Ways,
     pub(crate) helper: SigRef,
     /// The signature of other compiled blocks.
     pub(crate) other: SigRef,
     /// Registers that are needed behind the statement being translated.
     pub(crate) wanted: Set,
+    /// No actual parameter is a pointer: that was looked at before the first statement.
+    pub(crate) no_pointers: bool,
     /// Compiled quickly: what memory holds is not carried on where ways meet.
     pub(crate) fast: bool,
     /// The variables of places of memory, for where ways meet.
     pub(crate) places: BTreeMap<cache::Place, Variable>,
+}
+
+/// Ways out of a function besides its end, that something leads to.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Ways {
+    pub(crate) leaves: bool,
+    pub(crate) fails: bool,
+    pub(crate) aborts: bool,
 }
 
 /// Where the reference can go on: the code, the registers it needs, and the statement when jumps lead there, too.
@@ -94,8 +110,8 @@ pub(crate) struct Checked {
     pub(crate) data: [[Option<Value>; 3]; 2],
     /// The instance's first byte.
     pub(crate) instance: Option<Value>,
-    /// References to actual parameters that are no pointers.
-    pub(crate) params: Vec<(u16, Value)>,
+    /// References to actual parameters.
+    pub(crate) params: Vec<operand::Param>,
     /// What memory holds, and what is to be written there.
     pub(crate) cache: cache::Cache,
 }
@@ -235,7 +251,7 @@ pub(crate) fn translate(
 ) -> Made {
     let arena_region = func.dfg.alias_regions.insert(AliasRegionData { user_id: 1, description: "arena".into() });
     let state_region = func.dfg.alias_regions.insert(AliasRegionData { user_id: 2, description: "state".into() });
-    let mut b = FunctionBuilder::new(func, context);
+    let mut b = Builder::new(FunctionBuilder::new(func, context));
     let vars = Vars::declare(&mut b);
     let helper = crate::compile::helper_signature(target.default_call_conv);
     let helper = b.import_signature(helper);
@@ -252,7 +268,7 @@ pub(crate) fn translate(
     // Nobody sees the registers of an organization block at its end.
     let end = if plan.blocks[block as usize].id.kind == BlockKind::Ob { 0 } else { flow::RESULTS };
     let body = Body::new(plan, block, facts, crate::inline::instance_bytes(plan, block), end, None);
-    let unknown = b.ins().iconst(types::I64, 0);
+    let unknown = b.iconst(types::I64, 0);
     let mut t = Translation {
         b,
         plan,
@@ -274,9 +290,11 @@ pub(crate) fn translate(
         leave_counted,
         failed,
         abort,
+        ways: Ways::default(),
         helper,
         other,
         wanted: flow::ALL,
+        no_pointers: false,
         fast: tier == Tier::Fast,
         places: BTreeMap::new(),
     };
@@ -286,19 +304,19 @@ pub(crate) fn translate(
     let mut resume = std::mem::take(&mut t.resume);
     resume.sort_unstable();
     t.b.seal_all_blocks();
-    t.b.finalize(target);
+    t.b.finish().finalize(target);
     Made { resume }
 }
 
-/// Whether a block reaches its local data, and references to actual parameters. Blocks that are part of it lie behind
-/// its local data.
-fn touches(plan: &Plan, block: u32) -> (bool, bool) {
+/// What a block reaches besides the memory of the CPU: its local data, and references to actual parameters. Blocks that
+/// are part of it lie behind its local data.
+fn touches(plan: &Plan, block: u32) -> (bool, BTreeSet<u16>) {
     let code = &plan.blocks[block as usize];
-    let (mut local, mut refs) = (false, false);
+    let (mut local, mut refs) = (false, BTreeSet::new());
     for stmt in &code.stmts {
         local |= matches!(stmt.op, Op::Call(_));
         stmt.op.places(&mut |place, _| match place {
-            Place::Param { .. } => refs = true,
+            Place::Param { index, .. } => _ = refs.insert(index),
             Place::Fixed(Area::Local, _) | Place::Register(..) => local = true,
             Place::Memory(area, pointer) => local |= area == Area::Local || pointer.area == Area::Local,
             _ => {}
@@ -306,6 +324,11 @@ fn touches(plan: &Plan, block: u32) -> (bool, bool) {
     }
     (local, refs)
 }
+
+/// Statements of a block that the reference runs as a whole, at most, when an actual parameter is a pointer. Pointers
+/// are rare, and a check for each use takes much code; but a long block or a loop should not go to the reference for
+/// one of them.
+const WHOLE: usize = 2 * BETWEEN;
 
 impl Translation<'_, '_> {
     /// The entry: pointers, and the registers that are needed.
@@ -319,22 +342,42 @@ impl Translation<'_, '_> {
             let local = self.b.ins().uextend(types::I64, local);
             self.local = self.b.ins().iadd(self.arena, local);
         }
-        if refs {
-            let refs = self.load_pointer(self.hot, offset_of!(ob1_cpu::engine::Hot, refs));
-            let first = self.load_state(types::I32, self.run, offset_of!(Run, regs) + offset_of!(Regs, refs));
-            let first = self.b.ins().uextend(types::I64, first);
-            let two = self.b.ins().iconst(types::I64, 2);
-            let first = self.b.ins().ishl(first, two);
-            self.refs = self.b.ins().iadd(refs, first);
-        }
-        if let Some(room) = crate::inline::room(self) {
-            self.leave_for_good_unless(room);
+        let room = crate::inline::room(self);
+        let plain = if refs.is_empty() { None } else { self.references(&refs) };
+        let good = match (room, plain) {
+            (Some(room), Some(plain)) => Some(self.b.ins().band(room, plain)),
+            (room, plain) => room.or(plain),
+        };
+        if let Some(good) = good {
+            self.leave_for_good_unless(good);
         }
         let executed = self.load_state(types::I32, self.hot, offset_of!(ob1_cpu::engine::Hot, pending));
         self.b.def_var(self.vars.executed, executed);
         self.now.stored &= !flow::COUNT;
         self.now.fc = Bit::Known(false);
         self.now.or = Bit::Known(false);
+    }
+
+    /// Where the references to actual parameters lie; and whether none is a pointer, when that is looked at once.
+    fn references(&mut self, used: &BTreeSet<u16>) -> Option<Value> {
+        use std::mem::offset_of;
+        let refs = self.load_pointer(self.hot, offset_of!(ob1_cpu::engine::Hot, refs));
+        let first = self.load_state(types::I32, self.run, offset_of!(Run, regs) + offset_of!(Regs, refs));
+        let first = self.b.ins().uextend(types::I64, first);
+        let two = self.b.iconst(types::I64, 2);
+        let first = self.b.ins().ishl(first, two);
+        self.refs = self.b.ins().iadd(refs, first);
+        if self.body.stmts.len() > WHOLE || self.body.loops.contains(&true) {
+            return None;
+        }
+        self.no_pointers = true;
+        let mut all = None;
+        for index in used {
+            let reference = self.load_state(types::I32, self.refs, usize::from(*index) * 4);
+            all = Some(all.map_or(reference, |all| self.b.ins().bor(all, reference)));
+        }
+        let zero = self.word(0);
+        all.map(|all| self.b.ins().icmp(IntCC::SignedGreaterThanOrEqual, all, zero))
     }
 
     /// Every statement of the body.
@@ -492,7 +535,7 @@ impl Translation<'_, '_> {
     }
 
     pub(crate) fn word(&mut self, value: u32) -> Value {
-        self.b.ins().iconst(types::I32, i64::from(value))
+        self.b.iconst(types::I32, i64::from(value))
     }
 
     /// The place of a register in memory.

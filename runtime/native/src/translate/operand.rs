@@ -26,7 +26,16 @@ pub(crate) struct Spot {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum BitAt {
     Known(u8),
+    /// By the low three bits of a value.
     Computed(Value),
+}
+
+/// The reference to an actual parameter, which is no pointer, and the address of its byte.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Param {
+    index: u16,
+    reference: Value,
+    base: Option<Value>,
 }
 
 /// Which data block register.
@@ -87,7 +96,7 @@ impl Translation<'_, '_> {
 
     /// The reference executes statement `pc`, always.
     pub(crate) fn never(&mut self, pc: usize) {
-        let always = self.b.ins().iconst(types::I8, 1);
+        let always = self.b.iconst(types::I8, 1);
         self.leave_if(always, pc);
     }
 
@@ -171,7 +180,7 @@ impl Translation<'_, '_> {
         self.b.ins().iadd(self.arena, byte)
     }
 
-    /// The reference to an actual parameter; pointers are left to the reference engine.
+    /// An actual parameter.
     fn param(&mut self, index: u16, at: u32, bits: u32, pc: usize) -> Spot {
         if let Some(inlined) = &self.body.inlined {
             let (base, bit) = match inlined.refs.get(usize::from(index)).copied() {
@@ -181,37 +190,58 @@ impl Translation<'_, '_> {
             };
             return Spot { base, offset: bit / 8, bit: BitAt::Known((bit % 8) as u8) };
         }
-        let known = self.checked.params.iter().find(|(i, _)| *i == index).map(|(_, v)| *v);
-        let reference = known.unwrap_or_else(|| {
-            let flags = self.state_flags();
-            let reference = self.b.ins().load(types::I32, flags, self.refs, i32::from(index) * 4);
-            let zero = self.word(0);
-            let pointer = self.b.ins().icmp(IntCC::SignedLessThan, reference, zero);
-            self.leave_if(pointer, pc);
-            self.checked.params.push((index, reference));
-            reference
-        });
-        let three = self.word(3);
-        if bits == 1 {
+        let mut param = self.reference(index, pc);
+        if bits == 1 && at > 0 {
             let offset = self.word(at);
-            let bit = self.b.ins().iadd(reference, offset);
-            let byte = self.b.ins().ushr(bit, three);
-            let base = self.arena_at(byte);
-            let seven = self.word(7);
-            let bit = self.b.ins().band(bit, seven);
+            let bit = self.b.ins().iadd(param.reference, offset);
+            let base = self.byte_at(bit);
             return Spot { base, offset: 0, bit: BitAt::Computed(bit) };
         }
-        let byte = self.b.ins().ushr(reference, three);
-        if at > 0 {
+        if bits > 1 && at > 0 {
             // The actual may be shorter than its formal, and the arena end behind it.
             let length = self.load_state(types::I32, self.hot, offset_of!(Hot, arena_len));
+            let three = self.word(3);
+            let byte = self.b.ins().ushr(param.reference, three);
             let behind = self.word(at / 8 + bits / 8);
             let end = self.b.ins().iadd(byte, behind);
             let outside = self.b.ins().icmp(IntCC::UnsignedGreaterThan, end, length);
             self.leave_if(outside, pc);
         }
-        let base = self.arena_at(byte);
-        Spot { base, offset: at / 8, bit: BitAt::Known(0) }
+        let base = match param.base {
+            Some(base) => base,
+            None => {
+                let base = self.byte_at(param.reference);
+                param.base = Some(base);
+                self.checked.params.retain(|known| known.index != index);
+                self.checked.params.push(param);
+                base
+            }
+        };
+        let bit = if bits == 1 { BitAt::Computed(param.reference) } else { BitAt::Known(0) };
+        Spot { base, offset: at / 8, bit }
+    }
+
+    /// The reference to an actual parameter; pointers are left to the reference engine.
+    fn reference(&mut self, index: u16, pc: usize) -> Param {
+        if let Some(known) = self.checked.params.iter().find(|known| known.index == index) {
+            return *known;
+        }
+        let reference = self.load_state(types::I32, self.refs, usize::from(index) * 4);
+        if !self.no_pointers {
+            let zero = self.word(0);
+            let pointer = self.b.ins().icmp(IntCC::SignedLessThan, reference, zero);
+            self.leave_if(pointer, pc);
+        }
+        let param = Param { index, reference, base: None };
+        self.checked.params.push(param);
+        param
+    }
+
+    /// Address of the byte of a bit of the arena.
+    fn byte_at(&mut self, bit: Value) -> Value {
+        let three = self.word(3);
+        let byte = self.b.ins().ushr(bit, three);
+        self.arena_at(byte)
     }
 
     /// A variable of the instance. The whole instance is checked once.
@@ -333,17 +363,16 @@ impl Translation<'_, '_> {
         let width = self.word(bits.div_ceil(8));
         let end = self.b.ins().iadd(byte, width);
         let mut bad = self.b.ins().icmp(IntCC::UnsignedGreaterThan, end, length);
-        let seven = self.word(7);
-        let bit = self.b.ins().band(at, seven);
         if bits > 1 {
-            let zero = self.word(0);
+            let (seven, zero) = (self.word(7), self.word(0));
+            let bit = self.b.ins().band(at, seven);
             let odd = self.b.ins().icmp(IntCC::NotEqual, bit, zero);
             bad = self.b.ins().bor(bad, odd);
         }
         self.leave_if(bad, pc);
         let byte = self.b.ins().iadd(first, byte);
         let base = self.arena_at(byte);
-        let bit = if bits > 1 { BitAt::Known(0) } else { BitAt::Computed(bit) };
+        let bit = if bits > 1 { BitAt::Known(0) } else { BitAt::Computed(at) };
         Spot { base, offset: 0, bit }
     }
 

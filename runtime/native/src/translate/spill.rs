@@ -147,16 +147,16 @@ impl Translation<'_, '_> {
     pub(crate) fn nest(&mut self) -> Value {
         let mut nest = self.outer_nest();
         for bracket in self.now.brackets.clone() {
-            let eight = self.b.ins().iconst(types::I64, 8);
+            let eight = self.b.iconst(types::I64, 8);
             nest = self.b.ins().ishl(nest, eight);
             let rlo = bracket.rlo.value(self.vars.rlo, &mut self.b);
             let rlo = self.b.ins().uextend(types::I64, rlo);
             let or = bracket.or.value(self.vars.or, &mut self.b);
             let or = self.b.ins().uextend(types::I64, or);
-            let one = self.b.ins().iconst(types::I64, 1);
+            let one = self.b.iconst(types::I64, 1);
             let or = self.b.ins().ishl(or, one);
             let rest = i64::from(bracket.negate) << 2 | (bracket.logic as i64) << 3;
-            let rest = self.b.ins().iconst(types::I64, rest);
+            let rest = self.b.iconst(types::I64, rest);
             nest = self.b.ins().bor(nest, rlo);
             nest = self.b.ins().bor(nest, or);
             nest = self.b.ins().bor(nest, rest);
@@ -246,7 +246,7 @@ impl Translation<'_, '_> {
             let first = u64::from(db.at.0) | u64::from(db.len) << 32;
             let second = u64::from(db.writable) | u64::from(db.number) << 32;
             for (value, part) in [(first, 0), (second, 8)] {
-                let v = self.b.ins().iconst(types::I64, value as i64);
+                let v = self.b.iconst(types::I64, value as i64);
                 self.store_state(v, self.run, Self::reg(at) + part);
             }
         }
@@ -393,6 +393,7 @@ impl Translation<'_, '_> {
         self.now.uncounted = self.now.uncounted.wrapping_sub(1);
         self.count(pc as u32);
         let at = self.word(pc as u32);
+        self.ways.leaves = true;
         self.b.ins().jump(self.leave, &[BlockArg::from(at)]);
     }
 
@@ -406,6 +407,7 @@ impl Translation<'_, '_> {
     /// Returns when a helper's answer is not 0: the run is aborted.
     pub(crate) fn abort_if(&mut self, answer: Value) {
         let next = self.b.create_block();
+        self.ways.aborts = true;
         self.b.ins().brif(answer, self.abort, &[], next, &[]);
         self.b.seal_block(next);
         self.b.switch_to_block(next);
@@ -435,22 +437,40 @@ impl Translation<'_, '_> {
     /// The ways back from the reference, and the way out of an abort.
     pub(crate) fn ways_back(&mut self) {
         self.b.set_srcloc(ir::SourceLoc::default());
-        let at = self.b.append_block_param(self.leave, types::I32);
-        self.b.switch_to_block(self.leave);
-        // The variable counts all but the statements before.
-        let counted = self.b.use_var(self.vars.executed);
-        let executed = self.b.ins().iadd(counted, at);
-        self.store_state(executed, self.hot, offset_of!(Hot, pending));
-        self.b.ins().jump(self.leave_counted, &[BlockArg::from(at)]);
+        if self.ways.leaves {
+            let at = self.b.append_block_param(self.leave, types::I32);
+            self.b.switch_to_block(self.leave);
+            // The variable counts all but the statements before.
+            let counted = self.b.use_var(self.vars.executed);
+            let executed = self.b.ins().iadd(counted, at);
+            self.store_state(executed, self.hot, offset_of!(Hot, pending));
+            self.b.ins().jump(self.leave_counted, &[BlockArg::from(at)]);
+        }
+        if self.ways.fails {
+            let answer = self.b.append_block_param(self.failed, types::I32);
+            let behind = self.b.append_block_param(self.failed, types::I32);
+            self.b.switch_to_block(self.failed);
+            // Less than 0: aborted. Else an error organization block has run, and the chain is as it was.
+            let zero = self.word(0);
+            let aborted = self.b.ins().icmp(IntCC::SignedLessThan, answer, zero);
+            self.ways.aborts = true;
+            self.b.ins().brif(aborted, self.abort, &[], self.leave_counted, &[BlockArg::from(behind)]);
+        }
+        if self.ways.leaves || self.ways.fails {
+            self.reference_goes_on();
+        } else {
+            // Nothing leads to the reference, nothing comes back.
+            self.resume.clear();
+        }
+        if self.ways.aborts {
+            self.b.switch_to_block(self.abort);
+            let aborted = self.word(u32::MAX);
+            self.b.ins().return_(&[aborted]);
+        }
+    }
 
-        let answer = self.b.append_block_param(self.failed, types::I32);
-        let behind = self.b.append_block_param(self.failed, types::I32);
-        self.b.switch_to_block(self.failed);
-        // Less than 0: aborted. Else an error organization block has run, and the chain is as it was.
-        let zero = self.word(0);
-        let aborted = self.b.ins().icmp(IntCC::SignedLessThan, answer, zero);
-        self.b.ins().brif(aborted, self.abort, &[], self.leave_counted, &[BlockArg::from(behind)]);
-
+    /// The reference goes on, and perhaps gives back.
+    fn reference_goes_on(&mut self) {
         let at = self.b.append_block_param(self.leave_counted, types::I32);
         self.b.switch_to_block(self.leave_counted);
         let block = self.word(self.block);
@@ -461,10 +481,6 @@ impl Translation<'_, '_> {
         } else {
             self.dispatch(answer);
         }
-
-        self.b.switch_to_block(self.abort);
-        let aborted = self.word(u32::MAX);
-        self.b.ins().return_(&[aborted]);
     }
 
     /// To the entry with this number.
@@ -484,6 +500,7 @@ impl Translation<'_, '_> {
             self.land(landing, &to);
         }
         self.b.switch_to_block(dispatch);
+        self.ways.aborts = true;
         let table = JumpTableData::new(self.b.func.dfg.block_call(self.abort, &[]), &calls);
         let table = self.b.create_jump_table(table);
         self.b.ins().br_table(answer, table);

@@ -6,10 +6,11 @@ use cranelift_codegen::ir::{
     condcodes::{FloatCC, IntCC},
     types,
 };
-use cranelift_frontend::{FunctionBuilder, Variable};
+use cranelift_frontend::Variable;
 use ob1_cpu::engine::{CC0, CC1, Db};
 use ob1_ir::StatusBit;
 
+use super::builder::Builder;
 use crate::flow::{self, Set};
 
 /// What a floating-point result is that is no number.
@@ -152,7 +153,7 @@ pub(crate) struct Vars {
 }
 
 impl Vars {
-    pub(crate) fn declare(b: &mut FunctionBuilder<'_>) -> Self {
+    pub(crate) fn declare(b: &mut Builder<'_>) -> Self {
         let mut word = |ty: Type| b.declare_var(ty);
         let (i8, i32, i64) = (types::I8, types::I32, types::I64);
         Self {
@@ -173,7 +174,7 @@ impl Vars {
 }
 
 /// A constant, when the value is one.
-pub(crate) fn constant(b: &FunctionBuilder<'_>, v: Value) -> Option<i64> {
+pub(crate) fn constant(b: &Builder<'_>, v: Value) -> Option<i64> {
     use cranelift_codegen::ir::{InstructionData, Opcode, ValueDef};
     let ValueDef::Result(inst, 0) = b.func.dfg.value_def(v) else { return None };
     match b.func.dfg.insts[inst] {
@@ -184,21 +185,21 @@ pub(crate) fn constant(b: &FunctionBuilder<'_>, v: Value) -> Option<i64> {
 
 impl Bit {
     /// The value.
-    pub(crate) fn value(self, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+    pub(crate) fn value(self, var: Variable, b: &mut Builder<'_>) -> Value {
         match self {
             Bit::Var => b.use_var(var),
-            Bit::Known(bit) => b.ins().iconst(types::I8, i64::from(bit)),
+            Bit::Known(bit) => b.iconst(types::I8, i64::from(bit)),
             Bit::Val(v) => v,
             Bit::At(v, n) => {
                 let low = moved(v, n, 0, b);
-                let one = b.ins().iconst(types::I8, 1);
+                let one = b.iconst(types::I8, 1);
                 b.ins().band(low, one)
             }
         }
     }
 
     /// A value that is 0 when the bit is.
-    pub(crate) fn condition(self, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+    pub(crate) fn condition(self, var: Variable, b: &mut Builder<'_>) -> Value {
         match self {
             Bit::At(v, n) => masked(v, n, b),
             other => other.value(var, b),
@@ -206,7 +207,7 @@ impl Bit {
     }
 
     /// A value with this bit at place `to`, and zeros.
-    pub(crate) fn alone_at(self, to: u8, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+    pub(crate) fn alone_at(self, to: u8, var: Variable, b: &mut Builder<'_>) -> Value {
         match self {
             Bit::At(v, n) => {
                 let v = moved(v, n, to, b);
@@ -221,23 +222,22 @@ impl Bit {
 }
 
 /// Eight bits, moved so that bit `from` is bit `to`.
-fn moved(v: Value, from: u8, to: u8, b: &mut FunctionBuilder<'_>) -> Value {
-    let by = b.ins().iconst(types::I8, i64::from(from.abs_diff(to)));
-    match from.cmp(&to) {
-        std::cmp::Ordering::Equal => v,
-        std::cmp::Ordering::Greater => b.ins().ushr(v, by),
-        std::cmp::Ordering::Less => b.ins().ishl(v, by),
+fn moved(v: Value, from: u8, to: u8, b: &mut Builder<'_>) -> Value {
+    if from == to {
+        return v;
     }
+    let by = b.iconst(types::I8, i64::from(from.abs_diff(to)));
+    if from > to { b.ins().ushr(v, by) } else { b.ins().ishl(v, by) }
 }
 
 /// Bit `n` of a value, the others 0.
-fn masked(v: Value, n: u8, b: &mut FunctionBuilder<'_>) -> Value {
-    let mask = b.ins().iconst(types::I8, 1 << n);
+fn masked(v: Value, n: u8, b: &mut Builder<'_>) -> Value {
+    let mask = b.iconst(types::I8, 1 << n);
     b.ins().band(v, mask)
 }
 
 /// Two bits at one place of their values, the lower of theirs, and whether the other bits of both are 0.
-fn side_by_side(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Option<(Value, Value, u8, bool)> {
+fn side_by_side(x: Bit, y: Bit, b: &mut Builder<'_>) -> Option<(Value, Value, u8, bool)> {
     match (x, y) {
         (Bit::Val(x), Bit::Val(y)) => Some((x, y, 0, true)),
         (Bit::Val(x), Bit::At(y, n)) => Some((x, moved(y, n, 0, b), 0, false)),
@@ -256,7 +256,7 @@ fn combined(result: Value, at: u8, clean: bool) -> Bit {
 }
 
 /// `a & b`.
-pub(crate) fn and(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
+pub(crate) fn and(x: Bit, y: Bit, b: &mut Builder<'_>) -> Bit {
     match (x, y) {
         (Bit::Known(false), _) | (_, Bit::Known(false)) => Bit::Known(false),
         (Bit::Known(true), other) | (other, Bit::Known(true)) => other,
@@ -270,7 +270,7 @@ pub(crate) fn and(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
 }
 
 /// `a | b`.
-pub(crate) fn or(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
+pub(crate) fn or(x: Bit, y: Bit, b: &mut Builder<'_>) -> Bit {
     match (x, y) {
         (Bit::Known(true), _) | (_, Bit::Known(true)) => Bit::Known(true),
         (Bit::Known(false), other) | (other, Bit::Known(false)) => other,
@@ -282,7 +282,7 @@ pub(crate) fn or(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
 }
 
 /// `a ^ b`.
-pub(crate) fn xor(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
+pub(crate) fn xor(x: Bit, y: Bit, b: &mut Builder<'_>) -> Bit {
     match (x, y) {
         (Bit::Known(x), Bit::Known(y)) => Bit::Known(x != y),
         (Bit::Known(false), other) | (other, Bit::Known(false)) => other,
@@ -295,11 +295,11 @@ pub(crate) fn xor(x: Bit, y: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
 }
 
 /// `!a`.
-pub(crate) fn not(x: Bit, b: &mut FunctionBuilder<'_>) -> Bit {
+pub(crate) fn not(x: Bit, b: &mut Builder<'_>) -> Bit {
     match x {
         Bit::Known(x) => Bit::Known(!x),
         Bit::Val(x) => {
-            let one = b.ins().iconst(types::I8, 1);
+            let one = b.iconst(types::I8, 1);
             Bit::Val(b.ins().bxor(x, one))
         }
         Bit::At(x, n) => Bit::At(b.ins().bnot(x), n),
@@ -314,17 +314,17 @@ fn unreachable_bit() -> Bit {
 }
 
 /// CC1 and CC0 as bits.
-pub(crate) fn pair(cc: Cc, var: Variable, b: &mut FunctionBuilder<'_>) -> (Bit, Bit) {
+pub(crate) fn pair(cc: Cc, var: Variable, b: &mut Builder<'_>) -> (Bit, Bit) {
     let word = match cc {
         Cc::Sign(v) => {
             let ty = b.func.dfg.value_type(v);
-            let zero = b.ins().iconst(ty, 0);
+            let zero = b.iconst(ty, 0);
             let positive = b.ins().icmp(IntCC::SignedGreaterThan, v, zero);
             let negative = b.ins().icmp(IntCC::SignedLessThan, v, zero);
             return (Bit::Val(positive), Bit::Val(negative));
         }
         Cc::Pair(cc1, cc0) => {
-            let bit = |b: &FunctionBuilder<'_>, v| match constant(b, v) {
+            let bit = |b: &Builder<'_>, v| match constant(b, v) {
                 Some(c) => Bit::Known(c & 1 == 1),
                 None => Bit::Val(v),
             };
@@ -333,10 +333,10 @@ pub(crate) fn pair(cc: Cc, var: Variable, b: &mut FunctionBuilder<'_>) -> (Bit, 
         Cc::Word(v) => v,
         Cc::Var => b.use_var(var),
     };
-    let bit = |b: &mut FunctionBuilder<'_>, mask: u32| {
-        let shift = b.ins().iconst(types::I32, i64::from(mask.trailing_zeros()));
+    let bit = |b: &mut Builder<'_>, mask: u32| {
+        let shift = b.iconst(types::I32, i64::from(mask.trailing_zeros()));
         let shifted = b.ins().ushr(word, shift);
-        let one = b.ins().iconst(types::I32, 1);
+        let one = b.iconst(types::I32, 1);
         let one_bit = b.ins().band(shifted, one);
         Bit::Val(b.ins().ireduce(types::I8, one_bit))
     };
@@ -344,7 +344,7 @@ pub(crate) fn pair(cc: Cc, var: Variable, b: &mut FunctionBuilder<'_>) -> (Bit, 
 }
 
 /// CC1 and CC0 in their places of the status word.
-pub(crate) fn word(cc: Cc, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+pub(crate) fn word(cc: Cc, var: Variable, b: &mut Builder<'_>) -> Value {
     match cc {
         Cc::Var => b.use_var(var),
         Cc::Word(v) => v,
@@ -358,9 +358,9 @@ pub(crate) fn word(cc: Cc, var: Variable, b: &mut FunctionBuilder<'_>) -> Value 
 }
 
 /// A bit at its place of the status word.
-pub(crate) fn placed(bit: Bit, mask: u32, b: &mut FunctionBuilder<'_>) -> Value {
+pub(crate) fn placed(bit: Bit, mask: u32, b: &mut Builder<'_>) -> Value {
     match bit {
-        Bit::Known(bit) => b.ins().iconst(types::I32, i64::from(if bit { mask } else { 0 })),
+        Bit::Known(bit) => b.iconst(types::I32, i64::from(if bit { mask } else { 0 })),
         Bit::At(v, n) => {
             let low = moved(v, n, 0, b);
             let low = masked(low, 0, b);
@@ -368,15 +368,15 @@ pub(crate) fn placed(bit: Bit, mask: u32, b: &mut FunctionBuilder<'_>) -> Value 
         }
         Bit::Val(v) => {
             let wide = b.ins().uextend(types::I32, v);
-            let shift = b.ins().iconst(types::I32, i64::from(mask.trailing_zeros()));
+            let shift = b.iconst(types::I32, i64::from(mask.trailing_zeros()));
             b.ins().ishl(wide, shift)
         }
-        Bit::Var => b.ins().iconst(types::I32, 0),
+        Bit::Var => b.iconst(types::I32, 0),
     }
 }
 
 /// A condition of CC1 and CC0.
-pub(crate) fn condition(bit: StatusBit, cc: Cc, var: Variable, b: &mut FunctionBuilder<'_>) -> Bit {
+pub(crate) fn condition(bit: StatusBit, cc: Cc, var: Variable, b: &mut Builder<'_>) -> Bit {
     if let Cc::Sign(v) = cc {
         let how = match bit {
             StatusBit::Zero => IntCC::Equal,
@@ -388,7 +388,7 @@ pub(crate) fn condition(bit: StatusBit, cc: Cc, var: Variable, b: &mut FunctionB
             _ => return Bit::Known(false),
         };
         let ty = b.func.dfg.value_type(v);
-        let zero = b.ins().iconst(ty, 0);
+        let zero = b.iconst(ty, 0);
         return Bit::Val(b.ins().icmp(how, v, zero));
     }
     let (cc1, cc0) = pair(cc, var, b);
@@ -413,31 +413,31 @@ pub(crate) fn condition(bit: StatusBit, cc: Cc, var: Variable, b: &mut FunctionB
 }
 
 /// All 32 bits of an accumulator.
-pub(crate) fn full(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+pub(crate) fn full(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     match accu {
         Accu::Var => b.use_var(var),
         Accu::Full(v) => v,
         Accu::Split { hi, lo } => {
-            let mask = b.ins().iconst(types::I32, 0xFFFF);
+            let mask = b.iconst(types::I32, 0xFFFF);
             let low = b.ins().band(lo, mask);
             if constant(b, hi).is_some_and(|hi| hi & 0xFFFF_0000 == 0) {
                 return low;
             }
-            let mask = b.ins().iconst(types::I32, 0xFFFF_0000);
+            let mask = b.iconst(types::I32, 0xFFFF_0000);
             let high = b.ins().band(hi, mask);
             b.ins().bor(high, low)
         }
         Accu::Real(v) => {
             let bits = b.ins().bitcast(types::I32, cranelift_codegen::ir::MemFlagsData::new(), v);
             let no_number = b.ins().fcmp(FloatCC::Unordered, v, v);
-            let known = b.ins().iconst(types::I32, NO_NUMBER);
+            let known = b.iconst(types::I32, NO_NUMBER);
             b.ins().select(no_number, known, bits)
         }
     }
 }
 
 /// An accumulator whose low word is right.
-pub(crate) fn low(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+pub(crate) fn low(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     match accu {
         Accu::Split { lo, .. } => lo,
         other => full(other, var, b),
@@ -445,17 +445,31 @@ pub(crate) fn low(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Val
 }
 
 /// The low word with its sign.
-pub(crate) fn signed(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+pub(crate) fn signed(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     let v = low(accu, var, b);
     if let Some(c) = constant(b, v) {
-        return b.ins().iconst(types::I32, i64::from(c as i16));
+        return b.iconst(types::I32, i64::from(c as i16));
     }
-    let word = b.ins().ireduce(types::I16, v);
+    let word = word_of(v, b).unwrap_or_else(|| b.ins().ireduce(types::I16, v));
     b.ins().sextend(types::I32, word)
 }
 
+/// The word that a value of 32 bits is made of.
+pub(crate) fn word_of(v: Value, b: &Builder<'_>) -> Option<Value> {
+    use cranelift_codegen::ir::{InstructionData, Opcode, ValueDef};
+    let ValueDef::Result(inst, 0) = b.func.dfg.value_def(v) else { return None };
+    match b.func.dfg.insts[inst] {
+        InstructionData::Unary { opcode: Opcode::Uextend | Opcode::Sextend, arg }
+            if b.func.dfg.value_type(arg) == types::I16 =>
+        {
+            Some(arg)
+        }
+        _ => None,
+    }
+}
+
 /// An accumulator as floating-point number.
-pub(crate) fn real(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+pub(crate) fn real(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     match accu {
         Accu::Real(v) => v,
         other => {
@@ -469,7 +483,7 @@ pub(crate) fn real(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Va
 }
 
 /// The floating-point result whose bits these are, made by [`full`]. What is no number stays no number whichever it is.
-fn real_of(bits: Value, b: &FunctionBuilder<'_>) -> Option<Value> {
+fn real_of(bits: Value, b: &Builder<'_>) -> Option<Value> {
     use cranelift_codegen::ir::{InstructionData, Opcode, ValueDef};
     let made = |v: Value| match b.func.dfg.value_def(v) {
         ValueDef::Result(inst, 0) => Some(b.func.dfg.insts[inst]),
@@ -486,7 +500,7 @@ fn real_of(bits: Value, b: &FunctionBuilder<'_>) -> Option<Value> {
 }
 
 /// Where a value's high word comes from.
-pub(crate) fn high(accu: Accu, var: Variable, b: &mut FunctionBuilder<'_>) -> Value {
+pub(crate) fn high(accu: Accu, var: Variable, b: &mut Builder<'_>) -> Value {
     match accu {
         Accu::Split { hi, .. } => hi,
         other => full(other, var, b),

@@ -11,6 +11,15 @@ use super::Translation;
 use super::state::{self, Accu, Bit};
 use crate::run::Run;
 
+/// Delays are the kinds whose number has bit 1, and pulses those before them.
+const _: () = {
+    use TimerKind::{ExtendedPulse, OffDelay, OnDelay, Pulse, RetentiveOnDelay};
+    assert!(OnDelay as u8 & 2 != 0 && RetentiveOnDelay as u8 & 2 != 0);
+    assert!((Pulse as u8 | ExtendedPulse as u8 | OffDelay as u8) & 2 == 0);
+    assert!((Pulse as u8) < OnDelay as u8 && (ExtendedPulse as u8) < OnDelay as u8);
+    assert!(RetentiveOnDelay as u8 >= OnDelay as u8 && OffDelay as u8 >= OnDelay as u8);
+};
+
 /// The largest value of a counter.
 const MOST: i64 = 999;
 
@@ -32,39 +41,33 @@ impl Translation<'_, '_> {
     }
 
     fn byte(&mut self, value: i64) -> Value {
-        self.b.ins().iconst(types::I8, value)
+        self.b.iconst(types::I8, value)
     }
 
-    /// `running` and whether the time is over.
-    fn time(&mut self, timers: Value, at: usize) -> (Value, Value) {
+    /// `running` and how the time compares with that of its end.
+    fn time(&mut self, timers: Value, at: usize, how: IntCC) -> (Value, Value) {
         let running = self.load_state(types::I8, timers, at + offset_of!(Timer, running));
         let end = self.load_state(types::I64, timers, at + offset_of!(Timer, end));
         let now = self.load_state(types::I64, self.hot, offset_of!(Hot, now));
-        let over = self.b.ins().icmp(IntCC::UnsignedGreaterThanOrEqual, now, end);
-        (running, over)
+        (running, self.b.ins().icmp(how, now, end))
     }
 
     /// `U T n`.
     pub(crate) fn timer_output(&mut self, number: Number) -> Bit {
         let at = fixed(number) * size_of::<Timer>();
         let timers = self.timers();
-        let (running, over) = self.time(timers, at);
+        let (running, runs) = self.time(timers, at, IntCC::UnsignedLessThan);
         let kind = self.load_state(types::I8, timers, at + offset_of!(Timer, kind));
         let latched = self.load_state(types::I8, timers, at + offset_of!(Timer, latched));
-        let is = |t: &mut Self, one: TimerKind, other: TimerKind| {
-            let (one, other) = (t.byte(one as i64), t.byte(other as i64));
-            let one = t.b.ins().icmp(IntCC::Equal, kind, one);
-            let other = t.b.ins().icmp(IntCC::Equal, kind, other);
-            t.b.ins().bor(one, other)
-        };
-        let pulse = is(self, TimerKind::Pulse, TimerKind::ExtendedPulse);
-        let delay = is(self, TimerKind::OnDelay, TimerKind::RetentiveOnDelay);
         // A delay shows what has run out, the others what runs.
         let one = self.byte(1);
-        let runs = self.b.ins().bxor(over, one);
-        let shown = self.b.ins().select(delay, over, runs);
+        let delay = self.b.ins().ushr(kind, one);
+        let delay = self.b.ins().band(delay, one);
+        let shown = self.b.ins().bxor(runs, delay);
         let shown = self.b.ins().band(running, shown);
-        let held = self.b.ins().band_not(latched, pulse);
+        let other = self.byte(TimerKind::OnDelay as i64);
+        let no_pulse = self.b.ins().icmp(IntCC::UnsignedGreaterThanOrEqual, kind, other);
+        let held = self.b.ins().band(latched, no_pulse);
         Bit::Val(self.b.ins().bor(shown, held))
     }
 
@@ -73,7 +76,7 @@ impl Translation<'_, '_> {
         let counters = self.counters();
         let at = fixed(number) * size_of::<Counter>() + offset_of!(Counter, value);
         let value = self.load_state(types::I16, counters, at);
-        let zero = self.b.ins().iconst(types::I16, 0);
+        let zero = self.b.iconst(types::I16, 0);
         Bit::Val(self.b.ins().icmp(IntCC::NotEqual, value, zero))
     }
 
@@ -92,7 +95,7 @@ impl Translation<'_, '_> {
         let at = usize::from(*number) * size_of::<Timer>();
         let rlo = self.rlo().value(self.vars.rlo, &mut self.b);
         let timers = self.timers();
-        let (running, over) = self.time(timers, at);
+        let (running, over) = self.time(timers, at, IntCC::UnsignedGreaterThanOrEqual);
         let before = self.load_state(types::I8, timers, at + offset_of!(Timer, start_rlo));
         let known = self.load_state(types::I8, timers, at + offset_of!(Timer, kind));
         // Nothing to do without an edge, while the time goes on.
@@ -117,8 +120,8 @@ impl Translation<'_, '_> {
         let which = self.b.ins().bor(which, wide);
         let time = self.word(u32::from(time));
         let answer = self.call_helper(offset_of!(Run, timer), which, time);
-        self.abort_if(answer);
-        self.b.ins().jump(next, &[]);
+        self.ways.aborts = true;
+        self.b.ins().brif(answer, self.abort, &[], next, &[]);
         self.b.seal_block(next);
         self.b.switch_to_block(next);
         self.chain_is_over();
@@ -150,7 +153,7 @@ impl Translation<'_, '_> {
                 let counters = self.counters();
                 let at = fixed(*n) * size_of::<Counter>() + offset_of!(Counter, value);
                 let value = self.load_state(types::I16, counters, at);
-                let zero = self.b.ins().iconst(types::I16, 0);
+                let zero = self.b.iconst(types::I16, 0);
                 let value = self.b.ins().select(rlo, zero, value);
                 self.store_state(value, counters, at);
                 self.chain_is_over();
@@ -191,7 +194,7 @@ impl Translation<'_, '_> {
             self.store_state(value, timers, at + field);
         }
         let rest = self.load_state(types::I16, timers, at + offset_of!(Timer, rest));
-        let zero = self.b.ins().iconst(types::I16, 0);
+        let zero = self.b.iconst(types::I16, 0);
         let rest = self.b.ins().select(rlo, zero, rest);
         self.store_state(rest, timers, at + offset_of!(Timer, rest));
         self.chain_is_over();
@@ -205,7 +208,7 @@ impl Translation<'_, '_> {
         let edge = at + if up { offset_of!(Counter, up_rlo) } else { offset_of!(Counter, down_rlo) };
         let before = self.load_state(types::I8, counters, edge);
         let value = self.load_state(types::I16, counters, at + offset_of!(Counter, value));
-        let limit = self.b.ins().iconst(types::I16, if up { MOST } else { 0 });
+        let limit = self.b.iconst(types::I16, if up { MOST } else { 0 });
         let how = if up { IntCC::UnsignedLessThan } else { IntCC::NotEqual };
         let free = self.b.ins().icmp(how, value, limit);
         let rising = self.b.ins().band_not(rlo, before);
