@@ -40,7 +40,17 @@ const TABLE: &[Row] = &[
     row(
         "ob1-access",
         "invariant 2",
-        &["ob1-backplane", "ob1-ir", "ob1-model", "ob1-protocols", "ob1-std", "serde_json", "strsim", "thiserror"],
+        &[
+            "ob1-backplane",
+            "ob1-ir",
+            "ob1-model",
+            "ob1-protocols",
+            "ob1-std",
+            "serde",
+            "serde_json",
+            "strsim",
+            "thiserror",
+        ],
     ),
     // The words of a CP 343 and of ANY pointers.
     row("ob1-s7", "invariant 1", &["ob1-words"]),
