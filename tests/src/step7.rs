@@ -157,6 +157,7 @@ pub fn example() -> NewProject {
                 other: Vec::new(),
             },
         }),
+        dp: Vec::new(),
         modules: vec![
             module("DI16xDC24V", "6ES7 321-1BH02-0AA0", 4, &[Area { first: 0, bytes: 2 }], &[]),
             module("DO16xDC24V/0.5A", "6ES7 322-1BH01-0AA0", 5, &[], &[Area { first: 4, bytes: 2 }]),

@@ -13,14 +13,6 @@ use ob1_std::{Origin, StandardBlock, standard_blocks};
 /// Plugins of `plugins/` whose blocks no library declares, with the reason.
 const NOT_DECLARED: &[(&str, &str)] = &[("mbus", "blocks of our own: a program that calls them comes with the plugin")];
 
-/// Plugins whose library is not called as they are: its blocks are those of the Ethernet CPs of the S7-300.
-const LIBRARIES: &[(&str, &str)] = &[("cp343", "CP300")];
-
-/// The name of the library a plugin serves.
-fn library_name(plugin: &str) -> &str {
-    LIBRARIES.iter().find(|(name, _)| *name == plugin).map_or(plugin, |(_, library)| library)
-}
-
 fn checkout() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
@@ -43,9 +35,7 @@ fn plugins() -> Vec<String> {
 /// The library a plugin serves: `CP240` of `plugins/cp240`.
 fn declared_library(plugin: &str) -> Option<Origin> {
     let origins = standard_blocks().into_iter().map(|block| block.origin);
-    origins
-        .filter(|origin| origin.is_declared_only())
-        .find(|origin| origin.name().eq_ignore_ascii_case(library_name(plugin)))
+    origins.into_iter().find(|origin| origin.plugin() == Some(format!("ob1_{plugin}")))
 }
 
 fn library(origin: Origin) -> BTreeMap<BlockId, StandardBlock> {
@@ -125,7 +115,7 @@ fn every_plugin_brings_what_is_declared() {
 fn every_library_has_its_plugin() {
     let plugins = plugins();
     for origin in standard_blocks().iter().map(|block| block.origin).filter(|origin| origin.is_declared_only()) {
-        let there = plugins.iter().any(|name| origin.name().eq_ignore_ascii_case(library_name(name)));
+        let there = plugins.iter().any(|name| origin.plugin() == Some(format!("ob1_{name}")));
         assert!(there, "{} is declared, but plugins/ has none that serves it: {plugins:?}", origin.name());
     }
 }

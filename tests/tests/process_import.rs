@@ -10,7 +10,7 @@ use common::checkout;
 use common::site::Site;
 use ob1_mc7::CompiledInterface;
 use ob1_model::{BlockId, BlockKind};
-use ob1_project::{Area, Block, Files, Head};
+use ob1_project::{Area, Block, DpModule, DpSlave, DpSystem, Files, Head, NewProject};
 use ob1_tests::step7;
 use serde_json::Value;
 
@@ -58,6 +58,74 @@ fn the_example_is_what_the_encoder_writes() {
     for (name, bytes) in &made.0 {
         assert_eq!(found.get(name), Some(bytes), "{name}; OB1_BLESS=1 writes it anew");
     }
+}
+
+/// A master system with a slave whose GSD file is at hand, and one whose is not.
+fn with_slaves() -> Files {
+    let module = |slot, gsd: &str, inputs: &[Area], outputs: &[Area]| DpModule {
+        slot,
+        name: "66".into(),
+        gsd: gsd.into(),
+        identifier: vec![0x42],
+        inputs: inputs.to_vec(),
+        outputs: outputs.to_vec(),
+        ..DpModule::default()
+    };
+    let area = |first| [Area { first, bytes: 2 }];
+    let rack = DpSlave {
+        name: "Rack \"north\"\n[[bus]]".into(),
+        address: 2,
+        diagnostic: Some(2040),
+        modules: vec![module(4, "DI 16 x DC 24V", &area(400), &[]), module(5, "DO 16  x DC 24V", &[], &area(400))],
+        ..DpSlave::default()
+    };
+    let drive = DpSlave {
+        name: "Drive".into(),
+        address: 7,
+        modules: vec![module(4, "PPO 1", &area(410), &[])],
+        ..DpSlave::default()
+    };
+    let system = DpSystem { name: "PROFIBUS(1)".into(), slaves: vec![rack, drive], ..DpSystem::default() };
+    NewProject { dp: vec![system], ..step7::example() }.files()
+}
+
+#[test]
+fn slaves_become_a_bus_with_their_gsd_files_and_stay_plain_bytes_without() {
+    let site = Site::new();
+    let project = project(&site, &with_slaves());
+    let gsd = checkout("driver/dp/tests").display().to_string();
+    for (n, options) in [&[][..], &["--gsd", &gsd]].into_iter().enumerate() {
+        let out = site.path(format!("station{n}"));
+        let folder = out.display().to_string();
+        site.ob1(&[&["import", &project, "--out", &folder][..], options].concat()).fine();
+        let (station, report) = (text(&out.join("station.toml")), text(&out.join("report.txt")));
+        let file = out.join("station.toml").display().to_string();
+        let checked = site.ob1(&["check", &file, "--verbose"]).fine();
+        let has = |what: &str| station.lines().any(|line| line == what);
+        // Of the second slave nobody knows more than its modules.
+        assert!(has("#     { slot = 1, module = \"PPO 1\", inputs = \"EB 410\" },"), "{station}");
+        assert!(report.contains("DP slave 7 (Drive)"), "{report}");
+        assert!(checked.contains("inputs, bytes 410..411"), "{checked}");
+        if options.is_empty() {
+            assert!(!has("[[bus]]") && checked.contains("inputs, bytes 400..401"), "{station}\n{checked}");
+            assert!(report.contains("--gsd") && has("# station = 2"), "{report}\n{station}");
+            continue;
+        }
+        assert!(
+            has("[[bus]]") && has("type = \"dp\"") && has("station = 2") && has("gsd = \"gsd/ET200M.GSD\""),
+            "{station}"
+        );
+        // The master has another address than the slave that has its usual one.
+        assert!(has("address = 0") && has("diagnostic = 2040"), "{station}");
+        assert!(has("    { slot = 2, module = \"DO 16 x DC 24V\", outputs = \"AB 400\" },"), "{station}");
+        assert!(out.join("gsd/ET200M.GSD").is_file());
+        assert!(
+            checked.contains("coupler on profibus-1, inputs 400..401") && !checked.contains("inputs, bytes 400"),
+            "{checked}"
+        );
+        assert!(report.contains("1 of 2 slaves are on the bus profibus-1"), "{report}");
+    }
+    assert_eq!(site.ob1(&["import", &project, "--out", "x", "--gsd", "nowhere"]).code, Some(2));
 }
 
 #[test]

@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use common::site::Site;
 use common::station::Running;
 use common::steps::Steps;
-use common::{Guard, checkout, python};
+use common::terminal::Terminal;
+use common::{Guard, checkout, program, python};
 use ob1_station::access::protocol::Op;
 use ob1_station::timing::Class;
 use ob1_tests::siege::{is_campaign, rounds};
@@ -192,6 +193,45 @@ fn who_commissions_sees_the_coupler_and_its_telegrams() {
     let wrong = plant.site.ob1(&["trace", "line.toml", "feld"]);
     assert!(wrong.err.contains("there are: field.bus"), "{}", wrong.err);
     assert_eq!(plant.station.interrupt().code(), Some(0));
+}
+
+/// What `ob1 bus watch` and page 5 of `ob1 top` show of the coupler on a terminal, live; they leave it as it was.
+#[test]
+fn on_a_terminal_the_coupler_is_shown_live_until_q() {
+    let mut plant = Plant::at_work(&[OB1, OB86].concat(), 41);
+    for (args, keys, quit) in [
+        (&["bus", "watch", "line.toml", "--every", "100ms"][..], &b""[..], &b"q"[..]),
+        (&["bus", "watch", "line.toml", "--bus", "field", "--every", "100ms"], b"", b"\x1b"),
+        (&["bus", "watch", "line.toml", "--every", "100ms"], b"", b"\x03"),
+        (&["top", "line.toml", "--every", "100ms"], b"5", b"q"),
+    ] {
+        plant.follows(41);
+        let mut terminal = Terminal::start(plant.site.command(program("ob1")).args(args), (24, 100));
+        // Keys before it reads single ones would be a line.
+        terminal.until("the screen", |screen| !screen.trim().is_empty());
+        assert!(terminal.is_raw(), "{args:?}");
+        terminal.press(keys);
+        terminal.until("the coupler", |screen| {
+            ["field  modbus-tcp", "1 of 1 exchange", "rio", "E 0: 0029  A 0: 002A"]
+                .iter()
+                .all(|part| screen.contains(part))
+        });
+        plant.follows(0x1233);
+        terminal.until("what has changed", |screen| screen.contains("E 0: 1233  A 0: 1234"));
+        // Smaller, and larger: nothing is left of what stood there.
+        terminal.resize(10, 60);
+        terminal.until("a small terminal", |screen| screen.contains("field  modbus-tcp"));
+        terminal.resize(30, 120);
+        terminal.until("a large one", |screen| screen.matches("E 0: 1233  A 0: 1234").count() == 1);
+        terminal.press(quit);
+        assert_eq!(terminal.end().code(), Some(0), "{args:?}");
+    }
+    // The end of the station is the end of the view.
+    let mut command = plant.site.command(program("ob1"));
+    let mut terminal = Terminal::start(command.args(["bus", "watch", "line.toml", "--every", "50ms"]), (24, 100));
+    terminal.until("the screen", |screen| screen.contains("field  modbus-tcp"));
+    assert_eq!(plant.station.interrupt().code(), Some(0));
+    assert_eq!(terminal.end().code(), Some(0));
 }
 
 #[test]

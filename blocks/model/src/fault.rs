@@ -299,6 +299,10 @@ impl Event {
     pub const STATION_FAULT: Event = Event(0xF209);
     /// A DP slave reports no fault any more (ours).
     pub const STATION_FAULT_GONE: Event = Event(0xF20A);
+    /// A slave behind a CP 342-5 is lost (ours).
+    pub const SLAVE_LOST: Event = Event(0xF20B);
+    /// A slave behind a CP 342-5 is back (ours).
+    pub const SLAVE_BACK: Event = Event(0xF20C);
     /// Retentive memory cannot be written to its file (ours).
     pub const RETENTIVE_LOST: Event = Event(0xF301);
     /// Retentive memory is written again (ours).
@@ -307,7 +311,7 @@ impl Event {
     pub const ENGINES_DIFFER: Event = Event(0xF401);
 
     /// Every event with a name that is no fault.
-    pub const ALL: [Event; 40] = [
+    pub const ALL: [Event; 42] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -345,6 +349,8 @@ impl Event {
         Event::STATION_ACCEPTS,
         Event::STATION_FAULT,
         Event::STATION_FAULT_GONE,
+        Event::SLAVE_LOST,
+        Event::SLAVE_BACK,
         Event::RETENTIVE_LOST,
         Event::RETENTIVE_KEPT,
         Event::ENGINES_DIFFER,
@@ -414,6 +420,8 @@ impl Event {
             0xF208 => "distributed I/O, a station refuses nothing any more",
             0xF209 => "distributed I/O, a slave reports a fault",
             0xF20A => "distributed I/O, a slave reports no fault any more",
+            0xF20B => "a slave of a communication processor is lost",
+            0xF20C => "a slave of a communication processor is back",
             0xF301 => "retentive memory cannot be written",
             0xF302 => "retentive memory is written again",
             0xF401 => "STOP, two engines do not do the same",

@@ -65,7 +65,7 @@ impl Event {
             Event::BUS_FAILED => {
                 "The process of the bus is started again by itself. If this repeats: see its log, and its line."
             }
-            Event::STATION_FAILED => {
+            Event::STATION_FAILED | Event::SLAVE_LOST => {
                 "Check power, address and cable of the station; the log of the bus says what became of its requests."
             }
             Event::STATION_REFUSES => {
@@ -185,7 +185,7 @@ mod tests {
     use super::*;
 
     /// Those that tell something good, or what somebody wanted.
-    const NOTHING_TO_DO: [Event; 13] = [
+    const NOTHING_TO_DO: [Event; 14] = [
         Event::STARTUP,
         Event::RUN,
         Event::STOP_OPERATOR,
@@ -199,6 +199,7 @@ mod tests {
         Event::STATION_BACK,
         Event::STATION_ACCEPTS,
         Event::STATION_FAULT_GONE,
+        Event::SLAVE_BACK,
     ];
 
     #[test]

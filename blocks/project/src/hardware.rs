@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use crate::cpu_parameters::{self, CpuParameters};
 use crate::dbf::{Memos, Table};
 use crate::note::{Note, Notes};
+use crate::profibus::{self, DpSystem};
 use crate::text::CodePage;
 use crate::tree::{Files, Tree};
 use crate::write::{Cell, TableWriter};
@@ -20,6 +21,8 @@ pub struct Hardware {
     pub cpus: Vec<Cpu>,
     /// Modules with addresses, CPUs left out.
     pub modules: Vec<Module>,
+    /// DP master systems; their modules are among the modules too.
+    pub dp: Vec<DpSystem>,
 }
 
 /// A CPU.
@@ -62,8 +65,8 @@ pub struct Area {
 }
 
 /// Attributes of HATTRME1 and HATTRIB1.
-const INPUT_ADDRESSES: i64 = 110_981;
-const OUTPUT_ADDRESSES: i64 = 110_983;
+pub(crate) const INPUT_ADDRESSES: i64 = 110_981;
+pub(crate) const OUTPUT_ADDRESSES: i64 = 110_983;
 const CPU_PARAMETERS: i64 = 110_717;
 const CATALOGUE: i64 = 4_098;
 /// The relation of a CPU to its program, and the object type of a program.
@@ -74,24 +77,39 @@ const IN_PROJECT: i64 = 1_122_305;
 /// Objects within each other: module, rack, station; a submodule of a device on a bus of a bus has some more.
 const DEEPEST: usize = 16;
 
-struct Object {
-    name: String,
-    unit: (i64, i64),
-    place: (i64, i64, i64),
-    order: String,
+/// Objects by their type and ID.
+pub(crate) type Objects = BTreeMap<(i64, i64), Object>;
+/// Of a DP master system the interface of its master.
+pub(crate) type Interfaces = BTreeMap<(i64, i64), (i64, i64)>;
+
+/// An object of any kind, with what is known of it.
+#[derive(Default)]
+pub(crate) struct Object {
+    pub(crate) name: String,
+    pub(crate) unit: (i64, i64),
+    pub(crate) place: (i64, i64, i64),
+    pub(crate) order: String,
     program: Option<i64>,
-    inputs: Vec<Area>,
-    outputs: Vec<Area>,
+    pub(crate) inputs: Vec<Area>,
+    pub(crate) outputs: Vec<Area>,
+    /// The first of its diagnostic addresses.
+    pub(crate) diagnostic: Option<u16>,
     parameters: Vec<u8>,
+    /// Of a slave's module: its name in the GSD file, its identifier.
+    pub(crate) gsd: String,
+    pub(crate) identifier: Vec<u8>,
+    /// Of a slave: its user parameters.
+    pub(crate) user: Vec<u8>,
+    /// Of a master system: its subnet.
+    pub(crate) subnet: String,
 }
 
 /// Reads the hardware of the project at `root`.
 pub(crate) fn read(tree: &Tree<'_>, root: &str, page: CodePage, notes: &mut Notes) -> Hardware {
     let base = format!("{root}hOmSave7/");
-    // By object type and ID.
-    let mut objects: BTreeMap<(i64, i64), Object> = BTreeMap::new();
+    let (mut objects, mut interfaces) = (Objects::new(), Interfaces::new());
     for part in tree.list(&base) {
-        read_kind(tree, &format!("{base}{part}/"), page, &mut objects, notes);
+        read_kind(tree, &format!("{base}{part}/"), page, (&mut objects, &mut interfaces), notes);
     }
     let station = |object: &Object| {
         let mut unit = object.unit;
@@ -124,6 +142,7 @@ pub(crate) fn read(tree: &Tree<'_>, root: &str, page: CodePage, notes: &mut Note
             });
         }
     }
+    hardware.dp = profibus::systems(&objects, &interfaces, station);
     hardware.modules.sort_by(|a, b| (&a.station, a.place).cmp(&(&b.station, b.place)));
     hardware
 }
@@ -132,7 +151,7 @@ fn read_kind(
     tree: &Tree<'_>,
     folder: &str,
     page: CodePage,
-    objects: &mut BTreeMap<(i64, i64), Object>,
+    (objects, interfaces): (&mut Objects, &mut Interfaces),
     notes: &mut Notes,
 ) {
     let table = |name: &str, notes: &mut Notes| {
@@ -155,11 +174,7 @@ fn read_kind(
             name: page.text(row.trimmed("NAME")),
             unit: (row.number("UNITTYP"), row.number("UNITID")),
             place: (row.number("SUBSTATN"), row.number("MODULN"), row.number("SUBMODN")),
-            order: String::new(),
-            program: None,
-            inputs: Vec::new(),
-            outputs: Vec::new(),
-            parameters: Vec::new(),
+            ..Object::default()
         };
         objects.insert((ty, id), object);
     }
@@ -170,25 +185,41 @@ fn read_kind(
         {
             object.program = Some(row.number("TOBJID"));
         }
+        if row.number("RELID") == profibus::HAS_INTERFACE {
+            let interface = (row.number("TOBJTYP"), row.number("TOBJID"));
+            interfaces.insert((row.number("SOBJTYP"), row.number("SOBJID")), interface);
+        }
     }
     for row in table("HATTRIB1", notes).iter().flat_map(Table::rows) {
-        if row.number("ATTRIID") == CATALOGUE
-            && let Some(object) = key(row.number("IDA")).and_then(|key| objects.get_mut(&key))
-        {
-            object.order = order_number(&page.text(row.trimmed("STRINGVAL")));
+        let attribute = row.number("ATTRIID");
+        if ![CATALOGUE, profibus::GSD_NAME, profibus::SUBNET].contains(&attribute) {
+            continue;
+        }
+        let Some(object) = key(row.number("IDA")).and_then(|key| objects.get_mut(&key)) else { continue };
+        let text = page.text(row.trimmed("STRINGVAL"));
+        match attribute {
+            CATALOGUE => object.order = order_number(&text),
+            profibus::GSD_NAME => object.gsd = text,
+            _ => object.subnet = text,
         }
     }
     let Some(attributes) = table("HATTRME1", notes) else { return };
     let memos = tree.read(&format!("{folder}HATTRME1.DBT")).map(Memos::parse);
     for row in attributes.rows() {
         let attribute = row.number("ATTRIIDM");
-        if ![INPUT_ADDRESSES, OUTPUT_ADDRESSES, CPU_PARAMETERS].contains(&attribute) {
+        let wanted =
+            [INPUT_ADDRESSES, OUTPUT_ADDRESSES, CPU_PARAMETERS, profibus::IDENTIFIER, profibus::USER_PARAMETERS];
+        if !wanted.contains(&attribute) {
             continue;
         }
         let Some(object) = key(row.number("IDM")).and_then(|key| objects.get_mut(&key)) else { continue };
         match Memos::get(memos.as_ref(), &row, "MEMOARRAYM", usize::MAX) {
-            Ok(bytes) if attribute == INPUT_ADDRESSES => object.inputs = areas(&bytes),
+            Ok(bytes) if attribute == INPUT_ADDRESSES => {
+                (object.inputs, object.diagnostic) = (areas(&bytes), diagnostic(&bytes));
+            }
             Ok(bytes) if attribute == OUTPUT_ADDRESSES => object.outputs = areas(&bytes),
+            Ok(bytes) if attribute == profibus::IDENTIFIER => object.identifier = profibus::counted(&bytes),
+            Ok(bytes) if attribute == profibus::USER_PARAMETERS => object.user = profibus::counted(&bytes),
             Ok(bytes) => object.parameters = bytes,
             Err(damage) => notes.push(Note::warning(object.name.clone(), format!("its addresses are lost: {damage}"))),
         }
@@ -196,8 +227,21 @@ fn read_kind(
 }
 
 /// Writes a station with one CPU, in rack 0, and its modules.
-pub(crate) fn write(cpu: Option<&Cpu>, modules: &[Module], program: i64, page: CodePage, files: &mut Files) {
+pub(crate) fn write(
+    cpu: Option<&Cpu>,
+    modules: &[Module],
+    dp: &[DpSystem],
+    program: i64,
+    page: CodePage,
+    files: &mut Files,
+) {
     let Some(cpu) = cpu else { return };
+    profibus::write(dp, (1, STATION), (1, INTERFACE_OBJECT), page, files);
+    if !dp.is_empty() {
+        let mut interfaces = Tables::new();
+        interfaces.object(1, INTERFACE_OBJECT, (1, CPU_OBJECT), (0, 2, 1), page.bytes("DP"));
+        interfaces.put("s7hkdmax", files);
+    }
     let mut station = Tables::new();
     station.object(1, STATION, (PROJECT_OBJECT, IN_PROJECT), (-1, -1, -1), page.bytes(&cpu.station));
     station.put("s7hstatx", files);
@@ -216,12 +260,7 @@ pub(crate) fn write(cpu: Option<&Cpu>, modules: &[Module], program: i64, page: C
     for (id, module) in (1..).zip(modules) {
         slots.object(id, MODULE_OBJECT, (1, STATION), module.place, page.bytes(&module.name));
         if !module.order.is_empty() {
-            let name = format!("_S7H_{}~", module.order.replace([' ', '-'], "_"));
-            slots.attributes.row(vec![
-                ("IDA", Cell::Number(id)),
-                ("ATTRIID", Cell::Number(CATALOGUE)),
-                ("STRINGVAL", Cell::Bytes(name.into_bytes())),
-            ]);
+            slots.catalogue(id, &module.order);
         }
         for (attribute, areas) in [(INPUT_ADDRESSES, &module.inputs), (OUTPUT_ADDRESSES, &module.outputs)] {
             slots.memo(id, attribute, area_bytes(areas));
@@ -233,19 +272,20 @@ pub(crate) fn write(cpu: Option<&Cpu>, modules: &[Module], program: i64, page: C
 /// Object types in the projects written here: a station, a CPU, a module, and the ID of the project.
 const STATION: i64 = 1_314_969;
 const CPU_OBJECT: i64 = 2_364_508;
+const INTERFACE_OBJECT: i64 = 2_364_509;
 const MODULE_OBJECT: i64 = 1_315_991;
 const PROJECT_OBJECT: i64 = 43;
 
 /// The tables of one kind of module, on their way to files.
-struct Tables {
+pub(crate) struct Tables {
     objects: TableWriter,
-    relations: TableWriter,
+    pub(crate) relations: TableWriter,
     attributes: TableWriter,
     memos: TableWriter,
 }
 
 impl Tables {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let numbers = |names: &[&'static str]| names.iter().map(|name| (*name, 'N', 11)).collect::<Vec<_>>();
         let with = |names: &[&'static str], last: &[(&'static str, char, u8)]| {
             TableWriter::new(&[numbers(names).as_slice(), last].concat())
@@ -261,7 +301,21 @@ impl Tables {
         }
     }
 
-    fn object(&mut self, id: i64, ty: i64, unit: (i64, i64), place: (i64, i64, i64), name: Vec<u8>) {
+    pub(crate) fn attribute(&mut self, id: i64, attribute: i64, text: Vec<u8>) {
+        self.attributes.row(vec![
+            ("IDA", Cell::Number(id)),
+            ("ATTRIID", Cell::Number(attribute)),
+            ("STRINGVAL", Cell::Bytes(text)),
+        ]);
+    }
+
+    /// The catalogue's name of an order number.
+    pub(crate) fn catalogue(&mut self, id: i64, order: &str) {
+        let name = format!("_S7H_{}~", order.replace([' ', '-'], "_"));
+        self.attribute(id, CATALOGUE, name.into_bytes());
+    }
+
+    pub(crate) fn object(&mut self, id: i64, ty: i64, unit: (i64, i64), place: (i64, i64, i64), name: Vec<u8>) {
         self.objects.row(vec![
             ("ID", Cell::Number(id)),
             ("OBJTYP", Cell::Number(ty)),
@@ -274,7 +328,7 @@ impl Tables {
         ]);
     }
 
-    fn memo(&mut self, id: i64, attribute: i64, bytes: Vec<u8>) {
+    pub(crate) fn memo(&mut self, id: i64, attribute: i64, bytes: Vec<u8>) {
         self.memos.row(vec![
             ("IDM", Cell::Number(id)),
             ("ATTRIIDM", Cell::Number(attribute)),
@@ -282,7 +336,7 @@ impl Tables {
         ]);
     }
 
-    fn put(self, folder: &str, files: &mut Files) {
+    pub(crate) fn put(self, folder: &str, files: &mut Files) {
         let tables = [
             ("HOBJECT1", self.objects),
             ("HRELATI1", self.relations),
@@ -299,7 +353,7 @@ impl Tables {
     }
 }
 
-fn area_bytes(areas: &[Area]) -> Vec<u8> {
+pub(crate) fn area_bytes(areas: &[Area]) -> Vec<u8> {
     let mut out = Vec::new();
     for area in areas {
         for word in [area.first, 0, area.bytes, 0, 1, 1, 1, area.first + 1, 0] {
@@ -312,12 +366,21 @@ fn area_bytes(areas: &[Area]) -> Vec<u8> {
 
 /// Addresses: entries of 36 bytes, of which the first word is the first byte and the third the number of bytes. An
 /// entry without bytes is a diagnostic address.
-fn areas(bytes: &[u8]) -> Vec<Area> {
-    let word =
-        |entry: &[u8], at: usize| entry.get(at..at + 4).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes);
-    let entries = bytes.chunks_exact(36).map(|entry| Area { first: word(entry, 0), bytes: word(entry, 8) });
+pub(crate) fn areas(bytes: &[u8]) -> Vec<Area> {
+    let entries = entries(bytes);
     // Logical addresses have 16 bits, an area at most some thousand bytes.
     entries.filter(|a| a.bytes > 0 && a.bytes <= 8192 && a.first <= 65_535).collect()
+}
+
+fn entries(bytes: &[u8]) -> impl Iterator<Item = Area> + '_ {
+    let word =
+        |entry: &[u8], at: usize| entry.get(at..at + 4).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes);
+    bytes.chunks_exact(36).map(move |entry| Area { first: word(entry, 0), bytes: word(entry, 8) })
+}
+
+/// The first diagnostic address among them.
+fn diagnostic(bytes: &[u8]) -> Option<u16> {
+    entries(bytes).find(|area| area.bytes == 0).and_then(|area| u16::try_from(area.first).ok())
 }
 
 /// `_S7H_6ES7_321_1BH02_0AA~` is the catalogue's name of 6ES7 321-1BH02-0AA.

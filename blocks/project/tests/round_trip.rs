@@ -2,8 +2,8 @@
 
 use ob1_model::{BlockId, BlockKind};
 use ob1_project::{
-    Area, Block, CodePage, Comments, Cpu, CpuParameters, Cyclic, Files, Folder, Head, Line, Module, Network,
-    NewProject, Project, SymbolRow, Tree, Udt,
+    Area, Block, CodePage, Comments, Cpu, CpuParameters, Cyclic, DpModule, DpSlave, DpSystem, Files, Folder, Head,
+    Line, Module, Network, NewProject, Project, SymbolRow, Tree, Udt,
 };
 use proptest::prelude::*;
 
@@ -59,6 +59,7 @@ fn example() -> NewProject {
                 other: Vec::new(),
             },
         }),
+        dp: Vec::new(),
         modules: vec![Module {
             name: "DI16xDC24V".into(),
             order: "6ES7 321-1BH02-0AA0".into(),
@@ -81,6 +82,50 @@ fn read_all(files: &Files) -> Option<(Project, Vec<Folder>)> {
             (project.symbols(&tree, choice, &mut Vec::new()), project.sources(&tree, choice), project.title(choice));
     }
     Some((project, folders))
+}
+
+/// Slaves of a GSD file, and one of STEP 7's own catalogue; they come in the order of their addresses.
+#[test]
+fn a_master_system_is_read_with_its_slaves() {
+    let module = |slot, gsd: &str, identifier: &[u8], inputs: &[Area], outputs: &[Area]| DpModule {
+        slot,
+        name: format!("{slot}"),
+        gsd: gsd.into(),
+        identifier: identifier.to_vec(),
+        inputs: inputs.to_vec(),
+        outputs: outputs.to_vec(),
+        ..DpModule::default()
+    };
+    let area = |first, bytes| Area { first, bytes };
+    let drive = DpSlave {
+        name: "MOVIDRIVE".into(),
+        address: 3,
+        parameters: vec![0xC4, 0, 0, 6],
+        diagnostic: Some(2046),
+        modules: vec![
+            module(4, "6 PD   (6 words)", &[0], &[], &[]),
+            DpModule { goes_on: true, ..module(5, "6 PD   (6 words)", &[0xF5], &[area(256, 12)], &[area(256, 12)]) },
+        ],
+    };
+    let rack = DpSlave {
+        name: "IM 153-1".into(),
+        address: 12,
+        parameters: Vec::new(),
+        diagnostic: None,
+        modules: vec![DpModule { order: "6ES7 321-1BL00-0AA".into(), ..module(4, "", &[], &[area(8, 4)], &[]) }],
+    };
+    let system = DpSystem {
+        name: "PROFIBUS(1)".into(),
+        station: "Plant".into(),
+        master: "CPU 315-2 DP".into(),
+        slaves: vec![drive.clone(), rack.clone()],
+    };
+    let turned = DpSystem { slaves: vec![rack, drive], ..system.clone() };
+    let (project, _) = read_all(&NewProject { dp: vec![turned], ..example() }.files()).expect("a project");
+    assert_eq!(project.hardware.dp, [system]);
+    assert_eq!(project.notes, []);
+    let others: Vec<_> = project.hardware.modules.iter().map(|m| (m.place, m.inputs.len())).collect();
+    assert_eq!(others, [((0, 4, 0), 2), ((3, 5, 0), 1), ((12, 4, 0), 1)], "they are modules too");
 }
 
 #[test]

@@ -103,6 +103,22 @@ params!(Com040 {
     InOut { CONTROL: BYTE }
 });
 // CP 343: library CP 300.
+params!(DpSend {
+    Input { CPLADDR: WORD, SEND: ANY }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+});
+params!(DpReceive {
+    Input { CPLADDR: WORD, RECV: ANY }
+    Output { NDR: BOOL, ERROR: BOOL, STATUS: WORD, DPSTATUS: BYTE }
+});
+params!(DpDiagnose {
+    Input { CPLADDR: WORD, DTYPE: BYTE, STATION: BYTE, DIAG: ANY }
+    Output { NDR: BOOL, ERROR: BOOL, STATUS: WORD, DIAGLNG: BYTE }
+});
+params!(DpControl {
+    Input { CPLADDR: WORD, CONTROL: ANY }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+});
 params!(AgSend {
     Input { ACT: BOOL, ID: INT, LADDR: WORD, SEND: ANY, LEN: INT }
     Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
@@ -184,6 +200,12 @@ pub(crate) const ROWS: &[&[Row]] = &[
         declared::<Com040>(Origin::Cp040, Fb, 65, "CP040_COM"),
     ],
     &[
+        declared::<DpSend>(Origin::Cp342, Fc, 1, "DP_SEND"),
+        declared::<DpReceive>(Origin::Cp342, Fc, 2, "DP_RECV"),
+        declared::<DpDiagnose>(Origin::Cp342, Fc, 3, "DP_DIAG"),
+        declared::<DpControl>(Origin::Cp342, Fc, 4, "DP_CTRL"),
+    ],
+    &[
         declared::<AgSend>(Origin::Cp300, Fc, 5, "AG_SEND"),
         declared::<AgReceive>(Origin::Cp300, Fc, 6, "AG_RECV"),
         declared::<AgLock>(Origin::Cp300, Fc, 7, "AG_LOCK"),
@@ -232,7 +254,7 @@ mod tests {
     fn they_are_declarations_alone() {
         let declared: Vec<String> =
             standard_blocks().iter().filter(|b| b.origin.is_declared_only()).map(|b| b.id.to_string()).collect();
-        assert_eq!(declared.len(), 36, "{declared:?}");
+        assert_eq!(declared.len(), 40, "{declared:?}");
         assert!(!Origin::System.is_declared_only() && !Origin::Iec.is_declared_only());
     }
 

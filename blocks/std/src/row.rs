@@ -27,6 +27,8 @@ pub enum Origin {
     Cp340,
     /// The handling blocks of the CP 040: declared here, served by a plugin.
     Cp040,
+    /// The handling blocks of the CP 342-5: declared here, served by a plugin.
+    Cp342,
     /// The handling blocks of the CP 343 (library CP 300): declared here, served by a plugin.
     Cp300,
 }
@@ -44,6 +46,7 @@ impl Origin {
             Origin::Cp341 => "CP341",
             Origin::Cp340 => "CP340",
             Origin::Cp040 => "CP040",
+            Origin::Cp342 => "CP342",
             Origin::Cp300 => "CP300",
         }
     }
@@ -51,7 +54,15 @@ impl Origin {
     /// Only names and parameters of its blocks are known here: a plugin has to serve them.
     #[must_use]
     pub const fn is_declared_only(self) -> bool {
-        matches!(self, Origin::Cp240 | Origin::Cp341 | Origin::Cp340 | Origin::Cp040 | Origin::Cp300)
+        matches!(self, Origin::Cp240 | Origin::Cp341 | Origin::Cp340 | Origin::Cp040 | Origin::Cp342 | Origin::Cp300)
+    }
+
+    /// The plugin that serves its blocks, as a station file names it; none: the CPU does.
+    #[must_use]
+    pub fn plugin(self) -> Option<String> {
+        // The library of the Ethernet CPs is not called as its CP.
+        let name = if self == Origin::Cp300 { "cp343".to_owned() } else { self.name().to_ascii_lowercase() };
+        self.is_declared_only().then(|| format!("ob1_{name}"))
     }
 }
 

@@ -1,12 +1,13 @@
 //! AG_SEND, AG_RECV, AG_LSEND, AG_LRECV, AG_LOCK, AG_UNLOCK, AG_CNTRL: TCP, UDP and ISO-on-TCP connections.
 
-use ob1_sdk::{Abort, Block, Cx, Kind, Param, Refused, STATION, interface};
+use ob1_sdk::{Abort, Block, Cx, Kind, Param, STATION, interface};
 use ob1_words::boxes::Service;
 use ob1_words::boxes::status::{COMMAND, LENGTH};
 
-use crate::area::Span;
 use crate::job::{End, Wanted, turn};
 use crate::state::CpState;
+use ob1_any::Span;
+use ob1_any::status::{NO_MODULE, SOURCE, TARGET, of_memory};
 
 /// STATUS: the job is under way.
 const RUNNING: u16 = 0x8181;
@@ -14,19 +15,10 @@ const RUNNING: u16 = 0x8181;
 const NO_DATA: u16 = 0x8180;
 /// STATUS: SEND, RECV or CMD cannot be.
 const PARAMETER: u16 = COMMAND;
-/// STATUS: no module at LADDR.
-const NO_MODULE: u16 = 0x8090;
 /// STATUS: the CP does not answer.
 const ABSENT: u16 = 0x80C0;
 /// STATUS: too many jobs.
 const FULL: u16 = 0x80C3;
-/// STATUS: the area of SEND, or of RECV, is too short.
-const SOURCE: u16 = 0x8F22;
-const TARGET: u16 = 0x8F23;
-/// STATUS: the data block is not there, or cannot be written.
-const DB_NUMBER: u16 = 0x8F32;
-const NO_DB: u16 = 0x8F3A;
-const READ_ONLY: u16 = 0x8F30;
 /// Most data of a job; of AG_SEND on an S7-400, which has AG_LSEND for more.
 const LEN_MAX: i16 = 8192;
 const LEN_MAX_400: i16 = 240;
@@ -45,10 +37,7 @@ fn status(end: End, outside: u16) -> Option<u16> {
         End::NoModule => NO_MODULE,
         End::Absent => ABSENT,
         End::Full => FULL,
-        End::Memory(Refused::NoDb) => NO_DB,
-        End::Memory(Refused::DbNumber) => DB_NUMBER,
-        End::Memory(Refused::ReadOnly) => READ_ONLY,
-        End::Memory(_) => outside,
+        End::Memory(refused) => of_memory(refused, outside),
     })
 }
 

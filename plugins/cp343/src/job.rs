@@ -3,8 +3,8 @@
 use ob1_sdk::{Abort, Cx, Refused};
 use ob1_words::boxes::{Answer, BOX_BYTES, HEAD_BYTES, Order, Service, State, pieces, range, record};
 
-use crate::area::Span;
 use crate::state::{CpState, Phase, Slot};
+use ob1_any::Span;
 
 /// Longest head in front of the data: how many items, a length, an ANY pointer.
 const FRONT: usize = 13;

@@ -7,7 +7,9 @@ use ob1_sdk::types::{Any, Bool, Byte, Word};
 use ob1_sdk::{Abort, Block, Cx, Formal, In, InOut, Kind, Out, Param, STATION, Static, interface};
 use ob1_words::boxes::{Service, status};
 
-use crate::area::{Span, remote};
+use ob1_any::Span;
+
+use crate::area::remote;
 use crate::job::{End, Wanted, cancel, turn};
 use crate::state::CpState;
 

@@ -14,6 +14,7 @@ pub mod boxes;
 pub mod channels;
 pub mod cp040;
 pub mod cp240;
+pub mod cp342;
 mod leds;
 
 pub use leds::Leds;

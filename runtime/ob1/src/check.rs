@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use ob1_cpu::{Cpu, CpuConfig, Module};
+use ob1_host::bus::area_bytes;
 use ob1_model::Section;
 use ob1_params::CpKind;
 
@@ -249,6 +250,16 @@ fn describe(station: &Station) -> String {
         match &module.kind {
             ModuleKind::Inputs { bytes } => {
                 let _ = writeln!(text, "{}: inputs, bytes {}", module.name, span(module.input_address, *bytes));
+            }
+            ModuleKind::DpMaster { bus, areas } => {
+                let name = station.buses.get(*bus).map_or("", |bus| bus.name.as_str());
+                let (send, receive) = (area_bytes(&areas.outputs), area_bytes(&areas.inputs));
+                let at = module.input_address;
+                let _ = writeln!(
+                    text,
+                    "{}: cp342-5 on {name}, CPLADDR {at}, DP_SEND {send} bytes, DP_RECV {receive} bytes",
+                    module.name
+                );
             }
             ModuleKind::Remote { bus, .. } => {
                 let bus = station.buses.get(*bus).map_or("", |bus| bus.name.as_str());

@@ -141,7 +141,10 @@ pub fn cp_settings(
                 ..CpSettings::default()
             });
         }
-        ModuleKind::Inputs { .. } | ModuleKind::Outputs { .. } | ModuleKind::Remote { .. } => return None,
+        ModuleKind::Inputs { .. }
+        | ModuleKind::Outputs { .. }
+        | ModuleKind::DpMaster { .. }
+        | ModuleKind::Remote { .. } => return None,
     };
     let mut text = line.to_string();
     let mut json = json!({ "module": row.name, "station": station, "name": config.name });
@@ -364,6 +367,12 @@ impl Building<'_> {
         let mut view = ModuleView::new(config);
         let settings = cp_settings(&self.station.name, config, Some((self.rundir, &self.station.simulated_lines)));
         let module = match (&config.kind, settings) {
+            (ModuleKind::DpMaster { bus, areas }, _) => {
+                let bus =
+                    self.buses.get(*bus).ok_or_else(|| AssemblyError::System(format!("{}: no bus", config.name)))?;
+                (view.monitor, view.driver) = (Some(bus.monitor.clone()), Some(Arc::clone(&bus.driver)));
+                bus.bus.cp(areas.clone())
+            }
             (ModuleKind::Remote { bus, module }, _) => {
                 let bus =
                     self.buses.get(*bus).ok_or_else(|| AssemblyError::System(format!("{}: no bus", config.name)))?;

@@ -51,6 +51,17 @@ impl BusView {
                 outputs: Vec::new(),
             };
             for config in modules {
+                if let ModuleKind::DpMaster { bus, areas } = &config.kind
+                    && *bus == index
+                {
+                    // Where they lie for DP_RECV and DP_SEND.
+                    let of = |pieces: &[ob1_host::bus::DpPiece]| {
+                        let own = pieces.iter().filter(|piece| piece.station == n);
+                        own.map(|piece| (piece.area as u32, piece.image, piece.len)).collect::<Vec<_>>()
+                    };
+                    known.inputs.extend(of(&areas.inputs));
+                    known.outputs.extend(of(&areas.outputs));
+                }
                 if let ModuleKind::Remote { bus, module } = &config.kind
                     && (*bus, module.station) == (index, n)
                 {

@@ -103,7 +103,7 @@ pub fn whole(library: &str) -> Result<Vec<Choice>, String> {
         .collect();
     if chosen.is_empty() {
         return Err(format!(
-            "there is no library \"{library}\"; there are IEC, TI-S7, PID, CP240, CP341, CP340, CP040 and CP300 (docs/standard-blocks.md)"
+            "there is no library \"{library}\"; there are IEC, TI-S7, PID, CP240, CP341, CP340, CP040, CP342 and CP300 (docs/standard-blocks.md)"
         ));
     }
     Ok(chosen)

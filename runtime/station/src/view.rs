@@ -166,6 +166,7 @@ impl ModuleView {
         let cp = config.kind.cp();
         let (type_name, address) = match (cp, &config.kind) {
             (Some(cp), _) => (cp.name(), config.input_address),
+            (None, ModuleKind::DpMaster { .. }) => ("cp342-5", config.input_address),
             (None, ModuleKind::Outputs { .. }) => ("outputs", config.output_address),
             (None, ModuleKind::Remote { .. }) if config.input_bytes() == 0 => ("coupler", config.output_address),
             (None, ModuleKind::Remote { .. }) => ("coupler", config.input_address),

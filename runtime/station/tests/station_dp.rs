@@ -129,3 +129,52 @@ fn keys_of_profibus_do_not_belong_elsewhere() {
         assert!(findings.iter().any(|f| f.message.contains(says)), "{findings:#?}");
     }
 }
+
+/// The same rack behind a CP 342-5 that stands in front of it or behind it in the file.
+fn behind_cp(text: &str, first: bool) -> String {
+    let cp = "[[module]]\ntype = \"cp342-5\"\nname = \"cp\"\nbus = \"profi\"\naddress = 512\n\n";
+    let text = text.replace("diagnostic = 2040\n", "").replace("PEW 256", "EB 2");
+    if first { text.replacen("[[module]]", &format!("{cp}[[module]]"), 1) } else { format!("{text}\n{cp}") }
+}
+
+#[test]
+fn behind_a_cp_the_slaves_have_places_in_its_areas_and_none_in_the_cpu() {
+    for first in [true, false] {
+        let station = read(&behind_cp(GOOD, first)).unwrap_or_else(|findings| panic!("{findings:#?}"));
+        let [cp] = &station.modules[..] else { panic!("{:#?}", station.modules) };
+        assert_eq!((cp.name.as_str(), cp.input_address, cp.input_bytes(), cp.output_bytes()), ("cp", 512, 16, 16));
+        let ModuleKind::DpMaster { bus: 0, areas } = &cp.kind else { panic!("{:?}", cp.kind) };
+        let of = |pieces: &[ob1_host::bus::DpPiece]| {
+            pieces.iter().map(|p| (p.station, p.area, p.image, p.len)).collect::<Vec<_>>()
+        };
+        assert_eq!((of(&areas.inputs), of(&areas.outputs)), (vec![(0, 0, 0, 2), (0, 2, 2, 4)], vec![(0, 4, 0, 2)]));
+        let slave = &station.buses[0].stations[0];
+        assert_eq!((slave.diagnostic, slave.interrupts), (0, false));
+    }
+}
+
+#[test]
+fn each_mistake_at_a_cp_has_its_words() {
+    let good = behind_cp(GOOD, true);
+    for (from, to, says) in [
+        ("address = 512", "address = 512\nline = \"sim:x\"", "a CP 342-5 has no `line`"),
+        ("address = 512", "address = 512\ngsd = \"x\"", "`gsd` belongs to a coupler"),
+        ("address = 512\n", "", "the module has no address"),
+        ("name = \"cp\"\nbus = \"profi\"\n", "name = \"cp\"\n", "the module has no bus"),
+        ("name = \"cp\"\nbus = \"profi\"", "name = \"cp\"\nbus = \"profy\"", "there is no bus \"profy\""),
+        ("station = 8", "station = 8\ndiagnostic = 2040", "`diagnostic` does not belong to a slave behind a CP 342-5"),
+        ("station = 8", "station = 8\ndiagnostics = true", "`diagnostics` does not belong to a slave behind"),
+        ("EB 2", "EB 1", "rack.3 overlaps bytes 0 to 1 of the area"),
+        ("EB 2", "EB 2158", "rack.3 reaches to byte 2161 of the area"),
+        ("type = \"dp\"", "type = \"modbus-rtu\"", "\"profi\" is no PROFIBUS"),
+        (
+            "[[module]]\ntype = \"coupler\"",
+            "[[module]]\ntype = \"cp342-5\"\nname = \"b\"\nbus = \"profi\"\naddress = 768\n[[module]]\ntype = \"coupler\"",
+            "is the bus of another CP 342-5 already",
+        ),
+    ] {
+        assert!(good.contains(from), "{from}");
+        let Err(findings) = read(&good.replacen(from, to, 1)) else { panic!("{from} -> {to}: nothing is said") };
+        assert!(findings.iter().any(|f| f.message.contains(says)), "{from} -> {to}: {findings:#?}");
+    }
+}

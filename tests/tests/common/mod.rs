@@ -22,6 +22,7 @@ pub(crate) mod s7;
 pub(crate) mod site;
 pub(crate) mod station;
 pub(crate) mod steps;
+pub(crate) mod terminal;
 pub(crate) mod wire;
 
 use std::path::{Path, PathBuf};

@@ -108,6 +108,11 @@ impl Device {
         }
     }
 
+    /// How often it has been read.
+    pub(crate) fn reads(&self) -> u64 {
+        self.reads
+    }
+
     pub(crate) fn take_written(&mut self) -> Vec<Vec<u8>> {
         std::mem::take(&mut self.written)
     }

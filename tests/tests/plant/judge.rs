@@ -4,7 +4,9 @@
 //!   which OB 86 says that the device is lost to that in which it says that it is back it is the substitute.
 //! - OB 86 and OB 82 run once for each entry.
 //! - Outputs are off when nothing has been exchanged for as long as the watchdog says.
-//! - A device is written what OB 1 drove, never something older than before, and not zeros in between.
+//! - A device is written what OB 1 drove for it a moment ago, never something older than before, and not zeros in
+//!   between.
+//! - What is read of a device that answers is what it sensed a moment ago.
 
 use ob1_cpu::{Cpu, Nanos, OperatingState};
 use ob1_model::Event;
@@ -13,6 +15,13 @@ use ob1_tests::sim::MS;
 use super::device::{BYTES, Device, sensed};
 use super::{COUNT, COUNTS, DEVICES, WATCHDOG};
 
+/// Scans ago: what a device is written at the most. A request is made when it goes out, and is not kept.
+const WRITTEN_AGO: u32 = 10;
+/// Scans ago: when a device was written at the latest that is not lost. On bad wires requests are lost one after the
+/// other, for as long as it takes to be lost: 400 ms.
+const HEARD_AGO: u32 = 50;
+/// Readings ago: what the program reads at the most. Answers that are lost on the wire are readings too.
+const READ_AGO: u8 = 40;
 const SUBSTITUTE: [u8; BYTES] = [0xEE; BYTES];
 
 /// What a seed comes to.
@@ -42,11 +51,13 @@ pub(crate) struct Judge {
     logged: u64,
     known: [Known; COUNT],
     told: Told,
+    /// What OB 1 drives.
+    driven: u32,
 }
 
 impl Judge {
     pub(crate) fn new(seed: u64) -> Self {
-        Self { seed, logged: 0, known: [Known::default(); COUNT], told: Told::default() }
+        Self { seed, logged: 0, known: [Known::default(); COUNT], told: Told::default(), driven: 0 }
     }
 
     pub(crate) fn look<'a>(
@@ -62,12 +73,13 @@ impl Judge {
         let Some(db) = cpu.data_block(1) else { panic!("DB 1") };
         let ran = [0, 2].map(|n| u16::from_be_bytes([db[COUNTS + n], db[COUNTS + n + 1]]));
         assert_eq!(ran, self.told.interrupts, "{at}: OB 86 and OB 82");
+        self.driven = cpu.bit_memory().first_chunk().map_or(0, |bytes| u32::from_be_bytes(*bytes));
         for (n, device) in devices.enumerate() {
             let known = &mut self.known[n];
             known.anew |= device.take_restarted();
-            known.reads(&format!("{at}, s{n}"), n, &db[BYTES * n..BYTES * (n + 1)]);
+            known.reads(&format!("{at}, s{n}"), n, &db[BYTES * n..BYTES * (n + 1)], device.reads());
             for written in device.take_written() {
-                known.is_written(&format!("{at}, s{n}"), &written);
+                known.is_written(&format!("{at}, s{n}"), n, &written, self.driven);
             }
             let silent = now - device.heard;
             let on = device.outputs().iter().any(|byte| *byte != 0);
@@ -121,6 +133,8 @@ impl Judge {
         for (n, (device, known)) in devices.zip(&self.known).enumerate() {
             assert!(known.seen && !known.lost, "seed {}: s{n} has not come back", self.seed);
             assert!(device.outputs().iter().any(|byte| *byte != 0), "seed {}: s{n} is off", self.seed);
+            let ago = self.driven - known.driven;
+            assert!(ago <= HEARD_AGO, "seed {}: s{n} was written last {ago} scans ago", self.seed);
             told.expired += device.expired;
         }
         told
@@ -140,7 +154,7 @@ fn devices_from(first: usize) -> usize {
 }
 
 impl Known {
-    fn reads(&mut self, at: &str, n: usize, bytes: &[u8]) {
+    fn reads(&mut self, at: &str, n: usize, bytes: &[u8], readings: u64) {
         let is_sensed = bytes == sensed(n, u64::from(bytes[0]));
         self.seen |= is_sensed;
         if self.lost || !self.seen {
@@ -151,12 +165,23 @@ impl Known {
         assert!(is_sensed, "{at} reads {bytes:02X?}");
         let older = self.last.is_some_and(|last| bytes[0].wrapping_sub(last) > 127);
         assert!(!older || std::mem::take(&mut self.anew), "{at}: {:02X} after {:02X?}", bytes[0], self.last);
+        let ago = (readings as u8).wrapping_sub(bytes[0]);
+        assert!(self.anew || ago <= READ_AGO, "{at} reads {:02X}, which it sensed {ago} readings ago", bytes[0]);
         self.last = Some(bytes[0]);
     }
 
-    fn is_written(&mut self, at: &str, bytes: &[u8]) {
+    /// `driven`: what OB 1 drives by now.
+    fn is_written(&mut self, at: &str, n: usize, bytes: &[u8], driven: u32) {
         let value = u32::from_be_bytes(bytes.try_into().expect("4 bytes"));
+        let (of, value) = (value >> 24, value & 0xFF_FFFF);
         assert!(value >= self.driven, "{at}: is written {value} after {}", self.driven);
+        if value == 0 {
+            // Before OB 1 has driven anything.
+            return;
+        }
+        assert_eq!(of, n as u32, "{at}: is written what is another's");
+        let ago = driven.checked_sub(value).unwrap_or_else(|| panic!("{at}: is written {value}, OB 1 is at {driven}"));
+        assert!(ago <= WRITTEN_AGO, "{at}: is written what OB 1 drove {ago} scans ago");
         self.driven = value;
     }
 }

@@ -3,7 +3,10 @@
 //! processes.
 
 mod bus;
-mod device;
+// Of the tests that have a plant, one has this.
+#[allow(dead_code)]
+pub(crate) mod cp342;
+pub(crate) mod device;
 mod field;
 mod judge;
 
@@ -58,13 +61,13 @@ EndModule
 /// Where DB 1 counts the calls of OB 86 and OB 82.
 const COUNTS: usize = 60;
 
-/// OB 1 keeps what it reads, and drives everything with a number that grows.
+/// OB 1 keeps what it reads, and drives every device with a number that grows, behind that of the device.
 fn program_text() -> String {
     let (mut read, mut drive) = (String::new(), String::new());
     for n in 0..COUNT {
         let at = BYTES * n;
         read += &format!("  L ED {at};\n  T DB1.DBD {at};\n");
-        drive += &format!("  T AD {at};\n");
+        drive += &format!("  L MD 0;\n  L DW#16#{n:X}000000;\n  OD;\n  T AD {at};\n");
     }
     let counts = |ob: u8, at: usize| {
         format!(

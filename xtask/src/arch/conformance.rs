@@ -27,7 +27,7 @@ struct Manual {
     has_events: bool,
 }
 
-const MANUALS: [Manual; 2] = [
+const MANUALS: [Manual; 3] = [
     Manual {
         rows: "docs/conformance/cp341.rows",
         page: "docs/conformance/cp341.md",
@@ -40,6 +40,13 @@ const MANUALS: [Manual; 2] = [
         page: "docs/conformance/cp340.md",
         sections: SECTIONS_340,
         head: HEAD_340,
+        has_events: false,
+    },
+    Manual {
+        rows: "docs/conformance/cp342.rows",
+        page: "docs/conformance/cp342.md",
+        sections: "blocks; DPSTATUS; DTYPE; CTYPE; STATUS",
+        head: HEAD_342,
         has_events: false,
     },
 ];
@@ -66,6 +73,17 @@ const SECTIONS: &str = "
 const SECTIONS_340: &str = "
     CP 340 blocks; CP 340 p. 39; CP 340 p. 54; CP 340 p. 64; CP 340 p. 67; CP 340 p. 72; CP 340 p. 85; CP 340 p. 142; CP 340 p. 143;
     CP 341 p. 76; CP 341 p. 94; CP 341 p. 100; CP 341 p. 101; CP 341 p. 103; reference 3.7";
+
+const HEAD_342: &str = "\
+# Conformance of the CP 342-5
+
+What FC 1 to FC 4 of a DP master do, with the test that proves it or the reason why there is none: *fact only* (nothing
+to be done by this program), *other module*. A row that says *ours* is our decision
+([decision 43](../decisions/0043-cp-342-5.md)).
+
+Made of `docs/conformance/cp342.rows` by `cargo xtask arch --bless`; `cargo xtask arch` fails when a row has neither,
+when a test is not there, and when a section has no row.
+";
 
 const HEAD_340: &str = "\
 # Conformance of the CP 340 and of the printer driver

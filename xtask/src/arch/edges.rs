@@ -233,6 +233,8 @@ const TABLE: &[Row] = &[
             "ob1-project",
             "ob1-std",
             "ob1-cpu",
+            // `ob1 import` reads the GSD files of DP slaves.
+            "ob1-dp",
             "ob1-rt",
             "ob1-log",
             "ob1-access",
@@ -265,7 +267,9 @@ const TABLE: &[Row] = &[
     row("ob1-cp040", "invariant 9", &["ob1-sdk", "ob1-slio"]),
     row("ob1-slio", "invariant 9", &["ob1-words"]),
     row("ob1-cp341", "invariant 9", &["ob1-ptp", "ob1-sdk", "ob1-words"]),
-    row("ob1-cp343", "invariant 9", &["ob1-sdk", "ob1-words"]),
+    row("ob1-any", "invariant 9", &["ob1-sdk", "ob1-words"]),
+    row("ob1-cp342", "invariant 9", &["ob1-any", "ob1-sdk", "ob1-words"]),
+    row("ob1-cp343", "invariant 9", &["ob1-any", "ob1-sdk", "ob1-words"]),
     row("ob1-cp340", "invariant 9", &["ob1-ptp", "ob1-sdk", "ob1-words"]),
     row("ob1-ptp", "invariant 9", &["ob1-sdk", "ob1-words"]),
     // The tables of DIF and VIF.
@@ -447,6 +451,8 @@ const NO_WAY: &[(&str, &[&str], &[&str])] = &[
             "ob1-cp240",
             "ob1-cp340",
             "ob1-cp341",
+            "ob1-any",
+            "ob1-cp342",
             "ob1-cp343",
             "ob1-example-rust-blocks",
             "ob1-example-rust-ob1",

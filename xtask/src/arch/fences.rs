@@ -143,6 +143,8 @@ const FENCES: &[(&str, &[Ban])] = &[
     ("plugins/slio", ALL),
     ("plugins/cp340", ALL),
     ("plugins/cp341", ALL),
+    ("plugins/any", ALL),
+    ("plugins/cp342", ALL),
     ("plugins/cp343", ALL),
     ("plugins/ptp", ALL),
     ("plugins/mbus", ALL),

@@ -14,7 +14,9 @@ const BOTH_SIDES: &[&str] = &[
     "plugins/cp240/src",
     "plugins/cp340/src",
     "plugins/cp341/src",
+    "plugins/cp342/src",
     "plugins/cp343/src",
+    "runtime/host/src/bus",
     "plugins/ptp/src",
     "plugins/slio/src",
 ];

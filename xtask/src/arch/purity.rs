@@ -79,6 +79,8 @@ const PLUGIN_CRATES: &[&str] = &[
     "plugins/cp240",
     "plugins/cp340",
     "plugins/cp341",
+    "plugins/any",
+    "plugins/cp342",
     "plugins/cp343",
     "plugins/ptp",
     "plugins/slio",

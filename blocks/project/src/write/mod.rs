@@ -10,6 +10,7 @@ use ob1_model::BlockKind;
 use crate::folder::{Block, Head, KINDS, Language, Part, UDT, Udt};
 use crate::hardware::{self, Cpu, Module};
 use crate::links::{self, Links};
+use crate::profibus::DpSystem;
 use crate::symbols::{self, SymbolRow};
 use crate::text::CodePage;
 use crate::tree::Files;
@@ -34,6 +35,8 @@ pub struct NewProject {
     pub cpu: Option<Cpu>,
     /// The modules of the station.
     pub modules: Vec<Module>,
+    /// Its DP master systems, behind the interface of the CPU.
+    pub dp: Vec<DpSystem>,
 }
 
 /// IDs in the projects written here: each there once.
@@ -52,7 +55,7 @@ impl NewProject {
         self.programs(&mut files);
         self.block_folder(&mut files);
         self.symbol_list(&mut files);
-        hardware::write(self.cpu.as_ref(), &self.modules, i64::from(PROGRAM_ID), self.page, &mut files);
+        hardware::write(self.cpu.as_ref(), &self.modules, &self.dp, i64::from(PROGRAM_ID), self.page, &mut files);
         files
     }
 

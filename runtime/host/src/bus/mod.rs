@@ -4,6 +4,7 @@
 //! All modules of a bus live on the scan thread and share one port; nobody else takes its lock. Nothing the process of
 //! the bus says is trusted: an image without a meaning is a lost coupler.
 
+mod cp;
 mod stations;
 #[cfg(test)]
 mod tests;
@@ -15,6 +16,9 @@ use ob1_coupler::Status;
 use ob1_cpu::{DP_DIAGNOSIS, Module, ModuleCounters, ModuleError, ModuleEvent, ModuleStatus, Nanos};
 
 use crate::module::DriverLink;
+use cp::DpCp;
+pub use cp::{DpAreas, DpPiece, area_bytes};
+pub use ob1_words::cp342::AREA_BYTES as DP_AREA_BYTES;
 use stations::Stations;
 pub use stations::{DpStation, Station, StationRules};
 
@@ -112,9 +116,25 @@ impl Bus {
     }
 }
 
+impl Bus {
+    /// The CP 342-5 that the bus is behind: it leads, and no slave of it is a module of its own.
+    #[must_use]
+    pub fn cp(&self, areas: DpAreas) -> Box<dyn Module> {
+        if let Ok(mut shared) = self.shared.lock() {
+            shared.led = true;
+        }
+        Box::new(DpCp::new(Arc::clone(&self.shared), areas))
+    }
+}
+
 impl Shared {
-    /// The cycle control point.
-    fn begin(&mut self, now: Nanos) {
+    /// The process is there, and says so itself.
+    fn is_ready(&self) -> bool {
+        self.link.is_running() && matches!(self.side.monitor().driver_state(), Ok(DriverState::Ready))
+    }
+
+    /// The cycle control point; whether there is a new image.
+    fn begin(&mut self, now: Nanos) -> bool {
         let life = self.link.life();
         if life.attempts > self.whole_for {
             // Another process: the last one may have written where it had no business.
@@ -129,6 +149,7 @@ impl Shared {
         let ready = matches!(self.side.monitor().driver_state(), Ok(DriverState::Ready));
         let (image, life) = (&self.image, (self.link.is_running(), ready));
         self.stations.look(now, life, fresh, |station| Status::from_words(&image.coupler(station)));
+        fresh
     }
 
     fn publish(&mut self) {
@@ -137,6 +158,19 @@ impl Shared {
             *published = published.wrapping_add(1);
             side.write_outputs(&published.to_ne_bytes());
         }
+    }
+
+    /// The CPU went to RUN, or to STOP.
+    fn cpu_state(&mut self, run: bool) {
+        self.run = run;
+        if run {
+            self.stations.restart();
+        } else {
+            self.outputs.fill(0);
+        }
+        self.publish();
+        self.side.set_cpu_state(if run { CpuState::Run } else { CpuState::Stop });
+        self.bell = true;
     }
 
     fn end(&mut self, now: Nanos) {
@@ -247,15 +281,7 @@ impl Module for BusModule {
             return;
         }
         if let Ok(mut shared) = self.shared.try_lock() {
-            shared.run = run;
-            if run {
-                shared.stations.restart();
-            } else {
-                shared.outputs.fill(0);
-            }
-            shared.publish();
-            shared.side.set_cpu_state(if run { CpuState::Run } else { CpuState::Stop });
-            shared.bell = true;
+            shared.cpu_state(run);
         }
     }
 

@@ -194,6 +194,21 @@ impl Stations {
         self.list.get(station).map_or(Told::Nothing, |known| known.told)
     }
 
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// A station's number on the bus.
+    pub(super) fn number(&self, station: usize) -> u8 {
+        self.list.get(station).map_or(u8::MAX, |known| known.station.number)
+    }
+
+    /// How many diagnoses of a station differed from the one before.
+    pub(super) fn diagnoses(&self, station: usize) -> u64 {
+        self.list.get(station).map_or(0, |known| known.status.diagnosis)
+    }
+
     /// What is to be told of the bus as a whole.
     pub(super) fn bus_event(&mut self) -> Option<ModuleEvent> {
         if std::mem::take(&mut self.bus_failed) {

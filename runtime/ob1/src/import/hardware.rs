@@ -1,7 +1,7 @@
 //! The modules of a station as our station file can have them.
 
 use ob1_params::CpKind;
-use ob1_project::{Area, Choice, Cpu, Module, Project};
+use ob1_project::{Area, Choice, Cpu, DpSystem, Module, Project};
 
 /// The hardware of a program.
 #[derive(Debug, Default)]
@@ -10,6 +10,8 @@ pub(super) struct Hardware {
     pub(super) cpu: Option<Cpu>,
     /// The modules of its station.
     pub(super) modules: Vec<Module>,
+    /// The DP master systems of its station.
+    pub(super) dp: Vec<DpSystem>,
 }
 
 /// The CPU of a program and the modules of its station. A program without a CPU has none.
@@ -17,7 +19,8 @@ pub(super) fn of_choice(project: &Project, choice: Choice) -> Hardware {
     let cpu = choice.program.and_then(|i| project.hardware.cpus.get(project.programs.get(i)?.cpu?)).cloned();
     let station = cpu.as_ref().map(|cpu| cpu.station.clone());
     let of_station = |module: &&Module| Some(&module.station) == station.as_ref();
-    Hardware { modules: project.hardware.modules.iter().filter(of_station).cloned().collect(), cpu }
+    let dp = project.hardware.dp.iter().filter(|system| Some(&system.station) == station.as_ref()).cloned().collect();
+    Hardware { modules: project.hardware.modules.iter().filter(of_station).cloned().collect(), dp, cpu }
 }
 
 /// Communication processors we have: the type in the station file, and how the module's name or order number begins.

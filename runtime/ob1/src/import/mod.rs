@@ -4,6 +4,7 @@ mod disk;
 mod download;
 mod hardware;
 mod output;
+mod profibus;
 mod replace;
 mod report;
 mod station;
@@ -18,6 +19,7 @@ use ob1_project::{Choice, Folder, Project, Root, Translation, Tree, Wanted, tran
 use serde_json::json;
 
 use crate::exit::ImportExit;
+use profibus::GsdFiles;
 
 pub use download::{DownloadArgs, download};
 pub use upload::{CompareArgs, UploadArgs, compare, upload};
@@ -45,6 +47,9 @@ pub struct ImportArgs {
     /// Write over a station that lies there already
     #[arg(long, requires = "out")]
     pub overwrite: bool,
+    /// The GSD files of its DP slaves: a folder; with them slaves become [[bus]] and [[module]]
+    #[arg(long, value_name = "DIR", requires = "out")]
+    pub gsd: Option<PathBuf>,
     /// Print the programs and their blocks, write nothing
     #[arg(long, conflicts_with_all = ["out", "listing"])]
     pub list: bool,
@@ -113,10 +118,14 @@ fn run(args: &ImportArgs) -> Result<ImportExit, String> {
         return listing(block, &taken.folder, &translation);
     }
     let Some(out) = &args.out else { return Err("--out is missing".to_owned()) };
-    let made = station::make(&taken.title, &translation, &modules, &replaced);
+    let gsds = match &args.gsd {
+        Some(folder) => GsdFiles::read(folder, &mut notes)?,
+        None => GsdFiles::default(),
+    };
+    let made = station::make(&taken.title, &translation, &modules, &replaced, &gsds);
     notes.extend(replaced.notes.clone());
     let report = report::text(&taken.title, &translation, &made, &notes);
-    let files = output::write(out, args.overwrite, &translation, &symbols.0, &made.text, &report)?;
+    let files = output::write(out, args.overwrite, &translation, &symbols.0, &made, &report)?;
     let exit = if translation.left_out.is_empty() { ImportExit::Whole } else { ImportExit::LeftOut };
     if args.json {
         say!("{}", outcome(&titles, Some(&taken.title), &translation, &files));

@@ -7,6 +7,9 @@ use ob1_ir::Symbol;
 use ob1_project::{SymbolRow, Translation};
 use ob1_stl::Source;
 
+use super::profibus::GSD;
+use super::station::Made;
+
 /// The name of the symbol table.
 pub(super) const SYMBOLS: &str = "symbols.sdf";
 /// The folder of sources and machine code.
@@ -36,7 +39,7 @@ pub(super) fn write(
     overwrite: bool,
     translation: &Translation,
     symbols: &str,
-    station: &str,
+    station: &Made,
     report: &str,
 ) -> Result<Vec<String>, String> {
     let refused = |path: &Path| {
@@ -56,9 +59,16 @@ pub(super) fn write(
         files.push(name);
         Ok::<(), String>(())
     };
-    put("station.toml".to_owned(), station.as_bytes())?;
+    put("station.toml".to_owned(), station.text.as_bytes())?;
     if !symbols.is_empty() {
         put(SYMBOLS.to_owned(), symbols.as_bytes())?;
+    }
+    if !station.files.is_empty() {
+        let folder = out.join(GSD);
+        std::fs::create_dir_all(&folder).map_err(refused(&folder))?;
+    }
+    for (path, bytes) in &station.files {
+        put(path.clone(), bytes)?;
     }
     for file in translation.sources.iter().chain(&translation.images) {
         put(format!("{BLOCKS}/{}", file.name), &file.bytes)?;

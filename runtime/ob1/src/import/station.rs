@@ -10,6 +10,7 @@ use ob1_project::{Area, Module, Note, Notes, Translation};
 
 use super::hardware::{Hardware, cp_type, merged};
 use super::output::{BLOCKS, SYMBOLS};
+use super::profibus::{GsdFiles, Slaves};
 use super::replace::{Replaced, plugin_of};
 use super::used::{Used, areas};
 
@@ -18,6 +19,8 @@ use super::used::{Used, areas};
 pub(super) struct Made {
     pub(super) text: String,
     pub(super) notes: Notes,
+    /// Files beside it: path below the station, content.
+    pub(super) files: Vec<(String, Vec<u8>)>,
 }
 
 /// The least an S7-300 has; programs reach further through pointers than their statements say.
@@ -32,16 +35,25 @@ const MOST_IMAGE: u32 = 8192;
 const MONITORING_MS: u16 = 150;
 
 /// Writes the station file of a program.
-pub(super) fn make(title: &str, translation: &Translation, hardware: &Hardware, replaced: &Replaced) -> Made {
+pub(super) fn make(
+    title: &str,
+    translation: &Translation,
+    hardware: &Hardware,
+    replaced: &Replaced,
+    gsds: &GsdFiles,
+) -> Made {
     let used = Used::of(&translation.program);
     let mut made = Made::default();
-    let mut modules = Modules::default();
-    modules.of_hardware(hardware, replaced, &mut made.notes);
+    let slaves = Slaves::of(hardware, gsds, &mut made.notes);
+    let mut modules = Modules { names: slaves.names.clone(), ..Modules::default() };
+    modules.of_hardware(hardware, replaced, &slaves, &mut made.notes);
     modules.of_operands(&used, hardware, &mut made.notes);
     head(&mut made, title, &used, hardware);
     cyclic(&mut made.text, &translation.program, hardware);
     program(&mut made.text, translation, replaced);
     made.text.push_str(&modules.text);
+    made.text.push_str(&slaves.text);
+    made.files = slaves.files;
     made
 }
 
@@ -139,9 +151,15 @@ struct Modules {
 const CP_BYTES: u32 = 16;
 
 impl Modules {
-    fn of_hardware(&mut self, hardware: &Hardware, replaced: &Replaced, notes: &mut Notes) {
+    fn of_hardware(&mut self, hardware: &Hardware, replaced: &Replaced, slaves: &Slaves, notes: &mut Notes) {
+        let (own, others): (Vec<&Module>, Vec<&Module>) =
+            hardware.modules.iter().partition(|m| slaves.has(m).is_some());
+        for module in own.into_iter().filter(|m| slaves.has(m) == Some(true)) {
+            self.inputs.extend_from_slice(&module.inputs);
+            self.outputs.extend_from_slice(&module.outputs);
+        }
         let (cps, plain): (Vec<&Module>, Vec<&Module>) =
-            hardware.modules.iter().partition(|m| cp_type(m).is_some() && !replaced.blocks.is_empty());
+            others.into_iter().partition(|m| cp_type(m).is_some() && !replaced.blocks.is_empty());
         for module in cps {
             self.cp(module, notes);
         }
@@ -256,12 +274,12 @@ impl Modules {
 }
 
 /// A comment's text in one line.
-fn line(text: &str) -> String {
+pub(super) fn line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>().trim().to_owned()
 }
 
 /// Letters, digits, `-` and `_`.
-fn clean(text: &str, most: usize) -> String {
+pub(super) fn clean(text: &str, most: usize) -> String {
     let mut out = String::new();
     for c in text.chars() {
         match c {

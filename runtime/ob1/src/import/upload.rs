@@ -10,6 +10,7 @@ use ob1_s7::client::jobs::Device;
 use ob1_s7::wire::BlockType;
 
 use super::hardware::Hardware;
+use super::profibus::GsdFiles;
 use super::wire::{CpuArgs, Socket, connect};
 use super::{outcome, output, replace, report, station};
 use crate::exit::ImportExit;
@@ -93,10 +94,10 @@ fn run(args: &UploadArgs) -> Result<ImportExit, String> {
     translation.blocks += refused.len();
     translation.left_out.extend(refused);
     let title = format!("CPU {}", args.cpu.host);
-    let made = station::make(&title, &translation, &Hardware::default(), &replaced);
+    let made = station::make(&title, &translation, &Hardware::default(), &replaced, &GsdFiles::default());
     notes.extend(replaced.notes.clone());
     let report = report::text(&title, &translation, &made, &notes);
-    let mut files = output::write(&args.out, args.overwrite, &translation, "", &made.text, &report)?;
+    let mut files = output::write(&args.out, args.overwrite, &translation, "", &made, &report)?;
     files.extend(keep(&args.out, &blocks)?);
     if args.json {
         say!("{}", outcome(std::slice::from_ref(&title), Some(&title), &translation, &files));

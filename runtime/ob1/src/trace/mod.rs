@@ -158,7 +158,7 @@ fn run(options: &Options) -> Result<(), TraceError> {
         && pcapng.frames() == 0
     {
         err!(
-            "ob1: no frame of Modbus RTU and no telegram of S7: nothing in this trace that Wireshark has a dissector for"
+            "ob1: no frame of Modbus RTU and no telegram of S7: nothing in this trace that Wireshark can read (it has no link type for PROFIBUS)"
         );
     }
     Ok(())

@@ -98,7 +98,7 @@ impl ProcessIo {
             ModuleKind::Inputs { bytes } => (*bytes, 0),
             ModuleKind::Outputs { bytes } => (0, *bytes),
             // A coupler that is not there: where a program is tried without its plant.
-            ModuleKind::Remote { .. } => (config.input_bytes(), config.output_bytes()),
+            ModuleKind::Remote { .. } | ModuleKind::DpMaster { .. } => (config.input_bytes(), config.output_bytes()),
             _ => return None,
         };
         let (inputs_at, outputs_at) = (config.input_address as usize, config.output_address as usize);

@@ -7,7 +7,7 @@ use std::path::Path;
 use ob1_coupler::config::Parity;
 use ob1_coupler::{BusConfig, CouplerConfig, DpConfig, DpSlave, LineConfig, Serial};
 use ob1_cpu::{CpuConfig, Family, Nanos};
-use ob1_host::bus::{Station as BusStation, StationRules};
+use ob1_host::bus::{DpAreas, Station as BusStation, StationRules};
 
 use super::check::{choice, name, number, time};
 use super::dp;
@@ -46,6 +46,8 @@ pub(super) struct Building {
     /// For each coupler, in the order of the file: its line, and its place there.
     places: Vec<(usize, usize)>,
     diagnostics: Vec<(u16, Range<usize>)>,
+    /// Where the data of its slaves lie at the CP 342-5 that it is behind.
+    pub(super) cp: Option<DpAreas>,
 }
 
 /// All of them.
@@ -72,6 +74,11 @@ impl Buses {
             list.push(bus);
         }
         Self { list, min_cycle: cpu.min_cycle, family: cpu.family }
+    }
+
+    /// One of them.
+    pub(super) fn get(&self, bus: usize) -> Option<&Building> {
+        self.list.get(bus)
     }
 
     /// The bus of this name.
@@ -111,7 +118,9 @@ impl Buses {
         let mut buses = Vec::new();
         for mut building in self.list {
             building.bus.rules.diagnostic = next();
-            for station in building.bus.stations.iter_mut().filter(|station| station.diagnostic == 0) {
+            let unnamed = building.bus.stations.iter_mut().filter(|station| station.diagnostic == 0);
+            // Behind a CP no slave has an address.
+            for station in unnamed.filter(|_| building.cp.is_none()) {
                 station.diagnostic = next();
             }
             if building.bus.stations.is_empty() {
@@ -120,6 +129,14 @@ impl Buses {
             }
             let order = building.by_line();
             for config in modules.iter_mut() {
+                if let ModuleKind::DpMaster { bus, areas } = &mut config.kind
+                    && *bus == buses.len()
+                {
+                    *areas = building.cp.take().unwrap_or_default();
+                    areas.inputs.iter_mut().chain(&mut areas.outputs).for_each(|piece| {
+                        piece.station = order.get(piece.station).copied().unwrap_or(piece.station);
+                    });
+                }
                 if let ModuleKind::Remote { bus, module } = &mut config.kind
                     && *bus == buses.len()
                     && let Some(place) = order.get(module.station)
@@ -262,7 +279,7 @@ fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan
     let rules = StationRules { diagnostic: 0, number: (index + 1).min(255) as u8 };
     let bus = Bus { name, rules, config, lines: Vec::new(), stations: Vec::new() };
     let (places, diagnostics) = (Vec::new(), Vec::new());
-    Some(Building { kind, serial, dp, timeout, line, at: table.name.span(), bus, places, diagnostics })
+    Some(Building { kind, serial, dp, timeout, line, at: table.name.span(), bus, places, diagnostics, cp: None })
 }
 
 fn serial(f: &mut Findings<'_>, table: &BusTable, kind: BusKind) -> Option<Serial> {

@@ -43,10 +43,10 @@ struct Placement {
     substitute: Vec<u8>,
 }
 
-/// Keys of a coupler at another module.
-pub(super) fn no_keys(f: &mut Findings<'_>, table: &ModuleTable) {
+/// Keys of a coupler at another module. `is_behind_bus`: a module that has a bus all the same.
+pub(super) fn no_keys(f: &mut Findings<'_>, table: &ModuleTable, is_behind_bus: bool) {
     for (key, at) in [
-        ("bus", table.bus.as_ref().map(Placed::span)),
+        ("bus", table.bus.as_ref().filter(|_| !is_behind_bus).map(Placed::span)),
         ("unit", table.unit.as_ref().map(Placed::span)),
         ("inputs", table.inputs.as_ref().map(Placed::span)),
         ("outputs", table.outputs.as_ref().map(Placed::span)),
@@ -225,9 +225,9 @@ fn foreign_keys(f: &mut Findings<'_>, table: &ModuleTable) {
     }
 }
 
-fn bus_of(f: &mut Findings<'_>, table: &ModuleTable, buses: &Buses) -> Option<usize> {
+pub(super) fn bus_of(f: &mut Findings<'_>, table: &ModuleTable, buses: &Buses) -> Option<usize> {
     let Some(wanted) = &table.bus else {
-        f.error(MISSING, table.kind.span(), "the coupler has no bus", "add `bus`: the name of a [[bus]]");
+        f.error(MISSING, table.kind.span(), "the module has no bus", "add `bus`: the name of a [[bus]]");
         return None;
     };
     let found = buses.of(wanted.get_ref());

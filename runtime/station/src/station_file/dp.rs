@@ -16,6 +16,7 @@ use ob1_host::bus::{BusModuleConfig, DpStation, OnLoss, Station};
 use super::buses::{Building, BusKind};
 use super::check::{name, number, time};
 use super::coupler::{LOST_AFTER, Loss, address, loss, substitute};
+use super::dp_master;
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, UNREADABLE, VALUE};
 use super::line::Line;
 use super::tables::{BusTable, ModuleTable, Placed, SlotTable};
@@ -167,7 +168,7 @@ pub(super) fn modules(
         number: station,
         lost_after,
         // Module faults of a DP slave raise OB 82, unless it is told not to.
-        interrupts: table.diagnostics.as_ref().is_none_or(|switch| *switch.get_ref()),
+        interrupts: building.cp.is_none() && table.diagnostics.as_ref().is_none_or(|switch| *switch.get_ref()),
         dp: Some(DpStation { diagnosis, ident: gsd.ident(), master: config.address }),
     };
     let Some(line) = building.line_of(f, table.line.as_ref(), table.kind.span(), folder) else { return Vec::new() };
@@ -175,12 +176,20 @@ pub(super) fn modules(
         let message = format!("the address {station} is taken on this bus");
         f.error(TWICE, number_of.span(), message, "each slave has an address of its own, and the master its `address`");
     }
+    let behind_cp = building.cp.is_some();
+    if behind_cp {
+        dp_master::no_addresses(f, table);
+    }
     let mut all = vec![(itself(&name, bus, place), [table.name.span(), table.name.span()])];
     let (mut input_at, mut output_at) = (first_input, first_output);
     for (slot, placed) in slots.iter().zip(&made.slots) {
         let at = Pieces { inputs: (input_at, placed.inputs), outputs: (output_at, placed.outputs) };
         (input_at, output_at) = (input_at + placed.inputs, output_at + placed.outputs);
         all.extend(of_slot(f, &name, slot, &at, (bus, place), loss));
+    }
+    if let Some(areas) = &mut building.cp {
+        dp_master::add(f, areas, all);
+        return Vec::new();
     }
     all
 }

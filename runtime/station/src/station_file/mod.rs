@@ -10,6 +10,7 @@ mod coupler;
 mod cp040;
 mod devices;
 mod dp;
+mod dp_master;
 mod duration;
 pub mod findings;
 mod interrupts;

@@ -12,8 +12,10 @@ use super::findings::{ADDRESS, CONTRADICTION, Findings, LINE, MISSING, PARAMETER
 use super::line::{self, Line};
 use super::tables::{ModuleTable, Placed};
 use super::types::{AbdUnit, Absent, ModuleConfig, ModuleKind};
-use super::{connection, coupler, cp040, keyed};
+use super::{connection, coupler, cp040, dp_master, keyed};
 
+/// The type of a CP 342-5 in the station file.
+const DP_MASTER: &str = "cp342-5";
 /// The last byte of the peripheral area.
 const LAST_ADDRESS: i64 = 65_535;
 
@@ -21,6 +23,7 @@ const LAST_ADDRESS: i64 = 65_535;
 enum Type {
     Cp(CpKind),
     Coupler,
+    DpMaster,
     DigitalIn,
     DigitalOut,
     AnalogIn,
@@ -34,12 +37,13 @@ impl Type {
 }
 
 /// Those besides the communication processors, which are in [`CpKind::TABLE`].
-const OTHERS: [(&str, Type); 5] = [
+const OTHERS: [(&str, Type); 6] = [
     ("di", Type::DigitalIn),
     ("do", Type::DigitalOut),
     ("ai", Type::AnalogIn),
     ("ao", Type::AnalogOut),
     ("coupler", Type::Coupler),
+    (DP_MASTER, Type::DpMaster),
 ];
 
 pub(super) fn modules(
@@ -49,6 +53,10 @@ pub(super) fn modules(
     folder: &Path,
 ) -> Vec<ModuleConfig> {
     let mut modules: Vec<ModuleConfig> = Vec::with_capacity(tables.len());
+    // Slaves behind a CP have no addresses in the CPU, wherever the CP stands in the file.
+    for table in tables.iter().map(Placed::get_ref).filter(|table| table.kind.get_ref() == DP_MASTER) {
+        dp_master::claim(f, table, buses);
+    }
     for placed in tables {
         let table = placed.get_ref();
         let cps = CpKind::TABLE.iter().map(|row| (row.name, Type::Cp(row.kind)));
@@ -58,10 +66,10 @@ pub(super) fn modules(
         let built: Vec<(ModuleConfig, [Range<usize>; 2])> = match ty {
             Type::Coupler => coupler::modules(f, table, buses, folder),
             _ => {
-                coupler::no_keys(f, table);
+                coupler::no_keys(f, table, ty == Type::DpMaster);
                 let places = [&table.input_address, &table.output_address]
                     .map(|at| table.address.as_ref().or(at.as_ref()).map_or_else(|| table.kind.span(), Placed::span));
-                module(f, table, ty, folder).map(|module| (module, places)).into_iter().collect()
+                module(f, table, ty, folder, buses).map(|module| (module, places)).into_iter().collect()
             }
         };
         if built.first().is_some_and(|(module, _)| modules.iter().any(|m| m.name == module.name)) {
@@ -76,12 +84,13 @@ pub(super) fn modules(
     modules
 }
 
-fn module(f: &mut Findings<'_>, table: &ModuleTable, ty: Type, folder: &Path) -> Option<ModuleConfig> {
+fn module(f: &mut Findings<'_>, table: &ModuleTable, ty: Type, folder: &Path, buses: &Buses) -> Option<ModuleConfig> {
     let kind = match ty {
         Type::Cp(CpKind::Cp240) => cp240(f, table, folder)?,
         Type::Cp(CpKind::Cp040) => cp040::module(f, table, folder)?,
         Type::Cp(kind @ (CpKind::Cp341 | CpKind::Cp340)) => keyed::module(f, table, folder, kind)?,
         Type::Cp(CpKind::Cp343) => connection::module(f, table)?,
+        Type::DpMaster => dp_master::module(f, table, buses)?,
         Type::DigitalIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
         Type::AnalogIn => ModuleKind::Inputs { bytes: io_bytes(f, table, ty) },
         Type::DigitalOut | Type::AnalogOut => ModuleKind::Outputs { bytes: io_bytes(f, table, ty) },

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ob1_coupler::BusConfig;
 use ob1_cpu::CpuConfig;
-use ob1_host::bus::{BusModuleConfig, Station as BusStation, StationRules};
+use ob1_host::bus::{BusModuleConfig, DpAreas, Station as BusStation, StationRules};
 use ob1_model::BlockId;
 use ob1_params::{Cp040, Cp240, Cp341, CpKind};
 
@@ -12,6 +12,9 @@ use super::Line;
 use crate::engine::EngineChoice;
 use crate::program::Sources;
 use crate::retentive::RetentiveFile;
+
+/// Registers of a CP 342-5 in the address space, each way; nothing is in them.
+const DP_MASTER_BYTES: u16 = 16;
 
 /// A station file after all checks. Paths are relative to the current directory or absolute, no longer to the file.
 #[derive(Clone, Debug, PartialEq)]
@@ -390,6 +393,13 @@ pub enum ModuleKind {
         /// Bytes.
         bytes: u16,
     },
+    /// A CP 342-5: a PROFIBUS whose slaves the program reaches by its handling blocks.
+    DpMaster {
+        /// Which bus, from 0.
+        bus: usize,
+        /// Where the data of its slaves lie for the handling blocks.
+        areas: DpAreas,
+    },
     /// A piece of a coupler.
     Remote {
         /// Which bus, from 0.
@@ -408,7 +418,7 @@ impl ModuleKind {
             Self::Cp040 { .. } => Some(CpKind::Cp040),
             Self::Keyed { params, .. } => Some(params.kind),
             Self::Ethernet { .. } => Some(CpKind::Cp343),
-            Self::Inputs { .. } | Self::Outputs { .. } | Self::Remote { .. } => None,
+            Self::Inputs { .. } | Self::Outputs { .. } | Self::Remote { .. } | Self::DpMaster { .. } => None,
         }
     }
 
@@ -416,6 +426,7 @@ impl ModuleKind {
     fn io_bytes(&self) -> u16 {
         match (self, self.cp()) {
             (Self::Cp040 { io_size, .. }, _) => *io_size,
+            (Self::DpMaster { .. }, _) => DP_MASTER_BYTES,
             (_, cp) => cp.and_then(|cp| cp.row().io_bytes).unwrap_or(0),
         }
     }
@@ -425,7 +436,11 @@ impl ModuleKind {
     pub fn line(&self) -> Option<&Line> {
         match self {
             Self::Cp240 { line, .. } | Self::Cp040 { line, .. } | Self::Keyed { line, .. } => Some(line),
-            Self::Ethernet { .. } | Self::Inputs { .. } | Self::Outputs { .. } | Self::Remote { .. } => None,
+            Self::Ethernet { .. }
+            | Self::Inputs { .. }
+            | Self::Outputs { .. }
+            | Self::DpMaster { .. }
+            | Self::Remote { .. } => None,
         }
     }
 }

@@ -1,0 +1,208 @@
+//! DP master systems with their slaves, as the hardware configuration keeps them. What the attributes mean was found
+//! out by comparing projects (`docs/import.md`).
+
+use crate::hardware::{Area, INPUT_ADDRESSES, Interfaces, OUTPUT_ADDRESSES, Object, Objects, Tables, area_bytes};
+use crate::text::CodePage;
+use crate::tree::Files;
+use crate::write::Cell;
+
+/// A DP master system.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct DpSystem {
+    /// The name of its subnet, or its own.
+    pub name: String,
+    /// The station its master is in.
+    pub station: String,
+    /// The module that is its master: a CPU, or a CP. Empty: the project does not say.
+    pub master: String,
+    /// Its slaves, in the order of their addresses.
+    pub slaves: Vec<DpSlave>,
+}
+
+/// A DP slave.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct DpSlave {
+    /// Its name.
+    pub name: String,
+    /// Its PROFIBUS address.
+    pub address: u8,
+    /// Its user parameters, where the project has them as bytes: for slaves of a GSD file.
+    pub parameters: Vec<u8>,
+    /// Its diagnostic address.
+    pub diagnostic: Option<u16>,
+    /// What is in its slots.
+    pub modules: Vec<DpModule>,
+}
+
+/// What is in a slot of a slave.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct DpModule {
+    /// Its slot.
+    pub slot: i64,
+    /// Its name: `DI32xDC24V`; of a GSD file's module its identifiers as STEP 7 shows them.
+    pub name: String,
+    /// Its order number, as far as the catalogue's name has it.
+    pub order: String,
+    /// Its name in the GSD file; empty: it is one of STEP 7's own catalogue.
+    pub gsd: String,
+    /// It belongs to the module in the slot before: a module of the GSD file with more than one identifier.
+    pub goes_on: bool,
+    /// Its identifier, as in the configuration telegram.
+    pub identifier: Vec<u8>,
+    /// Its areas of inputs.
+    pub inputs: Vec<Area>,
+    /// Its areas of outputs.
+    pub outputs: Vec<Area>,
+}
+
+/// The object type of a DP master system, and its relation to the interface of its master.
+const SYSTEM: i64 = 1_314_971;
+pub(crate) const HAS_INTERFACE: i64 = 1_315_834;
+/// Attributes: the module's name in the GSD file, its identifier; the slave's user parameters; the subnet's name.
+pub(crate) const GSD_NAME: i64 = 110_970;
+pub(crate) const IDENTIFIER: i64 = 110_752;
+pub(crate) const USER_PARAMETERS: i64 = 110_800;
+pub(crate) const SUBNET: i64 = 110_955;
+/// In front of the name of a module that goes on in a further slot.
+const GOES_ON: &str = "-->";
+
+/// The bytes behind their number: a word, low byte first. What is not there is not used.
+pub(crate) fn counted(bytes: &[u8]) -> Vec<u8> {
+    let Some((count, rest)) = bytes.split_first_chunk::<2>() else { return Vec::new() };
+    rest.get(..usize::from(u16::from_le_bytes(*count))).unwrap_or_default().to_vec()
+}
+
+/// The master systems among the objects; `station` finds the station of one.
+pub(crate) fn systems(
+    objects: &Objects,
+    interfaces: &Interfaces,
+    station: impl Fn(&Object) -> String,
+) -> Vec<DpSystem> {
+    let of_unit = |unit: (i64, i64)| objects.iter().filter(move |(_, object)| object.unit == unit);
+    let mut systems = Vec::new();
+    for (key, system) in objects.iter().filter(|((ty, _), _)| *ty == SYSTEM) {
+        let mut slaves: Vec<DpSlave> = of_unit(*key)
+            .filter_map(|(key, slave)| {
+                let mut modules: Vec<DpModule> = of_unit(*key).filter_map(|(_, object)| module(object)).collect();
+                modules.sort_by_key(|module| module.slot);
+                // That of its head, which has no data of its own.
+                let heads = of_unit(*key).filter(|(_, object)| object.inputs.is_empty() && object.outputs.is_empty());
+                let diagnostic = heads.min_by_key(|(_, head)| head.place.1).and_then(|(_, head)| head.diagnostic);
+                let address = u8::try_from(slave.place.0).ok().filter(|address| *address <= 125)?;
+                Some(DpSlave { name: slave.name.clone(), address, parameters: slave.user.clone(), diagnostic, modules })
+            })
+            .collect();
+        slaves.sort_by_key(|slave| slave.address);
+        let interface = interfaces.get(key).and_then(|interface| objects.get(interface));
+        // An interface is a submodule of its CPU; a CP is one itself.
+        let master = interface.map(|interface| match objects.get(&interface.unit) {
+            Some(module) if interface.place.2 > 0 => module.name.clone(),
+            _ => interface.name.clone(),
+        });
+        let name = if system.subnet.is_empty() { system.name.clone() } else { system.subnet.clone() };
+        systems.push(DpSystem { name, station: station(system), master: master.unwrap_or_default(), slaves });
+    }
+    systems
+}
+
+fn module(object: &Object) -> Option<DpModule> {
+    if object.inputs.is_empty() && object.outputs.is_empty() && object.identifier.is_empty() {
+        return None;
+    }
+    let rest = object.gsd.strip_prefix(GOES_ON);
+    Some(DpModule {
+        slot: object.place.1,
+        name: object.name.clone(),
+        order: object.order.clone(),
+        gsd: rest.unwrap_or(&object.gsd).trim().to_owned(),
+        goes_on: rest.is_some(),
+        identifier: object.identifier.clone(),
+        inputs: object.inputs.clone(),
+        outputs: object.outputs.clone(),
+    })
+}
+
+/// Object types of the slaves and modules written here, and their places in a slave without a subslot.
+const SLAVE: i64 = 1_314_988;
+const MODULE: i64 = 1_314_995;
+const HEAD: i64 = 1_315_030;
+
+/// Writes master systems of the station `station`, whose interface is `interface`.
+pub(crate) fn write(
+    systems: &[DpSystem],
+    station: (i64, i64),
+    interface: (i64, i64),
+    page: CodePage,
+    files: &mut Files,
+) {
+    if systems.is_empty() {
+        return;
+    }
+    let (mut heads, mut slots) = (Tables::new(), Tables::new());
+    let mut next = 0;
+    let mut id = || {
+        next += 1;
+        next
+    };
+    for system in systems {
+        let own = id();
+        heads.object(own, SYSTEM, station, (0, 0, 0), page.bytes("DP master system"));
+        heads.attribute(own, SUBNET, page.bytes(&system.name));
+        heads.relations.row(vec![
+            ("SOBJID", Cell::Number(own)),
+            ("SOBJTYP", Cell::Number(SYSTEM)),
+            ("RELID", Cell::Number(HAS_INTERFACE)),
+            ("TOBJID", Cell::Number(interface.0)),
+            ("TOBJTYP", Cell::Number(interface.1)),
+        ]);
+        for slave in &system.slaves {
+            let (of, address) = (id(), i64::from(slave.address));
+            slots.object(of, SLAVE, (own, SYSTEM), (address, 0, 0), page.bytes(&slave.name));
+            slots.memo(of, USER_PARAMETERS, with_count(&slave.parameters));
+            if let Some(diagnostic) = slave.diagnostic {
+                let head = id();
+                slots.object(head, HEAD, (of, SLAVE), (address, 2, 0), page.bytes(&slave.name));
+                let address = Area { first: diagnostic.into(), bytes: 0 };
+                slots.memo(head, INPUT_ADDRESSES, area_bytes(&[address]));
+            }
+            for module in &slave.modules {
+                let at = id();
+                slots.object(at, MODULE, (of, SLAVE), (address, module.slot, 0), page.bytes(&module.name));
+                if !module.order.is_empty() {
+                    slots.catalogue(at, &module.order);
+                }
+                if !module.gsd.is_empty() {
+                    let mark = if module.goes_on { format!("{GOES_ON} ") } else { String::new() };
+                    slots.attribute(at, GSD_NAME, page.bytes(&format!("{mark}{}", module.gsd)));
+                    slots.memo(at, IDENTIFIER, with_count(&module.identifier));
+                }
+                for (attribute, areas) in [(INPUT_ADDRESSES, &module.inputs), (OUTPUT_ADDRESSES, &module.outputs)] {
+                    slots.memo(at, attribute, area_bytes(areas));
+                }
+            }
+        }
+    }
+    heads.put("S7HDPSSX", files);
+    slots.put("s7hslntx", files);
+}
+
+fn with_count(bytes: &[u8]) -> Vec<u8> {
+    let mut out = (bytes.len() as u16).to_le_bytes().to_vec();
+    out.extend(bytes);
+    out.push(0);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_counted_and_a_count_is_not_believed() {
+        assert_eq!(counted(&[2, 0, 0x40, 0x9F, 0]), [0x40, 0x9F]);
+        assert_eq!(counted(&with_count(&[1, 2, 3])), [1, 2, 3]);
+        for wrong in [&[][..], &[1], &[1, 0], &[3, 0, 1, 2], &[0xFF, 0xFF, 1]] {
+            assert_eq!(counted(wrong), [], "{wrong:?}");
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! What a call comes to.
+
+use ob1_any::status as memory;
+use ob1_sdk::{Abort, Cx, Refused};
+use ob1_words::cp342::{HEAD_BYTES, RECEIVE, status};
+
+/// Data are not exchanged yet.
+const STARTING: u16 = 0x8180;
+/// The DP service has not been started.
+const NOT_STARTED: u16 = 0x8183;
+/// The length is not that of the area.
+pub(crate) const AREA: u16 = 0x80B1;
+/// The module is busy.
+const BUSY: u16 = 0x80C1;
+
+/// What a call comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Outcome {
+    /// Done.
+    Done,
+    /// Nothing to be done, and no error; why.
+    Nothing(u16),
+    /// An error.
+    Error(u16),
+}
+
+impl Outcome {
+    pub(crate) fn is_done(self) -> bool {
+        self == Self::Done
+    }
+
+    pub(crate) fn is_error(self) -> bool {
+        matches!(self, Self::Error(_))
+    }
+
+    pub(crate) fn status(self) -> u16 {
+        match self {
+            Self::Done => 0,
+            Self::Nothing(status) | Self::Error(status) => status,
+        }
+    }
+}
+
+/// What a module has refused.
+pub(crate) fn of_module(refused: Refused) -> Outcome {
+    Outcome::Error(match refused {
+        Refused::NoModule => memory::NO_MODULE,
+        Refused::Absent => NOT_STARTED,
+        Refused::Outside => AREA,
+        Refused::Busy => BUSY,
+        _ => status::UNKNOWN,
+    })
+}
+
+/// Memory of the program that cannot be read, or not be written; `outside` where it reaches beyond its end.
+pub(crate) fn of_memory(refused: Refused, outside: u16) -> Outcome {
+    Outcome::Error(memory::of_memory(refused, outside))
+}
+
+/// DPSTATUS of the CP at an address that exchanges data; otherwise what the call comes to.
+pub(crate) fn exchanging(cx: &mut Cx<'_, ()>, address: u16) -> Result<Result<u8, Outcome>, Abort> {
+    let mut head = [0; HEAD_BYTES];
+    Ok(match cx.record_read(u32::from(address), RECEIVE, &mut head)? {
+        Ok(HEAD_BYTES) if head[0] == 0 => Err(Outcome::Nothing(STARTING)),
+        Ok(HEAD_BYTES) => Ok(head[1]),
+        Ok(_) => Err(Outcome::Error(status::UNKNOWN)),
+        Err(refused) => Err(of_module(refused)),
+    })
+}

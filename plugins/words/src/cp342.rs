@@ -1,0 +1,122 @@
+//! What FC 1 to FC 4 and a CP 342-5 say to each other: four data records at its address. (docs/cp342.md)
+//!
+//! | record | | content |
+//! |---|---|---|
+//! | [`SEND`] | written | the send area from its first byte on |
+//! | [`RECEIVE`] | read | [`HEAD_BYTES`]: whether data are exchanged, DPSTATUS; then the whole receive area |
+//! | [`JOB`] | written | [`JOB_DIAG`], DTYPE, STATION; or [`JOB_CONTROL`] and the job field |
+//! | [`JOB`] | read | STATUS, high byte first, and what the job gives |
+
+/// The record of the send area.
+pub const SEND: u8 = 0xD0;
+/// The record of the receive area.
+pub const RECEIVE: u8 = 0xD1;
+/// The record of jobs and their answers.
+pub const JOB: u8 = 0xD2;
+
+/// Bytes of the send area and of the receive area, at most.
+pub const AREA_BYTES: usize = 2160;
+/// In front of the receive area: 1 when data are exchanged, and DPSTATUS.
+pub const HEAD_BYTES: usize = 2;
+/// Bytes of a job field, and of what a job gives, at most.
+pub const FIELD_BYTES: usize = 240;
+/// In front of what a job gives: STATUS.
+pub const STATUS_BYTES: usize = 2;
+/// First byte of a job: it is one of DP_DIAG.
+pub const JOB_DIAG: u8 = 1;
+/// First byte of a job: it is one of DP_CTRL.
+pub const JOB_CONTROL: u8 = 2;
+/// A list with a bit for each of 128 stations: station n is bit n modulo 8 of byte n / 8.
+pub const LIST_BYTES: usize = 16;
+/// Bytes of the shortest diagnosis of a slave.
+pub const DIAGNOSIS_LEAST: usize = 6;
+/// Instead of a station: all.
+pub const ALL_STATIONS: u8 = 127;
+
+/// Bits of DPSTATUS at a master.
+pub mod dp_status {
+    /// A slave is not exchanged with: the station list says which.
+    pub const STATIONS: u8 = 0x02;
+    /// There is a diagnosis that nobody has read: the diagnostic list says of which slave.
+    pub const DIAGNOSIS: u8 = 0x04;
+    /// Where the mode of the master stands: two bits.
+    pub const MODE_AT: u8 = 4;
+}
+
+/// Modes of a DP master: in DPSTATUS, and in the job fields.
+pub mod mode {
+    /// Outputs are driven.
+    pub const RUN: u8 = 0;
+    /// Outputs are zero.
+    pub const CLEAR: u8 = 1;
+    /// No data are exchanged.
+    pub const STOP: u8 = 2;
+    /// Not on the bus.
+    pub const OFFLINE: u8 = 3;
+}
+
+/// DTYPE of DP_DIAG.
+pub mod dtype {
+    /// The station list.
+    pub const STATIONS: u8 = 0;
+    /// The diagnostic list.
+    pub const DIAGNOSES: u8 = 1;
+    /// The newest diagnosis of a slave.
+    pub const CURRENT: u8 = 2;
+    /// The diagnosis before it, and so on: each is given once.
+    pub const OLDER: u8 = 3;
+    /// The mode that DP_CTRL has asked for.
+    pub const MODE: u8 = 4;
+    /// The mode while the CPU is in STOP.
+    pub const MODE_CPU_STOP: u8 = 5;
+    /// The mode while the CP is in STOP.
+    pub const MODE_CP_STOP: u8 = 6;
+    /// Inputs of a slave of another master.
+    pub const INPUTS: u8 = 7;
+    /// Outputs of a slave of another master.
+    pub const OUTPUTS: u8 = 8;
+    /// State of a slave.
+    pub const SLAVE: u8 = 10;
+}
+
+/// CTYPE of DP_CTRL: the first byte of the job field.
+pub mod ctype {
+    /// SYNC, FREEZE, CLEAR once.
+    pub const GLOBAL: u8 = 0;
+    /// SYNC, FREEZE, CLEAR again and again.
+    pub const CYCLIC_GLOBAL: u8 = 1;
+    /// Forgets older diagnoses.
+    pub const FORGET: u8 = 3;
+    /// Sets the mode.
+    pub const MODE: u8 = 4;
+    /// Sets the mode while the CPU is in STOP.
+    pub const MODE_CPU_STOP: u8 = 5;
+    /// Sets the mode while the CP is in STOP.
+    pub const MODE_CP_STOP: u8 = 6;
+    /// Reads inputs of a slave of another master.
+    pub const INPUTS: u8 = 7;
+    /// Reads outputs of a slave of another master.
+    pub const OUTPUTS: u8 = 8;
+    /// Ends that.
+    pub const END: u8 = 9;
+    /// Takes a slave out, or in.
+    pub const SLAVE: u8 = 10;
+}
+
+/// STATUS of FC 1 to FC 4.
+pub mod status {
+    /// There is nothing new.
+    pub const NOTHING: u16 = 0x8182;
+    /// A parameter cannot be what it is.
+    pub const PARAMETER: u16 = 0x8184;
+    /// There is no such DTYPE, or CTYPE.
+    pub const TYPE: u16 = 0x8311;
+    /// The area of the parameter is too short.
+    pub const SHORT: u16 = 0x8312;
+    /// No slave can have this address.
+    pub const STATION: u16 = 0x8313;
+    /// No slave with this address is configured.
+    pub const NOT_CONFIGURED: u16 = 0x8341;
+    /// The module does not know such a job.
+    pub const UNKNOWN: u16 = 0x80B0;
+}
