@@ -60,7 +60,8 @@ impl Besieged {
         if self.gate.has_ended() {
             self.deaths += 1;
             self.wait();
-            println!("round {round}: the gate has died");
+            let why: Vec<_> = self.station.diagnostics().into_iter().take(3).collect();
+            println!("round {round}: the gate has died: {why:?}\n{}", self.station.said());
         }
         assert_eq!(self.station.cells(&KEPT), self.before, "round {round}: something has changed");
         let status = self.station.status();

@@ -93,7 +93,7 @@ impl Running {
         Self { name, file: file.to_owned(), rundir, process, child, out, err }
     }
 
-    fn said(&self) -> String {
+    pub(crate) fn said(&self) -> String {
         let read = |path| fs::read_to_string(path).unwrap_or_default();
         format!("{} said:\n{}{}", self.name, read(&self.out), read(&self.err))
     }
