@@ -6,6 +6,7 @@
 
 mod attributes;
 mod auth;
+mod bounded;
 mod events;
 mod keys;
 mod limits;
@@ -31,6 +32,7 @@ use opcua_types::{BuildInfo, DateTime, MessageSecurityMode, VariableId, Variant}
 use tokio::task::JoinSet;
 
 use crate::auth::Auth;
+use crate::bounded::Bounded;
 use crate::keys::{Keys, Settings};
 use crate::manager::Manager;
 use crate::monitor::Monitor;
@@ -134,6 +136,7 @@ impl About {
             .max_session_timeout_ms(limits::SESSION_MS)
             .max_timeout_ms(limits::SESSION_MS as u32)
             .diagnostics_enabled(true)
+            .with_type_loader(Arc::new(Bounded))
             .with_authenticator(Arc::clone(&self.auth) as Arc<_>);
         for (name, endpoint) in endpoints(settings.open) {
             builder = builder.add_endpoint(name, endpoint);
