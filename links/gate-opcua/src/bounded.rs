@@ -19,9 +19,9 @@ impl TypeLoader for Bounded {
         length: Option<usize>,
     ) -> Option<EncodingResult<Box<dyn DynEncodable>>> {
         let most = ctx.options().max_message_size;
-        length.filter(|length| *length > most).map(|length| {
-            Err(Error::decoding(format!("a structure of {length} bytes in a message of at most {most}")))
-        })
+        length
+            .filter(|length| *length > most)
+            .map(|length| Err(Error::decoding(format!("a structure of {length} bytes in a message of at most {most}"))))
     }
 
     fn priority(&self) -> TypeLoaderPriority {
