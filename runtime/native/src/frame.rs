@@ -1,11 +1,61 @@
 //! Calls whose block and parameters are known at load, made without asking the CPU: the frame, the references, the
-//! called block's code, and back.
+//! called block's code, and back. What a caller gets back and what a called block finds stands here, for the helper
+//! below and for calls that compiled code makes itself (`translate::direct`).
 
-use ob1_cpu::engine::{Call, Hot, Op, Plan, Regs};
+use std::mem::offset_of;
+
+use ob1_cpu::engine::{Call, Hot, OS, Op, Plan, Regs};
 
 use crate::inline;
 use crate::run::{ABORTED, DONE, Entry, Run};
 use crate::translate::Reference;
+
+/// A register: where it lies in [`Regs`], and its bytes.
+pub(crate) type Field = (usize, usize);
+
+/// The bytes of a field.
+const fn bytes<T>(_: fn(&Regs) -> &T) -> usize {
+    size_of::<T>()
+}
+
+/// Registers, as a table for compiled code and as a function that gives them back.
+macro_rules! kept {
+    ($($field:ident),*) => {
+        /// What a caller gets back.
+        pub(crate) const KEPT: &[Field] = &[$((offset_of!(Regs, $field), bytes(|r| &r.$field))),*];
+
+        fn give_back(r: &mut Regs, kept: &Regs) {
+            $(r.$field = kept.$field;)*
+        }
+    };
+}
+kept!(db, di, nest, local, local_len, previous_local, previous_local_len, refs, mcr, mcr_active);
+
+/// Values of registers, as a table for compiled code and as a function that sets them.
+macro_rules! set {
+    ($(#[$doc:meta])* $table:ident, $set:ident: $($field:ident = $value:expr),*) => {
+        $(#[$doc])*
+        pub(crate) const $table: &[(Field, u64)] =
+            &[$(((offset_of!(Regs, $field), bytes(|r| &r.$field)), $value as u64)),*];
+
+        fn $set(r: &mut Regs) {
+            $(r.$field = $value;)*
+        }
+    };
+}
+set! {
+    /// What a called block finds, whoever calls it.
+    FRESH, begin: nest = 0, mcr = 1, mcr_active = false
+}
+set! {
+    /// The status word at the beginning of a called block and behind the call, where the chain has ended; and OS is 0.
+    CHAIN, end_chain: fc = false, or = false, sta = true
+}
+
+fn status_of_call(r: &mut Regs) {
+    r.flags &= !OS;
+    end_chain(r);
+}
 
 /// A call that needs nothing but its frame.
 #[derive(Debug)]
@@ -70,26 +120,17 @@ impl Frame {
             r.local_len = self.local_len;
             (r.previous_local, r.previous_local_len) = (kept.local, self.own_len);
             r.refs = refs_top;
-            (r.nest, r.mcr, r.mcr_active) = (0, 1, false);
+            begin(r);
             status_of_call(r);
             if entry(run) != 0 {
                 return ABORTED;
             }
             let r = &mut (*run).regs;
-            (r.db, r.di, r.nest) = (kept.db, kept.di, kept.nest);
-            (r.local, r.local_len) = (kept.local, kept.local_len);
-            (r.previous_local, r.previous_local_len) = (kept.previous_local, kept.previous_local_len);
-            (r.refs, r.mcr, r.mcr_active) = (kept.refs, kept.mcr, kept.mcr_active);
+            give_back(r, &kept);
             status_of_call(r);
             ((*hot).local_top, (*hot).refs_top) = (local_top, refs_top);
             (*hot).depth = (*hot).depth.wrapping_sub(1);
         }
         DONE
     }
-}
-
-/// The status word at the beginning of a called block and behind the call: OS = 0, the chain has ended.
-fn status_of_call(r: &mut Regs) {
-    r.flags &= !ob1_cpu::engine::OS;
-    (r.fc, r.or, r.sta) = (false, false, true);
 }

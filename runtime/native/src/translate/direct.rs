@@ -9,25 +9,20 @@ use cranelift_codegen::ir::{self, InstBuilder, Type, Value, types};
 use ob1_cpu::engine::{Call, Db, Hot, OS, Op, Regs};
 
 use super::{Checked, Translation};
+use crate::frame::{CHAIN, FRESH, Field, KEPT};
 use crate::inline::{self, INSTANCE};
 use crate::run::Run;
 
-/// What a caller gets back: where, and how wide. A data block register is two values of 64 bits.
-const KEPT: [(Type, usize); 12] = [
-    (types::I64, offset_of!(Regs, db)),
-    (types::I64, offset_of!(Regs, db) + 8),
-    (types::I64, offset_of!(Regs, di)),
-    (types::I64, offset_of!(Regs, di) + 8),
-    (types::I64, offset_of!(Regs, nest)),
-    (types::I32, offset_of!(Regs, local)),
-    (types::I32, offset_of!(Regs, local_len)),
-    (types::I32, offset_of!(Regs, previous_local)),
-    (types::I32, offset_of!(Regs, previous_local_len)),
-    (types::I32, offset_of!(Regs, refs)),
-    (types::I32, offset_of!(Regs, mcr)),
-    (types::I8, offset_of!(Regs, mcr_active)),
-];
-const _: () = assert!(size_of::<Db>() == 16);
+/// A register as values: where each lies, and how wide it is.
+fn values((at, bytes): Field) -> impl Iterator<Item = (Type, usize)> {
+    let ty = match bytes {
+        1 => types::I8,
+        4 => types::I32,
+        // A data block register is two of 64 bits.
+        _ => types::I64,
+    };
+    (0..bytes).step_by(ty.bytes() as usize).map(move |part| (ty, at + part))
+}
 
 impl Translation<'_, '_> {
     /// The call of a function block at `pc`, when the block, its instance and its parameters are known at load: it goes
@@ -62,7 +57,11 @@ impl Translation<'_, '_> {
     fn run_directly(&mut self, call: &Call, instance: Db, local_len: u32, address: Value) {
         self.copy_in(call, instance);
         self.write_back();
-        let kept = KEPT.map(|(ty, at)| self.load_state(ty, self.run, Self::reg(at)));
+        let kept: Vec<(Value, usize)> = KEPT
+            .iter()
+            .flat_map(|field| values(*field))
+            .map(|(ty, at)| (self.load_state(ty, self.run, Self::reg(at)), at))
+            .collect();
         let tops = [offset_of!(Hot, refs_top), offset_of!(Hot, local_top), offset_of!(Hot, depth)];
         let [refs, local, depth] = tops.map(|at| self.load_state(types::I32, self.hot, at));
         let ar2 = self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, ar2)));
@@ -75,29 +74,23 @@ impl Translation<'_, '_> {
         let first = self.word(self.plan.areas.local.at.0);
         let first = self.b.ins().iadd(first, local);
         let (length, own) = (self.word(local_len), self.word(self.plan.blocks[self.block as usize].local_len));
-        // The caller's local data begins where it has kept it.
-        let previous = kept[5];
-        let one = self.word(1);
+        let previous = self.load_state(types::I32, self.run, Self::reg(offset_of!(Regs, local)));
         for (value, at) in [
             (first, offset_of!(Regs, local)),
             (length, offset_of!(Regs, local_len)),
             (previous, offset_of!(Regs, previous_local)),
             (own, offset_of!(Regs, previous_local_len)),
             (refs, offset_of!(Regs, refs)),
-            (one, offset_of!(Regs, mcr)),
         ] {
             self.store_state(value, self.run, Self::reg(at));
         }
-        let none = self.b.iconst(types::I64, 0);
-        self.store_state(none, self.run, Self::reg(offset_of!(Regs, nest)));
-        let inactive = self.b.iconst(types::I8, 0);
-        self.store_state(inactive, self.run, Self::reg(offset_of!(Regs, mcr_active)));
+        self.put_constants(FRESH);
         self.put_instance(instance);
         self.end_of_chain();
         let answer = self.b.ins().call_indirect(self.other, address, &[self.run]);
         let answer = self.b.inst_results(answer)[0];
         self.abort_if(answer);
-        for (value, (_, at)) in kept.into_iter().zip(KEPT) {
+        for (value, at) in kept {
             self.store_state(value, self.run, Self::reg(at));
         }
         for (at, top) in tops.into_iter().zip([refs, local, depth]) {
@@ -128,9 +121,15 @@ impl Translation<'_, '_> {
         let rest = self.word(!OS);
         let flags = self.b.ins().band(flags, rest);
         self.store_state(flags, self.run, Self::reg(offset_of!(Regs, flags)));
-        for (at, value) in [(offset_of!(Regs, fc), 0), (offset_of!(Regs, or), 0), (offset_of!(Regs, sta), 1)] {
-            let value = self.b.iconst(types::I8, value);
-            self.store_state(value, self.run, Self::reg(at));
+        self.put_constants(CHAIN);
+    }
+
+    fn put_constants(&mut self, constants: &[(Field, u64)]) {
+        for (field, value) in constants {
+            for (ty, at) in values(*field) {
+                let value = self.b.iconst(ty, *value as i64);
+                self.store_state(value, self.run, Self::reg(at));
+            }
         }
     }
 }
