@@ -3,6 +3,7 @@
 //! A verb is one module with a `run`; this file only picks it. A verb that fails prints one line that says which step
 //! failed and leaves the output of the tool above it.
 
+mod aarch64;
 mod arch;
 mod book;
 mod cargo;
@@ -46,6 +47,7 @@ usage: cargo xtask VERB [...]
                                   attacks, long (all: one after the other): kill bus bus_dp socket segment input cut writer s7_kill s7_sessions
                                   s7_torn gate_broker browsers, in rounds; gate_http gate_opcua gate_mqtt gate_greed, in minutes
   miri                            the unit tests of the crates with unsafe code under Miri (a nightly toolchain with that component)
+  aarch64 [PROGRAMS]              the native engine's tests and random programs as code for AArch64, under qemu-user
   arch [--bless]                  the guards of the invariants; --bless rewrites the clippy.toml files and the conformance table
   book [--check]                  docs/ as a book: pages, links, snippets and command lines checked, then made by mdBook into target/book
   package [--check] [--debug]     a .deb and an archive of all programs and plugins, in target/dist; --check: made twice, lintian,
@@ -69,6 +71,7 @@ fn main() -> ExitCode {
         "faults" => faults::run(&rest),
         "siege" => siege::run(&rest),
         "miri" => loom_miri::miri(&rest),
+        "aarch64" => aarch64::run(&rest),
         "arch" => arch::run(&rest),
         "book" => book::run(&rest, USAGE),
         "package" => package::run(&rest),

@@ -48,6 +48,17 @@ pub(crate) const PROMETHEUS: Need =
 /// Debian's judge of packages.
 pub(crate) const LINTIAN: Need = Need { what: "lintian", packages: &["lintian"], here: || on_path("lintian") };
 
+/// The C compiler for AArch64, which links.
+pub(crate) const AARCH64_GCC: Need = Need {
+    what: "the C compiler for AArch64, with its library",
+    packages: &["gcc-aarch64-linux-gnu", "libc6-dev-arm64-cross"],
+    here: || on_path("aarch64-linux-gnu-gcc"),
+};
+
+/// What runs programs of other processors.
+pub(crate) const QEMU_USER: Need =
+    Need { what: "QEMU's user-mode emulation", packages: &["qemu-user"], here: || on_path("qemu-aarch64") };
+
 /// What makes a bare Debian.
 pub(crate) const DEBOOTSTRAP: Need =
     Need { what: "debootstrap", packages: &["debootstrap"], here: || on_path("debootstrap") };

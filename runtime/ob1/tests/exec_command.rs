@@ -192,6 +192,23 @@ fn the_figures_have_these_names() {
     assert_eq!((stats["scans"].as_u64(), stats["statements"].as_u64()), (Some(10), Some(50)));
 }
 
+#[test]
+fn a_run_that_lasts_gets_machine_code_meanwhile_and_a_short_one_none() {
+    let bench = Bench::new(&ob(1, COUNT));
+    let run = |limit: u64| {
+        let stats = bench.stats(&["--engine", "auto", "--limit", &format!("{limit}s"), "--dump", "M:0:2:m.bin"]);
+        assert_eq!((stats["exit"].clone(), stats["scans"].as_u64()), (3.into(), Some(limit * 1000)));
+        // Every scan has counted once, whatever engine ran it.
+        let memory = std::fs::read(bench.path().join("m.bin")).expect("the dump");
+        assert_eq!(memory, ((limit * 1000) as u16).to_be_bytes());
+        stats["engine"].as_str().expect("a name").to_owned()
+    };
+    // Over before anybody looks at the time.
+    assert_eq!(bench.stats(&["--engine", "auto", "--limit", "10ms"])["engine"], "reference");
+    // How much virtual time passes before the code is made is the machine's business.
+    assert!((8..17).any(|n| run(1 << n) == "native"), "it runs on the reference engine to the end");
+}
+
 const COUNT_MB4: &str = "L MB 4; L 1; +I; T MB 4;";
 
 #[test]

@@ -84,7 +84,7 @@ impl Bench {
 }
 
 /// Nanoseconds of CPU time of this process.
-fn cpu_time() -> f64 {
+pub(super) fn cpu_time() -> f64 {
     let time = clock_gettime(ClockId::ProcessCPUTime);
     time.tv_sec as f64 * 1e9 + time.tv_nsec as f64
 }

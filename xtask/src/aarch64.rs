@@ -1,0 +1,62 @@
+//! `cargo xtask aarch64`: the tests of the native engine and random programs as code for AArch64, under the user-mode
+//! emulation of QEMU. A campaign and no step of the tests: its dependencies are compiled for that processor first.
+
+use std::process::Command;
+
+use crate::cargo::cargo;
+use crate::failure::{Failure, Outcome, step};
+use crate::needs::{self, AARCH64_GCC, QEMU_USER};
+use crate::shell;
+use crate::test::{count, is_closing_line, own_target};
+
+const TARGET: &str = "aarch64-unknown-linux-gnu";
+const LINKER: &str = "aarch64-linux-gnu-gcc";
+/// The emulator, and where Debian has the libraries of that processor.
+const RUNNER: &str = "qemu-aarch64 -L /usr/aarch64-linux-gnu";
+/// Random programs, unless another number is asked for. The emulator runs a tenth as fast.
+const PROGRAMS: &str = "200";
+
+/// Runs the tests, then so many random programs on both engines.
+///
+/// # Errors
+/// The compiler, the emulator or Rust's library for the processor is not here, or a test fails.
+pub(crate) fn run(args: &[String]) -> Outcome {
+    let programs = match args {
+        [] => PROGRAMS,
+        [number] if number.parse::<u64>().is_ok() => number,
+        _ => return Err(Failure::Usage("aarch64 takes a number of random programs".into())),
+    };
+    needs::satisfy(&[AARCH64_GCC, QEMU_USER])?;
+    if !has_library() {
+        return Err(step(format!("Rust's library for AArch64 is not here: rustup target add {TARGET}")));
+    }
+    // Random programs come last, fewer than the tests have.
+    let closing = shell::watch(&mut emulated(&["test", "--lib", "--test", "image"])?, is_closing_line)?;
+    println!("aarch64: {}", count(&closing, "aarch64")?);
+    let mut compare = emulated(&["run", "--example", "compare"])?;
+    let said = shell::read(compare.args(["--", programs]))?;
+    let last = said.lines().last().unwrap_or_default();
+    println!("aarch64: {last}");
+    if last.starts_with(&format!("{programs} programs")) && last.ends_with(" 0 differences") {
+        Ok(())
+    } else {
+        Err(step(format!("aarch64: the engines differ:\n{said}")))
+    }
+}
+
+fn has_library() -> bool {
+    // In the checkout, which names the toolchain.
+    let mut command = Command::new("rustc");
+    command.args(["--print", "target-libdir", "--target", TARGET]).current_dir(crate::cargo::root());
+    shell::read(&mut command).is_ok_and(|folder| std::path::Path::new(folder.trim()).is_dir())
+}
+
+/// `cargo ARGS` of the native engine, built for the processor and run by the emulator.
+fn emulated(args: &[&str]) -> Outcome<Command> {
+    let mut command = cargo(args);
+    command.args(["--quiet", "--package", "ob1-native", "--target", TARGET]);
+    command.arg("--target-dir").arg(own_target("aarch64")?);
+    let of = |what: &str| format!("CARGO_TARGET_{}_{what}", TARGET.replace('-', "_").to_uppercase());
+    command.env(of("LINKER"), LINKER).env(of("RUNNER"), RUNNER);
+    Ok(command)
+}
