@@ -2,6 +2,9 @@
 
 mod common;
 
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+
 use common::browser::{Browser, Key};
 use common::gate::{Visitor, add_user, gate, station};
 use common::site::Site;
@@ -12,7 +15,8 @@ use serde_json::Value;
 const PAGES: [&str; 7] = ["station", "scan", "diagnostics", "variables", "program", "telegrams", "reports"];
 /// Wide and narrow.
 const WIDTHS: [u32; 2] = [320, 1200];
-
+/// Streams that one address may have.
+const STREAMS: usize = 16;
 /// Most that a page may weigh, all it asks for included.
 const WEIGHT: u64 = 150_000;
 
@@ -249,6 +253,31 @@ fn the_page_comes_back_with_the_gate() {
     station.set("M 9.0", 1);
     browser.until("document.querySelector('.card.stop')");
     station.set("M 9.0", 0);
+}
+
+/// All streams of this address are taken: the page tries again and again, and what somebody types meanwhile stays.
+#[test]
+fn what_is_typed_stays_while_a_stream_is_refused() {
+    let site = Site::new();
+    let (_station, port, _) = station(&site, "browser-refused", "");
+    let request = format!("GET /api/stream HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
+    let taken: Vec<TcpStream> = (0..STREAMS)
+        .map(|_| {
+            let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("the page is served");
+            stream.write_all(request.as_bytes()).expect("it listens");
+            assert!(stream.read(&mut [0; 64]).expect("an answer") > 0);
+            stream
+        })
+        .collect();
+    let browser = Browser::open(1200);
+    browser.go(&format!("http://127.0.0.1:{port}/#variables"));
+    browser.fill("#names", "MW 20");
+    let asked = "performance.getEntriesByType('resource').filter((one) => one.name.endsWith('/api/session')).length";
+    browser.until(&format!("{asked} > 2"));
+    assert_eq!(browser.run("return document.querySelector('#names').value"), "MW 20");
+    drop(taken);
+    browser.click("#table-watch");
+    browser.until("document.querySelectorAll('#values td.value').length === 1");
 }
 
 /// Tables are kept by the browser under a name, loaded again after the page was left, and deleted.

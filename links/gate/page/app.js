@@ -172,6 +172,7 @@ export function listen() {
 
 async function begin() {
   state.stream?.close();
+  const before = JSON.stringify(state.session);
   try {
     const answer = await fetch("/api/session", { signal: AbortSignal.timeout(10000) });
     if (!answer.ok) throw new Error((await answer.text()).trim());
@@ -182,7 +183,8 @@ async function begin() {
     return;
   }
   byId("connection").textContent = "";
-  show();
+  // What somebody is typing stays when a connection comes back.
+  if (!state.view || JSON.stringify(state.session) !== before) show();
   if (!state.session.users || state.session.user) listen();
 }
 
