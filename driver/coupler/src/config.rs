@@ -1,6 +1,7 @@
 //! What a bus is made of. The runtime writes it as JSON, the process of the bus reads it: one definition for both.
 
 pub use crate::dp::{DpConfig, DpSlave};
+use crate::gpio::GpioConfig;
 pub use ob1_protocols::Nanos;
 pub use ob1_protocols::modbus::pdu::exception_text;
 use serde::{Deserialize, Serialize};
@@ -50,12 +51,18 @@ pub struct LineConfig {
     /// PROFIBUS DP instead of Modbus.
     #[serde(default)]
     pub dp: Option<DpConfig>,
+    /// The lines of a GPIO chip instead of Modbus.
+    #[serde(default)]
+    pub gpio: Option<GpioConfig>,
 }
 
 impl LineConfig {
     /// The type of its bus, as in a station file.
     #[must_use]
     pub const fn protocol(&self) -> &'static str {
+        if self.gpio.is_some() {
+            return "gpio";
+        }
         match (&self.dp, &self.serial) {
             (Some(_), _) => "dp",
             (None, Some(_)) => "modbus-rtu",
@@ -66,7 +73,8 @@ impl LineConfig {
     /// The names of those who are on it.
     pub fn stations(&self) -> impl Iterator<Item = &str> {
         let slaves = self.dp.iter().flat_map(|dp| &dp.slaves).map(|slave| slave.name.as_str());
-        self.couplers.iter().map(|coupler| coupler.name.as_str()).chain(slaves)
+        let gpio = self.gpio.iter().map(|gpio| gpio.name.as_str());
+        self.couplers.iter().map(|coupler| coupler.name.as_str()).chain(slaves).chain(gpio)
     }
 }
 

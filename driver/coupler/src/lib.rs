@@ -13,6 +13,7 @@ mod codec;
 pub mod config;
 mod coupler;
 pub mod dp;
+pub mod gpio;
 pub mod image;
 pub mod line;
 pub mod plan;

@@ -66,7 +66,14 @@ fn config() -> BusConfig {
         outputs: vec![range(Table::Holding, n)],
     });
     let serial = Some(Serial { baud: 115_200, parity: Parity::Even, stop_bits: 1 });
-    let line = LineConfig { line: "sim:/x".into(), serial, timeout: 60 * MS, couplers: couplers.collect(), dp: None };
+    let line = LineConfig {
+        line: "sim:/x".into(),
+        serial,
+        timeout: 60 * MS,
+        couplers: couplers.collect(),
+        dp: None,
+        gpio: None,
+    };
     let bytes = BYTES * COUPLERS;
     BusConfig { name: "b".into(), input_bytes: bytes, output_bytes: bytes, scan_timeout: 1000 * MS, lines: vec![line] }
 }

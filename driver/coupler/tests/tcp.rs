@@ -60,7 +60,14 @@ impl Net {
             input_bytes: couplers.iter().map(|coupler| bytes(&coupler.inputs)).max().unwrap_or(0),
             output_bytes: couplers.iter().map(|coupler| bytes(&coupler.outputs)).max().unwrap_or(0),
             scan_timeout: 1000 * MS,
-            lines: vec![LineConfig { line: "tcp:x:502".into(), serial: None, timeout: 50 * MS, couplers, dp: None }],
+            lines: vec![LineConfig {
+                line: "tcp:x:502".into(),
+                serial: None,
+                timeout: 50 * MS,
+                couplers,
+                dp: None,
+                gpio: None,
+            }],
         };
         // What the runtime writes, the process reads.
         let text = serde_json::to_string(&config).expect("JSON");

@@ -4,6 +4,7 @@
 // Everything goes through one place that neither panics nor waits for ever.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
+mod gpio;
 mod line;
 mod process;
 mod scan;

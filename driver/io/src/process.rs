@@ -15,6 +15,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use tracing::warn;
 
+use crate::gpio::Gpio;
 use crate::line::Line;
 use crate::told::Told;
 
@@ -26,6 +27,7 @@ pub(crate) struct Process {
     start: Instant,
     pump: Pump,
     lines: Vec<Line>,
+    chips: Vec<Gpio>,
     told: Told,
     terminate: Arc<AtomicBool>,
     log_lost: u64,
@@ -42,7 +44,13 @@ impl Process {
     ) -> io::Result<Self> {
         let mut lines = Vec::new();
         let mut first = 0;
+        let mut chips = Vec::new();
         for line in &config.lines {
+            if let Some(gpio) = Gpio::new(line, first) {
+                chips.push(gpio);
+                first += 1;
+                continue;
+            }
             let mut opened = Line::new(line, first, config.input_bytes)?;
             if let Some(folder) = trace {
                 let name = config.line_name(lines.len());
@@ -55,6 +63,7 @@ impl Process {
             start: Instant::now(),
             pump: Pump::new(config, segment, memory, size, 0),
             lines,
+            chips,
             told: Told::new(config),
             terminate,
             log_lost: 0,
@@ -93,6 +102,11 @@ impl Process {
                 line.step(now, Input::Tick, &mut self.pump.image);
             }
         }
+        for chip in &mut self.chips {
+            if changed || now >= chip.deadline {
+                chip.step(now, &mut self.pump.image);
+            }
+        }
         self.told.look(&self.pump.image);
         self.pump.show(now);
         more
@@ -100,7 +114,8 @@ impl Process {
 
     fn deadline(&self) -> Nanos {
         let line = |line: &Line| line.deadline.min(line.real.deadline().unwrap_or(Nanos::MAX));
-        self.lines.iter().map(line).fold(self.pump.deadline(), Nanos::min)
+        let chips = self.chips.iter().map(|chip| chip.deadline);
+        self.lines.iter().map(line).chain(chips).fold(self.pump.deadline(), Nanos::min)
     }
 
     /// Waits; whether standard input has something to say.
@@ -154,9 +169,14 @@ impl Process {
                 for line in &mut self.lines {
                     line.step(now, Input::Tick, &mut self.pump.image);
                 }
+                for chip in &mut self.chips {
+                    chip.step(now, &mut self.pump.image);
+                }
             }
             let more = self.pass(false);
-            if self.lines.iter().all(|line| line.master.has_told_outputs(&self.pump.image)) {
+            if self.lines.iter().all(|line| line.master.has_told_outputs(&self.pump.image))
+                && self.chips.iter().all(|chip| chip.master.is_off())
+            {
                 return Ok(());
             }
             if now >= until {

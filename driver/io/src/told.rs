@@ -25,7 +25,7 @@ impl Told {
     pub(crate) fn new(config: &BusConfig) -> Self {
         let slaves = config.lines.iter().flat_map(|line| {
             let of_dp = line.dp.iter().flat_map(|dp| &dp.slaves).map(|slave| Some(Slave::new(slave)));
-            line.couplers.iter().map(|_| None).chain(of_dp)
+            line.couplers.iter().map(|_| None).chain(of_dp).chain(line.gpio.iter().map(|_| None))
         });
         let known = |(name, slave): (&str, _)| Known { name: name.to_owned(), status: Status::default(), slave };
         Self(config.stations().zip(slaves).map(known).collect())

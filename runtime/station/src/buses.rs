@@ -89,7 +89,7 @@ impl BusView {
         let look = BusLook::new(&self.memory, self.size);
         let slaves = self.config.lines.iter().flat_map(|line| {
             let slaves = line.dp.iter().flat_map(|dp| &dp.slaves).map(Some);
-            line.couplers.iter().map(|_| None).chain(slaves)
+            line.couplers.iter().map(|_| None).chain(slaves).chain(line.gpio.iter().map(|_| None))
         });
         let stations = self.config.stations().zip(slaves).zip(&self.stations).enumerate();
         BusStatus {

@@ -337,6 +337,8 @@ const TABLE: &[Row] = &[
             "ob1-log",
             "ob1-protocols",
             "clap",
+            // The lines of a chip: the kernel's character device.
+            "gpiocdev",
             "rustix",
             "serde_json",
             "tracing",

@@ -64,8 +64,14 @@ pub(crate) fn config(baud: u32, slaves: usize, bytes: usize) -> BusConfig {
         watchdog: 200 * MS,
         slaves: (0..slaves).map(slave).collect(),
     };
-    let line =
-        LineConfig { line: "sim:/x".into(), serial: None, timeout: 200 * MS, couplers: Vec::new(), dp: Some(dp) };
+    let line = LineConfig {
+        line: "sim:/x".into(),
+        serial: None,
+        timeout: 200 * MS,
+        couplers: Vec::new(),
+        dp: Some(dp),
+        gpio: None,
+    };
     BusConfig {
         name: "dp".into(),
         input_bytes: slaves * (bytes + 33),

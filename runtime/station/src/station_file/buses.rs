@@ -5,16 +5,17 @@ use std::ops::Range;
 use std::path::Path;
 
 use ob1_coupler::config::Parity;
+use ob1_coupler::gpio::GpioConfig;
 use ob1_coupler::{BusConfig, CouplerConfig, DpConfig, DpSlave, LineConfig, Serial};
 use ob1_cpu::{CpuConfig, Family, Nanos};
 use ob1_host::bus::{DpAreas, Station as BusStation, StationRules};
 
 use super::check::{choice, name, number, time};
-use super::dp;
 use super::findings::{CONTRADICTION, Findings, LINE, MISSING, TWICE, VALUE};
 use super::line::Line;
 use super::tables::{BusTable, Placed};
 use super::types::{Bus, ModuleConfig, ModuleKind};
+use super::{dp, gpio};
 
 const MS: Nanos = 1_000_000;
 /// Longest wait for an answer, where nothing else is said.
@@ -30,6 +31,7 @@ pub(super) enum BusKind {
     ModbusTcp,
     ModbusRtu,
     Dp,
+    Gpio,
 }
 
 /// A bus that is being put together.
@@ -214,7 +216,14 @@ impl Building {
         self.bus.lines.iter().position(|other| *other == line).unwrap_or_else(|| {
             let (text, timeout) = (line.to_string(), self.timeout);
             let (serial, dp) = (self.serial, self.dp.clone());
-            self.bus.config.lines.push(LineConfig { line: text, serial, timeout, couplers: Vec::new(), dp });
+            self.bus.config.lines.push(LineConfig {
+                line: text,
+                serial,
+                timeout,
+                couplers: Vec::new(),
+                dp,
+                gpio: None,
+            });
             self.bus.lines.push(line);
             self.bus.lines.len() - 1
         })
@@ -238,6 +247,29 @@ impl Building {
         free
     }
 
+    /// Puts the lines of a chip on the bus. False: it has some already.
+    pub(super) fn add_chip(&mut self, gpio: GpioConfig, station: BusStation, diagnostic: Option<Range<usize>>) -> bool {
+        let Some(line) = self.line.clone() else { return true };
+        let place = self.place_of(line);
+        self.keep_diagnostic(&station, diagnostic);
+        let Some(line) = self.bus.config.lines.get_mut(place) else { return true };
+        if line.gpio.is_some() {
+            return false;
+        }
+        line.gpio = Some(gpio);
+        self.places.push((place, 0));
+        self.bus.stations.push(station);
+        true
+    }
+
+    /// The device of its chip.
+    pub(super) fn chip(&self) -> String {
+        match &self.line {
+            Some(Line::Serial(path)) => path.display().to_string(),
+            _ => String::new(),
+        }
+    }
+
     /// The process counts couplers line by line: the place of each, in the order of the file.
     fn by_line(&self) -> Vec<usize> {
         let before =
@@ -257,11 +289,17 @@ impl Building {
 }
 
 fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan_timeout: Nanos) -> Option<Building> {
-    let kinds = [("modbus-tcp", BusKind::ModbusTcp), ("modbus-rtu", BusKind::ModbusRtu), ("dp", BusKind::Dp)];
+    let kinds = [
+        ("modbus-tcp", BusKind::ModbusTcp),
+        ("modbus-rtu", BusKind::ModbusRtu),
+        ("dp", BusKind::Dp),
+        ("gpio", BusKind::Gpio),
+    ];
     let name = name(f, "bus", &table.name);
     let kind = choice(f, "type", Some(&table.kind), &kinds)?;
     let serial = serial(f, table, kind);
     let line = match &table.line {
+        _ if kind == BusKind::Gpio => Some(gpio::chip(f, table)?),
         Some(text) => Some(line(f, text, kind, folder)?),
         None if kind != BusKind::ModbusTcp => {
             f.error(MISSING, table.kind.span(), "the bus has no line", format!("add `line`: {REMEDY}"));
@@ -269,6 +307,9 @@ fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan
         }
         None => None,
     };
+    if let Some(chip) = table.chip.as_ref().filter(|_| kind != BusKind::Gpio) {
+        f.error(CONTRADICTION, chip.span(), "`chip` belongs to a bus of type \"gpio\"", "leave it out here");
+    }
     let dp = dp::bus(f, table, kind, line.as_ref());
     let timeout = time(f, table.timeout.as_ref(), TIMEOUT);
     if let Some(short) = table.timeout.as_ref().filter(|_| timeout < MS) {
@@ -317,6 +358,7 @@ fn line(f: &mut Findings<'_>, text: &Placed<String>, kind: BusKind, folder: &Pat
             let fits = match kind {
                 BusKind::ModbusTcp => matches!(line, Line::Tcp(_)),
                 BusKind::ModbusRtu | BusKind::Dp => matches!(line, Line::Serial(_) | Line::Sim(_) | Line::Pty(_)),
+                BusKind::Gpio => false,
             };
             if !fits {
                 f.error(LINE, text.span(), format!("{line} cannot be the line of such a bus"), REMEDY);

@@ -11,10 +11,10 @@ use ob1_host::bus::{BusModuleConfig, OnLoss, Station};
 
 use super::buses::{BusKind, Buses};
 use super::check::{choice, name, number, time};
-use super::dp;
 use super::findings::{ADDRESS, CONTRADICTION, Findings, MISSING, TWICE, VALUE};
 use super::tables::{ModuleTable, Placed, RangeTable, SetupTable, StationFile};
 use super::types::{Absent, ModuleConfig, ModuleKind};
+use super::{dp, gpio};
 use crate::finding::{Finding, Level, Text, nearest};
 
 const MS: Nanos = 1_000_000;
@@ -81,6 +81,9 @@ pub(super) fn modules(
     let Some(building) = buses.get_mut(bus) else { return Vec::new() };
     if building.kind == BusKind::Dp {
         return dp::modules(f, table, bus, building, folder);
+    }
+    if building.kind == BusKind::Gpio {
+        return gpio::modules(f, table, bus, building, min_cycle);
     }
     foreign_keys(f, table);
     let name = name(f, "module", &table.name);
@@ -243,7 +246,7 @@ pub(super) fn bus_of(f: &mut Findings<'_>, table: &ModuleTable, buses: &Buses) -
 
 fn unit(f: &mut Findings<'_>, table: &ModuleTable, kind: BusKind) -> u8 {
     match kind {
-        BusKind::ModbusTcp | BusKind::Dp => number(f, "unit", table.unit.as_ref(), 0..=255, UNIT_TCP),
+        BusKind::ModbusTcp | BusKind::Dp | BusKind::Gpio => number(f, "unit", table.unit.as_ref(), 0..=255, UNIT_TCP),
         BusKind::ModbusRtu => {
             if table.unit.is_none() {
                 f.error(MISSING, table.kind.span(), "the coupler has no address on the line", "add `unit`, 1 to 247");
@@ -376,6 +379,7 @@ fn placements(
 
 fn placement(f: &mut Findings<'_>, placed: &Placed<RangeTable>, outputs: bool, loss: Loss) -> Option<Placement> {
     let table = placed.get_ref();
+    gpio::no_keys(f, table);
     let (key, wanted, other) = if outputs { ("to", &table.to, &table.from) } else { ("from", &table.from, &table.to) };
     if let Some(other) = other {
         f.error(CONTRADICTION, other.span(), "inputs come `from`, outputs go `to`", format!("write `{key}`"));

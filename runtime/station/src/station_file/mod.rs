@@ -13,6 +13,7 @@ mod dp;
 mod dp_master;
 mod duration;
 pub mod findings;
+mod gpio;
 mod interrupts;
 mod keyed;
 mod line;

@@ -308,6 +308,7 @@ pub(super) struct BusTable {
     pub(super) slot_bits: Option<Placed<i64>>,
     pub(super) retries: Option<Placed<i64>>,
     pub(super) watchdog: Option<Placed<String>>,
+    pub(super) chip: Option<Placed<String>>,
 }
 
 /// Registers or bits of a coupler, and where they lie.
@@ -320,6 +321,11 @@ pub(super) struct RangeTable {
     pub(super) registers: Option<Placed<i64>>,
     pub(super) bits: Option<Placed<i64>>,
     pub(super) order: Option<Placed<String>>,
+    pub(super) lines: Option<Placed<Vec<Placed<i64>>>>,
+    pub(super) active_low: Option<Placed<bool>>,
+    pub(super) bias: Option<Placed<String>>,
+    pub(super) debounce: Option<Placed<String>>,
+    pub(super) drive: Option<Placed<String>>,
     pub(super) substitute: Option<Placed<Vec<Placed<i64>>>>,
 }
 
