@@ -68,7 +68,7 @@ fn each_mistake_has_its_place_and_its_words() {
         ("chip = \"gpiochip0\"", "chip = \"gpiochip0\"\nbaud = 9600", 8, "belongs to a serial line", "leave it out"),
         ("period = \"5ms\"", "period = \"2s\"", 13, "cannot be read in this period", "\"1s\""),
         ("period = \"5ms\"", "unit = 1", 13, "`unit` does not belong to a GPIO chip", "leave it out"),
-        ("pull-up", "pullup", 16, "`bias` cannot be", "pull-up"),
+        ("pull-up", "pullup", 16, "bias cannot be", "pull-up"),
         ("debounce = \"5ms\"", "debounce = \"11s\"", 16, "for so long", "10s"),
         ("lines = [22]", "lines = [17]", 18, "line 17 is there twice", "one bit"),
         ("lines = [22], ", "", 18, "`lines` is missing", "numbers on the chip"),
