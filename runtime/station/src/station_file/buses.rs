@@ -297,6 +297,9 @@ fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan
     ];
     let name = name(f, "bus", &table.name);
     let kind = choice(f, "type", Some(&table.kind), &kinds)?;
+    if let Some(chip) = table.chip.as_ref().filter(|_| kind != BusKind::Gpio) {
+        f.error(CONTRADICTION, chip.span(), "`chip` belongs to a bus of type \"gpio\"", "leave it out here");
+    }
     let serial = serial(f, table, kind);
     let line = match &table.line {
         _ if kind == BusKind::Gpio => Some(gpio::chip(f, table)?),
@@ -307,9 +310,6 @@ fn bus(f: &mut Findings<'_>, table: &BusTable, folder: &Path, index: usize, scan
         }
         None => None,
     };
-    if let Some(chip) = table.chip.as_ref().filter(|_| kind != BusKind::Gpio) {
-        f.error(CONTRADICTION, chip.span(), "`chip` belongs to a bus of type \"gpio\"", "leave it out here");
-    }
     let dp = dp::bus(f, table, kind, line.as_ref());
     let timeout = time(f, table.timeout.as_ref(), TIMEOUT);
     if let Some(short) = table.timeout.as_ref().filter(|_| timeout < MS) {
