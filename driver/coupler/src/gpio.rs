@@ -1,5 +1,5 @@
-//! Lines of a GPIO chip as a small bus: what it is made of, and who reads and drives them, as a machine. The chip itself
-//! is lent to it ([`Pins`]).
+//! Lines of a GPIO chip as a small bus: what it is made of, and who reads and drives them, as a machine. The chip
+//! itself is lent to it ([`Pins`]).
 
 use serde::{Deserialize, Serialize};
 
