@@ -20,8 +20,8 @@ const struct Ob1PluginTable *ob1_plugin(void);
 // The interface's major version; plugin and host must have the same.
 #define OB1_ABI_MAJOR 1
 
-// The minor version: grows with additions at the end of structs.
-#define OB1_ABI_MINOR 0
+// The minor version: grows with additions. 1: a plugin's block may be an SFB or an SFC.
+#define OB1_ABI_MINOR 1
 
 // Block kinds, `BlockDesc::kind`.
 #define OB1_KIND_OB 0
@@ -32,10 +32,10 @@ const struct Ob1PluginTable *ob1_plugin(void);
 // Function.
 #define OB1_KIND_FC 2
 
-// System function block; only as the callee of `HostTable::call_block`.
+// System function block. Of a plugin's own blocks since 1.1.
 #define OB1_KIND_SFB 3
 
-// System function; only as the callee of `HostTable::call_block`.
+// System function. Of a plugin's own blocks since 1.1.
 #define OB1_KIND_SFC 4
 
 // Sections, `ParamDesc::section`: `VAR_INPUT`.
@@ -47,10 +47,10 @@ const struct Ob1PluginTable *ob1_plugin(void);
 // `VAR_IN_OUT`.
 #define OB1_SECTION_IN_OUT 2
 
-// Instance data of an FB that is no parameter.
+// Instance data of an FB or SFB that is no parameter.
 #define OB1_SECTION_STATIC 3
 
-// The function value `RET_VAL` of an FC. Its index is its place among the parameters, as that of the others.
+// The function value `RET_VAL` of an FC or SFC. Its index is its place among the parameters, as that of the others.
 #define OB1_SECTION_RETURN 4
 
 // Areas of `HostTable::area_read`: inputs (process image).
@@ -379,7 +379,7 @@ typedef Ob1Status (*Ob1BlockEntry)(const struct Ob1HostTable *host, struct Ob1Ca
 struct Ob1BlockDesc {
   // `sizeof` this struct.
   uint32_t size;
-  // `KIND_OB`, `KIND_FB` or `KIND_FC`.
+  // `KIND_*`; `KIND_SFB` and `KIND_SFC` since 1.1.
   uint8_t kind;
   // Must be 0.
   uint8_t reserved;
@@ -387,7 +387,7 @@ struct Ob1BlockDesc {
   uint16_t number;
   // The manual's name, `SEND`.
   struct Ob1Text name;
-  // Parameters in the manual's order, then instance variables of an FB. The place in this table, from 0, is the
+  // Parameters in the manual's order, then instance variables of an FB or SFB. The place in this table, from 0, is the
   // parameter index in the host's functions, for inputs, outputs, in/outs and the function value `RET_VAL` alike,
   // whichever order they stand in; instance variables have no index.
   const struct Ob1ParamDesc *params;

@@ -52,6 +52,19 @@ pub fn write_job(reference: u16, at: u32, bytes: &[u8]) -> Vec<u8> {
     framed(reference, &item(5, at, bytes.len() as u16), &data)
 }
 
+/// A read of the first counters, or a write of one value (three decimal digits) into all of them, as one item.
+#[must_use]
+pub fn counters_job(reference: u16, count: u16, value: Option<u16>) -> Vec<u8> {
+    let [high, low] = count.to_be_bytes();
+    let function = if value.is_some() { 5 } else { 4 };
+    let parameters = [function, 1, 0x12, 0x0A, 0x10, 0x1C, high, low, 0, 0, 0x1C, 0, 0, 0];
+    let Some(value) = value else { return framed(reference, &parameters, &[]) };
+    let mut data = vec![0, 9];
+    data.extend_from_slice(&(count * 2).to_be_bytes());
+    data.extend((0..count).flat_map(|_| value.to_be_bytes()));
+    framed(reference, &parameters, &data)
+}
+
 /// A connection that is set up.
 #[derive(Debug)]
 pub struct Raw(pub TcpStream);

@@ -3,9 +3,13 @@
 
 mod common;
 
-use common::s7::{Client, station};
+use std::collections::BTreeSet;
+use std::io::Write as _;
+
+use common::s7::{Client, free_port, station};
 use common::site::Site;
 use ob1_station::access::protocol::Op;
+use ob1_tests::s7_raw::{Raw, counters_job};
 use serde_json::{Value, json};
 
 const WITH_VALUES: [&str; 3] = ["native", "pure", "pys7"];
@@ -206,5 +210,71 @@ fn a_flood_of_connections_keeps_nobody_out() {
     let mut client = Client::start(&site, "native", port);
     assert_eq!(client.done(&json!({ "op": "state" }))["value"], "RUN");
     drop((half_open, silent, client));
+    assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// Counters that count together, and a word that counts the scans in which they did not agree.
+const COUNTERS: &str = "
+ORGANIZATION_BLOCK OB 1
+VAR_TEMP
+  INFO : ARRAY [0..19] OF BYTE;
+END_VAR
+BEGIN
+NETWORK
+      UN    M 120.0;
+      =     M 120.0;
+      U     M 120.0;
+      ZV    Z 0;
+      U     M 120.0;
+      ZV    Z 70;
+      U     M 120.0;
+      ZV    Z 199;
+      L     Z 0;
+      L     Z 70;
+      <>I   ;
+      SPB   TORN;
+      L     Z 0;
+      L     Z 199;
+      <>I   ;
+      SPBN  GOOD;
+TORN: L     MW 110;
+      +     1;
+      T     MW 110;
+GOOD: NOP   0;
+END_ORGANIZATION_BLOCK
+";
+
+/// Timers, counters and peripheral values are values of their own, each an entry: however many a telegram has, they come
+/// from one scan, and are written between two.
+#[test]
+fn two_hundred_counters_are_read_and_written_whole() {
+    let (site, port) = (Site::new(), free_port());
+    site.write("c.awl", COUNTERS);
+    site.write(
+        "c.toml",
+        &format!(
+            "[station]\nname = \"s7-whole\"\n\n[cpu]\nmin_cycle = \"2ms\"\nwatchdog = \"10s\"\n\n[program]\n\
+             sources = [\"c.awl\"]\n\n[[link]]\ntype = \"s7\"\nname = \"panel\"\n\
+             listen = \"127.0.0.1:{port}\"\nrights = \"write\"\n"
+        ),
+    );
+    let station = site.run("c.toml").until_run();
+    let mut raw = station.until("the link listens", |_| Raw::open(port).ok());
+    for value in [0x100, 0x000].repeat(20) {
+        raw.0.write_all(&counters_job(7, 200, Some(value))).expect("sent");
+        let frame = raw.frame().expect("an answer");
+        assert_eq!(frame.last(), Some(&0xFF), "{value:x}: {frame:?}");
+    }
+    let mut seen = BTreeSet::new();
+    station.until("the counters go on", |_| {
+        raw.0.write_all(&counters_job(8, 200, None)).expect("sent");
+        let frame = raw.frame().expect("an answer");
+        let counters = frame.get(25..).expect("a head").as_chunks::<2>().0;
+        assert_eq!(counters.len(), 200, "{frame:?}");
+        assert_eq!((counters[70], counters[199]), (counters[0], counters[0]), "of one scan");
+        seen.insert(counters[0]);
+        (seen.len() >= 20).then_some(())
+    });
+    assert_eq!(station.cell("MW 110"), 0, "no scan has seen a part of a write");
     assert_eq!(station.interrupt().code(), Some(0));
 }

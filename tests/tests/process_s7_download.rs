@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::s7::{Client, station};
+use common::s7::{Client, free_port, station};
 use common::site::Site;
 use common::station::Running;
 use ob1_ir::Program;
@@ -181,4 +181,164 @@ fn the_program_of_a_station_goes_into_another() {
     assert_eq!(site.ob1(&["upload", &host, "--out", "copy"]).code, Some(0));
     assert_eq!(site.ob1(&["compare", &host, "copy"]).code, Some(0));
     assert_eq!(station.interrupt().code(), Some(0));
+}
+
+/// Blocks that call system functions: an FC with SFC 1 and 20, and an FB with a timer of SFB 4 inside and one beside it.
+const CALLS: &str = "
+FUNCTION FC 30 : INT
+VAR_TEMP
+  NOW : DATE_AND_TIME;
+END_VAR
+BEGIN
+NETWORK
+      CALL SFC 1
+       RET_VAL:=MW60
+       CDT    :=#NOW
+      CALL SFC 20
+       SRCBLK :=P#M40.0 BYTE 8
+       RET_VAL:=MW62
+       DSTBLK :=P#M50.0 BYTE 8
+      L     MW 62
+      T     #RET_VAL
+END_FUNCTION
+
+FUNCTION_BLOCK FB 31
+VAR
+  WAITS : SFB 4;
+END_VAR
+BEGIN
+NETWORK
+      CALL #WAITS
+       IN     :=M70.0
+       PT     :=T#10MS
+       Q      :=M70.1
+       ET     :=MD72
+      CALL SFB 4, DB 32
+       IN     :=M70.0
+       PT     :=T#20MS
+       Q      :=M70.2
+       ET     :=MD76
+END_FUNCTION_BLOCK
+
+DATA_BLOCK DB 31
+FB 31
+BEGIN
+END_DATA_BLOCK
+
+DATA_BLOCK DB 32
+SFB 4
+BEGIN
+END_DATA_BLOCK
+
+ORGANIZATION_BLOCK OB 1
+VAR_TEMP
+  INFO : ARRAY[0..19] OF BYTE;
+END_VAR
+BEGIN
+NETWORK
+      CALL FC 30
+       RET_VAL:=MW64
+      CALL FB 31, DB 31
+      L     MW 106
+      +     1
+      T     MW 106
+END_ORGANIZATION_BLOCK
+";
+
+/// A station of this program, and its address.
+fn of_program(site: &Site, name: &str, program: &str) -> (Running, String) {
+    let port = free_port();
+    site.write(&format!("{name}.awl"), program);
+    site.write(
+        &format!("{name}.toml"),
+        &format!(
+            "[station]\nname = \"{name}\"\n\n[cpu]\nmin_cycle = \"5ms\"\nwatchdog = \"10s\"\n\n[program]\n\
+             sources = [\"{name}.awl\"]\nmnemonics = \"de\"\n\n[[link]]\ntype = \"s7\"\nname = \"panel\"\n\
+             listen = \"127.0.0.1:{port}\"\nrights = \"operate\"\n"
+        ),
+    );
+    let station = site.run(&format!("{name}.toml")).until_run();
+    station.until("the link listens", |_| std::net::TcpStream::connect(("127.0.0.1", port)).ok());
+    (station, format!("127.0.0.1:{port}"))
+}
+
+#[test]
+fn calls_of_system_functions_go_up_and_down_again() {
+    const NOTHING: &str = "ORGANIZATION_BLOCK OB 1\nBEGIN\nNETWORK\n NOP 0;\nEND_ORGANIZATION_BLOCK\n";
+    let site = Site::new();
+    let (first, from) = of_program(&site, "s7-calls", CALLS);
+    let (second, to) = of_program(&site, "s7-empty", NOTHING);
+    let done = |args: &[&str]| {
+        let said = site.ob1(args);
+        assert_eq!(said.code, Some(0), "{args:?}: {} {}", said.out, said.err);
+    };
+    done(&["upload", &from, "--out", "copy"]);
+    assert_eq!(site.ob1(&["compare", &to, "copy"]).code, Some(1), "it is not there yet");
+    let files = |folder: &str| {
+        let mut files: Vec<(String, Vec<u8>)> = std::fs::read_dir(site.path(folder).join("uploaded"))
+            .expect("what was uploaded")
+            .map(|file| {
+                let file = file.expect("readable");
+                (file.file_name().to_string_lossy().into_owned(), std::fs::read(file.path()).expect("readable"))
+            })
+            .filter(|(name, _)| name.ends_with(".mc7"))
+            .collect();
+        files.sort();
+        files
+    };
+    let copied = files("copy");
+    let names: Vec<&str> = copied.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["DB31.mc7", "DB32.mc7", "FB31.mc7", "FC30.mc7", "OB1.mc7"]);
+    let paths: Vec<String> = names.iter().map(|name| format!("copy/uploaded/{name}")).collect();
+    // Into one that has none of it, and into the one they come from.
+    for (station, host) in [(&second, &to), (&first, &from), (&first, &from)] {
+        let mut args = vec!["download", host.as_str(), "--stop"];
+        args.extend(paths.iter().map(String::as_str));
+        done(&args);
+        done(&["compare", host, "copy"]);
+        let before = station.cell("MW 106");
+        station.set("MD 40", 0x1234_5678);
+        station.set("M 70.0", 1);
+        station.until("the blocks do their work", |station| {
+            let cells = station.cells(&["MW 64", "MD 50", "M 70.1", "M 70.2"]);
+            (cells == [0, 0x1234_5678, 1, 1] && station.cell("MW 106") > before).then_some(())
+        });
+    }
+    // Data blocks have come with the values of their timers; statements are as in the sources.
+    let told = differences(&first);
+    assert!(told.iter().all(|(block, _)| block.starts_with("DB")), "{told:?}");
+    // Statements go up again as they came, byte for byte.
+    done(&["upload", &to, "--out", "again"]);
+    let code = |files: Vec<(String, Vec<u8>)>| -> Vec<(String, Vec<u8>)> {
+        files.into_iter().filter(|(name, _)| !name.starts_with("DB")).collect()
+    };
+    assert_eq!(code(files("again")), code(copied));
+    for station in [first, second] {
+        assert_eq!(station.interrupt().code(), Some(0));
+    }
+}
+
+/// A program that has come is run by machine code again, in STOP and in RUN.
+#[test]
+fn machine_code_follows_a_download() {
+    let (ob, db) = (image(BlockKind::Ob, 1), image(BlockKind::Db, 20));
+    let fc = image(BlockKind::Fc, 7);
+    let site = Site::new();
+    let (station, port) = station(&site, "s7-machine-code", "rights = \"operate\"");
+    let until_native = |what: &str| station.until(what, |s| (s.status().engine == "native").then_some(()));
+    until_native("machine code of the sources");
+    let mut client = Client::start(&site, "native", port);
+    client.done(&json!({ "op": "stop" }));
+    client.done(&download(&fc));
+    client.done(&download(&ob));
+    client.done(&json!({ "op": "warm" }));
+    until_native("machine code of what was downloaded");
+    let before = station.cell("MW 106");
+    station.until("it runs", |station| (station.cell("MW 106") > before).then_some(()));
+    client.done(&download(&db));
+    until_native("machine code beside another data block");
+    drop(client);
+    let ended = station.interrupt();
+    assert_eq!(ended.code(), Some(0));
+    assert!(!ended.err.contains("goes on without it"), "{}", ended.err);
 }

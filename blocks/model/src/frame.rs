@@ -7,8 +7,8 @@
 
 use crate::{Cell, CellError, CellWidth, Piece};
 
-/// Most entries of a group of writes.
-pub const GROUP_ENTRIES: usize = 64;
+/// Most entries of a group of writes: as many values as the largest telegram of a link can have.
+pub const GROUP_ENTRIES: usize = 1024;
 /// Bytes of a group, and bytes of writes that one cycle control point takes from all links together.
 pub const WRITE_BYTES: usize = 4096;
 /// Bytes a link may watch.

@@ -5,7 +5,7 @@
 //! Parameters: CP 240 [S0 "SEND (FC 0)"] and the sections after it; CP 341, CP 340 and CP 040 from the help texts of
 //! their blocks. A spelling after `|` is one that a manual's example or table has beside the first.
 
-use ob1_model::BlockKind::{self, Fb, Fc};
+use ob1_model::BlockKind::{self, Fb, Fc, Sfb, Sfc};
 
 use crate::Done;
 use crate::call::Call;
@@ -167,6 +167,32 @@ params!(ConnectionControl {
     Return { RET_VAL: INT }
     Output { ERROR: BOOL, STATUS: WORD, C_CONN: BOOL, C_STATUS: WORD }
 });
+// An S7-400: four areas each.
+params!(Usend400 {
+    Input { REQ: BOOL, ID: WORD, R_ID: DWORD }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+    InOut { SD_1: ANY, SD_2: ANY, SD_3: ANY, SD_4: ANY }
+});
+params!(Urcv400 {
+    Input { EN_R: BOOL, ID: WORD, R_ID: DWORD }
+    Output { NDR: BOOL, ERROR: BOOL, STATUS: WORD }
+    InOut { RD_1: ANY, RD_2: ANY, RD_3: ANY, RD_4: ANY }
+});
+params!(Get400 {
+    Input { REQ: BOOL, ID: WORD }
+    Output { NDR: BOOL, ERROR: BOOL, STATUS: WORD }
+    InOut { ADDR_1: ANY, ADDR_2: ANY, ADDR_3: ANY, ADDR_4: ANY, RD_1: ANY, RD_2: ANY, RD_3: ANY, RD_4: ANY }
+});
+params!(Put400 {
+    Input { REQ: BOOL, ID: WORD }
+    Output { DONE: BOOL, ERROR: BOOL, STATUS: WORD }
+    InOut { ADDR_1: ANY, ADDR_2: ANY, ADDR_3: ANY, ADDR_4: ANY, SD_1: ANY, SD_2: ANY, SD_3: ANY, SD_4: ANY }
+});
+params!(Control400 {
+    Input { EN_R: BOOL, I_DB: BLOCK_DB, OFFSET: WORD }
+    Return { RET_VAL: INT }
+    Output { ERROR: BOOL, STATUS: WORD, I_TYP: BYTE, I_STATE: BYTE, I_CONN: BOOL, I_STATUS: WORD }
+});
 
 pub(crate) const ROWS: &[&[Row]] = &[
     &[
@@ -221,6 +247,15 @@ pub(crate) const ROWS: &[&[Row]] = &[
         declared::<Get>(Origin::Cp300, Fb, 14, "GET"),
         declared::<Put>(Origin::Cp300, Fb, 15, "PUT"),
     ],
+    &[
+        declared::<Usend400>(Origin::S7_400, Sfb, 8, "USEND"),
+        declared::<Urcv400>(Origin::S7_400, Sfb, 9, "URCV"),
+        declared::<Bsend>(Origin::S7_400, Sfb, 12, "BSEND"),
+        declared::<Brcv>(Origin::S7_400, Sfb, 13, "BRCV"),
+        declared::<Get400>(Origin::S7_400, Sfb, 14, "GET"),
+        declared::<Put400>(Origin::S7_400, Sfb, 15, "PUT"),
+        declared::<Control400>(Origin::S7_400, Sfc, 62, "CONTROL"),
+    ],
 ];
 
 const fn declared<P: Params>(origin: Origin, kind: BlockKind, number: u16, name: &'static str) -> Row {
@@ -254,7 +289,7 @@ mod tests {
     fn they_are_declarations_alone() {
         let declared: Vec<String> =
             standard_blocks().iter().filter(|b| b.origin.is_declared_only()).map(|b| b.id.to_string()).collect();
-        assert_eq!(declared.len(), 40, "{declared:?}");
+        assert_eq!(declared.len(), 47, "{declared:?}");
         assert!(!Origin::System.is_declared_only() && !Origin::Iec.is_declared_only());
     }
 

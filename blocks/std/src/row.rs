@@ -31,6 +31,8 @@ pub enum Origin {
     Cp342,
     /// The handling blocks of the CP 343 (library CP 300): declared here, served by a plugin.
     Cp300,
+    /// The system blocks of an S7-400 for S7 communication: declared here, served by the plugin of the CP 343.
+    S7_400,
 }
 
 impl Origin {
@@ -48,21 +50,28 @@ impl Origin {
             Origin::Cp040 => "CP040",
             Origin::Cp342 => "CP342",
             Origin::Cp300 => "CP300",
+            Origin::S7_400 => "S7-400",
+        }
+    }
+
+    /// The plugin that serves its blocks, as a station file names it; none: the CPU does.
+    #[must_use]
+    pub const fn plugin(self) -> Option<&'static str> {
+        match self {
+            Origin::System | Origin::Iec | Origin::TiS7 | Origin::Pid => None,
+            Origin::Cp240 => Some("ob1_cp240"),
+            Origin::Cp341 => Some("ob1_cp341"),
+            Origin::Cp340 => Some("ob1_cp340"),
+            Origin::Cp040 => Some("ob1_cp040"),
+            Origin::Cp342 => Some("ob1_cp342"),
+            Origin::Cp300 | Origin::S7_400 => Some("ob1_cp343"),
         }
     }
 
     /// Only names and parameters of its blocks are known here: a plugin has to serve them.
     #[must_use]
     pub const fn is_declared_only(self) -> bool {
-        matches!(self, Origin::Cp240 | Origin::Cp341 | Origin::Cp340 | Origin::Cp040 | Origin::Cp342 | Origin::Cp300)
-    }
-
-    /// The plugin that serves its blocks, as a station file names it; none: the CPU does.
-    #[must_use]
-    pub fn plugin(self) -> Option<String> {
-        // The library of the Ethernet CPs is not called as its CP.
-        let name = if self == Origin::Cp300 { "cp343".to_owned() } else { self.name().to_ascii_lowercase() };
-        self.is_declared_only().then(|| format!("ob1_{name}"))
+        self.plugin().is_some()
     }
 }
 

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use ob1_access::door::{Answer, Ask as Question, Command, Door, News, NotYet, Reading, Refusal, Ticket};
 use ob1_model::{BlockId, BlockKind, Cell, GROUP_ENTRIES, Piece, Put, WRITE_BYTES};
+use ob1_s7::MAX_PDU;
 use ob1_s7::Rights;
 use ob1_s7::codes::{Code, ItemCode};
 use ob1_s7::server::{Ask, Control, Listed, Loaded, Reply, Request};
@@ -18,6 +19,9 @@ use crate::config::Config;
 
 /// Bytes of a data block that are read together: half of what a link may watch.
 const VALUES: usize = 32 * 1024;
+// What a telegram can have lands whole.
+const _: () = assert!(GROUP_ENTRIES >= MAX_PDU as usize);
+const _: () = assert!(WRITE_BYTES >= MAX_PDU as usize);
 /// A CPU that shows nothing for so long does not answer: longer than any cycle a watchdog allows.
 const PATIENCE: Duration = Duration::from_secs(6);
 /// While a snapshot could not be read, because the scan was faster in every try.
@@ -90,15 +94,13 @@ struct Load {
     left: VecDeque<Loaded>,
 }
 
-/// Values on their way: a group at a time, each without what was refused before.
+/// Values on their way, all in one group; once more without what was refused.
 #[derive(Debug)]
 struct Write {
     id: u64,
     ticket: Ticket,
     /// What is left, with the item it belongs to.
     left: Vec<(usize, Put)>,
-    /// Entries of the group that is under way.
-    sent: usize,
     codes: Vec<ItemCode>,
 }
 
@@ -196,7 +198,7 @@ fn begin(
             return read.again(client, around, reply);
         }
         Ask::Write(puts) => {
-            let mut write = Write { id, ticket: 0, left: Vec::new(), sent: 0, codes: vec![ItemCode::DONE; puts.len()] };
+            let mut write = Write { id, ticket: 0, left: Vec::new(), codes: vec![ItemCode::DONE; puts.len()] };
             for (index, put) in puts.iter().enumerate() {
                 match cells::puts(put) {
                     Ok(entries) => write.left.extend(entries.into_iter().map(|entry| (index, entry))),
@@ -402,16 +404,9 @@ impl Load {
 }
 
 impl Write {
-    /// The next group; the reply, when there is none.
+    /// What is left; the reply, when that is nothing.
     fn send(mut self, client: u32, around: &mut Surroundings<'_>, reply: &mut dyn FnMut(u64, Reply)) -> Option<Doing> {
-        let mut bytes = 0;
-        let fits = |(_, put): &&(usize, Put)| {
-            bytes += put.bytes();
-            bytes <= WRITE_BYTES
-        };
-        let group: Vec<Put> =
-            self.left.iter().take(GROUP_ENTRIES).take_while(fits).map(|(_, put)| put.clone()).collect();
-        self.sent = group.len();
+        let group: Vec<Put> = self.left.iter().map(|(_, put)| put.clone()).collect();
         let sent = if group.is_empty() { None } else { around.door.write(client, group).ok() };
         let Some(ticket) = sent else {
             self.left.iter().for_each(|(item, _)| self.codes[*item] = ItemCode::INCONSISTENT);
@@ -430,7 +425,7 @@ impl Write {
         reply: &mut dyn FnMut(u64, Reply),
     ) -> Option<Doing> {
         match refused {
-            None => drop(self.left.drain(..self.sent.min(self.left.len()))),
+            None => self.left.clear(),
             // Nothing of the group was written: the rest goes without the item that cannot be.
             Some((entry, why)) => {
                 let Some(item) = self.left.get(entry).or(self.left.first()).map(|(item, _)| *item) else {

@@ -2,8 +2,8 @@
 
 /// The interface's major version; plugin and host must have the same.
 pub const ABI_MAJOR: u16 = 1;
-/// The minor version: grows with additions at the end of structs.
-pub const ABI_MINOR: u16 = 0;
+/// The minor version: grows with additions. 1: a plugin's block may be an SFB or an SFC.
+pub const ABI_MINOR: u16 = 1;
 /// The exported C function: `const struct Ob1PluginTable *ob1_plugin(void)`.
 pub const ENTRY_SYMBOL: &str = "ob1_plugin";
 
@@ -46,9 +46,9 @@ pub const KIND_OB: u8 = 0;
 pub const KIND_FB: u8 = 1;
 /// Function.
 pub const KIND_FC: u8 = 2;
-/// System function block; only as the callee of [`crate::HostTable::call_block`].
+/// System function block. Of a plugin's own blocks since 1.1.
 pub const KIND_SFB: u8 = 3;
-/// System function; only as the callee of [`crate::HostTable::call_block`].
+/// System function. Of a plugin's own blocks since 1.1.
 pub const KIND_SFC: u8 = 4;
 
 /// Sections, [`crate::ParamDesc::section`]: `VAR_INPUT`.
@@ -57,9 +57,9 @@ pub const SECTION_IN: u8 = 0;
 pub const SECTION_OUT: u8 = 1;
 /// `VAR_IN_OUT`.
 pub const SECTION_IN_OUT: u8 = 2;
-/// Instance data of an FB that is no parameter.
+/// Instance data of an FB or SFB that is no parameter.
 pub const SECTION_STATIC: u8 = 3;
-/// The function value `RET_VAL` of an FC. Its index is its place among the parameters, as that of the others.
+/// The function value `RET_VAL` of an FC or SFC. Its index is its place among the parameters, as that of the others.
 pub const SECTION_RETURN: u8 = 4;
 
 /// Types, [`crate::ParamDesc::ty`].

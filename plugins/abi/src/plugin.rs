@@ -44,7 +44,7 @@ pub type BlockEntry =
 pub struct BlockDesc {
     /// `sizeof` this struct.
     pub size: u32,
-    /// `KIND_OB`, `KIND_FB` or `KIND_FC`.
+    /// `KIND_*`; `KIND_SFB` and `KIND_SFC` since 1.1.
     pub kind: u8,
     /// Must be 0.
     pub reserved: u8,
@@ -52,7 +52,7 @@ pub struct BlockDesc {
     pub number: u16,
     /// The manual's name, `SEND`.
     pub name: Text,
-    /// Parameters in the manual's order, then instance variables of an FB. The place in this table, from 0, is the
+    /// Parameters in the manual's order, then instance variables of an FB or SFB. The place in this table, from 0, is the
     /// parameter index in the host's functions, for inputs, outputs, in/outs and the function value `RET_VAL` alike,
     /// whichever order they stand in; instance variables have no index.
     pub params: *const ParamDesc,

@@ -4,6 +4,7 @@ use ob1_sdk::{Abort, Block, Cx, Kind, Param, STATION, interface};
 use ob1_words::boxes::Service;
 use ob1_words::boxes::status::{COMMAND, LENGTH};
 
+use crate::area::Spans;
 use crate::job::{End, Wanted, turn};
 use crate::state::CpState;
 use ob1_any::Span;
@@ -19,11 +20,17 @@ const PARAMETER: u16 = COMMAND;
 const ABSENT: u16 = 0x80C0;
 /// STATUS: too many jobs.
 const FULL: u16 = 0x80C3;
-/// Most data of a job; of AG_SEND on an S7-400, which has AG_LSEND for more.
+/// Most data of a job; of AG_SEND and AG_RECV on an S7-400, which has AG_LSEND and AG_LRECV for more.
 const LEN_MAX: i16 = 8192;
 const LEN_MAX_400: i16 = 240;
 /// The setting of the station with the family of its CPU.
 const FAMILY: &str = "family";
+
+/// Most data of FC `number`, in this CPU.
+fn most(cx: &mut Cx<'_, CpState>, number: u16) -> Result<i16, Abort> {
+    let is_short = number < 50 && cx.setting_int(STATION, FAMILY)?.ok() == Some(400);
+    Ok(if is_short { LEN_MAX_400 } else { LEN_MAX })
+}
 
 /// Jobs of a connection that cannot be under way at the same time have the same owner.
 fn owner(class: u64, id: i16) -> u64 {
@@ -79,13 +86,12 @@ impl<const NUMBER: u16> Block for Send<NUMBER> {
         let mut wanted = Wanted::new(u32::from(laddr), owner(1, id), Service::Send, id as u16);
         let len = cx.get(snd::LEN)?;
         let span = Span::of(cx, snd::SEND)?;
-        let is_400 = NUMBER == 5 && cx.setting_int(STATION, FAMILY)?.ok() == Some(400);
-        let most = if is_400 { LEN_MAX_400 } else { LEN_MAX };
+        let most = most(cx, NUMBER)?;
         let wrong = match span {
             None => Some(PARAMETER),
             Some(span) if !(1..=most).contains(&len) || len as u32 > span.len => Some(LENGTH),
             Some(span) => {
-                wanted.source = span.first(len as u32);
+                wanted.source = span.first(len as u32).into();
                 None
             }
         };
@@ -136,8 +142,9 @@ impl<const NUMBER: u16> Block for Receive<NUMBER> {
     fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
         let (id, laddr) = (cx.get(rcv::ID)?, cx.get(rcv::LADDR)?);
         let mut wanted = Wanted::new(u32::from(laddr), owner(2, id), Service::Receive, id as u16);
-        let span = Span::of(cx, rcv::RECV)?;
-        wanted.target = span.unwrap_or(Span::NONE);
+        let most = most(cx, NUMBER)? as u32;
+        let span = Span::of(cx, rcv::RECV)?.map(|span| span.first(span.len.min(most)));
+        wanted.target = span.map_or(Spans::NONE, Spans::from);
         wanted.begins = span.is_some();
         let end = turn(cx, &mut wanted)?;
         let status = if span.is_none() { Some(PARAMETER) } else { status(end, TARGET) };

@@ -1,11 +1,115 @@
-//! A pointer into the partner.
+//! The areas of a block here, and pointers into the partner.
 
-use ob1_any::pointer;
+use ob1_any::{Span, pointer};
 use ob1_sdk::types::Any;
-use ob1_sdk::{Abort, Cx, Formal, Readable};
-use ob1_words::any::{AnyType, BYTES};
+use ob1_sdk::{Abort, Cx, Formal, Readable, Refused};
+use ob1_words::any::{AnyType, BYTES, Fields};
+use ob1_words::boxes::ITEMS_MAX;
 
 use crate::state::CpState;
+
+/// Pieces of memory, one behind the other: one of an S7-300's blocks, up to four of an S7-400's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Spans {
+    all: [Span; ITEMS_MAX],
+    count: usize,
+}
+
+impl Spans {
+    /// Nothing.
+    pub(crate) const NONE: Self = Self { all: [Span::NONE; ITEMS_MAX], count: 0 };
+
+    /// What the parameters of a block name: those that are given, from the first on. `None`: none, a gap between them,
+    /// or what a CP cannot send or receive.
+    pub(crate) fn of<S: Readable>(cx: &mut Cx<'_, CpState>, formals: &[Formal<Any, S>]) -> Result<Option<Self>, Abort> {
+        let mut spans = Self::NONE;
+        let mut open = false;
+        for formal in formals {
+            if is_open(cx, *formal)? {
+                open = true;
+                continue;
+            }
+            match Span::of(cx, *formal)? {
+                Some(span) if !open => spans.push(span),
+                _ => return Ok(None),
+            }
+        }
+        Ok((spans.count > 0).then_some(spans))
+    }
+
+    /// One more; there is room for [`ITEMS_MAX`].
+    pub(crate) fn push(&mut self, span: Span) {
+        if let Some(place) = self.all.get_mut(self.count) {
+            *place = span;
+            self.count += 1;
+        }
+    }
+
+    /// Each of them.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Span> {
+        self.all.iter().take(self.count)
+    }
+
+    /// Bytes of all.
+    pub(crate) fn len(&self) -> u32 {
+        self.iter().map(|span| span.len).sum()
+    }
+
+    /// Reads a part that begins `from` bytes behind the first.
+    pub(crate) fn read(
+        &self,
+        cx: &mut Cx<'_, CpState>,
+        from: u32,
+        into: &mut [u8],
+    ) -> Result<Result<(), Refused>, Abort> {
+        let (mut from, mut into) = (from, into);
+        for span in self.iter() {
+            let here = (span.len.saturating_sub(from) as usize).min(into.len());
+            let (part, rest) = std::mem::take(&mut into).split_at_mut(here);
+            if let Err(refused) = span.read(cx, from, part)? {
+                return Ok(Err(refused));
+            }
+            (from, into) = (from.saturating_sub(span.len), rest);
+        }
+        Ok(Ok(()))
+    }
+
+    /// Writes a part.
+    pub(crate) fn write(
+        &self,
+        cx: &mut Cx<'_, CpState>,
+        from: u32,
+        bytes: &[u8],
+    ) -> Result<Result<(), Refused>, Abort> {
+        let (mut from, mut bytes) = (from, bytes);
+        for span in self.iter() {
+            let here = (span.len.saturating_sub(from) as usize).min(bytes.len());
+            let (part, rest) = bytes.split_at(here);
+            if let Err(refused) = span.write(cx, from, part)? {
+                return Ok(Err(refused));
+            }
+            (from, bytes) = (from.saturating_sub(span.len), rest);
+        }
+        Ok(Ok(()))
+    }
+}
+
+impl From<Span> for Spans {
+    fn from(span: Span) -> Self {
+        let mut spans = Self::NONE;
+        spans.push(span);
+        spans
+    }
+}
+
+/// Nothing was ever given for a parameter, or a pointer to nothing.
+pub(crate) fn is_open<S: Readable>(cx: &mut Cx<'_, CpState>, formal: Formal<Any, S>) -> Result<bool, Abort> {
+    let mut bytes = [0; BYTES];
+    Ok(match cx.get_bytes(formal, 0, &mut bytes)? {
+        Ok(()) => bytes == [0; BYTES] || Fields::read(&bytes).is_some_and(|fields| fields.ty == AnyType::Nil),
+        Err(_) => true,
+    })
+}
 
 /// A pointer into the partner, as it goes over the wire, and how many bytes it names.
 pub(crate) fn remote<S: Readable>(

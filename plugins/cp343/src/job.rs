@@ -1,13 +1,15 @@
 //! A job at the CP: its data go piece by piece, one a call, and what comes back comes the same way.
 
 use ob1_sdk::{Abort, Cx, Refused};
-use ob1_words::boxes::{Answer, BOX_BYTES, HEAD_BYTES, Order, Service, State, pieces, range, record};
+use ob1_words::boxes::{
+    Answer, BOX_BYTES, HEAD_BYTES, ITEM_BYTES, ITEMS_MAX, Order, Service, State, pieces, range, record,
+};
 
+use crate::area::Spans;
 use crate::state::{CpState, Phase, Slot};
-use ob1_any::Span;
 
-/// Longest head in front of the data: how many items, a length, an ANY pointer.
-const FRONT: usize = 13;
+/// Longest head in front of the data: how many items, of each a length and an ANY pointer.
+const FRONT: usize = 1 + ITEMS_MAX * (2 + ITEM_BYTES);
 /// Bytes of a result that is no memory of the program.
 pub(crate) const SMALL: usize = 8;
 
@@ -25,9 +27,9 @@ pub(crate) struct Wanted {
     pub(crate) r_id: u32,
     /// In front of the data.
     pub(crate) front: ([u8; FRONT], usize),
-    pub(crate) source: Span,
+    pub(crate) source: Spans,
     /// Where data of the CP go.
-    pub(crate) target: Span,
+    pub(crate) target: Spans,
     /// Or the first of them, where they are a result.
     pub(crate) small: [u8; SMALL],
 }
@@ -42,8 +44,8 @@ impl Wanted {
             id,
             r_id: 0,
             front: ([0; FRONT], 0),
-            source: Span::NONE,
-            target: Span::NONE,
+            source: Spans::NONE,
+            target: Spans::NONE,
             small: [0; SMALL],
         }
     }
@@ -60,11 +62,11 @@ impl Wanted {
     }
 
     fn len(&self) -> u32 {
-        self.front.1 as u32 + self.source.len
+        self.front.1 as u32 + self.source.len()
     }
 
     fn room(&self) -> u32 {
-        if self.target.len > 0 { self.target.len } else { SMALL as u32 }
+        if self.target.len() > 0 { self.target.len() } else { SMALL as u32 }
     }
 }
 
@@ -220,7 +222,7 @@ fn take(cx: &mut Cx<'_, CpState>, wanted: &mut Wanted, slot: &Slot, record: u8) 
     let len = answer.len.min(slot.room.get());
     let piece = range(answer.piece, len as usize);
     let bytes = data.get(..piece.len()).unwrap_or_default();
-    if wanted.target.len > 0 {
+    if wanted.target.len() > 0 {
         if let Err(refused) = wanted.target.write(cx, piece.start as u32, bytes)? {
             cancel(cx, wanted.laddr, wanted.owner)?;
             return Ok(End::Memory(refused));

@@ -1,14 +1,19 @@
-//! The handling blocks of the CP 343: FC 5, 6, 7, 8, 10, 50, 60 (AG blocks), FC 62 C_CNTRL, and FB 8, 9, 12 to 15 for
-//! S7 connections. (docs/cp343.md)
+//! The handling blocks of the CP 343: FC 5, 6, 7, 8, 10, 50, 60 (AG blocks), FC 62 C_CNTRL, and for S7 connections FB 8,
+//! 9, 12 to 15 of an S7-300, SFB 8, 9, 12 to 15 and SFC 62 CONTROL of an S7-400. (docs/cp343.md)
 //!
 //! A block has a box at the CP (`ob1_words::boxes`), which it reads and writes as data records. What a block remembers
 //! between two calls lies in [`state::CpState`], zeroed at every start-up of the CPU.
 
 mod ag;
 mod area;
+mod condition;
 mod job;
 mod partner;
 mod state;
+mod telegrams;
+mod variables;
+
+use partner::FOUR;
 
 ob1_sdk::export_plugin! {
     name: "cp343",
@@ -22,12 +27,19 @@ ob1_sdk::export_plugin! {
         ag::Control,
         ag::Send<50>,
         ag::Receive<60>,
-        partner::Status,
-        partner::Usend,
-        partner::Urcv,
-        partner::Bsend,
-        partner::Brcv,
-        partner::Get,
-        partner::Put,
+        condition::Status,
+        telegrams::Usend<false>,
+        telegrams::Urcv<false>,
+        telegrams::Bsend<false>,
+        telegrams::Brcv<false>,
+        variables::Get<false>,
+        variables::Put<false>,
+        telegrams::Usend<FOUR>,
+        telegrams::Urcv<FOUR>,
+        telegrams::Bsend<FOUR>,
+        telegrams::Brcv<FOUR>,
+        variables::Get<FOUR>,
+        variables::Put<FOUR>,
+        condition::Control,
     ],
 }

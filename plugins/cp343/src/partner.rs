@@ -1,23 +1,75 @@
-//! USEND, URCV, BSEND, BRCV, GET, PUT and C_CNTRL: S7 connections. They have no LADDR: the connections of a station
-//! have numbers of their own, and the station file says at which CP each is.
+//! What the blocks for S7 connections share: USEND, URCV, BSEND, BRCV, PUT, GET. They have no LADDR: the connections of
+//! a station have numbers of their own, and the station file says at which CP each is.
+//!
+//! An S7-300 has them as FB with one area each, an S7-400 as SFB with four ([`FOUR`]). Both are one implementation.
 
 use std::fmt::Write as _;
 
-use ob1_sdk::types::{Any, Bool, Byte, Word};
-use ob1_sdk::{Abort, Block, Cx, Formal, In, InOut, Kind, Out, Param, STATION, Static, interface};
+use ob1_sdk::types::{Any, Bool, Byte, DWord, Word};
+use ob1_sdk::{Abort, Cx, Formal, In, InOut, Kind, Out, STATION, Static};
 use ob1_words::boxes::{Service, status};
 
 use ob1_any::Span;
 
-use crate::area::remote;
+use crate::area::{Spans, is_open, remote};
 use crate::job::{End, Wanted, cancel, turn};
-use crate::state::CpState;
+use crate::state::{CpState, Phase};
 
-/// Most bytes of a BSEND over a CP.
-const BSEND_MAX: u32 = 32_768;
+/// The blocks of an S7-400: SFB, four areas, and an instance SFC 62 finds its way in.
+pub(crate) const FOUR: bool = true;
+
+/// The kind of a block.
+pub(crate) const fn kind(four: bool) -> Kind {
+    if four { Kind::Sfb } else { Kind::Fb }
+}
+
+/// What stands in the instance of SFB `number` from the beginning: SFC 62 knows it by that.
+pub(crate) const fn mark(number: u8) -> u32 {
+    u32::from_be_bytes([b'S', b'F', b'B', number])
+}
+
+/// The two interfaces of a block: with the areas of the FB, and with those of the SFB.
+macro_rules! both {
+    (
+        $(#[$doc:meta])*
+        mod $one:ident, $four:ident = SFB $number:literal { $($head:tt)* }
+        in_out $one_areas:tt
+        in_out $four_areas:tt
+    ) => {
+        $crate::partner::both! { @one $(#[$doc])* $one { $($head)* } $one_areas }
+        $crate::partner::both! { @four $(#[$doc])* $four $number { $($head)* } $four_areas }
+    };
+    (@one $(#[$doc:meta])* $one:ident { $($head:tt)* } { $($area:ident: $ty:ident;)* }) => {
+        ob1_sdk::interface! {
+            $(#[$doc])*
+            pub(crate) mod $one {
+                $($head)*
+                $(in_out $area: $ty;)*
+                /// REQ of the last call.
+                static MEMORY: Byte;
+            }
+        }
+    };
+    (@four $(#[$doc:meta])* $four:ident $number:literal { $($head:tt)* } { $($area:ident: $ty:ident;)* }) => {
+        ob1_sdk::interface! {
+            $(#[$doc])*
+            pub(crate) mod $four {
+                $($head)*
+                $(in_out $area: $ty;)*
+                /// REQ of the last call.
+                static MEMORY: Byte;
+                /// Whose instance it is.
+                static BLOCK: DWord = $crate::partner::mark($number);
+                /// The start-up in which it was called last.
+                static CALLED: DWord;
+            }
+        }
+    };
+}
+pub(crate) use both;
 
 /// Where the CP of a connection is.
-fn module_of(cx: &mut Cx<'_, CpState>, id: u16) -> Result<Option<u32>, Abort> {
+pub(crate) fn module_of(cx: &mut Cx<'_, CpState>, id: u16) -> Result<Option<u32>, Abort> {
     struct Name([u8; 24], usize);
     impl std::fmt::Write for Name {
         fn write_str(&mut self, text: &str) -> std::fmt::Result {
@@ -35,12 +87,18 @@ fn module_of(cx: &mut Cx<'_, CpState>, id: u16) -> Result<Option<u32>, Abort> {
     Ok(cx.setting_int(STATION, text)?.ok().and_then(|address| u32::try_from(address).ok()))
 }
 
+/// The start-up that is under way, as a number that is never 0.
+pub(crate) fn start_up(cx: &mut Cx<'_, CpState>) -> Result<u32, Abort> {
+    let now = cx.now();
+    Ok(cx.module_state(STATION)?.map_or(0, |state| state.start_up(now)))
+}
+
 /// The instance, as no other block has it.
-fn owner(cx: &mut Cx<'_, CpState>) -> Result<u64, Abort> {
+pub(crate) fn owner(cx: &mut Cx<'_, CpState>) -> Result<u64, Abort> {
     Ok(cx.instance()?.map_or(0, |at| u64::from(at.db) << 32 | u64::from(at.offset) | 1 << 62))
 }
 
-fn failure(end: End) -> Option<u16> {
+pub(crate) fn failure(end: End) -> Option<u16> {
     Some(match end {
         End::Idle | End::Running | End::Done(_) => return None,
         End::Failed(status) => status,
@@ -51,16 +109,22 @@ fn failure(end: End) -> Option<u16> {
 }
 
 /// Outputs every such block has.
-struct Outputs {
+pub(crate) struct Outputs {
     /// DONE or NDR.
-    end: Formal<Bool, Out>,
-    error: Formal<Bool, Out>,
-    status: Formal<Word, Out>,
+    pub(crate) end: Formal<Bool, Out>,
+    pub(crate) error: Formal<Bool, Out>,
+    pub(crate) status: Formal<Word, Out>,
 }
 
 impl Outputs {
     /// Of a call: done, or an error, or a warning.
-    fn set(&self, cx: &mut Cx<'_, CpState>, end: End, failed: Option<u16>, warning: u16) -> Result<(), Abort> {
+    pub(crate) fn set(
+        &self,
+        cx: &mut Cx<'_, CpState>,
+        end: End,
+        failed: Option<u16>,
+        warning: u16,
+    ) -> Result<(), Abort> {
         cx.set(self.end, failed.is_none() && matches!(end, End::Done(_)))?;
         cx.set(self.error, failed.is_some())?;
         cx.set(self.status, failed.unwrap_or(warning))?;
@@ -68,25 +132,55 @@ impl Outputs {
     }
 }
 
+/// What a block keeps in its instance.
+#[derive(Clone, Copy)]
+pub(crate) struct Memory {
+    pub(crate) req: Static<Byte>,
+    /// Of an SFB.
+    pub(crate) called: Option<Static<DWord>>,
+}
+
+impl Memory {
+    /// The block is called.
+    pub(crate) fn note(self, cx: &mut Cx<'_, CpState>) -> Result<(), Abort> {
+        let Some(called) = self.called else { return Ok(()) };
+        let start_up = start_up(cx)?;
+        cx.store(called, start_up)
+    }
+}
+
+/// [`Memory`] of the one interface or the other.
+macro_rules! memory {
+    ($four:expr, $fb:ident, $sfb:ident) => {
+        if $four {
+            $crate::partner::Memory { req: $sfb::MEMORY, called: Some($sfb::CALLED) }
+        } else {
+            $crate::partner::Memory { req: $fb::MEMORY, called: None }
+        }
+    };
+}
+pub(crate) use memory;
+
 /// A block that sends, or fetches, at a rising edge of REQ.
-struct Sender {
-    req: Formal<Bool, In>,
-    memory: Static<Byte>,
-    outputs: Outputs,
+pub(crate) struct Sender {
+    pub(crate) req: Formal<Bool, In>,
+    pub(crate) memory: Memory,
+    pub(crate) outputs: Outputs,
 }
 
 impl Sender {
     /// `fill` says what is wanted, or which STATUS its parameters have.
-    fn call(
+    pub(crate) fn call(
         &self,
         cx: &mut Cx<'_, CpState>,
         service: Service,
         (id, r_id): (u16, u32),
         fill: impl FnOnce(&mut Cx<'_, CpState>, &mut Wanted) -> Result<Result<(), u16>, Abort>,
     ) -> Result<End, Abort> {
+        self.memory.note(cx)?;
         let req = cx.get(self.req)?;
-        let edge = req && cx.load(self.memory)? == 0;
-        cx.store(self.memory, u8::from(req))?;
+        let edge = req && cx.load(self.memory.req)? == 0;
+        cx.store(self.memory.req, u8::from(req))?;
         let Some(laddr) = module_of(cx, id)? else {
             self.outputs.set(cx, End::Idle, edge.then_some(status::CONNECTION), 0)?;
             return Ok(End::Idle);
@@ -113,238 +207,58 @@ impl Sender {
 
 fn turn_is_busy(cx: &mut Cx<'_, CpState>, wanted: &Wanted) -> Result<bool, Abort> {
     let Ok(state) = cx.module_state(wanted.laddr)? else { return Ok(false) };
-    Ok(state.slot(wanted.owner, false).is_some_and(|(_, slot)| slot.phase() != crate::state::Phase::Idle))
+    Ok(state.slot(wanted.owner, false).is_some_and(|(_, slot)| slot.phase() != Phase::Idle))
 }
 
-/// How many items, and their lengths.
-fn lengths(wanted: &mut Wanted, len: u32) {
-    wanted.put_front(&[1]);
-    wanted.put_front(&(len as u16).to_be_bytes());
+/// How many areas, and their lengths, in front of the data.
+pub(crate) fn lengths(wanted: &mut Wanted, spans: &Spans) -> Result<(), u16> {
+    wanted.put_front(&[spans.iter().count() as u8]);
+    for span in spans.iter() {
+        let len = u16::try_from(span.len).map_err(|_| status::AREA)?;
+        wanted.put_front(&len.to_be_bytes());
+    }
+    Ok(())
 }
 
-/// Fills in what PUT and GET say to the partner: one item, its length, and the pointer to it. The result is the area of
-/// the CPU that the data come from or go to; both areas must have one length.
-fn one_item(
+/// An area here, and the one in the partner it goes to or comes from.
+pub(crate) type Pair = (Formal<Any, InOut>, Formal<Any, InOut>);
+
+/// Fills in what PUT and GET say to the partner: how many items; of each its length and the pointer to it. The result
+/// are the areas here. The pairs are used from the first on; both areas of a pair must have one length.
+pub(crate) fn items(
     cx: &mut Cx<'_, CpState>,
     wanted: &mut Wanted,
-    (here, there): (Formal<Any, InOut>, Formal<Any, InOut>),
-) -> Result<Result<Span, u16>, Abort> {
-    let (span, there) = (Span::of(cx, here)?, remote(cx, there)?);
-    let (Some(span), Some((pointer, len))) = (span, there) else { return Ok(Err(status::AREA)) };
-    if span.len != len {
-        return Ok(Err(status::AREA));
-    }
-    lengths(wanted, len);
-    wanted.put_front(&pointer);
-    Ok(Ok(span))
-}
-
-interface! {
-    /// USEND.
-    pub(crate) mod usend {
-        /// A rising edge begins a job.
-        in     REQ: Bool;
-        /// The connection.
-        in     ID: Word;
-        /// Which URCV of the partner it is for.
-        in     R_ID: DWord;
-        /// The data are out: for one call.
-        out    DONE: Bool;
-        /// They could not be sent: for one call.
-        out    ERROR: Bool;
-        /// Why; 11: a job is still under way, 25: it is under way.
-        out    STATUS: Word;
-        /// The data.
-        in_out SD_1: Any;
-        /// REQ of the last call.
-        static MEMORY: Byte;
-    }
-}
-
-/// FB 8.
-pub(crate) struct Usend;
-
-impl Block for Usend {
-    const KIND: Kind = Kind::Fb;
-    const NUMBER: u16 = 8;
-    const NAME: &'static str = "USEND";
-    const PARAMS: &'static [Param] = usend::PARAMS;
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let outputs = Outputs { end: usend::DONE, error: usend::ERROR, status: usend::STATUS };
-        let at = (cx.get(usend::ID)?, cx.get(usend::R_ID)?);
-        let sender = Sender { req: usend::REQ, memory: usend::MEMORY, outputs };
-        sender.call(cx, Service::Usend, at, |cx, wanted| {
-            let Some(span) = Span::of(cx, usend::SD_1)? else { return Ok(Err(status::AREA)) };
-            wanted.source = span;
-            lengths(wanted, span.len);
-            Ok(Ok(()))
-        })?;
-        Ok(())
-    }
-}
-
-interface! {
-    /// BSEND.
-    pub(crate) mod bsend {
-        /// A rising edge begins a job.
-        in     REQ: Bool;
-        /// 1 gives a job up.
-        in     R: Bool;
-        /// The connection.
-        in     ID: Word;
-        /// Which BRCV of the partner it is for.
-        in     R_ID: DWord;
-        /// The partner's BRCV has the data: for one call.
-        out    DONE: Bool;
-        /// It does not: for one call.
-        out    ERROR: Bool;
-        /// Why; 11: a job is still under way, 25: it is under way.
-        out    STATUS: Word;
-        /// The data.
-        in_out SD_1: Any;
-        /// Bytes of it; 0: all.
-        in_out LEN: Word;
-        /// REQ of the last call.
-        static MEMORY: Byte;
-    }
-}
-
-/// FB 12.
-pub(crate) struct Bsend;
-
-impl Block for Bsend {
-    const KIND: Kind = Kind::Fb;
-    const NUMBER: u16 = 12;
-    const NAME: &'static str = "BSEND";
-    const PARAMS: &'static [Param] = bsend::PARAMS;
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let outputs = Outputs { end: bsend::DONE, error: bsend::ERROR, status: bsend::STATUS };
-        let at = (cx.get(bsend::ID)?, cx.get(bsend::R_ID)?);
-        if cx.get(bsend::R)? {
-            let req = cx.get(bsend::REQ)?;
-            cx.store(bsend::MEMORY, u8::from(req))?;
-            let had_job = match module_of(cx, at.0)? {
-                Some(laddr) => {
-                    let owner = owner(cx)?;
-                    cancel(cx, laddr, owner)?
-                }
-                None => false,
-            };
-            return outputs.set(cx, End::Idle, had_job.then_some(status::RESET), 0);
+    pairs: &[Pair],
+) -> Result<Result<Spans, u16>, Abort> {
+    let mut spans = Spans::NONE;
+    let mut ended = false;
+    // How many comes first, and is known last.
+    wanted.put_front(&[0]);
+    for (here, there) in pairs {
+        if is_open(cx, *here)? && is_open(cx, *there)? {
+            ended = true;
+            continue;
         }
-        let sender = Sender { req: bsend::REQ, memory: bsend::MEMORY, outputs };
-        sender.call(cx, Service::Bsend, at, |cx, wanted| {
-            let len = u32::from(cx.get(bsend::LEN)?);
-            let Some(span) = Span::of(cx, bsend::SD_1)? else { return Ok(Err(status::AREA)) };
-            let len = if len == 0 { span.len } else { len };
-            if len > span.len || len > BSEND_MAX {
-                return Ok(Err(status::AREA));
-            }
-            wanted.source = span.first(len);
-            Ok(Ok(()))
-        })?;
-        Ok(())
+        let (span, there) = (Span::of(cx, *here)?, remote(cx, *there)?);
+        let (Some(span), Some((pointer, len)), false) = (span, there, ended) else { return Ok(Err(status::AREA)) };
+        let Some(length) = u16::try_from(len).ok().filter(|_| span.len == len) else { return Ok(Err(status::AREA)) };
+        wanted.put_front(&length.to_be_bytes());
+        wanted.put_front(&pointer);
+        spans.push(span);
     }
-}
-
-interface! {
-    /// PUT.
-    pub(crate) mod put {
-        /// A rising edge begins a job.
-        in     REQ: Bool;
-        /// The connection.
-        in     ID: Word;
-        /// The partner has written the data: for one call.
-        out    DONE: Bool;
-        /// It has not: for one call.
-        out    ERROR: Bool;
-        /// Why; 11: a job is still under way, 25: it is under way.
-        out    STATUS: Word;
-        /// Where in the partner.
-        in_out ADDR_1: Any;
-        /// The data.
-        in_out SD_1: Any;
-        /// REQ of the last call.
-        static MEMORY: Byte;
+    let count = spans.iter().count();
+    if let Some(first) = wanted.front.0.first_mut() {
+        *first = count as u8;
     }
-}
-
-/// FB 15.
-pub(crate) struct Put;
-
-impl Block for Put {
-    const KIND: Kind = Kind::Fb;
-    const NUMBER: u16 = 15;
-    const NAME: &'static str = "PUT";
-    const PARAMS: &'static [Param] = put::PARAMS;
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let outputs = Outputs { end: put::DONE, error: put::ERROR, status: put::STATUS };
-        let at = (cx.get(put::ID)?, 0);
-        Sender { req: put::REQ, memory: put::MEMORY, outputs }.call(cx, Service::Put, at, |cx, wanted| {
-            Ok(one_item(cx, wanted, (put::SD_1, put::ADDR_1))?.map(|span| wanted.source = span))
-        })?;
-        Ok(())
-    }
-}
-
-interface! {
-    /// GET.
-    pub(crate) mod get {
-        /// A rising edge begins a job.
-        in     REQ: Bool;
-        /// The connection.
-        in     ID: Word;
-        /// The data are there: for one call.
-        out    NDR: Bool;
-        /// There are none: for one call.
-        out    ERROR: Bool;
-        /// Why; 11: a job is still under way, 25: it is under way.
-        out    STATUS: Word;
-        /// Where in the partner.
-        in_out ADDR_1: Any;
-        /// Room for the data.
-        in_out RD_1: Any;
-        /// REQ of the last call.
-        static MEMORY: Byte;
-    }
-}
-
-/// FB 14.
-pub(crate) struct Get;
-
-impl Block for Get {
-    const KIND: Kind = Kind::Fb;
-    const NUMBER: u16 = 14;
-    const NAME: &'static str = "GET";
-    const PARAMS: &'static [Param] = get::PARAMS;
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let outputs = Outputs { end: get::NDR, error: get::ERROR, status: get::STATUS };
-        let at = (cx.get(get::ID)?, 0);
-        Sender { req: get::REQ, memory: get::MEMORY, outputs }.call(cx, Service::Get, at, |cx, wanted| {
-            Ok(one_item(cx, wanted, (get::RD_1, get::ADDR_1))?.map(|span| wanted.target = span))
-        })?;
-        Ok(())
-    }
+    Ok(if count > 0 { Ok(spans) } else { Err(status::AREA) })
 }
 
 /// A block that waits as long as EN_R is 1; the bytes that have come.
-fn receive(
+pub(crate) fn receive(
     cx: &mut Cx<'_, CpState>,
     service: Service,
     (enabled, id, r_id): (bool, u16, u32),
-    span: Option<Span>,
+    spans: Option<Spans>,
     outputs: &Outputs,
 ) -> Result<Option<u32>, Abort> {
     let Some(laddr) = module_of(cx, id)? else {
@@ -357,169 +271,14 @@ fn receive(
         outputs.set(cx, End::Idle, None, 0)?;
         return Ok(None);
     }
-    let Some(span) = span else {
+    let mut wanted = Wanted::new(laddr, owner, service, id);
+    let fits = spans.filter(|spans| service != Service::Urcv || lengths(&mut wanted, spans).is_ok());
+    let Some(spans) = fits else {
         outputs.set(cx, End::Idle, Some(status::AREA), 0)?;
         return Ok(None);
     };
-    let mut wanted = Wanted::new(laddr, owner, service, id);
-    (wanted.r_id, wanted.target, wanted.begins) = (r_id, span, true);
-    if service == Service::Urcv {
-        lengths(&mut wanted, span.len);
-    }
+    (wanted.r_id, wanted.target, wanted.begins) = (r_id, spans, true);
     let end = turn(cx, &mut wanted)?;
     outputs.set(cx, end, failure(end), 0)?;
     Ok(if let End::Done(len) = end { Some(len) } else { None })
-}
-
-interface! {
-    /// URCV.
-    pub(crate) mod urcv {
-        /// 1: data are taken.
-        in     EN_R: Bool;
-        /// The connection.
-        in     ID: Word;
-        /// Which USEND of the partner it is for.
-        in     R_ID: DWord;
-        /// New data are there: for one call.
-        out    NDR: Bool;
-        /// They could not be taken: for one call.
-        out    ERROR: Bool;
-        /// Why.
-        out    STATUS: Word;
-        /// Room for the data.
-        in_out RD_1: Any;
-        /// Not used.
-        static MEMORY: Byte;
-    }
-}
-
-/// FB 9.
-pub(crate) struct Urcv;
-
-impl Block for Urcv {
-    const KIND: Kind = Kind::Fb;
-    const NUMBER: u16 = 9;
-    const NAME: &'static str = "URCV";
-    const PARAMS: &'static [Param] = urcv::PARAMS;
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let outputs = Outputs { end: urcv::NDR, error: urcv::ERROR, status: urcv::STATUS };
-        let at = (cx.get(urcv::EN_R)?, cx.get(urcv::ID)?, cx.get(urcv::R_ID)?);
-        let span = Span::of(cx, urcv::RD_1)?;
-        receive(cx, Service::Urcv, at, span, &outputs).map(drop)
-    }
-}
-
-interface! {
-    /// BRCV.
-    pub(crate) mod brcv {
-        /// 1: data are taken.
-        in     EN_R: Bool;
-        /// The connection.
-        in     ID: Word;
-        /// Which BSEND of the partner it is for.
-        in     R_ID: DWord;
-        /// New data are there: for one call.
-        out    NDR: Bool;
-        /// They could not be taken: for one call.
-        out    ERROR: Bool;
-        /// Why.
-        out    STATUS: Word;
-        /// Room for the data.
-        in_out RD_1: Any;
-        /// Bytes that have come.
-        in_out LEN: Word;
-        /// Not used.
-        static MEMORY: Byte;
-    }
-}
-
-/// FB 13.
-pub(crate) struct Brcv;
-
-impl Block for Brcv {
-    const KIND: Kind = Kind::Fb;
-    const NUMBER: u16 = 13;
-    const NAME: &'static str = "BRCV";
-    const PARAMS: &'static [Param] = brcv::PARAMS;
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        let outputs = Outputs { end: brcv::NDR, error: brcv::ERROR, status: brcv::STATUS };
-        let at = (cx.get(brcv::EN_R)?, cx.get(brcv::ID)?, cx.get(brcv::R_ID)?);
-        let span = Span::of(cx, brcv::RD_1)?;
-        if let Some(len) = receive(cx, Service::Brcv, at, span, &outputs)? {
-            cx.set(brcv::LEN, len as u16)?;
-        }
-        Ok(())
-    }
-}
-
-interface! {
-    /// C_CNTRL.
-    pub(crate) mod cntrl {
-        /// 1: the state is asked for.
-        in     EN_R: Bool;
-        /// The connection.
-        in     ID: Word;
-        /// 0, or the STATUS.
-        ret    RET_VAL: Int;
-        /// The state could not be had.
-        out    ERROR: Bool;
-        /// Why.
-        out    STATUS: Word;
-        /// The connection is established.
-        out    C_CONN: Bool;
-        /// 0000h it is down, 0001h it comes, 0002h it is up, 00FFh there is none.
-        out    C_STATUS: Word;
-    }
-}
-
-/// FC 62.
-pub(crate) struct Status;
-
-impl Block for Status {
-    const KIND: Kind = Kind::Fc;
-    const NUMBER: u16 = 62;
-    const NAME: &'static str = "C_CNTRL";
-    const PARAMS: &'static [Param] = cntrl::PARAMS;
-    type State = ();
-    type Module = CpState;
-
-    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
-        if !cx.get(cntrl::EN_R)? {
-            cx.set(cntrl::ERROR, false)?;
-            cx.set(cntrl::STATUS, 0)?;
-            return cx.set(cntrl::RET_VAL, 0);
-        }
-        let id = cx.get(cntrl::ID)?;
-        let mut failed = None;
-        let mut found = None;
-        match module_of(cx, id)? {
-            None => found = Some(0x00FF),
-            Some(laddr) => {
-                let mut wanted = Wanted::new(laddr, 1 << 61 | u64::from(id), Service::Status, id);
-                wanted.begins = true;
-                let end = turn(cx, &mut wanted)?;
-                failed = failure(end);
-                if matches!(end, End::Done(_)) {
-                    found = Some(u16::from_be_bytes([wanted.small[0], wanted.small[1]]));
-                }
-            }
-        }
-        // Between two answers of the CP the outputs stay as they are.
-        if let Some(state) = found {
-            cx.set(cntrl::C_STATUS, state)?;
-            cx.set(cntrl::C_CONN, state == 2)?;
-        }
-        if failed.is_some() {
-            cx.set(cntrl::C_CONN, false)?;
-        }
-        cx.set(cntrl::ERROR, failed.is_some())?;
-        cx.set(cntrl::STATUS, failed.unwrap_or(0))?;
-        cx.set(cntrl::RET_VAL, failed.unwrap_or(0) as i16)
-    }
 }

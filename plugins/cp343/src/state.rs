@@ -11,6 +11,8 @@ ob1_sdk::state! {
         slots: [Slot; BOXES],
         /// Counts what happens in the slots: the one that has rested longest is given up first.
         clock: Cell<u32>,
+        /// See [`CpState::start_up`].
+        start_up: Cell<u32>,
     }
 }
 
@@ -59,6 +61,15 @@ impl Slot {
 }
 
 impl CpState {
+    /// A number for the start-up under way, made when it is asked for first. An older one that a retentive data block
+    /// has kept is another, but for the time that comes round after four seconds.
+    pub(crate) fn start_up(&self, now: u64) -> u32 {
+        if self.start_up.get() == 0 {
+            self.start_up.set(now as u32 | 1);
+        }
+        self.start_up.get()
+    }
+
     /// The box of a block; one that has none gets one when it wants to begin.
     pub(crate) fn slot(&self, owner: u64, begins: bool) -> Option<(usize, &Slot)> {
         let find = |wanted: u64| self.slots.iter().position(|slot| slot.owner.get() == wanted);

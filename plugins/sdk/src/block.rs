@@ -15,6 +15,18 @@ pub enum Kind {
     Fb = ob1_abi::KIND_FB,
     /// Function.
     Fc = ob1_abi::KIND_FC,
+    /// System function block: an FB that the CPU brings.
+    Sfb = ob1_abi::KIND_SFB,
+    /// System function: an FC that the CPU brings.
+    Sfc = ob1_abi::KIND_SFC,
+}
+
+impl Kind {
+    /// It has an instance data block.
+    #[must_use]
+    pub const fn has_instance(self) -> bool {
+        matches!(self, Self::Fb | Self::Sfb)
+    }
 }
 
 /// A block in Rust. Implemented for a unit type; listed in [`crate::export_plugin!`].

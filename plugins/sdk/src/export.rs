@@ -61,7 +61,7 @@ pub const fn table<M: Zeroable, const N: usize>(
 #[must_use]
 pub const fn block<M: Zeroable, B: Block<Module = M>>() -> BlockDesc {
     const {
-        param::check(B::PARAMS, matches!(B::KIND, Kind::Fb));
+        param::check(B::PARAMS, B::KIND.has_instance());
         assert!(!matches!(B::KIND, Kind::Ob) || B::PARAMS.is_empty(), "an OB has no parameters");
         assert!(align_of::<B::State>() <= 16, "the host aligns state to 16 bytes");
         assert!(!B::NAME.is_empty(), "a block has a name");

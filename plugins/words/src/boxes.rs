@@ -219,6 +219,11 @@ pub const ITEM_BYTES: usize = 10;
 /// Items of one PUT or GET, at most: SFB 14 and 15.
 pub const ITEMS_MAX: usize = 4;
 
+/// Most bytes of a BSEND: SFB 12 of an S7-400.
+pub const BSEND_MAX: usize = 65_534;
+/// Most bytes of a BSEND over a CP: FB 12 of an S7-300.
+pub const BSEND_MAX_300: usize = 32_768;
+
 /// What the CP says itself in STATUS.
 pub mod status {
     /// AG blocks: the job is not possible on this connection, or the connection is not configured.
@@ -247,6 +252,8 @@ pub mod status {
     pub const DISABLED: u16 = 6;
     /// FB/SFB: access to the partner's memory was refused.
     pub const REMOTE: u16 = 8;
+    /// CONTROL: there is no instance of an SFB.
+    pub const INSTANCE: u16 = 12;
     /// URCV: older data were overwritten.
     pub const OVERRUN: u16 = 9;
     /// FB/SFB: no access to the memory of this CPU.

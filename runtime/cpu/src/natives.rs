@@ -25,6 +25,11 @@ impl Natives {
         self.0.extend(others.into().0);
     }
 
+    /// Leaves blocks out.
+    pub fn retain(&mut self, keep: impl Fn(BlockId) -> bool) {
+        self.0.retain(|block| keep(block.id()));
+    }
+
     /// All of them.
     pub fn iter(&self) -> impl Iterator<Item = &dyn NativeBlock> {
         self.0.iter().map(|block| &**block as &dyn NativeBlock)

@@ -3,9 +3,11 @@
 //! What a successor needs is allocated when it is made. [`Cpu::succeed`] copies values and exchanges; it allocates and
 //! frees nothing, and what was before goes back with the successor to whoever has made it.
 
+use std::sync::Arc;
+
 use ob1_ir::{DataBlock, Program};
 
-use crate::engine::Factory;
+use crate::engine::{Factory, Plan};
 use crate::load::{Prepared, Surroundings};
 use crate::memory::Memory;
 use crate::{Cpu, LoadError, OperatingState};
@@ -65,6 +67,17 @@ impl Surroundings {
             What::Program(Box::new(self.prepare(next, engine, stack)?))
         };
         Ok(Successor { what, fresh, data_only })
+    }
+}
+
+impl Successor {
+    /// What engines for it are made of; `None`: the plan of the program that runs stays.
+    #[must_use]
+    pub fn plan(&self) -> Option<&Arc<Plan>> {
+        match &self.what {
+            What::Program(prepared) => Some(&prepared.plan),
+            What::Values(_) => None,
+        }
     }
 }
 

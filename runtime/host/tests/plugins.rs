@@ -58,8 +58,8 @@ fn what_is_no_plugin_is_refused_with_a_number() {
         other => panic!("{other:?}"),
     }
     assert_eq!(broken(&["NO_SYMBOL"]), Refusal::NoSymbol);
-    assert_eq!(broken(&["MAJOR=2"]), Refusal::OtherMajor { major: 2, minor: 0 });
-    assert_eq!(broken(&["MAJOR=0", "TABLE_SIZE=8"]), Refusal::OtherMajor { major: 0, minor: 0 }, "before its size");
+    assert_eq!(broken(&["MAJOR=2"]), Refusal::OtherMajor { major: 2, minor: 1 });
+    assert_eq!(broken(&["MAJOR=0", "TABLE_SIZE=8"]), Refusal::OtherMajor { major: 0, minor: 1 }, "before its size");
     assert_eq!(broken(&["INIT=-7"]), Refusal::InitFailed(-7));
 }
 
@@ -73,7 +73,6 @@ fn a_table_that_cannot_be_is_refused() {
         (&["BLOCK_COUNT=2"], "FC 1 twice"),
         (&["BLOCK_SIZE=12"], "an entry of 12 bytes"),
         (&["BLOCK_SIZE=1000000"], "an entry of 1000000 bytes"),
-        (&["KIND=OB1_KIND_SFC"], "kind 4"),
         (&["KIND=9"], "kind 9"),
         (&["KIND=OB1_KIND_OB"], "an OB has no parameters"),
         (&["NAME=\"\""], "is empty"),
@@ -95,6 +94,34 @@ fn a_table_that_cannot_be_is_refused() {
     }
 }
 
+/// Version 1.1 has SFB and SFC; what was built with 1.0 is loaded as it was.
+#[test]
+fn a_block_may_be_a_system_block() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (defines, abi, id) in [
+        (&["MINOR=0"][..], (1, 0), BlockId::new(BlockKind::Fc, 1)),
+        (&["KIND=OB1_KIND_SFC"], (1, 1), BlockId::new(BlockKind::Sfc, 1)),
+        (&["KIND=OB1_KIND_SFB"], (1, 1), BlockId::new(BlockKind::Sfb, 1)),
+    ] {
+        let library = compile("tests/fixtures/c/broken.c", folder.path(), defines);
+        let loaded = Plugin::load(&library).expect("nothing is broken");
+        let blocks: Vec<_> =
+            loaded.info().blocks.iter().map(|block| (block.id, block.interface.instance_bytes)).collect();
+        let instance = if id.kind.has_instance() { 2 } else { 0 };
+        assert_eq!((loaded.info().abi, blocks), (abi, vec![(id, instance)]), "{defines:?}");
+        let natives = loaded.station(&BTreeMap::new(), &[]).expect("no map");
+        let mut cpu = Cpu::new();
+        assert_eq!(cpu.call(find(&natives, id.kind, 1), &[7]), Ok(()));
+    }
+    // Instance data belong to the kinds that have an instance, a function value to the others.
+    for defines in [
+        &["KIND=OB1_KIND_SFC", "FIRST=PARAM(\"IN\",OB1_SECTION_STATIC,OB1_TY_INT)"],
+        &["KIND=OB1_KIND_SFB", "FIRST=PARAM(\"IN\",OB1_SECTION_RETURN,OB1_TY_INT)"],
+    ] {
+        assert!(matches!(broken(defines), Refusal::Malformed(what) if what.contains("section")), "{defines:?}");
+    }
+}
+
 #[test]
 fn a_library_is_loaded_once() {
     let path = plugin("ob1_cp240");
@@ -104,7 +131,7 @@ fn a_library_is_loaded_once() {
     let plugins = [&path, &path, &link].map(|path| Plugin::load(path).expect("it is ours"));
     assert!(plugins.iter().all(|plugin| Arc::ptr_eq(plugin, &plugins[0])));
     let info = describe(&path).expect("it is ours");
-    assert_eq!((info.name.as_str(), info.abi), ("cp240", (1, 0)));
+    assert_eq!((info.name.as_str(), info.abi), ("cp240", (1, 1)));
     let mut blocks: Vec<String> = info.blocks.iter().map(|block| block.id.to_string()).collect();
     blocks.sort();
     assert_eq!(blocks, ["FC 0", "FC 1", "FC 11", "FC 2", "FC 3", "FC 4", "FC 8", "FC 9"]);

@@ -276,6 +276,7 @@ pub fn assemble(
         library,
         known: known.clone(),
         engine: station.engine,
+        compile: compile.clone(),
         stack: cpu.stack_bytes(),
         cycles: std::time::Duration::from_nanos(2 * station.cpu.min_cycle),
     });

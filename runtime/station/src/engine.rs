@@ -44,6 +44,13 @@ impl EngineChoice {
             .ok_or_else(|| "one of auto, native, reference, both, plain".to_owned())
     }
 
+    /// What makes the engine of a program that takes over while the CPU is in RUN: falling back to the reference engine
+    /// would make it late.
+    #[must_use]
+    pub fn factory_in_run(self) -> &'static dyn Factory {
+        if self == EngineChoice::Auto { &Quick } else { self.factory() }
+    }
+
     /// What makes the engine the CPU begins with.
     #[must_use]
     pub fn factory(self) -> &'static dyn Factory {
@@ -54,6 +61,25 @@ impl EngineChoice {
             EngineChoice::Native => &Compiled,
             EngineChoice::Both => &Both(&Compiled),
         }
+    }
+}
+
+/// Machine code that is made quickly, for a program that takes over from machine code in RUN.
+struct Quick;
+
+const QUICK: AtLoad = AtLoad(Tier::Fast);
+
+impl Factory for Quick {
+    fn engine(&self, plan: &Arc<Plan>) -> Result<Box<dyn Engine>, String> {
+        QUICK.engine(plan)
+    }
+
+    fn arena(&self, bytes: usize) -> Arena {
+        Succeeded.arena(bytes)
+    }
+
+    fn stack_per_block(&self) -> usize {
+        QUICK.stack_per_block()
     }
 }
 

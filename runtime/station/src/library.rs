@@ -103,10 +103,23 @@ pub fn whole(library: &str) -> Result<Vec<Choice>, String> {
         .collect();
     if chosen.is_empty() {
         return Err(format!(
-            "there is no library \"{library}\"; there are IEC, TI-S7, PID, CP240, CP341, CP340, CP040, CP342 and CP300 (docs/standard-blocks.md)"
+            "there is no library \"{library}\"; there are IEC, TI-S7, PID, CP240, CP341, CP340, CP040, CP342, CP300 and S7-400 (docs/standard-blocks.md)"
         ));
     }
     Ok(chosen)
+}
+
+/// The system blocks of an S7-400 that a plugin serves, where `chosen` does not have them already.
+pub(crate) fn of_s7_400(chosen: &[Choice]) -> Vec<Choice> {
+    let all = whole(Origin::S7_400.name()).unwrap_or_default();
+    all.into_iter().filter(|choice| !chosen.iter().any(|other| other.id == choice.id)).collect()
+}
+
+/// Whether a block of a plugin, under its own number, is one of this CPU: an S7-300 does not have the system blocks of
+/// an S7-400 unless they are chosen.
+pub(crate) fn is_of_this_cpu(id: BlockId, chosen: &[Choice]) -> bool {
+    let key = format!("{}:{}{}", Origin::S7_400.name(), id.kind.name(), id.number);
+    standard_block(&key).is_none_or(|block| chosen.iter().any(|choice| choice.key == block.key()))
 }
 
 fn unknown(key: &str) -> String {

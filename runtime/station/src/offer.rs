@@ -49,6 +49,9 @@ fn lacking(id: BlockId, name: &str) -> Missing {
 }
 
 fn to_be_chosen(id: BlockId, candidates: &[&StandardBlock]) -> Missing {
+    if let Some(block) = candidates.iter().find(|block| block.origin == Origin::S7_400) {
+        return of_s7_400(block);
+    }
     let list: Vec<String> = candidates.iter().map(|block| format!("{} {}", block.key(), block.name)).collect();
     let key = candidates.first().map(|block| block.key()).unwrap_or_default();
     let subject = if id.kind == BlockKind::Fb { format!("{id} and its instances") } else { id.to_string() };
@@ -61,6 +64,22 @@ fn to_be_chosen(id: BlockId, candidates: &[&StandardBlock]) -> Missing {
              [library] \"{id}\" = \"{key}\" in the station file; bare sources: --library {}={key}",
             list.join(", "),
             compact(id)
+        ),
+    }
+}
+
+/// A system block of an S7-400, called in an S7-300.
+fn of_s7_400(block: &StandardBlock) -> Missing {
+    let (id, name) = (block.id, block.name);
+    let other =
+        standard_blocks().into_iter().find(|other| other.origin == Origin::Cp300 && other.id.number == id.number);
+    let other =
+        other.map(|other| format!(", or call {} {} ({})", other.id, other.name, other.key())).unwrap_or_default();
+    Missing {
+        message: format!("{id} {name} is a block of an S7-400: {USES}, and this CPU is an S7-300"),
+        remedy: format!(
+            "[cpu] family = 400 in the station file{other}; bare sources: --library {}; {MANUAL}",
+            block.origin.name()
         ),
     }
 }

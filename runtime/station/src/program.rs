@@ -15,7 +15,7 @@ use ob1_std::{Origin, StandardBlock, standard_blocks};
 use ob1_stl::{Library, Limit, Numbered, Options, Rest, Severity, Source};
 
 use crate::finding::{Finding, Level};
-use crate::library::Choice;
+use crate::library::{self, Choice};
 use crate::station_file::{self, Mnemonics, Station};
 use crate::{folder, handling, numbers, offer};
 
@@ -112,7 +112,10 @@ impl Loaded {
     pub fn native_blocks(&self, modules: &[PluginModule]) -> Result<Natives, LoadFailure> {
         let mut blocks = native_standard_blocks(&self.standard);
         for (plugin, renumber) in &self.plugins {
-            let of_plugin = plugin.station(renumber, modules).map_err(|e| LoadFailure::Plugin(vec![of_error(&e)]))?;
+            let mut of_plugin =
+                plugin.station(renumber, modules).map_err(|e| LoadFailure::Plugin(vec![of_error(&e)]))?;
+            let own: BTreeMap<BlockId, BlockId> = renumber.iter().map(|(own, given)| (*given, *own)).collect();
+            of_plugin.retain(|id| library::is_of_this_cpu(own.get(&id).copied().unwrap_or(id), &self.standard));
             blocks.extend(of_plugin);
         }
         Ok(blocks)
@@ -208,7 +211,7 @@ pub fn library(
     }
     let mut twice = Vec::new();
     for (plugin, renumber) in plugins {
-        for block in &plugin.info().blocks {
+        for block in plugin.info().blocks.iter().filter(|block| library::is_of_this_cpu(block.id, standard)) {
             let id = renumber.get(&block.id).copied().unwrap_or(block.id);
             let before = library.insert(id, &block.name, block.interface.clone());
             library.set_origin(id, &format!("the plugin {}", plugin.info().name), false);

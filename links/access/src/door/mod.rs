@@ -374,7 +374,7 @@ impl Door {
     /// point, or nothing. [`News::Written`] says what became of it.
     ///
     /// # Errors
-    /// More than 64 entries or 4096 bytes.
+    /// More than [`GROUP_ENTRIES`] entries or [`WRITE_BYTES`] bytes.
     pub fn write(&mut self, client: u32, puts: Vec<Put>) -> Result<Ticket, GroupTooLarge> {
         if puts.len() > GROUP_ENTRIES || puts.iter().map(Put::bytes).sum::<usize>() > WRITE_BYTES {
             return Err(GroupTooLarge);

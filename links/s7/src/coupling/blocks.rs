@@ -1,6 +1,6 @@
 //! What USEND, URCV, BSEND, BRCV, PUT and GET want of an S7 connection, and what comes for them.
 
-use ob1_words::boxes::{Service, status};
+use ob1_words::boxes::{BSEND_MAX, Service, status};
 
 use super::boxes::{Held, Phase};
 use super::connection::Own;
@@ -10,9 +10,6 @@ use crate::client::Came;
 use crate::codes::Code;
 use crate::wire::pbc::{self, Sent};
 use crate::wire::{Kind, UserData};
-
-/// Most bytes of a BSEND.
-const BSEND_MAX: usize = 32_768;
 
 /// What a part of BSEND is refused with, and the STATUS it gives the sender.
 const REFUSALS: [(Code, u16); 3] =
@@ -213,7 +210,8 @@ impl Coupling {
             return;
         };
         let Some(slot) = self.slots.get_mut(at) else { return };
-        let is_first = unit <= 1;
+        // The count comes round to 1 behind 255 parts.
+        let is_first = unit <= 1 && (slot.total.is_none() || slot.unit != u8::MAX);
         let bytes = match (is_first, bytes) {
             (true, [high, low, rest @ ..]) => {
                 slot.total = Some(usize::from(u16::from_be_bytes([*high, *low])));

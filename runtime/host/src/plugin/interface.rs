@@ -29,7 +29,7 @@ pub(super) fn of(kind: BlockKind, descs: Vec<&ParamDesc>) -> Result<Interface, S
     if params.iter().filter(|p| p.section == Section::Return).count() > 1 {
         return Err("two function values".to_owned());
     }
-    let instance_bytes = if kind == BlockKind::Fb { lay_out(&mut params) } else { 0 };
+    let instance_bytes = if kind.has_instance() { lay_out(&mut params) } else { 0 };
     Ok(Interface { params, instance_bytes, temp_bytes: 0 })
 }
 
@@ -40,12 +40,12 @@ fn param(kind: BlockKind, desc: &ParamDesc) -> Result<Param, String> {
         (abi::SECTION_IN, _) => Section::Input,
         (abi::SECTION_OUT, _) => Section::Output,
         (abi::SECTION_IN_OUT, _) => Section::InOut,
-        (abi::SECTION_STATIC, BlockKind::Fb) => Section::Static,
-        (abi::SECTION_RETURN, BlockKind::Fc) => Section::Return,
+        (abi::SECTION_STATIC, kind) if kind.has_instance() => Section::Static,
+        (abi::SECTION_RETURN, BlockKind::Fc | BlockKind::Sfc) => Section::Return,
         (other, _) => return Err(format!("{name} in section {other}, which the block cannot have")),
     };
     let ty = data_type(desc, section).ok_or_else(|| format!("{name} has type {}({})", desc.ty, desc.length))?;
-    let initial = (kind == BlockKind::Fb).then(|| initial(&ty, desc.initial)).flatten();
+    let initial = kind.has_instance().then(|| initial(&ty, desc.initial)).flatten();
     Ok(Param {
         name,
         aliases: aliases.split('|').filter(|a| !a.is_empty()).map(str::to_owned).collect(),

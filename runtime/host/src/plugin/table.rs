@@ -120,6 +120,8 @@ fn block(desc: &BlockDesc) -> Result<(BlockInfo, Code), Refusal> {
         abi::KIND_OB => BlockKind::Ob,
         abi::KIND_FB => BlockKind::Fb,
         abi::KIND_FC => BlockKind::Fc,
+        abi::KIND_SFB => BlockKind::Sfb,
+        abi::KIND_SFC => BlockKind::Sfc,
         other => return Err(malformed(format!("a block of kind {other}"))),
     };
     let id = BlockId::new(kind, desc.number);

@@ -58,7 +58,7 @@ pub(super) fn find(folder: &Folder) -> Replaced {
 
 /// The plugin that serves a declared block.
 pub(super) fn plugin_of(block: &StandardBlock) -> String {
-    block.origin.plugin().unwrap_or_default()
+    block.origin.plugin().unwrap_or_default().to_owned()
 }
 
 /// The same parameters in the same order, by type; in and out as a whole, because manuals and blocks differ in it.

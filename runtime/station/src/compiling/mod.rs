@@ -97,6 +97,14 @@ impl Compiling {
     /// What the system says when it has no thread or descriptor left.
     pub fn start(request: Request, plan: &Arc<Plan>) -> io::Result<(Self, Successors)> {
         let (giver, successors) = Giver::pair();
+        Ok((Self::giving(request, plan, giver)?, successors))
+    }
+
+    /// The same for a scan that has the other end of `giver` already.
+    ///
+    /// # Errors
+    /// As of [`Compiling::start`].
+    pub fn giving(request: Request, plan: &Arc<Plan>, giver: Giver) -> io::Result<Self> {
         let (stopped, stop) = io::pipe()?;
         let plan = Arc::clone(plan);
         let work = move || {
@@ -111,7 +119,7 @@ impl Compiling {
             }
         };
         let thread = ob1_rt::spawn("ob1-compiling", work)?;
-        Ok((Self { stop: Some(stop.into()), thread: Some(thread) }, successors))
+        Ok(Self { stop: Some(stop.into()), thread: Some(thread) })
     }
 }
 

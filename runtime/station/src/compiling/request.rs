@@ -68,6 +68,12 @@ impl Request {
         Self { sizes, program, natives }
     }
 
+    /// Of another program for the same CPU.
+    #[must_use]
+    pub fn with(&self, program: Arc<Program>) -> Self {
+        Self { program, ..self.clone() }
+    }
+
     /// As it is sent.
     ///
     /// # Errors

@@ -2,16 +2,20 @@
 //!
 //! The scan takes it between two cycles through a ring and gives what was before back through another, one whole cycle
 //! later: the snapshot of that cycle shows the new program. It allocates, frees and waits for nothing.
+//!
+//! Nobody waits for a compiler either: where the engine is left to us, a program that comes in STOP begins on the
+//! reference engine, as at a start, and machine code follows from the process beside once no more blocks come.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use ob1_access::door::Refusal;
 use ob1_broker::{Change, Changed};
+use ob1_cpu::engine::Plan;
 use ob1_cpu::{Cpu, LoadError, NotNow, Successor, Surroundings};
 use ob1_ir::Program;
 use ob1_model::{BlockId, BlockKind};
@@ -20,6 +24,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::changes::{Changes, block, has};
 use super::file;
+use crate::compiling::{Compiling, Giver, Request, Successors};
 use crate::engine::EngineChoice;
 use crate::view::{Known, KnownProgram};
 
@@ -29,6 +34,8 @@ const UNDER_WAY: usize = 2;
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Pause between two looks at the way back.
 const LOOK: Duration = Duration::from_millis(1);
+/// So long no block may have come before machine code is made: whoever loads a program loads one block after the other.
+const QUIET: Duration = Duration::from_millis(500);
 /// Of a program on its way: it waits, the scan has it, nobody waits for it any more.
 const WAITS: u8 = 0;
 const TAKEN: u8 = 1;
@@ -38,6 +45,8 @@ const GIVEN_UP: u8 = 2;
 #[derive(Debug)]
 struct OnItsWay {
     successor: Successor,
+    /// Where its machine code will come from; then those of the program before.
+    engines: Option<Successors>,
     state: Arc<AtomicU8>,
     outcome: Result<(), NotNow>,
 }
@@ -53,7 +62,8 @@ pub struct Newcomers {
 
 impl Newcomers {
     /// Between two cycles: a program that has come takes over. The name of the engine that runs it then.
-    pub fn take_over(&mut self, cpu: &mut Cpu) -> Option<&'static str> {
+    /// `engines` are those that come for the program that runs.
+    pub fn take_over(&mut self, cpu: &mut Cpu, engines: &mut Option<Successors>) -> Option<&'static str> {
         if let Some(held) = self.held.take() {
             // There is room for all that are under way.
             let _ = self.gone.push(held);
@@ -65,6 +75,9 @@ impl Newcomers {
             next.outcome = cpu.succeed(&mut next.successor);
         }
         let took = mine && next.outcome.is_ok();
+        if took && next.engines.is_some() {
+            std::mem::swap(engines, &mut next.engines);
+        }
         self.held = Some(next);
         took.then(|| cpu.engine())
     }
@@ -88,6 +101,8 @@ pub struct Downloading {
     pub known: Known,
     /// The engine asked for.
     pub engine: EngineChoice,
+    /// What is compiled beside, where that is left to us.
+    pub compile: Option<Request>,
     /// Bytes of stack the scan has.
     pub stack: usize,
     /// Two cycles.
@@ -130,18 +145,27 @@ impl Loader {
 }
 
 impl Downloading {
-    /// Starts the thread.
+    /// Starts the thread. `runs` says whether the CPU is not in STOP.
     ///
     /// # Errors
     /// What the system says when it has none left.
-    pub(crate) fn start(self) -> std::io::Result<(Loader, Newcomers)> {
+    pub(crate) fn start(self, runs: impl Fn() -> bool + Send + 'static) -> std::io::Result<(Loader, Newcomers)> {
         let (to_scan, come) = RingBuffer::new(UNDER_WAY);
         let (gone, from_scan) = RingBuffer::new(UNDER_WAY + 1);
         let (orders, taken) = mpsc::channel::<(u64, Change)>();
         let (tell, done) = mpsc::channel();
         let thread = ob1_rt::spawn("ob1-download", move || {
-            let mut work = Work { with: self, to_scan, from_scan };
-            while let Ok((number, change)) = taken.recv() {
+            let runs = Box::new(runs);
+            let mut work = Work { with: self, to_scan, from_scan, runs, wanted: None, compiling: None };
+            loop {
+                let (number, change) = match work.next(&taken) {
+                    Ok(order) => order,
+                    Err(RecvTimeoutError::Timeout) => {
+                        work.compile();
+                        continue;
+                    }
+                    Err(RecvTimeoutError::Disconnected) => return,
+                };
                 let outcome = work.change(change).map_err(|why| {
                     tracing::warn!("a download was refused: {}", why.text);
                     why.why
@@ -171,9 +195,33 @@ struct Work {
     with: Downloading,
     to_scan: Producer<Box<OnItsWay>>,
     from_scan: Consumer<Box<OnItsWay>>,
+    runs: Box<dyn Fn() -> bool + Send>,
+    /// Machine code that is to be made of the program that runs now.
+    wanted: Option<(Arc<Plan>, Giver)>,
+    /// Where it is being made.
+    compiling: Option<Compiling>,
 }
 
 impl Work {
+    /// The next change; a timeout when it is time to compile.
+    fn next(&self, orders: &Receiver<(u64, Change)>) -> Result<(u64, Change), RecvTimeoutError> {
+        match self.wanted {
+            Some(_) => orders.recv_timeout(QUIET),
+            None => orders.recv().map_err(|_| RecvTimeoutError::Disconnected),
+        }
+    }
+
+    /// Machine code for the program that runs now, beside.
+    fn compile(&mut self) {
+        let (Some((plan, giver)), Some(request)) = (self.wanted.take(), &self.with.compile) else { return };
+        // The program it was made for is gone.
+        self.compiling = None;
+        match Compiling::giving(request.with(Arc::clone(&self.with.now)), &plan, giver) {
+            Ok(compiling) => self.compiling = Some(compiling),
+            Err(why) => tracing::warn!("machine code: {why}; the station goes on without it"),
+        }
+    }
+
     fn change(&mut self, change: Change) -> Result<(), Refused> {
         let with = &self.with;
         let mut changes = with.changes.clone();
@@ -197,12 +245,19 @@ impl Work {
                 }
             }
         }
+        // What is as in the sources is theirs again, with all that machine code does not say.
+        changes.forget_same(&with.sources, &with.library);
         let next = changes.apply(&with.sources, &with.library, &with.around);
         let next = next.map_err(|whys| Refused::new(Refusal::Block, whys.join("; ")))?;
         let successor = self.load(&next, fresh)?;
         let next = Arc::new(next);
-        self.hand_over(successor)?;
-        changes.forget_same(&self.with.sources, &self.with.library);
+        // Of values alone the machine code there is stays right.
+        let plan = successor.plan().filter(|_| self.with.compile.is_some()).cloned();
+        let (giver, engines) = plan.as_ref().map(|_| Giver::pair()).unzip();
+        self.hand_over(successor, engines)?;
+        if let Some(wanted) = plan.zip(giver) {
+            self.wanted = Some(wanted);
+        }
         let with = &mut self.with;
         (with.changes, with.now) = (changes, next);
         let kept = with.path.as_ref().map_or_else(
@@ -221,16 +276,15 @@ impl Work {
 
     fn load(&self, next: &Program, fresh: Vec<u16>) -> Result<Successor, Refused> {
         let with = &self.with;
-        // Machine code at once: a program that fell back to the reference engine in RUN would be late.
-        let choice = if with.engine == EngineChoice::Auto { EngineChoice::Native } else { with.engine };
+        let factory = if (self.runs)() { with.engine.factory_in_run() } else { with.engine.factory() };
         let programs = (&*with.now, next);
-        let made = with.around.successor(programs, fresh.clone(), choice.factory(), with.stack);
+        let made = with.around.successor(programs, fresh.clone(), factory, with.stack);
         let made = match made {
             Err(errors)
                 if with.engine == EngineChoice::Auto
                     && errors.iter().any(|error| matches!(error, LoadError::Engine { .. })) =>
             {
-                with.around.successor(programs, fresh, EngineChoice::Reference.factory(), with.stack)
+                with.around.successor(programs, fresh, with.engine.factory(), with.stack)
             }
             made => made,
         };
@@ -245,12 +299,12 @@ impl Work {
     }
 
     /// Hands the program to the scan and waits until a whole cycle has gone by with it.
-    fn hand_over(&mut self, successor: Successor) -> Result<(), Refused> {
+    fn hand_over(&mut self, successor: Successor, engines: Option<Successors>) -> Result<(), Refused> {
         let silent = || Refused::new(Refusal::Silent, "the scan does not take it");
         // Those that were given up.
         while self.from_scan.pop().is_ok() {}
         let state = Arc::new(AtomicU8::new(WAITS));
-        let on_its_way = Box::new(OnItsWay { successor, state: Arc::clone(&state), outcome: Ok(()) });
+        let on_its_way = Box::new(OnItsWay { successor, engines, state: Arc::clone(&state), outcome: Ok(()) });
         self.to_scan.push(on_its_way).map_err(|_| silent())?;
         let until = Instant::now() + PATIENCE + self.with.cycles;
         loop {
@@ -271,5 +325,97 @@ impl Work {
             }
             std::thread::sleep(LOOK);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ob1_cpu::{Clock, Command, CpuConfig, Nanos, Natives};
+    use std::sync::atomic::AtomicBool;
+
+    struct Still;
+
+    impl Clock for Still {
+        fn now(&mut self) -> Nanos {
+            0
+        }
+        fn executed(&mut self, _statements: u64) {}
+    }
+
+    fn program(text: &str) -> Program {
+        let source = ob1_stl::Source::new("p.awl", text);
+        let output = ob1_stl::compile(&[source], &Library::new(), &ob1_stl::Options::default());
+        assert!(output.is_good(), "{:#?}", output.diagnostics);
+        output.program
+    }
+
+    const DB: &str = "DATA_BLOCK DB 5\nSTRUCT\n a : INT;\nEND_STRUCT\nBEGIN\nEND_DATA_BLOCK\n";
+
+    fn adding(number: u16) -> String {
+        format!("ORGANIZATION_BLOCK OB 1\nBEGIN\nL MW 2;\n+ {number};\nT MW 2;\nEND_ORGANIZATION_BLOCK\n")
+    }
+
+    /// Which engines run what has come, until the client has its answer.
+    fn linked(
+        (cpu, engines): (&mut Cpu, &mut Option<Successors>),
+        (loader, newcomers): (&Loader, &mut Newcomers),
+        (text, id): (&str, BlockId),
+    ) -> Vec<&'static str> {
+        let image = ob1_mc7::image(&program(text), id, &|_| None).expect("machine code");
+        let bytes = image.bytes().expect("short").into();
+        assert!(loader.change(1, Change::Link(vec![(id, bytes)])));
+        let mut names = Vec::new();
+        loop {
+            cpu.cycle(&mut Still);
+            names.extend(newcomers.take_over(cpu, engines));
+            if let Some((number, outcome)) = loader.changed() {
+                assert_eq!((number, outcome), (1, Ok(())));
+                return names;
+            }
+            std::thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn no_client_waits_for_machine_code_in_stop_and_the_scan_has_it_in_run() {
+        let sources = Arc::new(program(&adding(1)));
+        let config = CpuConfig { spare_obs: 4, ..CpuConfig::default() };
+        let natives = Natives::from(ob1_cpu::system_blocks());
+        let around = Surroundings::new(&config, &natives);
+        let compile = Some(Request::new(&config, Arc::clone(&sources), &natives));
+        let engine = EngineChoice::Auto;
+        let mut cpu = Cpu::new(config, &sources, natives, Vec::new(), engine.factory()).expect("it loads");
+        let downloading = Downloading {
+            around,
+            now: Arc::clone(&sources),
+            sources,
+            changes: Changes::default(),
+            path: None,
+            library: Arc::new(Library::new()),
+            known: Known::default(),
+            engine,
+            compile,
+            stack: cpu.stack_bytes(),
+            cycles: Duration::ZERO,
+        };
+        let runs = Arc::new(AtomicBool::new(false));
+        let in_run = Arc::clone(&runs);
+        let (loader, mut newcomers) = downloading.start(move || in_run.load(Ordering::Relaxed)).expect("a thread");
+        let mut engines = None;
+        let ob1 = BlockId::new(BlockKind::Ob, 1);
+        let mut load = |cpu: &mut Cpu, engines: &mut Option<Successors>, text: &str, id| {
+            linked((cpu, engines), (&loader, &mut newcomers), (text, id))
+        };
+        assert_eq!(load(&mut cpu, &mut engines, &adding(10), ob1), ["reference"]);
+        assert!(engines.is_some(), "machine code for it can come");
+        cpu.request(Command::Run);
+        cpu.cycle(&mut Still);
+        assert_eq!(cpu.bit_memory()[2..4], [0, 10]);
+        runs.store(true, Ordering::Relaxed);
+        let db = BlockId::new(BlockKind::Db, 5);
+        assert_eq!(load(&mut cpu, &mut engines, DB, db), [ob1_native::NAME_FAST]);
+        // Other values of a block that stays: the code stays, too.
+        assert_eq!(load(&mut cpu, &mut engines, DB, db), [ob1_native::NAME_FAST]);
     }
 }

@@ -29,7 +29,6 @@ use crate::access::facts::StationFacts;
 use crate::access::server::Server;
 use crate::assembly::{Assembly, find_program};
 use crate::compiling::Compiling;
-use crate::download::Downloading;
 use crate::exit::Exit;
 use crate::guardian::Guardian;
 use crate::io::ProcessIo;
@@ -101,7 +100,13 @@ impl AtWork {
         let (to_broker, fed) = ob1_broker::feed();
         keep_secret(station)?;
         let listeners = listen(station, rundir.path())?;
-        let download = download.map(Downloading::start).transpose().map_err(system("the thread for downloads"))?;
+        let scan = Arc::new(ScanState::new(cpu.module_count()));
+        let runs = {
+            let scan = Arc::clone(&scan);
+            move || scan.state() != OperatingState::Stop
+        };
+        let download = download.map(|download| download.start(runs)).transpose();
+        let download = download.map_err(system("the thread for downloads"))?;
         let (loader, newcomers) = download.unzip();
         let facts = StationFacts::new(view.clone(), &station.cpu, loader);
         let (broker, door, links) = open_doors(station, &mut cpu, fed, facts, clock, (listeners, &rundir.socket()))
@@ -116,7 +121,6 @@ impl AtWork {
         let fleet = fleet.start(clock).map_err(system("the drivers"))?;
         let (observer, late) =
             Observer::start(view.timings.clone(), station.realtime.affinity.clone()).map_err(system("the observer"))?;
-        let scan = Arc::new(ScanState::new(cpu.module_count()));
         let (to_run, entries) = ob1_broker::feed();
         let journal = Journal::new(entries);
         let (attention, log) = (cpu.attention(), cpu.log_reader());

@@ -205,7 +205,8 @@ impl Scan {
             if let Some(name) = self.successors.as_mut().and_then(|engines| engines.take_over(&mut self.cpu)) {
                 self.engine.set(name);
             }
-            if let Some(name) = self.newcomers.as_mut().and_then(|programs| programs.take_over(&mut self.cpu)) {
+            let (cpu, engines) = (&mut self.cpu, &mut self.successors);
+            if let Some(name) = self.newcomers.as_mut().and_then(|programs| programs.take_over(cpu, engines)) {
                 self.engine.set(name);
             }
             if let Some(retentive) = &mut self.retentive {

@@ -27,6 +27,10 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
     let mut links = link::links(f, &file.link, file.station.name.get_ref(), folder);
     connection::connections(f, &file.connection, &file.module, &modules, &mut links);
     let downloads = retentive::downloads(f, retentive.is_some(), &links, &file.station, folder);
+    let mut library = standard(f, &file.program.libraries, &file.library);
+    if cpu.family == Family::S7_400 {
+        library.extend(library::of_s7_400(&library));
+    }
     let station = Station {
         name: name(f, "station", &file.station.name),
         cpu,
@@ -39,7 +43,7 @@ pub(super) fn check(file: &StationFile, source: Text<'_>, folder: &Path) -> Resu
             symbols: file.program.symbols.iter().map(|s| folder.join(s.get_ref())).collect(),
             mc7: file.program.mc7.iter().map(|s| folder.join(s.get_ref())).collect(),
             mnemonics: mnemonics(f, file.program.mnemonics.as_ref()),
-            library: standard(f, &file.program.libraries, &file.library),
+            library,
             fixed: fixed_numbers(f, &file.program.numbers),
             numbers: Some(Path::new(source.file).with_extension("numbers")),
             places: places(f, &[&file.program.sources, &file.program.symbols, &file.program.mc7], folder),

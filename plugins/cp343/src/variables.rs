@@ -1,0 +1,107 @@
+//! PUT and GET: FB 15 and 14 of an S7-300, SFB 15 and 14 of an S7-400.
+
+use ob1_sdk::{Abort, Block, Cx, Kind, Param};
+use ob1_words::boxes::Service;
+
+use crate::partner::{Outputs, Pair, Sender, both, items, kind, memory};
+use crate::state::CpState;
+
+both! {
+    /// PUT.
+    mod put, put4 = SFB 15 {
+        /// A rising edge begins a job.
+        in     REQ: Bool;
+        /// The connection.
+        in     ID: Word;
+        /// The partner has written the data: for one call.
+        out    DONE: Bool;
+        /// It has not: for one call.
+        out    ERROR: Bool;
+        /// Why; 11: a job is still under way, 25: it is under way.
+        out    STATUS: Word;
+    }
+    in_out { ADDR_1: Any; SD_1: Any; }
+    in_out { ADDR_1: Any; ADDR_2: Any; ADDR_3: Any; ADDR_4: Any; SD_1: Any; SD_2: Any; SD_3: Any; SD_4: Any; }
+}
+
+/// FB 15, SFB 15.
+pub(crate) struct Put<const FOUR: bool>;
+
+impl<const FOUR: bool> Block for Put<FOUR> {
+    const KIND: Kind = kind(FOUR);
+    const NUMBER: u16 = 15;
+    const NAME: &'static str = "PUT";
+    const PARAMS: &'static [Param] = if FOUR { put4::PARAMS } else { put::PARAMS };
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let pairs: &[Pair] = if FOUR {
+            &[
+                (put4::SD_1, put4::ADDR_1),
+                (put4::SD_2, put4::ADDR_2),
+                (put4::SD_3, put4::ADDR_3),
+                (put4::SD_4, put4::ADDR_4),
+            ]
+        } else {
+            &[(put::SD_1, put::ADDR_1)]
+        };
+        let outputs = Outputs { end: put::DONE, error: put::ERROR, status: put::STATUS };
+        let at = (cx.get(put::ID)?, 0);
+        let sender = Sender { req: put::REQ, memory: memory!(FOUR, put, put4), outputs };
+        sender.call(cx, Service::Put, at, |cx, wanted| {
+            Ok(items(cx, wanted, pairs)?.map(|spans| wanted.source = spans))
+        })?;
+        Ok(())
+    }
+}
+
+both! {
+    /// GET.
+    mod get, get4 = SFB 14 {
+        /// A rising edge begins a job.
+        in     REQ: Bool;
+        /// The connection.
+        in     ID: Word;
+        /// The data are there: for one call.
+        out    NDR: Bool;
+        /// There are none: for one call.
+        out    ERROR: Bool;
+        /// Why; 11: a job is still under way, 25: it is under way.
+        out    STATUS: Word;
+    }
+    in_out { ADDR_1: Any; RD_1: Any; }
+    in_out { ADDR_1: Any; ADDR_2: Any; ADDR_3: Any; ADDR_4: Any; RD_1: Any; RD_2: Any; RD_3: Any; RD_4: Any; }
+}
+
+/// FB 14, SFB 14.
+pub(crate) struct Get<const FOUR: bool>;
+
+impl<const FOUR: bool> Block for Get<FOUR> {
+    const KIND: Kind = kind(FOUR);
+    const NUMBER: u16 = 14;
+    const NAME: &'static str = "GET";
+    const PARAMS: &'static [Param] = if FOUR { get4::PARAMS } else { get::PARAMS };
+    type State = ();
+    type Module = CpState;
+
+    fn call(cx: &mut Cx<'_, CpState>, _state: &()) -> Result<(), Abort> {
+        let pairs: &[Pair] = if FOUR {
+            &[
+                (get4::RD_1, get4::ADDR_1),
+                (get4::RD_2, get4::ADDR_2),
+                (get4::RD_3, get4::ADDR_3),
+                (get4::RD_4, get4::ADDR_4),
+            ]
+        } else {
+            &[(get::RD_1, get::ADDR_1)]
+        };
+        let outputs = Outputs { end: get::NDR, error: get::ERROR, status: get::STATUS };
+        let at = (cx.get(get::ID)?, 0);
+        let sender = Sender { req: get::REQ, memory: memory!(FOUR, get, get4), outputs };
+        sender.call(cx, Service::Get, at, |cx, wanted| {
+            Ok(items(cx, wanted, pairs)?.map(|spans| wanted.target = spans))
+        })?;
+        Ok(())
+    }
+}
