@@ -429,10 +429,12 @@ mod tests {
         let puts = bits.puts(&Datum::List([true, false, true].map(Datum::Bool).into())).expect("fits");
         assert_eq!(puts[2], Put::Value(Cell::Db(1, 162), CellWidth::Bit, 1));
         assert_eq!(bits.value(&[5, 0]), Some(Datum::List([true, false, true].map(Datum::Bool).into())));
-        assert_eq!(
-            typed(list(1, 65, DataType::Bool)).puts(&Datum::List(vec![Datum::Bool(true); 65])),
-            Err(Unfit::TooLong)
-        );
+        let many = |count: usize| {
+            let bits = typed(list(1, count as i32, DataType::Bool));
+            bits.puts(&Datum::List(vec![Datum::Bool(true); count])).map(|puts| puts.len())
+        };
+        assert_eq!(many(GROUP_ENTRIES), Ok(GROUP_ENTRIES));
+        assert_eq!(many(GROUP_ENTRIES + 1), Err(Unfit::TooLong));
     }
 
     #[test]
