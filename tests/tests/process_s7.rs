@@ -244,8 +244,8 @@ GOOD: NOP   0;
 END_ORGANIZATION_BLOCK
 ";
 
-/// Timers, counters and peripheral values are values of their own, each an entry: however many a telegram has, they come
-/// from one scan, and are written between two.
+/// Timers, counters and peripheral values are values of their own, each an entry: however many a telegram has, they
+/// come from one scan, and are written between two.
 #[test]
 fn two_hundred_counters_are_read_and_written_whole() {
     let (site, port) = (Site::new(), free_port());

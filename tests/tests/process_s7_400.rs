@@ -1,5 +1,5 @@
-//! A station of family 400 with the SFB of S7 communication and SFC 62, beside one of family 300: four areas in one job,
-//! a BSEND as long as only an S7-400 sends it, and what AG_SEND and AG_RECV may there.
+//! A station of family 400 with the SFB of S7 communication and SFC 62, beside one of family 300: four areas in one
+//! job, a BSEND as long as only an S7-400 sends it, and what AG_SEND and AG_RECV may there.
 
 mod common;
 

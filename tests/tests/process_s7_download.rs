@@ -183,7 +183,7 @@ fn the_program_of_a_station_goes_into_another() {
     assert_eq!(station.interrupt().code(), Some(0));
 }
 
-/// Blocks that call system functions: an FC with SFC 1 and 20, and an FB with a timer of SFB 4 inside and one beside it.
+/// Blocks that call system functions: an FC with SFC 1 and 20, an FB with a timer of SFB 4 inside and one beside it.
 const CALLS: &str = "
 FUNCTION FC 30 : INT
 VAR_TEMP
