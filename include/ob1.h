@@ -387,9 +387,9 @@ struct Ob1BlockDesc {
   uint16_t number;
   // The manual's name, `SEND`.
   struct Ob1Text name;
-  // Parameters in the manual's order, then instance variables of an FB or SFB. The place in this table, from 0, is
-  // the parameter index in the host's functions, for inputs, outputs, in/outs and the function value `RET_VAL`
-  // alike, whichever order they stand in; instance variables have no index.
+  // Parameters in the manual's order, then instance variables of an FB or SFB. The place in this table, from 0,
+  // is the parameter index in the host's functions, for inputs, outputs, in/outs and the function value
+  // `RET_VAL` alike, whichever order they stand in; instance variables have no index.
   const struct Ob1ParamDesc *params;
   // Number of entries of `params`.
   uint32_t param_count;
